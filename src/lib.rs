@@ -10,7 +10,7 @@
 //! | [`identity`] | indices of devices and buses |
 //! | [`layout`] | the register maps: typed structures, names, addresses, meanings; generated from `layouts/` |
 //! | [`memory`] | cells, segments, image files, the header page: what a soft-PLC attaches to |
-//! | [`can`] | CAN frames, their time on the wire, a CAN medium |
+//! | [`can`] | CAN frames, their time on the wire, a CAN bus |
 //! | [`profibus`] | PROFIBUS telegrams, their time on the line |
 //! | [`door`] | how foreign programs take part in buses |
 //! | [`devices`] | the devices: what each does with its registers, its buses and function blocks |

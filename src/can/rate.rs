@@ -2,7 +2,7 @@
 
 use std::num::NonZeroU32;
 
-/// A medium's bit rate.
+/// A bus's bit rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct BitRate(NonZeroU32);
 

@@ -9,7 +9,7 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
 const WORD: u32 = word::WORD as u32;
 
-/// The registers of a device that only its own firmware writes, in ascending order. The firmware of a medium owns the
+/// The registers of a device that only its own firmware writes, in ascending order. The firmware of a bus owns the
 /// registers in the areas of its ports, and they are watched there.
 pub(crate) fn owned(layout: &'static DeviceLayout) -> impl Iterator<Item = RegisterRef> {
     let is_ports = |area| layout.ports.iter().any(|port| core::ptr::eq(port.area, area));

@@ -195,7 +195,7 @@ fn of_bus(args: &Args) -> Result<String, CliError> {
     }
     let path = args.plant.as_deref().ok_or_else(|| wrong("dbc", "give the plant, --plant plant.toml"))?;
     let plant = PlantConfig::load(path)?;
-    let buses = plant.media.iter().map(|medium| medium.name()).collect::<Vec<_>>();
+    let buses = plant.buses.iter().map(|bus| bus.name()).collect::<Vec<_>>();
     let bus = match (&args.bus, &buses[..]) {
         (Some(bus), _) if buses.contains(&bus.as_str()) => bus.as_str(),
         (Some(bus), _) => {

@@ -157,7 +157,7 @@ impl PlantVerdict {
                 .iter()
                 .map(|port| Port {
                     name: port.name.to_owned(),
-                    bus: port.medium.map(str::to_owned),
+                    bus: port.bus.map(str::to_owned),
                     number: port.address,
                 })
                 .collect(),
@@ -175,7 +175,7 @@ impl PlantVerdict {
             message: None,
             warnings: Warning::all(config, text),
             devices: config.devices.iter().map(|it| device(&**it)).collect(),
-            buses: config.media.iter().map(|it| bus(&**it)).collect(),
+            buses: config.buses.iter().map(|it| bus(&**it)).collect(),
             faults: config.faults.len(),
         }
     }

@@ -210,7 +210,7 @@ fn end_with(
 fn buses(exercise: &'static Exercise) -> Result<String, CliError> {
     let plant = Round::draw(0, &[exercise])?.plant();
     let mut families: Vec<_> =
-        PlantConfig::parse(exercise.name, &plant)?.media.iter().map(|bus| bus.family()).collect();
+        PlantConfig::parse(exercise.name, &plant)?.buses.iter().map(|bus| bus.family()).collect();
     families.dedup();
     Ok(families.join(" "))
 }

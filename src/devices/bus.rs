@@ -25,7 +25,7 @@ pub struct Plug {
     /// Family of buses that the plug fits, one of [`BUS_KINDS`](super::BUS_KINDS).
     pub family: &'static str,
     /// Name of the bus in the plant; `None` if the port is not plugged in.
-    pub medium: Option<String>,
+    pub bus: Option<String>,
     /// Data that the family of buses needs to run the port's firmware.
     pub socket: Box<dyn Any + Send>,
 }

@@ -177,7 +177,7 @@ pub(super) static DUPLICATE_FRAME: Kind = Kind::new(
 .agreeing(agree)
 .shown("slot=CC delay=50us");
 
-/// Media at which ports have a CAN controller.
+/// Buses at which ports have a CAN controller.
 const CONTROLLERS: &[&str] = &["cansync", "can"];
 
 pub(super) static BUS_OFF: Kind =

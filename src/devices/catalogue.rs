@@ -4,7 +4,7 @@ use super::{BUS_KINDS, all, guest, of_hash, records};
 use crate::check;
 use crate::door::{DoorSpec, Speech, doors_of};
 use crate::fault;
-use crate::fault::{Fault, MediumSite};
+use crate::fault::{BusSite, Fault};
 use crate::journal;
 use crate::journal::{Catalogue, FaultName, Kind, Rule};
 use crate::layout::DeviceLayout;
@@ -18,7 +18,7 @@ pub(super) struct Generic {
     pub faults: &'static [&'static fault::Kind],
 }
 
-/// Returns the registrations that are the same for every device, then the registrations of each kind of media.
+/// Returns the registrations that are the same for every device, then the registrations of each kind of bus.
 pub(super) fn generic() -> impl Iterator<Item = Generic> {
     let own = [
         Generic { owner: "journal", records: journal::KINDS, rules: &[], faults: &[] },
@@ -83,15 +83,15 @@ pub fn faults_of_device(layout: &DeviceLayout) -> &'static [&'static fault::Kind
     of_hash(layout.layout_hash).map_or(&[], |known| known.faults)
 }
 
-/// Returns the fault targets of a medium of this family with these participants; bit n stands for participant
+/// Returns the fault targets of a bus of this family with these participants; bit n stands for participant
 /// n.
-pub fn bus_site(family: &str, participants: u32) -> MediumSite {
+pub fn bus_site(family: &str, participants: u32) -> BusSite {
     let kind = BUS_KINDS.iter().find(|kind| kind.name == family);
     let (faults, fits) = kind.map_or((&[][..], (|_| Ok(())) as Fits), |kind| (kind.faults, kind.fits));
-    MediumSite { faults, fits, participants }
+    BusSite { faults, fits, participants }
 }
 
-/// Checks that a medium of this family can have such a door; the error contains the reason.
+/// Checks that a bus of this family can have such a door; the error contains the reason.
 ///
 /// # Errors
 /// Checks that the family accepts a door of this kind. A text in the error names the door that the family

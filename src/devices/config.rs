@@ -1,5 +1,5 @@
-//! Settings of devices and media in the plant file, as far as the plant must understand them. All other keys belong to
-//! the device or the medium.
+//! Settings of devices and buses in the plant file, as far as the plant must understand them. All other keys belong to
+//! the device or the bus.
 
 use super::{BuildError, Bus, Device, Plug};
 use crate::can;
@@ -42,13 +42,13 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
         Vec::new()
     }
 
-    /// Whether `port` is a drive of its medium, like [`DeviceView::is_drive`](super::DeviceView::is_drive) of the running device.
+    /// Whether `port` is a drive of its bus, like [`DeviceView::is_drive`](super::DeviceView::is_drive) of the running device.
     fn is_drive(&self, port: u8) -> bool {
         let _ = port;
         false
     }
 
-    /// Rates that the device can run at one of its ports, in kbit/s; empty if it accepts any, or the medium has none.
+    /// Rates that the device can run at one of its ports, in kbit/s; empty if it accepts any, or the bus has none.
     fn kbit_s(&self, port: u8) -> Vec<u16> {
         let _ = port;
         Vec::new()
@@ -87,19 +87,19 @@ pub struct PortConfig<'a> {
     /// Name of the port in the layout.
     pub name: &'a str,
     /// Bus that the port is plugged in at.
-    pub medium: Option<&'a str>,
-    /// Number of the port on the medium, if stations have numbers; a master has none.
+    pub bus: Option<&'a str>,
+    /// Number of the port on the bus, if stations have numbers; a master has none.
     pub address: Option<u8>,
 }
 
 impl<'a> PortConfig<'a> {
-    /// Describes a port of the layout that has no number on its medium.
-    pub(super) const fn of(port: &layout::Port, medium: Option<&'a str>) -> Self {
-        PortConfig { number: port.number, name: port.name, medium, address: None }
+    /// Describes a port of the layout that has no number on its bus.
+    pub(super) const fn of(port: &layout::Port, bus: Option<&'a str>) -> Self {
+        PortConfig { number: port.number, name: port.name, bus, address: None }
     }
 }
 
-/// A medium's master as the plant file describes it.
+/// A bus's master as the plant file describes it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MasterConfig {
     /// Device and port: `line:node2`.
@@ -120,9 +120,9 @@ pub struct Doubt {
     pub text: String,
 }
 
-/// A medium as the plant file describes it.
+/// A bus as the plant file describes it.
 pub trait BusSection: fmt::Debug + Send + Sync {
-    /// Name of the medium, unique among the media.
+    /// Name of the bus, unique among the buses.
     fn name(&self) -> &str;
 
     /// Checks the settings.
@@ -139,7 +139,7 @@ pub trait BusSection: fmt::Debug + Send + Sync {
         Vec::new()
     }
 
-    /// Kind of the medium, one of [`BUS_KINDS`](super::BUS_KINDS).
+    /// Kind of the bus, one of [`BUS_KINDS`](super::BUS_KINDS).
     fn family(&self) -> &'static str;
 
     /// Participants that are not ports of devices: name and number.
@@ -173,30 +173,30 @@ pub trait BusSection: fmt::Debug + Send + Sync {
 /// Reads a section of the plant file.
 pub type Read<T> = fn(ValueDeserializer<'_>) -> Result<Arc<T>, Error>;
 
-/// A kind of media.
+/// A kind of bus.
 pub struct BusKind {
     /// Name of the kind, in the plant file and as the family of ports in layouts.
     pub name: &'static str,
-    /// Kinds of journal records of the medium.
+    /// Kinds of journal records of the bus.
     pub records: &'static [&'static Kind],
     /// Rules of the access checker about the registers of its ports.
     pub rules: &'static [&'static Rule],
-    /// Kinds of faults of the medium, of its participants and of its ports.
+    /// Kinds of faults of the bus, of its participants and of its ports.
     pub faults: &'static [&'static fault::Kind],
-    /// Checks that the medium can have a fault of one of these kinds; the error contains the reason.
+    /// Checks that the bus can have a fault of one of these kinds; the error contains the reason.
     pub fits: fn(&Fault) -> Result<(), String>,
     /// Reads a `[[bus]]` of this kind.
     pub read: Read<dyn BusSection>,
     /// JSON schema of the keys of that section, except `kind`; `#/definitions/name` is the schema of names. Devices can
     /// use the definitions of this schema, too.
     pub schema: fn() -> serde_json::Value,
-    /// Content of the doors to this medium.
+    /// Content of the doors to this bus.
     pub speech: Speech,
-    /// Describes the meaning of a frame on this medium, for people; empty if its users define the meaning.
+    /// Describes the meaning of a frame on this bus, for people; empty if its users define the meaning.
     pub says: fn(&can::Frame) -> String,
-    /// Creates the medium for ports of this family that are not plugged in.
+    /// Creates the bus for ports of this family that are not plugged in.
     pub unplugged: fn() -> Box<dyn Bus>,
-    /// Whether a port with this [`Plug::socket`] also works unplugged, and therefore needs a separate medium.
+    /// Whether a port with this [`Plug::socket`] also works unplugged, and therefore needs a separate placeholder.
     pub runs_alone: fn(&dyn Any) -> bool,
 }
 

@@ -136,10 +136,10 @@ fn any_fault() -> impl Strategy<Value = Fault> {
 
 fn target(kind: &Kind, place: usize, number: u8) -> Target {
     let names = names();
-    let (medium, device) = ((place % names.buses.len()) as u16, (place % names.plcs.len()) as u16);
+    let (bus, device) = ((place % names.buses.len()) as u16, (place % names.plcs.len()) as u16);
     match kind.place() {
-        TargetKind::Bus => Target::Bus(BusIndex(medium)),
-        TargetKind::Participant => Target::Participant { medium: BusIndex(medium), number: number % 32 },
+        TargetKind::Bus => Target::Bus(BusIndex(bus)),
+        TargetKind::Participant => Target::Participant { bus: BusIndex(bus), number: number % 32 },
         TargetKind::Port => {
             let ports = names.device(DeviceIndex(device)).ports;
             Target::Port {

@@ -1,4 +1,4 @@
-//! Guests: foreign programs that take part in a medium as stations of their own.
+//! Guests: foreign programs that take part in a bus as stations of their own.
 
 use crate::can::ErrorState;
 use crate::door::{BusMessage, Guest};
@@ -9,7 +9,7 @@ use std::sync::Arc;
 /// All kinds.
 pub(super) static KINDS: &[&Kind] = &[GuestNews::KIND];
 
-/// Reason for which a medium refuses a frame or telegram of a guest.
+/// Reason for which a bus refuses a frame or telegram of a guest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum GuestRefusal {
     /// The guest has too many frames to send; later there will be room.
@@ -22,7 +22,7 @@ pub enum GuestRefusal {
         /// Emulated seconds from now until that time.
         seconds: u64,
     },
-    /// The guest does not take part, no master runs the medium, or the medium has no frames of that kind.
+    /// The guest does not take part, no master runs the bus, or the bus has no frames of that kind.
     #[error("the guest cannot send this frame here")]
     NotHere,
 }

@@ -136,21 +136,21 @@ pub use sync::{SyncLine, SyncOrigin, SyncSignal};
 #[cfg(feature = "emulator")]
 use crate::door::Speech;
 
-/// Every kind of media, the default one first.
+/// Every kind of bus, the default one first.
 #[cfg(feature = "emulator")]
 pub static BUS_KINDS: &[BusKind] = &[
     BusKind {
-        name: cansync::medium::FAMILY,
-        read: cansync::medium::BusConfig::read,
-        schema: cansync::medium::BusConfig::schema,
+        name: cansync::bus::FAMILY,
+        read: cansync::bus::BusConfig::read,
+        schema: cansync::bus::BusConfig::schema,
         records: cansync::records::KINDS,
         rules: cansync::rules::ALL,
         faults: cansync::faults::KINDS,
         fits: can_faults::fits_cansync,
         speech: Speech::Frames,
         says: cansync::records::describe,
-        unplugged: || Box::new(cansync::medium::SimBus::unplugged()),
-        runs_alone: cansync::medium::runs_alone,
+        unplugged: || Box::new(cansync::bus::SimBus::unplugged()),
+        runs_alone: cansync::bus::runs_alone,
     },
     BusKind {
         name: can_bus::FAMILY,

@@ -46,7 +46,7 @@ pub struct Registered {
     /// Rules of the access checker that only hold for it.
     #[cfg(feature = "emulator")]
     pub rules: &'static [&'static Rule],
-    /// Kinds of faults of the device itself, or of its ports on any medium.
+    /// Kinds of faults of the device itself, or of its ports on any bus.
     #[cfg(feature = "emulator")]
     pub faults: &'static [&'static fault::Kind],
     /// Reads the front of its modules; `None` if the device has no modules.
@@ -227,7 +227,7 @@ fn claims_of(
     of_records.chain(of_rules).chain(of_faults)
 }
 
-/// Claims that are the same for every device, and claims of media.
+/// Claims that are the same for every device, and claims of buses.
 fn generic_claims() -> Vec<Claim> {
     #[cfg(feature = "emulator")]
     let claims =

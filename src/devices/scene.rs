@@ -1,8 +1,8 @@
-//! View of a medium: intervals with their slots.
+//! View of a bus: intervals with their slots.
 
 use serde::{Deserialize, Serialize};
 
-/// An interval that repeats on a medium.
+/// An interval that repeats on a bus.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Interval {
     /// Time between two SYNC edges, in us.

@@ -1,4 +1,4 @@
-//! Checks that the settings of devices and media in a plant file share: ranges, times.
+//! Checks that the settings of devices and buses in a plant file share: ranges, times.
 
 pub(crate) mod keys;
 
@@ -19,7 +19,7 @@ const HOUR_US: u64 = 3_600_000_000;
 pub struct SettingError {
     /// The key.
     pub what: &'static str,
-    /// Name of the device or medium.
+    /// Name of the device or bus.
     pub name: String,
     /// The value.
     pub value: u64,
@@ -27,13 +27,13 @@ pub struct SettingError {
     pub right: &'static str,
 }
 
-/// Why a device or medium cannot be built.
+/// Why a device or bus cannot be built.
 #[derive(Debug, thiserror::Error)]
 pub enum BuildError {
     /// The RAM of the device is too small or read-only.
     #[error(transparent)]
     Memory(#[from] MemoryError),
-    /// A port and its medium are of different families.
+    /// A port and its bus are of different families.
     #[error("the port does not fit the medium")]
     OtherFamily,
     /// A number out of its range.

@@ -105,7 +105,7 @@ impl Faults {
     }
 
     /// Restores the faults of a snapshot, which must be valid for an installation with these `sites`. The effects on
-    /// media and devices are part of their own states.
+    /// buses and devices are part of their own states.
     pub(crate) fn restore(
         &mut self,
         from: &mut Saved<'_>,

@@ -10,7 +10,7 @@ use core::hash::{Hash, Hasher};
 pub const MAX_FIELDS: usize = 5;
 /// Bits that the values of a fault may take, so that it fits into an operation of the channel.
 pub const MAX_BITS: u32 = 88;
-/// Highest number that a participant of a medium is called by in a fault.
+/// Highest number that a participant of a bus is called by in a fault.
 pub const MAX_PARTICIPANT: u8 = 31;
 
 /// A kind of fault. Kinds are equal if their numbers are.
@@ -85,7 +85,7 @@ impl Kind {
     pub const COMMON: [&'static Field; 3] = [&AT_US, &COUNT, &DURATION_US];
 
     /// Creates a kind without fields, which lasts until it is cleared. Number and name are unique; `effect` converts
-    /// the values to data for the medium or device while the fault is active.
+    /// the values to data for the bus or device while the fault is active.
     #[must_use]
     pub const fn new(
         number: u8,
@@ -109,7 +109,7 @@ impl Kind {
         }
     }
 
-    /// Returns the same kind, limited to ports to media of these families: if a device has one such port, `node` may
+    /// Returns the same kind, limited to ports to buses of these families: if a device has one such port, `node` may
     /// be left out.
     #[must_use]
     pub const fn at_ports_to(self, families: &'static [&'static str]) -> Self {
@@ -164,7 +164,7 @@ impl Kind {
         self.number
     }
 
-    /// The families of media to which its ports belong.
+    /// The families of buses to which its ports belong.
     pub(super) const fn families(&self) -> &'static [&'static str] {
         self.families
     }

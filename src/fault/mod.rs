@@ -1,6 +1,6 @@
 //! Faults to be injected: kind, target, begin and limit.
 //!
-//! This module knows no kind of fault: the families of devices and media define theirs ([`Kind`]) and apply them. A
+//! This module knows no kind of fault: the families of devices and buses define theirs ([`Kind`]) and apply them. A
 //! [`Fault`] refers to buses and PLCs by index, so it is small and can travel anywhere, and its values are always valid
 //! for its kind. A [`FaultSpec`] is an unchecked fault with names, as in plant files and on the command line.
 //! `docs/reference/faults.md` describes the effects on the plant.
@@ -26,7 +26,7 @@ pub use field::{Field, Form};
 pub use field_value::{FaultSpec, FieldValue};
 pub use kind::{Kind, MAX_BITS, MAX_FIELDS, MAX_PARTICIPANT, TargetKind};
 pub use record::{FaultNews, Hit, KINDS, News};
-pub use sites::{DeviceSite, MediumSite, Owner, Sites, Target};
+pub use sites::{BusSite, DeviceSite, Owner, Sites, Target};
 pub use words::WordError;
 
 use kind::{AT_US, COUNT, DURATION_US};

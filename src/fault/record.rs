@@ -110,7 +110,7 @@ impl EventCodec for FaultNews {
 
     fn source(&self) -> Source {
         match self.target {
-            Target::Bus(bus) | Target::Participant { medium: bus, .. } => Source::Bus(bus),
+            Target::Bus(bus) | Target::Participant { bus, .. } => Source::Bus(bus),
             Target::Port { device: plc, port: node } => Source::Node(Origin { plc, node }),
             Target::Device(plc) => Source::Node(Origin { plc, node: 0 }),
         }

@@ -12,7 +12,7 @@ pub enum Target {
     /// A participant of a bus.
     Participant {
         /// The bus.
-        medium: BusIndex,
+        bus: BusIndex,
         /// The participant's number there.
         number: u8,
     },
@@ -27,7 +27,7 @@ pub enum Target {
     Device(DeviceIndex),
 }
 
-/// Device or medium that applies a fault: the target, or the owner of the target's participant or port.
+/// Device or bus that applies a fault: the target, or the owner of the target's participant or port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Owner {
     /// A bus.
@@ -54,7 +54,7 @@ impl Target {
         match self {
             Target::Bus(bus) => (bus.0, 0),
             Target::Device(device) => (device.0, 0),
-            Target::Participant { medium, number } => (medium.0, number),
+            Target::Participant { bus, number } => (bus.0, number),
             Target::Port { device, port } => (device.0, port),
         }
     }
@@ -64,7 +64,7 @@ impl Target {
     pub const fn of_numbers(place: TargetKind, index: u16, number: u8) -> Self {
         match place {
             TargetKind::Bus => Target::Bus(BusIndex(index)),
-            TargetKind::Participant => Target::Participant { medium: BusIndex(index), number },
+            TargetKind::Participant => Target::Participant { bus: BusIndex(index), number },
             TargetKind::Port => Target::Port { device: DeviceIndex(index), port: number },
             TargetKind::Device => Target::Device(DeviceIndex(index)),
         }
@@ -75,14 +75,14 @@ impl Target {
 #[derive(Clone, Debug, Default)]
 pub struct Sites {
     /// The buses in the order of the plant file.
-    pub media: Vec<MediumSite>,
+    pub buses: Vec<BusSite>,
     /// The PLCs in the order of the plant file.
     pub devices: Vec<DeviceSite>,
 }
 
 /// A bus that faults can concern.
 #[derive(Clone, Copy, Debug)]
-pub struct MediumSite {
+pub struct BusSite {
     /// The kinds that its family has.
     pub faults: &'static [&'static Kind],
     /// Checks that the device can have a fault of one of these kinds; the error contains the reason.
@@ -111,20 +111,20 @@ impl Sites {
     /// [`Refusal`] describes the error and a correct value.
     pub fn owner(&self, fault: &Fault) -> Result<Owner, Refusal> {
         match fault.target() {
-            Target::Bus(bus) => self.medium(bus, fault).map(|_| Owner::Bus(bus)),
-            Target::Participant { medium, number } => {
-                let present = self.medium(medium, fault)?.participants;
+            Target::Bus(bus) => self.bus(bus, fault).map(|_| Owner::Bus(bus)),
+            Target::Participant { bus, number } => {
+                let present = self.bus(bus, fault)?.participants;
                 if present.checked_shr(number.into()).unwrap_or(0) & 1 == 0 {
-                    return Err(Refusal::NoSlave { bus: medium, slave: number, present });
+                    return Err(Refusal::NoSlave { bus, slave: number, present });
                 }
-                Ok(Owner::Bus(medium))
+                Ok(Owner::Bus(bus))
             }
             Target::Port { device, port } => {
                 let site = self.device(device)?;
                 let Some(known) = site.layout.port_numbered(port) else {
                     return Err(Refusal::NoPort { plc: device, port, layout: site.layout });
                 };
-                let Some(&(_, medium)) = site.plugged.iter().find(|(number, _)| *number == port) else {
+                let Some(&(_, bus)) = site.plugged.iter().find(|(number, _)| *number == port) else {
                     let name = |(number, _): &(u8, BusIndex)| Some(site.layout.port_numbered(*number)?.name);
                     let plugged = site.plugged.iter().filter_map(name).collect();
                     return Err(Refusal::NotPlugged { plc: device, port: known.name, plugged });
@@ -136,11 +136,11 @@ impl Sites {
                         known.name
                     )));
                 }
-                // The fault belongs to the port's firmware, or to the medium for any port.
+                // The fault belongs to the port's firmware, or to the bus for any port.
                 if !site.faults.contains(&fault.kind()) {
-                    self.medium(medium, fault)?;
+                    self.bus(bus, fault)?;
                 }
-                Ok(Owner::Bus(medium))
+                Ok(Owner::Bus(bus))
             }
             Target::Device(plc) => {
                 let known = self.device(plc)?.faults;
@@ -152,9 +152,9 @@ impl Sites {
         }
     }
 
-    fn medium(&self, bus: BusIndex, fault: &Fault) -> Result<&MediumSite, Refusal> {
-        let count = self.media.len() as u16; // the plant file's indices are 16 bits wide
-        let site = self.media.get(bus.index()).ok_or(Refusal::UnknownBus { bus, count })?;
+    fn bus(&self, bus: BusIndex, fault: &Fault) -> Result<&BusSite, Refusal> {
+        let count = self.buses.len() as u16; // the plant file's indices are 16 bits wide
+        let site = self.buses.get(bus.index()).ok_or(Refusal::UnknownBus { bus, count })?;
         if !site.faults.contains(&fault.kind()) {
             return Err(Refusal::NotOfBus { bus, known: site.faults });
         }

@@ -86,11 +86,11 @@ impl<'a> Reader<'a> {
         Ok(match self.kind.place() {
             TargetKind::Bus => Target::Bus(self.bus()?),
             TargetKind::Participant => {
-                let medium = self.bus()?;
+                let bus = self.bus()?;
                 let right = SLAVE.missing().unwrap_or_default();
                 let number = self.number(&SLAVE)?.ok_or_else(|| self.missing(&SLAVE, right.to_owned()))?;
                 let number = SLAVE.check(number).map_err(|refusal| self.refused(refusal))?;
-                Target::Participant { medium, number: number as u8 }
+                Target::Participant { bus, number: number as u8 }
             }
             TargetKind::Port => {
                 let device = self.plc()?;

@@ -31,7 +31,7 @@ static HUM: Kind =
 static FOG: Kind =
     Kind::new(203, "fog", TargetKind::Device, "It sees nothing", |_| Effect::new(())).without_hits();
 static LEAK: Kind = Kind::new(204, "leak", TargetKind::Port, "It leaks", |_| Effect::new(()));
-static OF_MEDIUM: &[&Kind] = &[&HISS, &HUM, &LEAK];
+static OF_BUS: &[&Kind] = &[&HISS, &HUM, &LEAK];
 static OF_DEVICE: &[&Kind] = &[&FOG];
 static KINDS: [&Kind; 4] = [&HISS, &HUM, &FOG, &LEAK];
 
@@ -101,9 +101,9 @@ fn values_that_a_kind_does_not_allow_are_refused_from_any_source() {
 #[test]
 fn faults_of_missing_targets_are_refused() {
     let sites = Sites {
-        media: vec![
-            MediumSite { faults: OF_MEDIUM, fits: |_| Ok(()), participants: 1 << 3 },
-            MediumSite { faults: &[], fits: |_| Ok(()), participants: 0 },
+        buses: vec![
+            BusSite { faults: OF_BUS, fits: |_| Ok(()), participants: 1 << 3 },
+            BusSite { faults: &[], fits: |_| Ok(()), participants: 0 },
         ],
         devices: vec![
             DeviceSite {
@@ -124,7 +124,7 @@ fn faults_of_missing_targets_are_refused() {
         let values = [(kind == &HISS).then_some(1), None, None, None, None];
         sites.owner(&Draft { values, ..Draft::new(kind, target) }.check().unwrap())
     };
-    let hum = |medium, number| owner(&HUM, Target::Participant { medium, number });
+    let hum = |bus, number| owner(&HUM, Target::Participant { bus, number });
     assert_eq!(owner(&HISS, Target::Bus(BusIndex(0))), Ok(Owner::Bus(BusIndex(0))));
     assert_eq!(hum(BusIndex(0), 3), Ok(Owner::Bus(BusIndex(0))));
     assert_eq!(owner(&FOG, Target::Device(DeviceIndex(0))), Ok(Owner::Device(DeviceIndex(0))));

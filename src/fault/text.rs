@@ -30,7 +30,7 @@ impl Fault {
         let number = |number: u8| FieldValue::Number(number.into());
         let place = match self.target() {
             Target::Bus(index) => vec![bus(index)],
-            Target::Participant { medium, number: slave } => vec![bus(medium), number(slave)],
+            Target::Participant { bus: index, number: slave } => vec![bus(index), number(slave)],
             Target::Port { device, port } => {
                 let known = names.device(device).port_numbered(port);
                 vec![plc(device), known.map_or_else(|| number(port), port_given)]

@@ -42,8 +42,8 @@ pub struct PlantConfig {
     pub processor_cycle_us: u32,
     /// The devices, at least one: first each `[[plc]]`, then each `[[device]]`.
     pub devices: Vec<Arc<dyn DeviceConfig>>,
-    /// The media.
-    pub media: Vec<Arc<dyn BusSection>>,
+    /// The buses.
+    pub buses: Vec<Arc<dyn BusSection>>,
     /// Faults that are injected from power-on or from a time on; see `docs/reference/faults.md`.
     pub faults: Vec<FaultSpec>,
     /// The text of the plant file.
@@ -94,16 +94,16 @@ impl PlantConfig {
         &self.text
     }
 
-    /// Numbers that differ between plants with different settings of devices and media, within one version of commram:
-    /// the processor cycle, then one for each device and for each medium. Faults are not settings.
+    /// Numbers that differ between plants with different settings of devices and buses, within one version of commram:
+    /// the processor cycle, then one for each device and for each bus. Faults are not settings.
     // The numbers come from the debug output, which contains names of structures: with another name, a plant refuses the
     // snapshots of earlier versions.
     pub(super) fn settings(&self) -> Arc<[u64]> {
-        let PlantConfig { processor_cycle_us, devices, media, faults: _, text: _ } = self;
+        let PlantConfig { processor_cycle_us, devices, buses, faults: _, text: _ } = self;
         let of = |settings: &dyn core::fmt::Debug| XxHash3_64::oneshot(format!("{settings:?}").as_bytes());
         let devices = devices.iter().map(|device| of(device));
-        let media = media.iter().map(|medium| of(medium));
-        [u64::from(*processor_cycle_us)].into_iter().chain(devices).chain(media).collect()
+        let buses = buses.iter().map(|bus| of(bus));
+        [u64::from(*processor_cycle_us)].into_iter().chain(devices).chain(buses).collect()
     }
 
     /// The device of this name.
@@ -141,27 +141,27 @@ impl PlantConfig {
     fn names(&self) -> Names {
         Names {
             plcs: self.devices.iter().map(|device| device.name().to_owned()).collect(),
-            buses: self.media.iter().map(|medium| medium.name().to_owned()).collect(),
+            buses: self.buses.iter().map(|bus| bus.name().to_owned()).collect(),
             devices: self.devices.iter().map(|device| DeviceFit::unknown(device.layout())).collect(),
         }
     }
 
     /// Targets of faults. Meant for a plant with checked numbers.
     pub(super) fn sites(&self) -> Sites {
-        let ports = self.ports_of_media();
-        let mask = |medium: &Arc<dyn BusSection>| {
-            let ports = ports.get(medium.name()).map_or(&[][..], Vec::as_slice);
-            let numbers = numbers_on(&**medium, ports).into_iter().map(|(_, number)| number);
+        let ports = self.ports_of_buses();
+        let mask = |bus: &Arc<dyn BusSection>| {
+            let ports = ports.get(bus.name()).map_or(&[][..], Vec::as_slice);
+            let numbers = numbers_on(&**bus, ports).into_iter().map(|(_, number)| number);
             numbers.fold(0, |mask, number| mask | 1u32.checked_shl(number.into()).unwrap_or(0))
         };
         let index_of: HashMap<_, _> =
-            self.media.iter().enumerate().map(|(index, medium)| (medium.name(), index)).collect();
-        let media = self.media.iter();
-        let media = media.map(|medium| devices::bus_site(medium.family(), mask(medium)));
+            self.buses.iter().enumerate().map(|(index, bus)| (bus.name(), index)).collect();
+        let buses = self.buses.iter();
+        let buses = buses.map(|bus| devices::bus_site(bus.family(), mask(bus)));
         let devices = self.devices.iter().map(|device| {
             let ports = device.ports().into_iter();
             let plugged =
-                ports.filter_map(|port| Some((port.number, BusIndex::at(*index_of.get(port.medium?)?))));
+                ports.filter_map(|port| Some((port.number, BusIndex::at(*index_of.get(port.bus?)?))));
             let drives = device.ports().into_iter().map(|port| port.number);
             DeviceSite {
                 layout: device.layout(),
@@ -170,27 +170,27 @@ impl PlantConfig {
                 drives: drives.filter(|port| device.is_drive(*port)).collect(),
             }
         });
-        Sites { media: media.collect(), devices: devices.collect() }
+        Sites { buses: buses.collect(), devices: devices.collect() }
     }
 
     /// The messages of a bus, as far as its devices know them before they run.
     pub fn messages(&self, bus: &str) -> Vec<Message> {
         let mut messages = Vec::new();
         for device in &self.devices {
-            for port in device.ports().iter().filter(|port| port.medium == Some(bus)) {
+            for port in device.ports().iter().filter(|port| port.bus == Some(bus)) {
                 messages.extend(device.messages(port.number));
             }
         }
         can::merged(messages)
     }
 
-    /// The ports at each medium, by its name, each with its device's name.
-    fn ports_of_media(&self) -> BTreeMap<&str, Vec<PortOf<'_>>> {
+    /// The ports at each bus, by its name, each with its device's name.
+    fn ports_of_buses(&self) -> BTreeMap<&str, Vec<PortOf<'_>>> {
         let mut found: BTreeMap<_, Vec<_>> = BTreeMap::new();
         for device in &self.devices {
             for port in device.ports() {
-                let Some(medium) = port.medium else { continue };
-                found.entry(medium).or_default().push((device.name(), port));
+                let Some(bus) = port.bus else { continue };
+                found.entry(bus).or_default().push((device.name(), port));
             }
         }
         found
@@ -200,20 +200,20 @@ impl PlantConfig {
 /// A port, with its device's name.
 type PortOf<'a> = (&'a str, PortConfig<'a>);
 
-/// The participants with a number on a medium: `ports` first, then the participants of the medium itself. A port has
+/// The participants with a number on a bus: `ports` first, then the participants of the bus itself. A port has
 /// the name of its device, or a name like `maxx:slotG` if the device has several ports there.
-fn numbers_on<'a>(medium: &'a dyn BusSection, ports: &'a [PortOf<'a>]) -> Vec<(Cow<'a, str>, u8)> {
+fn numbers_on<'a>(bus: &'a dyn BusSection, ports: &'a [PortOf<'a>]) -> Vec<(Cow<'a, str>, u8)> {
     let is_alone = |name: &str| ports.iter().filter(|(other, _)| *other == name).nth(1).is_none();
     let numbered = ports.iter().filter_map(|(name, port)| {
         let called = if is_alone(name) { (*name).into() } else { format!("{name}:{}", port.name).into() };
         Some((called, port.address?))
     });
-    let own = medium.participants().into_iter().map(|(name, number)| (name.into(), number));
+    let own = bus.participants().into_iter().map(|(name, number)| (name.into(), number));
     numbered.chain(own).collect()
 }
 
 /// Finds numbers that are used twice: the number, its first user, and its second user.
-fn equal_numbers(medium: &dyn BusSection, ports: &[PortOf<'_>]) -> Vec<(u8, String, String)> {
+fn equal_numbers(bus: &dyn BusSection, ports: &[PortOf<'_>]) -> Vec<(u8, String, String)> {
     let mut taken: [Option<String>; 256] = [const { None }; 256];
     let before = |(name, number): (Cow<'_, str>, u8)| match &mut taken[usize::from(number)] {
         Some(first) => Some((number, first.clone(), name.into_owned())),
@@ -222,5 +222,5 @@ fn equal_numbers(medium: &dyn BusSection, ports: &[PortOf<'_>]) -> Vec<(u8, Stri
             None
         }
     };
-    numbers_on(medium, ports).into_iter().filter_map(before).collect()
+    numbers_on(bus, ports).into_iter().filter_map(before).collect()
 }

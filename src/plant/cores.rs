@@ -1,8 +1,8 @@
-//! A plant with many media: each runs independently as long as it can, on a single core or on several.
+//! A plant with many buses: each runs independently as long as it can, on a single core or on several.
 //!
-//! Between two moments of interaction (SYNC edges, times of devices), media that allow it run independently
-//! ([`Bus::apart_until`]), each with all its events in a row. The data of a medium then come into the processor's
-//! caches once and not for each event. Several cores share the media, and likewise the watches of the access checker.
+//! Between two moments of interaction (SYNC edges, times of devices), buses that allow it run independently
+//! ([`Bus::apart_until`]), each with all its events in a row. The data of a bus then come into the processor's
+//! caches once and not for each event. Several cores share the buses, and likewise the watches of the access checker.
 //! The events of this period are put into the journal in the order of a sequential run: by time, then in plant order.
 
 use super::Plant;
@@ -15,39 +15,39 @@ use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::Journal;
 use core::num::NonZero;
 
-/// With fewer media, sorting their events takes longer than running them.
+/// With fewer buses, sorting their events takes longer than running them.
 pub(super) const LEAST: usize = 32;
 /// Number of sources of events at one moment in each device: its own watch, its own poll, and the watches and polls of
 /// its ports.
 const TELLERS: usize = 256;
 
-/// Media that run independently, with their ports.
+/// Buses that run independently, with their ports.
 type Share = (BusIndex, Vec<Box<dyn Bus>>, Journal);
 
-/// A period in which media run independently, with its processor cycles; a cycle runs only if it would change the
+/// A period in which buses run independently, with its processor cycles; a cycle runs only if it would change the
 /// state.
 #[derive(Clone, Copy)]
 struct IndependentPeriod {
     until: u64,
     first_cycle: u64,
     cycle_us: u64,
-    /// Sources that report in processor cycles have lower numbers than media.
+    /// Sources that report in processor cycles have lower numbers than buses.
     lookers: usize,
 }
 
 impl Plant {
     /// Sets how many cores the plant may use; the default is 1. The number only affects the run time.
     pub fn set_cores(&mut self, count: NonZero<usize>) {
-        let count = if self.named_media < LEAST { 1 } else { count.get() };
+        let count = if self.named_buses < LEAST { 1 } else { count.get() };
         self.crew = WorkerPool::of(count - 1);
-        self.drafts = if self.named_media < LEAST {
+        self.drafts = if self.named_buses < LEAST {
             Vec::new()
         } else {
             (0..count).map(|_| Journal::draft()).collect()
         };
     }
 
-    /// Lets the media run independently before the next other event up to `time`, if they can; processor cycles that
+    /// Lets the buses run independently before the next other event up to `time`, if they can; processor cycles that
     /// change nothing are ignored. Returns whether they did.
     pub(super) fn go_apart(&mut self, time: u64) -> bool {
         // Faults and register changes in between must be found event by event.
@@ -55,10 +55,10 @@ impl Plant {
             return false;
         }
         let first = self.next_device.min(time.saturating_add(1));
-        // Media without a bus run event by event.
-        let unnamed = self.media[self.named_media..].iter().map(|medium| medium.next_time());
+        // Placeholders run event by event.
+        let unnamed = self.buses[self.named_buses..].iter().map(|bus| bus.next_time());
         let first = unnamed.fold(first, u64::min);
-        let until = self.media().iter().map(|medium| medium.apart_until()).fold(first, u64::min);
+        let until = self.buses().iter().map(|bus| bus.apart_until()).fold(first, u64::min);
         if !self.is_worth_while(until) {
             return false;
         }
@@ -70,23 +70,23 @@ impl Plant {
         let stretch =
             IndependentPeriod { until, first_cycle, cycle_us, lookers: self.devices.len() * TELLERS };
         let seats = self.ports.seats();
-        let run = move |(first, mut media, mut draft): Share| {
+        let run = move |(first, mut buses, mut draft): Share| {
             let mut last = 0;
-            for (index, medium) in media.iter_mut().enumerate() {
-                let bus = BusIndex::at(first.index() + index);
-                last = stretch.run(bus, &mut **medium, &seats[bus.index()], &mut draft).max(last);
+            for (index, bus) in buses.iter_mut().enumerate() {
+                let index = BusIndex::at(first.index() + index);
+                last = stretch.run(index, &mut **bus, &seats[index.index()], &mut draft).max(last);
             }
-            ((first, media, draft), last)
+            ((first, buses, draft), last)
         };
-        let unnamed = self.media.split_off(self.named_media);
+        let unnamed = self.buses.split_off(self.named_buses);
         let shares = self.shares();
         let mut last = 0;
-        for ((_, media, draft), share_last) in self.crew.share(shares, run) {
+        for ((_, buses, draft), share_last) in self.crew.share(shares, run) {
             last = share_last.max(last);
-            self.media.extend(media);
+            self.buses.extend(buses);
             self.drafts.push(draft);
         }
-        self.media.extend(unnamed);
+        self.buses.extend(unnamed);
         self.journal.merge_drafts(self.drafts.iter_mut());
         if first_cycle < until {
             self.next_cycle += (until - first_cycle).div_ceil(cycle_us) * cycle_us;
@@ -96,18 +96,18 @@ impl Plant {
         true
     }
 
-    /// Whether enough media have events before `until`.
+    /// Whether enough buses have events before `until`.
     fn is_worth_while(&self, until: u64) -> bool {
-        self.media().iter().filter(|medium| medium.next_time() < until).nth(LEAST - 1).is_some()
+        self.buses().iter().filter(|bus| bus.next_time() < until).nth(LEAST - 1).is_some()
     }
 
-    /// Splits all media and drafts into shares, one for each draft.
+    /// Splits all buses and drafts into shares, one for each draft.
     fn shares(&mut self) -> Vec<Share> {
-        let size = self.media.len().div_ceil(self.drafts.len());
-        let mut media = core::mem::take(&mut self.media).into_iter();
+        let size = self.buses.len().div_ceil(self.drafts.len());
+        let mut buses = core::mem::take(&mut self.buses).into_iter();
         let drafts = self.drafts.drain(..).enumerate();
         drafts
-            .map(|(part, draft)| (BusIndex::at(part * size), media.by_ref().take(size).collect(), draft))
+            .map(|(part, draft)| (BusIndex::at(part * size), buses.by_ref().take(size).collect(), draft))
             .collect()
     }
 
@@ -141,7 +141,7 @@ impl Plant {
         is_shared
     }
 
-    /// Calls the functions for the watches of all devices and of all ports, at the media where they are plugged in.
+    /// Calls the functions for the watches of all devices and of all ports, at the buses where they are plugged in.
     fn each_watch(
         &mut self,
         of_device: impl Fn(DeviceIndex, &mut DeviceWatch, &mut Journal) + Copy + Send + 'static,
@@ -153,54 +153,54 @@ impl Plant {
         let parts: Vec<_> =
             parts.map(|(part, share)| (part * size, watches.by_ref().take(size).collect(), share)).collect();
         let seats = self.ports.seats();
-        let run = move |(first_watch, mut watches, (first, mut media, mut draft)): (usize, Vec<_>, Share)| {
+        let run = move |(first_watch, mut watches, (first, mut buses, mut draft)): (usize, Vec<_>, Share)| {
             for (index, watch) in watches.iter_mut().enumerate() {
                 of_device(DeviceIndex::at(first_watch + index), watch, &mut draft);
             }
-            for (medium, seats) in media.iter_mut().zip(&seats[first.index()..]) {
-                let Some(watch) = medium.watch() else { continue };
+            for (bus, seats) in buses.iter_mut().zip(&seats[first.index()..]) {
+                let Some(watch) = bus.watch() else { continue };
                 for (place, seat) in seats.iter().enumerate() {
                     of_port(watch, place, *seat, &mut draft);
                 }
             }
-            (watches, media, draft)
+            (watches, buses, draft)
         };
-        for (watches, media, draft) in self.crew.share(parts, run) {
+        for (watches, buses, draft) in self.crew.share(parts, run) {
             self.watches.extend(watches);
-            self.media.extend(media);
+            self.buses.extend(buses);
             self.drafts.push(draft);
         }
     }
 }
 
 impl IndependentPeriod {
-    /// Runs bus `bus`, with the processor cycles of the ports in `seats`. Returns the time of its last
+    /// Runs bus number `index`, with the processor cycles of the ports in `seats`. Returns the time of its last
     /// event.
-    fn run(self, bus: BusIndex, medium: &mut dyn Bus, seats: &[PluggedPort], draft: &mut Journal) -> u64 {
+    fn run(self, index: BusIndex, bus: &mut dyn Bus, seats: &[PluggedPort], draft: &mut Journal) -> u64 {
         let (mut faults, mut edges) = (Faults::default(), Vec::new());
         let (mut last, mut cycle) = (0, self.first_cycle);
         loop {
-            let next = medium.next_time().min(self.until);
+            let next = bus.next_time().min(self.until);
             // At the same moment the processor cycle comes first.
             while cycle < self.until && cycle <= next {
                 for (place, seat) in seats.iter().enumerate() {
-                    if !medium.poll_changes_nothing(place, cycle, true) {
+                    if !bus.poll_changes_nothing(place, cycle, true) {
                         draft.set_reporter(seat.device.index() * TELLERS + seat.port);
-                        medium.processor_cycle(place, cycle, draft);
+                        bus.processor_cycle(place, cycle, draft);
                     }
                 }
                 cycle += self.cycle_us;
             }
             // The poll may have changed the next event.
-            let now = medium.next_time();
+            let now = bus.next_time();
             if now >= self.until {
                 return last;
             }
             if now > next {
                 continue;
             }
-            draft.set_reporter(self.lookers + bus.index());
-            medium.event(&mut World { now, journal: draft, faults: &mut faults, edges: &mut edges });
+            draft.set_reporter(self.lookers + index.index());
+            bus.event(&mut World { now, journal: draft, faults: &mut faults, edges: &mut edges });
             last = now;
         }
     }

@@ -27,13 +27,13 @@ impl Plant {
     /// The drives: first the drives on buses in the order of the plant file, then the drives of devices. Their
     /// positions here are their numbers.
     pub fn drives(&self) -> Vec<PlantDrive> {
-        let on_bus = self.media().iter().flat_map(|medium| {
+        let on_bus = self.buses().iter().flat_map(|bus| {
             let drive = |(name, state): (&str, _)| PlantDrive {
                 name: name.to_owned(),
-                bus: Some(medium.name().to_owned()),
+                bus: Some(bus.name().to_owned()),
                 state,
             };
-            medium.drives().map_or_else(Vec::new, |drives| drives.list().into_iter().map(drive).collect())
+            bus.drives().map_or_else(Vec::new, |drives| drives.list().into_iter().map(drive).collect())
         });
         let own = self.devices.iter().filter_map(|device| {
             let (name, state) = device.drives()?.list().into_iter().next()?;
@@ -43,10 +43,10 @@ impl Plant {
     }
 
     fn drive_at(&self, number: usize) -> Option<DriveLocation> {
-        let media = self.media().iter().enumerate();
-        let on_bus = media.flat_map(|(bus, medium)| {
-            (0..medium.drives().map_or(0, |drives| drives.list().len()))
-                .map(move |drive| DriveLocation::Bus(bus, drive))
+        let buses = self.buses().iter().enumerate();
+        let on_bus = buses.flat_map(|(index, bus)| {
+            (0..bus.drives().map_or(0, |drives| drives.list().len()))
+                .map(move |drive| DriveLocation::Bus(index, drive))
         });
         let devices = self.devices.iter().enumerate();
         let own = devices
@@ -58,7 +58,7 @@ impl Plant {
     /// All details of drive `number`; `None` if there is no such drive.
     pub fn drive(&self, number: usize) -> Option<DriveDetails> {
         match self.drive_at(number)? {
-            DriveLocation::Bus(bus, drive) => self.media().get(bus)?.drives()?.details(drive),
+            DriveLocation::Bus(bus, drive) => self.buses().get(bus)?.drives()?.details(drive),
             DriveLocation::Device(index) => self.devices.get(index)?.drives()?.details(0),
         }
     }
@@ -74,10 +74,10 @@ impl Plant {
         value: i64,
     ) -> Option<Result<(), ParameterRefusal>> {
         let at = self.drive_at(number)?;
-        let Plant { now, media, devices, journal, .. } = self;
+        let Plant { now, buses, devices, journal, .. } = self;
         let done = match at {
             DriveLocation::Bus(bus, drive) => {
-                media.get_mut(bus)?.drives_mut()?.set_parameter(drive, parameter, value, *now, journal)
+                buses.get_mut(bus)?.drives_mut()?.set_parameter(drive, parameter, value, *now, journal)
             }
             DriveLocation::Device(index) => {
                 devices.get_mut(index)?.drives_mut()?.set_parameter(0, parameter, value, *now, journal)
@@ -90,7 +90,7 @@ impl Plant {
     /// Demanded and actual motion of the motor of drive `number`; `None` if there is no such drive.
     pub fn shaft(&self, number: usize) -> Option<Shaft> {
         match self.drive_at(number)? {
-            DriveLocation::Bus(bus, drive) => self.media().get(bus)?.drives()?.shaft(drive),
+            DriveLocation::Bus(bus, drive) => self.buses().get(bus)?.drives()?.shaft(drive),
             DriveLocation::Device(index) => self.devices.get(index)?.drives()?.shaft(0),
         }
     }
@@ -100,9 +100,9 @@ impl Plant {
     /// such drive.
     pub fn turn_shaft(&mut self, number: usize, speed: Option<i32>) -> bool {
         let Some(at) = self.drive_at(number) else { return false };
-        let Plant { now, media, devices, .. } = self;
+        let Plant { now, buses, devices, .. } = self;
         let (drives, drive) = match at {
-            DriveLocation::Bus(bus, drive) => (media[bus].drives_mut(), drive),
+            DriveLocation::Bus(bus, drive) => (buses[bus].drives_mut(), drive),
             DriveLocation::Device(index) => (devices[index].drives_mut(), 0),
         };
         if let Some(drives) = drives {

@@ -19,7 +19,7 @@ impl Plant {
 
     /// The guests of bus number `bus`, for a look at one of them.
     fn guests_seen(&mut self, bus: BusIndex) -> Option<&mut dyn BusGuests> {
-        self.media[..self.named_media].get_mut(bus.index())?.guests()
+        self.buses[..self.named_buses].get_mut(bus.index())?.guests()
     }
 
     /// Guest number `guest` takes part in bus number `bus` from now on. `is_stepped`: its frames enter at the next step
@@ -35,9 +35,9 @@ impl Plant {
     /// The guests that take part in buses with known stations, except the guest that acts by requests: bus and number.
     pub(crate) fn guests(&self) -> Vec<(BusIndex, u8)> {
         let mut found = Vec::new();
-        for (bus, medium) in BusIndex::enumerate(self.media()) {
-            let guests = medium.stations().into_iter().filter_map(|it| it.origin.guest());
-            found.extend(guests.filter(|guest| *guest != 0).map(|guest| (bus, guest)));
+        for (index, bus) in BusIndex::enumerate(self.buses()) {
+            let guests = bus.stations().into_iter().filter_map(|it| it.origin.guest());
+            found.extend(guests.filter(|guest| *guest != 0).map(|guest| (index, guest)));
         }
         found
     }
@@ -83,7 +83,7 @@ impl Plant {
     pub fn guest_sends(&mut self, bus: BusIndex, guest: u8, said: &BusMessage) -> Result<(), GuestRefusal> {
         let now = self.now;
         (self.has_looked, self.is_seen) = (false, false);
-        let bus = self.media[..self.named_media].get_mut(bus.index());
+        let bus = self.buses[..self.named_buses].get_mut(bus.index());
         let guests = bus.and_then(|bus| bus.guests()).ok_or(GuestRefusal::NotHere)?;
         guests.guest_sends(guest, said, now, &mut self.journal)
     }
@@ -224,7 +224,7 @@ mod tests {
         let mut plant = plant(&OPEN.replace("kind = 'can'\n", ""));
         plant.guest_is_deaf(BusIndex(0), 3, 6);
         plant.guest_joins(BusIndex(0), 1, false);
-        // No master runs the medium.
+        // No master runs the bus.
         assert_eq!(plant.guest_sends(BusIndex(0), 1, &frame(1, &[])), Err(GuestRefusal::NotHere));
         let found: Vec<_> = plant.journal().findings().iter().map(|entry| entry.last).collect();
         assert_eq!(found, [Finding::at_bus(&rules::GUEST_BIT_RATE, BusIndex(0), 3, 6)]);

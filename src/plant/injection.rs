@@ -50,8 +50,8 @@ impl Plant {
     fn tell_of_faults(&mut self) {
         self.is_rescheduled = true;
         (self.has_looked, self.is_seen) = (false, false);
-        for medium in &mut self.media {
-            if let Some(faulty) = medium.faults() {
+        for bus in &mut self.buses {
+            if let Some(faulty) = bus.faults() {
                 faulty.faults_changed(self.now, &self.faults);
             }
         }
@@ -64,27 +64,27 @@ impl Plant {
 
     /// Targets of faults.
     pub(super) fn sites(&self) -> Sites {
-        let media = self.media().iter();
-        let media = media.map(|medium| devices::bus_site(medium.family(), medium.participants()));
+        let buses = self.buses().iter();
+        let buses = buses.map(|bus| devices::bus_site(bus.family(), bus.participants()));
         let devices = self.devices.iter().zip(self.ports.of_devices()).map(|(device, ports)| {
-            let plugged = ports.iter().filter(|port| port.medium.index() < self.named_media);
+            let plugged = ports.iter().filter(|port| port.bus.index() < self.named_buses);
             DeviceSite {
                 layout: device.layout(),
                 faults: devices::faults_of_device(device.layout()),
-                plugged: plugged.map(|port| (port.number, port.medium)).collect(),
+                plugged: plugged.map(|port| (port.number, port.bus)).collect(),
                 drives: ports.iter().map(|port| port.number).filter(|port| device.is_drive(*port)).collect(),
             }
         });
-        Sites { media: media.collect(), devices: devices.collect() }
+        Sites { buses: buses.collect(), devices: devices.collect() }
     }
 
     /// Fires the faults that act without a trigger.
     pub(super) fn fire(&mut self) {
-        let Plant { now, devices, media, faults, journal, is_rescheduled, .. } = self;
+        let Plant { now, devices, buses, faults, journal, is_rescheduled, .. } = self;
         *is_rescheduled = true;
         let now = *now;
         faults.fire_all(now, journal, |owner, target, effect| match owner {
-            Owner::Bus(index) => media.get_mut(index.index())?.faults()?.fire(now, target, effect),
+            Owner::Bus(index) => buses.get_mut(index.index())?.faults()?.fire(now, target, effect),
             Owner::Device(index) => devices.get_mut(index.index())?.faults()?.fire(now, target, effect),
         });
     }

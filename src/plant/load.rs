@@ -12,13 +12,13 @@ impl Plant {
     /// emulated time or since power-on if this is less. `None` if no time has passed. The load is computed from the
     /// records that the journal still has; a journal that continues from a snapshot has no records before the snapshot.
     pub fn bus_load(&self, bus: BusIndex, span_us: u64) -> Option<u16> {
-        let medium = self.media().get(bus.index())?;
+        let wire = self.buses().get(bus.index())?;
         let begin = self.now().saturating_sub(span_us).max(self.journal().since_us());
         let mut busy_ns = 0;
         for record in self.journal().records().rev() {
             if record.time_us > begin {
                 if record.event.source() == Source::Bus(bus) {
-                    busy_ns += medium.busy_ns(&record.event);
+                    busy_ns += wire.busy_ns(&record.event);
                 }
             } else if record.time_us + LATE_US < begin {
                 break;

@@ -48,7 +48,7 @@ use ports::Ports;
 use std::sync::Arc;
 use worker_pool::WorkerPool;
 
-/// Number of consecutive attempts to run media independently before the plant gives up for a while.
+/// Number of consecutive attempts to run buses independently before the plant gives up for a while.
 const TRIES: u32 = 4;
 
 /// The whole simulation, with its clock and its journal.
@@ -65,25 +65,25 @@ pub struct Plant {
     /// Whether a watched event is to stop [`Plant::advance_until`].
     watching: bool,
     devices: Vec<Box<dyn Device>>,
-    /// The media of the plant file, then the media for unconnected ports: one for each kind, and one for each port that
+    /// The buses of the plant file, then placeholders for unconnected ports: one for each kind, and one for each port that
     /// runs alone.
-    media: Vec<Box<dyn Bus>>,
-    /// Number of media in the plant file.
-    named_media: usize,
-    /// Next time of each device and medium. Valid while the clock advances; before that, any client may have changed
+    buses: Vec<Box<dyn Bus>>,
+    /// Number of buses in the plant file.
+    named_buses: usize,
+    /// Next time of each device and bus. Valid while the clock advances; before that, any client may have changed
     /// something.
     schedule: DueQueue,
     /// `schedule` is stale and must be rebuilt before use.
     is_rescheduled: bool,
     ports: Ports,
     journal: Journal,
-    /// Journals of media that run independently: one for each core, if there are many media.
+    /// Journals of buses that run independently: one for each core, if there are many buses.
     drafts: Vec<Journal>,
     /// Worker threads on the other cores.
     crew: WorkerPool,
     forces: Forces,
     faults: Faults,
-    /// Watches of the access checker over each device; the media have the watches over ports.
+    /// Watches of the access checker over each device; the buses have the watches over ports.
     watches: Vec<DeviceWatch>,
     /// Ports of devices that are to be notified of a SYNC edge; empty between events.
     edges: Vec<Origin>,
@@ -108,22 +108,22 @@ impl Plant {
         E: From<MemoryError> + From<PlantError>,
     {
         config.check()?;
-        let mut media: Vec<Box<dyn Bus>> = Vec::with_capacity(config.media.len() + BUS_KINDS.len());
-        for (index, medium) in BusIndex::enumerate(&config.media) {
-            media.push(medium.build(index).map_err(refused::<E>)?);
+        let mut buses: Vec<Box<dyn Bus>> = Vec::with_capacity(config.buses.len() + BUS_KINDS.len());
+        for (index, bus) in BusIndex::enumerate(&config.buses) {
+            buses.push(bus.build(index).map_err(refused::<E>)?);
         }
-        let named_media = media.len();
-        media.extend(BUS_KINDS.iter().map(|kind| (kind.unplugged)()));
+        let named_buses = buses.len();
+        buses.extend(BUS_KINDS.iter().map(|kind| (kind.unplugged)()));
         let mut devices: Vec<Box<dyn Device>> = Vec::with_capacity(config.devices.len());
         let mut ports = Ports::default();
         for (index, device) in DeviceIndex::enumerate(&config.devices) {
             let (mut device, plugs) =
                 device.build(index, segment(device.name(), device.layout())?).map_err(refused::<E>)?;
-            ports.plug_in(&mut *device, plugs, &mut media, named_media).map_err(refused::<E>)?;
+            ports.plug_in(&mut *device, plugs, &mut buses, named_buses).map_err(refused::<E>)?;
             devices.push(device);
         }
         let cycle_us = u64::from(config.processor_cycle_us.max(1));
-        media.iter_mut().for_each(|medium| medium.set_processor_cycle(config.processor_cycle_us));
+        buses.iter_mut().for_each(|bus| bus.set_processor_cycle(config.processor_cycle_us));
         let mut watches = Vec::with_capacity(devices.len());
         for (index, device) in DeviceIndex::enumerate(&devices) {
             watches.push(DeviceWatch::new(index, device.segment(), device.layout())?);
@@ -139,9 +139,9 @@ impl Plant {
             is_seen: false,
             watching: false,
             devices,
-            schedule: DueQueue::of(media.len()),
-            media,
-            named_media,
+            schedule: DueQueue::of(buses.len()),
+            buses,
+            named_buses,
             is_rescheduled: false,
             ports,
             journal: Journal::default(),
@@ -175,7 +175,7 @@ impl Plant {
     /// Time of the next event; the next processor cycle at the latest.
     pub fn next_event(&self) -> u64 {
         let first = self.next_cycle.min(self.next_device).min(self.faults.next_time());
-        self.media.iter().map(|medium| medium.next_time()).fold(first, u64::min)
+        self.buses.iter().map(|bus| bus.next_time()).fold(first, u64::min)
     }
 
     /// Advances the clock to `time`, and handles all events on the way, including events at `time` itself. A time in
@@ -193,10 +193,10 @@ impl Plant {
         let mut stopped = false;
         let mut tries = TRIES;
         while !stopped {
-            // At the same moment the order is: faults, the processor cycle, the devices' own times, the media in plant
+            // At the same moment the order is: faults, the processor cycle, the devices' own times, the buses in plant
             // order.
             if self.is_rescheduled {
-                self.schedule_media();
+                self.schedule_buses();
             }
             let (mut due, mut which) = (self.next_device, NextEvent::Device);
             if tries > 0 && self.schedule.first() > self.now && !self.drafts.is_empty() {
@@ -246,9 +246,9 @@ impl Plant {
                     self.devices_due();
                     self.forces.apply(&self.devices);
                 }
-                NextEvent::Bus(bus) => {
+                NextEvent::Bus(index) => {
                     self.forces.apply(&self.devices);
-                    self.medium_events(bus, time);
+                    self.bus_events(index, time);
                     self.forces.apply(&self.devices);
                 }
             }
@@ -338,26 +338,27 @@ impl Plant {
     /// Whether a PLC has written the control register of a port, or turned a switch of its board, that the firmware has not polled
     /// yet.
     pub fn control_changed(&self) -> bool {
-        self.media.iter().any(|medium| medium.control_changed())
+        self.buses.iter().any(|bus| bus.control_changed())
             || self.devices.iter().any(|device| device.has_changed())
     }
 
-    /// Handles the present event of a medium. If the order is not visible, also handles the following events of the
-    /// same medium before any other event.
-    fn medium_events(&mut self, bus: BusIndex, time: u64) {
+    /// Handles the present event of a bus. If the order is not visible, also handles the following events of the
+    /// same bus before any other event.
+    fn bus_events(&mut self, index: BusIndex, time: u64) {
         let until = if self.is_unobserved() {
-            let others = self.schedule.first_besides(bus.index()).min(self.next_cycle).min(self.next_device);
+            let others =
+                self.schedule.first_besides(index.index()).min(self.next_cycle).min(self.next_device);
             others.min(time.saturating_add(1))
         } else {
             0
         };
-        let Plant { now, media, journal, faults, edges, .. } = self;
-        let Some(medium) = media.get_mut(bus.index()) else { return };
+        let Plant { now, buses, journal, faults, edges, .. } = self;
+        let Some(bus) = buses.get_mut(index.index()) else { return };
         let signal = loop {
-            let signal = medium.event(&mut World { now: *now, journal, faults, edges });
-            let next = medium.next_time();
+            let signal = bus.event(&mut World { now: *now, journal, faults, edges });
+            let next = bus.next_time();
             if signal.is_some() || !edges.is_empty() || next >= until {
-                self.schedule.set(bus.index(), next);
+                self.schedule.set(index.index(), next);
                 break signal;
             }
             *now = next;
@@ -366,16 +367,16 @@ impl Plant {
             self.tell_edges();
         }
         let Some(signal) = signal else { return };
-        self.forward_sync(bus, signal);
-        if let Some(watch) = self.media[bus.index()].watch() {
+        self.forward_sync(index, signal);
+        if let Some(watch) = self.buses[index.index()].watch() {
             watch.judge_edge(self.now, &mut self.journal);
         }
     }
 
-    /// Asks all media when they are due.
-    fn schedule_media(&mut self) {
-        for (index, medium) in self.media.iter().enumerate() {
-            self.schedule.set(index, medium.next_time());
+    /// Asks all buses when they are due.
+    fn schedule_buses(&mut self) {
+        for (index, bus) in self.buses.iter().enumerate() {
+            self.schedule.set(index, bus.next_time());
         }
         self.is_rescheduled = false;
     }
@@ -398,14 +399,14 @@ impl Plant {
         &self.devices
     }
 
-    /// The media, in the order of the plant file.
-    pub fn media(&self) -> &[Box<dyn Bus>] {
-        &self.media[..self.named_media]
+    /// The buses, in the order of the plant file.
+    pub fn buses(&self) -> &[Box<dyn Bus>] {
+        &self.buses[..self.named_buses]
     }
 
     /// Names of the buses, in the order of the plant file.
     pub fn bus_names(&self) -> impl Iterator<Item = &str> {
-        self.media().iter().map(|medium| medium.name())
+        self.buses().iter().map(|bus| bus.name())
     }
 
     /// Names of PLCs and buses, for reading the journal.

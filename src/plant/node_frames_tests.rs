@@ -9,7 +9,7 @@ use crate::identity::{BusIndex, DeviceIndex};
 use crate::memory::header::{BoardSetting, Power, RunSwitch};
 use crate::memory::{Segment, Width};
 
-/// Telegram of a guest to a medium; half of them are of no use to the medium, and refused.
+/// Telegram of a guest to a bus; half of them are of no use to the bus, and refused.
 fn said(head: u8, bytes: &[u8]) -> Option<BusMessage> {
     let [low, high, data @ ..] = bytes else { return None };
     let number = u16::from_le_bytes([*low, *high]);
@@ -30,10 +30,10 @@ fn said(head: u8, bytes: &[u8]) -> Option<BusMessage> {
 fn act(plant: &mut Plant, head: u8, bytes: &[u8]) {
     match head & 7 {
         0..=3 => {
-            let bus = u16::from(head >> 4) % plant.named_media.max(1) as u16;
+            let bus = BusIndex::at(usize::from(head >> 4) % plant.named_buses.max(1));
             if let Some(said) = said(head, bytes) {
-                // A medium refuses frames that it cannot carry or has no room for.
-                let _refused = plant.guest_sends(BusIndex(bus), 1, &said);
+                // A bus refuses frames that it cannot carry or has no room for.
+                let _refused = plant.guest_sends(bus, 1, &said);
             }
             plant.advance_to(plant.now() + 1_000);
         }
@@ -63,8 +63,8 @@ fn fuzz_node_frames() {
         let segment = |_: &str, device| Ok::<_, Box<dyn core::error::Error>>(Segment::of(device));
         let mut plant = Plant::new(&config, segment).unwrap();
         plant.advance_to(3_000);
-        for bus in 0..plant.named_media as u16 {
-            plant.guest_joins(BusIndex(bus), 1, true);
+        for bus in BusIndex::first(plant.named_buses) {
+            plant.guest_joins(bus, 1, true);
         }
         // This number of rounds takes an acceptable time.
         for _ in 0..200 {

@@ -1,4 +1,4 @@
-//! Connection of ports with media: which port of which device is where, and the signals between both.
+//! Connection of ports with buses: which port of which device is where, and the signals between both.
 
 use super::Plant;
 use crate::devices::{
@@ -14,14 +14,14 @@ use std::sync::Arc;
 pub(super) struct Port {
     /// Its number in the device's layout.
     pub(super) number: u8,
-    /// Index of its medium.
-    pub(super) medium: BusIndex,
-    /// Place of the port at the medium.
+    /// Index of its bus.
+    pub(super) bus: BusIndex,
+    /// Place of the port at the bus.
     pub(super) place: usize,
     takes_part: bool,
 }
 
-/// Device and port that are plugged in at a place of a medium.
+/// Device and port that are plugged in at a place of a bus.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PluggedPort {
     /// Index of the device.
@@ -30,75 +30,75 @@ pub(super) struct PluggedPort {
     pub(super) port: usize,
 }
 
-snapshot_fields!(Port { values: takes_part; built: number, medium, place });
+snapshot_fields!(Port { values: takes_part; built: number, bus, place });
 snapshot_fields!(Ports { parts: of_device; built: ways, seats });
 
 /// The ports of all devices.
 #[derive(Default)]
 pub(super) struct Ports {
     of_device: Vec<Vec<Port>>,
-    /// For each medium the ports that can take its SYNC signal over: their device, their index there, and that of the port
-    /// at this medium.
+    /// For each bus the ports that can take its SYNC signal over: their device, their index there, and that of the port
+    /// at this bus.
     ways: Vec<Vec<(DeviceIndex, usize, usize)>>,
-    /// For each medium the ports at its places.
+    /// For each bus the ports at its places.
     seats: Arc<Vec<Vec<PluggedPort>>>,
 }
 
 impl Ports {
-    /// Plugs the ports of the next device in; the `named` media are followed by the media for ports without a medium:
+    /// Plugs the ports of the next device in; the `named` buses are followed by the placeholders for ports without a bus:
     /// one for each kind, then one for each port that runs alone.
     pub(super) fn plug_in(
         &mut self,
         device: &mut dyn Device,
         plugs: Vec<Plug>,
-        media: &mut Vec<Box<dyn Bus>>,
+        buses: &mut Vec<Box<dyn Bus>>,
         named: usize,
     ) -> Result<(), BuildError> {
         let mut ports = Vec::with_capacity(plugs.len());
         let seats = Arc::make_mut(&mut self.seats);
-        seats.resize(media.len(), Vec::new());
-        for Plug { number, family, medium, socket } in plugs {
+        seats.resize(buses.len(), Vec::new());
+        for Plug { number, family, bus, socket } in plugs {
             let kind =
                 BUS_KINDS.iter().position(|kind| kind.name == family).ok_or(BuildError::OtherFamily)?;
-            let at = |name: &String| media[..named].iter().position(|medium| medium.name() == name);
-            let index = match medium.as_ref().and_then(at) {
+            let at = |name: &String| buses[..named].iter().position(|bus| bus.name() == name);
+            let index = match bus.as_ref().and_then(at) {
                 Some(index) => index,
                 None if (BUS_KINDS[kind].runs_alone)(&*socket) => {
-                    media.push((BUS_KINDS[kind].unplugged)());
-                    media.len() - 1
+                    buses.push((BUS_KINDS[kind].unplugged)());
+                    buses.len() - 1
                 }
                 None => named + kind,
             };
-            seats.resize(media.len(), Vec::new());
-            let place = media[index].attach(socket)?;
+            seats.resize(buses.len(), Vec::new());
+            let place = buses[index].attach(socket)?;
             if let Some(ports) = device.ports() {
-                ports.plugged_in(number, media[index].bit_s());
+                ports.plugged_in(number, buses[index].bit_s());
             }
             seats[index]
                 .push(PluggedPort { device: DeviceIndex::at(self.of_device.len()), port: ports.len() });
-            ports.push(Port { number, medium: BusIndex::at(index), place, takes_part: false });
+            ports.push(Port { number, bus: BusIndex::at(index), place, takes_part: false });
         }
-        self.ways.resize(media.len(), Vec::new());
+        self.ways.resize(buses.len(), Vec::new());
         let find = |number: u8| ports.iter().position(|port| port.number == number);
         for &(from, to) in device.ports().map_or(&[][..], |ports| ports.sync_ways()) {
             if let (Some(from), Some(to)) = (find(from), find(to)) {
-                self.ways[ports[from].medium.index()].push((DeviceIndex::at(self.of_device.len()), to, from));
+                self.ways[ports[from].bus.index()].push((DeviceIndex::at(self.of_device.len()), to, from));
             }
         }
         self.of_device.push(ports);
         Ok(())
     }
 
-    /// Device and number of each port at a medium.
-    pub(super) fn at(&self, medium: BusIndex) -> impl Iterator<Item = Origin> {
+    /// Device and number of each port at a bus.
+    pub(super) fn at(&self, bus: BusIndex) -> impl Iterator<Item = Origin> {
         let of_device = move |(plc, ports): (DeviceIndex, &Vec<Port>)| {
-            let at = ports.iter().filter(move |port| port.medium == medium);
+            let at = ports.iter().filter(move |port| port.bus == bus);
             at.map(move |port| Origin { plc, node: port.number }).collect::<Vec<_>>()
         };
         DeviceIndex::enumerate(&self.of_device).flat_map(of_device)
     }
 
-    /// Ports at the places of each medium; each port that is plugged in gets the next place.
+    /// Ports at the places of each bus; each port that is plugged in gets the next place.
     pub(super) fn seats(&self) -> Arc<Vec<Vec<PluggedPort>>> {
         Arc::clone(&self.seats)
     }
@@ -122,7 +122,7 @@ impl Plant {
 
     /// Device `index` starts, and its ports after it.
     pub(super) fn start(&mut self, index: DeviceIndex) {
-        let Plant { now, devices, media, ports, journal, .. } = self;
+        let Plant { now, devices, buses, ports, journal, .. } = self;
         let (Some(device), Some(ports)) =
             (devices.get_mut(index.index()), ports.of_device.get(index.index()))
         else {
@@ -134,7 +134,7 @@ impl Plant {
         for port in ports {
             let mut of_device = device.ports();
             let address = of_device.as_ref().map_or(0, |ports| ports.address(port.number));
-            if !media[port.medium.index()].power_on(port.place, address, now, journal)
+            if !buses[port.bus.index()].power_on(port.place, address, now, journal)
                 && let Some(of_device) = &mut of_device
             {
                 of_device.address_taken(&mut Context { now, journal, origin, base: 0 }, port.number);
@@ -142,9 +142,9 @@ impl Plant {
         }
     }
 
-    /// Device `index` stops, and its ports after it leave their media.
+    /// Device `index` stops, and its ports after it leave their buses.
     fn stop(&mut self, index: DeviceIndex) {
-        let Plant { now, devices, media, ports, journal, .. } = self;
+        let Plant { now, devices, buses, ports, journal, .. } = self;
         let (Some(device), Some(ports)) =
             (devices.get_mut(index.index()), ports.of_device.get_mut(index.index()))
         else {
@@ -153,7 +153,7 @@ impl Plant {
         let origin = Origin { plc: index, node: 0 };
         device.stop(&mut Context { now: *now, journal, origin, base: 0 });
         for port in ports {
-            media[port.medium.index()].power_off(port.place, *now, journal);
+            buses[port.bus.index()].power_off(port.place, *now, journal);
             port.takes_part = false;
             if let Some(ports) = device.ports() {
                 ports.port_joined(port.number, false);
@@ -181,52 +181,52 @@ impl Plant {
     pub(super) fn ports_look(&mut self, index: DeviceIndex) {
         let mut of_device = self.devices[index.index()].ports();
         for port in &mut self.ports.of_device[index.index()] {
-            let medium = &mut self.media[port.medium.index()];
-            let takes_part = medium.processor_cycle(port.place, self.now, &mut self.journal);
-            self.schedule.set(port.medium.index(), medium.next_time());
+            let bus = &mut self.buses[port.bus.index()];
+            let takes_part = bus.processor_cycle(port.place, self.now, &mut self.journal);
+            self.schedule.set(port.bus.index(), bus.next_time());
             let has_changed = core::mem::replace(&mut port.takes_part, takes_part) != takes_part;
             let Some(of_device) = &mut of_device else { continue };
             if has_changed {
                 of_device.port_joined(port.number, takes_part);
             }
-            of_device.port_looked(port.number, medium.last_frame(port.place), self.now);
+            of_device.port_looked(port.number, bus.last_frame(port.place), self.now);
         }
     }
 
-    /// Passes a SYNC edge on to the media with masters that take it over from medium `from` (decision D-12).
+    /// Passes a SYNC edge on to the buses with masters that take it over from bus `from` (decision D-12).
     pub(super) fn forward_sync(&mut self, from: BusIndex, signal: SyncSignal) {
         for &(device, port, _) in &self.ports.ways[from.index()] {
             let port = self.ports.of_device[device.index()][port];
-            let medium = &mut self.media[port.medium.index()];
-            if let Some(sync) = medium.sync_mut()
+            let bus = &mut self.buses[port.bus.index()];
+            if let Some(sync) = bus.sync_mut()
                 && sync.takes_sync(port.place)
             {
                 sync.forwarded_edge(port.place, self.now, signal, &mut self.journal);
-                self.schedule.set(port.medium.index(), medium.next_time());
+                self.schedule.set(port.bus.index(), bus.next_time());
             }
         }
     }
 
-    /// Emulated time of the next SYNC edge on the medium at port `port` of device `device`; `None` while there is no SYNC
+    /// Emulated time of the next SYNC edge on the bus at port `port` of device `device`; `None` while there is no SYNC
     /// signal.
     pub fn next_sync(&self, device: DeviceIndex, port: u8) -> Option<u64> {
-        let mut medium = self.ports.find(device, port)?.medium;
-        // Follows a forwarded signal to the master that generates it; the number of media limits the number of steps.
-        for _ in 0..self.media.len() {
-            if let Some(time) = self.media.get(medium.index())?.sync()?.next_sync() {
+        let mut bus = self.ports.find(device, port)?.bus;
+        // Follows a forwarded signal to the master that generates it; the number of buses limits the number of steps.
+        for _ in 0..self.buses.len() {
+            if let Some(time) = self.buses.get(bus.index())?.sync()?.next_sync() {
                 return Some(time);
             }
-            medium = self.sync_comes_from(medium)?.medium;
+            bus = self.sync_comes_from(bus)?.bus;
         }
         None
     }
 
-    /// The port with the SYNC signal that the master at a medium passes on now.
-    fn sync_comes_from(&self, medium: BusIndex) -> Option<Port> {
-        let sync = self.media.get(medium.index())?.sync()?;
+    /// The port with the SYNC signal that the master at a bus passes on now.
+    fn sync_comes_from(&self, bus: BusIndex) -> Option<Port> {
+        let sync = self.buses.get(bus.index())?.sync()?;
         let takes_it = |&&(device, to, _): &&(DeviceIndex, usize, usize)| {
             let port = self.ports.of_device[device.index()][to];
-            port.medium == medium && sync.takes_sync(port.place)
+            port.bus == bus && sync.takes_sync(port.place)
         };
         let &(device, _, from) = self.ports.ways.iter().flatten().find(takes_it)?;
         Some(self.ports.of_device[device.index()][from])
@@ -242,14 +242,14 @@ impl Plant {
         let origin = |at: Port| Origin { plc: self.device_of(at), node: at.number };
         let name = |it: Origin| names.source(Source::Node(it));
         let mut way = String::new();
-        for _ in 0..=self.media.len() {
-            let medium = &self.media[at.medium.index()];
-            let is_plugged = at.medium.index() < self.named_media;
-            let here = if is_plugged { format!("bus '{}'", medium.name()) } else { name(origin(at)) };
+        for _ in 0..=self.buses.len() {
+            let bus = &self.buses[at.bus.index()];
+            let is_plugged = at.bus.index() < self.named_buses;
+            let here = if is_plugged { format!("bus '{}'", bus.name()) } else { name(origin(at)) };
             let master = |port| {
                 if is_plugged { format!("the master of {here}, {},", name(port)) } else { name(port) }
             };
-            let Some(sync) = medium.sync() else { return format!("{way}{here} has no SYNC signal") };
+            let Some(sync) = bus.sync() else { return format!("{way}{here} has no SYNC signal") };
             return match sync.sync_origin() {
                 SyncOrigin::NoMaster if !is_plugged => format!("{way}{here} is at no bus"),
                 SyncOrigin::NoMaster => format!("{way}{here} has no master"),
@@ -263,7 +263,7 @@ impl Plant {
                 SyncOrigin::Own(port) => {
                     format!("{way}{} makes a SYNC signal, which does not get here", name(port))
                 }
-                SyncOrigin::Forwarded { port, setting } => match self.sync_comes_from(at.medium) {
+                SyncOrigin::Forwarded { port, setting } => match self.sync_comes_from(at.bus) {
                     Some(from) => {
                         way = format!("{} passes on the SYNC signal at {}: ", name(port), name(origin(from)));
                         at = from;
@@ -284,7 +284,7 @@ impl Plant {
     }
 
     fn device_of(&self, port: Port) -> DeviceIndex {
-        let is_it = |other: &Port| (other.medium, other.place) == (port.medium, port.place);
+        let is_it = |other: &Port| (other.bus, other.place) == (port.bus, port.place);
         let device = self.ports.of_device.iter().position(|ports| ports.iter().any(is_it));
         device.map(DeviceIndex::at).unwrap_or_default()
     }

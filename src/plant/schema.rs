@@ -1,4 +1,4 @@
-//! The JSON schema of plant files, assembled from the schemas of devices and media and the table of faults.
+//! The JSON schema of plant files, assembled from the schemas of devices and buses and the table of faults.
 
 use crate::devices::{self, BUS_KINDS};
 use crate::fault::{Field, Form, Kind};
@@ -23,10 +23,10 @@ pub fn schema() -> Value {
             of_kind(section, device.layout.name, true)
         })
         .collect();
-    let media: Vec<_> = BUS_KINDS
+    let buses: Vec<_> = BUS_KINDS
         .iter()
         .enumerate()
-        .map(|(index, medium)| of_kind(section((medium.schema)(), &mut definitions), medium.name, index > 0))
+        .map(|(index, bus)| of_kind(section((bus.schema)(), &mut definitions), bus.name, index > 0))
         .collect();
     let faults: Vec<_> = devices::fault_kinds().iter().map(|kind| fault(kind)).collect();
     let sections =
@@ -43,7 +43,7 @@ pub fn schema() -> Value {
             },
             "plc": sections("PLCs", first.unwrap_or_else(open)),
             "device": sections("Devices", json!({ "anyOf": devices })),
-            "bus": sections("Buses", json!({ "anyOf": media })),
+            "bus": sections("Buses", json!({ "anyOf": buses })),
             "fault": sections("Faults from power-on or a time on", json!({ "anyOf": faults })),
         },
         "definitions": definitions,

@@ -27,7 +27,7 @@ impl Plant {
     /// Time of the next event other than a processor cycle.
     fn next_besides_cycle(&self) -> u64 {
         let first = self.next_device.min(self.faults.next_time());
-        self.media.iter().map(|medium| medium.next_time()).fold(first, u64::min)
+        self.buses.iter().map(|bus| bus.next_time()).fold(first, u64::min)
     }
 
     /// Called after a processor cycle without later events: skips the cycles before `until` if they would change
@@ -63,7 +63,7 @@ impl Plant {
         true
     }
 
-    /// The next processor cycle up to `time` that is needed, by present knowledge: media that run independently make
+    /// The next processor cycle up to `time` that is needed, by present knowledge: buses that run independently make
     /// earlier cycles themselves where a cycle would find something to do.
     pub(super) fn last_needed_cycle(&mut self, time: u64) -> u64 {
         let first = self.next_cycle;
@@ -88,7 +88,7 @@ impl Plant {
         let mut devices = self.devices.iter().zip(self.ports.of_devices());
         devices.all(|(device, ports)| {
             let in_vain =
-                |port: &Port| self.media[port.medium.index()].poll_changes_nothing(port.place, now, is_seen);
+                |port: &Port| self.buses[port.bus.index()].poll_changes_nothing(port.place, now, is_seen);
             (is_seen || device.poll_changes_nothing()) && (!device.is_up() || ports.iter().all(in_vain))
         })
     }
@@ -100,7 +100,7 @@ impl Plant {
         self.faults.is_empty()
             && devices.all(|(device, ports)| {
                 let mut ports = ports.iter();
-                let rest = |port: &Port| self.media[port.medium.index()].is_quiescent(port.place);
+                let rest = |port: &Port| self.buses[port.bus.index()].is_quiescent(port.place);
                 (!device.is_up() || ports.all(rest)) && device.is_quiescent()
             })
     }

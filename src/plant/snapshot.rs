@@ -24,7 +24,7 @@ use std::sync::Arc;
 pub struct Snapshot {
     time_us: u64,
     layouts: Vec<(String, u64)>,
-    media: Vec<String>,
+    buses: Vec<String>,
     settings: Arc<[u64]>,
     state: Vec<u8>,
 }
@@ -92,7 +92,7 @@ impl Snapshot {
     /// Bytes of memory that it takes.
     #[must_use]
     pub fn size(&self) -> usize {
-        let names = self.layouts.iter().map(|(name, _)| name).chain(&self.media);
+        let names = self.layouts.iter().map(|(name, _)| name).chain(&self.buses);
         size_of::<Self>() + self.state.capacity() + names.map(String::capacity).sum::<usize>()
     }
 
@@ -103,20 +103,20 @@ impl Snapshot {
 
     /// Writes the fields of the file format.
     fn save(&self, to: &mut Saving) {
-        let Snapshot { time_us, layouts, media, settings, state } = self;
-        to.value(&(time_us, layouts, media, settings.as_ref(), state));
+        let Snapshot { time_us, layouts, buses, settings, state } = self;
+        to.value(&(time_us, layouts, buses, settings.as_ref(), state));
     }
 
     fn of_saved(from: &mut Saved<'_>) -> Result<Self, Damaged> {
-        let (time_us, layouts, media, settings, state): (_, _, _, Vec<u64>, _) = from.value()?;
-        Ok(Snapshot { time_us, layouts, media, settings: settings.into(), state })
+        let (time_us, layouts, buses, settings, state): (_, _, _, Vec<u64>, _) = from.value()?;
+        Ok(Snapshot { time_us, layouts, buses, settings: settings.into(), state })
     }
 }
 
 impl Plant {
     /// Does the postponed work. The result is the same, but snapshots take less time.
     pub(crate) fn settle(&mut self) {
-        self.media.iter_mut().filter_map(|medium| medium.drives_mut()).for_each(|drives| drives.settle());
+        self.buses.iter_mut().filter_map(|bus| bus.drives_mut()).for_each(|drives| drives.settle());
     }
 
     /// The state of the plant now. Nothing changes by that.
@@ -140,11 +140,11 @@ impl Plant {
     pub(crate) fn snapshot_reusing(&self, bytes: Vec<u8>) -> Snapshot {
         let mut to = Saving::reusing(bytes);
         self.save(&mut to);
-        let (layouts, media) = self.shape();
+        let (layouts, buses) = self.shape();
         Snapshot {
             time_us: self.now,
             layouts,
-            media,
+            buses,
             settings: Arc::clone(&self.settings),
             state: to.into_bytes(),
         }
@@ -216,12 +216,12 @@ impl Plant {
     }
 
     fn fits(&self, snapshot: &Snapshot) -> Result<(), SnapshotError> {
-        let (layouts, media) = self.shape();
-        let names = |layouts: &[(String, u64)], media: &[String]| {
+        let (layouts, buses) = self.shape();
+        let names = |layouts: &[(String, u64)], buses: &[String]| {
             let plcs: Vec<_> = layouts.iter().map(|(name, _)| name.as_str()).collect();
-            format!("PLCs {} and buses {}", listed(plcs), listed(media.iter().map(String::as_str).collect()))
+            format!("PLCs {} and buses {}", listed(plcs), listed(buses.iter().map(String::as_str).collect()))
         };
-        let (theirs, ours) = (names(&snapshot.layouts, &snapshot.media), names(&layouts, &media));
+        let (theirs, ours) = (names(&snapshot.layouts, &snapshot.buses), names(&layouts, &buses));
         if theirs != ours {
             return Err(SnapshotError::OtherPlant { theirs, ours });
         }
@@ -242,22 +242,22 @@ impl Plant {
         }
     }
 
-    /// Settings that differ in another plant with the same devices and media.
+    /// Settings that differ in another plant with the same devices and buses.
     fn describe_differences(&self, theirs: &[u64]) -> String {
         let devices = self.devices.iter().map(|device| format!("PLC '{}'", device.name()));
-        let media = self.media.iter().map(|medium| format!("bus '{}' or its participants", medium.name()));
-        let names = ["the processor cycle".to_owned()].into_iter().chain(devices).chain(media);
+        let buses = self.buses.iter().map(|bus| format!("bus '{}' or its participants", bus.name()));
+        let names = ["the processor cycle".to_owned()].into_iter().chain(devices).chain(buses);
         let differs =
             names.zip(theirs.iter().zip(self.settings.iter())).filter(|(_, (one, other))| one != other);
         listed(differs.map(|(name, _)| name).collect())
     }
 
-    /// Names and layouts of the devices, names and kinds of the media.
+    /// Names and layouts of the devices, names and kinds of the buses.
     fn shape(&self) -> (Vec<(String, u64)>, Vec<String>) {
         let devices = self.devices.iter();
         let layouts = devices.map(|device| (device.name().to_owned(), device.layout().layout_hash));
-        let media = self.media().iter().map(|medium| format!("{} ({})", medium.name(), medium.family()));
-        (layouts.collect(), media.collect())
+        let buses = self.buses().iter().map(|bus| format!("{} ({})", bus.name(), bus.family()));
+        (layouts.collect(), buses.collect())
     }
 
     fn save(&self, to: &mut Saving) {
@@ -272,9 +272,9 @@ impl Plant {
             // A client outside waits for an event.
             watching: _,
             devices,
-            media,
-            named_media: _,
-            // The media are asked before time passes.
+            buses,
+            named_buses: _,
+            // The buses are asked before time passes.
             schedule: _,
             is_rescheduled: _,
             ports,
@@ -297,7 +297,7 @@ impl Plant {
             device.header().save(to);
         }
         devices.save(to);
-        media.save(to);
+        buses.save(to);
         ports.save(to);
         forces.save(to);
         faults.save(to);
@@ -318,7 +318,7 @@ impl Plant {
             device.show_time(self.now);
         }
         self.devices.restore(from)?;
-        self.media.restore(from)?;
+        self.buses.restore(from)?;
         self.ports.restore(from)?;
         self.forces.restore(from)?;
         let forces = self.forces.list();

@@ -15,11 +15,11 @@ impl Plant {
         if self.look_on_cores() {
             return;
         }
-        let Plant { now, media, ports, journal, watches, .. } = self;
+        let Plant { now, buses, ports, journal, watches, .. } = self;
         for (watch, ports) in watches.iter_mut().zip(ports.of_devices()) {
             watch.look(*now, journal);
             for port in ports {
-                if let Some(watch) = media[port.medium.index()].watch() {
+                if let Some(watch) = buses[port.bus.index()].watch() {
                     watch.judge_writes(port.place, *now, journal);
                 }
             }
@@ -33,11 +33,11 @@ impl Plant {
         if self.leave_on_cores() {
             return;
         }
-        let Plant { media, ports, watches, .. } = self;
+        let Plant { buses, ports, watches, .. } = self;
         for (watch, ports) in watches.iter_mut().zip(ports.of_devices()) {
             watch.leave();
             for port in ports {
-                if let Some(watch) = media[port.medium.index()].watch() {
+                if let Some(watch) = buses[port.bus.index()].watch() {
                     watch.store_baseline(port.place);
                 }
             }
@@ -67,13 +67,13 @@ impl Plant {
     }
 
     fn judge_channel_write(&mut self, device: DeviceIndex, offset: u32, bytes: u32) {
-        let Plant { now, media, ports, journal, watches, .. } = self;
+        let Plant { now, buses, ports, journal, watches, .. } = self;
         if let (Some(watch), Some(ports)) =
             (watches.get_mut(device.index()), ports.of_devices().nth(device.index()))
         {
             watch.written(offset, bytes, *now, journal);
             for port in ports {
-                if let Some(watch) = media[port.medium.index()].watch() {
+                if let Some(watch) = buses[port.bus.index()].watch() {
                     watch.judge_write(port.place, offset, bytes, *now, journal);
                 }
             }

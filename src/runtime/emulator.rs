@@ -122,7 +122,7 @@ impl Emulator {
         {
             return Err(RuntimeError::Speed { speed });
         }
-        let doors = config.media.iter().map(|medium| medium.doors().len()).sum();
+        let doors = config.buses.iter().map(|bus| bus.doors().len()).sum();
         // Before anything of the instance exists: without files left, nothing of it could be removed.
         open_files::allow(config.devices.len(), doors)?;
         let lock = take_instance(config, &options.instance)?;
@@ -219,9 +219,9 @@ impl Emulator {
 
     /// The open doors, each with the name of its bus.
     pub fn doors(&self) -> Vec<(&str, DoorSpec)> {
-        let media = BusIndex::enumerate(self.plant.media());
-        let of_bus = |bus: BusIndex| self.guests.open_doors(bus).into_iter();
-        media.flat_map(|(bus, medium)| of_bus(bus).map(|door| (medium.name(), door.door))).collect()
+        let buses = BusIndex::enumerate(self.plant.buses());
+        let of_bus = |index: BusIndex| self.guests.open_doors(index).into_iter();
+        buses.flat_map(|(index, bus)| of_bus(index).map(|door| (bus.name(), door.door))).collect()
     }
 
     /// Limits the memory for snapshots of the past, in bytes, with a stepped clock; 0: no snapshots.

@@ -46,9 +46,9 @@ impl Guests {
         ring: impl Fn() + Send + Sync + 'static,
     ) -> Result<Self, DoorError> {
         let mut doors = Doors::new(ring);
-        for (bus, medium) in config.media.iter().enumerate() {
-            for door in medium.doors() {
-                doors.open(BusIndex::at(bus), *door)?;
+        for (index, bus) in BusIndex::enumerate(&config.buses) {
+            for door in bus.doors() {
+                doors.open(index, *door)?;
             }
         }
         Ok(Guests { doors, present: Vec::new(), next: 0 })
@@ -283,14 +283,14 @@ impl GuestEntry {
 
     /// Description of the guest.
     fn label(&self, plant: &Plant) -> String {
-        let bus = plant.media().get(self.guest.bus.index()).map_or("", |medium| medium.name());
+        let bus = plant.buses().get(self.guest.bus.index()).map_or("", |bus| bus.name());
         format!("guest{} at door {} of bus '{bus}'", self.guest.number, self.guest.door)
     }
 
     /// Reads the wishes of the guest.
     fn learn(&mut self, plant: &mut Plant) {
         self.requests = self.guest.requests();
-        let bit_s = plant.media().get(self.guest.bus.index()).map_or(0, |medium| medium.bit_s());
+        let bit_s = plant.buses().get(self.guest.bus.index()).map_or(0, |bus| bus.bit_s());
         self.guest.is_at(bit_s);
         self.fits = self.requests.rate.is_none_or(|rate| rate.fits(bit_s));
         let deaf = self.requests.rate.filter(|_| self.requests.hears && !self.fits).map(|rate| (rate, bit_s));

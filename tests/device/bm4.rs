@@ -7,7 +7,7 @@ use crate::rig::plant_of;
 use commram::devices::bm4_o_can_06::Leds;
 use commram::devices::bm4_o_can_06::blocks::{CANsync_INIT, INTR_SET, Ram};
 use commram::devices::bm4_o_can_06::registers::*;
-use commram::devices::cansync::bus::Frame;
+use commram::devices::cansync::frames::Frame;
 use commram::devices::cansync::records::Transmitted;
 use commram::devices::cansync::{BaudRate, registers as family, rules};
 use commram::devices::fault_kinds;

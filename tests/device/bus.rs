@@ -3,8 +3,8 @@
 use crate::rig::bring_up::{Mode, Node, Stage, bring_up_in};
 use crate::rig::{BOTH, FASTEST, Memory, RATES, Rig, plant_of};
 use commram::devices::cansync;
-use commram::devices::cansync::bus::wire;
-use commram::devices::cansync::medium::drives;
+use commram::devices::cansync::bus::drives;
+use commram::devices::cansync::frames::wire;
 use commram::devices::cansync::records::{BaudRateMismatch, Missed, OmittedFrame, SyncEdge};
 use commram::identity::{BusIndex, DeviceIndex};
 
@@ -282,7 +282,7 @@ fn a_cluster_forwards_the_sync_signal() {
             plant.next_sync(DeviceIndex(0), master.port),
             "asked at either master"
         );
-        assert!(drives(plant.media()).all(|drive| drive.is_synchronized()));
+        assert!(drives(plant.buses()).all(|drive| drive.is_synchronized()));
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::rig::bring_up::{Mode, Node, Stage, bring_up_in};
 use crate::rig::cluster::Cluster;
 use crate::rig::{FASTEST, RATES, Rate, plant_of};
-use commram::devices::cansync::medium::drives;
+use commram::devices::cansync::bus::drives;
 use commram::devices::cansync::records::{BaudRateMismatch, SyncEdge, Transmitted};
 use commram::devices::{cansync, fault_kinds};
 use commram::fault::FaultSpec;
@@ -96,7 +96,7 @@ fn a_cluster_pauses_while_its_top_restarts() {
 fn the_largest_two_level_cluster_runs() {
     for rate in FASTEST {
         let mut cluster = Cluster::new(rate, &[32, 32]);
-        assert_eq!(cluster.plcs.len() + drives(cluster.plant.media()).count(), 1 + 32 + 32 * 32);
+        assert_eq!(cluster.plcs.len() + drives(cluster.plant.buses()).count(), 1 + 32 + 32 * 32);
         cluster.activate();
         cluster.plcs[0].master.a_WR_VALUE[0].store(7);
         // Two rounds of asking 32 slaves on each level, and the way down and up.
@@ -191,7 +191,7 @@ fn a_cluster_of_unlike_rates_says_so() {
             node.init.w_CANsync_STATUS.load() & 0x0040
         };
         assert_eq!([0, 1, 2].map(|plc| status(&plant, plc)), [0, 0x40, 0x40], "{upper:?}, {lower:?}");
-        assert!(drives(plant.media()).all(|drive| !drive.is_synchronized()));
+        assert!(drives(plant.buses()).all(|drive| !drive.is_synchronized()));
         let recorded: Vec<_> = plant
             .journal()
             .records()
@@ -207,6 +207,6 @@ fn a_cluster_of_unlike_rates_says_so() {
         set_up(&mut plant, &[(0, Mode::Master, lower), (1, Mode::Slave, lower)]);
         plant.advance_to(plant.now() + 100_000);
         assert_eq!([0, 1, 2].map(|plc| status(&plant, plc)), [0, 0, 0], "one rate everywhere");
-        assert!(drives(plant.media()).all(commram::devices::cansync::drive::Drive::is_synchronized));
+        assert!(drives(plant.buses()).all(commram::devices::cansync::drive::Drive::is_synchronized));
     }
 }

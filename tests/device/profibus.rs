@@ -78,7 +78,7 @@ fn stations_have_addresses_and_states() {
     let mut plant = plant_of(&text(&[Some(5), Some(6)]));
     plant.advance_to(1_000);
     let stations = |plant: &Plant| {
-        let of = plant.media()[0].stations().into_iter();
+        let of = plant.buses()[0].stations().into_iter();
         of.map(|it| (it.origin.plc.0, it.address, it.does.unwrap())).collect::<Vec<_>>()
     };
     let mut found = stations(&plant);

@@ -3,8 +3,8 @@
 
 use crate::rig::bench::{Bench, NUMBER};
 use crate::rig::{FASTEST, Memory};
-use commram::devices::cansync::bus::codec::{Access, Decoded, ParameterJob, ParameterResult, decode};
-use commram::devices::cansync::bus::{Frame, FrameKind};
+use commram::devices::cansync::frames::codec::{Access, Decoded, ParameterJob, ParameterResult, decode};
+use commram::devices::cansync::frames::{Frame, FrameKind};
 use proptest::prelude::*;
 
 #[derive(Clone, Debug)]

@@ -6,7 +6,7 @@
 
 use crate::rig::bench::{Bench, LOCK_US, NUMBER};
 use crate::rig::{BOTH, FASTEST, Memory, Rate};
-use commram::devices::cansync::bus::codec::{Access, ActionCommand, ParameterJob, ParameterResult};
+use commram::devices::cansync::frames::codec::{Access, ActionCommand, ParameterJob, ParameterResult};
 
 struct Vector {
     id: &'static str,
@@ -296,8 +296,9 @@ fn a_frame_of_wrong_length_is_not_answered() {
     for rate in FASTEST {
         let mut bench = Bench::active(Memory::Heap, rate);
         for len in [0, 1, 2, 3, 5, 7] {
-            let frame = commram::devices::cansync::bus::Frame::new(0x500 + u16::from(NUMBER), &[0; 8][..len])
-                .unwrap();
+            let frame =
+                commram::devices::cansync::frames::Frame::new(0x500 + u16::from(NUMBER), &[0; 8][..len])
+                    .unwrap();
             assert_eq!(bench.turn(&frame), None, "{len} bytes");
         }
         assert_eq!(par_cmd(&bench), 0x00);

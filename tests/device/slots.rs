@@ -4,7 +4,7 @@
 use crate::faults::add;
 use crate::rig::{FASTEST, Memory, RATES, Rate, Rig};
 use commram::can::wire;
-use commram::devices::cansync::bus::{Channel, Frame, FrameKind};
+use commram::devices::cansync::frames::{Channel, Frame, FrameKind};
 use proptest::prelude::*;
 
 /// Text after `[[bus]]`: two drives with the standard mapping.

@@ -3,11 +3,11 @@
 use super::bring_up::{CYCLE_US, Mode, Node, Stage, bring_up};
 use super::{Memory, Rate, segment};
 use commram::devices::Context;
-use commram::devices::cansync::bus::codec::{
+use commram::devices::cansync::firmware::{NodeLocation, Slave};
+use commram::devices::cansync::frames::codec::{
     ActionCommand, ParameterJob, ParameterResponse, UpDownJob, UpDownResponse,
 };
-use commram::devices::cansync::bus::{Frame, SyncLock};
-use commram::devices::cansync::firmware::{NodeLocation, Slave};
+use commram::devices::cansync::frames::{Frame, SyncLock};
 use commram::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
 use commram::identity::DeviceIndex;
 use commram::journal::{Journal, Origin};

@@ -9,7 +9,7 @@ pub(crate) mod cluster;
 mod kinds;
 
 use bring_up::{Mode, Node, Stage, bring_up_in};
-use commram::devices::cansync::bus::Frame;
+use commram::devices::cansync::frames::Frame;
 use commram::devices::cansync::records::Transmitted;
 use commram::devices::cansync::registers::{
     CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT,

@@ -343,7 +343,7 @@ impl DeviceConfig for Bm4Config {
         let port = |module: &'a ModuleConfig| PortConfig {
             number: module.port.number,
             name: module.port.name,
-            medium: module.bus.as_deref(),
+            bus: module.bus.as_deref(),
             address: (module.kind == ModuleKind::Can05).then_some(module.dip),
         };
         let takes_part =
@@ -401,7 +401,7 @@ mod tests {
         .unwrap();
         let ports = config.ports();
         let ports: Vec<_> =
-            ports.iter().map(|port| (port.name, port.number, port.medium, port.address)).collect();
+            ports.iter().map(|port| (port.name, port.number, port.bus, port.address)).collect();
         assert_eq!(ports, [("slotG", 1, None, None), ("slotM", 6, Some("b"), Some(6))]);
     }
 

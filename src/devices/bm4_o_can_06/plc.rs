@@ -5,9 +5,9 @@ use super::front::{self, Front};
 use super::leds::{Leds, Seen};
 use super::module::{DIP_9_OFF, DIP_10_ON, DIP_BAUD};
 use super::registers::{BAUD_RATES, CANsync_PLC_INIT_BMSTRUCT, DEVICE, DIP_LAST};
-use crate::devices::cansync::bus::SyncLock;
+use crate::devices::cansync::bus::{Socket, SocketRole};
 use crate::devices::cansync::firmware::{NodeLocation, note_restarts, report_number_taken};
-use crate::devices::cansync::medium::{Socket, SocketRole};
+use crate::devices::cansync::frames::SyncLock;
 use crate::devices::records::{BoardEvent, OnBoard};
 use crate::devices::{
     AddressWrites, BuildError, Context, Device, DevicePorts, DeviceView, Events, FrontAction, Plug, Power,
@@ -139,7 +139,7 @@ impl Bm4Plc {
             Some(Plug {
                 number,
                 family: module.port.medium,
-                medium: module.bus.clone(),
+                bus: module.bus.clone(),
                 socket: Box::new(Socket {
                     origin,
                     segment: segment.clone(),

@@ -15,7 +15,7 @@ use toml::de::{Error, ValueDeserializer};
 
 /// Firmware of such a device. All of it runs at the port.
 pub trait CanDevice: CanPort + Sized + 'static {
-    /// Registers of the device. Its first port of medium `can` is used.
+    /// Registers of the device. Its first port of bus `can` is used.
     const LAYOUT: &'static layout::DeviceLayout;
 
     /// Creates the firmware of a device with this image.
@@ -86,8 +86,8 @@ impl<D: CanDevice> DeviceConfig for Config<D> {
             let origin = Origin { plc: index, node: port.number };
             let firmware = Box::new(D::new(&segment)?);
             let socket = CanSocket { origin, segment: segment.clone(), layout: D::LAYOUT, port: firmware };
-            let (number, medium) = (port.number, self.bus.clone());
-            plugs.push(Plug { number, family: port.medium, medium, socket: Box::new(socket) });
+            let (number, bus) = (port.number, self.bus.clone());
+            plugs.push(Plug { number, family: port.medium, bus, socket: Box::new(socket) });
         }
         let device = Plain::new(index, &self.name, D::LAYOUT, segment, ())?;
         Ok((Box::new(device), plugs))

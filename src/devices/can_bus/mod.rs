@@ -5,6 +5,7 @@
 //! port, a [`CanPort`]. The firmware gives frames to its [`Controller`] and receives frames that pass the filters.
 
 mod acceptance;
+mod bus;
 mod config;
 mod controller;
 mod device;
@@ -12,7 +13,6 @@ mod disturbance;
 #[cfg(test)]
 mod fault_tests;
 mod guest;
-mod medium;
 mod port;
 pub mod records;
 mod station;
@@ -21,11 +21,11 @@ mod stations;
 mod tests;
 mod traffic;
 
+pub use bus::CanBus;
 pub use config::CanBusConfig;
 pub use controller::{Controller, QueueFull};
 pub use device::{CanDevice, read};
-pub use medium::CanBus;
 pub use port::{CanPort, CanSocket};
 
-/// Name of the family of these media.
+/// Name of the family of these buses.
 pub(crate) const FAMILY: &str = "can";

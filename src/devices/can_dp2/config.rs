@@ -60,8 +60,8 @@ impl CanDp2Config {
         Ok(Arc::new(CanDp2Config { name, profibus, can, switches }))
     }
 
-    /// Returns the name of the medium that a port is plugged in at.
-    fn medium(&self, port: &Port) -> Option<&str> {
+    /// Returns the name of the bus that a port is plugged in at.
+    fn bus(&self, port: &Port) -> Option<&str> {
         if port.medium == can_bus::FAMILY { self.can.as_deref() } else { self.profibus.as_deref() }
     }
 }
@@ -78,7 +78,7 @@ impl DeviceConfig for CanDp2Config {
     fn ports(&self) -> Vec<PortConfig<'_>> {
         let port = |port: &'static Port| PortConfig {
             address: (port.name == "dp").then(|| dp_port::address(self.switches.into()) as u8),
-            ..PortConfig::of(port, self.medium(port))
+            ..PortConfig::of(port, self.bus(port))
         };
         DEVICE.ports.iter().map(port).collect()
     }
@@ -114,8 +114,8 @@ impl DeviceConfig for CanDp2Config {
                     Box::new(ProfibusSocket { origin, segment, layout, port })
                 }
             };
-            let medium = self.medium(port).map(str::to_owned);
-            plugs.push(Plug { number: port.number, family: port.medium, medium, socket });
+            let bus = self.bus(port).map(str::to_owned);
+            plugs.push(Plug { number: port.number, family: port.medium, bus, socket });
         }
         segment.face()?.put(|page| &page.front[FRONT_SWITCHES], self.switches.into());
         let stored = Stored::new(&segment)?;

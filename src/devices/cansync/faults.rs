@@ -1,8 +1,8 @@
 //! Kinds of faults on a CANsync bus, at its slaves and in the CAN controllers of its nodes. `devices::can_faults` has
 //! the kinds that all CAN buses share.
 
-use super::bus::codec::updown::MAX_OFFSET;
-use super::bus::{Channel, Frame, FrameKind};
+use super::frames::codec::updown::MAX_OFFSET;
+use super::frames::{Channel, Frame, FrameKind};
 use crate::devices::can_faults::{
     BUS_OFF, DELAY_FRAME, DUPLICATE_FRAME, Frames, IN_US, LOSE_FRAME, OVERRUN, delay,
 };

@@ -16,7 +16,7 @@ pub mod faults;
 #[cfg(feature = "emulator")]
 pub mod firmware;
 #[cfg(feature = "emulator")]
-pub mod medium;
+pub mod frames;
 mod rate;
 #[cfg(feature = "emulator")]
 pub mod records;

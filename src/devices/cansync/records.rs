@@ -1,8 +1,8 @@
 //! Journal events of CANsync: its bus and its nodes.
 
-use super::bus::codec;
-use super::bus::{Frame, FrameKind};
 use super::firmware::InitFault;
+use super::frames::codec;
+use super::frames::{Frame, FrameKind};
 use crate::can;
 use crate::can::Id;
 use crate::event_kinds;

@@ -128,8 +128,8 @@ impl DeviceConfig for Cr201xConfig {
             let origin = Origin { plc: index, node: port.number };
             let socket =
                 CanSocket { origin, segment: segment.clone(), layout: &DEVICE, port: Box::new(module) };
-            let (number, medium) = (port.number, self.bus.clone());
-            plugs.push(Plug { number, family: port.medium, medium, socket: Box::new(socket) });
+            let (number, bus) = (port.number, self.bus.clone());
+            plugs.push(Plug { number, family: port.medium, bus, socket: Box::new(socket) });
         }
         Ok((Box::new(Plain::new(index, &self.name, &DEVICE, segment, ())?), plugs))
     }

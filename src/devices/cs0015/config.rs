@@ -286,8 +286,8 @@ impl DeviceConfig for Cs0015Config {
             let firmware = Firmware::new(node, self.program.clone(), shared.clone(), pulses.clone());
             let socket =
                 CanSocket { origin, segment: segment.clone(), layout: &DEVICE, port: Box::new(firmware) };
-            let (number, medium) = (port.number, self.bus.clone());
-            plugs.push(Plug { number, family: port.medium, medium, socket: Box::new(socket) });
+            let (number, bus) = (port.number, self.bus.clone());
+            plugs.push(Plug { number, family: port.medium, bus, socket: Box::new(socket) });
         }
         let has_program = self.program != Program::None;
         let hardware = Hardware::new(&segment, has_program, shared, pulses)?;
@@ -310,7 +310,7 @@ mod tests {
     #[test]
     fn a_name_is_enough() {
         let config = read("{ name = 'panel' }").unwrap();
-        assert_eq!((config.name(), config.retain_bytes(), config.ports()[0].medium), ("panel", 256, None));
+        assert_eq!((config.name(), config.retain_bytes(), config.ports()[0].bus), ("panel", 256, None));
         let text = format!("{config:?}");
         assert!(text.contains("node_id: 32, kbit_s: 125"), "{text}");
     }

@@ -34,7 +34,7 @@ pub struct PlcConfig {
     #[serde(default = "default_lock_time")]
     pub lock_time_us: u64,
     /// Emulated time without SYNC signal that ends that lock, in us, 1 to one hour; left out: two and a half intervals
-    /// ([`SyncLock`](crate::devices::cansync::bus::SyncLock)).
+    /// ([`SyncLock`](crate::devices::cansync::frames::SyncLock)).
     pub sync_loss_us: Option<u64>,
     /// Period of the SYNC signal of an option card in us, 50..=1000000; without one there is no such card.
     pub option_sync_us: Option<u32>,
@@ -140,8 +140,8 @@ impl DeviceConfig for PlcConfig {
     fn ports(&self) -> Vec<PortConfig<'_>> {
         let (node1, node2) = (self.node1.as_deref(), self.node2.as_deref());
         vec![
-            PortConfig { number: SLAVE, name: "node1", medium: node1, address: Some(self.dip) },
-            PortConfig { number: MASTER, name: "node2", medium: node2, address: None },
+            PortConfig { number: SLAVE, name: "node1", bus: node1, address: Some(self.dip) },
+            PortConfig { number: MASTER, name: "node2", bus: node2, address: None },
         ]
     }
 

@@ -3,10 +3,10 @@
 
 use super::config::PlcConfig;
 use super::faults::{Effect, pace};
-use crate::devices::cansync::bus::SyncLock;
+use crate::devices::cansync::bus::{Socket, SocketRole};
 use crate::devices::cansync::drive::BuiltInDrive;
 use crate::devices::cansync::firmware::{NodeLocation, note_restarts, report_number_taken};
-use crate::devices::cansync::medium::{Socket, SocketRole};
+use crate::devices::cansync::frames::SyncLock;
 use crate::devices::cansync::records::OwnDriveSet;
 use crate::devices::omega_drive_line_2::baps::Baps;
 use crate::devices::omega_drive_line_2::board::{Board, level};
@@ -63,10 +63,10 @@ impl Plc {
         face.put(|page| &page.board.dip, u32::from(config.dip));
         face.retain_size.store(config.retain_bytes);
         let lock = SyncLock::new(config.lock_time_us, config.sync_loss_us);
-        let plug = |port: &'static layout::Port, medium: &Option<String>, role: SocketRole| Plug {
+        let plug = |port: &'static layout::Port, bus: &Option<String>, role: SocketRole| Plug {
             number: port.number,
             family: "cansync",
-            medium: medium.clone(),
+            bus: bus.clone(),
             socket: Box::new(Socket {
                 origin: Origin { plc: index, node: port.number },
                 segment: segment.clone(),

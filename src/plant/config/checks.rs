@@ -1,4 +1,4 @@
-//! Checks of a plant as a whole that no device or medium can make by itself.
+//! Checks of a plant as a whole that no device or bus can make by itself.
 
 use super::{MOST, PlantConfig, PlantError, PortOf, equal_numbers};
 use crate::devices;
@@ -19,31 +19,31 @@ impl PlantConfig {
             .map_err(BuildError::from)?;
         // A port without a bus may need a placeholder, which has an index like a bus.
         let ports = self.devices.iter().flat_map(|device| device.ports());
-        let placeholders = BUS_KINDS.len() + ports.filter(|port| port.medium.is_none()).count();
-        for (what, count) in [("PLC", self.devices.len()), ("bus", self.media.len() + placeholders)] {
+        let placeholders = BUS_KINDS.len() + ports.filter(|port| port.bus.is_none()).count();
+        for (what, count) in [("PLC", self.devices.len()), ("bus", self.buses.len() + placeholders)] {
             if count > MOST {
                 return Err(PlantError::TooMany { what, count });
             }
         }
         check_names("PLC", self.devices.iter().map(|device| device.name()))?;
-        check_names("bus", self.media.iter().map(|medium| medium.name()))?;
-        let participants = self.media.iter().flat_map(|medium| medium.participants());
+        check_names("bus", self.buses.iter().map(|bus| bus.name()))?;
+        let participants = self.buses.iter().flat_map(|bus| bus.participants());
         check_names("drive", participants.map(|(name, _)| name))?;
-        let media: HashMap<_, _> = self.media.iter().map(|medium| (medium.name(), &**medium)).collect();
+        let buses: HashMap<_, _> = self.buses.iter().map(|bus| (bus.name(), &**bus)).collect();
         for device in &self.devices {
             device.check()?;
-            self.check_ports(&**device, &media)?;
+            self.check_ports(&**device, &buses)?;
         }
-        for medium in &self.media {
-            medium.check()?;
-            for door in medium.doors() {
-                devices::door_fits(medium.family(), *door)
-                    .map_err(|reason| BuildError::own(medium.name(), "doors", reason))?;
+        for bus in &self.buses {
+            bus.check()?;
+            for door in bus.doors() {
+                devices::door_fits(bus.family(), *door)
+                    .map_err(|reason| BuildError::own(bus.name(), "doors", reason))?;
             }
         }
-        let ports = self.ports_of_media();
-        for medium in &self.media {
-            check_medium(&**medium, ports.get(medium.name()).map_or(&[], Vec::as_slice))?;
+        let ports = self.ports_of_buses();
+        for bus in &self.buses {
+            check_bus(&**bus, ports.get(bus.name()).map_or(&[], Vec::as_slice))?;
         }
         self.resolved_faults().map(|_| ())
     }
@@ -51,21 +51,20 @@ impl PlantConfig {
     fn check_ports(
         &self,
         device: &dyn DeviceConfig,
-        media: &HashMap<&str, &dyn BusSection>,
+        buses: &HashMap<&str, &dyn BusSection>,
     ) -> Result<(), PlantError> {
         for port in &device.ports() {
-            let Some(bus) = port.medium else { continue };
+            let Some(name) = port.bus else { continue };
             let plc = device.name().to_owned();
-            let Some(medium) = media.get(bus) else {
-                let known: Vec<&str> = self.media.iter().map(|medium| medium.name()).collect();
+            let Some(bus) = buses.get(name) else {
+                let known: Vec<&str> = self.buses.iter().map(|bus| bus.name()).collect();
                 let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
-                let (port, bus) = (port.name.to_owned(), bus.to_owned());
+                let (port, bus) = (port.name.to_owned(), name.to_owned());
                 return Err(PlantError::UnknownBus { plc, port, bus, known });
             };
-            let right =
-                device.layout().port_numbered(port.number).map_or(medium.family(), |port| port.medium);
-            if right != medium.family() {
-                let (port, bus, kind) = (port.name.to_owned(), bus.to_owned(), medium.family());
+            let right = device.layout().port_numbered(port.number).map_or(bus.family(), |port| port.medium);
+            if right != bus.family() {
+                let (port, bus, kind) = (port.name.to_owned(), name.to_owned(), bus.family());
                 return Err(PlantError::OtherKind { plc, port, bus, kind, right });
             }
         }
@@ -73,19 +72,19 @@ impl PlantConfig {
     }
 }
 
-fn check_medium(medium: &dyn BusSection, ports: &[PortOf<'_>]) -> Result<(), PlantError> {
-    let bus = || medium.name().to_owned();
+fn check_bus(bus: &dyn BusSection, ports: &[PortOf<'_>]) -> Result<(), PlantError> {
+    let name = || bus.name().to_owned();
     let mut masters = ports.iter().filter(|(_, port)| port.address.is_none());
-    if medium.has_one_master()
+    if bus.has_one_master()
         && let (Some((first, first_port)), Some((second, second_port))) = (masters.next(), masters.next())
     {
         let (first, second) = ((*first).to_owned(), (*second).to_owned());
         let (first_port, second_port) = (first_port.name.to_owned(), second_port.name.to_owned());
-        return Err(PlantError::TwoMasters { bus: bus(), first, first_port, second, second_port });
+        return Err(PlantError::TwoMasters { bus: name(), first, first_port, second, second_port });
     }
-    let equal = equal_numbers(medium, ports).into_iter().next().filter(|_| medium.refuses_equal_numbers());
+    let equal = equal_numbers(bus, ports).into_iter().next().filter(|_| bus.refuses_equal_numbers());
     equal.map_or(Ok(()), |(number, first, second)| {
-        Err(PlantError::SlaveNumber { bus: bus(), number, first, second })
+        Err(PlantError::SlaveNumber { bus: name(), number, first, second })
     })
 }
 

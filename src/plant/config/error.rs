@@ -142,7 +142,7 @@ pub enum PlantError {
         /// Another participant.
         second: String,
     },
-    /// A device or medium cannot be built: a number out of its range, or a setting that only its owner can judge.
+    /// A device or bus cannot be built: a number out of its range, or a setting that only its owner can judge.
     #[error(transparent)]
     Build(#[from] BuildError),
     /// A fault is refused.

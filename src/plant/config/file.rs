@@ -58,16 +58,16 @@ pub(super) fn read(file: &str, text: &str) -> Result<(PlantConfig, Vec<usize>), 
         let (section, read) = source.of_kind(section, "device", None, &kinds)?;
         devices.push(source.read("device", section, read)?);
     }
-    let mut media: Vec<Arc<dyn BusSection>> = Vec::with_capacity(buses.len());
-    let kinds: Vec<_> = BUS_KINDS.iter().map(|medium| (medium.name, medium.read)).collect();
+    let mut read_buses: Vec<Arc<dyn BusSection>> = Vec::with_capacity(buses.len());
+    let kinds: Vec<_> = BUS_KINDS.iter().map(|bus| (bus.name, bus.read)).collect();
     for section in buses {
         let (section, read) = source.of_kind(section, "bus", Some(kinds[0].0), &kinds)?;
-        media.push(source.read("bus", section, read)?);
+        read_buses.push(source.read("bus", section, read)?);
     }
     let Rest { processor_cycle_us, fault: faults, .. } = rest;
     let places = faults.iter().map(|fault| fault.span().start).collect();
     let faults = faults.into_iter().map(Spanned::into_inner).collect();
-    Ok((PlantConfig { processor_cycle_us, devices, media, faults, text: text.into() }, places))
+    Ok((PlantConfig { processor_cycle_us, devices, buses: read_buses, faults, text: text.into() }, places))
 }
 
 /// The line, from 1, of an offset. It counts from the beginning of the text, so it is for errors only.

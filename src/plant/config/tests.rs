@@ -10,7 +10,7 @@ use crate::plant::Plant;
 #[test]
 fn the_built_in_plant_is_valid() {
     let plant = PlantConfig::built_in().unwrap();
-    let numbers: Vec<u8> = plant.media[0].participants().iter().map(|(_, number)| *number).collect();
+    let numbers: Vec<u8> = plant.buses[0].participants().iter().map(|(_, number)| *number).collect();
     assert_eq!((plant.devices.len(), numbers), (1, vec![1, 2, 3]));
 }
 
@@ -19,8 +19,8 @@ fn the_documented_plant_file_is_valid() {
     let text = include_str!("../../../docs/reference/plant.md");
     let example = text.split("```toml").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
     let plant = PlantConfig::parse("docs/reference/plant.md", example).unwrap();
-    assert_eq!(plant.media[1].participants()[0].0, "winder");
-    assert!(plant.media[1].build(BusIndex(1)).is_ok());
+    assert_eq!(plant.buses[1].participants()[0].0, "winder");
+    assert!(plant.buses[1].build(BusIndex(1)).is_ok());
 }
 
 /// Any plant file is either refused, or it is a plant that runs.

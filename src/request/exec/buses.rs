@@ -32,24 +32,24 @@ impl Work<'_> {
             Stranger { name, bit_s: it.bit_s }
         };
         let port = |origin| names.source(Source::Node(origin));
-        let state = |bus: BusIndex, medium: &dyn Bus| BusState {
-            name: medium.name().to_owned(),
-            kind: medium.family().to_owned(),
-            bit_s: medium.bit_s(),
-            load_permille: host.plant().bus_load(bus, LOAD_US),
-            ports: host.plant().ports_at(bus).into_iter().map(port).collect(),
-            doors: doors(bus),
-            stations: medium.stations().into_iter().map(station).collect(),
-            strangers: medium.strangers().into_iter().map(stranger).collect(),
+        let state = |index: BusIndex, bus: &dyn Bus| BusState {
+            name: bus.name().to_owned(),
+            kind: bus.family().to_owned(),
+            bit_s: bus.bit_s(),
+            load_permille: host.plant().bus_load(index, LOAD_US),
+            ports: host.plant().ports_at(index).into_iter().map(port).collect(),
+            doors: doors(index),
+            stations: bus.stations().into_iter().map(station).collect(),
+            strangers: bus.strangers().into_iter().map(stranger).collect(),
         };
-        let media = BusIndex::enumerate(host.plant().media());
-        Ok(Reply::Buses(media.map(|(bus, medium)| state(bus, &**medium)).collect()))
+        let buses = BusIndex::enumerate(host.plant().buses());
+        Ok(Reply::Buses(buses.map(|(index, bus)| state(index, &**bus)).collect()))
     }
 
     pub(super) fn door_open(&mut self, bus: BusIndex, door: DoorSpec) -> Result<Reply, Refused> {
         let host = &mut *self.host;
         known(host, bus)?;
-        let family = host.plant().media().get(bus.index()).map_or("", |medium| medium.family());
+        let family = host.plant().buses().get(bus.index()).map_or("", |bus| bus.family());
         devices::door_fits(family, door).map_err(|text| Refused::new(Code::DOOR, text))?;
         let opened = doors_of(host, bus)?.open(bus, door);
         opened.map(Reply::DoorOpened).map_err(|error| Refused::new(Code::DOOR, error))
@@ -60,7 +60,7 @@ impl Work<'_> {
         let count = doors_of(host, bus)?.close(bus, door);
         match door {
             Some(door) if count == 0 => {
-                let name = host.plant().media().get(bus.index()).map_or("", |medium| medium.name());
+                let name = host.plant().buses().get(bus.index()).map_or("", |bus| bus.name());
                 let text = format_args!("bus '{name}' has no door {door}");
                 Err(Refused::new(Code::DOOR, text))
             }
@@ -73,8 +73,8 @@ impl Work<'_> {
         known(host, bus)?;
         let taken = host.plant_mut().take_part(bus, frame.as_ref());
         taken.map(|()| Reply::Written).map_err(|refusal| {
-            let medium = host.plant().media().get(bus.index());
-            let (name, family) = medium.map_or(("", ""), |medium| (medium.name(), medium.family()));
+            let found = host.plant().buses().get(bus.index());
+            let (name, family) = found.map_or(("", ""), |bus| (bus.name(), bus.family()));
             let (code, text) = match refusal {
                 GuestRefusal::Full => (
                     Code::QUEUE_FULL,
@@ -100,7 +100,7 @@ impl Work<'_> {
 }
 
 fn known(host: &dyn Host, bus: BusIndex) -> Result<(), Refused> {
-    let known = host.plant().media().len();
+    let known = host.plant().buses().len();
     if bus.index() < known {
         return Ok(());
     }

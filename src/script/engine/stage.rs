@@ -143,7 +143,7 @@ impl Stage {
         match &self.bench {
             Some(bench) if self.attached => {
                 let plcs: Vec<_> = config.devices.iter().map(|device| device.name()).collect();
-                let buses: Vec<_> = config.media.iter().map(|medium| medium.name()).collect();
+                let buses: Vec<_> = config.buses.iter().map(|bus| bus.name()).collect();
                 let names = bench.names();
                 if plcs.iter().eq(&names.plcs.iter().collect::<Vec<_>>())
                     && buses.iter().eq(&names.buses.iter().collect::<Vec<_>>())

@@ -39,7 +39,7 @@ pub(super) fn fault(plant: &PlantConfig, rng: &mut Rng) -> String {
             ("count", _) if !ends_by_hits => continue,
             ("duration_us", _) if ends_by_hits => continue,
             ("duration_us", _) => format!("{}us", rng.u64(1..=LONGEST_US)),
-            ("bus", _) => rng.choice(&plant.media).map(|bus| bus.name().to_owned()).unwrap_or_default(),
+            ("bus", _) => rng.choice(&plant.buses).map(|bus| bus.name().to_owned()).unwrap_or_default(),
             (_, Form::Name) => device.map(|it| it.name().to_owned()).unwrap_or_default(),
             (_, Form::Port) => device.and_then(|it| port(it, rng)).unwrap_or_default().to_owned(),
             (_, Form::Word(words)) => rng.choice(words).copied().unwrap_or_default().to_owned(),

@@ -8,7 +8,7 @@ use crate::rig::bring_up::Stage;
 use crate::rig::{Memory, RATES, Rate, Rig};
 use commram::devices::bm4_o_can_06::blocks::*;
 use commram::devices::bm4_o_can_06::registers::*;
-use commram::devices::cansync::bus::Frame;
+use commram::devices::cansync::frames::Frame;
 use commram::devices::fault_kinds;
 use commram::fault::FaultSpec;
 use commram::identity::DeviceIndex;

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::rig::{BOTH, FASTEST, Memory, NodePlace};
-use commram::devices::cansync::medium::drives;
+use commram::devices::cansync::bus::drives;
 
 const OVERRUN: u16 = 1 << 1;
 const BUS_OFF: u16 = 0x00C0;
@@ -31,7 +31,7 @@ fn a_master_in_bus_off_sends_nothing_until_it_is_reset() {
             assert_eq!(parameter(&rig, DRIVE).0, 0x03);
             assert_eq!(rig.frames().len(), frames);
             assert_eq!(rig.master.w_OPTION_STATUS.load(), 0x0080, "the state stays");
-            assert!(drives(rig.plant.media()).next().unwrap().is_synchronized(), "SYNC goes on");
+            assert!(drives(rig.plant.buses()).next().unwrap().is_synchronized(), "SYNC goes on");
             assert_eq!(rig.plant.faults().count(), 0, "it happens once unless more is asked for");
 
             rig.master.w_CPU_CONTROL.store(0x00C0);

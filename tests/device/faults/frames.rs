@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::rig::{BOTH, FASTEST, Memory, Rig};
-use commram::devices::cansync::medium::drives;
+use commram::devices::cansync::bus::drives;
 
 /// Whether the master got RDC1 in this interval; runs through it.
 fn exchanged(rig: &mut Rig) -> bool {
@@ -42,7 +42,7 @@ fn a_drive_counts_the_reference_frames_it_misses() {
         let mut rig = running(Memory::Heap, rate);
         exchanged(&mut rig);
         exchanged(&mut rig);
-        let losses = |rig: &Rig| drives(rig.plant.media()).next().unwrap().reference_losses();
+        let losses = |rig: &Rig| drives(rig.plant.buses()).next().unwrap().reference_losses();
         let before = losses(&rig);
         add(&mut rig, "kind = 'lose_frame'\nslot = 'WRC1'\ncount = 1");
         exchanged(&mut rig);

@@ -53,7 +53,7 @@ fn faults_of_missing_stations_or_with_invalid_values_are_refused() {
     for rate in FASTEST {
         let mut rig = running(Memory::Heap, rate);
         let lose = Draft::new(kind("lose_sync"), Target::Bus(BusIndex(0)));
-        let slave = |medium, number| Draft::new(kind("slave_busy"), Target::Participant { medium, number });
+        let slave = |bus, number| Draft::new(kind("slave_busy"), Target::Participant { bus, number });
         let node = |device, port| Draft::new(kind("bus_off"), Target::Port { device, port });
         let cases = [
             (Draft { count: Some(0), ..lose }, "count is 0; it must be 1 to 4294967295"),

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::rig::{FASTEST, Memory};
-use commram::devices::cansync::bus::{Frame, FrameKind};
+use commram::devices::cansync::frames::{Frame, FrameKind};
 use commram::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use commram::identity::DeviceIndex;
 use core::mem::offset_of;

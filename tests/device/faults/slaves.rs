@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::rig::{BOTH, FASTEST, Memory};
-use commram::devices::cansync::medium::drives;
+use commram::devices::cansync::bus::drives;
 
 #[test]
 fn a_drive_without_power_is_silent_and_comes_back_as_new() {
@@ -23,7 +23,7 @@ fn a_drive_without_power_is_silent_and_comes_back_as_new() {
             intervals(&mut rig, 3);
             assert_eq!(parameter(&rig, DRIVE), (0x02, 100), "the value of power-on");
             assert!(
-                !drives(rig.plant.media()).next().unwrap().is_synchronized(),
+                !drives(rig.plant.buses()).next().unwrap().is_synchronized(),
                 "SYNC mode: on is sent in set-up mode only"
             );
             assert_eq!(
@@ -184,7 +184,7 @@ fn a_drive_with_a_fault_brakes_until_it_is_reset() {
     for rate in FASTEST {
         for memory in BOTH {
             let mut rig = running(memory, rate);
-            let state = |rig: &Rig| drives(rig.plant.media()).next().unwrap().status_word() & 0x006F;
+            let state = |rig: &Rig| drives(rig.plant.buses()).next().unwrap().status_word() & 0x006F;
             assert_eq!(state(&rig), 0x0027);
             let fault = add(&mut rig, &format!("kind = 'drive_fault'\nslave = {DRIVE}\nerror = 17"));
             // A second one has to wait until the first is reset.

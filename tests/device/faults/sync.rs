@@ -3,8 +3,8 @@
 use super::*;
 use crate::rig::{BOTH, FASTEST, Memory, NodePlace, RATES};
 use commram::devices::cansync;
+use commram::devices::cansync::bus::drives;
 use commram::devices::cansync::drive::DrivecomState;
-use commram::devices::cansync::medium::drives;
 use commram::identity::DeviceIndex;
 
 fn edges(rig: &Rig) -> Vec<u64> {
@@ -16,12 +16,12 @@ fn edges(rig: &Rig) -> Vec<u64> {
 }
 
 fn is_locked(rig: &Rig) -> bool {
-    drives(rig.plant.media()).next().unwrap().is_synchronized()
+    drives(rig.plant.buses()).next().unwrap().is_synchronized()
 }
 
 /// The first drive goes on turning by 1000 increments in each millisecond.
 fn turns_on(rig: &mut Rig) {
-    let position = |rig: &Rig| drives(rig.plant.media()).next().unwrap().parameter(303).unwrap();
+    let position = |rig: &Rig| drives(rig.plant.buses()).next().unwrap().parameter(303).unwrap();
     let before = position(rig);
     rig.step(20_000);
     assert_eq!(position(rig).wrapping_sub(before), 20 * 1000);
@@ -39,7 +39,7 @@ fn one_lost_edge_ends_no_lock() {
         };
         let (master_at, slave_at) = (rig.master_at, rig.slave_at);
         let (master, slave) = (counter(&rig, master_at), counter(&rig, slave_at));
-        let position = |rig: &Rig| drives(rig.plant.media()).next().unwrap().parameter(303);
+        let position = |rig: &Rig| drives(rig.plant.buses()).next().unwrap().parameter(303);
         rig.master.a_WR_VALUE[0].store(1000);
         rig.send_wrc1();
         rig.send_wrc1();
@@ -108,7 +108,7 @@ fn the_time_without_sync_can_be_set() {
         start(&mut rig);
         add(&mut rig, "kind = 'lose_sync'");
         let locked = |rig: &Rig| -> Vec<bool> {
-            drives(rig.plant.media()).map(|drive| drive.is_synchronized()).collect()
+            drives(rig.plant.buses()).map(|drive| drive.is_synchronized()).collect()
         };
         for (us, expected) in
             [(least - 1, [true, true]), (1, [true, false]), (least - 1, [true, false]), (1, [false, false])]
@@ -262,7 +262,7 @@ fn a_drive_without_sync_reacts_as_it_is_set() {
         rig.run_to_sync();
         rig.master.w_CPU_CONTROL.store(0x0000);
         let recorded = |rig: &Rig| -> Vec<_> {
-            drives(rig.plant.media())
+            drives(rig.plant.buses())
                 .map(|drive| (drive.state(), drive.status_word(), drive.parameter(308).unwrap()))
                 .collect()
         };

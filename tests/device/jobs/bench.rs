@@ -4,9 +4,9 @@
 use crate::rig::bring_up::{CYCLE_US, Mode, Node, Stage, bring_up};
 use crate::rig::{Memory, Rate, segment};
 use commram::devices::Context;
-use commram::devices::cansync::bus::Frame;
-use commram::devices::cansync::bus::codec::{ParameterJob, ParameterResult, UpDownJob, UpDownResult};
 use commram::devices::cansync::firmware::{Change, Master, NodeLocation, NodeState};
+use commram::devices::cansync::frames::Frame;
+use commram::devices::cansync::frames::codec::{ParameterJob, ParameterResult, UpDownJob, UpDownResult};
 use commram::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use commram::identity::DeviceIndex;
 use commram::journal::{Journal, Origin};

@@ -2,7 +2,7 @@
 
 use super::bench::Bench;
 use crate::rig::{BOTH, FASTEST, RATES, Rig};
-use commram::devices::cansync::bus::Frame;
+use commram::devices::cansync::frames::Frame;
 
 /// Frames of the command channel since `mark`.
 fn commands(rig: &Rig, mark: u64) -> Vec<Frame> {

@@ -3,8 +3,8 @@
 
 use super::bench::Bench;
 use crate::rig::{BOTH, FASTEST};
-use commram::devices::cansync::bus::Frame;
-use commram::devices::cansync::bus::codec::{
+use commram::devices::cansync::frames::Frame;
+use commram::devices::cansync::frames::codec::{
     ActionCommand, Direction, ParameterJob, ParameterResult, UpDownJob, UpDownResult, UpDownStep,
 };
 use proptest::prelude::*;
@@ -281,7 +281,7 @@ impl Model {
             Reply::Silent => return bench.no_answer(),
             Reply::Unfit => {
                 let other =
-                    ParameterJob::new(1, commram::devices::cansync::bus::codec::Access::Read).unwrap();
+                    ParameterJob::new(1, commram::devices::cansync::frames::codec::Access::Read).unwrap();
                 return bench.answer(model.slave, &other, ParameterResult::Word(1));
             }
             Reply::Busy => {

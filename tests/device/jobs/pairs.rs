@@ -4,7 +4,7 @@
 
 use super::bench::Bench;
 use crate::rig::{BOTH, FASTEST};
-use commram::devices::cansync::bus::codec::{
+use commram::devices::cansync::frames::codec::{
     Access, ParameterJob, ParameterResult, UpDownJob, UpDownResult, UpDownStep,
 };
 

@@ -2,8 +2,8 @@
 
 use super::bench::Bench;
 use crate::rig::{BOTH, FASTEST, Memory, RATES, Rate, Rig};
-use commram::devices::cansync::bus::Frame;
-use commram::devices::cansync::bus::codec::{Access, ParameterJob, ParameterResult};
+use commram::devices::cansync::frames::Frame;
+use commram::devices::cansync::frames::codec::{Access, ParameterJob, ParameterResult};
 use commram::devices::cansync::registers::values::par_error;
 
 /// A kind of job: the PLC's entry, the frames, the result in the registers.

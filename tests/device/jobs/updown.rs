@@ -4,8 +4,8 @@ mod errors;
 
 use super::bench::Bench;
 use crate::rig::{BOTH, FASTEST, Memory};
-use commram::devices::cansync::bus::Frame;
-use commram::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResult, UpDownStep};
+use commram::devices::cansync::frames::Frame;
+use commram::devices::cansync::frames::codec::{Direction, UpDownJob, UpDownResult, UpDownStep};
 use commram::devices::cansync::registers::values::updown_error;
 use core::array;
 

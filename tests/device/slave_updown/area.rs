@@ -2,7 +2,7 @@
 
 use crate::rig::bench::Bench;
 use crate::rig::{Memory, Rate};
-use commram::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResult, UpDownStep};
+use commram::devices::cansync::frames::codec::{Direction, UpDownJob, UpDownResult, UpDownStep};
 use commram::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
 use commram::memory::{Cell8, Cell16, Cell32};
 

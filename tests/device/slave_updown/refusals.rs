@@ -3,7 +3,7 @@
 use super::area::{BASE, BLOCK_1, SINGLE, areas, block, data, down, init, init_at, up};
 use crate::rig::bench::{Bench, NUMBER};
 use crate::rig::{FASTEST, Memory};
-use commram::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResult};
+use commram::devices::cansync::frames::codec::{Direction, UpDownJob, UpDownResult};
 
 /// P. 192; error numbers that are not the slave's: D-71.
 #[test]
@@ -139,7 +139,7 @@ fn init_frames_that_the_firmware_refuses() {
 
         // MODE 00, offset 16#123: no mode of any phase.
         let reserved =
-            commram::devices::cansync::bus::Frame::new(0x500 + u16::from(NUMBER), &[0x81, 0x23]).unwrap();
+            commram::devices::cansync::frames::Frame::new(0x500 + u16::from(NUMBER), &[0x81, 0x23]).unwrap();
         let answer = bench.turn(&reserved).unwrap();
         assert_eq!(answer.data(), [0xA1, 0x23, 0x08, 0x01]);
     }

@@ -3,7 +3,7 @@
 use super::area::{Area, BASE, BLOCK_1, SINGLE, areas, block, blocks, bytes, data, down, init, up};
 use crate::rig::bench::Bench;
 use crate::rig::{BOTH, FASTEST, Memory, OMEGA_RATES};
-use commram::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResult};
+use commram::devices::cansync::frames::codec::{Direction, UpDownJob, UpDownResult};
 
 /// T18 and p. 191.
 #[test]

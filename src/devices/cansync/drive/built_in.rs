@@ -5,7 +5,7 @@ use super::drivecom::{DrivecomState, Enable};
 use super::monitoring::{BapsMonitoring, Monitor, fault};
 use super::parameters::ParameterSpec;
 use super::regler::{Setup, VRegler};
-use crate::devices::cansync::bus::SyncLock;
+use crate::devices::cansync::frames::SyncLock;
 use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroU32;

@@ -15,7 +15,7 @@ use super::regler::VRegler;
 use super::table::number::{ANGLE_REFERENCE, CONTROL_WORD, STATUS_WORD};
 use super::zk::{ActualMapping, ReferenceMapping, Source, ZkParameters};
 use crate::can::Payload;
-use crate::devices::cansync::bus::Channel;
+use crate::devices::cansync::frames::Channel;
 use crate::devices::cansync::registers::values::drive_status;
 use crate::snapshot_fields;
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};

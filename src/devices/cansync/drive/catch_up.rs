@@ -5,7 +5,7 @@
 
 use super::Drive;
 use crate::can::Payload;
-use crate::devices::cansync::bus::{Channel, is_in_time};
+use crate::devices::cansync::frames::{Channel, is_in_time};
 
 /// An event that comes to all drives on a bus.
 #[derive(Clone, Copy, Debug)]

@@ -6,7 +6,7 @@ use super::monitoring::CardMonitoring;
 use super::parameters::{ParamFormat, ParameterError, ParameterSpec};
 use super::zk::{ActualMapping, MappingError, ReferenceMapping, Source, ZkParameters};
 use crate::devices::BuildError;
-use crate::devices::cansync::bus::Channel;
+use crate::devices::cansync::frames::Channel;
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroU32;
 
@@ -53,7 +53,7 @@ pub struct DriveConfig {
     #[serde(default = "default_lock_time_us")]
     pub lock_time_us: u64,
     /// Time without SYNC until the drive is no longer synchronized, in us (manual 5.00005.03a p. 135). Left out: two
-    /// and a half intervals; see [`SyncLock`](crate::devices::cansync::bus::SyncLock).
+    /// and a half intervals; see [`SyncLock`](crate::devices::cansync::frames::SyncLock).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sync_loss_us: Option<u64>,
     /// Reaction of the drive to a missing SYNC signal or missing reference values.

@@ -3,7 +3,7 @@
 use super::parameters::ParameterSlot;
 use super::regler::VRegler;
 use super::{BuiltInDrive, Drive, DrivecomState, ZkParameters};
-use crate::devices::cansync::bus::codec::parameter::VALUE_ELEMENT;
+use crate::devices::cansync::frames::codec::parameter::VALUE_ELEMENT;
 use crate::devices::cansync::registers::values::par_error;
 use crate::devices::{DriveDetails, DriveState, ParameterRefusal, ParameterState, Shaft};
 

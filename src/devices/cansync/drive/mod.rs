@@ -53,11 +53,11 @@ pub use table::{PARAMETERS, ParameterRow, number};
 pub use zk::{ActualMapping, MappingError, ReferenceMapping, Source, ZkParameters};
 
 use crate::can::Payload;
-use crate::devices::cansync::bus::codec::parameter::VALUE_ELEMENT;
-use crate::devices::cansync::bus::codec::{
+use crate::devices::cansync::frames::codec::parameter::VALUE_ELEMENT;
+use crate::devices::cansync::frames::codec::{
     Access, Action, ActionCommand, ParameterJob, ParameterResponse, ParameterResult, UpDownJob, UpDownResult,
 };
-use crate::devices::cansync::bus::{Channel, Frame, SyncLock};
+use crate::devices::cansync::frames::{Channel, Frame, SyncLock};
 use crate::devices::cansync::registers::values::{drive_status, par_error, updown_error};
 use crate::snapshot_fields;
 use card::Card;

@@ -1,6 +1,6 @@
 //! The drive's parameters: numbers 0 to 4095, word or doubleword, with limits.
 
-use crate::devices::cansync::bus::codec::parameter::MAX_NUMBER;
+use crate::devices::cansync::frames::codec::parameter::MAX_NUMBER;
 use crate::devices::cansync::registers::values::par_error;
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};

@@ -12,7 +12,7 @@ use super::motion::Motion;
 use super::parameters::{ParamFormat, ParameterError, ParameterSlot, ParameterSpec, ParameterStore};
 use super::table::{PARAMETERS, ParameterRow, number};
 use crate::devices::Shaft;
-use crate::devices::cansync::bus::codec::parameter::{MAX_NUMBER, VALUE_ELEMENT};
+use crate::devices::cansync::frames::codec::parameter::{MAX_NUMBER, VALUE_ELEMENT};
 use crate::devices::cansync::registers::values::{drive_status, par_element, par_error};
 use crate::snapshot_fields;
 use std::num::NonZeroU32;

@@ -1,7 +1,7 @@
 //! The ZK parameters that configure the CANsync card (manual 5.01010.01 p. 14-17).
 
 use super::parameters::ParamFormat;
-use crate::devices::cansync::bus::Channel;
+use crate::devices::cansync::frames::Channel;
 use serde::{Deserialize, Serialize};
 
 /// The card's parameters. A missing parameter is 0: no mapping.

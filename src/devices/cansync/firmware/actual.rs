@@ -4,8 +4,8 @@
 //! registers.
 
 use super::word_config::WordConfigs;
-use crate::devices::cansync::bus::codec::process::FrameConfig;
-use crate::devices::cansync::bus::{Channel, Frame};
+use crate::devices::cansync::frames::codec::process::FrameConfig;
+use crate::devices::cansync::frames::{Channel, Frame};
 use crate::devices::cansync::registers::values::receive;
 use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
 use crate::memory::{Cell8, Cell32};

@@ -1,6 +1,6 @@
 //! Automatic slave numbers (manual 5.00005.03a p. 159-160; counters: decision D-08).
 
-use crate::devices::cansync::bus::LAST_SLAVE;
+use crate::devices::cansync::frames::LAST_SLAVE;
 use crate::devices::cansync::registers::values::request;
 use serde::{Deserialize, Serialize};
 

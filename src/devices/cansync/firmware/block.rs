@@ -1,7 +1,7 @@
 //! Bytes of an up-/download in `a_DATA_UPDOWNBLK1`: byte n is byte n mod 4 of doubleword n / 4, low byte
 //! first (decision D-01). The doublewords are accessed whole.
 
-use crate::devices::cansync::bus::codec::updown::BLOCK;
+use crate::devices::cansync::frames::codec::updown::BLOCK;
 use crate::memory::Cell32;
 
 /// Doublewords of the data area (manual 5.00005.03a p. 166).

@@ -3,8 +3,8 @@
 
 use super::master::acknowledge;
 use crate::devices::Context;
-use crate::devices::cansync::bus::Frame;
-use crate::devices::cansync::bus::codec::action::ActionCommand;
+use crate::devices::cansync::frames::Frame;
+use crate::devices::cansync::frames::codec::action::ActionCommand;
 use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use crate::devices::cansync::registers::values::send;
 use crate::memory::{Cell8, Cell16, Cell32};

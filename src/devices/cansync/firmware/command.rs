@@ -10,8 +10,8 @@ use super::updown_job::BlockJob;
 use super::{broadcast, parameter_job};
 use crate::can::Payload;
 use crate::devices::Context;
-use crate::devices::cansync::bus::Frame;
-use crate::devices::cansync::bus::codec::{ParameterJob, UpDownJob};
+use crate::devices::cansync::frames::Frame;
+use crate::devices::cansync::frames::codec::{ParameterJob, UpDownJob};
 use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use serde::{Deserialize, Serialize};
 

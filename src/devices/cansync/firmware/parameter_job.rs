@@ -7,7 +7,7 @@
 use super::job_registers::JobRegisters;
 use crate::can::Payload;
 use crate::devices::Context;
-use crate::devices::cansync::bus::codec::parameter::{
+use crate::devices::cansync::frames::codec::parameter::{
     Access, ParameterJob, ParameterResponse, ParameterResult,
 };
 use crate::devices::cansync::registers::values::{par_error, par_job_master};

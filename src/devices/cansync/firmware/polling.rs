@@ -6,9 +6,9 @@
 //! late.
 
 use crate::devices::Context;
-use crate::devices::cansync::bus::Frame;
-use crate::devices::cansync::bus::codec::action::ActionCommand;
-use crate::devices::cansync::bus::codec::parameter::{
+use crate::devices::cansync::frames::Frame;
+use crate::devices::cansync::frames::codec::action::ActionCommand;
+use crate::devices::cansync::frames::codec::parameter::{
     Access, ParameterJob, ParameterResponse, ParameterResult,
 };
 use crate::devices::cansync::records::SlaveStatus;

@@ -8,8 +8,8 @@ use super::block::{self, MAX_LENGTH};
 use super::job_registers::JobRegisters;
 use crate::can::Payload;
 use crate::devices::Context;
-use crate::devices::cansync::bus::codec::CodecError;
-use crate::devices::cansync::bus::codec::updown::{
+use crate::devices::cansync::frames::codec::CodecError;
+use crate::devices::cansync::frames::codec::updown::{
     BLOCK, Direction, UpDownJob, UpDownResponse, UpDownResult, UpDownStep,
 };
 use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;

@@ -1,6 +1,6 @@
 //! The configuration bytes of a frame's four words: the same in each structure that contains them.
 
-use crate::devices::cansync::bus::Channel;
+use crate::devices::cansync::frames::Channel;
 use crate::devices::cansync::registers::{CFG_RDC_WORD, CFG_WRC_WORD_MA, CFG_WRC_WORD_SL};
 
 /// A sub-structure with `b_CFG_..1_WORD0..3` and `b_CFG_..2_WORD0..3`.

@@ -4,7 +4,7 @@ use super::Facts;
 use super::node::Registers;
 use super::registers::{RegisterUse, ValueLimit, WatchedRegister};
 use crate::check;
-use crate::devices::cansync::bus::LAST_SLAVE;
+use crate::devices::cansync::frames::LAST_SLAVE;
 use crate::devices::cansync::registers::values::{
     cfg_word, par_job_master, par_job_slave, request, send, updown_master, updown_slave,
 };

@@ -2,11 +2,11 @@
 
 use super::{Card, DELAY_LINE};
 use crate::can::Payload;
-use crate::devices::cansync::bus::Channel;
 use crate::devices::cansync::drive::catch_up::UniformIntervals;
 use crate::devices::cansync::drive::parameters::ParameterSlot;
 use crate::devices::cansync::drive::regler::VRegler;
 use crate::devices::cansync::drive::zk::Source;
+use crate::devices::cansync::frames::Channel;
 
 /// The card's reference values in a run.
 pub(in crate::devices::cansync::drive) struct References([RunSlot; 2]);

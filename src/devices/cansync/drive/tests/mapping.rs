@@ -1,8 +1,8 @@
 //! Process data and the ZK parameters.
 
 use super::*;
-use crate::devices::cansync::bus::codec::WordConfig;
 use crate::devices::cansync::drive::number::STATUS_WORD;
+use crate::devices::cansync::frames::codec::WordConfig;
 use proptest::prelude::*;
 
 #[test]
@@ -211,7 +211,7 @@ fn bit_15_goes_with_the_lock_also_after_the_exchange_was_stopped() {
 #[test]
 fn master_and_drive_agree_on_the_words() {
     // The card extracts the words that a master's configuration registers build, and vice versa.
-    use crate::devices::cansync::bus::codec::FrameConfig;
+    use crate::devices::cansync::frames::codec::FrameConfig;
     let words = [WordConfig::new(2, false).0, WordConfig::new(2, true).0, 0, 0];
     let built = FrameConfig::master_reference(words).build(|_| 0x1122_3344);
     let mut bench = Bench::synchronized(&demo());

@@ -1,9 +1,9 @@
 //! The two register areas that show up-/downloads to a slave's application: block 1 with 300 bytes of data, and the
 //! single-frame area with six (manual 5.00005.03a p. 190-193). Not every device has the single-frame area.
 
-use crate::devices::cansync::bus::codec::updown::BLOCK;
 use crate::devices::cansync::firmware::block;
 use crate::devices::cansync::firmware::job_registers::JobRegisters;
+use crate::devices::cansync::frames::codec::updown::BLOCK;
 use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
 use crate::devices::cansync::registers::values::updown_error;
 use crate::memory::{Cell16, Cell32};

@@ -5,11 +5,11 @@ use super::parameter::ParameterServer;
 use super::updown::UpDownServer;
 use crate::can::Payload;
 use crate::devices::Context;
-use crate::devices::cansync::bus::Frame;
-use crate::devices::cansync::bus::codec::{
+use crate::devices::cansync::firmware::polling::STATUS_WORD;
+use crate::devices::cansync::frames::Frame;
+use crate::devices::cansync::frames::codec::{
     Access, CodecError, ParameterJob, ParameterResult, UpDownJob, UpDownResult, UpDownStep, is_up_download,
 };
-use crate::devices::cansync::firmware::polling::STATUS_WORD;
 use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
 use crate::devices::cansync::registers::values::{par_error, updown_error};
 use crate::snapshot_fields;

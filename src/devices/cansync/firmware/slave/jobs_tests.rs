@@ -2,7 +2,7 @@
 //! gives the same answer and the same registers every time, and the control register alone decides.
 
 use super::*;
-use crate::devices::cansync::bus::codec::{Direction, ParameterResponse, UpDownResponse};
+use crate::devices::cansync::frames::codec::{Direction, ParameterResponse, UpDownResponse};
 use crate::devices::omega_drive_line_2::registers::NODE1;
 use crate::devices::omega_drive_line_2::registers::SEGMENT_END;
 use crate::identity::DeviceIndex;

@@ -4,9 +4,9 @@
 //! every repetition by the master is answered BUSY (p. 139-140).
 
 use crate::devices::Context;
-use crate::devices::cansync::bus::codec::parameter::VALUE_ELEMENT;
-use crate::devices::cansync::bus::codec::{Access, ParameterJob, ParameterResponse, ParameterResult};
 use crate::devices::cansync::firmware::job_registers::JobRegisters;
+use crate::devices::cansync::frames::codec::parameter::VALUE_ELEMENT;
+use crate::devices::cansync::frames::codec::{Access, ParameterJob, ParameterResponse, ParameterResult};
 use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
 use crate::devices::cansync::registers::values::{
     par_error,

@@ -3,9 +3,11 @@
 
 use super::area::{Area, AreaKind};
 use crate::devices::Context;
-use crate::devices::cansync::bus::codec::updown::{BLOCK, MAX_OFFSET};
-use crate::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResponse, UpDownResult, UpDownStep};
 use crate::devices::cansync::firmware::block;
+use crate::devices::cansync::frames::codec::updown::{BLOCK, MAX_OFFSET};
+use crate::devices::cansync::frames::codec::{
+    Direction, UpDownJob, UpDownResponse, UpDownResult, UpDownStep,
+};
 use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
 use crate::devices::cansync::registers::values::{
     updown_error,

@@ -4,7 +4,9 @@
 use super::area::AreaKind;
 use super::transfer::{Successor, Transfer};
 use crate::devices::Context;
-use crate::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResponse, UpDownResult, UpDownStep};
+use crate::devices::cansync::frames::codec::{
+    Direction, UpDownJob, UpDownResponse, UpDownResult, UpDownStep,
+};
 use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
 use crate::devices::cansync::registers::values::{base_adr, updown_error};
 use crate::snapshot_fields;

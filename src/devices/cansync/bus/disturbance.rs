@@ -3,7 +3,7 @@
 use super::schedule::Slot;
 use super::slots::OnWire;
 use super::{Sender, SimBus, Station};
-use crate::devices::cansync::bus::{Frame, FrameKind};
+use crate::devices::cansync::frames::{Frame, FrameKind};
 use serde::{Deserialize, Serialize};
 
 /// Effects of faults on a bus.

@@ -154,8 +154,8 @@ impl SnapshotFields for Drives {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::cansync::bus::Channel;
     use crate::devices::cansync::drive::{DriveConfig, ParamFormat, ReferenceMapping, Source, ZkParameters};
+    use crate::devices::cansync::frames::Channel;
 
     /// A drive that takes a reference value from the frames of this slave.
     fn follower(slave: u8) -> Drive {

@@ -3,8 +3,8 @@
 use super::disturbance::Fate;
 use super::schedule::Slot;
 use super::{Run, Sender, SimBus, Station};
-use crate::devices::cansync::bus::{Frame, wire};
 use crate::devices::cansync::firmware::Slave;
+use crate::devices::cansync::frames::{Frame, wire};
 use crate::devices::cansync::records::Transmitted;
 use serde::{Deserialize, Serialize};
 

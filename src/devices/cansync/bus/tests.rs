@@ -4,9 +4,9 @@
 use super::schedule::Slot;
 use super::{BusConfig, SimBus, Socket, SocketRole};
 use crate::devices::bm4_o_can_06::registers::{BAUD_RATES as FOUR, DEVICE};
-use crate::devices::cansync::bus::{Channel, FrameKind, SyncLock, wire};
 use crate::devices::cansync::drive::{Drive, DriveConfig};
 use crate::devices::cansync::firmware::NodeLocation;
+use crate::devices::cansync::frames::{Channel, FrameKind, SyncLock, wire};
 use crate::devices::cansync::records::{BaudRateMismatch, DriveBaudRateMismatch, Transmitted};
 use crate::devices::cansync::registers::{
     CANsync_INIT_BMSTRUCT as Init, CANsync_MA_CTRL_BMSTRUCT as MasterRegisters,

@@ -1,7 +1,7 @@
 //! The meaning of the data bytes of CANsync frames (manual 5.00005.03a p. 136-143).
 //!
 //! To send, build the value ([`ActionCommand`], [`ParameterJob`], [`UpDownJob`] or an `answer` to a job) and take its
-//! `frame`. To receive, use [`Frame::kind`](crate::devices::cansync::bus::Frame::kind) to select the `decode` function;
+//! `frame`. To receive, use [`Frame::kind`](crate::devices::cansync::frames::Frame::kind) to select the `decode` function;
 //! an answer is decoded together with its job. [`decode`] decodes any frame for a trace.
 
 pub mod action;

@@ -6,7 +6,7 @@
 
 use super::CodecError;
 use crate::can::Payload;
-use crate::devices::cansync::bus::{Frame, FrameKind};
+use crate::devices::cansync::frames::{Frame, FrameKind};
 use crate::devices::cansync::registers::descriptor;
 use crate::devices::cansync::registers::values::par_element;
 use crate::layout::Meaning;

@@ -3,7 +3,7 @@
 
 use super::CodecError;
 use crate::can::Payload;
-use crate::devices::cansync::bus::{Frame, FrameKind};
+use crate::devices::cansync::frames::{Frame, FrameKind};
 use crate::devices::cansync::registers::values::action_command;
 
 /// An action command frame.

@@ -6,7 +6,7 @@ use super::disturbance::Stray;
 use super::schedule::Slot;
 use crate::can;
 use crate::devices::GuestRefusal;
-use crate::devices::cansync::bus::{Frame, wire};
+use crate::devices::cansync::frames::{Frame, wire};
 use crate::devices::cansync::rules;
 use crate::journal::{Finding, Journal};
 

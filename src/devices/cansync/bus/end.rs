@@ -1,9 +1,9 @@
 //! The connection of a device to a bus: the node's firmware and its counters in the header page.
 
 use crate::devices::Context;
-use crate::devices::cansync::bus::SyncLock;
 use crate::devices::cansync::drive::DriveConfig;
 use crate::devices::cansync::firmware::{Master, NodeLocation, Slave};
+use crate::devices::cansync::frames::SyncLock;
 use crate::devices::cansync::watch::NodeWatch;
 use crate::journal::{Journal, Origin};
 use crate::layout::{Area, Role};

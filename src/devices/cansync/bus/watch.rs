@@ -75,9 +75,9 @@ mod tests {
     use crate::check::rules;
     use crate::devices::Bus;
     use crate::devices::bm4_o_can_06::registers::{BAUD_RATES, DEVICE};
-    use crate::devices::cansync::bus::SyncLock;
+    use crate::devices::cansync::bus::{Socket, SocketRole};
     use crate::devices::cansync::firmware::NodeLocation;
-    use crate::devices::cansync::medium::{Socket, SocketRole};
+    use crate::devices::cansync::frames::SyncLock;
     use crate::identity::DeviceIndex;
     use crate::journal::Origin;
     use crate::memory::{Segment, Width};

@@ -27,9 +27,9 @@ pub use config::BusConfig;
 pub use end::{Socket, SocketRole};
 
 use crate::devices::cansync::BaudRate;
-use crate::devices::cansync::bus::{Channel, Frame, FrameLength};
 use crate::devices::cansync::drive::{Drive, DriveError};
 use crate::devices::cansync::firmware::{Built, Master, Slave};
+use crate::devices::cansync::frames::{Channel, Frame, FrameLength};
 use crate::devices::{Bus, Context, SyncSignal, World};
 use crate::fault::{Faults, Owner};
 use crate::identity::BusIndex;
@@ -43,7 +43,7 @@ use schedule::{Schedule, Slot};
 use serde::{Deserialize, Serialize};
 use slots::{OnWire, PLACES};
 
-/// Family name of CANsync media.
+/// Family name of CANsync buses.
 pub(crate) const FAMILY: &str = "cansync";
 
 /// The station connected under a slave number.
@@ -78,7 +78,7 @@ struct Running {
 pub struct SimBus {
     index: BusIndex,
     name: String,
-    /// False for the medium without wires that serves a node without a connected bus.
+    /// False for the placeholder without wires that serves a node without a connected bus.
     is_wired: bool,
     /// The ports in the order in which they were attached.
     places: Vec<PortRef>,
@@ -112,7 +112,7 @@ pub struct SimBus {
 }
 
 impl SimBus {
-    /// The medium for nodes without a connected bus. A master generates its SYNC signal and sends there, but no station
+    /// The placeholder for nodes without a connected bus. A master generates its SYNC signal and sends there, but no station
     /// receives it. The journal has no record of that traffic (decision D-645).
     pub fn unplugged() -> Self {
         Self::empty(BusIndex(u16::MAX), false, &BusConfig::default())
@@ -299,9 +299,9 @@ impl Run<'_> {
     }
 }
 
-/// Returns the drives of all CANsync buses in `media`, as returned by [`Plant::media`](crate::plant::Plant::media).
-pub fn drives(media: &[Box<dyn Bus>]) -> impl Iterator<Item = &Drive> {
-    media.iter().filter_map(|medium| medium.as_a::<SimBus>()).flat_map(SimBus::drives)
+/// Returns the drives of all CANsync buses in `buses`, as returned by [`Plant::buses`](crate::plant::Plant::buses).
+pub fn drives(buses: &[Box<dyn Bus>]) -> impl Iterator<Item = &Drive> {
+    buses.iter().filter_map(|bus| bus.as_a::<SimBus>()).flat_map(SimBus::drives)
 }
 
 /// Returns true if the node of a [`Socket`] works without a bus: a master generates its own SYNC signal.

@@ -7,7 +7,7 @@ use super::{
     UpDownJob, UpDownResponse, UpDownResult, UpDownStep,
 };
 use crate::can::Payload;
-use crate::devices::cansync::bus::{Channel, Frame, FrameKind};
+use crate::devices::cansync::frames::{Channel, Frame, FrameKind};
 use core::fmt;
 
 /// A frame of CANsync. Its [`Display`](fmt::Display) is one line for a trace.

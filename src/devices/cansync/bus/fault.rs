@@ -5,13 +5,13 @@ use super::disturbance::Stray;
 use super::end::PortRef;
 use super::{Run, Station};
 use crate::devices::can_faults::{self, FrameEffect};
-use crate::devices::cansync::bus::codec::updown::{BLOCK, MAX_OFFSET};
-use crate::devices::cansync::bus::codec::{
+use crate::devices::cansync::faults::{Effect, OffsetAt, includes};
+use crate::devices::cansync::frames::codec::updown::{BLOCK, MAX_OFFSET};
+use crate::devices::cansync::frames::codec::{
     ParameterJob, ParameterResult, UpDownJob, UpDownResponse, UpDownResult, UpDownStep, is_up_download,
 };
-use crate::devices::cansync::bus::wire::Airtime;
-use crate::devices::cansync::bus::{Frame, FrameKind};
-use crate::devices::cansync::faults::{Effect, OffsetAt, includes};
+use crate::devices::cansync::frames::wire::Airtime;
+use crate::devices::cansync::frames::{Frame, FrameKind};
 use crate::devices::cansync::records::ForeignFrame;
 use crate::fault::{Hit, Target};
 use crate::journal::Origin;

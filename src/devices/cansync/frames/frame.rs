@@ -127,7 +127,7 @@ impl embedded_can::Frame for Frame {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::cansync::bus::Channel;
+    use crate::devices::cansync::frames::Channel;
 
     #[test]
     fn only_standard_data_frames_are_accepted() {

@@ -4,9 +4,9 @@ use super::disturbance::Fate;
 use super::schedule::Slot;
 use super::{Run, Sender, Station};
 use crate::devices::cansync::Deadline;
-use crate::devices::cansync::bus::{Channel, Frame, FrameKind};
 use crate::devices::cansync::drive::BusEvent;
 use crate::devices::cansync::firmware::Built;
+use crate::devices::cansync::frames::{Channel, Frame, FrameKind};
 use crate::devices::cansync::records::SyncEdge;
 
 /// Time to build or take over one word of a frame, in us (manual 5.00005.03a p. 154: 15 to 60 us).

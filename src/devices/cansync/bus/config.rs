@@ -1,8 +1,8 @@
 //! Configuration of a CANsync bus in the plant file.
 
 use super::{FAMILY, SimBus};
-use crate::devices::cansync::bus::FrameLength;
 use crate::devices::cansync::drive::{Drive, DriveConfig};
+use crate::devices::cansync::frames::FrameLength;
 use crate::devices::settings::{range, time, time_or_none};
 use crate::devices::{BuildError, Bus, BusSection, Doubt, MasterConfig, SettingError};
 use crate::door::DoorSpec;

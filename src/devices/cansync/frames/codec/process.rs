@@ -94,7 +94,7 @@ impl FrameConfig {
     /// Builds a frame; `values` returns the doubleword with the given number.
     ///
     /// The data field ends with the last used word. Unused words before it are 0. Without a used word the frame has no
-    /// data. The bus may make the frame longer ([`FrameLength`](crate::devices::cansync::bus::FrameLength), decision
+    /// data. The bus may make the frame longer ([`FrameLength`](crate::devices::cansync::frames::FrameLength), decision
     /// D-10).
     #[inline]
     pub fn build(self, mut values: impl FnMut(u8) -> u32) -> Built {
