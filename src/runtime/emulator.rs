@@ -245,7 +245,7 @@ impl Emulator {
     /// # Errors
     /// As [`Plant::follow_registers`].
     pub fn keep_changes(&mut self, plc: DeviceIndex, offset: u32, len: u32) -> Result<(), FollowError> {
-        self.plant.follow_registers(plc.into(), offset, len, Keep::InJournal)
+        self.plant.follow_registers(plc, offset, len, Keep::InJournal)
     }
 
     /// Returns a handle that ends the emulator.

@@ -143,7 +143,7 @@ pub(super) fn no_sync(host: &dyn Host, plc: DeviceIndex, node: u8) -> Refused {
     let ports = host.plant().devices().get(plc.index()).map(|device| device.layout().ports);
     let port = ports.unwrap_or_default().iter().find(|port| port.number == node);
     let name = port.map_or("this port", |port| port.name);
-    let why = host.plant().why_no_sync(plc.into(), node);
+    let why = host.plant().why_no_sync(plc, node);
     let text = format_args!("PLC '{}': there is no SYNC signal at {name}; {why}", plc_name(host, plc));
     Refused::new(Code::NO_SYNC, text)
 }
