@@ -240,7 +240,8 @@ mod tests {
         }
         assert_eq!(of_register("node2.w_CPU_CONTROL", "start synchronous operation"), Ok(0x20));
         assert_eq!(of_register("node2.w_CPU_CONTROL", "enable"), Ok(0x40), "a bit alone");
-        assert_eq!(of_register("node2.b_BT_0", "250 kbit/s"), Err("`250 kbit/s` is no number; write it decimal (67), hexadecimal (16#43 or 0x43) or binary (2#100_0011)".to_owned()));
+        assert_eq!(of_register("node2.b_BT_0", "250 kbit/s"), Ok(1));
+        assert_eq!(of_register("node2.b_BT_0", "300 kbit/s"), Err("`300 kbit/s` is no number; write it decimal (67), hexadecimal (16#43 or 0x43) or binary (2#100_0011)".to_owned()));
     }
 
     #[test]

@@ -62,7 +62,7 @@ pub(super) fn mistake(line: &str) -> Option<String> {
         }
         // A number and its unit with a blank in between.
         let unit: String = next.chars().take_while(char::is_ascii_alphabetic).collect();
-        if word.bytes().all(|digit| digit.is_ascii_digit()) && is_unit(&unit) {
+        if word.bytes().all(|digit| digit.is_ascii_digit() || digit == b'.') && is_unit(&unit) {
             return wrong(&format!("{word} {unit}"), &format!("a time as a text, \"{word}{unit}\""));
         }
         if let Some((_, right)) = WORDS.iter().find(|(known, _)| known == word) {

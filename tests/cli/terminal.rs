@@ -9,15 +9,15 @@ use std::time::{Duration, Instant};
 /// Time after which a test counts as hanging.
 const WATCHDOG: Duration = Duration::from_secs(60);
 
-/// Runs a command at a separate terminal of 100 columns and 24 rows, types `input`, and returns all that the terminal
+/// Runs a command at a separate terminal of `columns` and 24 rows, types `input`, and returns all that the terminal
 /// shows until `end` accepts it, or until the command ends.
-fn at_terminal(command: &mut Command, input: &str, end: impl Fn(&str) -> bool) -> String {
+fn at_terminal(columns: u16, command: &mut Command, input: &str, end: impl Fn(&str) -> bool) -> String {
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
     let terminal = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
     grantpt(&terminal).unwrap();
     unlockpt(&terminal).unwrap();
     let name = ptsname(&terminal, Vec::new()).unwrap();
-    let size = rustix::termios::Winsize { ws_col: 100, ws_row: 24, ws_xpixel: 0, ws_ypixel: 0 };
+    let size = rustix::termios::Winsize { ws_col: columns, ws_row: 24, ws_xpixel: 0, ws_ypixel: 0 };
     rustix::termios::tcsetwinsize(&terminal, size).unwrap();
     let place = || File::options().read(true).write(true).open(name.to_str().unwrap()).unwrap();
     command.env("TERM", "xterm").stdin(place()).stdout(place()).stderr(place());
@@ -43,7 +43,7 @@ fn at_terminal(command: &mut Command, input: &str, end: impl Fn(&str) -> bool) -
 }
 
 fn to_its_end(command: &mut Command) -> String {
-    at_terminal(command, "", |_| false)
+    at_terminal(100, command, "", |_| false)
 }
 
 #[test]
@@ -86,7 +86,7 @@ fn a_long_step_shows_its_target_and_its_rate() {
     let emulator = Emulator::stepped();
     emulator.step(&["1s"]);
     let shown =
-        at_terminal(&mut emulator.command("step", &["24h"]), "", |shown| shown.contains("real time;"));
+        at_terminal(100, &mut emulator.command("step", &["24h"]), "", |shown| shown.contains("real time;"));
     assert!(
         shown.contains(" of 86401.000000 s, ") && shown.contains(" times real time; Ctrl-C ends"),
         "{shown}"
@@ -97,6 +97,36 @@ fn a_long_step_shows_its_target_and_its_rate() {
 fn the_prompt_of_the_shell_has_the_emulated_time() {
     let emulator = Emulator::stepped();
     let mut shell = emulator.command("shell", &[]);
-    let shown = at_terminal(&mut shell, "step 2ms\r", |shown| shown.contains("0.002000 s> "));
+    let shown = at_terminal(100, &mut shell, "step 2ms\r", |shown| shown.contains("0.002000 s> "));
     assert!(shown.contains(&format!("{} 0.000000 s> ", emulator.name)), "{shown}");
+}
+
+#[test]
+fn a_wide_view_has_two_panes() {
+    let emulator = Emulator::stepped();
+    let view = |columns: u16, end: fn(&str) -> bool| {
+        at_terminal(columns, &mut emulator.command("view", &["node2.w_CPU_CONTROL"]), "", end)
+    };
+    let changes = "changes of the ";
+    let wide = view(130, |shown| shown.contains("changes of the ") && shown.contains("n SYNC"));
+    assert!(wide.contains("registers") && wide.contains("b/B back"), "{wide}");
+    let narrow = view(100, |shown| shown.contains("n SYNC"));
+    assert!(!narrow.contains(changes), "{narrow}");
+}
+
+#[test]
+fn the_shell_lists_its_commands_and_verbs() {
+    let emulator = Emulator::stepped();
+    let shown = |line: &str| {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), line).unwrap();
+        crate::common::finish(emulator.command("shell", &[]).stdin(file.reopen().unwrap())).ok().to_owned()
+    };
+    for line in ["help", "?"] {
+        let help = shown(line);
+        for part in ["  peek  ", "wait(register, value, within)", "Ends: exit, quit"] {
+            assert!(help.contains(part), "{line}: {part}: {help}");
+        }
+    }
+    assert_eq!(shown("? peek"), shown("help peek"));
 }
