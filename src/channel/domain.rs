@@ -335,6 +335,16 @@ impl ChannelSite for Domain {
     fn remove_root(&self) {
         self.root.remove_if_empty();
     }
+
+    /// A directory with a prefix belongs to another run.
+    fn made_again(&self) -> Option<Self> {
+        if self.root.is_named() {
+            return None;
+        }
+        let root = Arc::new(PrivateDir::open(self.root.path()).ok()??);
+        let is_without_owner = root.read(PREFIX).is_none();
+        is_without_owner.then(|| Self { root, ..self.clone() })
+    }
 }
 
 fn has_living_node(config: &Config) -> bool {
@@ -410,6 +420,36 @@ mod tests {
         assert_ne!(second.prefix, first.prefix);
         second.sweep();
         assert!(Domain::find("a", root.path()).unwrap().is_none());
+    }
+
+    #[test]
+    fn a_client_that_enters_while_the_owner_ends_leaves_no_directory() {
+        let parent = TempDir::new().unwrap();
+        let path = parent.path().join("iox.d");
+        let (owner, held) = Domain::own("a", &path).unwrap();
+        let client = Domain::find("a", &path).unwrap().unwrap();
+        drop(held);
+        owner.close(Duration::ZERO);
+        assert!(!path.exists());
+        drop(crate::channel::guest::Guest::enter(client).unwrap());
+        assert!(!path.exists(), "{:?}", shm::lengths(&owner.prefix));
+    }
+
+    #[test]
+    fn a_late_client_leaves_the_directory_of_the_next_owner_alone() {
+        let parent = TempDir::new().unwrap();
+        let path = parent.path().join("iox.d");
+        let (owner, held) = Domain::own("a", &path).unwrap();
+        let client = Domain::find("a", &path).unwrap().unwrap();
+        drop(held);
+        owner.close(Duration::ZERO);
+        let client = crate::channel::guest::Guest::enter(client).unwrap();
+        let (next, held) = Domain::own("a", &path).unwrap();
+        drop(held);
+        drop(client);
+        assert_eq!(Domain::find("a", &path).unwrap().unwrap().prefix, next.prefix);
+        next.close(Duration::ZERO);
+        assert!(!path.exists());
     }
 
     #[test]

@@ -19,7 +19,7 @@ pub(super) trait ChannelRoot {
 }
 
 /// Content of the directory.
-pub(super) trait ChannelSite {
+pub(super) trait ChannelSite: Sized {
     type ChannelRoot: ChannelRoot;
 
     fn root(&self) -> &Self::ChannelRoot;
@@ -38,6 +38,10 @@ pub(super) trait ChannelSite {
 
     /// Removes the directory if it is empty.
     fn remove_root(&self);
+
+    /// The site in the directory that has the name now, if that is another directory without an owner: iceoryx2 works
+    /// with paths, so a client that enters while the owner removes the directory makes a new one.
+    fn made_again(&self) -> Option<Self>;
 }
 
 /// Returns the directory for its owner; `create` makes it. While the second value exists, leaving clients do not sweep.
@@ -58,6 +62,14 @@ pub(super) fn own<R: ChannelRoot, E>(
 
 /// Called by a client that has left. If the server has ended before, the client must remove the remaining files.
 pub(super) fn leave(place: &impl ChannelSite) {
+    sweep_as_last(place);
+    if let Some(place) = place.made_again() {
+        sweep_as_last(&place);
+    }
+}
+
+/// Removes all files if the server has ended and no living process is in the domain.
+fn sweep_as_last(place: &impl ChannelSite) {
     while !place.is_served() {
         let Some(held) = place.root().try_lock() else { return };
         if !place.root().is_named() || place.is_served() {

@@ -14,6 +14,8 @@ enum System {
     LocksAreOpen,
     /// A sweep affects the directory that has the name, not the opened one.
     SweepsGoByName,
+    /// A leaving client does not search for a directory that it has made again.
+    DirectoriesStayRemoved,
 }
 
 /// A directory.
@@ -80,7 +82,11 @@ impl Opened {
     }
 
     fn content<R>(&self, look: impl FnOnce(&mut Content) -> R) -> R {
-        look(&mut self.world().directories[self.number])
+        self.content_of(self.number, look)
+    }
+
+    fn content_of<R>(&self, number: usize, look: impl FnOnce(&mut Content) -> R) -> R {
+        look(&mut self.world().directories[number])
     }
 }
 
@@ -136,6 +142,15 @@ impl ChannelSite for Opened {
     fn remove_root(&self) {
         self.world().remove_if_empty(self.number);
     }
+
+    fn made_again(&self) -> Option<Self> {
+        let named = self.world().named?;
+        if named == self.number || self.system == System::DirectoriesStayRemoved {
+            return None;
+        }
+        let is_without_owner = self.content_of(named, |it| !it.is_owned && it.ready.is_none());
+        is_without_owner.then(|| Self { number: named, ..self.clone() })
+    }
 }
 
 /// The world with the site of all processes.
@@ -186,7 +201,12 @@ impl Site {
         if place.content(|it| it.ready) != Some(owner) {
             return None;
         }
-        place.content(|it| it.inside.push(client));
+        // iceoryx2 works with paths, and makes a missing directory.
+        let number = self.world.lock().unwrap().make();
+        place.content_of(number, |it| {
+            it.inside.push(client);
+            it.has_remains = true;
+        });
         if place.content(|it| it.ready) == Some(owner) {
             return Some(place);
         }
@@ -197,7 +217,9 @@ impl Site {
 
 /// Like a client that ends.
 fn leaves(place: &Opened, client: u32) {
-    place.content(|it| it.inside.retain(|other| *other != client));
+    for content in &mut place.world().directories {
+        content.inside.retain(|other| *other != client);
+    }
     leave(place);
 }
 
@@ -283,9 +305,8 @@ fn no_files_remain_when_all_leave_together() {
 }
 
 /// A client that enters while the owner ends is either with it until its end, or gets an error.
-#[test]
-fn a_client_that_enters_while_the_owner_ends_leaves_no_files() {
-    model(System::Right, |site| {
+fn one_enters_at_the_end(system: System) {
+    model(system, |site| {
         let owner = site.opens(FIRST);
         let entering = {
             let site = site.clone();
@@ -298,6 +319,17 @@ fn a_client_that_enters_while_the_owner_ends_leaves_no_files() {
         ends(&owner, FIRST);
         entering.join().unwrap();
     });
+}
+
+#[test]
+fn a_client_that_enters_while_the_owner_ends_leaves_no_files() {
+    one_enters_at_the_end(System::Right);
+}
+
+#[test]
+#[should_panic(expected = "something stays")]
+fn the_model_detects_a_directory_that_a_client_has_made_again() {
+    one_enters_at_the_end(System::DirectoriesStayRemoved);
 }
 
 #[test]
