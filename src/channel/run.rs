@@ -24,10 +24,10 @@ pub(crate) struct Run {
 }
 
 impl Run {
-    /// Prepares for another request; keeps the memory of the reply buffer.
-    pub(crate) fn reset(&mut self) {
+    /// Prepares for a request of the client with this number; keeps the memory of the reply buffer.
+    pub(crate) fn reset(&mut self, client: u128) {
         self.next = 0;
-        self.execution = Execution::default();
+        self.execution = Execution::of_client(client);
         self.replies.clear();
     }
 

@@ -219,7 +219,7 @@ impl Server {
         for _ in 0..MAX_PER_POLL {
             let Some(request) = self.next_request() else { break };
             let mut run = self.spare.pop().unwrap_or_default();
-            run.reset();
+            run.reset(request.origin().value());
             let progress = if !host.is_stepped() || self.waiting.is_empty() && host.may_act() {
                 run.go(host, request.payload())
             } else if Run::only_looks(request.payload()) {

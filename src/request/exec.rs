@@ -36,9 +36,17 @@ pub struct Execution {
     events: u32,
     /// Conditions of the next wait.
     conditions: Vec<(Register, Test)>,
+    /// Number of the client: clients send files in several requests. 0 for operations of the same process.
+    client: u128,
 }
 
 impl Execution {
+    /// Prepares for the operations of the client with this number.
+    #[cfg(feature = "channel")]
+    pub(crate) fn of_client(client: u128) -> Self {
+        Execution { client, ..Self::default() }
+    }
+
     /// Executes or continues the operation; `None` while it waits or pauses.
     ///
     /// # Errors

@@ -256,14 +256,14 @@ macro_rules! ops {
                 /// The first byte of the part.
                 from: u32 => offset,
             },
-            /// Brings a part of a snapshot file, in the order of its bytes; byte 0 begins a new file.
+            /// Brings a part of the client's snapshot file, in the order of its bytes; byte 0 begins a new file.
             BringSaved = 75, bring_saved, Manages -> Written {
                 /// The first byte of the part.
                 at: u32 => offset,
                 /// The bytes.
                 part: FilePart => node value second time_us,
             },
-            /// Restores the snapshot in the file that was brought.
+            /// Restores the snapshot in the file that the client has brought.
             Restore = 76, restore, Travels -> Time {
                 /// Also if an outside participant cannot go back.
                 detached: bool => node,

@@ -13,6 +13,7 @@ mod stretch;
 mod tests;
 
 pub(super) use back::{back, back_until};
+use file::IncomingFiles;
 pub(super) use file::{read, restore, take_in};
 pub(super) use stretch::Store;
 
@@ -36,8 +37,8 @@ pub struct Travel {
     last: u32,
     /// A snapshot as a file that a client is reading.
     leaving: (u32, Vec<u8>),
-    /// A file that a client is sending.
-    coming: Vec<u8>,
+    /// Files that clients are sending.
+    coming: IncomingFiles,
     /// Stretches of the history, the oldest first.
     history: VecDeque<Stretch>,
     /// Bytes that it takes, and may take.
@@ -75,7 +76,7 @@ impl Travel {
             saved: BTreeMap::new(),
             last: 0,
             leaving: (0, Vec::new()),
-            coming: Vec::new(),
+            coming: IncomingFiles::default(),
             history: VecDeque::new(),
             size: 0,
             most,

@@ -77,6 +77,39 @@ fn the_largest_request_and_the_largest_reply() {
 }
 
 #[test]
+fn each_client_restores_the_file_that_it_has_brought() {
+    let place = place();
+    let _emulator = Emulator::start(&place, true);
+    let [one, two] = [place.client(), place.client()];
+    let save = |client: &crate::channel::Client| {
+        let number = client.request(&[Op::Save]).unwrap().remove(0).value().unwrap();
+        let read = Op::ReadSaved { number, from: 0 };
+        client.request(&[read]).unwrap().remove(0).bytes().unwrap()
+    };
+    let earlier = save(&one);
+    one.advance(2_000).unwrap();
+    let later = save(&two);
+    assert!(earlier.len().max(later.len()) < MAX_RANGE as usize);
+    let (mut first, mut second) = (Op::bring(&earlier), Op::bring(&later));
+    // The parts arrive alternately.
+    loop {
+        let parts = [(&one, first.next()), (&two, second.next())];
+        if parts.iter().all(|(_, part)| part.is_none()) {
+            break;
+        }
+        for (client, part) in parts {
+            let replies = client.request(part.as_slice()).unwrap();
+            assert!(replies.iter().all(|reply| *reply == Reply::Written), "{replies:?}");
+        }
+    }
+    let restore = [Op::Restore { detached: false }];
+    assert_eq!(two.request(&restore).unwrap(), [Reply::Time(2_000)]);
+    assert_eq!(one.request(&restore).unwrap(), [Reply::Time(0)]);
+    let again = one.request(&restore).unwrap();
+    assert!(matches!(&again[0], Reply::Error(refused) if refused.code == Code::SNAPSHOT), "{again:?}");
+}
+
+#[test]
 fn the_instance_describes_itself() {
     let place = place();
     let _emulator = Emulator::start(&place, true);

@@ -19,12 +19,12 @@ impl Work<'_> {
     }
 
     pub(super) fn bring_saved(&mut self, at: u32, part: FilePart) -> Result<Reply, Refused> {
-        travel::take_in(self.host, at, part.bytes())?;
+        travel::take_in(self.host, self.execution.client, at, part.bytes())?;
         Ok(Reply::Written)
     }
 
     pub(super) fn restore(&mut self, detached: bool) -> Result<Reply, Refused> {
-        travel::restore(self.host, detached)?;
+        travel::restore(self.host, self.execution.client, detached)?;
         Ok(self.now())
     }
 

@@ -3,6 +3,7 @@
 use super::{alone, go_to, unknown};
 use crate::plant::SnapshotFile;
 use crate::request::{Code, Host, Refused};
+use std::collections::VecDeque;
 
 /// Returns a part of a snapshot as a file, at most `most` bytes from byte `from` on; no bytes after
 /// its end.
@@ -25,26 +26,65 @@ pub(in crate::request) fn read(
     Ok(part)
 }
 
-/// Takes a part of a file, from its byte `at` on.
-pub(in crate::request) fn take_in(host: &mut dyn Host, at: u32, bytes: &[u8]) -> Result<(), Refused> {
-    let (_, travel) = host.plant_and_travel();
-    if at == 0 {
-        travel.coming = Vec::new();
+/// Most bytes of the files that clients are sending. Beyond them the file that has waited longest is dropped.
+const MOST_BYTES: usize = 4 * SnapshotFile::LONGEST as usize;
+/// Most files that clients are sending.
+const MOST_FILES: usize = 64;
+
+/// The files that clients are sending, one for each client; the file with the latest part is the last.
+#[derive(Debug, Default)]
+pub(super) struct IncomingFiles(VecDeque<(u128, Vec<u8>)>);
+
+impl IncomingFiles {
+    /// Appends a part from byte `at` on; byte 0 begins a new file. After an error the file is dropped.
+    ///
+    /// # Errors
+    /// The file ends at another byte, which is returned, or becomes too long.
+    fn append(&mut self, client: u128, at: usize, bytes: &[u8]) -> Result<(), usize> {
+        let mut file = self.take(client);
+        if at == 0 {
+            file.clear();
+        }
+        let end = file.len();
+        if at != end || end + bytes.len() > SnapshotFile::LONGEST as usize {
+            return Err(end);
+        }
+        file.extend_from_slice(bytes);
+        self.0.push_back((client, file));
+        while self.0.len() > MOST_FILES
+            || self.0.iter().map(|(_, file)| file.len()).sum::<usize>() > MOST_BYTES
+        {
+            self.0.pop_front();
+        }
+        Ok(())
     }
-    let come = travel.coming.len();
-    if at as usize != come || come + bytes.len() > SnapshotFile::LONGEST as usize {
-        let text = format_args!("byte {at} of a snapshot does not come next, byte {come} does");
-        return Err(Refused::new(Code::SNAPSHOT, text));
+
+    /// Takes out the file of a client; it is empty if the client has sent none.
+    fn take(&mut self, client: u128) -> Vec<u8> {
+        let index = self.0.iter().position(|(sender, _)| *sender == client);
+        index.and_then(|index| self.0.remove(index)).map(|(_, file)| file).unwrap_or_default()
     }
-    travel.coming.extend_from_slice(bytes);
-    Ok(())
 }
 
-/// Restores the snapshot in the file that was sent.
-pub(in crate::request) fn restore(host: &mut dyn Host, detached: bool) -> Result<(), Refused> {
+/// Takes a part of a client's file, from its byte `at` on.
+pub(in crate::request) fn take_in(
+    host: &mut dyn Host,
+    client: u128,
+    at: u32,
+    bytes: &[u8],
+) -> Result<(), Refused> {
+    let (_, travel) = host.plant_and_travel();
+    travel.coming.append(client, at as usize, bytes).map_err(|end| {
+        let text = format_args!("byte {at} of a snapshot does not come next, byte {end} does");
+        Refused::new(Code::SNAPSHOT, text)
+    })
+}
+
+/// Restores the snapshot in the file that the client has sent.
+pub(in crate::request) fn restore(host: &mut dyn Host, client: u128, detached: bool) -> Result<(), Refused> {
     alone(host, detached)?;
     let (_, travel) = host.plant_and_travel();
-    let file = SnapshotFile::of_bytes(&core::mem::take(&mut travel.coming));
+    let file = SnapshotFile::of_bytes(&travel.coming.take(client));
     let file = file.map_err(|error| Refused::new(Code::SNAPSHOT, error))?;
     go_to(host, &file.snapshot, false)?;
     host.plant_and_travel().1.is_elsewhere();
