@@ -41,10 +41,12 @@ pub(crate) struct Args {
 
 /// Accepts the names of devices that have a demonstration, and returns the demonstration.
 fn with_demo() -> impl TypedValueParser<Value = &'static Demo> {
-    let names = devices::all().iter().filter(|known| known.demo.is_some());
+    let names = devices::all().iter().filter(|known| known.emulation.demo.is_some());
     let names = names.map(|known| PossibleValue::new(known.layout.name).help(known.layout.title));
     PossibleValuesParser::new(names).try_map(|name| {
-        devices::find(&name).and_then(|known| known.demo).ok_or("no demonstration of a device of this name")
+        devices::find(&name)
+            .and_then(|known| known.emulation.demo)
+            .ok_or("no demonstration of a device of this name")
     })
 }
 

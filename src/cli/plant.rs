@@ -74,10 +74,12 @@ struct NewArgs {
 
 /// Accepts the names of devices that have a template, and returns the template.
 fn with_template() -> impl TypedValueParser<Value = &'static str> {
-    let names = devices::all().iter().filter(|known| known.template.is_some());
+    let names = devices::all().iter().filter(|known| known.emulation.template.is_some());
     let names = names.map(|known| PossibleValue::new(known.layout.name).help(known.layout.title));
     PossibleValuesParser::new(names).try_map(|name| {
-        devices::find(&name).and_then(|known| known.template).ok_or("no template for a device of this name")
+        devices::find(&name)
+            .and_then(|known| known.emulation.template)
+            .ok_or("no template for a device of this name")
     })
 }
 

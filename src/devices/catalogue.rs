@@ -1,6 +1,7 @@
 //! Catalogue of everything that can occur in a journal, for all devices: the sum of all registrations.
 
-use super::{BUS_KINDS, all, guest, of_hash, records};
+use super::traits::guest;
+use super::{BUS_KINDS, all, of_hash, records};
 use crate::check;
 use crate::door::{DoorSpec, Speech, doors_of};
 use crate::fault;
@@ -40,9 +41,9 @@ pub(super) fn generic() -> impl Iterator<Item = Generic> {
 fn registrations() -> impl Iterator<Item = Generic> {
     let of_devices = all().iter().map(|device| Generic {
         owner: device.layout.name,
-        records: device.records,
-        rules: device.rules,
-        faults: device.faults,
+        records: device.emulation.records,
+        rules: device.emulation.rules,
+        faults: device.emulation.faults,
     });
     generic().chain(of_devices)
 }
@@ -69,7 +70,7 @@ pub fn catalogue() -> &'static Catalogue {
 /// All kinds of faults, in the order of their numbers. From now on no device can be added.
 pub fn fault_kinds() -> &'static [&'static fault::Kind] {
     static SUM: LazyLock<Vec<&'static fault::Kind>> = LazyLock::new(|| {
-        let own = generic().map(|it| it.faults).chain(all().iter().map(|device| device.faults));
+        let own = generic().map(|it| it.faults).chain(all().iter().map(|device| device.emulation.faults));
         let mut kinds: Vec<&'static fault::Kind> = own.flatten().copied().collect();
         kinds.sort_by_key(|kind| kind.number());
         kinds.dedup_by(|one, other| core::ptr::eq(*one, *other));
@@ -80,7 +81,7 @@ pub fn fault_kinds() -> &'static [&'static fault::Kind] {
 
 /// The kinds of faults that a device has itself.
 pub fn faults_of_device(layout: &DeviceLayout) -> &'static [&'static fault::Kind] {
-    of_hash(layout.layout_hash).map_or(&[], |known| known.faults)
+    of_hash(layout.layout_hash).map_or(&[], |known| known.emulation.faults)
 }
 
 /// Returns the fault targets of a bus of this family with these participants; bit n stands for participant

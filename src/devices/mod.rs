@@ -1,13 +1,7 @@
 //! The devices, each in a separate folder; [`cansync`], the common parts of the CANsync devices; and the
 //! registry of all devices.
 
-#[cfg(feature = "emulator")]
-mod address_writes;
 pub mod bm4_o_can_06;
-#[cfg(feature = "emulator")]
-mod bus;
-#[cfg(feature = "emulator")]
-mod bus_view;
 #[cfg(feature = "emulator")]
 pub mod can_bus;
 pub mod can_dp2;
@@ -20,49 +14,27 @@ pub mod cansync;
 mod catalogue;
 #[cfg(feature = "emulator")]
 mod config;
-#[cfg(feature = "emulator")]
-mod context;
 pub mod cr201x;
 pub mod cs0015;
 #[cfg(feature = "emulator")]
 pub mod demo;
-#[cfg(feature = "emulator")]
-mod device;
-#[cfg(feature = "emulator")]
-mod device_ports;
-#[cfg(feature = "emulator")]
-mod device_view;
-#[cfg(feature = "emulator")]
-mod drive;
 #[cfg(all(test, feature = "channel"))]
 mod event_text_tests;
-#[cfg(feature = "emulator")]
-mod events;
 #[cfg(feature = "emulator")]
 mod exercise;
 #[cfg(all(test, feature = "emulator"))]
 mod fault_tests;
-#[cfg(feature = "emulator")]
-mod faulty;
 #[cfg(all(test, feature = "channel"))]
 mod fields_tests;
-#[cfg(feature = "emulator")]
-mod front;
-#[cfg(feature = "emulator")]
-mod guest;
 #[cfg(feature = "plc")]
 mod intr_set;
 #[cfg(feature = "emulator")]
 mod module;
 #[cfg(test)]
 mod names_tests;
-#[cfg(feature = "emulator")]
-mod novram;
 pub mod omega_drive_line_2;
 #[cfg(feature = "emulator")]
 mod plain;
-#[cfg(feature = "emulator")]
-mod port_watch;
 #[cfg(feature = "emulator")]
 pub mod profibus_bus;
 #[cfg(feature = "emulator")]
@@ -77,20 +49,12 @@ mod registry;
 #[cfg(test)]
 pub(crate) mod samples;
 #[cfg(feature = "emulator")]
-mod scene;
-#[cfg(feature = "emulator")]
 pub mod settings;
 #[cfg(feature = "emulator")]
 mod supply;
 #[cfg(feature = "emulator")]
-mod sync;
+mod traits;
 
-#[cfg(feature = "emulator")]
-pub use address_writes::AddressWrites;
-#[cfg(feature = "emulator")]
-pub use bus::{Bus, Plug, World};
-#[cfg(feature = "emulator")]
-pub use bus_view::{BusView, ParticipantId, StationState, Stranger};
 #[cfg(feature = "emulator")]
 pub use canopen::node_sends;
 #[cfg(feature = "emulator")]
@@ -98,40 +62,23 @@ pub use catalogue::{bus_site, catalogue, door_fits, fault_kinds, faults_of_devic
 #[cfg(feature = "emulator")]
 pub use config::{BusKind, BusSection, DeviceConfig, Doubt, MasterConfig, PortConfig, Read};
 #[cfg(feature = "emulator")]
-pub use context::Context;
-#[cfg(feature = "emulator")]
-pub use device::Device;
-#[cfg(feature = "emulator")]
-pub use device_ports::DevicePorts;
-#[cfg(feature = "emulator")]
-pub use device_view::DeviceView;
-#[cfg(feature = "emulator")]
-pub use drive::{DriveDetails, DriveState, Drives, ParameterRefusal, ParameterState, Shaft};
-#[cfg(feature = "emulator")]
-pub use events::Events;
-#[cfg(feature = "emulator")]
 pub use exercise::{Exercise, Move, Wrong};
-#[cfg(feature = "emulator")]
-pub use faulty::Faulty;
-#[cfg(feature = "emulator")]
-pub use front::{Front, FrontAction, Power};
-#[cfg(feature = "emulator")]
-pub use guest::{Attendance, BusGuests, GuestNews, GuestRefusal};
 #[cfg(feature = "emulator")]
 pub use module::{Led, ModuleFront, ReadModule, Switch, modules};
 #[cfg(feature = "emulator")]
-pub use novram::NovramContents;
-#[cfg(feature = "emulator")]
 pub use plain::{Firmware, Plain};
 #[cfg(feature = "emulator")]
-pub use port_watch::PortWatch;
+pub use registry::Emulation;
 pub use registry::{RegisterError, Registered, all, attach, board_of, default, find, of_hash, register};
-#[cfg(feature = "emulator")]
-pub use scene::{Interval, Slot};
 #[cfg(feature = "emulator")]
 pub use settings::{BuildError, SettingError};
 #[cfg(feature = "emulator")]
-pub use sync::{SyncLine, SyncOrigin, SyncSignal};
+pub use traits::{
+    AddressWrites, Attendance, Bus, BusGuests, BusView, Context, Device, DevicePorts, DeviceView,
+    DriveDetails, DriveState, Drives, Events, Faulty, Front, FrontAction, GuestNews, GuestRefusal, Interval,
+    NovramContents, ParameterRefusal, ParameterState, ParticipantId, Plug, PortWatch, Power, Shaft, Slot,
+    StationState, Stranger, SyncLine, SyncOrigin, SyncSignal, World,
+};
 
 #[cfg(feature = "emulator")]
 use crate::door::Speech;

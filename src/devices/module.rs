@@ -46,7 +46,7 @@ pub type ReadModule = fn(Option<Role>, u32, u32) -> Option<ModuleFront>;
 /// Returns the modules of a device by the names of their ports, in the order of the ports; `None` if it is not
 /// modular.
 pub fn modules(header: &Header, device: &'static Layout) -> Option<Vec<(&'static str, ModuleFront)>> {
-    let read = of_hash(device.layout_hash)?.module?;
+    let read = of_hash(device.layout_hash)?.emulation.module?;
     let fitted = header.fitted(device);
     let ports = device.ports.iter().zip(&header.ports);
     let modules = ports.filter_map(|(port, entry)| {

@@ -1,21 +1,19 @@
 //! Registry of devices: the devices of commram, and the devices that a program adds before the first use.
 
 #[cfg(feature = "emulator")]
-use super::demo::Demo;
+mod emulation;
+
 #[cfg(feature = "emulator")]
-use super::exercise::Exercise;
-#[cfg(feature = "emulator")]
-use super::{DeviceConfig, Read, ReadModule, catalogue};
+use super::catalogue;
 use super::{bm4_o_can_06, can_dp2, cr201x, cs0015, omega_drive_line_2};
-#[cfg(feature = "emulator")]
-use crate::fault;
-#[cfg(feature = "emulator")]
-use crate::journal::{Kind, Rule};
 use crate::layout::DeviceLayout as Layout;
 use crate::memory::{AttachMode, Attached, Image, MemoryError, header};
 #[cfg(feature = "plc")]
 use crate::plc::{BlockKind, StPart};
 use std::sync::{Mutex, OnceLock, PoisonError};
+
+#[cfg(feature = "emulator")]
+pub use emulation::Emulation;
 
 /// A device that commram knows.
 #[derive(Debug)]
@@ -31,38 +29,14 @@ pub struct Registered {
     /// The structures in IEC Structured Text, in the order that a compiler needs; empty if there is no such text.
     #[cfg(feature = "plc")]
     pub st: &'static [StPart],
-    /// Reads its section of a plant file; none if only its registers are known.
+    /// Its firmware, with its section of plant files, journal records, rules and faults.
     #[cfg(feature = "emulator")]
-    pub read: Option<Read<dyn DeviceConfig>>,
-    /// JSON schema of the keys of that section, but for `kind`; `#/definitions/name` is the schema of names.
-    #[cfg(feature = "emulator")]
-    pub schema: Option<&'static str>,
-    /// A plant with such a device as a template; the first device shows every key.
-    #[cfg(feature = "emulator")]
-    pub template: Option<&'static str>,
-    /// Kinds of journal records that only its firmware writes.
-    #[cfg(feature = "emulator")]
-    pub records: &'static [&'static Kind],
-    /// Rules of the access checker that only hold for it.
-    #[cfg(feature = "emulator")]
-    pub rules: &'static [&'static Rule],
-    /// Kinds of faults of the device itself, or of its ports on any bus.
-    #[cfg(feature = "emulator")]
-    pub faults: &'static [&'static fault::Kind],
-    /// Reads the front of its modules; `None` if the device has no modules.
-    #[cfg(feature = "emulator")]
-    pub module: Option<ReadModule>,
-    /// Demonstration for `commram demo`; `None` if there is none.
-    #[cfg(feature = "emulator")]
-    pub demo: Option<&'static Demo>,
-    /// Exercises for `commram soak`.
-    #[cfg(feature = "emulator")]
-    pub exercises: &'static [&'static Exercise],
+    pub emulation: Emulation,
 }
 
 impl Registered {
     /// A device of which only the registers are known. Other properties precede the base in a struct update:
-    /// `Registered { rules: ALL, ..Registered::new(&DEVICE) }`.
+    /// `Registered { blocks: BLOCKS, ..Registered::new(&DEVICE) }`.
     #[must_use]
     pub const fn new(layout: &'static Layout) -> Self {
         Registered {
@@ -73,23 +47,7 @@ impl Registered {
             #[cfg(feature = "plc")]
             st: &[],
             #[cfg(feature = "emulator")]
-            read: None,
-            #[cfg(feature = "emulator")]
-            schema: None,
-            #[cfg(feature = "emulator")]
-            template: None,
-            #[cfg(feature = "emulator")]
-            records: &[],
-            #[cfg(feature = "emulator")]
-            rules: &[],
-            #[cfg(feature = "emulator")]
-            faults: &[],
-            #[cfg(feature = "emulator")]
-            module: None,
-            #[cfg(feature = "emulator")]
-            demo: None,
-            #[cfg(feature = "emulator")]
-            exercises: &[],
+            emulation: Emulation::NONE,
         }
     }
 }
@@ -201,16 +159,19 @@ fn claims(device: &'static Registered) -> Vec<Claim> {
         [Claim::new(layout.name, "the name", layout.name), Claim::new(layout.name, "the layout hash", hash)];
     let own = own.into_iter();
     #[cfg(feature = "emulator")]
-    let own = own.chain(claims_of(layout.name, device.records, device.rules, device.faults));
+    let own = {
+        let Emulation { records, rules, faults, .. } = device.emulation;
+        own.chain(claims_of(layout.name, records, rules, faults))
+    };
     own.collect()
 }
 
 #[cfg(feature = "emulator")]
 fn claims_of(
     owner: &'static str,
-    records: &'static [&'static Kind],
-    rules: &'static [&'static Rule],
-    faults: &'static [&'static fault::Kind],
+    records: &'static [&'static crate::journal::Kind],
+    rules: &'static [&'static crate::journal::Rule],
+    faults: &'static [&'static crate::fault::Kind],
 ) -> impl Iterator<Item = Claim> {
     let of_records = records.iter().flat_map(move |&kind| {
         let number = Claim::new(owner, "the number of record", kind.number()).of(kind);

@@ -56,7 +56,7 @@ fn act(plant: &mut Plant, head: u8, bytes: &[u8]) {
 
 #[test]
 fn fuzz_node_frames() {
-    let texts: Vec<_> = devices::all().iter().filter_map(|known| known.template).collect();
+    let texts: Vec<_> = devices::all().iter().filter_map(|known| known.emulation.template).collect();
     crate::fuzz("node_frames", |bytes| {
         let Some((which, mut rest)) = bytes.split_first() else { return };
         let config = PlantConfig::parse("plant", texts[usize::from(*which) % texts.len()]).unwrap();

@@ -16,9 +16,10 @@ pub fn schema() -> Value {
     let mut first = None;
     let devices: Vec<_> = devices::all()
         .iter()
-        .filter(|device| device.read.is_some())
+        .filter(|device| device.emulation.read.is_some())
         .map(|device| {
-            let section = device.schema.map_or_else(open, |schema| section(read(schema), &mut definitions));
+            let section =
+                device.emulation.schema.map_or_else(open, |schema| section(read(schema), &mut definitions));
             first.get_or_insert_with(|| section.clone());
             of_kind(section, device.layout.name, true)
         })
@@ -189,9 +190,9 @@ mod tests {
     #[test]
     fn templates_are_plants_that_show_every_key_of_their_device() {
         let root = schema();
-        for device in devices::all().iter().filter(|device| device.read.is_some()) {
+        for device in devices::all().iter().filter(|device| device.emulation.read.is_some()) {
             let template =
-                device.template.unwrap_or_else(|| panic!("{} has no template", device.layout.name));
+                device.emulation.template.unwrap_or_else(|| panic!("{} has no template", device.layout.name));
             let plant = PlantConfig::parse("template", template).unwrap_or_else(|error| panic!("{error}"));
             assert_eq!(plant.devices[0].layout().name, device.layout.name);
             let sections = root["properties"]["device"]["items"]["anyOf"].as_array().unwrap();

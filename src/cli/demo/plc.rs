@@ -28,7 +28,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     }
     let (attached, device) = devices::attach(&args.instance, &args.plc, AttachMode::ReadWrite)?;
     let known = devices::of_hash(device.layout_hash);
-    let demo = known.and_then(|known| known.demo).ok_or(CliError::NoDemo { device: device.name })?;
+    let demo =
+        known.and_then(|known| known.emulation.demo).ok_or(CliError::NoDemo { device: device.name })?;
     let (pid, image) = (std::process::id(), attached.path().display().to_string());
     output::print(&format!("soft-PLC: process {pid}, attached to {image}\n"))?;
     Ok((demo.program)(attached, &show)?)

@@ -45,16 +45,14 @@ pub(super) static REGISTERED: Registered = Registered {
     #[cfg(feature = "plc")]
     st: blocks::ST,
     #[cfg(feature = "emulator")]
-    read: Some(Bm4Config::read),
-    #[cfg(feature = "emulator")]
-    schema: Some(include_str!("plant.schema.json")),
-    #[cfg(feature = "emulator")]
-    template: Some(include_str!("plant.toml")),
-    #[cfg(feature = "emulator")]
-    module: Some(read_module),
-    #[cfg(feature = "emulator")]
-    demo: Some(&demo::DEMO),
-    #[cfg(feature = "emulator")]
-    exercises: &exercise::EXERCISES,
+    emulation: crate::devices::Emulation {
+        read: Some(Bm4Config::read),
+        schema: Some(include_str!("plant.schema.json")),
+        template: Some(include_str!("plant.toml")),
+        module: Some(read_module),
+        demo: Some(&demo::DEMO),
+        exercises: &exercise::EXERCISES,
+        ..crate::devices::Emulation::NONE
+    },
     ..Registered::new(&registers::DEVICE)
 };

@@ -1,14 +1,14 @@
 //! A CAN-DP/2 as the plant file describes it.
 
-use super::can_port::CanSide;
-use super::dp_port;
-use super::dp_port::DpPort;
-use super::gateway::Gateway;
-use super::master::Master;
-use super::ram::Registers;
+use super::firmware::can_port::CanSide;
+use super::firmware::dp_port;
+use super::firmware::dp_port::DpPort;
+use super::firmware::gateway::Gateway;
+use super::firmware::master::Master;
+use super::firmware::ram::Registers;
+use super::firmware::stored::Stored;
+use super::firmware::{Shared, share};
 use super::registers::{DEVICE, FRONT_SWITCHES};
-use super::stored::Stored;
-use super::{Shared, share};
 use crate::devices::can_bus::CanSocket;
 use crate::devices::profibus_bus::ProfibusSocket;
 use crate::devices::settings::{range, refused_at};
@@ -84,7 +84,7 @@ impl DeviceConfig for CanDp2Config {
     }
 
     fn novram(&self) -> Option<&'static Area> {
-        super::stored::area()
+        super::firmware::stored::area()
     }
 
     fn build(

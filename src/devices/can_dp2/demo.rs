@@ -1,7 +1,7 @@
 //! The demo of `commram demo --device can-dp2`: a DP master commissions the gateway, by the registers of the master
 //! without a stack, and a value goes from PROFIBUS to CANopen and back (Software-Handbuch CAN-DP/2).
 
-use super::ram::fill;
+use super::firmware::ram::fill;
 use super::registers::values::mst_dsap::{CHK_CFG, DATA_EXCHANGE, SET_PRM, SLAVE_DIAG};
 use super::registers::values::{mst_control, mst_result};
 use super::registers::{CAN_DP2_MST, DEVICE, MST};

@@ -15,7 +15,7 @@ mod rules;
 mod states;
 
 use super::config::CanDp2Config;
-use super::ram::Registers;
+use super::firmware::ram::Registers;
 use super::registers::values::{mst_control, mst_result};
 use super::registers::{
     CAN_DP2_MST, DEVICE, FRONT_ADDRESS, FRONT_LED_C, FRONT_LED_D, FRONT_LED_E, FRONT_SWITCHES, MST,
@@ -194,7 +194,7 @@ impl Bench {
     fn ask(&mut self, dsap: u8, data: &[u8]) -> (u8, Vec<u8>) {
         self.mst.mst_dsap.store(dsap);
         self.mst.mst_request_len.store(data.len() as u8);
-        super::ram::fill(&self.mst.mst_request, data);
+        super::firmware::ram::fill(&self.mst.mst_request, data);
         self.mst.mst_control.store(mst_control::SEND);
         for _ in 0..1000 {
             self.run(CYCLE);

@@ -28,12 +28,12 @@ pub mod registers {
 /// The device's entry in the registry.
 pub(super) static REGISTERED: Registered = Registered {
     #[cfg(feature = "emulator")]
-    read: Some(Cr201xConfig::read),
-    #[cfg(feature = "emulator")]
-    schema: Some(include_str!("plant.schema.json")),
-    #[cfg(feature = "emulator")]
-    template: Some(include_str!("plant.toml")),
-    #[cfg(feature = "emulator")]
-    records: crate::devices::canopen::records::KINDS,
+    emulation: crate::devices::Emulation {
+        read: Some(Cr201xConfig::read),
+        schema: Some(include_str!("plant.schema.json")),
+        template: Some(include_str!("plant.toml")),
+        records: crate::devices::canopen::records::KINDS,
+        ..crate::devices::Emulation::NONE
+    },
     ..Registered::new(&registers::DEVICE)
 };

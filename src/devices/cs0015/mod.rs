@@ -56,20 +56,16 @@ pub(super) static REGISTERED: Registered = Registered {
     #[cfg(feature = "plc")]
     blocks: blocks::BLOCKS,
     #[cfg(feature = "emulator")]
-    read: Some(Cs0015Config::read),
-    #[cfg(feature = "emulator")]
-    schema: Some(include_str!("plant.schema.json")),
-    #[cfg(feature = "emulator")]
-    template: Some(include_str!("plant.toml")),
-    #[cfg(feature = "emulator")]
-    records: records::KINDS,
-    #[cfg(feature = "emulator")]
-    rules: rules::ALL,
-    #[cfg(feature = "emulator")]
-    faults: faults::KINDS,
-    #[cfg(feature = "emulator")]
-    demo: Some(&demo::DEMO),
-    #[cfg(feature = "emulator")]
-    exercises: &exercise::EXERCISES,
+    emulation: crate::devices::Emulation {
+        read: Some(Cs0015Config::read),
+        schema: Some(include_str!("plant.schema.json")),
+        template: Some(include_str!("plant.toml")),
+        records: records::KINDS,
+        rules: rules::ALL,
+        faults: faults::KINDS,
+        demo: Some(&demo::DEMO),
+        exercises: &exercise::EXERCISES,
+        ..crate::devices::Emulation::NONE
+    },
     ..Registered::new(&registers::DEVICE)
 };

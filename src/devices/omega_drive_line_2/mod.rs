@@ -44,18 +44,15 @@ pub(super) static REGISTERED: Registered = Registered {
     #[cfg(feature = "plc")]
     st: blocks::ST,
     #[cfg(feature = "emulator")]
-    read: Some(PlcConfig::read),
-    #[cfg(feature = "emulator")]
-    schema: Some(include_str!("plant.schema.json")),
-    #[cfg(feature = "emulator")]
-    template: Some(include_str!("plant.toml")),
-    #[cfg(feature = "emulator")]
-    rules: rules::ALL,
-    #[cfg(feature = "emulator")]
-    faults: faults::KINDS,
-    #[cfg(feature = "emulator")]
-    demo: Some(&demo::DEMO),
-    #[cfg(feature = "emulator")]
-    exercises: &exercise::EXERCISES,
+    emulation: crate::devices::Emulation {
+        read: Some(PlcConfig::read),
+        schema: Some(include_str!("plant.schema.json")),
+        template: Some(include_str!("plant.toml")),
+        rules: rules::ALL,
+        faults: faults::KINDS,
+        demo: Some(&demo::DEMO),
+        exercises: &exercise::EXERCISES,
+        ..crate::devices::Emulation::NONE
+    },
     ..Registered::new(&registers::DEVICE)
 };

@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::event_kinds;
-use crate::journal::{EventCodec, EventText, Fields, Reader};
+use crate::fault;
+use crate::journal::{EventCodec, EventText, Fields, Kind, Reader, Rule};
 use crate::rules;
 
 rules! {
@@ -46,11 +47,8 @@ fn device(
     rules: Vec<&'static Rule>,
 ) -> &'static Registered {
     let layout = Box::leak(Box::new(Layout { name, layout_hash, ..Layout::UNKNOWN }));
-    Box::leak(Box::new(Registered {
-        records: records.leak(),
-        rules: rules.leak(),
-        ..Registered::new(layout)
-    }))
+    let emulation = Emulation { records: records.leak(), rules: rules.leak(), ..Emulation::NONE };
+    Box::leak(Box::new(Registered { emulation, ..Registered::new(layout) }))
 }
 
 fn taken(
@@ -127,7 +125,8 @@ fn faults_belong_to_one_family() {
     let registry = Registry::new();
     let with = |name, hash, kind: &'static fault::Kind| {
         let Registered { layout, .. } = device(name, hash, vec![], vec![]);
-        &*Box::leak(Box::new(Registered { faults: vec![kind].leak(), ..Registered::new(layout) }))
+        let emulation = Emulation { faults: vec![kind].leak(), ..Emulation::NONE };
+        &*Box::leak(Box::new(Registered { emulation, ..Registered::new(layout) }))
     };
     assert_eq!(registry.register(with("it", 1, &OWN_FAULT)), Ok(()));
     assert_eq!(registry.register(with("other", 2, &OWN_FAULT)), Ok(()), "a family shares its faults");

@@ -1,8 +1,8 @@
 //! Writes by address that a device answers at once.
 
-use super::Context;
+use crate::devices::Context;
 
-/// A device that reacts to a write by address ([`Device::address_writes`](super::Device::address_writes)).
+/// A device that reacts to a write by address ([`Device::address_writes`](crate::devices::Device::address_writes)).
 pub trait AddressWrites {
     /// A client has written `bytes` bytes at `offset` by address.
     fn written_by_address(&self, offset: u32, bytes: u32);

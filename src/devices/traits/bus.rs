@@ -1,6 +1,8 @@
 //! Interface between a plant and a bus with the ports of devices and other participants.
 
-use super::{BuildError, BusGuests, BusView, Context, Drives, Faulty, PortWatch, SyncLine, SyncSignal};
+use crate::devices::{
+    BuildError, BusGuests, BusView, Context, Drives, Faulty, PortWatch, SyncLine, SyncSignal,
+};
 use crate::fault::Faults;
 use crate::journal::{Journal, Origin};
 use crate::snapshot_fields::SnapshotFields;
@@ -22,7 +24,7 @@ pub struct World<'a> {
 pub struct Plug {
     /// Number of the port in the device's layout.
     pub number: u8,
-    /// Family of buses that the plug fits, one of [`BUS_KINDS`](super::BUS_KINDS).
+    /// Family of buses that the plug fits, one of [`BUS_KINDS`](crate::devices::BUS_KINDS).
     pub family: &'static str,
     /// Name of the bus in the plant; `None` if the port is not plugged in.
     pub bus: Option<String>,
@@ -57,7 +59,7 @@ pub trait Bus: BusView + Any + Send + SnapshotFields {
     fn processor_cycle(&mut self, place: usize, now: u64, journal: &mut Journal) -> bool;
 
     /// Whether the firmware of the port is quiescent, as a device can be
-    /// ([`Device::is_quiescent`](super::Device::is_quiescent)): its processor cycles change nothing before another event
+    /// ([`Device::is_quiescent`](crate::devices::Device::is_quiescent)): its processor cycles change nothing before another event
     /// occurs, for example [`Bus::event`].
     fn is_quiescent(&self, place: usize) -> bool {
         let _ = place;

@@ -1,7 +1,7 @@
 //! The visible state of a bus: identity, ports, stations, and the load of its wire.
 
-use super::Interval;
 use crate::can::{self, BitRate, ErrorCounters};
+use crate::devices::Interval;
 use crate::journal::{Event, Origin};
 
 /// A station of a bus with known stations.
@@ -40,7 +40,7 @@ pub trait BusView {
     /// Name of the bus in the plant.
     fn name(&self) -> &str;
 
-    /// Kind of the bus, one of [`BUS_KINDS`](super::BUS_KINDS).
+    /// Kind of the bus, one of [`BUS_KINDS`](crate::devices::BUS_KINDS).
     fn family(&self) -> &'static str;
 
     /// The rate that it runs at now, in bit/s.

@@ -1,6 +1,6 @@
 //! Interface between a plant and a device: an image with its firmware, and the ports that connect the device to buses.
 
-use super::{
+use crate::devices::{
     AddressWrites, Context, DevicePorts, DeviceView, Drives, Events, Faulty, Front, NovramContents, World,
 };
 use crate::memory::Width;
@@ -11,7 +11,7 @@ use core::any::Any;
 /// A device of a plant. The bus of a port runs the firmware of the port. The plant passes events of the device to its
 /// ports, and events of the ports to the device. Features that only some devices have are optional methods: parts for
 /// the ports, events, a drive, NOVRAM, faults. A device that has only a supply in its front is a
-/// [`Plain`](super::Plain) one.
+/// [`Plain`](crate::devices::Plain) one.
 pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
     /// Power-on or end of a reset, before the ports follow.
     fn start(&mut self, ctx: &mut Context);

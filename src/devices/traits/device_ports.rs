@@ -1,8 +1,8 @@
 //! The ports of a device, as far as the device takes part in their events.
 
-use super::Context;
+use crate::devices::Context;
 
-/// A device with number switches, LEDs or a SYNC signal for its ports ([`Device::ports`](super::Device::ports)). The
+/// A device with number switches, LEDs or a SYNC signal for its ports ([`Device::ports`](crate::devices::Device::ports)). The
 /// plant passes events of the ports to the device.
 pub trait DevicePorts {
     /// `port` is plugged in at a bus with this bit rate in bit/s; 0 if the bus has none. Called once, before the first

@@ -99,7 +99,7 @@ pub enum ParameterRefusal {
     Off,
 }
 
-/// The drives of a bus or device ([`Bus::drives`](super::Bus::drives), [`Device::drives`](super::Device::drives)). The
+/// The drives of a bus or device ([`Bus::drives`](crate::devices::Bus::drives), [`Device::drives`](crate::devices::Device::drives)). The
 /// position of a drive in [`Drives::list`] is its number here.
 pub trait Drives {
     /// The drives in the order of the plant file: names and states.

@@ -1,8 +1,8 @@
 //! Interrupt events of a device: enabled events and their occurrences. All devices enable events in the same way,
 //! with the function block `INTR_SET`, but each device has different events.
 
-use super::Context;
-use super::records::{BoardEvent, OnBoard};
+use crate::devices::Context;
+use crate::devices::records::{BoardEvent, OnBoard};
 use crate::memory::header::InterruptResult;
 use crate::memory::{Face, Header};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
@@ -52,7 +52,7 @@ impl Events {
     }
 
     /// The board has ordered a start or stop: tasks that are waited for obey it now.
-    pub(super) fn note_order(&mut self) {
+    pub(in crate::devices) fn note_order(&mut self) {
         self.stop |= self.watched != 0;
     }
 

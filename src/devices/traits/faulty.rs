@@ -2,7 +2,7 @@
 
 use crate::fault::{Effect, Faults, Hit, Target};
 
-/// A device or bus that applies faults ([`Device::faults`](super::Device::faults), [`Bus::faults`](super::Bus::faults)).
+/// A device or bus that applies faults ([`Device::faults`](crate::devices::Device::faults), [`Bus::faults`](crate::devices::Bus::faults)).
 pub trait Faulty {
     /// Called when the set of active faults of the device or bus has changed.
     fn faults_changed(&mut self, now: u64, faults: &Faults) {
@@ -11,7 +11,7 @@ pub trait Faulty {
 
     /// Called when one of its faults is active, at the begin of the fault or in a processor cycle: returns a hit if the
     /// fault fires by itself. Faults that fire at an event are found during the event
-    /// ([`World::faults`](super::World::faults)).
+    /// ([`World::faults`](crate::devices::World::faults)).
     fn fire(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
         let _ = (now, target, effect);
         None

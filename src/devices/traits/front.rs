@@ -1,6 +1,6 @@
 //! The front of a device: supply, RESET, switches and requests of the header page.
 
-use super::Context;
+use crate::devices::Context;
 use crate::memory::header::BoardSetting;
 
 /// Cause that switches a device off or on.

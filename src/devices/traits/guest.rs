@@ -7,7 +7,7 @@ use crate::journal::{EventCodec, EventText, Fields, Journal, Kind, Packer, Part,
 use std::sync::Arc;
 
 /// All kinds.
-pub(super) static KINDS: &[&Kind] = &[GuestNews::KIND];
+pub(in crate::devices) static KINDS: &[&Kind] = &[GuestNews::KIND];
 
 /// Reason for which a bus refuses a frame or telegram of a guest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -27,7 +27,7 @@ pub enum GuestRefusal {
     NotHere,
 }
 
-/// The guests of a bus ([`Bus::guests`](super::Bus::guests)). Each guest has a number; number 0 is the guest that acts by
+/// The guests of a bus ([`Bus::guests`](crate::devices::Bus::guests)). Each guest has a number; number 0 is the guest that acts by
 /// requests.
 pub trait BusGuests {
     /// A guest takes part from now on. Returns whether this changes anything here.

@@ -1,6 +1,6 @@
 //! The NOVRAM of a device: registers that survive a power-off.
 
-/// The NOVRAM of a device ([`Device::novram`](super::Device::novram)).
+/// The NOVRAM of a device ([`Device::novram`](crate::devices::Device::novram)).
 pub trait NovramContents {
     /// Contents, and a number that changes with them; empty if the device stores no registers.
     fn contents(&self) -> (&[u8], u32);

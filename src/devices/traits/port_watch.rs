@@ -2,7 +2,7 @@
 
 use crate::journal::Journal;
 
-/// The watches over the registers of a bus's ports ([`Bus::watch`](super::Bus::watch)). The bus owns them, since its
+/// The watches over the registers of a bus's ports ([`Bus::watch`](crate::devices::Bus::watch)). The bus owns them, since its
 /// family has the rules and the firmware.
 pub trait PortWatch {
     /// Before firmware runs: checks the writes of clients to the registers of a port since
@@ -17,7 +17,7 @@ pub trait PortWatch {
     fn judge_write(&mut self, place: usize, offset: u32, bytes: u32, now: u64, journal: &mut Journal);
 
     /// Checks the values that are taken over at a SYNC edge. Called after all devices were notified of an edge that
-    /// [`Bus::event`](super::Bus::event) returned.
+    /// [`Bus::event`](crate::devices::Bus::event) returned.
     fn judge_edge(&mut self, now: u64, journal: &mut Journal) {
         let _ = (now, journal);
     }

@@ -37,7 +37,7 @@ pub enum SyncOrigin {
     },
 }
 
-/// The SYNC signal of a bus that has one ([`Bus::sync`](super::Bus::sync)).
+/// The SYNC signal of a bus that has one ([`Bus::sync`](crate::devices::Bus::sync)).
 pub trait SyncLine {
     /// Whether the port takes its SYNC signal from another port of its device.
     fn takes_sync(&self, place: usize) -> bool;

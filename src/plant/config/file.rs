@@ -49,8 +49,10 @@ pub(super) fn read(file: &str, text: &str) -> Result<(PlantConfig, Vec<usize>), 
         Rest::deserialize(Deserializer::from(table)).map_err(|error| source.wrong(&error, &section))?;
 
     let mut devices: Vec<Arc<dyn DeviceConfig>> = Vec::with_capacity(plcs.len() + others.len());
-    let kinds: Vec<_> =
-        devices::all().iter().filter_map(|device| Some((device.layout.name, device.read?))).collect();
+    let kinds: Vec<_> = devices::all()
+        .iter()
+        .filter_map(|device| Some((device.layout.name, device.emulation.read?)))
+        .collect();
     for section in plcs {
         devices.push(source.read("plc", section, kinds[0].1)?);
     }

@@ -15,7 +15,7 @@ fn plant(text: &str) -> Plant {
 
 /// A plant of each device.
 fn templates() -> impl Iterator<Item = &'static str> {
-    devices::all().iter().filter_map(|device| device.template)
+    devices::all().iter().filter_map(|device| device.emulation.template)
 }
 
 #[test]
@@ -45,7 +45,7 @@ fn a_file_comes_back_and_anything_else_is_refused() {
 #[test]
 fn a_sample_of_the_format_can_be_read() {
     for known in devices::all() {
-        let Some(text) = known.template else { continue };
+        let Some(text) = known.emulation.template else { continue };
         let bytes = sample(&format!("snapshot-{FORMAT}-{}", known.layout.name), || {
             let mut plant = plant(text);
             plant.advance_to(20_000);

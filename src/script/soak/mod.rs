@@ -31,7 +31,7 @@ const SLICES: core::ops::RangeInclusive<u64> = 300..=30_000;
 
 /// The exercises of all devices.
 pub fn exercises() -> impl Iterator<Item = &'static Exercise> {
-    devices::all().iter().flat_map(|known| known.exercises.iter().copied())
+    devices::all().iter().flat_map(|known| known.emulation.exercises.iter().copied())
 }
 
 /// The subject of a round.

@@ -66,8 +66,8 @@ const IN_OTHER_PLANTS: [&Rule; 2] = [&cansync::rules::NUMBER_TAKEN, &cansync::ru
 #[test]
 fn every_rule_has_a_case() {
     // Rules of a device that is not in this list are tested next to its firmware.
-    let elsewhere =
-        ["cs0015", "can-dp2"].map(|name| commram::devices::find(name).map_or(&[][..], |device| device.rules));
+    let elsewhere = ["cs0015", "can-dp2"]
+        .map(|name| commram::devices::find(name).map_or(&[][..], |device| device.emulation.rules));
     let elsewhere = elsewhere.concat();
     let without: Vec<_> = commram::devices::catalogue()
         .rules

@@ -2,7 +2,7 @@
 
 use commram::can::{Filter, Frame, Payload, StandardId};
 use commram::devices::can_bus::{self, CanDevice, CanPort, Controller};
-use commram::devices::{Context, Registered};
+use commram::devices::{Context, Emulation, Registered};
 use commram::journal::{EventCodec, EventText, Fields, Reader};
 use commram::layout::{DeviceLayout, RegisterPhase};
 use commram::memory::{Header, MemoryError, Segment, View};
@@ -34,9 +34,12 @@ commram::rules! {
 
 /// The entry in the registry.
 pub static GATE: Registered = Registered {
-    read: Some(can_bus::read::<Gate>),
-    records: &[Passed::KIND],
-    rules: ALL,
+    emulation: Emulation {
+        read: Some(can_bus::read::<Gate>),
+        records: &[Passed::KIND],
+        rules: ALL,
+        ..Emulation::NONE
+    },
     ..Registered::new(&registers::DEVICE)
 };
 

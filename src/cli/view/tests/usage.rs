@@ -210,8 +210,8 @@ fn addresses_and_patterns_are_found() {
 
 #[test]
 fn a_modular_plc_shows_its_modules_at_its_front() {
-    let modular = devices::all().iter().find(|known| known.module.is_some()).unwrap();
-    let mut user = User::of(modular.template.unwrap(), false);
+    let modular = devices::all().iter().find(|known| known.emulation.module.is_some()).unwrap();
+    let mut user = User::of(modular.emulation.template.unwrap(), false);
     user.type_in("5");
     user.sees("slotG");
     user.sees("can-06");

@@ -1,20 +1,20 @@
 //! The port at CAN: frames that the gateway sends and receives, and LED C (p. 15).
 
 use super::ram::Registers;
-use super::records::CanState;
-use super::registers::FRONT_LED_C;
-use super::registers::values::{bus_state, can_state, led_c};
 use super::{Shared, lock};
 use crate::can::{ErrorState, Frame};
 use crate::devices::Context;
 use crate::devices::can_bus::{CanPort, Controller};
+use crate::devices::can_dp2::records::CanState;
+use crate::devices::can_dp2::registers::FRONT_LED_C;
+use crate::devices::can_dp2::registers::values::{bus_state, can_state, led_c};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
 /// A bit rate that no bus has: before data exchange the device does not take part in CAN (p. 12).
 const NO_RATE: u32 = 0;
 
 /// The firmware at CAN.
-pub(super) struct CanSide {
+pub(in crate::devices::can_dp2) struct CanSide {
     registers: Registers,
     gateway: Shared,
     /// State that the journal has last recorded.
@@ -22,7 +22,7 @@ pub(super) struct CanSide {
 }
 
 impl CanSide {
-    pub(super) fn new(registers: Registers, gateway: Shared) -> Self {
+    pub(in crate::devices::can_dp2) fn new(registers: Registers, gateway: Shared) -> Self {
         CanSide { registers, gateway, told: can_state::OFF }
     }
 

@@ -2,13 +2,15 @@
 
 use super::gateway::Gateway;
 use super::ram::Registers;
-use super::records::{DpState, Refused, WatchdogOut};
-use super::registers::values::{dp_state, led_d, led_e, led_p};
-use super::registers::{DEVICE, FRONT_ADDRESS, FRONT_LED_D, FRONT_LED_E, FRONT_LED_P, FRONT_SWITCHES};
-use super::rules;
 use super::slave::{News, Slave};
 use super::{Shared, lock};
 use crate::devices::Context;
+use crate::devices::can_dp2::records::{DpState, Refused, WatchdogOut};
+use crate::devices::can_dp2::registers::values::{dp_state, led_d, led_e, led_p};
+use crate::devices::can_dp2::registers::{
+    DEVICE, FRONT_ADDRESS, FRONT_LED_D, FRONT_LED_E, FRONT_LED_P, FRONT_SWITCHES,
+};
+use crate::devices::can_dp2::rules;
 use crate::devices::profibus_bus::{Presence, ProfibusPort, Station};
 use crate::journal::{Finding, Rule};
 use crate::layout::RegisterPhase;
@@ -20,7 +22,7 @@ const FIRST_ADDRESS: u32 = 3;
 const LAST_ADDRESS: u32 = 124;
 
 /// Returns the address for a position of the switches (p. 9).
-pub(super) const fn address(switches: u32) -> u32 {
+pub(in crate::devices::can_dp2) const fn address(switches: u32) -> u32 {
     if switches < FIRST_ADDRESS {
         FIRST_ADDRESS
     } else if switches > LAST_ADDRESS {
@@ -31,7 +33,7 @@ pub(super) const fn address(switches: u32) -> u32 {
 }
 
 /// The firmware at PROFIBUS.
-pub(super) struct DpPort {
+pub(in crate::devices::can_dp2) struct DpPort {
     registers: Registers,
     gateway: Shared,
     slave: Option<Slave>,
@@ -40,7 +42,7 @@ pub(super) struct DpPort {
 snapshot_fields!(DpPort { values: slave; built: registers, gateway });
 
 impl DpPort {
-    pub(super) fn new(registers: Registers, gateway: Shared) -> Self {
+    pub(in crate::devices::can_dp2) fn new(registers: Registers, gateway: Shared) -> Self {
         DpPort { registers, gateway, slave: None }
     }
 

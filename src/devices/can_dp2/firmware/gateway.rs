@@ -7,9 +7,9 @@ use super::modules::{Configuration, Kind, Module, WINDOW};
 use super::pages::Pages;
 use super::parameters::{Parameters, Role};
 use super::ram::Registers;
-use super::registers::values::{bus_state, can_state, page_state};
 use super::window::{Order, Window};
 use crate::can::{ExtendedId, Filter, Frame, Id, Payload, StandardId};
+use crate::devices::can_dp2::registers::values::{bus_state, can_state, page_state};
 use crate::devices::canopen::nmt::Command;
 use crate::snapshot_fields;
 use embedded_can::Frame as _;
@@ -37,7 +37,7 @@ struct Setup {
 }
 
 /// The CAN side.
-pub(super) struct Gateway {
+pub(in crate::devices::can_dp2) struct Gateway {
     registers: Registers,
     /// Time of power-on in us, from which the wake-up time counts (p. 29).
     on_since: u64,
@@ -76,7 +76,7 @@ snapshot_fields!(Gateway {
 });
 
 impl Gateway {
-    pub(super) fn new(registers: Registers) -> Self {
+    pub(in crate::devices::can_dp2) fn new(registers: Registers) -> Self {
         Gateway {
             registers,
             on_since: 0,
@@ -99,12 +99,12 @@ impl Gateway {
         }
     }
 
-    pub(super) fn power_on(&mut self, now: u64) {
+    pub(in crate::devices::can_dp2) fn power_on(&mut self, now: u64) {
         self.power_off();
         self.on_since = now;
     }
 
-    pub(super) fn power_off(&mut self) {
+    pub(in crate::devices::can_dp2) fn power_off(&mut self) {
         self.end();
         (self.setup, self.state) = (None, can_state::OFF);
         (self.window, self.pages) = (Window::default(), None);
@@ -114,38 +114,38 @@ impl Gateway {
     }
 
     /// Returns the three octets of the diagnosis about CAN: state, IRQ_LOST, MSG_LOST (p. 20-21).
-    pub(super) fn diagnosis(&self) -> [u8; 3] {
+    pub(in crate::devices::can_dp2) fn diagnosis(&self) -> [u8; 3] {
         [self.bus, self.irq_lost, self.msg_lost]
     }
 
     /// Whether [`diagnosis`](Self::diagnosis) has changed since [`take_news`](Self::take_news).
-    pub(super) fn has_news(&self) -> bool {
+    pub(in crate::devices::can_dp2) fn has_news(&self) -> bool {
         self.has_news
     }
 
     /// Whether [`diagnosis`](Self::diagnosis) has changed since the last call.
-    pub(super) fn take_news(&mut self) -> bool {
+    pub(in crate::devices::can_dp2) fn take_news(&mut self) -> bool {
         core::mem::take(&mut self.has_news)
     }
 
     /// Returns the state, as in register `can_state`.
-    pub(super) fn state(&self) -> u8 {
+    pub(in crate::devices::can_dp2) fn state(&self) -> u8 {
         self.state
     }
 
     /// State of the CAN bus.
-    pub(super) fn bus(&self) -> u8 {
+    pub(in crate::devices::can_dp2) fn bus(&self) -> u8 {
         self.bus
     }
 
     /// Sets the state of the CAN bus.
-    pub(super) fn set_bus(&mut self, bus: u8) {
+    pub(in crate::devices::can_dp2) fn set_bus(&mut self, bus: u8) {
         self.has_news |= core::mem::replace(&mut self.bus, bus) != bus;
         self.show();
     }
 
     /// The controller has lost a frame (p. 20).
-    pub(super) fn lost_frame(&mut self) {
+    pub(in crate::devices::can_dp2) fn lost_frame(&mut self) {
         self.irq_lost = self.irq_lost.saturating_add(1);
         self.has_news = true;
         self.show();
@@ -165,7 +165,12 @@ impl Gateway {
     }
 
     /// Begins data exchange with these parameters and modules. Frames of outputs wait for the first outputs.
-    pub(super) fn begin(&mut self, parameters: &Parameters, configuration: &Configuration, now: u64) {
+    pub(in crate::devices::can_dp2) fn begin(
+        &mut self,
+        parameters: &Parameters,
+        configuration: &Configuration,
+        now: u64,
+    ) {
         self.end();
         (self.window, self.pages) = (Window::default(), configuration.pages());
         (self.is_new, self.is_configured) = (true, true);
@@ -192,7 +197,7 @@ impl Gateway {
     }
 
     /// Ends data exchange: the gateway sends no more frames by itself, but continues to receive (D-386).
-    pub(super) fn end(&mut self) {
+    pub(in crate::devices::can_dp2) fn end(&mut self) {
         (self.has_outputs, self.is_configured, self.is_emptied) = (false, false, true);
         (self.wake_at, self.sync_at, self.sync_waits) = (None, None, false);
         self.frames.clear();
@@ -213,7 +218,7 @@ impl Gateway {
 
     /// Clears the outputs (D-387). Cleared outputs are not data: a start that waits for the first outputs keeps
     /// waiting.
-    pub(super) fn cleared(&mut self, now: u64) {
+    pub(in crate::devices::can_dp2) fn cleared(&mut self, now: u64) {
         if self.has_outputs
             && let Some(setup) = &self.setup
         {
@@ -236,7 +241,7 @@ impl Gateway {
     }
 
     /// Handles the outputs of a data exchange.
-    pub(super) fn exchanged(&mut self, outputs: &[u8], now: u64) {
+    pub(in crate::devices::can_dp2) fn exchanged(&mut self, outputs: &[u8], now: u64) {
         let is_off = self.state == can_state::OFF;
         if !self.has_outputs && !is_off {
             self.begin_outputs(outputs, now);
@@ -287,7 +292,7 @@ impl Gateway {
     }
 
     /// Handles a frame from CAN.
-    pub(super) fn received(&mut self, frame: &Frame, now: u64) {
+    pub(in crate::devices::can_dp2) fn received(&mut self, frame: &Frame, now: u64) {
         let Some(setup) = self.setup.as_ref().filter(|_| self.state != can_state::OFF) else { return };
         // D-388.
         if frame.is_remote_frame() {
@@ -327,14 +332,14 @@ impl Gateway {
     }
 
     /// Returns the time of the next due event, in us.
-    pub(super) fn next_time(&self) -> u64 {
+    pub(in crate::devices::can_dp2) fn next_time(&self) -> u64 {
         let cycles = self.setup.iter().flat_map(|setup| setup.cycles.iter().flatten());
         let times = cycles.chain(&self.wake_at).chain(&self.sync_at);
         times.copied().min().unwrap_or(u64::MAX)
     }
 
     /// Handles the due events.
-    pub(super) fn due(&mut self, now: u64) {
+    pub(in crate::devices::can_dp2) fn due(&mut self, now: u64) {
         if self.wake_at.is_some_and(|at| at <= now) {
             self.wake_at = None;
             self.wake_up(now);
@@ -359,7 +364,7 @@ impl Gateway {
     }
 
     /// Returns the bit rate and filters for the controller, if they have changed.
-    pub(super) fn take_setup(&mut self) -> Option<(u32, Vec<Filter>)> {
+    pub(in crate::devices::can_dp2) fn take_setup(&mut self) -> Option<(u32, Vec<Filter>)> {
         if !core::mem::take(&mut self.is_new) {
             return None;
         }
@@ -380,12 +385,12 @@ impl Gateway {
     }
 
     /// Returns whether the CAN controller must discard the frames that it has not sent yet (D-386), once for each end of data exchange.
-    pub(super) fn take_emptied(&mut self) -> bool {
+    pub(in crate::devices::can_dp2) fn take_emptied(&mut self) -> bool {
         core::mem::take(&mut self.is_emptied)
     }
 
     /// Takes the next frame to send.
-    pub(super) fn take_frame(&mut self) -> Option<Frame> {
+    pub(in crate::devices::can_dp2) fn take_frame(&mut self) -> Option<Frame> {
         self.frames.pop_front()
     }
 

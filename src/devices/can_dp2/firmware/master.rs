@@ -2,10 +2,10 @@
 //! at a time.
 
 use super::ram::fill;
-use super::registers::values::{mst_control, mst_dsap, mst_result, mst_status};
-use super::registers::{CAN_DP2_MST, FRONT_ADDRESS, MST};
-use super::rules;
 use crate::devices::Context;
+use crate::devices::can_dp2::registers::values::{mst_control, mst_dsap, mst_result, mst_status};
+use crate::devices::can_dp2::registers::{CAN_DP2_MST, FRONT_ADDRESS, MST};
+use crate::devices::can_dp2::rules;
 use crate::devices::profibus_bus::{Presence, ProfibusPort, Station};
 use crate::layout::RegisterPhase;
 use crate::memory::{Header, MemoryError, Segment, View};
@@ -33,7 +33,7 @@ struct Pending {
     is_sent: bool,
 }
 
-pub(super) struct Master {
+pub(in crate::devices::can_dp2) struct Master {
     registers: View<CAN_DP2_MST>,
     header: View<Header>,
     pending: Option<Pending>,
@@ -46,7 +46,7 @@ pub(super) struct Master {
 snapshot_fields!(Master { values: pending, fcb, last_address; built: registers, header });
 
 impl Master {
-    pub(super) fn new(segment: &Segment) -> Result<Self, MemoryError> {
+    pub(in crate::devices::can_dp2) fn new(segment: &Segment) -> Result<Self, MemoryError> {
         let (registers, header) = (segment.view(MST)?, segment.header()?);
         Ok(Master { registers, header, pending: None, fcb: None, last_address: None })
     }

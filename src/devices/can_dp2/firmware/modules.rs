@@ -1,31 +1,31 @@
 //! The configuration: modules in the octets of Chk_Cfg, and their checks (p. 21, 31-39, 71-73).
 
-use super::page;
 use super::parameters::Parameters;
-use super::registers::gsd;
 use crate::can::{ExtendedId, Id, StandardId};
+use crate::devices::can_dp2::page;
+use crate::devices::can_dp2::registers::gsd;
 use serde::{Deserialize, Serialize};
 
 /// Most modules of a station (p. 23).
-pub(super) const MODULES: usize = gsd::MAX_MODULE as usize;
+pub(in crate::devices::can_dp2) const MODULES: usize = gsd::MAX_MODULE as usize;
 
 /// Most octets of all inputs, and of all outputs; and of both together (p. 10).
 const OCTETS: usize = gsd::MAX_INPUT_LEN as usize;
 const TOGETHER: usize = gsd::MAX_DATA_LEN as usize;
 
 /// Octets of a Communication Window (p. 38).
-pub(super) const WINDOW: usize = 16;
+pub(in crate::devices::can_dp2) const WINDOW: usize = 16;
 
 /// The identifier of a Communication Window (p. 38-39), and of an output without CAN (p. 32).
 const WINDOW_ID: [u8; 2] = [0xFF, 0xEF];
 const DUMMY_ID: u16 = 0x07F8;
 
 /// The bit that marks an identifier of 29 bits (p. 35).
-pub(super) const EXTENDED: u32 = 1 << 29;
+pub(in crate::devices::can_dp2) const EXTENDED: u32 = 1 << 29;
 
 /// Error in a module (p. 21; D-377).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) enum CfgError {
+pub(in crate::devices::can_dp2) enum CfgError {
     /// The module is neither input nor output.
     Type = 1,
     /// The unit is words, not bytes.
@@ -42,14 +42,14 @@ pub(super) enum CfgError {
 
 /// Number of the wrong module, from 0, and its error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct CfgFault {
+pub(in crate::devices::can_dp2) struct CfgFault {
     pub module: u8,
     pub error: CfgError,
 }
 
 /// Function of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) enum Kind {
+pub(in crate::devices::can_dp2) enum Kind {
     /// Data received with this identifier; `is_frozen` if a later module has the same identifier (p. 35).
     Input {
         /// Identifier of the frames.
@@ -80,7 +80,7 @@ pub(super) enum Kind {
 
 /// A module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Module {
+pub(in crate::devices::can_dp2) struct Module {
     pub kind: Kind,
     /// Octets in the process image, including a counter.
     pub length: usize,
@@ -94,7 +94,7 @@ pub(super) struct Module {
 
 impl Module {
     /// Returns the positions of the octets.
-    pub(super) fn range(&self) -> core::ops::Range<usize> {
+    pub(in crate::devices::can_dp2) fn range(&self) -> core::ops::Range<usize> {
         self.first..self.first + self.length
     }
 
@@ -109,7 +109,7 @@ impl Module {
 
 /// A valid configuration.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Configuration {
+pub(in crate::devices::can_dp2) struct Configuration {
     /// Octets as received.
     pub octets: Vec<u8>,
     pub modules: Vec<Module>,
@@ -183,7 +183,10 @@ fn take(octets: &[u8], has_pages: bool) -> Result<(RawModule<'_>, &[u8]), CfgErr
 
 impl Configuration {
     /// Checks the octets of a Chk_Cfg, which must fit `parameters`; returns the first wrong module as an error.
-    pub(super) fn parse(octets: &[u8], parameters: &Parameters) -> Result<Self, CfgFault> {
+    pub(in crate::devices::can_dp2) fn parse(
+        octets: &[u8],
+        parameters: &Parameters,
+    ) -> Result<Self, CfgFault> {
         let mut it = Configuration::default();
         let mut rest = octets;
         while !rest.is_empty() {
@@ -285,13 +288,13 @@ impl Configuration {
 
     /// Whether a module is a Communication Window that violates p. 39: consistent over its whole length, with the
     /// format byte 00 and a second window in the other direction. The firmware accepts it nevertheless (D-680).
-    pub(super) fn is_odd_window(&self, module: &Module) -> bool {
+    pub(in crate::devices::can_dp2) fn is_odd_window(&self, module: &Module) -> bool {
         let has_both = self.modules.iter().filter(|module| module.is_window()).count() == 2;
         module.is_window() && (!module.is_consistent || module.form != 0 || !has_both)
     }
 
     /// Whether the configuration has any output; without outputs CAN is not used (p. 32).
-    pub(super) fn has_output(&self) -> bool {
+    pub(in crate::devices::can_dp2) fn has_output(&self) -> bool {
         self.modules.iter().any(|module| !module.is_input())
     }
 }

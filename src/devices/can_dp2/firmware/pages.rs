@@ -3,8 +3,8 @@
 
 use super::form;
 use super::modules::EXTENDED;
-use super::page::{COUNTER, END, HEAD, MARK, MORE, RECORD, RESULT, divide, number, places};
 use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
+use crate::devices::can_dp2::page::{COUNTER, END, HEAD, MARK, MORE, RECORD, RESULT, divide, number, places};
 use core::ops::Range;
 use embedded_can::Frame as _;
 use serde::{Deserialize, Serialize};
@@ -26,7 +26,7 @@ enum Outcome {
 
 /// Progress of a gateway in page mode: register `page_state`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub(super) enum PagePhase {
+pub(in crate::devices::can_dp2) enum PagePhase {
     /// Waits for page 0.
     #[default]
     Waiting = 1,
@@ -65,7 +65,7 @@ struct Rx {
 
 /// A gateway in page mode.
 #[derive(Debug, Serialize, Deserialize)]
-pub(super) struct Pages {
+pub(in crate::devices::can_dp2) struct Pages {
     /// The segments in order, from the first output and the first input on.
     outputs: Vec<Range<usize>>,
     inputs: Vec<Range<usize>>,
@@ -85,7 +85,7 @@ pub(super) struct Pages {
 
 /// Effects of a page on the gateway.
 #[derive(Debug, Default, PartialEq, Eq)]
-pub(super) struct PageEffect {
+pub(in crate::devices::can_dp2) struct PageEffect {
     /// The page was new.
     pub is_new: bool,
     /// The page has changed the set of identifiers.
@@ -112,7 +112,7 @@ fn identifier(bytes: [u8; 4]) -> Option<Id> {
 
 impl Pages {
     /// Creates the page mode with these segments among outputs and inputs.
-    pub(super) fn new(outputs: Vec<Range<usize>>, inputs: Vec<Range<usize>>) -> Self {
+    pub(in crate::devices::can_dp2) fn new(outputs: Vec<Range<usize>>, inputs: Vec<Range<usize>>) -> Self {
         let shown = vec![0; inputs.last().map_or(0, |last| last.end)];
         Pages {
             outputs,
@@ -128,23 +128,23 @@ impl Pages {
         }
     }
 
-    pub(super) fn phase(&self) -> PagePhase {
+    pub(in crate::devices::can_dp2) fn phase(&self) -> PagePhase {
         self.phase
     }
 
     /// Returns the received identifiers and their numbers of bytes; none before the configuration is complete.
-    pub(super) fn received_ids(&self) -> impl Iterator<Item = (Id, usize)> {
+    pub(in crate::devices::can_dp2) fn received_ids(&self) -> impl Iterator<Item = (Id, usize)> {
         let rx = self.rx.iter().filter(|rx| self.phase == PagePhase::Data && !rx.is_frozen);
         rx.map(|rx| (rx.id, rx.length))
     }
 
     /// Returns the octets that the DP master reads, from the first input on.
-    pub(super) fn shown(&self) -> &[u8] {
+    pub(in crate::devices::can_dp2) fn shown(&self) -> &[u8] {
         &self.shown
     }
 
     /// Handles all outputs that the DP master has written. Frames are sent if `sends`.
-    pub(super) fn written(&mut self, outputs: &[u8], sends: bool) -> PageEffect {
+    pub(in crate::devices::can_dp2) fn written(&mut self, outputs: &[u8], sends: bool) -> PageEffect {
         let Some(head) = self.outputs.first().and_then(|first| outputs.get(first.clone())) else {
             return PageEffect::default();
         };
@@ -294,7 +294,7 @@ impl Pages {
     }
 
     /// Handles a frame: counts it, and stores its data for the next time that its page is requested.
-    pub(super) fn received(&mut self, frame: &Frame) {
+    pub(in crate::devices::can_dp2) fn received(&mut self, frame: &Frame) {
         if self.phase != PagePhase::Data {
             return;
         }

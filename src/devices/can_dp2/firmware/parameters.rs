@@ -1,14 +1,16 @@
 //! The parameters: octets of Set_Prm, and their checks (p. 10, 20-24, 27-30).
 
-use super::registers::gsd;
-use super::registers::values::{flags_1, flags_2, prm_station_status as status, wakeup_time};
+use crate::devices::can_dp2::registers::gsd;
+use crate::devices::can_dp2::registers::values::{
+    flags_1, flags_2, prm_station_status as status, wakeup_time,
+};
 use serde::{Deserialize, Serialize};
 
 /// Octets of a valid Set_Prm (p. 10, 22).
-pub(super) const LENGTH: usize = 16;
+pub(in crate::devices::can_dp2) const LENGTH: usize = 16;
 
 /// Ident number (p. 19, 22).
-pub(super) const IDENT: [u8; 2] = gsd::IDENT_NUMBER.to_be_bytes();
+pub(in crate::devices::can_dp2) const IDENT: [u8; 2] = gsd::IDENT_NUMBER.to_be_bytes();
 
 /// Bit rates by their index, in bit/s (p. 23, 28).
 const BIT_RATES: [u32; 14] = [
@@ -26,7 +28,7 @@ const DEFAULTS: [u8; LENGTH] = {
 
 /// A wrong octet of Set_Prm (p. 20-21).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct PrmFault {
+pub(in crate::devices::can_dp2) struct PrmFault {
     /// Number of the octet, from 0 over the telegram (D-374).
     pub number: u8,
     /// The right value.
@@ -38,7 +40,7 @@ pub(super) struct PrmFault {
 
 /// Role of the gateway on CAN (p. 29).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Role {
+pub(in crate::devices::can_dp2) enum Role {
     /// Neither CANopen master nor CANopen slave: CANopen settings have no effect.
     Layer2,
     /// CANopen master.
@@ -80,7 +82,7 @@ fn right_octet(octets: &[u8], number: usize) -> Option<u8> {
 
 /// Valid parameters.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Parameters {
+pub(in crate::devices::can_dp2) struct Parameters {
     /// Octets as received.
     pub octets: [u8; LENGTH],
 }
@@ -88,7 +90,7 @@ pub(super) struct Parameters {
 impl Parameters {
     /// Checks the octets of a Set_Prm. Reports a wrong ident number first, since the telegram is for another device;
     /// otherwise the first wrong octet. A missing or additional octet counts as the last wrong octet (D-375).
-    pub(super) fn parse(octets: &[u8]) -> Result<Self, PrmFault> {
+    pub(in crate::devices::can_dp2) fn parse(octets: &[u8]) -> Result<Self, PrmFault> {
         let is_unsupported = octets.first().is_some_and(|status| status & UNSUPPORTED != 0);
         let fault = |(number, right): (usize, u8)| PrmFault { number: number as u8, right, is_unsupported };
         let wrong = |number: usize| right_octet(octets, number).map(|right| (number, right));
@@ -107,28 +109,28 @@ impl Parameters {
 
     /// Returns the time without a request of the master after which the slave leaves data exchange, in us; `None`
     /// without a watchdog.
-    pub(super) fn watchdog_us(&self) -> Option<u64> {
+    pub(in crate::devices::can_dp2) fn watchdog_us(&self) -> Option<u64> {
         let factors = u64::from(self.octets[1]) * u64::from(self.octets[2]);
         (self.octets[0] & status::WD_ON != 0).then_some(factors * 10_000)
     }
 
     /// Whether the slave is to be free for other masters.
-    pub(super) fn unlocks(&self) -> bool {
+    pub(in crate::devices::can_dp2) fn unlocks(&self) -> bool {
         self.octets[0] & status::UNLOCK_REQ != 0
     }
 
     /// Whether the master reserves the slave.
-    pub(super) fn locks(&self) -> bool {
+    pub(in crate::devices::can_dp2) fn locks(&self) -> bool {
         self.octets[0] & status::LOCK_REQ != 0
     }
 
     /// Returns the minimum number of bit times before an answer.
-    pub(super) fn min_tsdr(&self) -> u64 {
+    pub(in crate::devices::can_dp2) fn min_tsdr(&self) -> u64 {
         self.octets[3].into()
     }
 
     /// Returns the bit rate of CAN in bit/s.
-    pub(super) fn can_bit_s(&self) -> u32 {
+    pub(in crate::devices::can_dp2) fn can_bit_s(&self) -> u32 {
         BIT_RATES.get(usize::from(self.octets[8])).copied().unwrap_or_default()
     }
 
@@ -136,7 +138,7 @@ impl Parameters {
         self.octets[9] & flag != 0
     }
 
-    pub(super) fn role(&self) -> Role {
+    pub(in crate::devices::can_dp2) fn role(&self) -> Role {
         if self.flag_1(flags_1::CANOPEN_SLAVE) {
             Role::Slave(self.octets[10])
         } else if self.flag_1(flags_1::CANOPEN_MASTER) {
@@ -147,46 +149,46 @@ impl Parameters {
     }
 
     /// Whether the master starts the network.
-    pub(super) fn has_start_frame(&self) -> bool {
+    pub(in crate::devices::can_dp2) fn has_start_frame(&self) -> bool {
         self.flag_1(flags_1::START_FRAME)
     }
 
     /// Whether the gateway sends remote frames for its inputs.
-    pub(super) fn has_rtr(&self) -> bool {
+    pub(in crate::devices::can_dp2) fn has_rtr(&self) -> bool {
         !self.flag_1(flags_1::NO_RTR)
     }
 
     /// Whether identifiers are defined by pages (p. 50).
-    pub(super) fn has_pages(&self) -> bool {
+    pub(in crate::devices::can_dp2) fn has_pages(&self) -> bool {
         self.flag_1(flags_1::PAGE_MODE)
     }
 
     /// Whether the gateway has a Communication Window.
-    pub(super) fn has_window(&self) -> bool {
+    pub(in crate::devices::can_dp2) fn has_window(&self) -> bool {
         self.flag_1(flags_1::WINDOW)
     }
 
-    pub(super) fn has_can_diagnosis(&self) -> bool {
+    pub(in crate::devices::can_dp2) fn has_can_diagnosis(&self) -> bool {
         self.octets[11] & flags_2::CAN_DIAGNOSIS != 0
     }
 
     /// Whether the last octet of each input counts received frames. Pages have separate counters (D-467).
-    pub(super) fn has_rx_counter(&self) -> bool {
+    pub(in crate::devices::can_dp2) fn has_rx_counter(&self) -> bool {
         !self.has_pages() && self.octets[11] & flags_2::RX_COUNTER != 0
     }
 
     /// Whether a change of the last octet of an output sends the output again.
-    pub(super) fn has_tx_counter(&self) -> bool {
+    pub(in crate::devices::can_dp2) fn has_tx_counter(&self) -> bool {
         !self.has_pages() && self.octets[11] & flags_2::TX_COUNTER != 0
     }
 
     /// Returns the wake-up time in s; `None`: the stored one.
-    pub(super) fn wakeup_s(&self) -> Option<u8> {
+    pub(in crate::devices::can_dp2) fn wakeup_s(&self) -> Option<u8> {
         Some(self.octets[13]).filter(|time| *time != wakeup_time::STORED)
     }
 
     /// Returns the SYNC time in ms; 16#FFFF: the stored one.
-    pub(super) fn sync_ms(&self) -> u16 {
+    pub(in crate::devices::can_dp2) fn sync_ms(&self) -> u16 {
         u16::from_be_bytes([self.octets[14], self.octets[15]])
     }
 }

@@ -2,19 +2,19 @@
 
 use super::modules::{Configuration, EXTENDED, Kind, MODULES};
 use super::parameters::{LENGTH, Parameters, Role};
-use super::registers::values::module_kind;
-use super::registers::{
+use crate::can::Id;
+use crate::devices::can_dp2::registers::values::module_kind;
+use crate::devices::can_dp2::registers::{
     CAN, CAN_DP2_CAN, CAN_DP2_CFG, CAN_DP2_DIAG, CAN_DP2_INPUTS, CAN_DP2_OUTPUTS, CAN_DP2_PRM,
     CAN_DP2_STORED, CFG, DIAG, INPUTS, OUTPUTS, PRM, STORED,
 };
-use crate::can::Id;
 use crate::memory::{Cell8, Cell32, Face, MemoryError, Segment, View};
 
 /// Value for the stored SYNC time (p. 30).
-pub(super) const SYNC_STORED: u16 = 0xFFFF;
+pub(in crate::devices::can_dp2) const SYNC_STORED: u16 = 0xFFFF;
 
 /// The structures of the image that the gateway's firmware uses.
-pub(super) struct Registers {
+pub(in crate::devices::can_dp2) struct Registers {
     pub prm: View<CAN_DP2_PRM>,
     pub stored: View<CAN_DP2_STORED>,
     pub diag: View<CAN_DP2_DIAG>,
@@ -26,7 +26,7 @@ pub(super) struct Registers {
 }
 
 /// Writes octets from the first cell on, and 0 to the remaining cells.
-pub(super) fn fill(cells: &[Cell8], octets: &[u8]) {
+pub(in crate::devices::can_dp2) fn fill(cells: &[Cell8], octets: &[u8]) {
     let octets = octets.iter().copied().chain(core::iter::repeat(0));
     cells.iter().zip(octets).for_each(|(cell, octet)| cell.store(octet));
 }
@@ -36,7 +36,7 @@ fn load(cells: &[Cell8]) -> Vec<u8> {
 }
 
 impl Registers {
-    pub(super) fn new(segment: &Segment) -> Result<Self, MemoryError> {
+    pub(in crate::devices::can_dp2) fn new(segment: &Segment) -> Result<Self, MemoryError> {
         Ok(Registers {
             prm: segment.view(PRM)?,
             stored: segment.view(STORED)?,
@@ -50,42 +50,42 @@ impl Registers {
     }
 
     /// Returns a word of the front that the firmware writes.
-    pub(super) fn shown(&self, word: usize) -> &Cell32 {
+    pub(in crate::devices::can_dp2) fn shown(&self, word: usize) -> &Cell32 {
         &self.face.front[word]
     }
 
     /// Reads a word of the front that users turn.
-    pub(super) fn turned(&self, word: usize) -> u32 {
+    pub(in crate::devices::can_dp2) fn turned(&self, word: usize) -> u32 {
         self.face.asked().front[word].load()
     }
 
     /// Returns the first `octets` inputs.
-    pub(super) fn inputs(&self, octets: usize) -> Vec<u8> {
+    pub(in crate::devices::can_dp2) fn inputs(&self, octets: usize) -> Vec<u8> {
         load(&self.inputs.inputs[..octets.min(self.inputs.inputs.len())])
     }
 
     /// Returns the first `octets` outputs.
-    pub(super) fn outputs(&self, octets: usize) -> Vec<u8> {
+    pub(in crate::devices::can_dp2) fn outputs(&self, octets: usize) -> Vec<u8> {
         load(&self.outputs.outputs[..octets.min(self.outputs.outputs.len())])
     }
 
     /// Writes inputs from index `first` on.
-    pub(super) fn set_inputs(&self, first: usize, octets: &[u8]) {
+    pub(in crate::devices::can_dp2) fn set_inputs(&self, first: usize, octets: &[u8]) {
         self.inputs.inputs.iter().skip(first).zip(octets).for_each(|(cell, octet)| cell.store(*octet));
     }
 
     /// Returns an input.
-    pub(super) fn input(&self, number: usize) -> u8 {
+    pub(in crate::devices::can_dp2) fn input(&self, number: usize) -> u8 {
         self.inputs.inputs.get(number).map_or(0, Cell8::load)
     }
 
     /// Writes all outputs; missing octets are 0.
-    pub(super) fn set_outputs(&self, octets: &[u8]) {
+    pub(in crate::devices::can_dp2) fn set_outputs(&self, octets: &[u8]) {
         fill(&self.outputs.outputs, octets);
     }
 
     /// Shows the parameters in force.
-    pub(super) fn set_parameters(&self, parameters: &Parameters) {
+    pub(in crate::devices::can_dp2) fn set_parameters(&self, parameters: &Parameters) {
         let prm = &self.prm;
         let cells: [&Cell8; LENGTH] = [
             &prm.station_status,
@@ -119,7 +119,7 @@ impl Registers {
 
     /// Sets the SYNC time in ms, from parameters, the comment of a window or command 20. The last value counts, and
     /// 16#FFFF keeps the stored time (p. 30, 39, 44; D-385). Returns whether the time was taken over.
-    pub(super) fn set_sync_time(&self, time: u16) -> bool {
+    pub(in crate::devices::can_dp2) fn set_sync_time(&self, time: u16) -> bool {
         let is_taken = time != SYNC_STORED;
         if is_taken {
             self.stored.stored_sync_time.store(time);
@@ -128,7 +128,7 @@ impl Registers {
     }
 
     /// Shows the configuration in force; inputs and outputs begin at 0.
-    pub(super) fn set_configuration(&self, configuration: &Configuration) {
+    pub(in crate::devices::can_dp2) fn set_configuration(&self, configuration: &Configuration) {
         let Configuration { octets, modules, inputs, outputs, sync_ms: _ } = configuration;
         self.cfg.cfg_len.store(octets.len() as u8);
         self.cfg.input_len.store(*inputs as u8);

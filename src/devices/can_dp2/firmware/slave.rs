@@ -5,10 +5,12 @@ use super::gateway::Gateway;
 use super::modules::{CfgFault, Configuration, Kind, Module};
 use super::parameters::{IDENT, Parameters, PrmFault};
 use super::ram::Registers;
-use super::registers::values::{bus_state, dp_state, ext_cause, master_address, mst_dsap};
-use super::registers::values::{station_status_1 as status_1, station_status_2 as status_2};
-use super::registers::{CAN_DP2_CFG, CAN_DP2_MODULE, CFG, OUTPUTS};
-use super::rules;
+use crate::devices::can_dp2::registers::values::{bus_state, dp_state, ext_cause, master_address, mst_dsap};
+use crate::devices::can_dp2::registers::values::{
+    station_status_1 as status_1, station_status_2 as status_2,
+};
+use crate::devices::can_dp2::registers::{CAN_DP2_CFG, CAN_DP2_MODULE, CFG, OUTPUTS};
+use crate::devices::can_dp2::rules;
 use crate::journal::Rule;
 use crate::profibus::{
     Answer, BROADCAST, Frame, FunctionCode, MIN_TSDR_BITS, Reaction, Request, Responder, Telegram,
@@ -21,7 +23,7 @@ const CLEAR_DATA: u8 = 0x02;
 
 /// A change to report to the journal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum News {
+pub(in crate::devices::can_dp2) enum News {
     /// The state has changed.
     State(u8),
     /// A telegram was refused: octets 8 to 10 of the diagnosis.
@@ -33,7 +35,7 @@ pub(super) enum News {
 }
 
 #[derive(Serialize, Deserialize)]
-pub(super) struct Slave {
+pub(in crate::devices::can_dp2) struct Slave {
     responder: Responder,
     state: u8,
     master: Option<u8>,
@@ -56,7 +58,7 @@ pub(super) struct Slave {
 
 impl Slave {
     /// Creates a slave with this address, which searches for the bit rate.
-    pub(super) fn new(address: u8) -> Self {
+    pub(in crate::devices::can_dp2) fn new(address: u8) -> Self {
         Slave {
             responder: Responder::new(address),
             state: dp_state::BAUD_SEARCH,
@@ -73,16 +75,16 @@ impl Slave {
         }
     }
 
-    pub(super) fn state(&self) -> u8 {
+    pub(in crate::devices::can_dp2) fn state(&self) -> u8 {
         self.state
     }
 
-    pub(super) fn address(&self) -> u8 {
+    pub(in crate::devices::can_dp2) fn address(&self) -> u8 {
         self.responder.address()
     }
 
     /// Returns the state in one word.
-    pub(super) fn does(&self) -> &'static str {
+    pub(in crate::devices::can_dp2) fn does(&self) -> &'static str {
         match self.state {
             dp_state::BAUD_SEARCH => "baud_search",
             dp_state::BAUD_CONTROL => "baud_control",
@@ -93,7 +95,7 @@ impl Slave {
     }
 
     /// Returns the changes since the last call.
-    pub(super) fn take_news(&mut self) -> Vec<News> {
+    pub(in crate::devices::can_dp2) fn take_news(&mut self) -> Vec<News> {
         core::mem::take(&mut self.news)
     }
 
@@ -104,17 +106,22 @@ impl Slave {
     }
 
     /// Returns the number of bit times before an answer.
-    pub(super) fn tsdr(&self) -> u64 {
+    pub(in crate::devices::can_dp2) fn tsdr(&self) -> u64 {
         self.parameters.as_ref().map_or(MIN_TSDR_BITS, |parameters| parameters.min_tsdr().max(MIN_TSDR_BITS))
     }
 
     /// Returns the time at which the watchdog runs out, in us.
-    pub(super) fn next_time(&self) -> u64 {
+    pub(in crate::devices::can_dp2) fn next_time(&self) -> u64 {
         self.watchdog_at.unwrap_or(u64::MAX)
     }
 
     /// Checks the watchdog.
-    pub(super) fn due(&mut self, now: u64, gateway: &mut Gateway, registers: &Registers) {
+    pub(in crate::devices::can_dp2) fn due(
+        &mut self,
+        now: u64,
+        gateway: &mut Gateway,
+        registers: &Registers,
+    ) {
         if self.watchdog_at.is_none_or(|at| at > now) {
             return;
         }
@@ -136,7 +143,7 @@ impl Slave {
     }
 
     /// Handles a telegram; returns the answer, if there is one.
-    pub(super) fn heard(
+    pub(in crate::devices::can_dp2) fn heard(
         &mut self,
         telegram: &Telegram,
         now: u64,
@@ -266,7 +273,7 @@ impl Slave {
     }
 
     /// Notes that CAN has a change for the diagnosis (p. 20, 29).
-    pub(super) fn look(&mut self, gateway: &mut Gateway) {
+    pub(in crate::devices::can_dp2) fn look(&mut self, gateway: &mut Gateway) {
         let wants = self.parameters.as_ref().is_some_and(Parameters::has_can_diagnosis);
         self.has_diagnosis |= gateway.take_news() && wants && self.state == dp_state::DATA_EXCHANGE;
     }
@@ -364,7 +371,7 @@ impl Slave {
     }
 
     /// Returns the diagnosis for the master with address `for_whom`.
-    pub(super) fn diagnosis(&self, gateway: &Gateway, for_whom: u8) -> Vec<u8> {
+    pub(in crate::devices::can_dp2) fn diagnosis(&self, gateway: &Gateway, for_whom: u8) -> Vec<u8> {
         let own = self.own_diagnosis(gateway);
         let of_can = self.parameters.as_ref().is_some_and(Parameters::has_can_diagnosis)
             && self.state == dp_state::DATA_EXCHANGE;
@@ -392,7 +399,7 @@ impl Slave {
     }
 
     /// Shows the diagnosis for the present master in the registers.
-    pub(super) fn show(&self, gateway: &Gateway, registers: &Registers) {
+    pub(in crate::devices::can_dp2) fn show(&self, gateway: &Gateway, registers: &Registers) {
         let octets = self.diagnosis(gateway, self.master.unwrap_or(BROADCAST));
         let diag = &registers.diag;
         let cells = [

@@ -1,8 +1,8 @@
 //! Values that a CAN-DP/2 keeps without supply: wake-up and SYNC time (p. 29-30; D-370).
 
 use super::ram::SYNC_STORED;
-use super::registers::values::wakeup_time;
-use super::registers::{CAN_DP2_STORED, DEVICE, STORED};
+use crate::devices::can_dp2::registers::values::wakeup_time;
+use crate::devices::can_dp2::registers::{CAN_DP2_STORED, DEVICE, STORED};
 use crate::devices::{Context, Firmware};
 use crate::layout::Area;
 use crate::memory::{MemoryError, Segment, View};
@@ -14,12 +14,12 @@ use zerocopy::IntoBytes;
 const BYTES: usize = size_of::<CAN_DP2_STORED>();
 
 /// Returns the area of the stored values.
-pub(super) fn area() -> Option<&'static Area> {
+pub(in crate::devices::can_dp2) fn area() -> Option<&'static Area> {
     DEVICE.areas.iter().find(|area| area.name == "stored")
 }
 
 /// Firmware of the device itself: the stored values. Everything else runs at the ports.
-pub(super) struct Stored {
+pub(in crate::devices::can_dp2) struct Stored {
     registers: View<CAN_DP2_STORED>,
     stored: [u8; BYTES],
     /// Counter for changes of `stored`.
@@ -27,7 +27,7 @@ pub(super) struct Stored {
 }
 
 impl Stored {
-    pub(super) fn new(segment: &Segment) -> Result<Self, MemoryError> {
+    pub(in crate::devices::can_dp2) fn new(segment: &Segment) -> Result<Self, MemoryError> {
         Ok(Stored { registers: segment.view(STORED)?, stored: [0; BYTES], generation: 0 })
     }
 

@@ -17,18 +17,18 @@ const EXTENDED: u8 = 0x20;
 
 /// Commands (p. 42).
 mod command {
-    pub(super) const SEND: u8 = 1;
-    pub(super) const RECEIVE: u8 = 3;
-    pub(super) const ENABLE: u8 = 4;
-    pub(super) const DISABLE: u8 = 5;
-    pub(super) const REQUEST: u8 = 6;
-    pub(super) const ENABLE_AND_REQUEST: u8 = 7;
-    pub(super) const SYNC_TIME: u8 = 20;
+    pub(in crate::devices::can_dp2) const SEND: u8 = 1;
+    pub(in crate::devices::can_dp2) const RECEIVE: u8 = 3;
+    pub(in crate::devices::can_dp2) const ENABLE: u8 = 4;
+    pub(in crate::devices::can_dp2) const DISABLE: u8 = 5;
+    pub(in crate::devices::can_dp2) const REQUEST: u8 = 6;
+    pub(in crate::devices::can_dp2) const ENABLE_AND_REQUEST: u8 = 7;
+    pub(in crate::devices::can_dp2) const SYNC_TIME: u8 = 20;
 }
 
 /// Effect of an order on the gateway.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Order {
+pub(in crate::devices::can_dp2) enum Order {
     /// No further effect.
     Nothing,
     /// Sends this frame.
@@ -39,7 +39,7 @@ pub(super) enum Order {
 
 /// A Communication Window.
 #[derive(Debug, Default, Serialize, Deserialize)]
-pub(super) struct Window {
+pub(in crate::devices::can_dp2) struct Window {
     #[serde(with = "crate::can::kept")]
     enabled: Vec<Id>,
     fifo: VecDeque<Frame>,
@@ -65,22 +65,22 @@ fn identifier(bytes: [u8; 4]) -> Option<Id> {
 
 impl Window {
     /// Returns the enabled identifiers.
-    pub(super) fn enabled(&self) -> &[Id] {
+    pub(in crate::devices::can_dp2) fn enabled(&self) -> &[Id] {
         &self.enabled
     }
 
     /// Returns the number of waiting frames.
-    pub(super) fn waiting(&self) -> usize {
+    pub(in crate::devices::can_dp2) fn waiting(&self) -> usize {
         self.fifo.len()
     }
 
     /// Returns the octets that the DP master reads.
-    pub(super) fn shown(&self) -> &[u8; WINDOW] {
+    pub(in crate::devices::can_dp2) fn shown(&self) -> &[u8; WINDOW] {
         &self.shown
     }
 
     /// Queues a frame with an enabled identifier; returns `false` if the FIFO is full.
-    pub(super) fn received(&mut self, frame: Frame) -> bool {
+    pub(in crate::devices::can_dp2) fn received(&mut self, frame: Frame) -> bool {
         if self.fifo.len() >= FIFO {
             return false;
         }
@@ -110,7 +110,7 @@ impl Window {
 
     /// Handles the window that the DP master has written. A changed loop counter marks a new order (p. 42, 45-46;
     /// D-382).
-    pub(super) fn written(&mut self, window: &[u8; WINDOW]) -> Order {
+    pub(in crate::devices::can_dp2) fn written(&mut self, window: &[u8; WINDOW]) -> Order {
         let &[id0, id1, id2, id3, d0, d1, d2, d3, d4, d5, d6, d7, length, counter, sub_command, command] =
             window;
         let unread = self.unread.take();

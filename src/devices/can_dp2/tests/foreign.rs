@@ -2,10 +2,10 @@
 //! answer and passes octets on one by one.
 
 use super::*;
-use crate::devices::can_dp2::dp_port::DpPort;
-use crate::devices::can_dp2::gateway::Gateway;
+use crate::devices::can_dp2::firmware::dp_port::DpPort;
+use crate::devices::can_dp2::firmware::gateway::Gateway;
+use crate::devices::can_dp2::firmware::{Shared, lock, share};
 use crate::devices::can_dp2::registers::values::{bus_state, dp_state};
-use crate::devices::can_dp2::{Shared, lock, share};
 use crate::devices::profibus_bus::{ProfibusPort, Station as Line};
 use crate::identity::DeviceIndex;
 use crate::profibus::{BusRate, Telegram};

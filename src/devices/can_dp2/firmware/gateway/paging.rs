@@ -2,7 +2,7 @@
 
 use super::Gateway;
 use crate::can::Frame;
-use crate::devices::can_dp2::parameters::Role;
+use crate::devices::can_dp2::firmware::parameters::Role;
 use crate::devices::can_dp2::registers::values::can_state;
 
 impl Gateway {

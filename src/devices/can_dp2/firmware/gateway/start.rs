@@ -2,8 +2,8 @@
 
 use super::{Gateway, SYNC, Setup, frame};
 use crate::can::{Frame, Payload};
-use crate::devices::can_dp2::modules::Kind;
-use crate::devices::can_dp2::parameters::Role;
+use crate::devices::can_dp2::firmware::modules::Kind;
+use crate::devices::can_dp2::firmware::parameters::Role;
 use crate::devices::can_dp2::registers::values::can_state;
 use crate::devices::canopen::nmt::Command;
 

@@ -1,9 +1,9 @@
 //! Segments of a page: the modules of a configuration in page mode, without identifiers (p. 50-54).
 
 use super::{CfgError, CfgFault, Configuration, Kind, Module, RawModule, WINDOW};
+use crate::devices::can_dp2::firmware::pages::Pages;
+use crate::devices::can_dp2::firmware::parameters::Parameters;
 use crate::devices::can_dp2::page::{HEAD, MARK, RECORD, SEGMENT};
-use crate::devices::can_dp2::pages::Pages;
-use crate::devices::can_dp2::parameters::Parameters;
 use core::ops::Range;
 
 /// Returns the kind of a module without an identifier; a module with an identifier is not a segment.

@@ -1,7 +1,7 @@
 //! Configurations octet by octet.
 
 use super::*;
-use crate::devices::can_dp2::parameters::LENGTH;
+use crate::devices::can_dp2::firmware::parameters::LENGTH;
 use proptest::prelude::*;
 
 /// Good parameters with these flags.
@@ -146,7 +146,7 @@ fn modules_of_the_description_file_are_valid() {
     octets.extend(gsd::DEFAULTS);
     octets[9] |= 0x80;
     let parameters = Parameters::parse(&octets).unwrap();
-    let modules = super::super::registers::DEVICE.gsd.unwrap().modules;
+    let modules = crate::devices::can_dp2::registers::DEVICE.gsd.unwrap().modules;
     let cfg: Vec<u8> =
         modules.iter().filter(|it| it.page != "73").flat_map(|it| it.octets).copied().collect();
     assert_eq!(Configuration::parse(&cfg, &parameters).unwrap().modules.len(), modules.len() - 1);

@@ -1,0 +1,46 @@
+//! The part of a device's registration that only the emulator uses.
+
+use crate::devices::demo::Demo;
+use crate::devices::exercise::Exercise;
+use crate::devices::{DeviceConfig, Read, ReadModule};
+use crate::fault;
+use crate::journal::{Kind, Rule};
+
+/// Firmware of a device, with its journal records, rules and faults. Other properties precede the base in a struct
+/// update: `Emulation { rules: ALL, ..Emulation::NONE }`.
+#[derive(Debug)]
+pub struct Emulation {
+    /// Reads its section of a plant file; none if only its registers are known.
+    pub read: Option<Read<dyn DeviceConfig>>,
+    /// JSON schema of the keys of that section, but for `kind`; `#/definitions/name` is the schema of names.
+    pub schema: Option<&'static str>,
+    /// A plant with such a device as a template; the first device shows every key.
+    pub template: Option<&'static str>,
+    /// Kinds of journal records that only its firmware writes.
+    pub records: &'static [&'static Kind],
+    /// Rules of the access checker that only hold for it.
+    pub rules: &'static [&'static Rule],
+    /// Kinds of faults of the device itself, or of its ports on any bus.
+    pub faults: &'static [&'static fault::Kind],
+    /// Reads the front of its modules; `None` if the device has no modules.
+    pub module: Option<ReadModule>,
+    /// Demonstration for `commram demo`; `None` if there is none.
+    pub demo: Option<&'static Demo>,
+    /// Exercises for `commram soak`.
+    pub exercises: &'static [&'static Exercise],
+}
+
+impl Emulation {
+    /// A device without firmware: only its registers are known.
+    pub const NONE: Self = Emulation {
+        read: None,
+        schema: None,
+        template: None,
+        records: &[],
+        rules: &[],
+        faults: &[],
+        module: None,
+        demo: None,
+        exercises: &[],
+    };
+}
