@@ -6,20 +6,20 @@
 use core::fmt;
 
 macro_rules! indices {
-    ($($(#[$doc:meta])* $name:ident;)+) => {$(
+    ($($(#[$doc:meta])* $name:ident: $number:ident;)+) => {$(
         $(#[$doc])*
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
         #[cfg_attr(feature = "emulator", derive(serde::Serialize, serde::Deserialize), serde(transparent))]
         #[repr(transparent)]
-        pub struct $name(pub u16);
+        pub struct $name(pub $number);
 
         impl $name {
-            /// The identity of the element at `position` of a list. A plant has fewer than 65,536 of them.
+            /// The identity of the element at `position` of a list.
             #[inline]
             #[must_use]
             pub const fn at(position: usize) -> Self {
-                debug_assert!(position <= u16::MAX as usize, "indices have 16 bits");
-                $name(position as u16)
+                debug_assert!(position as u64 <= $number::MAX as u64, "a plant has no such element");
+                $name(position as $number)
             }
 
             /// Position in lists that have an element for each of them.
@@ -50,7 +50,24 @@ macro_rules! indices {
 
 indices! {
     /// A device of a plant, by its place in the plant file, from 0.
-    DeviceIndex;
-    /// A bus of a plant, by its place in the plant file, from 0. Placeholders for ports without a bus follow.
-    BusIndex;
+    DeviceIndex: u16;
+    /// A bus of a plant, by its place in the plant file, from 0. A plant file has fewer than 65,536 buses. Placeholders for
+    /// ports without a bus follow, so the index has more than 16 bits.
+    BusIndex: u32;
+}
+
+impl BusIndex {
+    /// The bus with this number in journals, in faults and on the wire.
+    #[inline]
+    #[must_use]
+    pub const fn of_number(number: u16) -> Self {
+        BusIndex(number as u32)
+    }
+
+    /// Its number in journals, in faults and on the wire. Placeholders are not named there.
+    #[inline]
+    #[must_use]
+    pub const fn number(self) -> u16 {
+        self.0 as u16
+    }
 }

@@ -55,10 +55,34 @@ pub(crate) fn is_standard(path: &Path) -> bool {
     path.as_os_str() == "-"
 }
 
-fn open(path: &Path) -> Result<File> {
+/// Reads the contents of a regular file of any format.
+///
+/// # Errors
+/// The file cannot be read, is no regular file, or is longer than `longest` bytes.
+#[cfg(feature = "cli")]
+pub(crate) fn read_regular(path: &Path, longest: u64) -> Result<Vec<u8>> {
+    let file = open_without_waiting(path)?;
+    let metadata = file.metadata()?;
+    if !metadata.is_file() {
+        return Err(Error::new(ErrorKind::InvalidInput, "it is no regular file"));
+    }
+    let too_long = || Error::new(ErrorKind::FileTooLarge, format!("it has more than {longest} bytes"));
+    if metadata.len() > longest {
+        return Err(too_long());
+    }
+    let mut bytes = Vec::new();
+    file.take(longest + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > longest { Err(too_long()) } else { Ok(bytes) }
+}
+
+fn open_without_waiting(path: &Path) -> Result<File> {
     // Without O_NONBLOCK, opening a pipe waits for a writer.
     let flags = (rustix::fs::OFlags::NONBLOCK | rustix::fs::OFlags::NOCTTY).bits();
-    let file = OpenOptions::new().read(true).custom_flags(flags as i32).open(path)?;
+    OpenOptions::new().read(true).custom_flags(flags as i32).open(path)
+}
+
+fn open(path: &Path) -> Result<File> {
+    let file = open_without_waiting(path)?;
     let kind = file.metadata()?.file_type();
     if kind.is_fifo() {
         rustix::fs::fcntl_setfl(&file, rustix::fs::OFlags::empty())?;

@@ -20,18 +20,94 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
         let mut out = std::io::stdout().lock();
         return out.write_all(bytes).and_then(|()| out.flush());
     }
-    let before = fs::metadata(path);
-    let is_file = before.as_ref().map_or(true, Metadata::is_file);
-    let Some(place) = end_of_links(path).filter(|_| is_file) else {
-        return fs::write(path, bytes);
+    Prepared::new(path, bytes)?.finish()
+}
+
+/// Writes several files that belong together, each as [`write()`]. All of them are written beside the existing files
+/// before the first of these is replaced, so a full disk changes none of them.
+///
+/// # Errors
+/// The file that cannot be written.
+pub(crate) fn write_together<'a>(
+    files: impl IntoIterator<Item = (&'a Path, &'a str)>,
+) -> std::result::Result<(), (PathBuf, std::io::Error)> {
+    let named = |path: &Path| {
+        let path = path.to_owned();
+        move |reason| (path, reason)
     };
-    replace_as(&place, bytes, before.ok().as_ref()).or_else(|reason| match reason.kind() {
-        // A directory of another user; a mounted file.
-        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem | ErrorKind::ResourceBusy => {
-            fs::write(path, bytes)
-        }
-        _ => Err(reason),
+    let prepare =
+        |(path, text): (&'a Path, &'a str)| Prepared::new(path, text.as_bytes()).map_err(named(path));
+    let prepared = files.into_iter().map(prepare).collect::<std::result::Result<Vec<_>, _>>()?;
+    prepared.into_iter().try_for_each(|file| {
+        let path = file.path;
+        file.finish().map_err(named(path))
     })
+}
+
+/// Writes a file that does not exist yet, without following links.
+///
+/// # Errors
+/// [`ErrorKind::AlreadyExists`], or the file cannot be written; then it does not exist.
+pub(crate) fn write_new(path: &Path, bytes: &[u8]) -> Result<()> {
+    if path.symlink_metadata().is_ok() {
+        return Err(ErrorKind::AlreadyExists.into());
+    }
+    let (begun, unfinished) = begin(path, bytes, None)?;
+    // `rename` would replace a file that was created meanwhile. File systems without hard links refuse `link`.
+    match fs::hard_link(&begun, path) {
+        Err(reason) if reason.kind() != ErrorKind::AlreadyExists => {
+            let flags = rustix::fs::RenameFlags::NOREPLACE;
+            rustix::fs::renameat_with(rustix::fs::CWD, &begun, rustix::fs::CWD, path, flags)?;
+        }
+        linked => linked?,
+    }
+    drop(unfinished);
+    Ok(())
+}
+
+/// A file and its new content, which is written beside it first.
+struct Prepared<'a> {
+    path: &'a Path,
+    bytes: &'a [u8],
+    /// The new file and the file that it will replace; none if only the file itself may be changed.
+    begun: Option<(PathBuf, PathBuf, Unfinished)>,
+}
+
+impl<'a> Prepared<'a> {
+    fn new(path: &'a Path, bytes: &'a [u8]) -> Result<Self> {
+        let before = fs::metadata(path);
+        let is_file = before.as_ref().map_or(true, Metadata::is_file);
+        let begun = match end_of_links(path).filter(|_| is_file) {
+            None if is_file => {
+                // Without a place for a new file, only an existing file can be written.
+                fs::OpenOptions::new().write(true).open(path)?;
+                None
+            }
+            None => None,
+            Some(place) => match begin(&place, bytes, before.ok().as_ref()) {
+                Ok((begun, unfinished)) => Some((begun, place, unfinished)),
+                Err(reason) if is_only_in_place(&reason) => None,
+                Err(reason) => return Err(reason),
+            },
+        };
+        Ok(Self { path, bytes, begun })
+    }
+
+    fn finish(self) -> Result<()> {
+        let Some((begun, place, _unfinished)) = self.begun else { return fs::write(self.path, self.bytes) };
+        match fs::rename(begun, place) {
+            Err(reason) if is_only_in_place(&reason) => fs::write(self.path, self.bytes),
+            renamed => renamed,
+        }
+    }
+}
+
+/// Whether no new file can be made beside a file, or replace it: a directory of another user; a mounted file.
+fn is_only_in_place(reason: &std::io::Error) -> bool {
+    matches!(
+        reason.kind(),
+        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem | ErrorKind::ResourceBusy
+    )
 }
 
 /// Replaces the file of this name with a new file, without following links.
@@ -40,22 +116,31 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
 /// The file cannot be written; then its contents are unchanged.
 #[cfg(feature = "studio")]
 pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
-    replace_as(path, bytes, None)
+    let (begun, _unfinished) = begin(path, bytes, None)?;
+    fs::rename(begun, path)
 }
 
-/// Replaces the file, with the permissions of an existing file.
-fn replace_as(path: &Path, bytes: &[u8], like: Option<&Metadata>) -> Result<()> {
-    let (mut file, begun) = begin(path)?;
-    let permitted = like.map_or(Ok(()), |like| file.set_permissions(like.permissions()));
-    let written = permitted.and_then(|()| file.write_all(bytes)).and_then(|()| fs::rename(&begun, path));
-    written.inspect_err(|_| {
+/// The name of a new file, which is removed when this value is dropped, unless it was renamed.
+struct Unfinished(PathBuf);
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
         // An incomplete file is of no use.
-        let _ = fs::remove_file(&begun);
-    })
+        let _ = fs::remove_file(&self.0);
+    }
+}
+
+/// Writes a new file beside this one, with the permissions of an existing file.
+fn begin(path: &Path, bytes: &[u8], like: Option<&Metadata>) -> Result<(PathBuf, Unfinished)> {
+    let (mut file, begun) = create_beside(path)?;
+    let unfinished = Unfinished(begun.clone());
+    like.map_or(Ok(()), |like| file.set_permissions(like.permissions()))?;
+    file.write_all(bytes)?;
+    Ok((begun, unfinished))
 }
 
 /// Creates a new file beside this one.
-fn begin(path: &Path) -> Result<(File, PathBuf)> {
+fn create_beside(path: &Path) -> Result<(File, PathBuf)> {
     let mut tried = 0;
     loop {
         let mut name = path.file_name().unwrap_or_default().to_owned();
@@ -67,6 +152,18 @@ fn begin(path: &Path) -> Result<(File, PathBuf)> {
             made => return Ok((made?, begun)),
         }
     }
+}
+
+/// True if [`write`] of one would replace what it has written as the other. Pipes and devices take both.
+#[cfg(feature = "cli")]
+pub(crate) fn is_same(one: &Path, other: &Path) -> bool {
+    let is_file = |path| fs::metadata(path).map_or(true, |it| it.is_file());
+    is_file(one)
+        && is_file(other)
+        && match (end_of_links(one), end_of_links(other)) {
+            (Some(one), Some(other)) => one == other,
+            _ => one == other,
+        }
 }
 
 /// Returns the real path of a file of this name, existing or not; none if the name is an open file of a process, such
@@ -135,6 +232,31 @@ mod tests {
         symlink("loop", at("loop")).unwrap();
         assert!(write(&at("loop"), b"").is_err());
         assert_eq!(names(directory.path()), ["a", "b", "c", "loop"]);
+    }
+
+    #[test]
+    fn of_files_that_belong_together_none_is_changed_if_one_cannot_be_written() {
+        let directory = tempfile::tempdir().unwrap();
+        let (a, b) = (directory.path().join("a"), directory.path().join("b"));
+        write_together([(a.as_path(), "old"), (b.as_path(), "old")]).unwrap();
+        let missing = directory.path().join("missing/c");
+        let (path, _) = write_together([(a.as_path(), "new"), (missing.as_path(), "new")]).unwrap_err();
+        assert_eq!((path, fs::read_to_string(&a).unwrap()), (missing, "old".to_owned()));
+        assert_eq!(names(directory.path()), ["a", "b"]);
+    }
+
+    #[test]
+    fn a_new_file_replaces_no_file_and_no_link() {
+        let directory = tempfile::tempdir().unwrap();
+        let at = |name| directory.path().join(name);
+        write_new(&at("a"), b"new").unwrap();
+        symlink("missing", at("b")).unwrap();
+        for name in ["a", "b"] {
+            assert_eq!(write_new(&at(name), b"other").unwrap_err().kind(), ErrorKind::AlreadyExists);
+        }
+        assert_eq!(fs::read(at("a")).unwrap(), b"new");
+        assert_eq!(names(directory.path()), ["a", "b"]);
+        assert!(write_new(&at("missing/a"), b"").is_err());
     }
 
     #[test]

@@ -25,7 +25,7 @@ pub struct Plot {
 impl Plot {
     /// Creates a plot of these rows; only visible values and edges are kept.
     pub fn new(from_us: u64, to_us: u64, mut edges: Vec<u64>, mut rows: Vec<Row>) -> Self {
-        let to_us = to_us.max(from_us + 1);
+        let to_us = to_us.max(from_us.saturating_add(1));
         rows.iter_mut().for_each(|row| row.cut(from_us, to_us, &edges));
         edges.retain(|edge| (from_us..=to_us).contains(edge));
         Self { from_us, to_us, edges, rows }

@@ -211,6 +211,17 @@ errors! {
         /// How long the command waited, in real seconds.
         seconds: u64,
     } => Exit::Failed,
+    /// The directory of a killed emulator cannot be removed.
+    #[error(
+        "instance '{instance}' was dead, but {} stays: these entries cannot be removed: {}", .directory.display(),
+        super::output::harmless(.entries)
+    )]
+    Remains {
+        instance: String,
+        directory: PathBuf,
+        /// The names of the entries.
+        entries: String,
+    } => Exit::NotThere,
     /// An emulator has ended and lost data.
     #[error(
         "instance '{instance}' has stopped, but could not write NOVRAM: the last changes are lost; the reason is in its \

@@ -6,6 +6,7 @@ use super::output;
 use super::table::{self, FormatArg, Row};
 use crate::devices;
 use crate::input_file;
+use crate::output_file;
 use clap::{Subcommand, ValueEnum};
 use commram_layoutc::declaration::{Alignment, Declarations, MAX_BYTES};
 use commram_layoutc::import::{Import, ImportError, NamePairs, Row as ImportRow, Verdict};
@@ -226,7 +227,8 @@ fn import(args: &ImportArgs) -> Result<(), CliError> {
     let layout = args.layout.clone().unwrap_or_else(of_device);
     let import = Import::plan(&layout, &declarations, args.align.into(), &called)?;
     if !args.check {
-        import.write()?;
+        output_file::write_together(import.files())
+            .map_err(|(path, reason)| CliError::File { path, reason })?;
     }
     let rows = import.rows.iter().filter(|row| args.all || row.verdict != Verdict::Same);
     let rows: Vec<_> = rows.cloned().map(ImportTableRow).collect();
@@ -249,7 +251,7 @@ fn tell(args: &ImportArgs, import: &Import) {
         ));
     }
     let verb = if args.check { "would be changed" } else { "changed" };
-    for path in import.files() {
+    for (path, _) in import.files() {
         output::note(&format!("{} {verb}", path.display()));
     }
     for device in &import.also_moved {

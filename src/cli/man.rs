@@ -1,6 +1,7 @@
 //! `commram man`: manual pages for `man`.
 
 use super::{error::CliError, parse};
+use crate::output_file;
 use clap::Command;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -35,7 +36,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         let command = with_usage(command).name(name).version(env!("CARGO_PKG_VERSION"));
         let man = clap_mangen::Man::new(command);
         man.render(&mut page).map_err(failed(&path))?;
-        fs::write(&path, page).map_err(failed(&path))?;
+        output_file::write(&path, &page).map_err(failed(&path))?;
     }
     Ok(())
 }

@@ -1,28 +1,89 @@
 //! Output to the terminal, or to the file or pipe that replaces it.
 
 use super::{error::CliError, style};
+use serde::Serialize;
 use std::io::{self, IsTerminal, Write};
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Writes `text` to the standard output and flushes it.
+/// Writes `text` to the standard output and flushes it. If the reader has closed the output, the text is dropped and the
+/// command continues: its exit code does not depend on the reader.
+///
+/// # Errors
+/// [`CliError::Output`]: the output cannot be written.
+pub(crate) fn print(text: &str) -> Result<(), CliError> {
+    match print_while_read(text.as_bytes()) {
+        Err(CliError::BrokenPipe) => Ok(()),
+        other => other,
+    }
+}
+
+/// Writes `bytes` to the standard output and flushes it, for commands that end with their reader.
 ///
 /// # Errors
 /// [`CliError::BrokenPipe`] if the reader has closed the output, [`CliError::Output`] for other errors.
-pub(crate) fn print(text: &str) -> Result<(), CliError> {
-    write(text.as_bytes())
-}
-
-/// Writes `bytes` to the standard output and flushes it.
-///
-/// # Errors
-/// As [`print()`].
-pub(crate) fn write(bytes: &[u8]) -> Result<(), CliError> {
+pub(crate) fn print_while_read(bytes: &[u8]) -> Result<(), CliError> {
     let mut out = io::stdout().lock();
     out.write_all(bytes).and_then(|()| out.flush()).map_err(|reason| match reason.kind() {
         io::ErrorKind::BrokenPipe => CliError::BrokenPipe,
         _ => CliError::Output { reason },
     })
+}
+
+/// Formats a value as JSON in several lines. Characters that a terminal interprets are escaped.
+///
+/// # Errors
+/// [`CliError::Output`]: the value has no form in JSON.
+pub(crate) fn json(value: &impl Serialize) -> Result<String, CliError> {
+    let text =
+        serde_json::to_string_pretty(value).map_err(|error| CliError::Output { reason: error.into() })?;
+    Ok(json_escaped(&text) + "\n")
+}
+
+/// Formats a value as JSON in one line, with its line end.
+///
+/// # Errors
+/// As [`json()`].
+pub(crate) fn json_line(value: &impl Serialize) -> Result<String, CliError> {
+    let text = serde_json::to_string(value).map_err(|error| CliError::Output { reason: error.into() })?;
+    Ok(json_escaped(&text) + "\n")
+}
+
+/// JSON text with the same meaning in which a terminal interprets no character.
+fn json_escaped(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for sign in text.chars() {
+        match sign {
+            // JSON itself contains line ends, but no other control characters, and others only in strings.
+            '\n' => out.push(sign),
+            sign if is_interpreted(sign) => out.push_str(&format!("\\u{:04x}", u32::from(sign))),
+            sign => out.push(sign),
+        }
+    }
+    out
+}
+
+/// XML with the same meaning in which a terminal interprets no character. For XML without comments and CDATA sections.
+pub(crate) fn xml_escaped(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for sign in text.chars() {
+        match sign {
+            '\n' | '\t' => out.push(sign),
+            sign if is_interpreted(sign) => out.push_str(&format!("&#x{:x};", u32::from(sign))),
+            sign => out.push(sign),
+        }
+    }
+    out
+}
+
+/// True for characters that a terminal interprets: control characters, and characters that change the direction of the
+/// text (Unicode Standard Annex 9, table 4).
+pub(crate) fn is_interpreted(sign: char) -> bool {
+    let is_direction = matches!(
+        sign,
+        '\u{61C}' | '\u{200E}' | '\u{200F}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}'
+    );
+    sign.is_control() || is_direction
 }
 
 /// Longest word of a message, in characters.
@@ -114,13 +175,13 @@ fn shortened(text: &str) -> String {
     cut(&words.collect::<String>(), LONGEST)
 }
 
-/// Escapes control characters except line ends and tabs.
+/// Escapes control characters except line ends and tabs, and characters that change the direction of the text.
 pub(crate) fn harmless(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for sign in text.chars() {
         match sign {
             '\n' | '\t' => out.push(sign),
-            sign if sign.is_control() => out.extend(sign.escape_default()),
+            sign if is_interpreted(sign) => out.extend(sign.escape_default()),
             sign => out.push(sign),
         }
     }
@@ -143,6 +204,16 @@ mod tests {
     use super::*;
 
     #[test]
+    fn json_and_xml_keep_their_meaning_without_characters_for_a_terminal() {
+        let text = "\u{1b}[2J\u{7f}\u{9b}31m \u{202e}\u{200f} größe\t\n";
+        let json = json(&text).unwrap() + &json_line(&[text]).unwrap();
+        assert!(!json.chars().any(|sign| sign != '\n' && is_interpreted(sign)), "{json:?}");
+        let back: Vec<String> = serde_json::from_str(json.lines().last().unwrap()).unwrap();
+        assert_eq!(back, [text]);
+        assert_eq!(xml_escaped("a\u{9b}<b/>\n\u{202e}"), "a&#x9b;<b/>\n&#x202e;");
+    }
+
+    #[test]
     fn long_input_in_a_message_is_cut() {
         let long = format!("`{}`: no such register; did you mean x?", "x".repeat(5_000_000));
         let text = shortened(&long);
@@ -151,6 +222,7 @@ mod tests {
         assert!(text.ends_with("xxx`: no such register; did you mean x?"), "{text}");
         assert_eq!(shortened("unknown `w`\n  and more"), "unknown `w`\n  and more");
         assert_eq!(shortened("a\x1b[31mb\r\u{9b}\tc\n"), "a\\u{1b}[31mb\\r\\u{9b}\tc\n");
+        assert_eq!(shortened("a\u{202e}b\u{2066}"), "a\\u{202e}b\\u{2066}");
         assert!(shortened(&"größe ".repeat(1_000_000)).chars().count() < 8_100);
     }
 }

@@ -4,10 +4,10 @@ use super::error::CliError;
 use super::table::FormatArg;
 use super::{output, plant_check};
 use crate::devices;
+use crate::output_file;
 use clap::Subcommand;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use std::fs::OpenOptions;
-use std::io::{ErrorKind, Write};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// Name of the schema file in the directory of the plants.
@@ -101,15 +101,17 @@ fn new(args: &NewArgs) -> Result<(), CliError> {
     let Some(file) = &args.file else { return output::print(&plant) };
     write_new(file, &plant)?;
     let beside = file.with_file_name(SCHEMA);
-    std::fs::write(&beside, schema()).map_err(|reason| CliError::File { path: beside.clone(), reason })?;
-    output::print(&format!("{}\n{}\n", file.display(), beside.display()))
+    output_file::write(&beside, schema().as_bytes()).map_err(|reason| {
+        // This command has just created the plant; without its schema, the next try would find it in the way.
+        let _ = std::fs::remove_file(file);
+        CliError::File { path: beside.clone(), reason }
+    })?;
+    output::print(&output::harmless(&format!("{}\n{}\n", file.display(), beside.display())))
 }
 
 /// Writes a new file; fails if it exists.
 fn write_new(path: &Path, text: &str) -> Result<(), CliError> {
-    let file = OpenOptions::new().write(true).create_new(true).open(path);
-    let written = file.and_then(|mut file| file.write_all(text.as_bytes()));
-    written.map_err(|reason| match reason.kind() {
+    output_file::write_new(path, text.as_bytes()).map_err(|reason| match reason.kind() {
         ErrorKind::AlreadyExists => CliError::Argument {
             text: path.display().to_string(),
             right: "this file exists and is not overwritten; choose another name".to_owned(),

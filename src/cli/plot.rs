@@ -11,7 +11,7 @@ use super::time;
 use super::{Instance, output};
 use crate::devices;
 use crate::input_file;
-use crate::journal::{Selection, Waves};
+use crate::journal::{Selection, Waves, Window};
 use crate::output_file;
 use crate::plot::{Picture, Plot, Row, address_of};
 use crate::request::Op;
@@ -99,7 +99,10 @@ fn of_instance(args: &Args) -> Result<Plot, CliError> {
     });
     let places = places.collect::<Result<Vec<_>, CliError>>()?;
     let info = session.info()?;
-    let waves = Waves::of(&session.records(0)?, &Selection::default(), info.names, devices::catalogue());
+    let to_us = args.to.unwrap_or(info.time_us);
+    let window = Window::of_picture(args.from, to_us);
+    let records = session.records(0)?;
+    let waves = Waves::within(window, &records, &Selection::default(), info.names, devices::catalogue());
     let reads: Vec<_> = places.iter().map(|(plc, place)| Read::place(*plc, place)).collect();
     let held = session.read(&reads)?.data;
     let asked = places.iter().map(|(plc, place)| {
@@ -114,17 +117,20 @@ fn of_instance(args: &Args) -> Result<Plot, CliError> {
         word.iter_mut().zip(held).for_each(|(to, from)| *to = from);
         row.or_holds(&place.format(place.last_phase(), u32::from_le_bytes(word)), is_recorded)
     });
-    Ok(Plot::new(args.from, args.to.unwrap_or(info.time_us), waves.edges(), rows.collect()))
+    Ok(Plot::new(args.from, to_us, waves.edges(), rows.collect()))
 }
 
 fn of_file(args: &Args, journal_data: &RecordedRegisters) -> Result<Plot, CliError> {
+    let to_us = args.to.unwrap_or(journal_data.end_us);
+    let window = Window::of_picture(args.from, to_us);
     let rows = args.registers.iter().map(|text| {
         let place = whole(of_any_device(text)?)?;
-        let past = journal_data.register(place.plc.as_deref(), &address_of(&place).to_string(), text)?;
+        let address = address_of(&place).to_string();
+        let past = journal_data.register(place.plc.as_deref(), &address, text, window)?;
         Ok(Row::of(text.clone(), &place, &past))
     });
     let rows = rows.collect::<Result<Vec<_>, CliError>>()?;
-    Ok(Plot::new(args.from, args.to.unwrap_or(journal_data.end_us), journal_data.edges.clone(), rows))
+    Ok(Plot::new(args.from, to_us, journal_data.edges(window)?, rows))
 }
 
 /// Accepts a whole register or a single bit; refuses other parts.

@@ -87,7 +87,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if is_standard {
         return Ok(());
     }
-    output::print(&format!("{file}: the state at {at}, {} bytes\n", bytes.len()))
+    output::print(&output::harmless(&format!("{file}: the state at {at}, {} bytes\n", bytes.len())))
 }
 
 /// Restores a snapshot.

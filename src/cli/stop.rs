@@ -217,8 +217,14 @@ pub(crate) fn remove_remains(instance: &str) -> Result<bool, CliError> {
     let lock = InstanceLock::take_to_clean(instance)?;
     let images = lock.remove_dead(|_| false);
     crate::channel::remove_remains(instance, &channel_root(instance)?)?;
+    let left = lock.empty_directory()?;
     drop(lock);
-    Ok(images? || directory)
+    let images = images?;
+    if left.is_empty() {
+        return Ok(images || directory);
+    }
+    let (directory, entries) = (channel_root(instance)?, left.join(", "));
+    Err(CliError::Remains { instance: instance.to_owned(), directory, entries })
 }
 
 /// Asks the emulator through its channel to end. An emulator that does not answer, because it has no channel or its

@@ -51,10 +51,25 @@ pub(crate) fn print<R: Row>(
 ) -> Result<(), CliError> {
     match format {
         Format::Text => output::page(&text(rows)),
-        Format::Json => output::print(&json(rows)?),
-        Format::Csv => output::print(&csv(rows)),
-        Format::Md => output::print(&markdown(rows)),
+        format => output::print(&formatted(format, rows, text)?),
     }
+}
+
+/// The rows in a format; `text` produces the text format.
+///
+/// # Errors
+/// As [`output::json`].
+pub(crate) fn formatted<R: Row>(
+    format: Format,
+    rows: &[R],
+    text: impl FnOnce(&[R]) -> String,
+) -> Result<String, CliError> {
+    Ok(match format {
+        Format::Text => text(rows),
+        Format::Json => output::json(&rows)?,
+        Format::Csv => csv(rows),
+        Format::Md => markdown(rows),
+    })
 }
 
 /// The rows in aligned columns below a heading.
@@ -90,8 +105,7 @@ const NARROW: usize = 24;
 const INDENT: usize = 4;
 
 fn within(lines: &[Vec<String>], most: Option<usize>) -> Vec<String> {
-    let harmless = |line: &Vec<String>| line.iter().map(|cell| output::harmless(cell)).collect::<Vec<_>>();
-    let lines = &lines.iter().map(harmless).collect::<Vec<_>>();
+    let lines = &lines.iter().map(|line| harmless(line)).collect::<Vec<_>>();
     let mut widths: Vec<usize> = Vec::new();
     for line in lines {
         widths.resize(widths.len().max(line.len()), 0);
@@ -145,19 +159,17 @@ fn wrapped(text: &str, most: usize) -> Vec<String> {
     lines
 }
 
-fn json<R: Row>(rows: &[R]) -> Result<String, CliError> {
-    let mut text =
-        serde_json::to_string_pretty(rows).map_err(|error| CliError::Output { reason: error.into() })?;
-    text.push('\n');
-    Ok(text)
-}
-
 fn csv<R: Row>(rows: &[R]) -> String {
-    csv_line(R::COLUMNS) + &rows.iter().map(|row| csv_line(&row.cells())).collect::<String>()
+    csv_line(R::COLUMNS) + &rows.iter().map(|row| csv_line(&harmless(&row.cells()))).collect::<String>()
 }
 
 fn markdown<R: Row>(rows: &[R]) -> String {
-    md_table(R::COLUMNS, rows.iter().map(Row::cells))
+    md_table(R::COLUMNS, rows.iter().map(|row| harmless(&row.cells())))
+}
+
+/// Cells without characters that a terminal interprets: the same for text, CSV and Markdown.
+fn harmless(cells: &[String]) -> Vec<String> {
+    cells.iter().map(|cell| output::harmless(cell)).collect()
 }
 
 #[cfg(test)]
@@ -211,6 +223,14 @@ mod tests {
     }
 
     #[test]
+    fn csv_and_markdown_spell_control_characters_as_the_text_format_does() {
+        let pair = || [Pair("a", "\x1b[2J\u{9b}\u{202e}")];
+        for text in [csv(&pair()), markdown(&pair()), aligned(&pair())] {
+            assert!(text.contains("\\u{1b}[2J\\u{9b}\\u{202e}"), "{text:?}");
+        }
+    }
+
+    #[test]
     fn markdown_escapes_bars() {
         assert_eq!(markdown(&[Pair("a|b", "c")]), "| name | text |\n| --- | --- |\n| a\\|b | c |\n");
     }
@@ -218,6 +238,6 @@ mod tests {
     #[test]
     fn an_empty_table_has_a_head_and_empty_json() {
         assert_eq!(csv::<Pair>(&[]), "name,text\n");
-        assert_eq!(json::<Pair>(&[]).unwrap(), "[]\n");
+        assert_eq!(output::json(&[(); 0]).unwrap(), "[]\n");
     }
 }

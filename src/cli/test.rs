@@ -146,6 +146,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if let Some(directory) = &args.definitions {
         return define(directory);
     }
+    check_reports(args)?;
     let interrupts = Interrupts::catch()?;
     let files = selection::scenarios(&args.files, &args.filter, args.shard())?;
     if args.list {
@@ -164,15 +165,31 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     // These reports are written even after other errors.
     let written = args.junit.as_ref().map_or(Ok(()), |path| write_junit(path, args.shard(), &reports));
     let page = args.report.as_ref().map_or(Ok(()), |path| write(path, &html::page(&reports)));
+    // A reader that has gone does not change the verdict.
+    let shown =
+        shown.or_else(|error| if matches!(error, CliError::BrokenPipe) { Ok(()) } else { Err(error) });
     shown.and(written).and(page)?;
     if interrupts.any() { Err(CliError::Interrupted) } else { verdict(&reports) }
 }
 
+/// Refuses two reports in one file: the second one would replace the first one.
+fn check_reports(args: &Args) -> Result<(), CliError> {
+    let (Some(junit), Some(page)) = (&args.junit, &args.report) else { return Ok(()) };
+    if !output_file::is_same(junit, page) {
+        return Ok(());
+    }
+    let text = format!("--junit {} --report html={}", junit.display(), page.display());
+    Err(CliError::Argument {
+        text,
+        right: "both name the same file; give each report a separate one".to_owned(),
+    })
+}
+
 fn define(directory: &Path) -> Result<(), CliError> {
     let path = directory.join("commram.d.rhai");
-    let written = std::fs::create_dir_all(directory).and_then(|()| std::fs::write(&path, DEFINITIONS));
-    written.map_err(|reason| CliError::File { path: path.clone(), reason })?;
-    output::print(&format!("{}\n", path.display()))
+    std::fs::create_dir_all(directory).map_err(|reason| CliError::File { path: path.clone(), reason })?;
+    write(&path, DEFINITIONS)?;
+    output::print(&output::harmless(&format!("{}\n", path.display())))
 }
 
 fn list(format: Format, files: &[PathBuf]) -> Result<(), CliError> {
@@ -181,7 +198,8 @@ fn list(format: Format, files: &[PathBuf]) -> Result<(), CliError> {
     table::print(format, &rows, |_| lines())
 }
 
-/// Runs these scenarios once and shows their results, until the output has no reader.
+/// Runs these scenarios once and shows their results. The second result is the error of the output:
+/// [`CliError::BrokenPipe`] if it has no reader.
 fn play(
     args: &Args,
     files: &[PathBuf],
@@ -200,18 +218,16 @@ fn play(
     let mut shown = Ok(());
     round.run(files, &|| interrupts.any(), |report| {
         if shown.is_ok() && args.format.format == Format::Text {
-            shown = output::print(&line::text(&report));
+            shown = output::print_while_read(line::text(&report).as_bytes());
         }
         reports.push(report);
-        // Without a reader and without another report the results would be lost.
-        shown.is_ok() || args.junit.is_some() || args.report.is_some()
     })?;
     let lines = |reports: &[Report]| reports.iter().map(|it| Line::of(it, args.shard())).collect::<Vec<_>>();
     let last = || match args.format.format {
-        Format::Text => output::print(&summary(&reports)),
-        format => table::print(format, &lines(&reports), |_| String::new()),
+        Format::Text => Ok(summary(&reports)),
+        format => table::formatted(format, &lines(&reports), |_| String::new()),
     };
-    shown = shown.and_then(|()| last());
+    shown = shown.and_then(|()| output::print_while_read(last()?.as_bytes()));
     Ok((reports, shown))
 }
 

@@ -138,8 +138,8 @@ fn target(kind: &Kind, place: usize, number: u8) -> Target {
     let names = names();
     let (bus, device) = ((place % names.buses.len()) as u16, (place % names.plcs.len()) as u16);
     match kind.place() {
-        TargetKind::Bus => Target::Bus(BusIndex(bus)),
-        TargetKind::Participant => Target::Participant { bus: BusIndex(bus), number: number % 32 },
+        TargetKind::Bus => Target::Bus(BusIndex::of_number(bus)),
+        TargetKind::Participant => Target::Participant { bus: BusIndex::of_number(bus), number: number % 32 },
         TargetKind::Port => {
             let ports = names.device(DeviceIndex(device)).ports;
             Target::Port {

@@ -52,9 +52,9 @@ impl Target {
     #[must_use]
     pub const fn numbers(self) -> (u16, u8) {
         match self {
-            Target::Bus(bus) => (bus.0, 0),
+            Target::Bus(bus) => (bus.number(), 0),
             Target::Device(device) => (device.0, 0),
-            Target::Participant { bus, number } => (bus.0, number),
+            Target::Participant { bus, number } => (bus.number(), number),
             Target::Port { device, port } => (device.0, port),
         }
     }
@@ -63,8 +63,8 @@ impl Target {
     #[must_use]
     pub const fn of_numbers(place: TargetKind, index: u16, number: u8) -> Self {
         match place {
-            TargetKind::Bus => Target::Bus(BusIndex(index)),
-            TargetKind::Participant => Target::Participant { bus: BusIndex(index), number },
+            TargetKind::Bus => Target::Bus(BusIndex::of_number(index)),
+            TargetKind::Participant => Target::Participant { bus: BusIndex::of_number(index), number },
             TargetKind::Port => Target::Port { device: DeviceIndex(index), port: number },
             TargetKind::Device => Target::Device(DeviceIndex(index)),
         }

@@ -157,7 +157,7 @@ fn only_the_owner_fires_a_fault_and_only_the_given_number_of_times() {
     let (mut faults, mut journal) = (Faults::default(), Journal::default());
     for (index, count) in [(0, 2), (1, 1)] {
         let text = format!("hiss bus={} volume={} count={count}", names().buses[index], index + 5);
-        faults.add(0, fault(&text).unwrap(), Owner::Bus(BusIndex(index as u16)), &mut journal).unwrap();
+        faults.add(0, fault(&text).unwrap(), Owner::Bus(BusIndex::at(index)), &mut journal).unwrap();
     }
     let mut seen = Vec::new();
     let fire = |faults: &mut Faults, journal: &mut Journal, seen: &mut Vec<(u32, u32)>| {

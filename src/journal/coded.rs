@@ -202,12 +202,12 @@ impl EventSource for DeviceIndex {
 impl EventSource for BusIndex {
     #[inline]
     fn numbers(self) -> (u16, u8) {
-        (self.0, 0)
+        (self.number(), 0)
     }
 
     #[inline]
     fn of_numbers(index: u16, _: u8) -> Self {
-        BusIndex(index)
+        BusIndex::of_number(index)
     }
 }
 

@@ -54,7 +54,11 @@ impl Source {
     #[inline]
     #[must_use]
     pub const fn of_index(index: DeviceIndex) -> Self {
-        if index.0 >= Self::BUSES { Source::Bus(BusIndex(index.0 - Self::BUSES)) } else { Source::Plc(index) }
+        if index.0 >= Self::BUSES {
+            Source::Bus(BusIndex::of_number(index.0 - Self::BUSES))
+        } else {
+            Source::Plc(index)
+        }
     }
 }
 

@@ -96,7 +96,7 @@ impl Finding {
     /// Guest number `guest` of bus number `bus` broke a rule; such a finding has no register.
     #[must_use]
     pub const fn at_bus(rule: &'static Rule, bus: BusIndex, guest: u8, value: u32) -> Self {
-        let (plc, offset) = (DeviceIndex(Source::BUSES | bus.0), guest as u32);
+        let (plc, offset) = (DeviceIndex(Source::BUSES | bus.number()), guest as u32);
         Finding { rule, plc, offset, live: RegisterPhase::ALWAYS, value, late_us: 0 }
     }
 
@@ -104,7 +104,7 @@ impl Finding {
     /// read as a number.
     #[must_use]
     pub const fn at_participant(rule: &'static Rule, bus: BusIndex, number: u8, value: u32) -> Self {
-        let (plc, offset) = (DeviceIndex(Source::BUSES | bus.0), PARTICIPANTS | number as u32);
+        let (plc, offset) = (DeviceIndex(Source::BUSES | bus.number()), PARTICIPANTS | number as u32);
         Finding { rule, plc, offset, live: RegisterPhase::ALWAYS, value, late_us: 0 }
     }
 

@@ -53,6 +53,7 @@ mod tests;
 pub mod text;
 pub mod vcd;
 mod waves;
+mod window;
 
 pub use catalogue::{Catalogue, FaultName};
 pub use changed::{By, ChangeDetails, Changed};
@@ -74,6 +75,8 @@ pub use ring::Records;
 pub(crate) use ring::Rings;
 pub use rule::{Rule, Severity};
 pub use waves::{Past, Waves};
+#[cfg(feature = "studio")]
+pub(crate) use window::Window;
 
 use crate::identity::DeviceIndex;
 use crate::layout::Width;

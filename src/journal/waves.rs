@@ -5,6 +5,7 @@
 //! name of their kind. A signal has no value until the journal contains one.
 
 use super::reader::RegisterLocation;
+use super::window::Window;
 use super::{Catalogue, Changed, ChannelWrite, Names, Reader, Record, Ring, Selection, Source};
 use crate::can::{Frame, Id};
 use crate::identity::DeviceIndex;
@@ -120,8 +121,20 @@ pub(super) struct Change {
 impl Waves {
     /// The signals of the wanted records; the other records only update the state.
     pub fn of(records: &[Record], wanted: &Selection, names: Names, catalogue: &'static Catalogue) -> Self {
+        Self::within(Window::ALL, records, wanted, names, catalogue)
+    }
+
+    /// As [`Waves::of`], of counted records only the events of this window.
+    pub(crate) fn within(
+        window: Window,
+        records: &[Record],
+        wanted: &Selection,
+        names: Names,
+        catalogue: &'static Catalogue,
+    ) -> Self {
         let changed = records.iter().filter_map(|record| record.event.get::<Changed>());
         let mut taking = Taking {
+            window,
             reader: Reader::new(names, catalogue),
             waves: Waves {
                 paths: BTreeMap::new(),
@@ -196,6 +209,7 @@ impl Waves {
 }
 
 struct Taking {
+    window: Window,
     reader: Reader,
     waves: Waves,
 }
@@ -278,7 +292,7 @@ impl Taking {
         if signal == signals.len() {
             signals.push(Signal { shape: content.shape(), of });
         }
-        for time_us in record.times() {
+        for time_us in self.window.times(record.time_us, record.count.into(), record.period_us.into()) {
             changes.push(Change { time_us, signal, content: content.clone() });
         }
     }

@@ -51,11 +51,7 @@ impl Directory {
     /// Takes the directory's lock; `false` if another process has it.
     #[cfg(feature = "emulator")]
     pub(crate) fn try_lock(&self) -> io::Result<bool> {
-        match self.0.try_lock() {
-            Ok(()) => Ok(true),
-            Err(std::fs::TryLockError::WouldBlock) => Ok(false),
-            Err(std::fs::TryLockError::Error(error)) => Err(error),
-        }
+        try_lock(&self.0)
     }
 
     /// Releases the lock.
@@ -124,6 +120,16 @@ impl Directory {
     /// Returns the status of the entry `name`, of any type.
     pub(crate) fn stat_of(&self, name: &str) -> Result<Stat, Errno> {
         fs::statat(&self.0, name, AtFlags::SYMLINK_NOFOLLOW)
+    }
+}
+
+/// Takes the lock of a file or directory; `false` if another process has it.
+#[cfg(feature = "emulator")]
+pub(crate) fn try_lock(file: &File) -> io::Result<bool> {
+    match file.try_lock() {
+        Ok(()) => Ok(true),
+        Err(std::fs::TryLockError::WouldBlock) => Ok(false),
+        Err(std::fs::TryLockError::Error(error)) => Err(error),
     }
 }
 

@@ -103,6 +103,18 @@ impl InstanceLock {
         }
     }
 
+    /// Removes everything in the instance's directory except the lock, also entries that no emulator has created.
+    /// Returns the entries that cannot be removed.
+    ///
+    /// # Errors
+    /// The directory cannot be read.
+    #[cfg(feature = "cli")]
+    pub(crate) fn empty_directory(&self) -> Result<Vec<String>, MemoryError> {
+        let path = names::channel_root(&self.instance)?;
+        let emptied = self.directory.remove_all_except(LOCK);
+        emptied.map_err(|reason| MemoryError::System { path, doing: "empty this directory", reason })
+    }
+
     /// Removes the images of a killed emulator, except those of the PLCs for which `keep` is true. Returns whether
     /// there were any.
     ///

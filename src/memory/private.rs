@@ -164,6 +164,28 @@ impl PrivateDir {
         }
     }
 
+    /// Removes all entries except `kept`; directories with all their contents. Follows no link. Returns the entries that
+    /// cannot be removed.
+    #[cfg(feature = "cli")]
+    pub(crate) fn remove_all_except(&self, kept: &str) -> io::Result<Vec<String>> {
+        let mut left = Vec::new();
+        for entry in std::fs::read_dir(self.directory.path_by_descriptor())? {
+            let entry = entry?;
+            if entry.file_name() == kept {
+                continue;
+            }
+            let removed = match entry.file_type()?.is_dir() {
+                true => std::fs::remove_dir_all(entry.path()),
+                false => std::fs::remove_file(entry.path()),
+            };
+            if removed.is_err_and(|reason| reason.kind() != io::ErrorKind::NotFound) {
+                left.push(entry.file_name().to_string_lossy().into_owned());
+            }
+        }
+        left.sort();
+        Ok(left)
+    }
+
     /// Removes the directory if it is empty and the path still names it.
     pub(crate) fn remove_if_empty(&self) {
         if self.is_named() {

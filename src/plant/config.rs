@@ -203,9 +203,11 @@ type PortOf<'a> = (&'a str, PortConfig<'a>);
 /// The participants with a number on a bus: `ports` first, then the participants of the bus itself. A port has
 /// the name of its device, or a name like `maxx:slotG` if the device has several ports there.
 fn numbers_on<'a>(bus: &'a dyn BusSection, ports: &'a [PortOf<'a>]) -> Vec<(Cow<'a, str>, u8)> {
-    let is_alone = |name: &str| ports.iter().filter(|(other, _)| *other == name).nth(1).is_none();
+    let mut counts: HashMap<&str, usize> = HashMap::new();
+    ports.iter().for_each(|(name, _)| *counts.entry(name).or_default() += 1);
     let numbered = ports.iter().filter_map(|(name, port)| {
-        let called = if is_alone(name) { (*name).into() } else { format!("{name}:{}", port.name).into() };
+        let is_alone = counts.get(name).is_none_or(|count| *count == 1);
+        let called = if is_alone { (*name).into() } else { format!("{name}:{}", port.name).into() };
         Some((called, port.address?))
     });
     let own = bus.participants().into_iter().map(|(name, number)| (name.into(), number));

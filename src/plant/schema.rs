@@ -140,16 +140,17 @@ mod tests {
     fn keys_of_the_parser(plant: &dyn Fn(&str) -> String) -> BTreeSet<String> {
         let text = plant("{ no_such_key = 1 }");
         let refusal = PlantConfig::parse("plant", &text).unwrap_err().to_string();
-        let (_, known) =
-            refusal.split_once("`no_such_key`, expected ").unwrap_or_else(|| panic!("{text}: {refusal}"));
-        known.split('`').skip(1).step_by(2).map(str::to_owned).collect()
+        let (_, known) = refusal.split_once(" are: ").unwrap_or_else(|| panic!("{text}: {refusal}"));
+        known.split(", ").map(str::to_owned).collect()
     }
 
     /// Compares the keys of a table, and of tables in it, with the keys of the parser. Returns the number of tables.
     fn compare(root: &Value, schema: &Value, plant: &dyn Fn(&str) -> String, added: &[&str]) -> usize {
         let properties = schema["properties"].as_object().unwrap();
         let keys = properties.keys().filter(|key| !added.contains(&key.as_str()));
-        assert_eq!(keys.cloned().collect::<BTreeSet<_>>(), keys_of_the_parser(plant), "{}", plant("..."));
+        let known: BTreeSet<_> =
+            keys_of_the_parser(plant).into_iter().filter(|key| !added.contains(&key.as_str())).collect();
+        assert_eq!(keys.cloned().collect::<BTreeSet<_>>(), known, "{}", plant("..."));
         assert_eq!(schema["additionalProperties"], false);
         let mut tables = 1;
         for (key, property) in properties {

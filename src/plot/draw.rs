@@ -196,12 +196,12 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         self.path(&[(NAMES, bottom), (WIDTH - RIGHT, bottom)], INK, 1)?;
         let most = ((WIDTH - NAMES - RIGHT) as u64 / NEAREST_MARKS).max(1);
         let distance = distance((to_us - from_us).div_ceil(most));
-        let mut time = from_us.div_ceil(distance) * distance;
-        while time <= to_us {
+        let mut next = from_us.div_ceil(distance).checked_mul(distance);
+        while let Some(time) = next.filter(|time| *time <= to_us) {
             let x = self.x(time);
             self.path(&[(x, bottom), (x, bottom + 5)], INK, 1)?;
             self.text(&short(time), (x, bottom + 16), INK, HPos::Center)?;
-            time += distance;
+            next = time.checked_add(distance);
         }
         self.text("emulated time", (4, bottom + 16), FAINT, HPos::Left)
     }
@@ -298,6 +298,14 @@ mod tests {
         let column = (0..OTHER).flat_map(|y| (0..NAMES).map(move |x| 3 * (y * WIDTH + x) as usize));
         let dark = column.filter(|at| pixels[*at] < 100).count();
         assert!((50..2000).contains(&dark), "{dark}");
+    }
+
+    #[test]
+    fn the_scale_ends_at_the_last_time_there_is() {
+        for from_us in [0, u64::MAX - 1, u64::MAX] {
+            let svg = Plot::new(from_us, u64::MAX, Vec::new(), Vec::new()).svg().unwrap();
+            assert!(svg.matches("<text").count() < 12, "{svg}");
+        }
     }
 
     #[test]

@@ -6,7 +6,8 @@
 //! overwritten. An emulator that finds a file of another version does not start. Only one emulator at a time can use the directory.
 //!
 //! Registers are written when the device has stored them. Retain flags are written once a second if they have changed,
-//! and both at the end. A separate thread writes, because syncing takes longer than an interval of a bus. It retries
+//! and both at the end. At the end a file is also written if it does not hold its content, because another program has
+//! damaged or removed it. A separate thread writes, because syncing takes longer than an interval of a bus. It retries
 //! failed writes until they succeed; a failure at the end is an error of the emulator.
 
 mod directory;

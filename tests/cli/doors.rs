@@ -556,6 +556,18 @@ fn a_log_with_more_frames_than_the_bus_can_carry_is_played_completely() {
     assert!((0..300).all(|number| guest.hear() == format!("t{number:03X}81122334455667788\r")));
 }
 
+/// The journal keeps the last 65,536 frames, fewer than the log has. The long gap is for frames that wait at its begin.
+#[test]
+fn a_log_with_more_frames_than_the_journal_keeps_is_played_completely() {
+    let mut frames = "(1.000000) can0 123#\n".repeat(70_000);
+    frames += "(3600.000000) can0 123#\n";
+    let (_directory, path) = log_file(&frames);
+    let emulator = start(&OPEN.replace("125", "1000"), &["--clock", "stepped"]);
+    let _hearer = Guest::open(port(&emulator));
+    let played = emulator.run("bus", &["play", &path]);
+    assert_eq!(played.ok(), "70001 frames in 3599 s\n");
+}
+
 /// At 10 kbit/s the 64 frames that a controller holds, behind ten of another guest, take more than a second.
 #[test]
 fn a_log_is_played_as_long_as_its_frames_leave() {

@@ -1,6 +1,7 @@
 //! The exit codes of all commands: docs/reference/command-line.md.
 
 use crate::common::{Emulator, commram, finish, finish_on_a_full_disk, run, unique_name, wait_for};
+use crate::scenarios::Scripts;
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
@@ -145,6 +146,54 @@ fn a_closed_reader_is_no_error() {
     let script = format!("'{}' map --all | head -1", env!("CARGO_BIN_EXE_commram"));
     let outcome = finish(Command::new("bash").args(["-c", &format!("set -o pipefail; {script}")]));
     assert_eq!((outcome.code, outcome.err.as_str()), (Some(0), ""));
+}
+
+/// Ends a command whose output has no reader, and returns its exit code.
+fn code_without_a_reader(command: &mut Command) -> Option<i32> {
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let mut child = command.stdout(writer).stderr(Stdio::null()).spawn().unwrap();
+    wait_for(&mut child, "a command without a reader").code()
+}
+
+/// `commram test wrong.rhai | head -1` in a script with `pipefail` must not succeed.
+#[test]
+fn a_verdict_is_not_lost_if_the_reader_closes_the_output() {
+    let files = Scripts::new(&[
+        ("fails.rhai", "expect(\"node2.w_OPTION_STATUS\", 7);"),
+        ("broken.rhai", "nothing("),
+        ("good.rhai", "step(\"1ms\");"),
+        ("wrong.toml", "[[plc]]\nname = 'a b'\n"),
+        ("log", "(0.000001) can0 123#00\n"),
+    ]);
+    let report = files.run(&["fails.rhai", "--shard", "1/1", "--junit", "report.xml"]);
+    assert_eq!(report.code, Some(1), "{}", report.err);
+    let emulator = Emulator::stepped();
+    emulator.breaks(&["owner"]);
+    let before = emulator.run("dump", &["--all", "--format", "json"]);
+    std::fs::write(files.0.path().join("dump"), before.ok()).unwrap();
+    emulator.poke(&["node2.w_OPTION_STATUS=7"]);
+    emulator.step(&["1ms"]);
+    for (args, code) in [
+        (&["test", "fails.rhai", "good.rhai", "--allow-empty"][..], 1),
+        (&["test", "good.rhai", "broken.rhai", "--allow-empty"], 2),
+        (&["test", "good.rhai", "--allow-empty"], 0),
+        (&["test", "fails.rhai", "--format", "json"], 1),
+        (&["test", "merge", "report.xml"], 1),
+        (&["run", "--check", "wrong.toml", "--format", "json"], 2),
+        (&["plant", "check", "wrong.toml", "--format", "csv"], 2),
+        (&["layout", "check", "none"], 2),
+        (&["check", "-i", &emulator.name], 1),
+        (&["diff", "dump", "-i", &emulator.name], 1),
+        (&["bus", "compare", "log", "-i", &emulator.name], 1),
+        (&["status", "-i", &emulator.name], 0),
+        (&["dump", "-i", &emulator.name], 0),
+        (&["trace", "-i", &emulator.name], 0),
+    ] {
+        let mut command = commram();
+        let found = code_without_a_reader(command.args(args).current_dir(files.0.path()));
+        assert_eq!(found, Some(code), "{args:?}");
+    }
 }
 
 /// The exit code reports that the output failed; the operation itself was done.

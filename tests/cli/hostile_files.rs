@@ -76,6 +76,33 @@ fn plants_are_refused_within_the_promised_time() {
     }
 }
 
+/// The emulator would accept these plants, so all checks run, and each one has many names, buses or warnings.
+#[test]
+fn large_plants_are_accepted_within_the_promised_time() {
+    let files = Files::new();
+    let pairs = |n| format!("[[plc]]\nname='p{n}'\nnode2='b{n}'\n[[bus]]\nname='b{n}'\n");
+    let stations = |n| format!("[[device]]\nkind='cs0015'\nname='d{n}'\nbus='c'\n");
+    let no_master = |n| format!("[[bus]]\nname='b{n}'\n[[bus.drive]]\nname='d{n}'\nslave_number=1\n");
+    let many = |head: &str, item: &dyn Fn(usize) -> String| {
+        head.to_owned() + &(0..65_000).map(item).collect::<String>()
+    };
+    let one_bus = "[[plc]]\nname='p'\n[[bus]]\nname='c'\nkind='can'\nkbit_s=125\n";
+    for (name, text, told) in [
+        ("pairs", many("", &pairs), "65000 devices, 65000 buses"),
+        ("stations", many(one_bus, &stations), "65001 devices, 1 bus with 0 drives"),
+        ("masters", many("[[plc]]\nname='p'\n", &no_master), "bus 'b64999' has no master"),
+    ] {
+        files.write(name, &text);
+        let outcome = files.run(&["run", "--check", name]);
+        assert_eq!(outcome.code, Some(0), "{name}: {}", outcome.err);
+        assert!(
+            outcome.out.contains(told),
+            "{name}: {}",
+            &outcome.out[outcome.out.len().saturating_sub(400)..]
+        );
+    }
+}
+
 /// A script is compiled completely before it runs.
 #[test]
 fn scripts_are_compiled_or_refused_within_the_promised_time() {
@@ -196,6 +223,53 @@ fn layouts_are_accepted_or_refused_within_the_promised_time() {
     let known = concat!(env!("CARGO_MANIFEST_DIR"), "/layouts/bm4-plc");
     let outcome = files.run(&["layout", "import", "pipe", "--layout", known, "--check"]);
     assert!(outcome.fails(2).contains("none of"), "nothing is declared there: {}", outcome.err);
+}
+
+/// A layout with structures of `words` DWORDs that overlay each other in one area; each file has `more` at its end.
+fn write_overlaid(layout: &std::path::Path, count: usize, words: usize, more: &str) {
+    let names: Vec<_> = (0..count).map(|n| format!("S{n}")).collect();
+    for name in &names {
+        let sources = ["name_from", "offsets", "names", "types", "owners", "resets"];
+        let sources: String = sources.iter().map(|key| format!("{key} = 'manual'\n")).collect();
+        let registers = format!(
+            "{{ offset = 0, name = 'a_R', type = 'DWORD', array = [{words}], owner = 'both', doc = 'x' }}"
+        );
+        let text = format!(
+            "name = '{name}'\n{sources}size = {}\npage = '1'\ndoc = 'x'\nregister = [{registers}]\n{more}",
+            4 * words
+        );
+        std::fs::write(layout.join(format!("{name}.toml")), text).unwrap();
+    }
+    let quoted = names.iter().map(|name| format!("'{name}'")).collect::<Vec<_>>().join(", ");
+    let placed: String =
+        names.iter().map(|name| format!("{{ name = '{name}', live = 'always' }},\n")).collect();
+    let device = format!(
+        "name = 'any'\ntitle = 'Any'\nmanual = '1'\nreserved = {{ owner = 'firmware', source = 'manual' }}\n\
+         structures = [{quoted}]\nnames = 'manual'\n[[space]]\nname = 's'\nletter = 'M'\nsegment = 3\n\
+         unit = 'byte'\nfirst = 0\noffset = 4096\npage = '1'\ndoc = 'x'\n[[area]]\nname = 'a'\nfirst = 0\n\
+         last = {}\npage = '1'\ndoc = 'x'\nstructure = [\n{placed}]\n",
+        4 * words - 1
+    );
+    std::fs::write(layout.join("device.toml"), device).unwrap();
+}
+
+/// Structures of a few lines, and many long files.
+#[test]
+fn many_overlaid_structures_are_accepted_or_refused_within_the_promised_time() {
+    let files = Files::new();
+    let layout = files.0.path().join("layout");
+    std::fs::create_dir(&layout).unwrap();
+    let long = format!("# {}\n", "x".repeat(MIB - 1000));
+    for (count, words, more, code, told) in [
+        (400, 8_192, "", 0, "other"),
+        (700, 8_192, "", 2, "the structures of all areas up to `S512` in `a` have more than 16777216 bytes"),
+        (3, 60_000, &long, 2, "the files of the layout up to this one have more than 2 MiB"),
+    ] {
+        write_overlaid(&layout, count, words, more);
+        let outcome = files.run(&["layout", "check", "layout"]);
+        assert_eq!(outcome.code, Some(code), "{}", &outcome.out[..outcome.out.len().min(600)]);
+        assert!(outcome.out.contains(told), "{told}: {}", &outcome.out[..outcome.out.len().min(600)]);
+    }
 }
 
 /// The content follows a valid head and has the maximum readable length.

@@ -1,7 +1,7 @@
 //! `commram test` with scenarios that loop, crash, hang or import each other. Each affects only itself, and a report
 //! is always written.
 
-use crate::common::{commram, eventually, wait_for};
+use crate::common::{commram, eventually, finish, wait_for};
 use crate::scenarios::Scripts;
 use rustix::fs::{Mode, OFlags};
 use std::io::{BufRead, BufReader};
@@ -46,6 +46,83 @@ fn control_characters_of_scripts_are_spelled_out() {
     ] {
         assert!(outcome.out.contains(told), "{}\nlacks {told}", outcome.out);
     }
+}
+
+/// Control characters, and characters that change the direction of the text: a terminal would interpret them.
+const HOSTILE: &str = "\u{1b}[2J\u{7f}\u{9b}31m\u{202e}\u{2066}\u{200f}";
+
+#[track_caller]
+fn assert_is_harmless(text: &str) {
+    let interpreted = |sign: char| {
+        sign.is_control() && !['\n', '\t'].contains(&sign) || HOSTILE.contains(sign) && !sign.is_ascii()
+    };
+    assert!(!text.contains(interpreted), "{text:?}");
+}
+
+#[test]
+fn control_characters_reach_the_terminal_in_no_format() {
+    let files = Scripts::new(&[
+        ("clear.rhai", &format!("print(\"{HOSTILE}\"); expect_that(false, \"{HOSTILE}\");")),
+        ("plant.toml", "[[plc]]\nname = \"\\u001b[2J\\u009b\\u202e\"\n"),
+        ("empty.json", "[]"),
+    ]);
+    let register = serde_json::json!([{
+        "plc": HOSTILE, "register": HOSTILE, "address": "%MB3.200000", "hex": "16#00", "meaning": HOSTILE
+    }]);
+    std::fs::write(files.0.path().join("dump.json"), register.to_string()).unwrap();
+    let run = |args: &[&str]| {
+        let outcome = finish(commram().args(args).current_dir(files.0.path()));
+        assert_is_harmless(&outcome.out);
+        assert_is_harmless(&outcome.err);
+        outcome
+    };
+    for format in ["text", "json", "csv", "md"] {
+        let outcome = run(&["test", "clear.rhai", "--format", format]);
+        assert_eq!(outcome.code, Some(1), "{format}: {}", outcome.err);
+        let escape = if format == "json" { "\\u001b[2J\\u007f\\u009b" } else { "\\u{1b}[2J\\u{7f}\\u{9b}" };
+        assert!(outcome.out.contains(escape), "{format}: {}", outcome.out);
+        assert_eq!(run(&["diff", "empty.json", "dump.json", "--format", format]).code, Some(1), "{format}");
+        assert_eq!(run(&["run", "--check", "plant.toml", "--format", format]).code, Some(2), "{format}");
+        assert_eq!(run(&["layout", "check", HOSTILE, "--format", format]).code, Some(2), "{format}");
+    }
+    // JSON keeps the text itself.
+    let outcome = run(&["test", "clear.rhai", "--format", "json", "--shard", "1/1", "--junit", "report.xml"]);
+    let report: serde_json::Value = serde_json::from_str(&outcome.out).unwrap();
+    assert_eq!(report[0]["printed"], format!("{HOSTILE}\n"));
+    std::fs::write(files.0.path().join("report.json"), outcome.out).unwrap();
+    for report in ["report.xml", "report.json"] {
+        assert_eq!(run(&["test", "merge", report]).code, Some(1), "{report}");
+    }
+}
+
+/// One report would silently replace the other one.
+#[test]
+fn two_reports_in_one_file_are_refused() {
+    let scripts = Scripts::new(&[("a.rhai", "step(1)")]);
+    std::os::unix::fs::symlink("report", scripts.0.path().join("link")).unwrap();
+    for page in ["html=report", "html=./report", "html=link"] {
+        let outcome = scripts.run(&["a.rhai", "--junit", "report", "--report", page]);
+        let told = outcome.fails(2);
+        assert!(
+            told.contains("--junit report --report html=") && told.contains("both name the same file"),
+            "{told}"
+        );
+        assert!(!scripts.0.path().join("report").exists());
+    }
+    let outcome =
+        scripts.run(&["a.rhai", "--allow-empty", "--junit", "/dev/null", "--report", "html=/dev/null"]);
+    assert_eq!(outcome.code, Some(0), "{}", outcome.err);
+}
+
+#[test]
+fn a_report_that_is_too_long_names_the_limit() {
+    let text = "let text = \"x\"; text.pad(1000000, 'x'); for n in 0..20 { section(text); } step(1);";
+    let scripts = Scripts::new(&[("long.rhai", text)]);
+    let outcome = scripts.run(&["long.rhai", "--allow-empty"]);
+    assert_eq!(outcome.code, Some(1), "{}", outcome.err);
+    let told =
+        "long.rhai: its report has 20 MiB, and the limit is 16 MiB: use fewer or shorter texts in section()";
+    assert!(outcome.out.contains(told), "{}", &outcome.out[..outcome.out.len().min(1000)]);
 }
 
 /// Two circular imports, one direct and one through the scenario itself, and one module that is imported twice.

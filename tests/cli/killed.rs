@@ -160,6 +160,27 @@ fn clean_removes_all_remaining_files_of_an_instance() {
     }
 }
 
+/// Other programs of the user may have put anything into the directory. The target of a link stays.
+#[test]
+fn clean_removes_the_directory_with_foreign_entries() {
+    let target = tempfile::tempdir().unwrap();
+    let kept = target.path().join("kept");
+    std::fs::write(&kept, "mine").unwrap();
+    let mut emulator = Emulator::stepped();
+    let directory = std::path::PathBuf::from(format!("/dev/shm/commram.{}.iox.d", emulator.name));
+    std::fs::write(directory.join("foreign"), "x").unwrap();
+    std::fs::create_dir_all(directory.join("sub/directory")).unwrap();
+    std::fs::write(directory.join("sub/directory/file"), "x").unwrap();
+    std::os::unix::fs::symlink(target.path(), directory.join("link")).unwrap();
+    std::os::unix::fs::symlink(target.path(), directory.join("sub/link")).unwrap();
+    emulator.kill();
+    let outcome = emulator.run("stop", &["--clean"]);
+    assert_eq!(outcome.ok(), format!("instance '{}' was dead, its files are removed\n", emulator.name));
+    assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
+    assert!(!directory.exists());
+    assert_eq!(std::fs::read_to_string(kept).unwrap(), "mine");
+}
+
 #[test]
 fn an_empty_file_is_no_obstacle() {
     let name = unique_name();

@@ -152,6 +152,19 @@ fn a_vendors_declarations_that_confirm_the_layout_change_its_provenance() {
     assert_eq!(checkout.import(&["--check"]).ok(), "all registers have the declared offsets\n");
 }
 
+/// A file size limit of one kilobyte simulates a full disk.
+#[test]
+fn an_import_on_a_full_disk_changes_no_file() {
+    let checkout = Checkout::new(&vendors(run(&["export", "st"]).ok()));
+    let before = files(&checkout.layout());
+    let script = "trap '' XFSZ; ulimit -f 1; exec \"$0\" layout import TYPES.st";
+    let mut shell = std::process::Command::new("sh");
+    shell.args(["-c", script]).arg(commram().get_program()).current_dir(checkout.0.path());
+    let outcome = finish(&mut shell);
+    assert!(outcome.fails(3).contains("cannot write layouts/"), "{}", outcome.err);
+    assert_eq!(files(&checkout.layout()), before);
+}
+
 /// 5.02066.01a p. 42, 47, 72: the library of the b maXX PLC has separate structures with the names of the manual.
 #[test]
 fn the_library_of_the_bmaxx_plc_is_found_by_its_own_names() {

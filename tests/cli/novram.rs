@@ -20,6 +20,36 @@ fn the_novram_survives_if_it_has_a_directory() {
     assert_eq!(without.peek(&["ethernet_config.d_IP_CONFIG"]), "16#00000000");
 }
 
+/// Any program of the user may remove or damage the file between the last write and the end.
+#[test]
+fn the_novram_is_written_at_the_end_although_its_file_was_damaged() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().to_str().unwrap();
+    let start = || Emulator::start(&["--clock", "stepped", "--novram", path]);
+    let file = directory.path().join("line.novram");
+    let first = start();
+    first.poke(&["ethernet_config.a_IP_ADDRESS[3]=190", "ethernet_config.d_IP_CONFIG=16#12345678"]);
+    first.run("stop", &[]).ok();
+    let kept = std::fs::read(&file).unwrap();
+    let damages: [&dyn Fn(); 4] = [
+        &|| std::fs::remove_file(&file).unwrap(),
+        &|| std::fs::File::options().write(true).open(&file).unwrap().set_len(20).unwrap(),
+        &|| std::fs::write(&file, "something else").unwrap(),
+        &|| std::fs::remove_dir_all(directory.path()).unwrap(),
+    ];
+    for damage in damages {
+        let emulator = start();
+        damage();
+        emulator.run("stop", &[]).ok();
+        assert_eq!(std::fs::read(&file).unwrap(), kept);
+    }
+    let emulator = start();
+    std::fs::remove_file(&file).unwrap();
+    std::fs::create_dir_all(file.join("in the way")).unwrap();
+    let lost = emulator.run("stop", &[]);
+    assert!(lost.fails(1).contains("could not write NOVRAM"), "{}", lost.err);
+}
+
 /// The flags are in the image, at the byte that its header names.
 #[test]
 fn retain_flags_survive_if_they_have_a_directory() {

@@ -253,6 +253,44 @@ fn a_full_disk_keeps_the_old_files() {
     assert_eq!(directory.path().read_dir().unwrap().count(), 3);
 }
 
+/// A file size limit of one kilobyte simulates a full disk.
+#[test]
+fn a_full_disk_keeps_the_old_pages_definitions_and_schema() {
+    let directory = tempfile::tempdir().unwrap();
+    let commands = [
+        ("man .", "commram.1"),
+        ("test --definitions .", "commram.d.rhai"),
+        ("plant new new.toml", "plant.schema.json"),
+    ];
+    for (command, name) in commands {
+        let path = directory.path().join(name);
+        std::fs::write(&path, "old").unwrap();
+        let script = format!("trap '' XFSZ; ulimit -f 1; exec \"$0\" {command}");
+        let mut shell = Command::new("sh");
+        shell.args(["-c", &script]).arg(commram().get_program()).current_dir(directory.path());
+        let outcome = finish(shell.env("TMPDIR", directory.path()));
+        assert!(outcome.fails(3).contains("cannot write "), "{}", outcome.err);
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "old", "{command}");
+    }
+    assert_eq!(directory.path().read_dir().unwrap().count(), 3);
+}
+
+#[test]
+fn a_plant_whose_schema_cannot_be_written_is_not_created() {
+    let directory = tempfile::tempdir().unwrap();
+    let plant = directory.path().join("new.toml");
+    let new = || run(&["plant", "new", plant.to_str().unwrap()]);
+    let schema = directory.path().join("plant.schema.json");
+    std::fs::create_dir(&schema).unwrap();
+    assert!(new().fails(3).contains("plant.schema.json"));
+    assert!(!plant.exists());
+    std::fs::remove_dir(&schema).unwrap();
+    new().ok();
+    let text = std::fs::read(&plant).unwrap();
+    assert!(new().fails(2).contains("this file exists and is not overwritten"));
+    assert_eq!(std::fs::read(&plant).unwrap(), text);
+}
+
 #[test]
 fn no_instance_is_a_friendly_line_or_a_table() {
     let list = finish(commram().arg("list"));

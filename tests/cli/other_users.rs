@@ -2,6 +2,7 @@
 //! root they print a note and pass.
 
 use crate::common::{Emulator, Outcome, files_of, finish, remove_remains, run, unique_name};
+use std::io::BufRead;
 use std::os::unix::fs::{MetadataExt, symlink};
 use std::os::unix::process::CommandExt;
 use std::process::Command;
@@ -131,6 +132,39 @@ fn a_novram_directory_of_another_user_is_refused() {
     assert!(outcome.fails(1).contains(&expected), "{}", outcome.err);
     assert_eq!(std::fs::read_dir(&path).unwrap().count(), 0);
     assert!(files_of(&name).is_empty());
+}
+
+/// Any user that can open a directory can take its lock, even with read rights only.
+#[test]
+fn another_user_cannot_keep_an_emulator_from_its_novram_directory() {
+    if !can_be_another_user() {
+        return;
+    }
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("novram");
+    std::fs::create_dir(&path).unwrap();
+    for directory in [parent.path(), &path] {
+        std::fs::set_permissions(directory, std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
+    }
+    let novram = ["--clock", "stepped", "--novram", path.to_str().unwrap()];
+    // The first start makes all files.
+    Emulator::start(&novram).run("stop", &[]).ok();
+    let script = "for it in . .lock *; do (exec 9<\"$it\" && flock 9 && sleep 600) 2>/dev/null & done; sleep 0.5; echo locked; wait";
+    let mut attacker = Command::new("sh");
+    attacker.args(["-c", script]).current_dir(&path).uid(ATTACKER).gid(ATTACKER).process_group(0);
+    let mut attacker = attacker.stdout(std::process::Stdio::piped()).spawn().unwrap();
+    let mut line = String::new();
+    std::io::BufReader::new(attacker.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let emulator = std::panic::catch_unwind(|| Emulator::start(&novram));
+    let group = rustix::process::Pid::from_child(&attacker);
+    rustix::process::kill_process_group(group, rustix::process::Signal::KILL).unwrap();
+    attacker.wait().unwrap();
+    assert_eq!(line, "locked\n");
+    let emulator = emulator.unwrap_or_else(|failure| std::panic::resume_unwind(failure));
+    assert_eq!(std::fs::metadata(path.join(".lock")).unwrap().mode() & 0o7777, 0o600);
+    let second = run(&["run", "-i", &unique_name(), "--novram", path.to_str().unwrap()]);
+    assert!(second.fails(1).contains("another emulator uses this directory"), "{}", second.err);
+    emulator.run("stop", &[]).ok();
 }
 
 /// The image is an exact copy of an emulator's image, with read and write permission for all users.

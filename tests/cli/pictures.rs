@@ -114,6 +114,46 @@ fn a_report_opens_in_a_browser_without_a_complaint() {
     assert_eq!(shown, wanted);
 }
 
+/// A journal file can come from anywhere, and one line can count any number of events.
+#[test]
+fn counted_records_of_any_length_are_drawn_or_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = |name: &str| directory.path().join(name).to_str().unwrap().to_owned();
+    let sync = |time_us: u64| {
+        format!(
+            "{{\"v\":1,\"kind\":\"sync\",\"bus\":\"drives\",\"time_us\":{time_us},\"count\":1000000000,\"period_us\":1}}\n"
+        )
+    };
+    let answer = |value: u8| {
+        format!(
+            "{{\"v\":1,\"kind\":\"register\",\"plc\":\"line\",\"address\":\"%MW3.200004\",\"to\":{value},\
+             \"time_us\":1000000000,\"count\":1000000000,\"period_us\":1}}\n"
+        )
+    };
+    let plot = |text: String| {
+        std::fs::write(path("run.jsonl"), text).unwrap();
+        let script = "ulimit -v 2000000; exec \"$0\" \"$@\"";
+        let mut shell = Command::new("sh");
+        shell.args(["-c", script]).arg(crate::common::commram().get_program());
+        finish(shell.args(["plot", "%MW3.200004", "--journal", &path("run.jsonl"), "-o", &path("a.svg")]))
+    };
+    let begun = std::time::Instant::now();
+    for text in [
+        (0..20).map(|n| sync(1_000_000_000 + n)).collect::<String>(),
+        (0..20).map(|n| answer(n % 2)).collect(),
+        sync(u64::MAX),
+    ] {
+        let outcome = plot(text);
+        assert_eq!(outcome.code, Some(0), "{}", outcome.err);
+        let svg = std::fs::read_to_string(path("a.svg")).unwrap();
+        assert!(svg.len() < 1_000_000, "{}", svg.len());
+    }
+    let refused = plot((0..500).map(|n| answer((n % 2) as u8)).collect());
+    assert!(refused.fails(2).contains("run.jsonl: line "), "{}", refused.err);
+    assert!(refused.err.contains("more than 1000000 counted events"), "{}", refused.err);
+    assert!(begun.elapsed() < std::time::Duration::from_secs(100), "{:?}", begun.elapsed());
+}
+
 #[test]
 fn a_plot_is_written_only_beside_its_scenario() {
     for name in ["../x.svg", "/tmp/x.svg", "a/b.svg", "x.txt", ".svg", ""] {

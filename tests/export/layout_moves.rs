@@ -96,7 +96,9 @@ fn imported() -> tempfile::TempDir {
     let import =
         Import::plan(&dir.path().join(DEVICE.name), &declarations, Alignment::Natural, &NamePairs::default())
             .unwrap();
-    import.write().unwrap();
+    for (path, text) in import.files() {
+        fs::write(path, text).unwrap();
+    }
     dir
 }
 

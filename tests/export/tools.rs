@@ -167,11 +167,16 @@ fn a_unit_needs_its_shared_object_and_an_output_file() {
     let path = |name: &str| directory.path().join(name).to_str().unwrap().to_owned();
     std::fs::write(path("other.so"), b"\x7FELF of another program").unwrap();
     std::fs::write(path("plant.toml"), "[[plc]]\n").unwrap();
+    std::fs::File::create(path("long.so")).unwrap().set_len(1 << 40).unwrap();
+    assert!(std::process::Command::new("mkfifo").arg(path("pipe.so")).status().unwrap().success());
     let (unit, other) = (path("plant.fmu"), path("other.so"));
     for (args, why) in [
         (&["--library", &other][..], "give the file, --output plant.fmu"),
         (&["--output", &unit, "--library", &other], "it is not the libcommram_fmi.so of this commram"),
         (&["--output", &unit, "--library", &path("none.so")], "No such file"),
+        (&["--output", &unit, "--library", "/dev/zero"], "it is no regular file"),
+        (&["--output", &unit, "--library", &path("long.so")], "it has more than 536870912 bytes"),
+        (&["--output", &unit, "--library", &path("pipe.so")], "it is no regular file"),
         (&["--output", &unit, &path("plant.toml")], "missing field `name`"),
         (&["--output", &unit, "--block", "node2"], "write the plant file after it"),
     ] {

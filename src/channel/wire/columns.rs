@@ -43,7 +43,7 @@ macro_rules! numbers {
 numbers! {
     u16 => u16: core::convert::identity, Ok;
     DeviceIndex => u16: |device: DeviceIndex| device.0, |column| Ok(DeviceIndex(column));
-    BusIndex => u16: |bus: BusIndex| bus.0, |column| Ok(BusIndex(column));
+    BusIndex => u16: BusIndex::number, |column| Ok(BusIndex::of_number(column));
     u32 => u32: core::convert::identity, Ok;
     u64 => u64: core::convert::identity, Ok;
     i64 => u64: |value| value as u64, |column| Ok(column as i64);

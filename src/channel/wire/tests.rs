@@ -85,11 +85,11 @@ fn op() -> impl Strategy<Value = Op> {
         Just(Op::Drives),
         any::<u16>().prop_map(|drive| Op::Drive { drive }),
         any::<(u16, u16, i64)>().prop_map(|(drive, number, value)| Op::SetParameter { drive, number, value }),
-        (any::<u16>(), door()).prop_map(|(bus, door)| Op::DoorOpen { bus: BusIndex(bus), door }),
+        (any::<u16>(), door()).prop_map(|(bus, door)| Op::DoorOpen { bus: BusIndex::of_number(bus), door }),
         (any::<u16>(), proptest::option::of(door()))
-            .prop_map(|(bus, door)| Op::DoorClose { bus: BusIndex(bus), door }),
+            .prop_map(|(bus, door)| Op::DoorClose { bus: BusIndex::of_number(bus), door }),
         (any::<u16>(), proptest::option::of(frame()))
-            .prop_map(|(bus, frame)| Op::BusSend { bus: BusIndex(bus), frame }),
+            .prop_map(|(bus, frame)| Op::BusSend { bus: BusIndex::of_number(bus), frame }),
         Just(Op::Findings),
         Just(Op::ClearFindings),
         Just(Op::Save),

@@ -2,10 +2,13 @@
 
 use crate::cli::error::CliError;
 use crate::fmi::{LIBRARY, Resources, archive, is_library};
+use crate::input_file;
 use crate::output_file;
 use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
+
+/// Maximum length of the shared object in bytes; with debug symbols it has more than 100 MB.
+const LONGEST_LIBRARY: u64 = 512 << 20;
 
 /// Writes the archive of a plant.
 ///
@@ -53,7 +56,8 @@ fn read(path: &Path) -> Result<Vec<u8>, CliError> {
         text: format!("--library {}", path.display()),
         right: reason.to_owned(),
     };
-    let bytes = fs::read(path).map_err(|reason: io::Error| wrong(&reason.to_string()))?;
+    let bytes =
+        input_file::read_regular(path, LONGEST_LIBRARY).map_err(|reason| wrong(&reason.to_string()))?;
     if !is_library(&bytes) {
         let version = env!("CARGO_PKG_VERSION");
         return Err(wrong(&format!("it is not the lib{LIBRARY}.so of this commram, {version}")));

@@ -2,14 +2,15 @@
 
 use crate::cli::error::CliError;
 use crate::input_file;
-use crate::journal::Past;
 use crate::journal::jsonl::VERSION;
+use crate::journal::{Past, Window};
 use serde::Deserialize;
-use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::cell::Cell;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
-/// Maximum number of events in one line: a counted record ends after at most one second.
-const MOST_TIMES: u64 = 1_000_000;
+/// Maximum number of events of counted records in a plot, without the first and the last one of each record.
+const MOST_COUNTED: u64 = 1_000_000;
 
 /// Why a text is no journal that can be read.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
@@ -34,16 +35,43 @@ enum JournalFileError {
         /// Its format.
         found: u64,
     },
+    /// The counted records have more events than a plot can have.
+    #[error(
+        "line {line}: with this counted record the plot has more than {MOST_COUNTED} counted events; commram writes no \
+         such journal, because equal events of the same time are in one record"
+    )]
+    TooMany {
+        /// Number of the line, from 1.
+        line: usize,
+    },
 }
 
 /// The register values in a journal file.
 pub(super) struct RecordedRegisters {
-    /// SYNC edges, ascending.
-    pub edges: Vec<u64>,
+    path: PathBuf,
     /// The last time in the file, in microseconds.
     pub end_us: u64,
+    /// SYNC edges.
+    edges: Vec<Run>,
     /// History of each register by PLC and address.
-    registers: BTreeMap<(String, String), Past>,
+    registers: BTreeMap<(String, String), Vec<Run>>,
+    /// How many more events of counted records may be drawn.
+    spare: Cell<u64>,
+}
+
+/// The events of one line.
+struct Run {
+    /// Number of the line, from 1.
+    line: usize,
+    /// Time of the last event in microseconds.
+    last_us: u64,
+    count: u64,
+    /// Distance of the events in microseconds; 0 of a single event.
+    period_us: u64,
+    /// Value of the register.
+    value: u32,
+    /// Whether every change of the register is recorded.
+    is_recorded: bool,
 }
 
 /// The fields of a line that matter for plots; records of other kinds have further fields.
@@ -96,11 +124,10 @@ impl Line {
         Some((u32::try_from(number).ok()?, is_recorded))
     }
 
-    /// Times of all events that the record counts.
-    fn times(&self) -> impl Iterator<Item = u64> + use<> {
-        let (count, period) = (self.count.unwrap_or(1).min(MOST_TIMES), self.period_us.unwrap_or(0));
-        let last = self.time_us;
-        (0..count).rev().map(move |back| last.saturating_sub(back.saturating_mul(period)))
+    /// The events that the record counts.
+    fn run(&self, line: usize, (value, is_recorded): (u32, bool)) -> Run {
+        let (count, period_us) = (self.count.unwrap_or(1), self.period_us.unwrap_or(0));
+        Run { line, last_us: self.time_us, count, period_us, value, is_recorded }
     }
 }
 
@@ -112,55 +139,92 @@ impl RecordedRegisters {
     pub(super) fn read(path: &Path) -> Result<Self, CliError> {
         let wrong = |reason| CliError::Unreadable { path: path.to_owned(), reason };
         let text = input_file::read(path, input_file::LONGEST).map_err(|error| wrong(error.to_string()))?;
-        Self::parse(&text).map_err(|error| wrong(error.to_string()))
+        let read = Self::parse(&text).map_err(|error| wrong(error.to_string()))?;
+        Ok(Self { path: path.to_owned(), ..read })
     }
 
     fn parse(text: &str) -> Result<Self, JournalFileError> {
-        let mut journal_data = RecordedRegisters { edges: Vec::new(), end_us: 0, registers: BTreeMap::new() };
-        let mut recorded = BTreeSet::new();
-        let mut reported: Vec<((String, String), u64, u32, bool)> = Vec::new();
+        let mut journal_data = RecordedRegisters {
+            path: PathBuf::new(),
+            end_us: 0,
+            edges: Vec::new(),
+            registers: BTreeMap::new(),
+            spare: Cell::new(MOST_COUNTED),
+        };
         for (number, line) in (1..).zip(text.lines()) {
             let line = Line::parse(number, line)?;
             journal_data.end_us = journal_data.end_us.max(line.time_us);
             if line.kind == "sync" {
-                journal_data.edges.extend(line.times());
+                journal_data.edges.push(line.run(number, (0, false)));
             }
-            if let (Some(plc), Some(address), Some((value, is_recorded))) =
-                (&line.plc, &line.address, line.value())
-            {
-                let register = (plc.clone(), address.clone());
-                if is_recorded {
-                    recorded.insert(register.clone());
-                }
-                reported.extend(line.times().map(|time| (register.clone(), time, value, is_recorded)));
-            }
-        }
-        journal_data.edges.sort_unstable();
-        journal_data.edges.dedup();
-        // A counted record appears in the file at the end of its count.
-        reported.sort_by_key(|(_, time, ..)| *time);
-        for (register, time, value, is_recorded) in reported {
-            if is_recorded == recorded.contains(&register) {
-                let past = journal_data.registers.entry(register).or_default();
-                past.is_recorded = is_recorded;
-                if past.values.last().is_none_or(|(_, before)| *before != value) {
-                    past.values.push((time, value));
-                }
+            if let (Some(plc), Some(address), Some(value)) = (&line.plc, &line.address, line.value()) {
+                let runs = journal_data.registers.entry((plc.clone(), address.clone())).or_default();
+                runs.push(line.run(number, value));
             }
         }
         Ok(journal_data)
     }
 
+    /// Returns the events of these lines in the window, in the order of time: a counted record appears in the file at
+    /// the end of its count.
+    fn unfold<'a>(
+        &self,
+        runs: impl IntoIterator<Item = &'a Run>,
+        window: Window,
+    ) -> Result<Vec<(u64, &'a Run)>, CliError> {
+        let mut events = Vec::new();
+        for run in runs {
+            let times = window.times(run.last_us, run.count, run.period_us);
+            // A line has one event, or a first and a last one.
+            let more = (times.size_hint().0 as u64).saturating_sub(2);
+            let spare = self.spare.get().checked_sub(more);
+            self.spare.set(spare.ok_or_else(|| CliError::Unreadable {
+                path: self.path.clone(),
+                reason: JournalFileError::TooMany { line: run.line }.to_string(),
+            })?);
+            events.extend(times.map(|time| (time, run)));
+        }
+        events.sort_by_key(|(time, _)| *time);
+        Ok(events)
+    }
+
+    /// Returns the times of the SYNC edges in the window, ascending, in microseconds.
+    ///
+    /// # Errors
+    /// The counted records have too many events.
+    pub(super) fn edges(&self, window: Window) -> Result<Vec<u64>, CliError> {
+        let mut edges: Vec<_> = self.unfold(&self.edges, window)?.into_iter().map(|(time, _)| time).collect();
+        edges.dedup();
+        Ok(edges)
+    }
+
+    fn past(&self, runs: &[Run], window: Window) -> Result<Past, CliError> {
+        let is_recorded = runs.iter().any(|run| run.is_recorded);
+        let mut values: Vec<(u64, u32)> = Vec::new();
+        for (time, run) in self.unfold(runs.iter().filter(|run| run.is_recorded == is_recorded), window)? {
+            if values.last().is_none_or(|(_, before)| *before != run.value) {
+                values.push((time, run.value));
+            }
+        }
+        Ok(Past { values, is_recorded })
+    }
+
     /// Returns the history of a register; it is empty if the file does not mention the register.
     ///
     /// # Errors
-    /// Registers of several PLCs have this address, and no PLC was named.
-    pub(super) fn register(&self, plc: Option<&str>, address: &str, text: &str) -> Result<Past, CliError> {
+    /// Registers of several PLCs have this address, and no PLC was named, or the counted records have too many events.
+    pub(super) fn register(
+        &self,
+        plc: Option<&str>,
+        address: &str,
+        text: &str,
+        window: Window,
+    ) -> Result<Past, CliError> {
         let is_it = |(of, at): &(String, String)| at == address && plc.is_none_or(|plc| plc == of);
         let mut found = self.registers.iter().filter(|(register, _)| is_it(register));
         match (found.next(), found.next()) {
             (None, _) => Ok(Past::default()),
-            (Some((_, past)), None) => Ok(past.clone()),
+            (Some((_, runs)), None) => self.past(runs, window),
             (Some(((one, _), _)), Some(((other, _), _))) => {
                 let right = format!(
                     "the journal contains this register for several PLCs; write {one}:{text} or {other}:{text}"
@@ -191,8 +255,11 @@ mod tests {
         let bytes =
             crate::format_samples::sample(&format!("journal-{VERSION}.jsonl"), || LINES.as_bytes().to_vec());
         let journal_data = RecordedRegisters::parse(core::str::from_utf8(&bytes).unwrap()).unwrap();
-        assert_eq!((journal_data.edges.as_slice(), journal_data.end_us), (&[2000, 4000][..], 4100));
-        assert_eq!(journal_data.register(None, "%MB3.5", "a").unwrap().values, [(100, 5), (500, 4)]);
+        assert_eq!((journal_data.edges(Window::ALL).unwrap(), journal_data.end_us), (vec![2000, 4000], 4100));
+        assert_eq!(
+            journal_data.register(None, "%MB3.5", "a", Window::ALL).unwrap().values,
+            [(100, 5), (500, 4)]
+        );
     }
 
     #[test]
@@ -217,16 +284,20 @@ mod tests {
     #[test]
     fn counted_records_of_a_journal_are_expanded() {
         let journal_data = RecordedRegisters::parse(LINES).unwrap();
-        assert_eq!((journal_data.edges.as_slice(), journal_data.end_us), (&[2000, 4000][..], 4100));
-        let five = journal_data.register(None, "%MB3.5", "a").unwrap();
+        assert_eq!((journal_data.edges(Window::ALL).unwrap(), journal_data.end_us), (vec![2000, 4000], 4100));
+        let five = journal_data.register(None, "%MB3.5", "a", Window::ALL).unwrap();
         assert_eq!(five.values, [(100, 5), (500, 4)]);
         assert!(!five.is_recorded);
-        let six = journal_data.register(Some("line"), "%MB3.6", "a").unwrap();
+        let six = journal_data.register(Some("line"), "%MB3.6", "a", Window::ALL).unwrap();
         assert_eq!((six.values.as_slice(), six.is_recorded), (&[(50, 7)][..], true));
         assert!(
-            journal_data.register(None, "%MB3.6", "a").unwrap_err().to_string().contains("line:a or other:a")
+            journal_data
+                .register(None, "%MB3.6", "a", Window::ALL)
+                .unwrap_err()
+                .to_string()
+                .contains("line:a or other:a")
         );
-        assert_eq!(journal_data.register(None, "%MB3.7", "a").unwrap(), Past::default());
+        assert_eq!(journal_data.register(None, "%MB3.7", "a", Window::ALL).unwrap(), Past::default());
     }
 
     #[test]

@@ -5,6 +5,7 @@ use crate::cli::error::CliError;
 use crate::cli::test::LimitArgs;
 use crate::cli::test::process::{self, RunOptions};
 use crate::devices::Exercise;
+use crate::output_file;
 use crate::script::soak::{Kind, Round, shrink};
 use crate::script::{Outcome, Report};
 use std::path::{Path, PathBuf};
@@ -122,8 +123,8 @@ impl RoundRunner {
         let short = round.with(moves);
         let why = self.run(&short, stop).1.unwrap_or_else(|| why.clone());
         let path = self.keep.join(format!("soak-{}.rhai", round.seed));
-        let written =
-            std::fs::create_dir_all(&self.keep).and_then(|()| std::fs::write(&path, short.text(false)));
+        let written = std::fs::create_dir_all(&self.keep)
+            .and_then(|()| output_file::write(&path, short.text(false).as_bytes()));
         let (left, of) = (short.moves.len(), round.moves.len());
         let then = match written {
             Ok(()) => format!("try `commram test {}`", path.display()),

@@ -4,6 +4,7 @@
 mod sequence;
 
 use super::line::summary;
+use crate::cli::output;
 use crate::script::{Drawn, Failure, FoundLine, Outcome, Report, ScriptLocation, Step};
 use crate::time::seconds;
 use chrono::{DateTime, SecondsFormat, Utc};
@@ -50,8 +51,7 @@ impl<T: Display> Display for EscapedText<T> {
                 '"' => f.write_str("&quot;")?,
                 '\'' => f.write_str("&#39;")?,
                 // Characters that are not allowed in a page, or that change the direction of the text.
-                '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}' => f.write_str("\u{FFFD}")?,
-                control if control.is_control() && control != '\n' && control != '\t' => {
+                sign if output::is_interpreted(sign) && sign != '\n' && sign != '\t' => {
                     f.write_str("\u{FFFD}")?
                 }
                 other => write!(f, "{other}")?,

@@ -84,14 +84,14 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         let suites: Vec<_> = merged.into_iter().map(|it| it.content).collect();
         all.set_time(suites.iter().filter_map(|suite: &TestSuite| suite.time).sum::<Duration>());
         all.add_test_suites(suites);
-        (junit_text(&all).map_err(|reason| output_of(args, io::Error::other(reason)))?, endings)
+        let text = junit_text(&all).map_err(|reason| output_of(args, io::Error::other(reason)))?;
+        (output::xml_escaped(&text), endings)
     } else {
         let parts = texts.iter().map(|(path, text)| of_json(path, text)).collect::<Result<_, _>>()?;
         let merged = in_order(parts)?;
         let endings = merged.iter().map(|it| (it.ending, it.is_run)).collect();
         let lines: Vec<_> = merged.into_iter().map(|it| it.content).collect();
-        let text = serde_json::to_string_pretty(&lines);
-        (text.map_err(|reason| output_of(args, reason.into()))? + "\n", endings)
+        (output::json(&lines)?, endings)
     };
     match &args.output {
         None => output::print(&text)?,

@@ -18,8 +18,8 @@ use std::time::{Duration, Instant, SystemTime};
 const GRACE: Duration = Duration::from_secs(10);
 /// Pause between two checks for an interrupt.
 const POLL: Duration = Duration::from_millis(20);
-/// Longest line that a process may send: at most 1 MiB of output, which can be six times longer in JSON.
-const LONGEST_LINE: u64 = 16 << 20;
+/// Longest line that a process may send: at most 1 MiB of output, which can be six times longer in JSON, or a report.
+pub(super) const LONGEST_LINE: u64 = 16 << 20;
 /// Number of bytes of the error output that are kept.
 const COMPLAINTS: usize = 4096;
 

@@ -68,7 +68,7 @@ fn show(line: &str) {
     let width = rustix::termios::tcgetwinsize(std::io::stderr()).map_or(0, |size| usize::from(size.ws_col));
     // Some terminals do not report their width.
     let width = if width == 0 { 80 } else { width };
-    let line: String = line.chars().take(width.saturating_sub(1)).collect();
+    let line: String = crate::cli::output::harmless(line).chars().take(width.saturating_sub(1)).collect();
     let mut err = std::io::stderr().lock();
     // Write errors are ignored.
     let _ = write!(err, "{ERASE}{line}").and_then(|()| err.flush());

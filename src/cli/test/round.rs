@@ -20,8 +20,7 @@ pub(crate) struct Round {
 }
 
 impl Round {
-    /// Runs all files until `stop` returns true. Passes the reports to `take` in the order of the files, until
-    /// `take` returns false.
+    /// Runs all files until `stop` returns true. Passes the reports to `take` in the order of the files.
     ///
     /// # Errors
     /// A thread cannot be started.
@@ -29,22 +28,21 @@ impl Round {
         &self,
         files: &[PathBuf],
         stop: &(impl Fn() -> bool + Sync),
-        mut take: impl FnMut(Report) -> bool,
+        mut take: impl FnMut(Report),
     ) -> Result<(), CliError> {
         let jobs = self.jobs.or_else(|| std::thread::available_parallelism().ok());
         let jobs = jobs.map_or(1, NonZero::get).min(files.len());
-        let (enough, failed) = (AtomicBool::new(false), AtomicBool::new(false));
-        let must_end = || stop() || enough.load(Ordering::Relaxed);
+        let failed = AtomicBool::new(false);
         let progress = Progress::of(files.len());
         let run = |file: &Path| {
-            if must_end() {
+            if stop() {
                 return not_run(file, "interrupted");
             }
             if self.fail_fast && failed.load(Ordering::Relaxed) {
                 return not_run(file, "another scenario has not passed (--fail-fast)");
             }
             progress.begins(file);
-            let report = process::run(file, &self.setting, must_end);
+            let report = process::run(file, &self.setting, stop);
             failed.fetch_or(!report.outcome.is_passed(), Ordering::Relaxed);
             report
         };
@@ -75,9 +73,7 @@ impl Round {
                 }
                 while let Some(report) = waiting.get_mut(taken).and_then(Option::take) {
                     taken += 1;
-                    if !progress.aside(|| take(report)) {
-                        enough.store(true, Ordering::Relaxed);
-                    }
+                    progress.aside(|| take(report));
                 }
             }
             Ok(())

@@ -2,10 +2,11 @@
 //! output, as lines of JSON for `commram test`.
 
 use super::LimitArgs;
+use super::process::LONGEST_LINE;
 use crate::cli::demo::end_with;
 use crate::cli::error::CliError;
 use crate::cli::output;
-use crate::script::{Bench, Limits, Report, run_file};
+use crate::script::{Bench, Limits, Outcome, Report, run_file};
 use rustix::process::{Resource, Rlimit};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -68,12 +69,29 @@ fn play(args: &Args) -> Result<(), CliError> {
         // Errors are ignored: this process ends with its parent.
         let _ = tell(&Message::Printed(line.into()));
     });
-    tell(&Message::Ended(Box::new(report)))
+    tell_report(report)
+}
+
+/// Sends the report, or a short one if the receiver would refuse its length.
+fn tell_report(report: Report) -> Result<(), CliError> {
+    let message = Message::Ended(Box::new(report));
+    let line = output::json_line(&message)?;
+    let Message::Ended(report) = message else { return Ok(()) };
+    if line.len() as u64 <= LONGEST_LINE {
+        return output::print(&line);
+    }
+    let why = format!(
+        "{}: its report has {} MiB, and the limit is {} MiB: use fewer or shorter texts in section(), and fewer plots",
+        report.file.display(),
+        (line.len() as u64).div_ceil(1 << 20),
+        LONGEST_LINE >> 20
+    );
+    let short = Report { steps: Vec::new(), findings: Vec::new(), plots: Vec::new(), ..*report };
+    tell(&Message::Ended(Box::new(Report { outcome: Outcome::Died(why), ..short })))
 }
 
 fn tell(message: &Message) -> Result<(), CliError> {
-    let line = serde_json::to_string(message).map_err(|reason| CliError::Output { reason: reason.into() })?;
-    output::print(&(line + "\n"))
+    output::print(&output::json_line(message)?)
 }
 
 fn attach(instance: &str, limits: Limits) -> Result<Bench, CliError> {

@@ -19,6 +19,9 @@ use crate::journal::{Format, Names, Printer, Record, Selection, Waves};
 use crate::request::{BusState, MAX_RECORDS, Op, WrongReply};
 use std::collections::VecDeque;
 
+/// Maximum number of events in a waveform, which is in memory as a whole.
+const MOST_EVENTS: u64 = 20_000_000;
+
 /// Prints the existing records, and with --follow new ones.
 pub(crate) fn print(
     args: &Args,
@@ -60,13 +63,20 @@ fn print_waveforms(
     names: Names,
 ) -> Result<(), CliError> {
     let records = session.records(args.from)?;
+    let wanted = records.iter().filter(|record| selection.takes(record));
+    let events: u64 = wanted.map(|record| u64::from(record.count)).sum();
+    if events > MOST_EVENTS {
+        let right =
+            format!("the records have {events} events, a waveform has at most {MOST_EVENTS}; select fewer");
+        return Err(CliError::Argument { text: "--format".to_owned(), right });
+    }
     let waves = Waves::of(&records, selection, names, devices::catalogue());
     let mut bytes = Vec::new();
     match args.format {
         FormatArg::Fst => bytes = fst(&waves)?,
         _ => vcd::write(&waves, &mut bytes).map_err(|reason| CliError::Output { reason })?,
     }
-    output::write(&bytes)
+    output::print_while_read(&bytes)
 }
 
 fn fst(waves: &Waves) -> Result<Vec<u8>, CliError> {
@@ -126,7 +136,7 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
     fn begin(&self) -> Result<(), CliError> {
         let mut head = T::default();
         self.printer.begin(&mut head);
-        if head.as_ref().is_empty() { Ok(()) } else { output::write(head.as_ref()) }
+        if head.as_ref().is_empty() { Ok(()) } else { output::print_while_read(head.as_ref()) }
     }
 
     /// Reads up to the end of the journal and prints it.
@@ -215,6 +225,6 @@ impl<T: AsRef<[u8]>> LineBuffer<T> {
         }
         let mut bytes = Vec::new();
         self.lines.drain(..).for_each(|line| bytes.extend_from_slice(line.as_ref()));
-        output::write(&bytes)
+        output::print_while_read(&bytes)
     }
 }

@@ -98,14 +98,11 @@ fn print(format: FormatArg, session: &Session, changes: &[journal::Change]) -> R
         return Ok(());
     }
     let reported: Vec<_> = changes.iter().map(|change| report(session, change)).collect();
-    output::print(&match format {
+    let lines = match format {
         FormatArg::Text => text(&reported),
-        FormatArg::Jsonl => {
-            let line = |change| serde_json::to_string(change).map(|line| line + "\n");
-            let lines = reported.iter().map(line).collect::<Result<String, _>>();
-            lines.map_err(|error| CliError::Output { reason: error.into() })?
-        }
-    })
+        FormatArg::Jsonl => reported.iter().map(output::json_line).collect::<Result<String, _>>()?,
+    };
+    output::print_while_read(lines.as_bytes())
 }
 
 /// `0.001000 s  node2.w_OPTION_STATUS  %MW3.200002  16#0001 -> 16#0002  firmware  waiting for ...`

@@ -46,13 +46,12 @@ pub(super) static REGISTERED: Registered = Registered {
     st: blocks::ST,
     #[cfg(feature = "emulator")]
     emulation: crate::devices::Emulation {
-        read: Some(Bm4Config::read),
         schema: Some(include_str!("plant.schema.json")),
         template: Some(include_str!("plant.toml")),
         module: Some(read_module),
         demo: Some(&demo::DEMO),
         exercises: &exercise::EXERCISES,
-        ..crate::devices::Emulation::NONE
+        ..crate::devices::Emulation::of(Bm4Config::read)
     },
     ..Registered::new(&registers::DEVICE)
 };

@@ -48,7 +48,7 @@ impl CanBus {
     /// frames.
     pub fn unplugged() -> Self {
         CanBus {
-            index: BusIndex(u16::MAX),
+            index: BusIndex::of_number(u16::MAX),
             name: String::new(),
             wire: None,
             stations: Stations::new(None),

@@ -35,14 +35,13 @@ pub(super) static REGISTERED: Registered = Registered {
     blocks: blocks::BLOCKS,
     #[cfg(feature = "emulator")]
     emulation: crate::devices::Emulation {
-        read: Some(CanDp2Config::read),
         schema: Some(include_str!("plant.schema.json")),
         template: Some(include_str!("plant.toml")),
         records: records::KINDS,
         rules: rules::ALL,
         demo: Some(&demo::DEMO),
         exercises: &exercise::EXERCISES,
-        ..crate::devices::Emulation::NONE
+        ..crate::devices::Emulation::of(CanDp2Config::read)
     },
     ..Registered::new(&registers::DEVICE)
 };

@@ -115,7 +115,7 @@ impl SimBus {
     /// The placeholder for nodes without a connected bus. A master generates its SYNC signal and sends there, but no station
     /// receives it. The journal has no record of that traffic (decision D-645).
     pub fn unplugged() -> Self {
-        Self::empty(BusIndex(u16::MAX), false, &BusConfig::default())
+        Self::empty(BusIndex::of_number(u16::MAX), false, &BusConfig::default())
     }
 
     /// Creates bus number `index` of the plant with its drives, without nodes.

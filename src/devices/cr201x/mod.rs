@@ -29,11 +29,10 @@ pub mod registers {
 pub(super) static REGISTERED: Registered = Registered {
     #[cfg(feature = "emulator")]
     emulation: crate::devices::Emulation {
-        read: Some(Cr201xConfig::read),
         schema: Some(include_str!("plant.schema.json")),
         template: Some(include_str!("plant.toml")),
         records: crate::devices::canopen::records::KINDS,
-        ..crate::devices::Emulation::NONE
+        ..crate::devices::Emulation::of(Cr201xConfig::read)
     },
     ..Registered::new(&registers::DEVICE)
 };

@@ -57,7 +57,6 @@ pub(super) static REGISTERED: Registered = Registered {
     blocks: blocks::BLOCKS,
     #[cfg(feature = "emulator")]
     emulation: crate::devices::Emulation {
-        read: Some(Cs0015Config::read),
         schema: Some(include_str!("plant.schema.json")),
         template: Some(include_str!("plant.toml")),
         records: records::KINDS,
@@ -65,7 +64,7 @@ pub(super) static REGISTERED: Registered = Registered {
         faults: faults::KINDS,
         demo: Some(&demo::DEMO),
         exercises: &exercise::EXERCISES,
-        ..crate::devices::Emulation::NONE
+        ..crate::devices::Emulation::of(Cs0015Config::read)
     },
     ..Registered::new(&registers::DEVICE)
 };

@@ -45,14 +45,13 @@ pub(super) static REGISTERED: Registered = Registered {
     st: blocks::ST,
     #[cfg(feature = "emulator")]
     emulation: crate::devices::Emulation {
-        read: Some(PlcConfig::read),
         schema: Some(include_str!("plant.schema.json")),
         template: Some(include_str!("plant.toml")),
         rules: rules::ALL,
         faults: faults::KINDS,
         demo: Some(&demo::DEMO),
         exercises: &exercise::EXERCISES,
-        ..crate::devices::Emulation::NONE
+        ..crate::devices::Emulation::of(PlcConfig::read)
     },
     ..Registered::new(&registers::DEVICE)
 };

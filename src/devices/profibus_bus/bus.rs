@@ -97,7 +97,7 @@ impl ProfibusBus {
     pub fn unplugged() -> Self {
         let [slowest, ..] = BusRate::ALL;
         ProfibusBus {
-            index: BusIndex(u16::MAX),
+            index: BusIndex::of_number(u16::MAX),
             name: String::new(),
             rate: slowest,
             slot_bits: slowest.slot_bits(),

@@ -7,7 +7,7 @@ use crate::fault;
 use crate::journal::{Kind, Rule};
 
 /// Firmware of a device, with its journal records, rules and faults. Other properties precede the base in a struct
-/// update: `Emulation { rules: ALL, ..Emulation::NONE }`.
+/// update: `Emulation { rules: ALL, ..Emulation::of(read) }`.
 #[derive(Debug)]
 pub struct Emulation {
     /// Reads its section of a plant file; none if only its registers are known.
@@ -31,6 +31,12 @@ pub struct Emulation {
 }
 
 impl Emulation {
+    /// A device with firmware. `read` reads its section of a plant file.
+    #[must_use]
+    pub const fn of(read: Read<dyn DeviceConfig>) -> Self {
+        Emulation { read: Some(read), ..Self::NONE }
+    }
+
     /// A device without firmware: only its registers are known.
     pub const NONE: Self = Emulation {
         read: None,

@@ -94,7 +94,7 @@ impl Format<Vec<u8>> for Pcapng {
         });
         let Some(Octets { mut known, length }) = frame.or_else(|| record.event.telegram()) else { return };
         let (high, low) = ((record.time_us >> 32) as u32, record.time_us as u32);
-        let words = [u32::from(bus.0), high, low, known.len() as u32, length as u32];
+        let words = [bus.0, high, low, known.len() as u32, length as u32];
         let mut body: Vec<_> = words.into_iter().flat_map(u32::to_le_bytes).collect();
         known.resize(known.len().next_multiple_of(4), 0);
         body.extend(known);

@@ -3,7 +3,7 @@
 use super::{MOST, PlantConfig, PlantError, PortOf, equal_numbers};
 use crate::devices;
 use crate::devices::settings::range;
-use crate::devices::{BUS_KINDS, BuildError, BusSection, DeviceConfig};
+use crate::devices::{BuildError, BusSection, DeviceConfig};
 use std::collections::{BTreeSet, HashMap};
 
 impl PlantConfig {
@@ -17,10 +17,7 @@ impl PlantConfig {
         }
         range("processor_cycle_us", "plant", self.processor_cycle_us.into(), 10..=10_000, "10 to 10000")
             .map_err(BuildError::from)?;
-        // A port without a bus may need a placeholder, which has an index like a bus.
-        let ports = self.devices.iter().flat_map(|device| device.ports());
-        let placeholders = BUS_KINDS.len() + ports.filter(|port| port.bus.is_none()).count();
-        for (what, count) in [("PLC", self.devices.len()), ("bus", self.buses.len() + placeholders)] {
+        for (what, count) in [("PLC", self.devices.len()), ("bus", self.buses.len())] {
             if count > MOST {
                 return Err(PlantError::TooMany { what, count });
             }

@@ -1,8 +1,11 @@
 //! Settings of a plant file that are allowed but are probably a mistake.
 
-use super::{PlantConfig, PortOf, equal_numbers, file, places};
+use super::places::NamedSections;
+use super::{PlantConfig, PortOf, equal_numbers};
 use crate::devices::{BusSection, Doubt, MasterConfig};
+use std::collections::HashMap;
 use std::sync::Arc;
+use toml::de::DeTable;
 
 impl PlantConfig {
     /// Returns allowed settings that are probably a mistake, with their lines in `text`, the file as it
@@ -10,8 +13,9 @@ impl PlantConfig {
     #[must_use]
     pub fn doubts(&self, text: &str) -> Vec<(Option<usize>, Doubt)> {
         let ports = self.ports_of_buses();
+        let devices: HashMap<_, _> = self.devices.iter().map(|device| (device.name(), device)).collect();
         let master = |(name, port): &PortOf<'_>| {
-            let device = self.device(name)?;
+            let device = devices.get(name)?;
             port.address.is_none().then(|| MasterConfig {
                 name: format!("{name}:{}", port.name),
                 kbit_s: device.kbit_s(port.number),
@@ -37,11 +41,21 @@ impl PlantConfig {
             }));
             doubts
         };
-        let placed = |doubt: Doubt| {
-            let offset = places::offset_of_key(&doubt.section, doubt.key, text);
-            (offset.map(|offset| file::line_of(text, offset)), doubt)
-        };
         let of_devices = self.devices.iter().flat_map(|device| device.doubts());
-        of_devices.chain(self.buses.iter().flat_map(of)).map(placed).collect()
+        let doubts: Vec<_> = of_devices.chain(self.buses.iter().flat_map(of)).collect();
+        if doubts.is_empty() {
+            return Vec::new();
+        }
+        let table = DeTable::parse(text).ok();
+        let sections = table.as_ref().map(|table| NamedSections::new(table.get_ref()));
+        // The places of the line ends: there may be as many doubts as lines.
+        let ends: Vec<_> =
+            text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n').map(|it| it.0).collect();
+        let placed = |doubt: Doubt| {
+            let offset =
+                sections.as_ref().and_then(|sections| sections.offset_of_key(&doubt.section, doubt.key));
+            (offset.map(|offset| 1 + ends.partition_point(|end| *end < offset)), doubt)
+        };
+        doubts.into_iter().map(placed).collect()
     }
 }

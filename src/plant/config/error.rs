@@ -41,7 +41,7 @@ pub enum PlantError {
     #[error("the plant has no PLC; add a [[plc]] section with a name")]
     NoPlc,
     /// More than journal and channel have numbers for.
-    #[error("the plant has {count} {what}s; there can be at most {MOST}")]
+    #[error("the plant has {count} {}; there can be at most {MOST}", several(what))]
     TooMany {
         /// "PLC" or "bus".
         what: &'static str,
@@ -57,7 +57,7 @@ pub enum PlantError {
         name: String,
     },
     /// A name is given twice.
-    #[error("there are two {what}s named '{name}'; names must be unique")]
+    #[error("there are two {} named '{name}'; names must be unique", several(what))]
     Duplicate {
         /// "PLC", "bus" or "drive".
         what: &'static str,
@@ -158,4 +158,9 @@ pub enum PlantError {
 /// `line 3: `, if it is known.
 fn in_line(line: Option<usize>) -> String {
     line.map_or_else(String::new, |line| format!("line {line}: "))
+}
+
+/// The plural of a noun.
+fn several(what: &str) -> String {
+    format!("{what}{}", if what.ends_with('s') { "es" } else { "s" })
 }

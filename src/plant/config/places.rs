@@ -4,6 +4,7 @@
 
 use super::PlantError;
 use crate::devices::{BuildError, SettingError};
+use std::collections::HashMap;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
@@ -36,12 +37,29 @@ pub(super) fn offset_of(error: &PlantError, text: &str) -> Option<usize> {
     found.map(|value| value.span().start)
 }
 
-/// Offset of a key in the section of this name, or of the section if it does not contain the key.
-pub(super) fn offset_of_key(section: &str, key: &str, text: &str) -> Option<usize> {
-    let table = DeTable::parse(text).ok()?;
-    let root = table.get_ref();
-    let section = named(root, section).last().or_else(|| module(root, section))?;
-    Some(section.get_ref().get(key).unwrap_or(section).span().start)
+/// All sections of a plant file by name, for many searches in one file.
+pub(super) struct NamedSections<'a, 't>(HashMap<&'a str, Vec<&'a Value<'t>>>);
+
+impl<'a, 't> NamedSections<'a, 't> {
+    pub(super) fn new(root: &'a DeTable<'t>) -> Self {
+        let mut sections: HashMap<_, Vec<_>> = HashMap::new();
+        for section in all_sections(root) {
+            if let Some(name) = text_at(section, "name") {
+                sections.entry(name).or_default().push(section);
+            }
+        }
+        Self(sections)
+    }
+
+    /// Offset of a key in the section of this name, or of the section if it does not contain the key.
+    pub(super) fn offset_of_key(&self, section: &str, key: &str) -> Option<usize> {
+        let named = |name: &str| self.0.get(name).into_iter().flatten().copied();
+        let section = named(section).last().or_else(|| {
+            let (device, port) = section.split_once(':')?;
+            module_at(named(device), port)
+        })?;
+        Some(section.get_ref().get(key).unwrap_or(section).span().start)
+    }
 }
 
 /// Value at a path in a section, or in the table `drive` in it; the section itself if there is no value.
@@ -66,7 +84,15 @@ fn setting<'a, 't>(root: &'a DeTable<'t>, error: &SettingError) -> Option<&'a Va
 /// The section of a module that `name` names by its port, as in `maxx:slotG`.
 fn module<'a, 't>(root: &'a DeTable<'t>, name: &str) -> Option<&'a Value<'t>> {
     let (device, port) = name.split_once(':')?;
-    let mut modules = named(root, device).flat_map(|section| below(section.get_ref(), "module"));
+    module_at(named(root, device), port)
+}
+
+/// The section of the module at this port in the sections of its device.
+fn module_at<'a, 't>(devices: impl Iterator<Item = &'a Value<'t>>, port: &str) -> Option<&'a Value<'t>>
+where
+    't: 'a,
+{
+    let mut modules = devices.flat_map(|section| below(section.get_ref(), "module"));
     modules.find(|module| text_at(module, "slot").is_some_and(|slot| is_port_of(port, slot)))
 }
 
@@ -128,8 +154,12 @@ fn sections_of<'a, 't>(root: &'a DeTable<'t>, what: &str) -> impl Iterator<Item 
 
 /// All sections with this name.
 fn named<'a, 't>(root: &'a DeTable<'t>, name: &str) -> impl Iterator<Item = &'a Value<'t>> {
-    let sections = ["PLC", "bus", "drive"].into_iter().flat_map(|what| sections_of(root, what));
-    sections.filter(move |section| is_named(section, name))
+    all_sections(root).filter(move |section| is_named(section, name))
+}
+
+/// All sections that can have a name.
+fn all_sections<'a, 't>(root: &'a DeTable<'t>) -> impl Iterator<Item = &'a Value<'t>> {
+    ["PLC", "bus", "drive"].into_iter().flat_map(|what| sections_of(root, what))
 }
 
 fn below<'a, 't>(section: &'a DeValue<'t>, key: &str) -> impl Iterator<Item = &'a Value<'t>> + use<'a, 't> {

@@ -2,9 +2,9 @@
 
 use super::NovramError;
 use crate::memory::directory;
-use rustix::fs::{FileType, Stat};
+use rustix::fs::{FileType, Mode, Stat};
 use rustix::io::Errno;
-use std::fs::DirBuilder;
+use std::fs::{DirBuilder, File};
 use std::io::{self, Read};
 use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
@@ -14,6 +14,10 @@ use std::time::{Duration, Instant};
 /// yet.
 const PATIENCE: Duration = Duration::from_millis(500);
 
+/// Name of the file whose lock one emulator has. Other users cannot open the file, so they cannot take its lock; they can
+/// open, and lock, a directory that they can read.
+const LOCK: &str = ".lock";
+
 /// Write rights of other users in a mode.
 const OTHERS_WRITE: u32 = 0o022;
 
@@ -22,6 +26,8 @@ const OTHERS_WRITE: u32 = 0o022;
 pub struct Directory {
     path: PathBuf,
     open: directory::Directory,
+    /// The lock file; its lock is released when the file is closed.
+    _lock: File,
 }
 
 impl Directory {
@@ -36,11 +42,13 @@ impl Directory {
         let open =
             directory::Directory::open(path).map_err(|errno| failed("open this directory")(errno.into()))?;
         let stat = open.stat().map_err(|errno| failed("look at this directory")(errno.into()))?;
-        judge(path, &stat, rustix::process::geteuid().as_raw())?;
+        let user = rustix::process::geteuid().as_raw();
+        judge(path, &stat, user)?;
+        let lock = lock_file(path, &open, user)?;
         let since = Instant::now();
         loop {
-            match open.try_lock() {
-                Ok(true) => return Ok(Directory { path: path.to_owned(), open }),
+            match directory::try_lock(&lock) {
+                Ok(true) => return Ok(Directory { path: path.to_owned(), open, _lock: lock }),
                 Ok(false) if since.elapsed() < PATIENCE => std::thread::sleep(Duration::from_millis(1)),
                 Ok(false) => return Err(NovramError::InUse { path: path.to_owned() }),
                 Err(error) => return Err(failed("lock this directory")(error)),
@@ -132,15 +140,42 @@ impl Directory {
     }
 
     fn not_a_file(&self, name: &str, found: FileType) -> NovramError {
-        let found = match found {
-            FileType::Symlink => "a symbolic link",
-            FileType::Directory => "a directory",
-            FileType::Fifo => "a pipe",
-            FileType::CharacterDevice | FileType::BlockDevice => "a device",
-            _ => "something else",
-        };
-        NovramError::NotAFile { path: self.path_of(name), found }
+        not_a_file(self.path_of(name), found)
     }
+}
+
+fn not_a_file(path: PathBuf, found: FileType) -> NovramError {
+    let found = match found {
+        FileType::Symlink => "a symbolic link",
+        FileType::Directory => "a directory",
+        FileType::Fifo => "a pipe",
+        FileType::CharacterDevice | FileType::BlockDevice => "a device",
+        _ => "something else",
+    };
+    NovramError::NotAFile { path, found }
+}
+
+/// Opens the lock file, which only `user` can open; creates a missing one.
+fn lock_file(path: &Path, directory: &directory::Directory, user: u32) -> Result<File, NovramError> {
+    let path = path.join(LOCK);
+    let failed =
+        |errno: Errno| NovramError::Io { path: path.clone(), doing: "open it", source: errno.into() };
+    let file = match directory.read_write(LOCK) {
+        Ok(file) => file,
+        Err(Errno::LOOP) => return Err(not_a_file(path, FileType::Symlink)),
+        Err(Errno::ISDIR) => return Err(not_a_file(path, FileType::Directory)),
+        Err(Errno::NXIO | Errno::NODEV) => return Err(not_a_file(path, FileType::Unknown)),
+        Err(errno) => return Err(failed(errno)),
+    };
+    let stat = rustix::fs::fstat(&file).map_err(failed)?;
+    match FileType::from_raw_mode(stat.st_mode) {
+        FileType::RegularFile if stat.st_uid == user => {}
+        FileType::RegularFile => return Err(NovramError::Foreign { path, owner: stat.st_uid, user }),
+        other => return Err(not_a_file(path, other)),
+    }
+    // The file may be a copy with other rights.
+    rustix::fs::fchmod(&file, Mode::RUSR | Mode::WUSR).map_err(failed)?;
+    Ok(file)
 }
 
 /// Refuses a directory in which other users than `user` could exchange files.

@@ -110,6 +110,16 @@ pub(super) fn store(directory: &mut Directory, name: &str, content: &Content) ->
     directory.replace(name, &encode(content))
 }
 
+/// Whether the file of this name holds this content. A missing file holds the delivery state.
+pub(super) fn holds(directory: &Directory, name: &str, content: &Content) -> bool {
+    let size = Size { registers: content.registers, flags: content.retain().len() };
+    match directory.read(name, HEAD + content.bytes.len() + CHECKSUM) {
+        Ok(None) => content.bytes.iter().all(|byte| *byte == 0),
+        Ok(Some(bytes)) => decode(&bytes, size).is_ok_and(|held| held.at_least(size.flags) == *content),
+        Err(_) => false,
+    }
+}
+
 pub(super) fn encode(content: &Content) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(HEAD + content.bytes.len() + CHECKSUM);
     bytes.extend(MAGIC);

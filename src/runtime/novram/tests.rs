@@ -50,10 +50,11 @@ fn power_on(
     restored(&open(directory), "[[plc]]\nname = 'line'\n", segment)
 }
 
-/// Names of the files in the directory.
+/// Names of the files in the directory, without its lock file.
 fn names(directory: &tempfile::TempDir) -> Vec<String> {
     let entries = fs::read_dir(directory.path()).unwrap();
-    entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+    let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    names.filter(|name| name != ".lock").collect()
 }
 
 /// Writing an accepted file again gives the same bytes, and any correct content is restored.
@@ -347,7 +348,7 @@ fn a_failed_last_write_is_an_error() {
 fn a_missing_directory_is_created_again() {
     let directory = tempfile::tempdir().unwrap();
     let mut keeper = keeper(&directory);
-    fs::remove_dir(directory.path()).unwrap();
+    fs::remove_dir_all(directory.path()).unwrap();
     keeper.save(|_| Some((&[5; REGISTERS][..], 1)), true);
     keeper.close().unwrap();
     assert_eq!(saved(&directory).unwrap().registers(), [5; REGISTERS]);

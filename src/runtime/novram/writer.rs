@@ -45,7 +45,8 @@ impl Keeper {
     }
 
     /// Writes the changes. `stored` returns the registers that a device has stored, or `None` if they are lost. Retain
-    /// flags are checked once a second, and in the `last` call.
+    /// flags are checked once a second, and in the `last` call, which also restores files that another program has damaged
+    /// or removed.
     pub fn save<'a>(&mut self, stored: impl Fn(DeviceIndex) -> Option<(&'a [u8], u32)>, last: bool) {
         let Some((jobs, _)) = &self.writer else { return };
         let now = Instant::now();
@@ -56,7 +57,8 @@ impl Keeper {
         let novram = self.novram.iter_mut().enumerate();
         for (index, novram) in novram.filter_map(|(index, novram)| Some((index, novram.as_mut()?))) {
             if let Some(stored_now) = stored(DeviceIndex::at(index))
-                && let Some(content) = novram.changed(stored_now, retain)
+                // At the end also an unchanged content, in case another program has damaged or removed the file.
+                && let Some(content) = novram.changed(stored_now, retain).or_else(|| last.then(|| novram.saved.clone()))
                 // Lost during the read: the file keeps the last known content.
                 && stored(DeviceIndex::at(index)).is_some()
             {
@@ -106,7 +108,10 @@ fn write_all(mut directory: Directory, jobs: &Receiver<Job>) -> Result<(), Novra
             Err(RecvTimeoutError::Disconnected) => break,
         }
         dirty.retain(|name, content| {
-            let result = file::store(&mut directory, name, content);
+            let result = match file::holds(&directory, name, content) {
+                true => Ok(()),
+                false => file::store(&mut directory, name, content),
+            };
             log_change(name, &result, &mut said);
             result.is_err()
         });

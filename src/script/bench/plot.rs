@@ -2,7 +2,7 @@
 
 use super::Bench;
 use crate::devices;
-use crate::journal::{Selection, Waves};
+use crate::journal::{Selection, Waves, Window};
 use crate::plot::{Plot, Row, address_of};
 use crate::request::Op;
 use crate::script::ScenarioError;
@@ -23,7 +23,10 @@ impl Bench {
         }
         let found = registers.iter().map(|text| self.find(text)).collect::<Result<Vec<_>, _>>()?;
         let (records, _) = self.records(0)?;
-        let waves = Waves::of(&records, &Selection::default(), self.names.clone(), devices::catalogue());
+        let to_us = self.now()?;
+        let window = Window::of_picture(from_us, to_us);
+        let names = self.names.clone();
+        let waves = Waves::within(window, &records, &Selection::default(), names, devices::catalogue());
         let mut rows = Vec::with_capacity(found.len());
         for register in &found {
             let past = waves.register(register.plc(), address_of(register.place()).offset());
@@ -35,6 +38,6 @@ impl Bench {
                 row.or_holds(&register.place().format(register.place().last_phase(), held), is_recorded),
             );
         }
-        Ok(Plot::new(from_us, self.now()?, waves.edges(), rows))
+        Ok(Plot::new(from_us, to_us, waves.edges(), rows))
     }
 }

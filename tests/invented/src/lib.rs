@@ -34,12 +34,7 @@ commram::rules! {
 
 /// The entry in the registry.
 pub static GATE: Registered = Registered {
-    emulation: Emulation {
-        read: Some(can_bus::read::<Gate>),
-        records: &[Passed::KIND],
-        rules: ALL,
-        ..Emulation::NONE
-    },
+    emulation: Emulation { records: &[Passed::KIND], rules: ALL, ..Emulation::of(can_bus::read::<Gate>) },
     ..Registered::new(&registers::DEVICE)
 };
 

@@ -102,6 +102,10 @@ pub enum Reason {
     PastStructureEnd { name: String, end: u32, structure: String, size: u32 },
     #[error("`{structure}` has {size} bytes, but `{area}` ends after {bytes}")]
     PastAreaEnd { structure: String, size: u32, area: String, bytes: u32 },
+    #[error("the structures of all areas up to `{structure}` in `{area}` have more than {most} bytes")]
+    PlacedTooMuch { structure: String, area: String, most: u32 },
+    #[error("the files of the layout up to this one have more than {most} MiB")]
+    LayoutTooLong { most: usize },
     #[error("the size of `{structure}` is {size}; it must be a multiple of {align}")]
     OddSize { structure: String, size: u32, align: u32 },
     #[error("area `{name}` starts at {first}; it must be divisible by {by}")]

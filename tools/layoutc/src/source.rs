@@ -25,6 +25,8 @@ pub(crate) struct SourcePlace {
 
 /// Maximum size of a layout file in bytes, 25 times the largest existing one.
 const LONGEST: u64 = 1 << 20;
+/// Maximum size of all files of a layout in bytes, 20 times the largest existing layout.
+const LONGEST_LAYOUT: usize = 2 << 20;
 
 /// Reads the text of a file. A file without an end, or one that blocks, is refused.
 fn read(path: &Path) -> io::Result<String> {
@@ -79,6 +81,11 @@ impl Sources {
                 reason: Box::new(Reason::Unreadable(error.to_string())),
             },
         })?;
+        if self.files.iter().map(|(_, text)| text.len()).sum::<usize>() + text.len() > LONGEST_LAYOUT
+            && let Some(at) = from
+        {
+            return Err(self.error(at, Reason::LayoutTooLong { most: LONGEST_LAYOUT >> 20 }));
+        }
         self.files.push((path, text));
         let file = self.files.len() - 1;
         let value = toml::from_str(&self.files[file].1).map_err(|error| {

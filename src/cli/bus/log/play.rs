@@ -47,6 +47,9 @@ pub(in super::super) struct Play {
 const LONGEST_GAP_US: u64 = MAX_ADVANCE_US;
 /// Step of the clock while frames wait for room or for the end of the last frame, in emulated microseconds.
 const ROOM_US: u64 = 100;
+/// Longest emulated time in microseconds between two counts of the frames that have ended: the journal keeps only the
+/// last 65,536 frames of all buses.
+const COUNT_US: u64 = 100_000;
 /// Longest wait in which no frame moves: emulated with the stepped clock, real with the real-time clock.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Pause between two attempts with the real-time clock.
@@ -139,6 +142,8 @@ struct Player<'a> {
     left: usize,
     /// Number of the next record of the journal.
     next: u64,
+    /// Time of the last count of ended frames, in microseconds.
+    counted_us: u64,
     /// Sum of both counts when the last frame moved, and how long the player has waited since.
     moved: usize,
     waited: Duration,
@@ -148,20 +153,54 @@ impl<'a> Player<'a> {
     /// A player of a log with at least one frame. `next` is the number of the next record of the journal.
     fn new(session: &'a Session, log: &'a [AddressedFrame], next: u64) -> Self {
         let start_us = log.first().map_or(0, |first| first.time_us);
-        Player { session, log, start_us, accepted: 0, left: 0, next, moved: 0, waited: Duration::ZERO }
+        Player {
+            session,
+            log,
+            start_us,
+            accepted: 0,
+            left: 0,
+            next,
+            counted_us: 0,
+            moved: 0,
+            waited: Duration::ZERO,
+        }
     }
 
     /// Advances the clock from frame to frame, and until the last frame has ended.
     fn stepped(&mut self) -> Result<(), CliError> {
         let mut now_us = self.start_us;
-        while self.accepted < self.log.len() {
+        while let Some(next) = self.log.get(self.accepted) {
+            if next.time_us.saturating_sub(now_us) > COUNT_US {
+                self.count_within_gap(&mut now_us, next.time_us)?;
+            }
             if self.send_part(&mut now_us)? {
                 self.advance()?;
                 now_us += ROOM_US;
             }
+            self.count_at(now_us)?;
         }
         while !self.all_have_left()? {
             self.advance()?;
+        }
+        Ok(())
+    }
+
+    /// Advances the clock in parts towards `due_us`, while accepted frames end on their bus, and counts them.
+    fn count_within_gap(&mut self, now_us: &mut u64, due_us: u64) -> Result<(), CliError> {
+        let mut waited = Duration::ZERO;
+        while waited < PATIENCE && *now_us < due_us {
+            let before = self.left;
+            self.count_left()?;
+            if self.left >= self.accepted {
+                break;
+            }
+            if self.left > before {
+                waited = Duration::ZERO;
+            }
+            let us = COUNT_US.min(due_us - *now_us);
+            self.session.ask(Op::Advance { us })?;
+            *now_us += us;
+            waited += Duration::from_micros(us);
         }
         Ok(())
     }
@@ -174,6 +213,9 @@ impl<'a> Player<'a> {
         let mut then_us = *now_us;
         for it in part.iter().take(MAX_OPS / 2) {
             let us = it.time_us.saturating_sub(then_us);
+            if !ops.is_empty() && then_us + us - *now_us > COUNT_US {
+                break;
+            }
             ops.extend((us > 0).then_some(Op::Advance { us }));
             then_us += us;
             ops.push(Op::BusSend { bus: it.bus, frame: Some(it.frame) });
@@ -207,6 +249,7 @@ impl<'a> Player<'a> {
                 if left_us == 0 {
                     break now_us;
                 }
+                self.count_at(now_us)?;
                 // Emulated time can run faster or slower than real time, so at most 10 ms are slept before the next
                 // query.
                 pause(&interrupts, Duration::from_micros(left_us.min(10_000)))?;
@@ -220,6 +263,7 @@ impl<'a> Player<'a> {
                 now_us = self.session.ask(Op::Time)?.time()?;
             }
             self.accepted += 1;
+            self.count_at(now_us)?;
             timing.took_us = now_us.saturating_sub(begin_us);
             timing.latest_us = timing.latest_us.max(now_us.saturating_sub(due_us));
         }
@@ -239,15 +283,30 @@ impl<'a> Player<'a> {
         }))
     }
 
-    /// Whether all frames have ended on their buses: the journal has as many frames of guest 0, which is the sender.
+    /// Whether all frames have ended on their buses.
     fn all_have_left(&mut self) -> Result<bool, CliError> {
-        if self.left < self.log.len() {
+        self.count_left()?;
+        Ok(self.left >= self.log.len())
+    }
+
+    /// Counts the frames that have ended, if the last count was long before `now_us`.
+    fn count_at(&mut self, now_us: u64) -> Result<(), CliError> {
+        if now_us.saturating_sub(self.counted_us) < COUNT_US {
+            return Ok(());
+        }
+        self.counted_us = now_us;
+        self.count_left()
+    }
+
+    /// Counts the frames that have ended on their buses: the journal has as many frames of guest 0, which is the sender.
+    fn count_left(&mut self) -> Result<(), CliError> {
+        if self.left < self.accepted {
             let part = read_journal(self.next, |op| self.session.ask(op))?;
             let guests = part.records.iter().filter_map(|record| record.event.frame()?.guest);
             self.left += guests.filter(|guest| *guest == 0).count();
             self.next = part.end;
         }
-        Ok(self.left >= self.log.len())
+        Ok(())
     }
 
     /// Notes that the player waits for this time until a frame moves: until the bus accepts it, or until it has ended.

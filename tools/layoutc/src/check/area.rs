@@ -5,8 +5,13 @@ use super::{Names, identifier};
 use crate::error::{Error, Reason};
 use crate::model::{Area, AreaStructure, Field, Kind, Provenance, Space, Structure};
 use crate::raw;
-use crate::source::{SourcePlace, Sources, at};
+use crate::source::{Sources, at};
+use std::collections::BTreeSet;
 use toml::Spanned;
+
+/// Maximum number of bytes of all structures in all areas, 100 times that of the largest existing layout. A structure of a
+/// few lines may have any size.
+const MOST_PLACED: u32 = 16 << 20;
 
 /// Types that areas can use.
 pub(super) struct Types<'a> {
@@ -26,9 +31,10 @@ pub(super) fn check(
     let mut names = Names::default();
     let mut areas: Vec<Area> = Vec::new();
     let mut numbers: Vec<(u32, u32)> = Vec::new();
+    let mut left = MOST_PLACED;
     for raw in raw {
         names.add(sources, file, &raw.name)?;
-        let (area, (first, last)) = area(sources, file, raw, from, spaces, types)?;
+        let (area, (first, last)) = area(sources, file, raw, from, spaces, types, &mut left)?;
         for (other, (other_first, other_last)) in areas.iter().zip(&numbers) {
             if area.space == other.space && first <= *other_last && *other_first <= last {
                 let (name, other, other_last) = (area.name.clone(), other.name.clone(), *other_last);
@@ -73,6 +79,7 @@ fn area(
     names: &Provenance,
     spaces: &[Space],
     types: &Types<'_>,
+    left: &mut u32,
 ) -> Result<(Area, (u32, u32)), Error> {
     let Types { structures, subs, phases } = types;
     let name = raw.name.get_ref().clone();
@@ -121,6 +128,7 @@ fn area(
         _ => return Err(sources.error(at(file, raw.name.span()), Reason::HalfCpu)),
     };
     let mut placed: Vec<AreaStructure> = Vec::new();
+    let mut cells = OverlaidCells::default();
     for entry in &raw.structure {
         let place = at(file, entry.name.span());
         let wanted = entry.name.get_ref();
@@ -136,6 +144,11 @@ fn area(
             let (structure, size) = (structure.name.clone(), structure.size);
             return Err(sources.error(place, Reason::PastAreaEnd { structure, size, area: name, bytes }));
         }
+        let Some(rest) = left.checked_sub(structure.size) else {
+            let (structure, area) = (structure.name.clone(), name);
+            return Err(sources.error(place, Reason::PlacedTooMuch { structure, area, most: MOST_PLACED }));
+        };
+        *left = rest;
         let live = phase::number(sources, file, &entry.live, *phases)?;
         if let Some(declared) = phases.filter(|_| live != 0) {
             let of = (*structures, declared);
@@ -152,11 +165,14 @@ fn area(
             variable_from,
             unused: unused(sources, file, structure, &entry.unused)?,
         };
-        // A port keeps its role: structures of different roles never overlap in use.
-        let meets =
-            |other: &&AreaStructure| new.role.is_none() || other.role.is_none() || new.role == other.role;
-        for other in placed.iter().filter(meets) {
-            same_widths(sources, place, &name, [&new, other], structures, subs)?;
+        if raw.structure.len() > 1 {
+            let mixed = cells.add(new.role, placed.len(), &placed_cells(&new, structure, subs));
+            if let Some(Mixed { other, offset, width, other_width }) = mixed {
+                let other = structures[placed[other].structure].name.clone();
+                let (structure, area) = (structure.name.clone(), name);
+                let reason = Reason::MixedWidth { structure, other, area, offset, width, other_width };
+                return Err(sources.error(place, reason));
+            }
         }
         placed.push(new);
     }
@@ -202,49 +218,75 @@ fn unused(
     structure: &Structure,
     names: &[Spanned<String>],
 ) -> Result<Vec<String>, Error> {
-    let known = |name: &str| structure.fields.iter().any(|field| field.name == name && !field.is_padding());
-    if let Some(wrong) = names.iter().find(|name| !known(name.get_ref())) {
+    let registers = structure.fields.iter().filter(|field| !field.is_padding());
+    let registers: BTreeSet<_> = registers.map(|field| &field.name).collect();
+    if let Some(wrong) = names.iter().find(|name| !registers.contains(name.get_ref())) {
         let (structure, name) = (structure.name.clone(), wrong.get_ref().clone());
         return Err(sources.error(at(file, wrong.span()), Reason::UnknownRegister { structure, name }));
     }
     Ok(names.iter().map(|name| name.get_ref().clone()).collect())
 }
 
-/// Atomic accesses of different sizes to one byte are not defined, so overlaid registers that are used must
-/// have the same width and the same start. Padding is never accessed but copied, byte by byte.
-fn same_widths(
-    sources: &Sources,
-    place: SourcePlace,
-    area: &str,
-    pair: [&AreaStructure; 2],
-    structures: &[Structure],
-    subs: &[Structure],
-) -> Result<(), Error> {
-    let [mine, others] = pair.map(|placed| placed_cells(placed, &structures[placed.structure], subs));
-    for (offset, widths) in mine.into_iter().zip(others).enumerate() {
-        let (Some(width), Some(other_width)) = widths else { continue };
-        if width != other_width {
-            let [structure, other] = pair.map(|placed| structures[placed.structure].name.clone());
-            let reason = Reason::MixedWidth {
-                structure,
-                other,
-                area: area.to_owned(),
-                offset: offset as u32,
-                width,
-                other_width,
-            };
-            return Err(sources.error(place, reason));
+/// At each byte, the width of the cell and the number of the first structure that has it.
+type FirstCells = Vec<Option<(u32, usize)>>;
+
+/// The cells of structures that overlay each other, byte by byte.
+///
+/// Atomic accesses of different sizes to one byte are not defined, so overlaid registers that are used must have the same
+/// width and the same start. Padding is never accessed but copied, byte by byte.
+#[derive(Default)]
+struct OverlaidCells {
+    /// The cells for each role, and for the structures without a role.
+    of_roles: Vec<(Option<raw::Role>, FirstCells)>,
+}
+
+/// Two cells of different widths at one byte.
+struct Mixed {
+    /// Number of the earlier structure.
+    other: usize,
+    offset: u32,
+    width: u32,
+    other_width: u32,
+}
+
+impl OverlaidCells {
+    /// Adds the cells of structure `number`. Returns the first difference to the first structure that it differs from.
+    fn add(&mut self, role: Option<raw::Role>, number: usize, cells: &[Option<u32>]) -> Option<Mixed> {
+        // A port keeps its role: structures of different roles never overlap in use.
+        let meets = |other: &Option<raw::Role>| role.is_none() || other.is_none() || role == *other;
+        let pairs = self
+            .of_roles
+            .iter()
+            .filter(|(other, _)| meets(other))
+            .flat_map(|(_, known)| known.iter().zip(cells).enumerate());
+        let mixed = pairs.filter_map(|(offset, (known, cell))| {
+            let ((other_width, other), width) = ((*known)?, (*cell)?);
+            (width != other_width).then_some(Mixed { other, offset: offset as u32, width, other_width })
+        });
+        if let Some(mixed) = mixed.min_by_key(|mixed| (mixed.other, mixed.offset)) {
+            return Some(mixed);
         }
+        let known = self.of_roles.iter().position(|(known, _)| *known == role);
+        let index = known.unwrap_or_else(|| {
+            self.of_roles.push((role, Vec::new()));
+            self.of_roles.len() - 1
+        });
+        let known = &mut self.of_roles[index].1;
+        known.resize(known.len().max(cells.len()), None);
+        for (known, cell) in known.iter_mut().zip(cells) {
+            *known = known.or_else(|| cell.map(|width| (width, number)));
+        }
+        None
     }
-    Ok(())
 }
 
 /// For each byte the width of the cell it lies in, `None` in unused registers. Cells are aligned to
 /// their width, so equal widths mean equal starts.
 fn placed_cells(placed: &AreaStructure, structure: &Structure, subs: &[Structure]) -> Vec<Option<u32>> {
     let fields = structure.fields.iter();
+    let unused: BTreeSet<_> = placed.unused.iter().collect();
     let cells = |field: &Field| {
-        let used = !placed.unused.contains(&field.name);
+        let used = !unused.contains(&field.name);
         field_cells(field, subs).into_iter().map(move |width| used.then_some(width))
     };
     fields.flat_map(cells).collect()

@@ -98,7 +98,8 @@ pub(super) fn check_register(
         let (structure, register) = (structure.name.clone(), register.clone());
         return wrong(Reason::NoPhaseRegister { structure, register });
     };
-    for other in others.iter().filter(|other| other.live != 0) {
+    // The others have it at the same offset as the first one, because they have been checked.
+    if let Some(other) = others.iter().find(|other| other.live != 0) {
         let other = &structures[other.structure];
         if found(other).is_some_and(|(elsewhere, _)| elsewhere != offset) {
             let (structure, other, register) = (structure.name.clone(), other.name.clone(), register.clone());

@@ -101,12 +101,4 @@ pub enum ImportError {
         /// The structure.
         name: String,
     },
-    /// A file cannot be written.
-    #[error("cannot write {}: {reason}", .path.display())]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// Error of the operating system.
-        reason: std::io::Error,
-    },
 }

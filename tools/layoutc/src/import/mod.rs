@@ -30,7 +30,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Default)]
 pub struct NamePairs(BTreeMap<String, String>);
 
-/// Changes of an import; [`Import::write`] applies them.
+/// Changes of an import; the caller writes [`Import::files`].
 #[derive(Debug)]
 pub struct Import {
     /// One row per structure and register.
@@ -119,20 +119,9 @@ impl Import {
         self.rows.iter().all(|row| is_fine(row.verdict))
     }
 
-    /// The files that change.
-    pub fn files(&self) -> impl Iterator<Item = &Path> {
-        self.files.iter().map(|(path, _)| path.as_path())
-    }
-
-    /// Writes the files.
-    ///
-    /// # Errors
-    /// A file cannot be written; the files before it are written. Another import completes the rest.
-    pub fn write(&self) -> Result<(), ImportError> {
-        for (path, text) in &self.files {
-            std::fs::write(path, text).map_err(|reason| ImportError::Write { path: path.clone(), reason })?;
-        }
-        Ok(())
+    /// The files that change, with their new contents.
+    pub fn files(&self) -> impl Iterator<Item = (&Path, &str)> {
+        self.files.iter().map(|(path, text)| (path.as_path(), text.as_str()))
     }
 }
 

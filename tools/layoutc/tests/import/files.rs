@@ -1,6 +1,6 @@
 //! Parts of the files that an import preserves: comments, columns, order, padding.
 
-use super::{AS_IT_IS, OTHER, fixture, plan};
+use super::{AS_IT_IS, OTHER, fixture, plan, write};
 use std::fs;
 use std::path::Path;
 
@@ -36,7 +36,7 @@ fn comments_stay_with_their_lines_and_keys_below_each_other() {
             ("doc = \"Grid\" },\n]", "doc = \"Grid\" } # at the end\n  # and after it\n]"),
         ],
     );
-    plan(dir.path(), OTHER).unwrap().write().unwrap();
+    write(&plan(dir.path(), OTHER).unwrap());
     assert_eq!(
         fs::read_to_string(dir.path().join("CTRL.toml")).unwrap(),
         r#"# What comes first.
@@ -82,10 +82,10 @@ fn a_list_on_one_line_stays_a_list() {
             ("},\n  { offset = 7, padding = 1 },\n]", "}, { offset = 7, padding = 1 } ]"),
         ],
     );
-    plan(dir.path(), AS_IT_IS).unwrap().write().unwrap();
+    write(&plan(dir.path(), AS_IT_IS).unwrap());
     let text = fs::read_to_string(dir.path().join("INIT.toml")).unwrap();
     assert!(text.contains("register = [{ offset = 4, name"), "{text}");
-    plan(dir.path(), OTHER).unwrap().write().unwrap();
+    write(&plan(dir.path(), OTHER).unwrap());
     commram_layoutc::compile(dir.path()).unwrap();
     assert!(plan(dir.path(), OTHER).unwrap().changes_nothing());
 }

@@ -1,7 +1,7 @@
 //! Existing and random layouts are written in TOML, also by way of JSON, and read back without a change.
 //! Layouts are also written as declarations, and an import restores offsets that were changed in between.
 
-use super::{fixture, plan, reported_rows};
+use super::{fixture, plan, reported_rows, write};
 use commram_layoutc::{compile, compile_family};
 use proptest::prelude::*;
 use std::fmt::Write;
@@ -228,10 +228,10 @@ proptest! {
         let as_it_is = plan(dir.path(), &own).unwrap();
         prop_assert_eq!(reported_rows(&as_it_is), [""; 0]);
         prop_assert_eq!((as_it_is.hash_before, as_it_is.hash_after), (before, before));
-        plan(dir.path(), &other).unwrap().write().unwrap();
+        write(&plan(dir.path(), &other).unwrap());
         prop_assert_eq!(compile(dir.path()).unwrap().layout_hash, compile(layout(&registers, &order).path()).unwrap().layout_hash);
         prop_assert!(plan(dir.path(), &other).unwrap().changes_nothing());
-        plan(dir.path(), &own).unwrap().write().unwrap();
+        write(&plan(dir.path(), &own).unwrap());
         prop_assert_eq!(compile(dir.path()).unwrap().layout_hash, before);
     }
 }
