@@ -1,11 +1,13 @@
-//! SLCAN, the ASCII protocol of serial CAN adapters, in the dialect that python-can speaks. This module only converts
-//! text: its input is bytes of a guest, its output their meaning.
+//! SLCAN, the ASCII protocol of serial CAN adapters, in the dialect that python-can speaks. This module only parses and
+//! writes the lines; the [`Adapter`] carries them out.
 //!
 //! Lines end in CR. `tIIILDD..` and `TIIIIIIIILDD..` send data frames of the standard and the extended format, `rIIIL` and
-//! `RIIIIIIIIL` remote ones; the answer is `z` or `Z`. `Sn` names a rate, `O` takes part, `L` only listens, `C` ends both.
-//! Empty lines are ignored. The answer to a valid line is CR, to any other line BEL.
+//! `RIIIIIIIIL` remote ones; the answer is `z` or `Z`, then CR. `Sn` names a rate; `O` connects the guest to the bus, `L`
+//! connects it for listening only, `C` disconnects it. Empty lines are ignored. The answer to a valid line ends in CR;
+//! the answer to any other line is BEL.
 //!
-//! One line is our own, with a letter that no adapter has: `KN` asks for emulated time, N microseconds in hexadecimal digits.
+//! One line is our own, with a letter that no adapter has: `KN` requests that emulated time advance by N microseconds, in
+//! hexadecimal digits. The answer follows when it has.
 
 use super::protocol::{GuestSession, Protocol, Speech};
 use super::wire::{Adapter, BadLength, BusMessage};

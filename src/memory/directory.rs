@@ -49,7 +49,7 @@ impl Directory {
     }
 
     /// Takes the directory's lock; `false` if another process has it.
-    #[cfg(feature = "emulator")]
+    #[cfg(feature = "channel")]
     pub(crate) fn try_lock(&self) -> io::Result<bool> {
         try_lock(&self.0)
     }
