@@ -75,7 +75,7 @@ pub use ring::Records;
 pub(crate) use ring::Rings;
 pub use rule::{Rule, Severity};
 pub use waves::{Past, Waves};
-#[cfg(feature = "studio")]
+#[cfg(all(feature = "script", feature = "studio"))]
 pub(crate) use window::Window;
 
 use crate::identity::DeviceIndex;

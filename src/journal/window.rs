@@ -3,7 +3,7 @@
 //! A counted record can stand for millions of events, a picture has a thousand columns.
 
 /// Parts of a picture's width that count as separate: more than any picture has columns.
-#[cfg(feature = "studio")]
+#[cfg(all(feature = "script", feature = "studio"))]
 const GRAINS: u64 = 4096;
 
 /// A part of emulated time, with the distance of events that a reader distinguishes.
@@ -20,7 +20,7 @@ impl Window {
     pub(crate) const ALL: Self = Window { from_us: 0, to_us: u64::MAX, grain_us: 0 };
 
     /// The window of a picture from `from_us` to `to_us`.
-    #[cfg(feature = "studio")]
+    #[cfg(all(feature = "script", feature = "studio"))]
     pub(crate) fn of_picture(from_us: u64, to_us: u64) -> Self {
         Window { from_us, to_us, grain_us: to_us.saturating_sub(from_us) / GRAINS }
     }
@@ -65,7 +65,7 @@ mod tests {
         assert_eq!(times(Window::ALL, 25, 1_000_000_000, 0), [25]);
     }
 
-    #[cfg(feature = "studio")]
+    #[cfg(all(feature = "script", feature = "studio"))]
     #[test]
     fn a_picture_has_the_events_in_its_window_and_one_on_each_side() {
         let window = Window::of_picture(104, 126);
@@ -75,7 +75,7 @@ mod tests {
         assert_eq!(times(Window::of_picture(0, 10), 7, 1, 0), [7]);
     }
 
-    #[cfg(feature = "studio")]
+    #[cfg(all(feature = "script", feature = "studio"))]
     #[test]
     fn a_picture_has_no_more_events_than_it_can_show() {
         for last_us in [1_000_000_000, u64::MAX] {

@@ -33,7 +33,7 @@ fn other_words_lead_to_the_right_command() {
         (&["list", "--csv"], "tip: write `--format csv`"),
         (&["wait", "a==1", "--timeout", "1s"], "tip: write `--within TIME`"),
         (&["run", "--daemon"], "tip: write `--detach`"),
-        (&["lista"], "tip: a similar subcommand exists: 'list'"),
+        (&[concat!("li", "ts")], "tip: a similar subcommand exists: 'list'"),
     ] {
         let message = run(args).fails(2).to_owned();
         assert!(message.contains(expected), "{args:?}: {message}");
