@@ -154,7 +154,7 @@ fn create_beside(path: &Path) -> Result<(File, PathBuf)> {
     }
 }
 
-/// True if [`write`] of one would replace what it has written as the other. Pipes and devices take both.
+/// True if [`write()`] of one would replace what it has written as the other. Pipes and devices take both.
 #[cfg(feature = "cli")]
 pub(crate) fn is_same(one: &Path, other: &Path) -> bool {
     let is_file = |path| fs::metadata(path).map_or(true, |it| it.is_file());

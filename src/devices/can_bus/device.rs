@@ -25,7 +25,7 @@ pub trait CanDevice: CanPort + Sized + 'static {
     fn new(segment: &Segment) -> Result<Self, MemoryError>;
 }
 
-/// Reads the `[[device]]` section, for [`Registered::read`](crate::devices::Registered::read): `name`, and `bus`, which
+/// Reads the `[[device]]` section, for [`Emulation::read`](crate::devices::Emulation::read): `name`, and `bus`, which
 /// is optional.
 ///
 /// # Errors
