@@ -37,17 +37,11 @@ pub fn text(bytes: Vec<u8>) -> Result<String> {
 /// # Errors
 /// The file cannot be read, is neither file nor pipe, or is longer than `longest` bytes.
 pub fn read_bytes(path: &Path, longest: u64) -> Result<Vec<u8>> {
-    let file: Box<dyn Read> =
-        if is_standard(path) { Box::new(std::io::stdin()) } else { Box::new(open(path)?) };
-    let mut bytes = Vec::new();
-    file.take(longest + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > longest {
-        return Err(Error::new(
-            ErrorKind::FileTooLarge,
-            format!("more than {longest} bytes, there is no such text"),
-        ));
-    }
-    Ok(bytes)
+    let bytes = match is_standard(path) {
+        true => read_up_to(longest, std::io::stdin())?,
+        false => read_up_to(longest, open(path)?)?,
+    };
+    bytes.ok_or_else(|| too_long(format!("more than {longest} bytes, there is no such text")))
 }
 
 /// True for the name `-`: the standard input, or the standard output of an output file.
@@ -66,16 +60,27 @@ pub(crate) fn read_regular(path: &Path, longest: u64) -> Result<Vec<u8>> {
     if !metadata.is_file() {
         return Err(Error::new(ErrorKind::InvalidInput, "it is no regular file"));
     }
-    let too_long = || Error::new(ErrorKind::FileTooLarge, format!("it has more than {longest} bytes"));
-    if metadata.len() > longest {
-        return Err(too_long());
-    }
-    let mut bytes = Vec::new();
-    file.take(longest + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > longest { Err(too_long()) } else { Ok(bytes) }
+    // A long file is not read at all.
+    let bytes = if metadata.len() > longest { None } else { read_up_to(longest, file)? };
+    bytes.ok_or_else(|| too_long(format!("it has more than {longest} bytes")))
 }
 
-fn open_without_waiting(path: &Path) -> Result<File> {
+/// Reads everything; `None` if it is longer than `longest` bytes.
+pub(crate) fn read_up_to(longest: u64, file: impl Read) -> Result<Option<Vec<u8>>> {
+    let mut bytes = Vec::new();
+    file.take(longest + 1).read_to_end(&mut bytes)?;
+    Ok((bytes.len() as u64 <= longest).then_some(bytes))
+}
+
+fn too_long(text: String) -> Error {
+    Error::new(ErrorKind::FileTooLarge, text)
+}
+
+/// Opens anything for reading. A pipe without a writer is at its end.
+///
+/// # Errors
+/// The file cannot be opened.
+pub(crate) fn open_without_waiting(path: &Path) -> Result<File> {
     // Without O_NONBLOCK, opening a pipe waits for a writer.
     let flags = (rustix::fs::OFlags::NONBLOCK | rustix::fs::OFlags::NOCTTY).bits();
     OpenOptions::new().read(true).custom_flags(flags as i32).open(path)

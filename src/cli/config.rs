@@ -2,10 +2,10 @@
 
 use super::style::ColourMode;
 use super::table::Format;
+use crate::input_file;
 use clap::{Command, ValueEnum};
 use serde::Deserialize;
-use std::fs::File;
-use std::io::{ErrorKind, Read};
+use std::io::ErrorKind;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -75,7 +75,8 @@ fn places() -> Vec<PathBuf> {
 
 /// Reads a file; `None` if it does not exist. A file of another user is refused: it could name an instance of that user.
 fn read(path: &Path) -> Result<Option<Config>, String> {
-    let file = match File::open(path) {
+    // A pipe of another user in the working directory must not stop every command.
+    let file = match input_file::open_without_waiting(path) {
         Ok(file) => file,
         Err(reason) if matches!(reason.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
             return Ok(None);
@@ -89,8 +90,9 @@ fn read(path: &Path) -> Result<Option<Config>, String> {
     if found.uid() != rustix::process::geteuid().as_raw() {
         return Err("it belongs to another user".to_owned());
     }
-    let mut text = String::new();
-    file.take(LONGEST).read_to_string(&mut text).map_err(|reason| reason.to_string())?;
+    let bytes = input_file::read_up_to(LONGEST, file).map_err(|reason| reason.to_string())?;
+    let bytes = bytes.ok_or_else(|| format!("it has more than {LONGEST} bytes"))?;
+    let text = input_file::text(bytes).map_err(|reason| reason.to_string())?;
     let mut config: Config = toml::from_str(&text).map_err(|error| {
         let line = error.span().map_or(1, |span| 1 + text[..span.start].matches('\n').count());
         format!("line {line}: {}", error.message().lines().collect::<Vec<_>>().join(", "))

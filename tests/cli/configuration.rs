@@ -70,6 +70,19 @@ fn a_wrong_configuration_file_is_ignored_with_a_note() {
     }
 }
 
+#[test]
+fn a_pipe_or_a_long_file_in_place_of_the_configuration_is_ignored_with_a_note() {
+    let (directory, user) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let own = directory.path().join("commram.toml");
+    std::fs::write(&own, "#".repeat(65_537)).unwrap();
+    let long = configured(directory.path(), user.path(), &["list"]);
+    assert!(long.err.contains("commram.toml is ignored: it has more than 65536 bytes"), "{}", long.err);
+    std::fs::remove_file(&own).unwrap();
+    rustix::fs::mkfifoat(rustix::fs::CWD, &own, rustix::fs::Mode::RUSR).unwrap();
+    let pipe = configured(directory.path(), user.path(), &["list"]);
+    assert!(pipe.code == Some(0) && pipe.err.contains("is ignored: it is not a file"), "{}", pipe.err);
+}
+
 /// Runs a command with this standard input.
 fn with_input(command: &mut Command, input: &str) -> Outcome {
     let file = tempfile::NamedTempFile::new().unwrap();
