@@ -167,3 +167,19 @@ fn fuzz(name: &str, target: impl Fn(&[u8]) + core::panic::RefUnwindSafe) {
     };
     bolero::test(location).with_iterations(50).for_each(target);
 }
+
+/// Compares the table below `head` in a page of the documentation with `table`, which begins with `head`. If the
+/// environment variable `update` has any value, writes it there.
+#[cfg(all(test, feature = "emulator"))]
+fn check_table_of_page(page: &str, head: &str, table: &str, update: &str) {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(page);
+    let page = std::fs::read_to_string(&path).unwrap();
+    let (before, rest) = page.split_once(head).expect("the head of the table");
+    let (_, after) = rest.split_once("\n\n").unwrap();
+    let now = format!("{before}{table}\n{after}");
+    if std::env::var_os(update).is_some() {
+        std::fs::write(&path, &now).unwrap();
+    } else {
+        assert!(page == now, "run this test with {update}=1");
+    }
+}

@@ -1,6 +1,7 @@
 //! Output files for users: exports, reports, pictures, snapshots. The previous file of the same name stays until all of
 //! the new content is written, so no reader finds half a file, and a full disk does not destroy the old one.
 
+use crate::input_file;
 use std::fs::{self, File, Metadata};
 use std::io::{ErrorKind, Result, Write};
 use std::path::{Path, PathBuf};
@@ -10,13 +11,14 @@ const TRIES: u32 = 16;
 /// Links that lead on to links.
 const MOST_LINKS: u32 = 40;
 
-/// Writes where a shell's `>` would, with the name `-` to the standard output: links are followed, pipes and devices are written to. A file keeps its permissions.
+/// Writes where a shell's `>` would, with the name `-` to the standard output: links are followed, pipes and devices are
+/// written to. A file keeps its permissions.
 ///
 /// # Errors
 /// The file cannot be written; then its contents are unchanged, except where only the file itself may be changed and no
 /// new file be made beside it.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    if path.as_os_str() == "-" {
+    if input_file::is_standard(path) {
         let mut out = std::io::stdout().lock();
         return out.write_all(bytes).and_then(|()| out.flush());
     }
@@ -52,16 +54,15 @@ pub(crate) fn write_new(path: &Path, bytes: &[u8]) -> Result<()> {
     if path.symlink_metadata().is_ok() {
         return Err(ErrorKind::AlreadyExists.into());
     }
-    let (begun, unfinished) = begin(path, bytes, None)?;
+    let begun = begin(path, bytes, None)?;
     // `rename` would replace a file that was created meanwhile. File systems without hard links refuse `link`.
-    match fs::hard_link(&begun, path) {
+    match fs::hard_link(&begun.0, path) {
         Err(reason) if reason.kind() != ErrorKind::AlreadyExists => {
             let flags = rustix::fs::RenameFlags::NOREPLACE;
-            rustix::fs::renameat_with(rustix::fs::CWD, &begun, rustix::fs::CWD, path, flags)?;
+            rustix::fs::renameat_with(rustix::fs::CWD, &begun.0, rustix::fs::CWD, path, flags)?;
         }
         linked => linked?,
     }
-    drop(unfinished);
     Ok(())
 }
 
@@ -70,7 +71,7 @@ struct Prepared<'a> {
     path: &'a Path,
     bytes: &'a [u8],
     /// The new file and the file that it will replace; none if only the file itself may be changed.
-    begun: Option<(PathBuf, PathBuf, Unfinished)>,
+    begun: Option<(Unfinished, PathBuf)>,
 }
 
 impl<'a> Prepared<'a> {
@@ -85,7 +86,7 @@ impl<'a> Prepared<'a> {
             }
             None => None,
             Some(place) => match begin(&place, bytes, before.ok().as_ref()) {
-                Ok((begun, unfinished)) => Some((begun, place, unfinished)),
+                Ok(begun) => Some((begun, place)),
                 Err(reason) if is_only_in_place(&reason) => None,
                 Err(reason) => return Err(reason),
             },
@@ -94,8 +95,8 @@ impl<'a> Prepared<'a> {
     }
 
     fn finish(self) -> Result<()> {
-        let Some((begun, place, _unfinished)) = self.begun else { return fs::write(self.path, self.bytes) };
-        match fs::rename(begun, place) {
+        let Some((begun, place)) = self.begun else { return fs::write(self.path, self.bytes) };
+        match fs::rename(&begun.0, place) {
             Err(reason) if is_only_in_place(&reason) => fs::write(self.path, self.bytes),
             renamed => renamed,
         }
@@ -116,8 +117,7 @@ fn is_only_in_place(reason: &std::io::Error) -> bool {
 /// The file cannot be written; then its contents are unchanged.
 #[cfg(feature = "studio")]
 pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
-    let (begun, _unfinished) = begin(path, bytes, None)?;
-    fs::rename(begun, path)
+    fs::rename(&begin(path, bytes, None)?.0, path)
 }
 
 /// The name of a new file, which is removed when this value is dropped, unless it was renamed.
@@ -131,12 +131,12 @@ impl Drop for Unfinished {
 }
 
 /// Writes a new file beside this one, with the permissions of an existing file.
-fn begin(path: &Path, bytes: &[u8], like: Option<&Metadata>) -> Result<(PathBuf, Unfinished)> {
+fn begin(path: &Path, bytes: &[u8], like: Option<&Metadata>) -> Result<Unfinished> {
     let (mut file, begun) = create_beside(path)?;
-    let unfinished = Unfinished(begun.clone());
+    let unfinished = Unfinished(begun);
     like.map_or(Ok(()), |like| file.set_permissions(like.permissions()))?;
     file.write_all(bytes)?;
-    Ok((begun, unfinished))
+    Ok(unfinished)
 }
 
 /// Creates a new file beside this one.

@@ -407,6 +407,7 @@ fn fnv1a(texts: &[&str]) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::channel::guest::Guest;
     use tempfile::TempDir;
 
     #[test]
@@ -422,28 +423,31 @@ mod tests {
         assert!(Domain::find("a", root.path()).unwrap().is_none());
     }
 
-    #[test]
-    fn a_client_that_enters_while_the_owner_ends_leaves_no_directory() {
+    /// The path of a domain whose owner has ended, and the domain as a client has found it before.
+    fn found_before_the_end() -> (TempDir, PathBuf, Domain) {
         let parent = TempDir::new().unwrap();
         let path = parent.path().join("iox.d");
         let (owner, held) = Domain::own("a", &path).unwrap();
         let client = Domain::find("a", &path).unwrap().unwrap();
         drop(held);
         owner.close(Duration::ZERO);
+        (parent, path, client)
+    }
+
+    #[test]
+    fn a_client_that_enters_while_the_owner_ends_leaves_no_directory() {
+        let (_parent, path, client) = found_before_the_end();
         assert!(!path.exists());
-        drop(crate::channel::guest::Guest::enter(client).unwrap());
-        assert!(!path.exists(), "{:?}", shm::lengths(&owner.prefix));
+        let client = Guest::enter(client).unwrap();
+        assert!(path.exists(), "iceoryx2 makes the directory again");
+        drop(client);
+        assert!(!path.exists());
     }
 
     #[test]
     fn a_late_client_leaves_the_directory_of_the_next_owner_alone() {
-        let parent = TempDir::new().unwrap();
-        let path = parent.path().join("iox.d");
-        let (owner, held) = Domain::own("a", &path).unwrap();
-        let client = Domain::find("a", &path).unwrap().unwrap();
-        drop(held);
-        owner.close(Duration::ZERO);
-        let client = crate::channel::guest::Guest::enter(client).unwrap();
+        let (_parent, path, client) = found_before_the_end();
+        let client = Guest::enter(client).unwrap();
         let (next, held) = Domain::own("a", &path).unwrap();
         drop(held);
         drop(client);

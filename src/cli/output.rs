@@ -49,28 +49,24 @@ pub(crate) fn json_line(value: &impl Serialize) -> Result<String, CliError> {
     Ok(json_escaped(&text) + "\n")
 }
 
-/// JSON text with the same meaning in which a terminal interprets no character.
+/// JSON text with the same meaning in which a terminal interprets no character. JSON itself contains line ends, but no
+/// other control characters, and others only in strings.
 fn json_escaped(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for sign in text.chars() {
-        match sign {
-            // JSON itself contains line ends, but no other control characters, and others only in strings.
-            '\n' => out.push(sign),
-            sign if is_interpreted(sign) => out.push_str(&format!("\\u{:04x}", u32::from(sign))),
-            sign => out.push(sign),
-        }
-    }
-    out
+    escaped(text, &['\n'], |sign| format!("\\u{:04x}", u32::from(sign)))
 }
 
 /// XML with the same meaning in which a terminal interprets no character. For XML without comments and CDATA sections.
 pub(crate) fn xml_escaped(text: &str) -> String {
+    escaped(text, &['\n', '\t'], |sign| format!("&#x{:x};", u32::from(sign)))
+}
+
+/// The text with the spelling of each character that a terminal interprets, except `kept`.
+fn escaped(text: &str, kept: &[char], spelling: impl Fn(char) -> String) -> String {
     let mut out = String::with_capacity(text.len());
     for sign in text.chars() {
-        match sign {
-            '\n' | '\t' => out.push(sign),
-            sign if is_interpreted(sign) => out.push_str(&format!("&#x{:x};", u32::from(sign))),
-            sign => out.push(sign),
+        match is_interpreted(sign) && !kept.contains(&sign) {
+            true => out.push_str(&spelling(sign)),
+            false => out.push(sign),
         }
     }
     out
@@ -177,15 +173,7 @@ fn shortened(text: &str) -> String {
 
 /// Escapes control characters except line ends and tabs, and characters that change the direction of the text.
 pub(crate) fn harmless(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for sign in text.chars() {
-        match sign {
-            '\n' | '\t' => out.push(sign),
-            sign if is_interpreted(sign) => out.extend(sign.escape_default()),
-            sign => out.push(sign),
-        }
-    }
-    out
+    escaped(text, &['\n', '\t'], |sign| sign.escape_default().to_string())
 }
 
 /// If the text is longer than `most`, keeps its beginning and its end and names its length.

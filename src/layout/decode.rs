@@ -38,7 +38,7 @@ pub(super) fn decode(ty: RegType, meaning: Option<&'static Meaning>, value: u32)
     text.finish()
 }
 
-/// The value whose meaning is `text`, the reverse of [`decode`]: `operation enabled, warning (D-06)`. Case and the
+/// The value with the meaning `text`, the reverse of [`decode`]: `operation enabled, warning (D-06)`. Case and the
 /// references to decisions are ignored. `None` if no value or more than one has this meaning.
 pub(super) fn value_of(meaning: &'static Meaning, text: &str) -> Option<u32> {
     let text = without_decisions(text);
@@ -64,7 +64,7 @@ pub(super) fn value_of(meaning: &'static Meaning, text: &str) -> Option<u32> {
 /// Most values of a range or a field that are compared with a text.
 const MOST_TRIED: u32 = 0xFFFF;
 
-/// Adds the values of the fields whose description continues `begun` to `text`.
+/// Adds the values of the fields with a description that continues `begun` to `text`.
 fn add_fields(fields: &'static [BitField], text: &str, begun: &str, value: u32, found: &mut Vec<u32>) {
     let Some((field, rest)) = fields.split_first() else {
         if begun.eq_ignore_ascii_case(text) {

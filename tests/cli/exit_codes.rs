@@ -148,7 +148,7 @@ fn a_closed_reader_is_no_error() {
     assert_eq!((outcome.code, outcome.err.as_str()), (Some(0), ""));
 }
 
-/// Ends a command whose output has no reader, and returns its exit code.
+/// Runs a command without a reader of its output, and returns its exit code.
 fn code_without_a_reader(command: &mut Command) -> Option<i32> {
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);

@@ -6,7 +6,7 @@ use std::fmt::Write;
 
 const BEGIN: &str = "| option | meaning | commands |\n|---|---|---|\n";
 
-/// Meanings of options whose help describes only their use in one command.
+/// Meanings of options with a help that describes only their use in one command.
 const MEANINGS: &[(&str, &str)] = &[
     ("--all", "All that the command can act on: emulators of this user, forced registers, faults"),
     ("--allow-empty", "An empty log, or a scenario without expectations, is no error"),

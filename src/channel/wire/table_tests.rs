@@ -100,16 +100,7 @@ fn table() -> String {
 
 #[test]
 fn the_channels_page_has_the_table_of_operations() {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(PAGE);
-    let page = std::fs::read_to_string(&path).unwrap();
-    let (before, rest) = page.split_once(HEAD).expect("the head of the table");
-    let (_, after) = rest.split_once("\n\n").unwrap();
-    let now = format!("{before}{}\n{after}", table());
-    if std::env::var_os(UPDATE).is_some() {
-        std::fs::write(&path, &now).unwrap();
-    } else {
-        assert!(page == now, "run this test with {UPDATE}=1");
-    }
+    crate::check_table_of_page(PAGE, HEAD, &table(), UPDATE);
 }
 
 /// An operation without fields is its name, any other one an object with that name.

@@ -3,7 +3,7 @@
 use crate::layout::did_you_mean;
 use core::ops::Range;
 
-/// The types of the reader, and what a plant file has in their place.
+/// The types of the reader, and the values of a plant file for them.
 const TYPES: &[(&str, &str)] = &[
     ("u8", "a whole number from 0 to 255"),
     ("u16", "a whole number from 0 to 65535"),
@@ -60,7 +60,7 @@ fn unknown_key(message: &str) -> Option<(&str, Vec<&str>)> {
     Some((key, rest.split('`').skip(1).step_by(2).collect()))
 }
 
-/// The key whose value begins at `start`.
+/// The key of the value that begins at `start`.
 fn key_before(text: &str, start: usize) -> Option<&str> {
     let before = text.get(..start)?.trim_end().strip_suffix('=')?.trim_end();
     let is_key = |sign: char| sign.is_ascii_alphanumeric() || matches!(sign, '_' | '-' | '.');

@@ -31,10 +31,6 @@ fn integer(least: i64, most: u64) -> Value {
     json!({"type": "integer", "minimum": least, "maximum": most})
 }
 
-fn bytes() -> Value {
-    json!({"type": "array", "items": integer(0, 255)})
-}
-
 /// An object with these properties, all of them required.
 fn object(properties: &[(&str, Value)]) -> Value {
     let required: Vec<_> = properties.iter().map(|(name, _)| *name).collect();
@@ -43,7 +39,7 @@ fn object(properties: &[(&str, Value)]) -> Value {
     json!({"type": "object", "properties": properties, "required": required})
 }
 
-/// An object whose content depends on the plant.
+/// An object with content that depends on the plant.
 fn described(text: &str) -> Value {
     json!({"type": "object", "description": text})
 }
@@ -52,16 +48,12 @@ fn list(items: Value) -> Value {
     json!({"type": "array", "items": items})
 }
 
-fn number<T: Described>() -> Value {
-    T::schema()
-}
-
 schemas! {
     bool => json!({"type": "boolean"});
     u8 => integer(0, u8::MAX.into());
     u16 => integer(0, u16::MAX.into());
-    DeviceIndex => number::<u16>();
-    BusIndex => number::<u16>();
+    DeviceIndex => u16::schema();
+    BusIndex => u16::schema();
     u32 => integer(0, u32::MAX.into());
     u64 => integer(0, u64::MAX);
     i64 => integer(i64::MIN, i64::MAX as u64);
@@ -69,38 +61,38 @@ schemas! {
     Width => json!({"enum": ["Byte", "Word", "Dword"]});
     Keep => json!({"enum": ["in_journal", "for_onlookers"]});
     Test => object(&[
-        ("mask", number::<u32>()),
+        ("mask", u32::schema()),
         ("compare", json!({"enum": ["equal", "not_equal", "less", "less_or_equal", "greater", "greater_or_equal"]})),
-        ("is_signed", number::<bool>()),
-        ("value", number::<u32>()),
+        ("is_signed", bool::schema()),
+        ("value", u32::schema()),
     ]);
-    BoardSetting => object(&[("which", number::<u32>()), ("value", number::<u32>())]);
+    BoardSetting => object(&[("which", u32::schema()), ("value", u32::schema())]);
     DoorSpec => json!({"type": "string", "description": "A door, for example slcan-tcp:127.0.0.1:0"});
     Option<DoorSpec> => json!({"type": ["string", "null"], "description": "A door, for example slcan-tcp:127.0.0.1:0"});
     FilePart => json!({"type": "array", "items": integer(0, 255), "maxItems": FilePart::MAX});
     Option<Frame> => json!({
         "type": ["array", "null"],
         "description": "The identifier with the marks of SocketCAN, the length, the data with the first byte lowest",
-        "prefixItems": [number::<u32>(), integer(0, 8), number::<u64>()],
+        "prefixItems": [u32::schema(), integer(0, 8), u64::schema()],
     });
     Fault => object(&[
         ("kind", json!({"type": "string"})),
-        ("index", number::<u16>()),
-        ("number", number::<u8>()),
+        ("index", u16::schema()),
+        ("number", u8::schema()),
         ("values", described("Values of the fields of the kind, by their names")),
-        ("at_us", number::<u64>()),
+        ("at_us", u64::schema()),
         ("limit", json!({"description": "\"UntilCleared\", {\"Count\": hits} or {\"Duration\": us}"})),
     ]);
-    Vec<u8> => bytes();
-    Waited => object(&[("time_us", number::<u64>()), ("value", number::<u32>())]);
-    Turn => object(&[("number", number::<u16>()), ("begin", number::<u64>())]);
+    Vec<u8> => list(u8::schema());
+    Waited => object(&[("time_us", u64::schema()), ("value", u32::schema())]);
+    Turn => object(&[("number", u16::schema()), ("begin", u64::schema())]);
     Vec<Record> => list(described("A record as in journal.md, JSON Lines"));
     Vec<Change> => list(described("A record of the kind `changed` as in journal.md, JSON Lines"));
     Vec<Forced> => list(object(&[
-        ("plc", number::<u16>()),
-        ("offset", number::<u32>()),
-        ("width", number::<Width>()),
-        ("value", number::<u32>()),
+        ("plc", u16::schema()),
+        ("offset", u32::schema()),
+        ("width", Width::schema()),
+        ("value", u32::schema()),
     ]));
     Vec<FaultStatus> => list(described("A fault as in `commram fault list --format json`"));
     BoardState => described("Numbers of the board as in the header page");
@@ -111,7 +103,7 @@ schemas! {
     Vec<BusScene> => list(described("A bus with its interval and ports"));
     Box<InstanceInfo> => described("The instance, its clock, PLCs and buses");
     Refused => object(&[
-        ("code", number::<u16>()),
+        ("code", u16::schema()),
         ("text", json!({"type": "string"})),
         ("waited", json!({"type": ["object", "null"]})),
     ]);

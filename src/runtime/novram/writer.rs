@@ -13,8 +13,13 @@ const RETAIN_EVERY: Duration = Duration::from_secs(1);
 /// Delay before the next attempt to write a file.
 const RETRY_AFTER: Duration = Duration::from_secs(1);
 
-/// The name of a file and its content.
-type Job = (String, Content);
+/// A job for the file of a name.
+enum Job {
+    /// Write the changed content.
+    Store(String, Content),
+    /// Write the unchanged content if another program has damaged or removed the file.
+    Restore(String, Content),
+}
 
 /// The writing thread.
 type Writer = JoinHandle<Result<(), NovramError>>;
@@ -54,16 +59,19 @@ impl Keeper {
         if retain {
             self.next_look = now + RETAIN_EVERY;
         }
-        let novram = self.novram.iter_mut().enumerate();
+        let novram = DeviceIndex::enumerate(&mut self.novram);
         for (index, novram) in novram.filter_map(|(index, novram)| Some((index, novram.as_mut()?))) {
-            if let Some(stored_now) = stored(DeviceIndex::at(index))
-                // At the end also an unchanged content, in case another program has damaged or removed the file.
-                && let Some(content) = novram.changed(stored_now, retain).or_else(|| last.then(|| novram.saved.clone()))
+            if let Some(stored_now) = stored(index) {
+                let job = match novram.changed(stored_now, retain) {
+                    Some(content) => Job::Store(novram.name.clone(), content),
+                    None if last => Job::Restore(novram.name.clone(), novram.saved.clone()),
+                    None => continue,
+                };
                 // Lost during the read: the file keeps the last known content.
-                && stored(DeviceIndex::at(index)).is_some()
-            {
-                // The thread ends after this value only.
-                let _ = jobs.send((novram.name.clone(), content));
+                if stored(index).is_some() {
+                    // The thread ends after this value only.
+                    let _ = jobs.send(job);
+                }
             }
         }
     }
@@ -103,15 +111,22 @@ fn write_all(mut directory: Directory, jobs: &Receiver<Job>) -> Result<(), Novra
             false => jobs.recv_timeout(RETRY_AFTER),
         };
         match next {
-            Ok(job) => dirty.extend([job].into_iter().chain(jobs.try_iter())),
+            Ok(job) => {
+                for job in [job].into_iter().chain(jobs.try_iter()) {
+                    match job {
+                        Job::Store(name, content) => drop(dirty.insert(name, content)),
+                        Job::Restore(name, content) if !file::holds(&directory, &name, &content) => {
+                            dirty.insert(name, content);
+                        }
+                        Job::Restore(..) => {}
+                    }
+                }
+            }
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => break,
         }
         dirty.retain(|name, content| {
-            let result = match file::holds(&directory, name, content) {
-                true => Ok(()),
-                false => file::store(&mut directory, name, content),
-            };
+            let result = file::store(&mut directory, name, content);
             log_change(name, &result, &mut said);
             result.is_err()
         });
