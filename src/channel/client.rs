@@ -107,7 +107,7 @@ impl Client {
     ///
     /// A failed operation is answered by [`Reply::Error`], and the operations after it by [`Reply::NotExecuted`].
     ///
-    /// The request as a whole got no reply.
+    /// # Errors
     /// The request as a whole got no replies.
     pub fn request(&self, ops: &[Op]) -> Result<Vec<Reply>, ClientError> {
         let mut replies = Vec::with_capacity(ops.len());

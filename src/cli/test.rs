@@ -138,7 +138,7 @@ pub(crate) struct LimitArgs {
     max_memory: u64,
 }
 
-/// Parses the number of scenarios that run at the same time.
+/// Runs the scenarios, and prints and writes their results.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if let Some(TestCommand::Merge(args)) = &args.inner {
         return merge::run(args);

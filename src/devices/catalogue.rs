@@ -92,11 +92,10 @@ pub fn bus_site(family: &str, participants: u32) -> BusSite {
     BusSite { faults, fits, participants }
 }
 
-/// Checks that a bus of this family can have such a door; the error contains the reason.
+/// Checks that a bus of this family can have such a door.
 ///
 /// # Errors
-/// Checks that the family accepts a door of this kind. A text in the error names the door that the family
-/// expects.
+/// A text that names the kinds of doors of the family.
 pub fn door_fits(family: &str, door: DoorSpec) -> Result<(), String> {
     let speech = BUS_KINDS.iter().find(|kind| kind.name == family).map(|kind| kind.speech);
     if speech == Some(door.speech()) {

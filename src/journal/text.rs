@@ -17,31 +17,34 @@ impl Text {
         let width = nodes.chain(names.buses.iter().map(String::len)).max().unwrap_or(0);
         Text { reader: Reader::new(names, catalogue), width }
     }
+
+    /// The event of a record that follows the records so far: its line without time and source.
+    pub(crate) fn description(&mut self, record: &Record) -> String {
+        self.reader.observe(record);
+        let mut text = record.event.text(&mut self.reader);
+        // Writing to a String cannot fail.
+        if let Some(latency) = record.latency_us {
+            let _ = write!(text, ", answered after {latency} us");
+        }
+        if record.count > 1 {
+            let (count, period) = (record.count, record.period_us);
+            let since = seconds(record.first_us());
+            let _ = write!(text, ", {count} times every {period} us since {}", since.trim_start());
+        }
+        if record.goes_on() {
+            text.push_str(", going on");
+        }
+        text
+    }
 }
 
 impl Format for Text {
     fn record(&mut self, record: &Record, out: &mut String) {
-        self.reader.observe(record);
+        let description = self.description(record);
         let source = self.reader.names.source(record.event.source());
-        let what = record.event.text(&mut self.reader);
         let width = self.width;
         // Writing to a String cannot fail.
-        let _ = write!(out, "{}  {source:width$}  {what}", seconds(record.time_us));
-        if let Some(latency) = record.latency_us {
-            let _ = write!(out, ", answered after {latency} us");
-        }
-        if record.count > 1 {
-            let (count, period) = (record.count, record.period_us);
-            let _ = write!(
-                out,
-                ", {count} times every {period} us since {}",
-                seconds(record.first_us()).trim_start()
-            );
-        }
-        if record.goes_on() {
-            out.push_str(", going on");
-        }
-        out.push('\n');
+        let _ = writeln!(out, "{}  {source:width$}  {description}", seconds(record.time_us));
     }
 
     fn skip(&mut self, record: &Record) {

@@ -4,7 +4,7 @@ use crate::export::csv_line;
 use crate::journal::jsonl::Jsonl;
 use crate::journal::text::Text;
 use crate::journal::{Catalogue, Format, Names, Record};
-use serde_json::{Map, Value};
+use serde_json::{Value, json};
 
 /// Fields of jsonl with a column of their own.
 const FIELDS: [&str; 12] = [
@@ -43,10 +43,8 @@ impl Format for Csv {
     }
 
     fn record(&mut self, record: &Record, out: &mut String) {
-        let (mut text, mut line) = (String::new(), String::new());
-        self.text.record(record, &mut text);
-        self.lines.record(record, &mut line);
-        out.push_str(&row(&line, description(&text)));
+        let fields = serde_json::to_value(self.lines.line(record)).unwrap_or_default();
+        out.push_str(&row(fields, self.text.description(record)));
     }
 
     fn skip(&mut self, record: &Record) {
@@ -55,29 +53,24 @@ impl Format for Csv {
     }
 
     fn gap(&mut self, lost: u64, out: &mut String) -> bool {
+        // Both writers count the gap; their lines are not needed.
         self.text.gap(lost, &mut String::new());
-        let mut line = String::new();
-        self.lines.gap(lost, &mut line);
-        out.push_str(&row(&line, &format!("{lost} records lost here")));
+        self.lines.gap(lost, &mut String::new());
+        let fields = json!({"kind": "gap", "lost": lost});
+        out.push_str(&row(fields, format!("{lost} records lost here")));
         true
     }
 }
 
-/// The line of the text format without its time and source.
-fn description(line: &str) -> &str {
-    let after_time = line.split_once(" s  ").map_or(line, |(_, rest)| rest);
-    after_time.split_once("  ").map_or(after_time, |(_, what)| what).trim()
-}
-
-/// The row of a line of jsonl.
-fn row(line: &str, description: &str) -> String {
-    let mut fields: Map<String, Value> = serde_json::from_str(line).unwrap_or_default();
+/// The row of the fields of jsonl.
+fn row(fields: Value, description: String) -> String {
+    let Value::Object(mut fields) = fields else { return String::new() };
     fields.remove("v");
     // The description says the same.
     fields.remove("text");
     let mut cells: Vec<_> =
         FIELDS.iter().map(|name| fields.remove(*name).map_or_else(String::new, cell)).collect();
-    cells.push(description.to_owned());
+    cells.push(description);
     cells.push(if fields.is_empty() { String::new() } else { Value::Object(fields).to_string() });
     csv_line(&cells)
 }
@@ -96,15 +89,16 @@ mod tests {
 
     #[test]
     fn fields_without_a_column_are_an_object() {
-        let line = r#"{"v":1,"seq":1,"time_us":500,"kind":"state","plc":"line","node":2,"from":1,"text":"x","latency_us":500}"#;
-        assert_eq!(row(line, "a, b"), "1,500,,,state,,line,2,,,,500,\"a, b\",\"{\"\"from\"\":1}\"\n");
+        let fields = json!({
+            "v": 1, "seq": 1, "time_us": 500, "kind": "state", "plc": "line", "node": 2, "from": 1, "text": "x", "latency_us": 500,
+        });
         assert_eq!(
-            description(
-                "     0.000500 s  line        w_X 16#1 -> 16#2
-"
-            ),
-            "w_X 16#1 -> 16#2"
+            row(fields, "a, b".to_owned()),
+            "1,500,,,state,,line,2,,,,500,\"a, b\",\"{\"\"from\"\":1}\"\n"
         );
-        assert_eq!(row(r#"{"v":1,"kind":"gap","lost":7}"#, "x"), ",,,,gap,,,,,,,,x,\"{\"\"lost\"\":7}\"\n");
+        assert_eq!(
+            row(json!({"v": 1, "kind": "gap", "lost": 7}), "x".to_owned()),
+            ",,,,gap,,,,,,,,x,\"{\"\"lost\"\":7}\"\n"
+        );
     }
 }

@@ -112,7 +112,7 @@ impl ProfibusBus {
 
     /// Bus number `index` of the plant, without ports.
     pub fn new(index: BusIndex, config: &ProfibusConfig) -> Self {
-        let (index, name) = (index, config.name.clone());
+        let name = config.name.clone();
         let slot_bits = config.rate.slot_bits() * u64::from(config.slot_factor);
         ProfibusBus { index, name, rate: config.rate, slot_bits, is_plugged: true, ..Self::unplugged() }
     }
