@@ -51,7 +51,7 @@ pub(super) fn value_of(meaning: &'static Meaning, text: &str) -> Option<u32> {
     });
     let mut found: Vec<u32> = whole.take(2).collect();
     if found.is_empty() {
-        add_fields(meaning.bits, &text, "", 0, &mut found);
+        add_fields(meaning.bits, &text, &Text::default(), 0, &mut found);
         // A whole meaning has priority over the bits.
         found.retain(|value| meaning.value(*value).is_none());
     }
@@ -65,9 +65,9 @@ pub(super) fn value_of(meaning: &'static Meaning, text: &str) -> Option<u32> {
 const MOST_TRIED: u32 = 0xFFFF;
 
 /// Adds the values of the fields with a description that continues `begun` to `text`.
-fn add_fields(fields: &'static [BitField], text: &str, begun: &str, value: u32, found: &mut Vec<u32>) {
+fn add_fields(fields: &'static [BitField], text: &str, begun: &Text, value: u32, found: &mut Vec<u32>) {
     let Some((field, rest)) = fields.split_first() else {
-        if begun.eq_ignore_ascii_case(text) {
+        if begun.text.eq_ignore_ascii_case(text) {
             found.push(value);
         }
         return;
@@ -75,15 +75,11 @@ fn add_fields(fields: &'static [BitField], text: &str, begun: &str, value: u32, 
     let last = (field.mask() >> field.first).min(MOST_TRIED);
     for part in 0..=if field.reserved { 0 } else { last } {
         let (words, _) = describe(field, part << field.first);
-        let separator = if begun.is_empty() || words.is_empty() {
-            ""
-        } else if field.joined {
-            " "
-        } else {
-            ", "
-        };
-        let begun = format!("{begun}{separator}{words}");
-        let is_front = text.get(..begun.len()).is_some_and(|front| front.eq_ignore_ascii_case(&begun));
+        let mut begun = begun.clone();
+        // References to decisions are not compared.
+        begun.add(&words, field.joined, None);
+        let is_front =
+            text.get(..begun.text.len()).is_some_and(|front| front.eq_ignore_ascii_case(&begun.text));
         if is_front && found.len() < 2 {
             add_fields(rest, text, &begun, value | part << field.first, found);
         }
@@ -115,7 +111,7 @@ pub(super) fn decode_bit(meaning: Option<&'static Meaning>, bit: u32, is_set: bo
 }
 
 /// Parts of a text; adjacent parts that follow from one decision are followed by a single reference to it.
-#[derive(Default)]
+#[derive(Default, Clone)]
 struct Text {
     text: String,
     decision: Option<&'static str>,
