@@ -18,7 +18,8 @@ impl HeaderBells {
         HeaderBells { headers, attached: None }
     }
 
-    /// A client's side.
+    /// A client's side. Attach with [`AttachMode::HeaderOnly`](crate::memory::AttachMode::HeaderOnly): a client that
+    /// maps the registers, even for a moment, keeps the emulator from going back in time.
     ///
     /// # Errors
     /// The image is attached read-only: such a client cannot ring.

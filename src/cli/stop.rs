@@ -305,7 +305,7 @@ fn ask(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     let Some(image) = images.iter().find(|image| is_alive(image)) else {
         return Err(why_not(name));
     };
-    let attached = match Image::attach(name, &image.plc, AttachMode::ReadWrite, None) {
+    let attached = match Image::attach(name, &image.plc, AttachMode::HeaderOnly, None) {
         Err(MemoryError::NotReady { state: Some(state), .. }) if state.is_ending() => return Ok(()),
         other => other?,
     };

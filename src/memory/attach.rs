@@ -27,6 +27,9 @@ pub enum AttachMode {
     /// Read only. The memory is mapped read-only, so even a faulty program cannot write. The image of a
     /// dead emulator can be read, too.
     ReadOnly,
+    /// Ring and wait, without the registers: only the header page is mapped. Clients of the channel attach like this,
+    /// because the emulator goes back in time only while no program has mapped the registers for writing.
+    HeaderOnly,
 }
 
 /// The image of a running emulator, as mapped by a client. Dropping it detaches and changes nothing.
@@ -51,7 +54,7 @@ impl Image {
         mode: AttachMode,
         expected_layout_hash: Option<u64>,
     ) -> Result<Attached, MemoryError> {
-        let writable = mode == AttachMode::ReadWrite;
+        let writable = mode != AttachMode::ReadOnly;
         let Some(file) = ImageFile::open(instance, plc, writable)? else {
             let path = super::names::image_path(instance, plc)?;
             return Err(MemoryError::NotThere { instance: instance.to_owned(), path });
@@ -74,23 +77,32 @@ impl Image {
         } else if writable {
             return Err(dead(&file, &header));
         }
-        Attached::map(file, writable, &header)
+        let size = match mode {
+            AttachMode::ReadWrite | AttachMode::ReadOnly => header.segment_size.load() as usize,
+            AttachMode::HeaderOnly => super::HEADER_SIZE,
+        };
+        Attached::map(file, writable, size, &header)
     }
 }
 
+fn map_segment(file: &ImageFile, size: usize, writable: bool) -> Result<Segment, MemoryError> {
+    let mut options = MmapOptions::new();
+    options.len(size);
+    let map = if writable { options.map_raw(&file.file) } else { options.map_raw_read_only(&file.file) };
+    let map = map.map_err(|error| file.failed("map", error))?;
+    let found = map.len() as u64;
+    Segment::mapped(map, size, writable).ok_or_else(|| MemoryError::TooShort {
+        path: file.path.clone(),
+        size: found,
+        expected: size as u32,
+    })
+}
+
 impl Attached {
-    fn map(file: ImageFile, writable: bool, header: &Header) -> Result<Attached, MemoryError> {
-        let mut options = MmapOptions::new();
-        // The length has just been checked. A map can be longer than the file, but the rest is not
-        // usable.
-        let expected = header.segment_size.load();
-        options.len(expected as usize);
-        let map = if writable { options.map_raw(&file.file) } else { options.map_raw_read_only(&file.file) };
-        let map = map.map_err(|error| file.failed("map", error))?;
-        let size = map.len() as u64;
-        let Some(segment) = Segment::mapped(map, expected as usize, writable) else {
-            return Err(MemoryError::TooShort { path: file.path, size, expected });
-        };
+    /// Maps the first `size` bytes. The caller has compared the length of the file with the header page. A map can be
+    /// longer than the file, but the rest is not usable.
+    fn map(file: ImageFile, writable: bool, size: usize, header: &Header) -> Result<Attached, MemoryError> {
+        let segment = map_segment(&file, size, writable)?;
         let generation = header.generation.load();
         let header = if writable { Some(segment.header()?) } else { None };
         Ok(Attached { file, segment, header, generation })
@@ -105,17 +117,7 @@ impl Attached {
         let Attached { file, segment, generation, .. } = self;
         let writable = segment.is_writable();
         drop(segment);
-        let mut options = MmapOptions::new();
-        options.len(super::HEADER_SIZE);
-        let map = if writable { options.map_raw(&file.file) } else { options.map_raw_read_only(&file.file) };
-        let map = map.map_err(|error| file.failed("map", error))?;
-        let Some(segment) = Segment::mapped(map, super::HEADER_SIZE, writable) else {
-            return Err(MemoryError::TooShort {
-                path: file.path,
-                size: 0,
-                expected: super::HEADER_SIZE as u32,
-            });
-        };
+        let segment = map_segment(&file, super::HEADER_SIZE, writable)?;
         let header = if writable { Some(segment.header()?) } else { None };
         Ok(Attached { file, segment, header, generation })
     }

@@ -7,6 +7,7 @@ use std::fs;
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
+use std::process::Stdio;
 use std::time::Duration;
 use tempfile::TempDir;
 
@@ -175,6 +176,38 @@ fn a_program_that_has_mapped_the_registers_is_named() {
     let attached = devices::attach(&emulator.name, "line", AttachMode::ReadOnly).unwrap();
     assert_eq!(emulator.step(&["--back", "500us"]), "0.004500 s");
     drop(attached);
+}
+
+/// The emulator goes back only while no program has mapped the registers for writing. A client of the channel that
+/// maps them for a moment, while it connects, would be an obstacle.
+#[test]
+fn connecting_clients_of_the_channel_do_not_map_registers() {
+    /// Without the rule, one of eleven clients is seen with mapped registers.
+    const CLIENTS: usize = 120;
+    let emulator = Emulator::stepped();
+    emulator.step(&["5ms"]);
+    let image = format!("/dev/shm/commram.{}.line", emulator.name);
+    for number in 0..CLIENTS {
+        let args: &[&str] = if number % 2 == 0 { &["--back", "1us"] } else { &["0us"] };
+        let mut client = emulator.command("step", args).stdout(Stdio::null()).spawn().unwrap();
+        let maps = format!("/proc/{}/maps", client.id());
+        let status = loop {
+            for line in fs::read_to_string(&maps).unwrap_or_default().lines() {
+                let of_header = line.starts_with(&header_page(line));
+                assert!(!line.ends_with(&image) || !line.contains(" rw-s ") || of_header, "{line}");
+            }
+            if let Some(status) = client.try_wait().unwrap() {
+                break status;
+            }
+        };
+        assert!(status.success(), "client {number}: {status}");
+    }
+}
+
+/// The range of addresses in a line of `/proc/PID/maps`, if it had the length of the header page.
+fn header_page(line: &str) -> String {
+    let begin = line.split('-').next().unwrap();
+    format!("{begin}-{:x} ", u64::from_str_radix(begin, 16).unwrap() + 4096)
 }
 
 #[test]

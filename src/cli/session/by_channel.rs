@@ -171,7 +171,7 @@ fn attach_live(instance: &str, images: &[ImageInfo]) -> Result<Attached, CliErro
     let Some(image) = images.iter().find(|image| is_alive(image)) else {
         return Err(no_channel(instance));
     };
-    Ok(devices::attach(instance, &image.plc, AttachMode::ReadWrite)?.0)
+    Ok(devices::attach(instance, &image.plc, AttachMode::HeaderOnly)?.0)
 }
 
 /// Process id of a killed emulator, if another emulator is taking over its images. Between locking the images and writing its own

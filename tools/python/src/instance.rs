@@ -34,7 +34,7 @@ pub(crate) fn connect(instance: &str, patience: Duration) -> PyResult<Client> {
 fn enter(instance: &str) -> PyResult<Client> {
     let plc = plcs(instance)?.into_iter().next().unwrap_or_default();
     let (attached, _) =
-        devices::attach(instance, &plc, AttachMode::ReadWrite).map_err(|e| errors::memory(&e))?;
+        devices::attach(instance, &plc, AttachMode::HeaderOnly).map_err(|e| errors::memory(&e))?;
     let bells = HeaderBells::of_client(attached).map_err(|error| errors::memory(&error))?;
     let root = channel_root(instance).map_err(|error| errors::memory(&error))?;
     let patience = Patience { reply: REPLY, ..Patience::default() };
