@@ -30,6 +30,11 @@ pub(crate) fn print_while_read(bytes: &[u8]) -> Result<(), CliError> {
     })
 }
 
+/// True if the standard output is a terminal that was closed.
+pub(crate) fn is_closed_terminal() -> bool {
+    rustix::termios::tcgetattr(io::stdout()).is_err_and(|error| error == rustix::io::Errno::IO)
+}
+
 /// Formats a value as JSON in several lines. Characters that a terminal interprets are escaped.
 ///
 /// # Errors

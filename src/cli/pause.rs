@@ -1,6 +1,7 @@
 //! Waiting between two polls of an emulator.
 
 use super::error::CliError;
+use super::exit::Exit;
 use super::output;
 use crate::channel::ClientError;
 use crate::request::Code;
@@ -11,9 +12,14 @@ use std::io;
 use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::thread;
+use std::time::Duration;
 
 /// Real time between two polls.
 const INTERVAL: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
+/// Longest real time between a signal and the end of the process: the process may be blocked by an output that is not
+/// read, or wait for the emulator.
+const LONGEST_END: Duration = Duration::from_secs(1);
 
 /// Result of a poll.
 pub(crate) enum PollResult<T> {
@@ -57,7 +63,7 @@ fn has_ended(error: &ClientError) -> bool {
 pub(crate) enum PauseEnd {
     /// The interval has elapsed.
     Time,
-    /// A signal asks the process to end.
+    /// A signal asks the process to end, or its terminal was closed.
     Signal,
     /// The reader has closed the standard output.
     OutputClosed,
@@ -70,7 +76,8 @@ pub(crate) struct Pause {
 }
 
 impl Pause {
-    /// Catches signals: the first signal ends a pause, the second one the process.
+    /// Catches signals: the first signal ends a pause, and after [`LONGEST_END`] the process. The second signal ends
+    /// the process at once.
     pub(crate) fn new() -> Result<Self, CliError> {
         Self::on_signals().map_err(|reason| CliError::Signals { reason })
     }
@@ -83,6 +90,8 @@ impl Pause {
             signal_hook::flag::register(signal, again)?;
             signal_hook::low_level::pipe::register(signal, sender.try_clone()?)?;
         }
+        let of_thread = signals.try_clone()?;
+        thread::Builder::new().name("signals".to_owned()).spawn(move || end_after_signal(&of_thread))?;
         Ok(Self { signals })
     }
 
@@ -95,7 +104,27 @@ impl Pause {
             Err(Errno::INTR) | Ok(0) => Ok(PauseEnd::Time),
             Err(reason) => Err(CliError::Output { reason: reason.into() }),
             Ok(_) if !files[0].revents().is_empty() => Ok(PauseEnd::Signal),
+            Ok(_) if output::is_closed_terminal() => Ok(PauseEnd::Signal),
             Ok(_) => Ok(PauseEnd::OutputClosed),
         }
     }
+}
+
+/// Waits for a signal, and then ends the process unless the process ends by itself.
+fn end_after_signal(signals: &UnixStream) {
+    while poll(&mut [PollFd::new(signals, PollFlags::IN)], None) == Err(Errno::INTR) {}
+    thread::sleep(LONGEST_END);
+    signal_hook::low_level::exit(Exit::Interrupted.code().into());
+}
+
+/// Runs a command that follows an instance. The end of its terminal ends the command like a signal, also if the command
+/// notices this end first while it writes.
+///
+/// # Errors
+/// As `follow`.
+pub(crate) fn following(follow: impl FnOnce() -> Result<(), CliError>) -> Result<(), CliError> {
+    follow().map_err(|error| match error {
+        CliError::Output { .. } if output::is_closed_terminal() => CliError::Ended(Exit::Interrupted.code()),
+        other => other,
+    })
 }

@@ -153,7 +153,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         return list(args.format.format, &files);
     }
     if args.watch {
-        return watch(args, files, &interrupts);
+        return super::pause::following(|| watch(args, files, &interrupts));
     }
     let (reports, shown) = match reachable(args.attach.as_deref()) {
         Ok(()) => play(args, &files, &interrupts)?,
@@ -245,7 +245,7 @@ fn watch(args: &Args, mut files: Vec<PathBuf>, interrupts: &Interrupts) -> Resul
             let files = plural(watched.files() as u64, "file");
             output::note(&format!("watching {files}; Ctrl-C ends it"));
         }
-        if interrupts.any() {
+        if interrupts.any() || output::is_closed_terminal() {
             return Err(CliError::Interrupted);
         }
         std::thread::sleep(watch::PAUSE);

@@ -21,6 +21,7 @@ mod ending;
 mod exit_codes;
 mod faults;
 mod federates;
+mod following;
 mod footprint;
 mod force;
 mod hostile_files;

@@ -5,7 +5,7 @@ use super::{Args, FormatArg};
 use crate::cli::error::CliError;
 use crate::cli::exit::Exit;
 use crate::cli::output;
-use crate::cli::pause::{Pause, PauseEnd, PollResult};
+use crate::cli::pause::{Pause, PauseEnd, PollResult, following};
 use crate::cli::session::{self, Session};
 use crate::cli::time;
 use crate::devices;
@@ -103,22 +103,7 @@ fn print_as<T: Default + AsRef<[u8]>>(
         trace.read()?;
         return trace.end();
     }
-    let mut pause = Pause::new()?;
-    loop {
-        match PollResult::of(trace.read(), args.instance.name())? {
-            PollResult::Answered(()) => trace.out.release()?,
-            PollResult::Later => {}
-            PollResult::Ended => return trace.end(),
-        }
-        match pause.wait()? {
-            PauseEnd::Time => {}
-            PauseEnd::Signal => {
-                trace.end()?;
-                return Err(CliError::Ended(Exit::Interrupted.code()));
-            }
-            PauseEnd::OutputClosed => return Err(CliError::BrokenPipe),
-        }
-    }
+    following(|| trace.follow(args.instance.name()))
 }
 
 struct Trace<'a, T> {
@@ -137,6 +122,26 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
         let mut head = T::default();
         self.printer.begin(&mut head);
         if head.as_ref().is_empty() { Ok(()) } else { output::print_while_read(head.as_ref()) }
+    }
+
+    /// Prints new records until the end.
+    fn follow(mut self, instance: &str) -> Result<(), CliError> {
+        let mut pause = Pause::new()?;
+        loop {
+            match PollResult::of(self.read(), instance)? {
+                PollResult::Answered(()) => self.out.release()?,
+                PollResult::Later => {}
+                PollResult::Ended => return self.end(),
+            }
+            match pause.wait()? {
+                PauseEnd::Time => {}
+                PauseEnd::Signal => {
+                    self.end()?;
+                    return Err(CliError::Ended(Exit::Interrupted.code()));
+                }
+                PauseEnd::OutputClosed => return Err(CliError::BrokenPipe),
+            }
+        }
     }
 
     /// Reads up to the end of the journal and prints it.

@@ -6,7 +6,7 @@ use crate::cli::dump::{self, Blocks};
 use crate::cli::error::CliError;
 use crate::cli::exit::Exit;
 use crate::cli::output;
-use crate::cli::pause::{Pause, PauseEnd, PollResult};
+use crate::cli::pause::{Pause, PauseEnd, PollResult, following};
 use crate::cli::session::Session;
 use crate::cli::table;
 use crate::cli::time;
@@ -29,6 +29,10 @@ struct ReportedChange {
 
 /// Shows changes until the end.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    following(|| show(args))
+}
+
+fn show(args: &Args) -> Result<(), CliError> {
     dump::check(&args.blocks)?;
     let session = Session::open(&args.instance, 0)?;
     let blocks = Blocks::find(&session, &args.blocks)?;

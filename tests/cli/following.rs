@@ -1,0 +1,123 @@
+//! The end of commands that follow an instance, if their output is not read or their terminal is closed.
+
+use crate::common::{Emulator, commram, eventually, wait_for};
+use crate::scenarios::Scripts;
+use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use std::fs::File;
+use std::io::{BufRead, BufReader, PipeReader, PipeWriter, Write};
+use std::os::fd::OwnedFd;
+use std::process::{Child, Command, Stdio};
+
+/// Creates a pipe without room.
+fn full_pipe() -> (PipeReader, PipeWriter) {
+    let (reader, mut writer) = std::io::pipe().unwrap();
+    let flags = fcntl_getfl(&writer).unwrap();
+    fcntl_setfl(&writer, flags | OFlags::NONBLOCK).unwrap();
+    while writer.write(&[0; 4096]).is_ok() {}
+    fcntl_setfl(&writer, flags).unwrap();
+    (reader, writer)
+}
+
+/// Creates a terminal; returns its two ends.
+fn terminal() -> (OwnedFd, File) {
+    let controller = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
+    grantpt(&controller).unwrap();
+    unlockpt(&controller).unwrap();
+    let name = ptsname(&controller, Vec::new()).unwrap();
+    (controller, File::options().read(true).write(true).open(name.to_str().unwrap()).unwrap())
+}
+
+/// Waits for the first message of a command that watches, and keeps the message stream open.
+fn watching(child: &mut Child) -> impl BufRead + use<> {
+    let mut notes = BufReader::new(child.stderr.take().unwrap());
+    let mut note = String::new();
+    assert!(notes.read_line(&mut note).unwrap() > 0 && note.contains("watching"), "{note}");
+    notes
+}
+
+/// True if the process waits in a system call with the standard output as first argument.
+fn is_blocked_by_output(child: &Child) -> bool {
+    let call = std::fs::read_to_string(format!("/proc/{}/syscall", child.id())).unwrap();
+    call.split_ascii_whitespace().nth(1) == Some("0x1")
+}
+
+fn signal(child: &Child, signal: &str) {
+    assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
+}
+
+#[test]
+fn the_first_signal_ends_a_command_whose_output_is_not_read() {
+    for number in ["-INT", "-TERM", "-HUP"] {
+        let emulator = Emulator::stepped();
+        emulator.poke(&["node2.w_CPU_CONTROL=1"]);
+        let watch = &["node2.w_OPTION_STATUS"][..];
+        for (subcommand, args) in [("watch", watch), ("trace", &["--follow"])] {
+            let (_reader, writer) = full_pipe();
+            let mut child =
+                emulator.command(subcommand, args).stdout(writer).stderr(Stdio::piped()).spawn().unwrap();
+            let _notes = (subcommand == "watch").then(|| watching(&mut child));
+            emulator.step(&["1ms"]);
+            assert!(eventually(|| is_blocked_by_output(&child)), "{subcommand} writes");
+            signal(&child, number);
+            assert_eq!(wait_for(&mut child, subcommand).code(), Some(130), "{subcommand} {number}");
+        }
+    }
+}
+
+/// An emulator that does not answer keeps a client for 10 s.
+#[test]
+fn the_first_signal_ends_a_command_whose_emulator_does_not_answer() {
+    let emulator = Emulator::stepped();
+    let mut child = emulator
+        .command("watch", &["node2.w_OPTION_STATUS"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let _notes = watching(&mut child);
+    emulator.signal("-STOP");
+    // The command asks twenty times a second. It is in a question soon, and in most cases before the signal.
+    std::thread::sleep(std::time::Duration::from_millis(200));
+    signal(&child, "-INT");
+    let start = std::time::Instant::now();
+    let code = wait_for(&mut child, "watch").code();
+    emulator.signal("-CONT");
+    assert_eq!(code, Some(130));
+    assert!(start.elapsed() < std::time::Duration::from_secs(8), "{:?}", start.elapsed());
+}
+
+#[test]
+fn a_closed_terminal_ends_a_command_like_a_signal() {
+    let scripts = Scripts::new(&[("good.rhai", "step(\"1ms\");")]);
+    let emulator = Emulator::stepped();
+    emulator.poke(&["node2.w_CPU_CONTROL=1"]);
+    let mut test = commram();
+    test.args(["test", "--watch"]).arg(scripts.0.path());
+    for mut command in [
+        emulator.command("watch", &["node2.w_OPTION_STATUS"]),
+        emulator.command("trace", &["--follow"]),
+        test,
+    ] {
+        // Without a step the command only waits when its terminal closes, with one it may be writing.
+        for is_writing in [false, true] {
+            let (controller, place) = terminal();
+            let mut child = command
+                .stdout(place.try_clone().unwrap())
+                .stderr(place.try_clone().unwrap())
+                .spawn()
+                .unwrap();
+            command.stdout(Stdio::null()).stderr(Stdio::null());
+            drop(place);
+            let mut shown = BufReader::new(File::from(controller));
+            // The note of `watch` and `test --watch`, or the first record.
+            assert!(shown.read_line(&mut String::new()).unwrap() > 0);
+            if is_writing {
+                emulator.step(&["1ms"]);
+            }
+            drop(shown);
+            // The terminal is not the controlling terminal of the command, so the kernel sends no signal.
+            assert_eq!(wait_for(&mut child, "a command").code(), Some(130), "{command:?} {is_writing}");
+        }
+    }
+}
