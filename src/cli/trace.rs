@@ -16,8 +16,10 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 ///
 /// All times are emulated time since power-on. The emulator keeps the last 65536 records each of frames, of SYNC
 /// edges and register traffic, of missed deadlines, and of all other events. Events that repeat at equal intervals
-/// are one record with their number and interval; frames are always single records. If records are lost, the output
-/// shows their number. The formats candump, pcapng, vcd and fst have no place for it, so it is printed on the
+/// are one record with their number and interval; frames are always single records. A terminal shows frames,
+/// telegrams, SYNC edges and the handshakes of a program as one counted line until something else happens; --full,
+/// --kind, --last, --from-seq, a file and a pipe have every record. If records are lost, the output shows their
+/// number. The formats candump, pcapng, vcd and fst have no place for it, so it is printed on the
 /// standard error output.
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -25,6 +27,7 @@ Examples:
   commram trace
   commram trace --last 20 --kind state,handshake,channel_write
   commram trace --follow
+  commram trace --full | less
   commram trace --since 1.5s --plc line --format jsonl | jq 'select(.latency_us > 1000)'
   commram trace --format csv >run.csv                        # pandas.read_csv('run.csv')
   commram trace --bus drives --format candump >drives.log    # wireshark drives.log
@@ -66,8 +69,20 @@ pub(crate) struct Args {
     /// Only the last N existing records; with --follow also 0, to see only new records
     #[arg(short = 'n', long, value_name = "N", value_parser = number::any::<usize>())]
     last: Option<usize>,
+    /// Every record; without it a terminal shows cyclic traffic as one counted line until something else happens
+    #[arg(long)]
+    full: bool,
     #[command(flatten)]
     instance: Instance,
+}
+
+impl Args {
+    /// Whether the output counts cyclic traffic: on a terminal, unless the user has chosen records.
+    fn is_folded(&self) -> bool {
+        use std::io::IsTerminal;
+        let has_choice = !self.kind.is_empty() || self.last.is_some() || self.from != 0;
+        !self.full && !has_choice && std::io::stdout().is_terminal()
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

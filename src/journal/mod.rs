@@ -28,6 +28,8 @@ mod fields;
 mod finding;
 mod findings;
 mod fingerprint;
+#[cfg(feature = "cli")]
+pub(crate) mod folded;
 #[cfg(feature = "studio")]
 pub mod fst;
 mod history;
@@ -113,6 +115,11 @@ pub trait Format<Out = String> {
 
     /// Appends that `lost` records are missing here, if the format can say so; returns whether it can.
     fn gap(&mut self, lost: u64, out: &mut Out) -> bool;
+
+    /// Appends what the format has kept back until the records after it were known.
+    fn end(&mut self, out: &mut Out) {
+        let _ = out;
+    }
 }
 
 /// Bounded record of a run.

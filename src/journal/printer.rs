@@ -106,6 +106,11 @@ impl<Out> Printer<Out> {
         self.format.record(record, out);
         untold
     }
+
+    /// Appends what the format has kept back: no record follows now.
+    pub fn end(&mut self, out: &mut Out) {
+        self.format.end(out);
+    }
 }
 
 #[cfg(test)]

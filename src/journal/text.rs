@@ -1,6 +1,6 @@
 //! One line per record, for people.
 
-use super::{Catalogue, Format, Names, Reader, Record};
+use super::{Catalogue, Format, Names, Reader, Record, Source};
 use std::fmt::Write;
 
 /// Writes records as lines of text: time, source, event.
@@ -36,15 +36,26 @@ impl Text {
         }
         text
     }
+
+    /// The event alone, without latency and repetitions.
+    pub(super) fn event(&mut self, record: &Record) -> String {
+        self.reader.observe(record);
+        record.event.text(&mut self.reader)
+    }
+
+    /// Appends a line of the output.
+    pub(super) fn line(&self, time_us: u64, source: Source, description: &str, out: &mut String) {
+        let source = self.reader.names.source(source);
+        let width = self.width;
+        // Writing to a String cannot fail.
+        let _ = writeln!(out, "{}  {source:width$}  {description}", seconds(time_us));
+    }
 }
 
 impl Format for Text {
     fn record(&mut self, record: &Record, out: &mut String) {
         let description = self.description(record);
-        let source = self.reader.names.source(record.event.source());
-        let width = self.width;
-        // Writing to a String cannot fail.
-        let _ = writeln!(out, "{}  {source:width$}  {description}", seconds(record.time_us));
+        self.line(record.time_us, record.event.source(), &description, out);
     }
 
     fn skip(&mut self, record: &Record) {
@@ -59,6 +70,6 @@ impl Format for Text {
 }
 
 /// `    12.345678 s`
-fn seconds(us: u64) -> String {
+pub(super) fn seconds(us: u64) -> String {
     format!("{:>6}.{:06} s", us / 1_000_000, us % 1_000_000)
 }

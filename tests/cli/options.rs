@@ -13,7 +13,10 @@ const MEANINGS: &[(&str, &str)] = &[
     ("--bus", "Only this bus; with `bus play` the bus that all frames go to"),
     ("--check", "Check only, and change or start nothing"),
     ("--format", "Output format"),
-    ("--full", "Also reserved registers, reset values and registers without a difference"),
+    (
+        "--full",
+        "Everything: also reserved registers, reset values, registers without a difference, each record of cyclic traffic",
+    ),
     ("--layout", "Directory of layout files"),
     ("--list", "List only, and run nothing"),
     ("--jobs", "Number of scenarios or rounds that run at the same time"),

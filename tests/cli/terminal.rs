@@ -130,3 +130,21 @@ fn the_shell_lists_its_commands_and_verbs() {
     }
     assert_eq!(shown("? peek"), shown("help peek"));
 }
+
+#[test]
+fn a_terminal_counts_cyclic_traffic_and_a_file_has_every_record() {
+    let emulator = Emulator::stepped();
+    let trace = |args: &[&str]| to_its_end(&mut emulator.command("trace", args));
+    emulator.set_up(&["node2.b_MAX_SL_NR=3"]);
+    emulator.step(&["1s"]);
+    let (folded, full) = (trace(&[]), trace(&["--full"]));
+    assert!(folded.contains("CC to slave 1") && folded.contains(" times until "), "{folded}");
+    assert!(full.contains("CC to slave 1") && !full.contains(" times until "), "{full}");
+    assert!(10 * folded.lines().count() < full.lines().count(), "{folded}");
+    let same = |args: &[&str]| assert!(!trace(args).contains(" times until "), "{args:?}");
+    same(&["--kind", "frame"]);
+    same(&["--last", "50"]);
+    let piped = crate::common::finish(&mut emulator.command("trace", &[]));
+    let piped = piped.ok();
+    assert_eq!(piped.lines().count(), full.lines().count(), "{piped}");
+}

@@ -11,6 +11,7 @@ use crate::cli::time;
 use crate::devices;
 use crate::door::Speech;
 use crate::journal::candump::Candump;
+use crate::journal::folded::Folded;
 use crate::journal::jsonl::Jsonl;
 use crate::journal::pcapng::{Link, Pcapng};
 use crate::journal::text::Text;
@@ -22,6 +23,9 @@ use std::collections::VecDeque;
 /// Maximum number of events in a waveform, which is in memory as a whole.
 const MOST_EVENTS: u64 = 20_000_000;
 
+/// Maximum emulated time, in microseconds, after which --follow prints the folded traffic.
+const LONGEST_FOLLOWED_US: u64 = 1_000_000;
+
 /// Prints the existing records, and with --follow new ones.
 pub(crate) fn print(
     args: &Args,
@@ -30,6 +34,10 @@ pub(crate) fn print(
     names: Names,
 ) -> Result<(), CliError> {
     let text: Box<dyn Format> = match args.format {
+        FormatArg::Text if args.is_folded() => {
+            let longest_us = if args.follow { LONGEST_FOLLOWED_US } else { u64::MAX };
+            Box::new(Folded::new(names, devices::catalogue(), longest_us))
+        }
         FormatArg::Text => Box::new(Text::new(names, devices::catalogue())),
         FormatArg::Jsonl => Box::new(Jsonl::new(names, devices::catalogue())),
         FormatArg::Csv => Box::new(Csv::new(names, devices::catalogue())),
@@ -129,7 +137,12 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
         let mut pause = Pause::new()?;
         loop {
             match PollResult::of(self.read(), instance)? {
-                PollResult::Answered(()) => self.out.release()?,
+                PollResult::Answered(records) => {
+                    if records == 0 {
+                        self.release_folded();
+                    }
+                    self.out.release()?;
+                }
                 PollResult::Later => {}
                 PollResult::Ended => return self.end(),
             }
@@ -144,8 +157,9 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
         }
     }
 
-    /// Reads up to the end of the journal and prints it.
-    fn read(&mut self) -> Result<(), CliError> {
+    /// Reads up to the end of the journal and prints it. Returns the number of records.
+    fn read(&mut self) -> Result<usize, CliError> {
+        let mut count = 0;
         loop {
             let from = self.printer.next();
             let reply = self.session.ask(Op::Journal { from, max: MAX_RECORDS })?;
@@ -166,13 +180,14 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
                 self.printer.turn_to(begin);
             }
             self.printer.begin_part();
+            count += part.records.len();
             part.records.iter().for_each(|record| self.print(record));
             if self.out.keep.is_none() {
                 self.out.flush()?;
             }
             if part.is_last() {
                 self.counting = part.pending;
-                return Ok(());
+                return Ok(count);
             }
             // Without progress the loop would not end.
             if part.next() <= from {
@@ -190,11 +205,19 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
         self.out.push(line);
     }
 
+    /// Prints the traffic that the format has folded up to here.
+    fn release_folded(&mut self) {
+        let mut lines = T::default();
+        self.printer.end(&mut lines);
+        self.out.push(lines);
+    }
+
     /// Prints the records that were still being counted.
     fn end(mut self) -> Result<(), CliError> {
         for record in std::mem::take(&mut self.counting) {
             self.print(&record);
         }
+        self.release_folded();
         self.out.flush()
     }
 }

@@ -6,9 +6,20 @@ use serde::{Deserialize, Serialize};
 /// Deadline history of one frame.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct DeadlineTracker {
-    /// The frame of the last interval was released in time.
-    served: bool,
+    usage: Usage,
     missed_at: Option<u64>,
+}
+
+/// How the program has used the frame since active operation began.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+enum Usage {
+    /// The program has never released the frame.
+    #[default]
+    Unused,
+    /// The frame of the last interval was released in time.
+    Served,
+    /// The frame of the last interval was not released in time, an earlier one was.
+    Omitted,
 }
 
 impl DeadlineTracker {
@@ -21,8 +32,18 @@ impl DeadlineTracker {
     /// Handles a deadline; `released` is true if the frame was released in time.
     #[inline]
     pub(super) fn deadline(&mut self, now: u64, released: bool) {
-        self.missed_at = (self.served && !released).then_some(now);
-        self.served = released;
+        self.missed_at = (self.usage == Usage::Served && !released).then_some(now);
+        self.usage = match (released, self.usage) {
+            (true, _) => Usage::Served,
+            (false, Usage::Unused) => Usage::Unused,
+            (false, Usage::Served | Usage::Omitted) => Usage::Omitted,
+        };
+    }
+
+    /// True if the program has released the frame in time at least once.
+    #[inline]
+    pub(super) fn is_used(&self) -> bool {
+        self.usage != Usage::Unused
     }
 
     /// Returns the deadline missed in this interval.
@@ -50,5 +71,14 @@ mod tests {
         assert_eq!(interval(3, false), Some(3));
         assert_eq!(interval(4, false), None, "it no longer sends");
         assert_eq!(interval(5, true), None);
+    }
+
+    #[test]
+    fn a_frame_is_used_from_its_first_release_on() {
+        let mut frame = DeadlineTracker::default();
+        for (released, used) in [(false, false), (true, true), (false, true), (false, true)] {
+            frame.deadline(1, released);
+            assert_eq!(frame.is_used(), used);
+        }
     }
 }

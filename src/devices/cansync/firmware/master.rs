@@ -182,6 +182,7 @@ impl Master {
         self.interval_is_active = self.node.state() == NodeState::Active;
         self.deadlines.iter_mut().for_each(DeadlineTracker::next_interval);
         if !self.interval_is_active {
+            self.deadlines = [DeadlineTracker::default(); 2];
             return;
         }
         self.config = self.regs._CFG_WRC_WORD.of_both_frames().map(FrameConfig::master_reference);
@@ -191,16 +192,20 @@ impl Master {
     }
 
     /// Handles the deadline of a reference value frame. Builds the frame if the PLC has released it with 16#05.
-    /// Otherwise the frame is left out in this interval, together with its actual value request.
+    /// Otherwise the frame is left out in this interval, together with its actual value request. The journal reports
+    /// this if the PLC has released the frame since active operation began.
     pub fn build_reference(&mut self, ctx: &mut Context, channel: Channel) -> Option<Built> {
         if !self.is_exchanging() {
             return None;
         }
         let released = self.control_register(channel).load() == send::RELEASED;
-        self.deadlines[channel.index()].deadline(ctx.now, released);
+        let deadline = &mut self.deadlines[channel.index()];
+        deadline.deadline(ctx.now, released);
         if !released {
-            let origin = ctx.origin;
-            ctx.report(Missed { origin, what: OmittedFrame::ReferenceValue(channel.number()) });
+            if deadline.is_used() {
+                let origin = ctx.origin;
+                ctx.report(Missed { origin, what: OmittedFrame::ReferenceValue(channel.number()) });
+            }
             return None;
         }
         let values = &self.regs.a_WR_VALUE;

@@ -249,6 +249,7 @@ impl Slave {
         self.interval_is_active = self.node.state() == NodeState::Active;
         self.deadlines.iter_mut().for_each(DeadlineTracker::next_interval);
         if !self.interval_is_active {
+            self.deadlines = [DeadlineTracker::default(); 2];
             return;
         }
         self.config = self.regs._CFG_WRC_WORD.of_both_frames().map(FrameConfig::new);
