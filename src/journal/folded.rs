@@ -194,7 +194,7 @@ mod tests {
             lines(u64::MAX, &records),
             [
                 "     0.000001 s  x        07, 2 times until 0.000002 s",
-                "     0.000003 s  a:node2  refused",
+                "     0.000003 s  a:port2  refused",
                 "     0.000004 s  x        EDGE, 4 times every 10 us until 0.000034 s",
                 "     0.000005 s  x        07, 2 times until 0.000035 s",
             ]
