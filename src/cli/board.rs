@@ -77,7 +77,7 @@ enum Command {
 
 /// The board of one PLC; parts that the PLC does not have are empty.
 #[derive(Serialize)]
-struct Entry {
+pub(crate) struct Entry {
     plc: String,
     #[serde(skip_serializing_if = "Option::is_none")]
     display: Option<String>,
@@ -285,7 +285,15 @@ fn one(plc: Option<&str>, setting: BoardSetting, instance: &Instance) -> Result<
 
 fn get(plc: Option<&str>, format: &FormatArg, instance: &Instance) -> Result<(), CliError> {
     use super::session::Session;
-    let session = Session::open_for_reading(instance)?;
+    let rows = entries(&Session::open_for_reading(instance)?, plc)?;
+    table::print(format.format, &rows, |rows| table::aligned(rows) + &front_lines(rows) + &module_lines(rows))
+}
+
+/// The boards of all PLCs, or of one.
+///
+/// # Errors
+/// There is no such PLC, or the emulator has gone.
+pub(crate) fn entries(session: &super::session::Session, plc: Option<&str>) -> Result<Vec<Entry>, CliError> {
     let only = plc.map(|plc| session.plc(Some(plc), plc)).transpose()?;
     let boards = session.boards()?;
     let mut rows = Vec::with_capacity(boards.len());
@@ -296,7 +304,7 @@ fn get(plc: Option<&str>, format: &FormatArg, instance: &Instance) -> Result<(),
             rows.push(Entry::new(plc, words, front, Modules(session.modules(number)?)));
         }
     }
-    table::print(format.format, &rows, |rows| table::aligned(rows) + &front_lines(rows) + &module_lines(rows))
+    Ok(rows)
 }
 
 /// Sends all settings in one message.

@@ -166,6 +166,22 @@ impl Blocks {
     /// # Errors
     /// The emulator has gone, or too many registers are followed.
     pub(crate) fn follow(&self, session: &Session) -> Result<(u64, u16), CliError> {
+        use crate::request::Op;
+
+        Self::follow_stretches(session, &self.stretches())?;
+        let (_, end, turn) = session.ask(Op::Changes { from: 0, max: 0 })?.turned_changes()?;
+        Ok((end, turn.number))
+    }
+
+    /// Asks the emulator to record changes of these bytes from now on: number of the PLC, first byte in the image,
+    /// number of bytes.
+    ///
+    /// # Errors
+    /// As [`Blocks::follow`].
+    pub(crate) fn follow_stretches(
+        session: &Session,
+        stretches: &[(DeviceIndex, u32, u32)],
+    ) -> Result<(), CliError> {
         use crate::journal::Keep;
         use crate::request::{MAX_OPS, Op};
 
@@ -175,13 +191,11 @@ impl Blocks {
             len,
             keep: Keep::ForOnlookers,
         };
-        let stretches = self.stretches();
         let ops: Vec<_> = stretches.iter().map(follow).collect();
         for some in ops.chunks(MAX_OPS) {
             session.request(some)?.into_iter().try_for_each(|reply| reply.written())?;
         }
-        let (_, end, turn) = session.ask(Op::Changes { from: 0, max: 0 })?.turned_changes()?;
-        Ok((end, turn.number))
+        Ok(())
     }
 
     /// The selected bytes: number of the PLC, first byte in the image, number of bytes.

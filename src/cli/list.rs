@@ -22,7 +22,7 @@ pub(crate) struct Args {
 
 /// An instance.
 #[derive(Serialize)]
-struct Entry {
+pub(crate) struct Entry {
     name: String,
     plcs: Vec<String>,
     pid: Option<u32>,
@@ -32,6 +32,21 @@ struct Entry {
     /// Why it cannot be used.
     #[serde(skip_serializing_if = "Option::is_none")]
     reason: Option<String>,
+}
+
+impl Entry {
+    /// Name of the instance.
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+/// All instances.
+///
+/// # Errors
+/// The directory of the images cannot be read.
+pub(crate) fn all() -> Result<Vec<Entry>, CliError> {
+    Ok(entries(crate::memory::list()?))
 }
 
 impl Row for Entry {
@@ -63,7 +78,7 @@ impl Row for Entry {
 
 /// Prints the instances.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    let entries = entries(crate::memory::list()?);
+    let entries = all()?;
     table::print(args.format.format, &entries, |entries| match entries {
         [] => "no instance is running; start one with `commram run`\n".to_owned(),
         entries => text(entries),

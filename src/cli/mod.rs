@@ -52,6 +52,7 @@ mod trace;
 mod view;
 mod wait;
 mod watch;
+mod web;
 mod with;
 
 use crate::layout::place;
@@ -141,6 +142,7 @@ enum Command {
     Diff(diff::Args),
     Watch(watch::Args),
     View(view::Args),
+    Web(web::Args),
     Shell(shell::Args),
     Fault(fault::Args),
     #[command(aliases = ["log", "journal"])]
@@ -209,6 +211,7 @@ impl Command {
             Command::Diff(args) => diff::run(&args),
             Command::Watch(args) => watch::run(&args),
             Command::View(args) => view::run(&args),
+            Command::Web(args) => web::run(&args),
             Command::Shell(args) => shell::run(&args),
             Command::Fault(args) => fault::run(&args),
             Command::Trace(args) => trace::run(&args),

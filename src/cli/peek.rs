@@ -122,7 +122,7 @@ impl ReadTarget {
     ///
     /// # Errors
     /// No PLC, register or address has this name.
-    fn find(session: &Session, text: &str) -> Result<Self, CliError> {
+    pub(crate) fn find(session: &Session, text: &str) -> Result<Self, CliError> {
         if is_pattern(text) {
             return Ok(Self::Several(Blocks::find(session, &[text.to_owned()])?));
         }
@@ -130,7 +130,16 @@ impl ReadTarget {
         Ok(Self::One(session.plc_of(&place)?, place))
     }
 
-    fn reads(&self) -> Vec<Read> {
+    /// The bytes that they occupy: number of the PLC, first byte in the image, number of bytes.
+    pub(crate) fn stretches(&self) -> Vec<(DeviceIndex, u32, u32)> {
+        match self {
+            Self::One(plc, place) => vec![(*plc, place.offset(), place.width().bytes())],
+            Self::Several(blocks) => blocks.stretches(),
+        }
+    }
+
+    /// The read operations for them.
+    pub(crate) fn reads(&self) -> Vec<Read> {
         match self {
             // A status register shows which of two overlaid structures is live; it is read at the same moment.
             Self::One(plc, place) => {
@@ -163,13 +172,25 @@ impl ReadTarget {
 /// # Errors
 /// A PLC is missing, or the emulator has gone.
 pub(crate) fn read(session: &Session, wanted: &[ReadTarget]) -> Result<Vec<RegisterReading>, CliError> {
-    let reads: Vec<_> = wanted.iter().map(ReadTarget::reads).collect();
+    let each = read_each(session, &wanted.iter().collect::<Vec<_>>())?;
+    Ok(each.into_iter().flatten().collect())
+}
+
+/// Reads registers at one moment, and returns the readings of each argument.
+///
+/// # Errors
+/// As [`read`].
+pub(crate) fn read_each(
+    session: &Session,
+    wanted: &[&ReadTarget],
+) -> Result<Vec<Vec<RegisterReading>>, CliError> {
+    let reads: Vec<_> = wanted.iter().map(|target| target.reads()).collect();
     let snapshot = session.read(&reads.concat())?;
     let mut rest = snapshot.data.as_slice();
     let mut holdings = Vec::new();
     for (wanted, reads) in wanted.iter().zip(&reads) {
         let (data, behind) = rest.split_at(reads.len().min(rest.len()));
-        holdings.extend(wanted.holdings(session, &snapshot, data));
+        holdings.push(wanted.holdings(session, &snapshot, data));
         rest = behind;
     }
     Ok(holdings)

@@ -80,6 +80,8 @@ pub(crate) struct Session {
     /// Device and options of each PLC.
     fitted: Vec<DeviceFit>,
     door: Access,
+    /// Ratio of real time to emulated time.
+    slowed: f64,
 }
 
 enum Access {
@@ -269,7 +271,7 @@ impl Session {
         let fitted = attached.iter().map(|(image, device)| image.header_snapshot().fitted(device)).collect();
         let attached = attached.into_iter().map(|(image, _)| image).collect();
         let plcs = images.iter().map(|image| image.plc.clone()).collect();
-        Ok(Self { instance: instance.to_owned(), plcs, fitted, door: Access::Images(attached) })
+        Ok(Self { instance: instance.to_owned(), plcs, fitted, door: Access::Images(attached), slowed: 1.0 })
     }
 }
 

@@ -20,6 +20,8 @@ pub(crate) struct Args {
     instance: Instance,
 }
 
+pub(crate) use by_channel::ClockJson;
+
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     by_channel::show(args.format.format, &args.instance)
 }
@@ -40,13 +42,13 @@ mod by_channel {
     use serde::Serialize;
 
     pub(super) fn show(format: Format, instance: &Instance) -> Result<(), CliError> {
-        let status = Status::of(instance)?;
+        let status = Status::of(&Session::open(instance, 0)?)?;
         table::print(format, &[status], |status| status.iter().map(Status::text).collect())
     }
 
-    /// The current state of the plant.
+    /// An instance and its clock.
     #[derive(Serialize)]
-    struct Status {
+    pub(crate) struct ClockJson {
         instance: String,
         clock: &'static str,
         /// Emulated time per real time; `None` with a stepped clock.
@@ -56,6 +58,27 @@ mod by_channel {
         version: String,
         /// The task or guest for which the clock waits.
         waits_for: Option<String>,
+    }
+
+    impl From<&InstanceInfo> for ClockJson {
+        fn from(info: &InstanceInfo) -> Self {
+            ClockJson {
+                instance: info.name.clone(),
+                clock: if info.is_stepped { "stepped" } else { "realtime" },
+                speed: (!info.is_stepped).then(|| f64::from(info.speed) / 1000.0),
+                time_us: info.time_us,
+                pid: info.pid,
+                version: info.version.clone(),
+                waits_for: info.waits_for.clone(),
+            }
+        }
+    }
+
+    /// The current state of the plant.
+    #[derive(Serialize)]
+    pub(crate) struct Status {
+        #[serde(flatten)]
+        clock: ClockJson,
         plcs: Vec<Plc>,
         nodes: Vec<Node>,
         buses: Vec<Bus>,
@@ -140,8 +163,10 @@ mod by_channel {
 
     impl Status {
         /// Reads all data from the instance in one message.
-        fn of(instance: &Instance) -> Result<Self, CliError> {
-            let session = Session::open(instance, 0)?;
+        ///
+        /// # Errors
+        /// The emulator has gone.
+        pub(crate) fn of(session: &Session) -> Result<Self, CliError> {
             let ops = [Op::Info, Op::Buses, Op::Drives, Op::FaultList, Op::Forces, Op::Findings];
             let mut replies = session.request(&ops)?.into_iter();
             let mut next = || replies.next().ok_or(crate::request::WrongReply);
@@ -159,17 +184,10 @@ mod by_channel {
                 let (plc, device) = (name.clone(), device.name);
                 Plc { plc, device, power: words.power, switch: words.switch, program: words.program }
             });
-            let InstanceInfo { name, is_stepped, speed, time_us, pid, version, waits_for, .. } = info;
             Ok(Self {
-                instance: name,
-                clock: if is_stepped { "stepped" } else { "realtime" },
-                speed: (!is_stepped).then(|| f64::from(speed) / 1000.0),
-                time_us,
-                pid,
-                version,
-                waits_for,
+                clock: ClockJson::from(&info),
                 plcs: plcs.collect(),
-                nodes: nodes(&session, &buses)?,
+                nodes: nodes(session, &buses)?,
                 buses: buses.iter().map(Bus::of).collect(),
                 drives: drives.into_iter().map(DriveLine::from).collect(),
                 faults,
@@ -180,18 +198,16 @@ mod by_channel {
         }
 
         fn text(&self) -> String {
-            let clock = match self.speed {
+            let ClockJson { instance, speed, time_us, pid, version, waits_for, .. } = &self.clock;
+            let clock = match *speed {
                 None => "stepped".to_owned(),
                 Some(speed) => run::real_time_name(speed),
             };
             let waits =
-                self.waits_for.as_ref().map_or_else(String::new, |client| format!(", it waits for {client}"));
+                waits_for.as_ref().map_or_else(String::new, |client| format!(", it waits for {client}"));
             let mut text = format!(
-                "instance '{}' (process {}, commram {}) at {}, clock {clock}{waits}\n",
-                self.instance,
-                self.pid,
-                self.version,
-                time::seconds(self.time_us)
+                "instance '{instance}' (process {pid}, commram {version}) at {}, clock {clock}{waits}\n",
+                time::seconds(*time_us)
             );
             text += &format!(
                 "access checker: {}, {}; {}; {}\n",
@@ -223,10 +239,10 @@ mod by_channel {
         fn cells(&self) -> Vec<String> {
             let names = |names: Vec<&str>| names.join(" ");
             vec![
-                self.instance.clone(),
-                self.clock.to_owned(),
-                self.time_us.to_string(),
-                self.pid.to_string(),
+                self.clock.instance.clone(),
+                self.clock.clock.to_owned(),
+                self.clock.time_us.to_string(),
+                self.clock.pid.to_string(),
                 names(self.plcs.iter().map(|it| it.plc.as_str()).collect()),
                 names(self.buses.iter().map(|it| it.bus.as_str()).collect()),
                 self.drives.len().to_string(),

@@ -42,4 +42,4 @@ enum FormatArg {
     Jsonl,
 }
 
-pub(crate) use follow::run;
+pub(crate) use follow::{report, run};

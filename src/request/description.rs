@@ -27,38 +27,41 @@ struct Description {
     replies: Vec<Answer>,
 }
 
+/// An operation of the table.
 #[derive(Serialize)]
-struct Operation {
-    name: &'static str,
+pub(crate) struct Operation {
+    pub name: &'static str,
     /// Number in the wire format.
     number: u16,
-    class: Class,
-    text: String,
-    fields: Vec<Field>,
+    pub class: Class,
+    pub text: String,
+    pub fields: Vec<Field>,
     /// Name of the reply.
-    reply: String,
+    pub reply: String,
 }
 
+/// A reply of the table.
 #[derive(Serialize)]
-struct Answer {
-    name: &'static str,
+pub(crate) struct Answer {
+    pub name: &'static str,
     /// Number in the wire format.
     number: u16,
-    text: String,
+    pub text: String,
     /// The value, if the reply is a single value.
     #[serde(skip_serializing_if = "Option::is_none")]
-    value: Option<Value>,
+    pub value: Option<Value>,
     /// Its fields otherwise.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    fields: Vec<Field>,
+    pub fields: Vec<Field>,
 }
 
+/// A field of an operation or a reply.
 #[derive(Serialize)]
-struct Field {
-    name: &'static str,
-    text: String,
+pub(crate) struct Field {
+    pub name: &'static str,
+    pub text: String,
     /// A JSON Schema.
-    schema: Value,
+    pub schema: Value,
 }
 
 /// The lines of a documentation as one text.
@@ -82,7 +85,8 @@ macro_rules! operations {
             $field:ident: $type:ty $([..=$most:ident, $code:ident])? => $($column:ident)+
         ),+ $(,)?})?
     ),+ $(,)?) => {
-        fn operations() -> Vec<Operation> {
+        /// All operations, in the order of the table.
+        pub(crate) fn operations() -> Vec<Operation> {
             vec![$(Operation {
                 name: stringify!($name),
                 number: $number,
@@ -133,6 +137,10 @@ replies!(answers);
 /// Describes all operations and replies, for example for an OpenAPI document: their names and numbers, the class of an
 /// operation, and a JSON Schema of each field. `docs/reference/operations.json` is made from it.
 pub fn describe() -> impl Serialize {
-    let replies = replies().into_iter().map(|(_, reply)| reply).collect();
-    Description { operations: operations(), replies }
+    Description { operations: operations(), replies: answers() }
+}
+
+/// All replies, in the order of the table.
+pub(crate) fn answers() -> Vec<Answer> {
+    replies().into_iter().map(|(_, reply)| reply).collect()
 }

@@ -26,8 +26,12 @@ pub(crate) mod testing;
 mod travel;
 
 pub use description::describe;
+#[cfg(feature = "cli")]
+pub(crate) use description::{Answer, Operation, answers, operations};
 pub use exec::Execution;
 pub use host::Host;
+#[cfg(feature = "cli")]
+pub(crate) use op::Class;
 pub use op::{FilePart, MAX_ADVANCE_US, MAX_CONDITIONS, MAX_OPS, MAX_RANGE, MAX_RECORDS, Op};
 pub use part::{JournalPart, read_journal};
 pub use refused::{Code, Refused};

@@ -42,6 +42,8 @@ pub(crate) enum Class {
     Travels,
     /// Changes something beside the plant: its doors, the snapshots that are kept.
     Manages,
+    /// Ends the emulator, in any state of the plant.
+    Ends,
 }
 
 /// Declares [`Op`], with the class of each operation.
@@ -106,7 +108,7 @@ ops!(declare);
 impl Op {
     /// Whether the operation changes nothing in the plant, so that the time of its execution makes no difference.
     pub fn only_looks(&self) -> bool {
-        self.class() == Class::Looks
+        matches!(self.class(), Class::Looks | Class::Ends)
     }
 
     /// Whether the operation changes the plant in another way than by advancing the clock.
@@ -119,6 +121,15 @@ impl Op {
         match self {
             Op::Wait { within_us, .. } | Op::WaitFor { within_us, .. } => (*within_us).min(MAX_ADVANCE_US),
             _ => 0,
+        }
+    }
+
+    /// The emulated time by which this operation advances the clock at most, in microseconds, as far as it is known.
+    #[cfg(feature = "cli")]
+    pub(crate) fn advances_us(&self) -> u64 {
+        match self {
+            Op::Advance { us } | Op::AdvanceToEvent { within_us: us } => (*us).min(MAX_ADVANCE_US),
+            _ => self.waits_us(),
         }
     }
 

@@ -295,7 +295,7 @@ macro_rules! ops {
             /// Returns the description of the instance.
             Info = 8, info, Looks -> Info,
             /// Asks the emulator to end.
-            Stop = 9, stop, Looks -> Stopping,
+            Stop = 9, stop, Ends -> Stopping,
         }
     };
 }

@@ -38,8 +38,7 @@ impl Session {
     fn connect_to(instance: &str, images: &[ImageInfo], waits_us: u64) -> Result<Self, CliError> {
         let attached = attach_live(instance, images)?;
         let slowed = slowdown(&attached);
-        let reply = Duration::from_secs(10).saturating_add(Duration::from_micros(waits_us).mul_f64(slowed));
-        let patience = Patience { reply, ..Patience::default() };
+        let patience = Patience { reply: patience(waits_us, slowed), ..Patience::default() };
         let bells = Box::new(HeaderBells::of_client(attached)?);
         let client = Client::connect(instance, &channel_root(instance)?, bells, patience);
         let client = Box::new(client.map_err(|error| match error {
@@ -47,7 +46,15 @@ impl Session {
             other => other.into(),
         })?);
         let Names { plcs, devices: fitted, .. } = client.info()?.names;
-        Ok(Self { instance: instance.to_owned(), plcs, fitted, door: Access::Channel(client) })
+        Ok(Self { instance: instance.to_owned(), plcs, fitted, door: Access::Channel(client), slowed })
+    }
+
+    /// Sets the longest wait for a reply: `waits_us` is the emulated time that the next request can take.
+    pub(crate) fn expect_to_wait(&mut self, waits_us: u64) {
+        let patience = patience(waits_us, self.slowed);
+        if let Access::Channel(client) = &mut self.door {
+            client.set_patience(patience);
+        }
     }
 
     /// Returns the client connection.
@@ -199,6 +206,11 @@ fn without_channel(instance: &str) -> Option<CliError> {
         .iter()
         .any(is_ready)
         .then(|| CliError::NoChannel { instance: instance.to_owned(), pid: alive(&images) })
+}
+
+/// Longest wait for a reply to a request that can take `waits_us` of emulated time.
+fn patience(waits_us: u64, slowed: f64) -> Duration {
+    Duration::from_secs(10).saturating_add(Duration::from_micros(waits_us).mul_f64(slowed))
 }
 
 /// Ratio of real time to emulated time.

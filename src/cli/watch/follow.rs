@@ -18,7 +18,7 @@ use serde::Serialize;
 
 /// A change with its texts.
 #[derive(Serialize)]
-struct ReportedChange {
+pub(crate) struct ReportedChange {
     /// Emulated time, in microseconds.
     time_us: u64,
     #[serde(flatten)]
@@ -123,7 +123,10 @@ fn text(reported: &[ReportedChange]) -> String {
 }
 
 /// The texts of a change; the register has the name that was valid at that time.
-fn report(session: &Session, &journal::Change { time_us, what, .. }: &journal::Change) -> ReportedChange {
+pub(crate) fn report(
+    session: &Session,
+    &journal::Change { time_us, what, .. }: &journal::Change,
+) -> ReportedChange {
     let fitted = session.fitted(what.plc);
     let address = fitted.device().at(what.how.width, what.offset);
     let register = change::register(&fitted, &what);

@@ -1,0 +1,147 @@
+//! `commram web`: a page and an HTTP interface for running instances.
+
+mod assets;
+mod connections;
+mod ending;
+mod events;
+mod guard;
+mod hub;
+mod link;
+mod openapi;
+mod operations;
+mod problem;
+mod router;
+mod secret;
+mod server;
+mod session;
+mod show;
+
+use super::error::CliError;
+use super::{Instance, demo, output};
+use crate::request::Op;
+use guard::{Guard, Origin};
+use hub::{Hub, Served};
+use problem::Problem;
+use secret::{Secret, TokenFile};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::path::PathBuf;
+use std::sync::Arc;
+use tokio::sync::Semaphore;
+
+/// Serve a page and an HTTP interface for a running instance.
+///
+/// Prints the address of the page. The address contains a token, which every client needs, because other users of
+/// this machine can connect, too. Programs find the token in a file that only you can read, and send it in the header
+/// `Authorization: Bearer TOKEN`. The server ends with the emulator or at Ctrl-C; with --all it continues without
+/// emulators. It has no encryption: other machines reach it through a tunnel or a proxy with TLS.
+/// docs/guide/browser.md describes the page and the interface.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram web
+  commram web -i press-1 --listen 127.0.0.1:0
+  commram web --all --read-only
+  commram web --origin https://plant.example")]
+pub(crate) struct Args {
+    /// Serve all instances of this user, also those that start later
+    #[arg(long, conflicts_with = "name")]
+    all: bool,
+    /// Address and port to listen at; port 0 selects a free port
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8080")]
+    listen: SocketAddr,
+    /// Refuse all operations that change something
+    #[arg(long)]
+    read_only: bool,
+    /// Allow an address that other machines reach; token and values are not encrypted
+    #[arg(long)]
+    allow_network: bool,
+    /// Address at which browsers reach the server, if it is another one, such as that of a proxy
+    #[arg(long, value_name = "URL", value_parser = Origin::parse)]
+    origin: Vec<Origin>,
+    /// File for the token, which must not exist [default: a file in the directory commram of XDG_RUNTIME_DIR, or in
+    /// /dev/shm/commram-web-UID]
+    #[arg(long, value_name = "FILE")]
+    token_file: Option<PathBuf>,
+    /// End when the process with this id ends
+    #[arg(long, value_name = "PID", hide = true)]
+    parent: Option<u32>,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+/// State of the server.
+struct App {
+    hub: Hub,
+    guard: Guard,
+    /// Places for event streams.
+    streams: Arc<Semaphore>,
+    read_only: bool,
+}
+
+impl App {
+    /// Refuses an operation that changes something, if this server only reads.
+    ///
+    /// # Errors
+    /// It does.
+    fn check_writes(&self, op: &Op) -> Result<(), Problem> {
+        if self.read_only { operations::check_reads_only(op) } else { Ok(()) }
+    }
+
+    /// Closes the connections to an instance if the problem shows that its emulator has gone.
+    fn notice(&self, instance: &str, problem: &Problem) {
+        if problem.is_gone() {
+            self.hub.forget(instance);
+        }
+    }
+}
+
+/// Serves until the emulator ends or a signal arrives.
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    if !args.listen.ip().is_loopback() && !args.allow_network {
+        let right = "other machines could reach this address, without encryption; choose 127.0.0.1, or add \
+                     --allow-network, for example in a container whose port is published for its host alone";
+        return Err(CliError::Argument { text: args.listen.to_string(), right: right.to_owned() });
+    }
+    if let Some(parent) = args.parent {
+        demo::end_with(parent)?;
+    }
+    let served = if args.all { Served::All } else { Served::One(args.instance.name().to_owned()) };
+    let ending = ending::Ending::watch(&served, &args.instance)?;
+    let refused = |reason| CliError::Listen { address: args.listen, reason };
+    let listener = TcpListener::bind(args.listen).map_err(refused)?;
+    let address = listener.local_addr().map_err(refused)?;
+    let random = || Secret::random().map_err(|reason| CliError::Process { reason });
+    let (token, key) = (random()?, random()?);
+    let name = match &served {
+        Served::One(name) => format!("{name}-{}", address.port()),
+        // No instance has this name.
+        Served::All => format!("+all-{}", address.port()),
+    };
+    let file = match &args.token_file {
+        Some(path) => TokenFile::write(path, &token)?,
+        None => TokenFile::usual(&name, &token)?,
+    };
+    let printed = output::print(&format!("{}\n", first_line(args, &served, address, &token)));
+    output::note(&format!("the token for programs is in {}", file.path().display()));
+    let guard = Guard { token, key, cookie: format!("commram-{name}"), origins: args.origin.clone() };
+    let streams = Arc::new(Semaphore::new(events::MAX_STREAMS));
+    let app = App { hub: Hub::new(served), guard, streams, read_only: args.read_only };
+    server::serve(Arc::new(app), listener, ending.receiver())?;
+    drop(file);
+    printed?;
+    ending.result()
+}
+
+/// `commram: page of instance 'default': http://127.0.0.1:8080/#token=...`
+fn first_line(args: &Args, served: &Served, mut address: SocketAddr, token: &Secret) -> String {
+    if address.ip().is_unspecified() {
+        address.set_ip(Ipv4Addr::LOCALHOST.into());
+    }
+    let what = match served {
+        Served::One(name) => format!("page of instance '{name}'"),
+        Served::All => "page of all instances".to_owned(),
+    };
+    let place =
+        args.origin.first().map_or_else(|| format!("http://{address}"), |origin| origin.text().to_owned());
+    format!("commram: {what}: {place}/#token={}", token.digits())
+}

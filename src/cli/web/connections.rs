@@ -1,0 +1,84 @@
+//! The open connections. Any user of the machine can open some, so their number is limited, and a connection that has
+//! not shown a token makes room for a new one.
+
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use tokio::sync::Notify;
+
+/// Maximum number of open connections.
+const MAX_OPEN: usize = 256;
+
+/// The other end of a connection.
+#[derive(Default)]
+pub(super) struct Peer {
+    /// True if one of its requests had a valid token or cookie.
+    is_trusted: AtomicBool,
+    /// Closes the connection.
+    close: Notify,
+}
+
+impl Peer {
+    /// From now on the connection does not make room for others.
+    pub(super) fn trust(&self) {
+        self.is_trusted.store(true, Ordering::Relaxed);
+    }
+
+    /// Waits until the connection has to be closed.
+    pub(super) async fn closed(&self) {
+        self.close.notified().await;
+    }
+}
+
+/// All open connections, the oldest first.
+#[derive(Clone, Default)]
+pub(super) struct Connections(Arc<Mutex<VecDeque<Arc<Peer>>>>);
+
+impl Connections {
+    /// Enters a new connection, and closes the oldest one without a token if there are too many. `None` if all others
+    /// have shown a token.
+    pub(super) fn enter(&self) -> Option<OpenConnection> {
+        let mut open = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if open.len() >= MAX_OPEN {
+            let oldest = open.iter().position(|peer| !peer.is_trusted.load(Ordering::Relaxed))?;
+            open.remove(oldest)?.close.notify_one();
+        }
+        let peer = Arc::<Peer>::default();
+        open.push_back(Arc::clone(&peer));
+        Some(OpenConnection { peer, all: self.clone() })
+    }
+}
+
+/// A connection that is counted until it is dropped.
+pub(super) struct OpenConnection {
+    pub peer: Arc<Peer>,
+    all: Connections,
+}
+
+impl Drop for OpenConnection {
+    fn drop(&mut self) {
+        let mut open = self.all.0.lock().unwrap_or_else(PoisonError::into_inner);
+        open.retain(|peer| !Arc::ptr_eq(peer, &self.peer));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strangers_make_room_and_trusted_connections_stay() {
+        let all = Connections::default();
+        let mut open: Vec<_> = (0..MAX_OPEN).map(|_| all.enter().unwrap()).collect();
+        open[0].peer.trust();
+        let new = all.enter().unwrap();
+        let listed = |peer: &Arc<Peer>| all.0.lock().unwrap().iter().any(|known| Arc::ptr_eq(known, peer));
+        assert!(listed(&open[0].peer) && !listed(&open[1].peer) && listed(&new.peer));
+        open.iter().for_each(|connection| connection.peer.trust());
+        new.peer.trust();
+        assert!(all.enter().is_none());
+        open.clear();
+        drop(new);
+        assert!(all.0.lock().unwrap().is_empty());
+    }
+}

@@ -1,0 +1,106 @@
+//! Server-sent events: values, changes, records and states of an instance, as they come.
+//!
+//! One thread for each instance polls the emulator for all readers, and puts each round into a ring. A reader that is
+//! slower than the ring loses rounds and is told how many; it delays neither the emulator nor other readers.
+
+mod feed;
+mod reader;
+mod round;
+
+pub(super) use feed::Feed;
+
+use super::App;
+use super::problem::Problem;
+use super::router::{Pairs, pairs};
+use axum::body::{Body, Bytes};
+use axum::extract::rejection::QueryRejection;
+use axum::extract::{Path, Query, State};
+use axum::http::{HeaderValue, header};
+use axum::response::Response;
+use feed::{Subscription, Wish};
+use hyper::body::Frame;
+use reader::Reader;
+use std::convert::Infallible;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll};
+use std::time::Duration;
+use tokio::sync::broadcast::error::RecvError;
+use tokio::sync::{OwnedSemaphorePermit, mpsc};
+
+/// Maximum number of event streams.
+pub(super) const MAX_STREAMS: usize = 64;
+/// Parts of a stream that wait for the connection.
+const WAITING: usize = 4;
+/// Pause after which a comment shows that the stream still lives.
+const ALIVE: Duration = Duration::from_secs(10);
+
+/// Starts a stream of events.
+///
+/// # Errors
+/// The query is not valid, the instance is not there, or there are too many streams.
+pub(super) async fn answer(
+    State(app): State<Arc<App>>,
+    Path(instance): Path<String>,
+    query: Result<Query<Pairs>, QueryRejection>,
+) -> Result<Response, Problem> {
+    let pairs = pairs(query)?;
+    let permit = Arc::clone(&app.streams).try_acquire_owned();
+    let permit =
+        permit.map_err(|_| Problem::too_many(format!("there are {MAX_STREAMS} event streams already")))?;
+    let links = app.hub.find(&instance)?;
+    let wish = links.looks.run(move |connection| Wish::of_query(connection, &pairs)).await;
+    let wish = wish.inspect_err(|problem| app.notice(&instance, problem))?;
+    let reader = Reader::new(wish.clone());
+    let subscription = links.feed.subscribe(wish)?;
+    let (sender, body) = mpsc::channel(WAITING);
+    tokio::spawn(send(subscription, reader, sender, permit));
+    let mut response = Response::new(Body::new(EventBody(body)));
+    response.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static("text/event-stream"));
+    Ok(response)
+}
+
+/// Sends events until the reader or the emulator has gone.
+async fn send(
+    mut subscription: Subscription,
+    mut reader: Reader,
+    sender: mpsc::Sender<Bytes>,
+    _permit: OwnedSemaphorePermit,
+) {
+    loop {
+        let text = tokio::select! {
+            () = sender.closed() => return,
+            round = tokio::time::timeout(ALIVE, subscription.rounds.recv()) => match round {
+                Ok(Ok(round)) => reader.events(&round),
+                Ok(Err(RecvError::Lagged(rounds))) => {
+                    reader.miss(rounds);
+                    continue;
+                }
+                Ok(Err(RecvError::Closed)) => return,
+                Err(_) => ":\n\n".to_owned(),
+            },
+        };
+        // The reader has gone.
+        if !text.is_empty() && sender.send(text.into()).await.is_err() {
+            return;
+        }
+        if reader.is_at_end() {
+            return;
+        }
+    }
+}
+
+/// The body of the response: parts as they arrive.
+struct EventBody(mpsc::Receiver<Bytes>);
+
+impl hyper::body::Body for EventBody {
+    type Data = Bytes;
+    type Error = Infallible;
+
+    fn poll_frame(
+        self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, Infallible>>> {
+        self.get_mut().0.poll_recv(context).map(|part| part.map(|part| Ok(Frame::data(part))))
+    }
+}

@@ -1,0 +1,258 @@
+//! What readers wish to receive, and the thread that polls an instance for all of them.
+
+use super::round::{Poller, Round};
+use crate::cli::dump::Blocks;
+use crate::cli::error::CliError;
+use crate::cli::peek::ReadTarget;
+use crate::cli::web::link::Connection;
+use crate::cli::web::problem::Problem;
+use crate::identity::DeviceIndex;
+use crate::request::Op;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use tokio::sync::broadcast;
+
+/// Real time between two polls.
+const INTERVAL: Duration = Duration::from_millis(33);
+/// Rounds that a reader can be late before it loses some.
+const KEPT: usize = 16;
+/// Maximum number of followed names, and of their registers, for each reader.
+const MAX_FOLLOWED: usize = 256;
+
+/// A state of the instance as a reply of an operation, or as a command prints it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum StateKind {
+    Boards,
+    Buses,
+    Drives,
+    Faults,
+    Findings,
+    Forces,
+    Scene,
+}
+
+impl StateKind {
+    const ALL: [Self; 7] =
+        [Self::Boards, Self::Buses, Self::Drives, Self::Faults, Self::Findings, Self::Forces, Self::Scene];
+
+    /// Its name, as a field of the query and as an event.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Boards => "boards",
+            Self::Buses => "buses",
+            Self::Drives => "drives",
+            Self::Faults => "faults",
+            Self::Findings => "findings",
+            Self::Forces => "forces",
+            Self::Scene => "scene",
+        }
+    }
+
+    /// The operation that returns it; the fronts of the boards need more than one.
+    pub(super) fn op(self) -> Option<Op> {
+        Some(match self {
+            Self::Boards => return None,
+            Self::Buses => Op::Buses,
+            Self::Drives => Op::Drives,
+            Self::Faults => Op::FaultList,
+            Self::Findings => Op::Findings,
+            Self::Forces => Op::Forces,
+            Self::Scene => Op::Scene,
+        })
+    }
+}
+
+/// Followed registers.
+pub(super) struct Followed {
+    /// Their name, as the reader wrote it.
+    pub text: String,
+    pub target: ReadTarget,
+    /// Number of the PLC, first byte in the image, number of bytes.
+    pub stretches: Vec<(DeviceIndex, u32, u32)>,
+}
+
+/// What a reader wishes to receive.
+#[derive(Clone, Default)]
+pub(super) struct Wish {
+    pub followed: Vec<Arc<Followed>>,
+    pub states: BTreeSet<StateKind>,
+    pub clock: bool,
+    /// Kinds of records of the journal; an empty set means all kinds.
+    pub journal: Option<BTreeSet<String>>,
+}
+
+impl Wish {
+    /// Reads a query, and lets the emulator record the changes of the followed registers.
+    ///
+    /// # Errors
+    /// A field or a register is unknown, or too many are followed.
+    pub(super) fn of_query(connection: &mut Connection, query: &[(String, String)]) -> Result<Self, Problem> {
+        let mut wish = Self::default();
+        for (name, text) in query {
+            let is_on = matches!(text.as_str(), "1" | "true");
+            let state = StateKind::ALL.into_iter().find(|state| state.name() == name);
+            match (name.as_str(), state) {
+                ("follow", _) => wish.follow(connection, text)?,
+                ("journal", _) if text != "0" && text != "false" => {
+                    let kinds = text.split(',').filter(|kind| !is_on && !kind.is_empty());
+                    wish.journal = Some(kinds.map(str::to_owned).collect());
+                }
+                ("journal", _) => wish.journal = None,
+                ("clock", _) => wish.clock = is_on,
+                (_, Some(state)) if is_on => drop(wish.states.insert(state)),
+                (_, Some(state)) => drop(wish.states.remove(&state)),
+                _ => {
+                    return Err(Problem::wrong_use(format!("events: unknown field `{name}`"))
+                        .with("field", name.as_str()));
+                }
+            }
+        }
+        follow(connection, &wish.followed)?;
+        Ok(wish)
+    }
+
+    fn follow(&mut self, connection: &Connection, names: &str) -> Result<(), Problem> {
+        for text in names.split(',').filter(|text| !text.is_empty()) {
+            let target = ReadTarget::find(&connection.session, text)?;
+            let stretches = target.stretches();
+            self.followed.push(Arc::new(Followed { text: text.to_owned(), target, stretches }));
+        }
+        let count = self.followed.iter().map(|followed| followed.stretches.len()).sum::<usize>();
+        if count.max(self.followed.len()) > MAX_FOLLOWED {
+            return Err(Problem::wrong_use(format!(
+                "events: at most {MAX_FOLLOWED} registers can be followed"
+            )));
+        }
+        Ok(())
+    }
+
+    /// True if this reader follows the byte.
+    pub(super) fn follows(&self, plc: DeviceIndex, offset: u32) -> bool {
+        let mut stretches = self.followed.iter().flat_map(|followed| &followed.stretches);
+        stretches.any(|&(of, first, len)| of == plc && (first..first + len).contains(&offset))
+    }
+}
+
+/// Lets the emulator record changes of these registers.
+///
+/// # Errors
+/// The emulator refuses or has gone.
+pub(super) fn follow(connection: &Connection, followed: &[Arc<Followed>]) -> Result<(), CliError> {
+    let stretches: Vec<_> = followed.iter().flat_map(|followed| followed.stretches.iter().copied()).collect();
+    Blocks::follow_stretches(&connection.session, &stretches)
+}
+
+/// The events of an instance.
+pub(in crate::cli::web) struct Feed(Arc<Shared>);
+
+struct Shared {
+    instance: String,
+    state: Mutex<State>,
+}
+
+struct State {
+    wishes: BTreeMap<u64, Wish>,
+    next: u64,
+    /// Where the thread puts its rounds; `None` if no thread runs.
+    rounds: Option<broadcast::Sender<Arc<Round>>>,
+}
+
+impl Shared {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The events for one reader, as long as it exists.
+pub(super) struct Subscription {
+    pub rounds: broadcast::Receiver<Arc<Round>>,
+    number: u64,
+    shared: Arc<Shared>,
+}
+
+impl Drop for Subscription {
+    fn drop(&mut self) {
+        self.shared.state().wishes.remove(&self.number);
+    }
+}
+
+impl Feed {
+    pub(in crate::cli::web) fn new(instance: &str) -> Self {
+        let state = Mutex::new(State { wishes: BTreeMap::new(), next: 0, rounds: None });
+        Self(Arc::new(Shared { instance: instance.to_owned(), state }))
+    }
+
+    /// Adds a reader, and starts the thread for the first one.
+    ///
+    /// # Errors
+    /// The system has no thread.
+    pub(super) fn subscribe(&self, wish: Wish) -> Result<Subscription, Problem> {
+        let mut state = self.0.state();
+        let rounds = match &state.rounds {
+            Some(sender) => sender.subscribe(),
+            None => {
+                let (sender, rounds) = broadcast::channel(KEPT);
+                let (shared, thread) =
+                    (Arc::clone(&self.0), std::thread::Builder::new().name("web-feed".to_owned()));
+                let own = sender.clone();
+                let started = thread.spawn(move || poll(&shared, &own));
+                started.map_err(|reason| CliError::Process { reason })?;
+                state.rounds = Some(sender);
+                rounds
+            }
+        };
+        let number = state.next;
+        state.next += 1;
+        state.wishes.insert(number, wish);
+        Ok(Subscription { rounds, number, shared: Arc::clone(&self.0) })
+    }
+}
+
+/// All wishes together; `None` if there is none, which ends the thread.
+fn wishes(shared: &Shared) -> Option<Wish> {
+    let mut state = shared.state();
+    if state.wishes.is_empty() {
+        state.rounds = None;
+        return None;
+    }
+    let mut all = Wish::default();
+    for wish in state.wishes.values() {
+        let is_new = |followed: &&Arc<Followed>| all.followed.iter().all(|known| known.text != followed.text);
+        let new: Vec<_> = wish.followed.iter().filter(is_new).cloned().collect();
+        all.followed.extend(new);
+        all.states.extend(&wish.states);
+        if wish.journal.is_some() {
+            all.journal = Some(BTreeSet::new());
+        }
+    }
+    Some(all)
+}
+
+/// Polls until no reader is left, or the emulator has gone.
+fn poll(shared: &Shared, rounds: &broadcast::Sender<Arc<Round>>) {
+    let mut poller = None;
+    while let Some(wish) = wishes(shared) {
+        let start = Instant::now();
+        let polled = match &mut poller {
+            Some(poller) => Poller::poll(poller, &wish),
+            None => Connection::open(&shared.instance).and_then(|connection| {
+                let new = poller.insert(Poller::new(connection)?);
+                new.poll(&wish)
+            }),
+        };
+        match polled {
+            // Without a receiver the next turn ends the thread.
+            Ok(Some(round)) => drop(rounds.send(Arc::new(round))),
+            // The emulator is busy with another client.
+            Ok(None) => {}
+            Err(error) => {
+                // Later readers get another thread.
+                shared.state().rounds = None;
+                drop(rounds.send(Arc::new(Round::end(error.to_string()))));
+                return;
+            }
+        }
+        std::thread::sleep(INTERVAL.saturating_sub(start.elapsed()));
+    }
+}

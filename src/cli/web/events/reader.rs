@@ -1,0 +1,177 @@
+//! The events of one reader.
+
+use super::feed::{StateKind, Wish};
+use super::round::{Counts, Round};
+use crate::cli::peek::RegisterReading;
+use serde_json::{Value, json};
+use std::collections::{BTreeMap, HashMap};
+use std::fmt::Write as _;
+use std::sync::Arc;
+
+/// What a reader knows already, so that it gets only what is new.
+pub(super) struct Reader {
+    wish: Wish,
+    clock: String,
+    states: BTreeMap<StateKind, Arc<str>>,
+    values: HashMap<String, Vec<Shown>>,
+    /// Number of changes and records that it has received or that were not for it.
+    seen: Option<Counts>,
+    /// Rounds that it has missed since the last event.
+    missed: u64,
+    is_at_end: bool,
+}
+
+/// The parts of a reading that a page shows.
+type Shown = (String, String, String, bool);
+
+fn shown(reading: &RegisterReading) -> Shown {
+    (reading.register.clone(), reading.hex.clone(), reading.meaning.clone(), reading.forced)
+}
+
+impl Reader {
+    pub(super) fn new(wish: Wish) -> Self {
+        let (clock, states, values) = (String::new(), BTreeMap::new(), HashMap::new());
+        Self { wish, clock, states, values, seen: None, missed: 0, is_at_end: false }
+    }
+
+    /// The reader was too slow for this number of rounds.
+    pub(super) fn miss(&mut self, rounds: u64) {
+        self.missed += rounds;
+    }
+
+    /// True after the last event.
+    pub(super) fn is_at_end(&self) -> bool {
+        self.is_at_end
+    }
+
+    /// The events of a round, in the format of server-sent events.
+    pub(super) fn events(&mut self, round: &Round) -> String {
+        let mut text = String::new();
+        if let Some(reason) = &round.end {
+            self.is_at_end = true;
+            add(&mut text, "ended", &json!({ "reason": reason }).to_string());
+            return text;
+        }
+        self.add_lost(&mut text, round);
+        if round.is_turned {
+            add(&mut text, "turned", &json!({ "time_us": round.time_us }).to_string());
+        }
+        if self.wish.clock && self.clock != round.clock {
+            self.clock.clone_from(&round.clock);
+            add(&mut text, "clock", &round.clock);
+        }
+        for kind in &self.wish.states {
+            let Some(new) = round.states.get(kind) else { continue };
+            if self.states.get(kind) != Some(new) {
+                self.states.insert(*kind, Arc::clone(new));
+                add(&mut text, kind.name(), new);
+            }
+        }
+        self.add_values(&mut text, round);
+        let changes =
+            round.changes.iter().filter(|(change, _)| self.wish.follows(change.what.plc, change.what.offset));
+        add_list(&mut text, "changes", "changes", changes.map(|(_, form)| form));
+        if let Some(kinds) = &self.wish.journal {
+            let records = round.records.iter().filter(|(kind, _)| kinds.is_empty() || kinds.contains(*kind));
+            add_list(&mut text, "journal", "records", records.map(|(_, form)| form));
+        }
+        text
+    }
+
+    fn add_lost(&mut self, text: &mut String, round: &Round) {
+        let (changes, records) = (round.changes.len() as u64, round.records.len() as u64);
+        let end = Counts { changes: round.before.changes + changes, records: round.before.records + records };
+        let seen = self.seen.replace(end).unwrap_or(round.before);
+        let rounds = core::mem::take(&mut self.missed);
+        let mut lost = round.lost;
+        lost.changes += round.before.changes.saturating_sub(seen.changes);
+        lost.records += round.before.records.saturating_sub(seen.records);
+        if self.wish.followed.is_empty() {
+            lost.changes = 0;
+        }
+        if self.wish.journal.is_none() {
+            lost.records = 0;
+        }
+        if rounds > 0 || lost != Counts::default() {
+            let form = json!({"rounds": rounds, "changes": lost.changes, "records": lost.records});
+            add(text, "lost", &form.to_string());
+        }
+    }
+
+    fn add_values(&mut self, text: &mut String, round: &Round) {
+        let mut new = Vec::new();
+        for followed in &self.wish.followed {
+            let Some(readings) = round.values.get(&followed.text) else { continue };
+            let now: Vec<_> = readings.iter().map(shown).collect();
+            let before = self.values.get(&followed.text).map(Vec::as_slice).unwrap_or_default();
+            let is_new = |(index, _): &(usize, &RegisterReading)| before.get(*index) != now.get(*index);
+            new.extend(readings.iter().enumerate().filter(is_new).map(|(_, reading)| json!(reading)));
+            if before != now {
+                self.values.insert(followed.text.clone(), now);
+            }
+        }
+        if !new.is_empty() {
+            let form = json!({"time_us": round.time_us, "values": Value::Array(new)});
+            add(text, "values", &form.to_string());
+        }
+    }
+}
+
+/// Adds an event; its data are one line of JSON.
+fn add(text: &mut String, event: &str, data: &str) {
+    // Writing to a string cannot fail.
+    let _ = write!(text, "event: {event}\ndata: {data}\n\n");
+}
+
+/// Adds an event with a list, unless the list is empty.
+fn add_list<'a>(text: &mut String, event: &str, field: &str, items: impl Iterator<Item = &'a String>) {
+    let items: Vec<_> = items.map(String::as_str).collect();
+    if !items.is_empty() {
+        add(text, event, &format!("{{\"{field}\":[{}]}}", items.join(",")));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn round(before: u64, records: usize) -> Round {
+        let records = (0..records).map(|number| ("frame", format!("{{\"n\":{number}}}"))).collect();
+        let before = Counts { changes: 0, records: before };
+        Round { clock: "{\"time_us\":1}".to_owned(), records, before, ..Round::default() }
+    }
+
+    fn reader() -> Reader {
+        Reader::new(Wish { clock: true, journal: Some(Default::default()), ..Wish::default() })
+    }
+
+    #[test]
+    fn a_reader_gets_only_what_is_new() {
+        let mut reader = reader();
+        let first = reader.events(&round(7, 1));
+        assert!(first.contains("event: clock\n") && first.contains("{\"records\":[{\"n\":0}]}"), "{first}");
+        assert_eq!(reader.events(&round(8, 0)), "");
+    }
+
+    #[test]
+    fn a_slow_reader_is_told_what_it_has_lost() {
+        let mut reader = reader();
+        reader.events(&round(0, 2));
+        reader.miss(3);
+        let text = reader.events(&round(12, 1));
+        assert!(
+            text.starts_with("event: lost\ndata: {\"changes\":0,\"records\":10,\"rounds\":3}\n\n"),
+            "{text}"
+        );
+        assert!(text.contains("event: journal"), "{text}");
+        let quiet = reader.events(&round(13, 1));
+        assert!(!quiet.contains("lost"), "{quiet}");
+    }
+
+    #[test]
+    fn the_end_is_the_last_event() {
+        let mut reader = reader();
+        let text = reader.events(&Round::end("gone".to_owned()));
+        assert!(text.contains("event: ended\ndata: {\"reason\":\"gone\"}") && reader.is_at_end());
+    }
+}

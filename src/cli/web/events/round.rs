@@ -1,0 +1,242 @@
+//! A poll of an instance for all readers.
+
+use super::feed::{self, Followed, StateKind, Wish};
+use crate::channel::ClientError;
+use crate::cli::error::CliError;
+use crate::cli::peek::{self, ReadTarget, RegisterReading};
+use crate::cli::web::link::Connection;
+use crate::cli::{board, output, status, watch};
+use crate::devices;
+use crate::journal::jsonl::Jsonl;
+use crate::journal::{Change, Record};
+use crate::request::{MAX_OPS, MAX_RECORDS, Op, Reply, WrongReply};
+use serde::Serialize;
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Maximum number of parts of changes, and of the journal, in one round.
+const PARTS: usize = 4;
+/// Read operations of one request, beside those for the time and the forces.
+const READS: usize = MAX_OPS - 2;
+/// After a longer pause the emulator may have dropped the followed registers.
+const FORGOTTEN: Duration = Duration::from_secs(5);
+/// Pause between two reads of the buses: the emulator also serves its guests for this operation.
+const BUSES: Duration = Duration::from_secs(1);
+
+/// The result of a poll.
+#[derive(Default)]
+pub(super) struct Round {
+    pub time_us: u64,
+    /// The clock in JSON.
+    pub clock: String,
+    /// States in JSON.
+    pub states: BTreeMap<StateKind, Arc<str>>,
+    /// Values of the followed registers by their names.
+    pub values: HashMap<String, Vec<RegisterReading>>,
+    /// Changes of all followed registers, each with its JSON.
+    pub changes: Vec<(Change, String)>,
+    /// Records of the journal, each with its kind and its JSON.
+    pub records: Vec<(&'static str, String)>,
+    /// Number of changes and records that all rounds before this one had.
+    pub before: Counts,
+    /// Number of changes and records that the emulator no longer had.
+    pub lost: Counts,
+    /// True if the plant has gone back in time.
+    pub is_turned: bool,
+    /// Why this is the last round.
+    pub end: Option<String>,
+}
+
+/// Numbers of changes and of records.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Counts {
+    pub changes: u64,
+    pub records: u64,
+}
+
+impl Round {
+    /// The last round.
+    pub(super) fn end(reason: String) -> Self {
+        Self { end: Some(reason), ..Self::default() }
+    }
+}
+
+/// Polls an instance and keeps the positions.
+pub(super) struct Poller {
+    connection: Connection,
+    asked: Instant,
+    asked_for_buses: Option<Instant>,
+    buses: Option<Arc<str>>,
+    next_change: u64,
+    next_record: u64,
+    /// Number of the history that was read last.
+    turn: u16,
+    sent: Counts,
+}
+
+impl Poller {
+    /// Begins at the present end of changes and journal.
+    ///
+    /// # Errors
+    /// The emulator has gone.
+    pub(super) fn new(connection: Connection) -> Result<Self, CliError> {
+        let (_, next_change, turn) =
+            connection.session.ask(Op::Changes { from: 0, max: 0 })?.turned_changes()?;
+        let next_record = connection.session.ask(Op::Journal { from: u64::MAX, max: 0 })?.journal_part()?.end;
+        let asked = Instant::now();
+        let (asked_for_buses, buses, sent) = (None, None, Counts::default());
+        Ok(Self {
+            connection,
+            asked,
+            asked_for_buses,
+            buses,
+            next_change,
+            next_record,
+            turn: turn.number,
+            sent,
+        })
+    }
+
+    /// Polls; `None` if the emulator does not answer this time.
+    ///
+    /// # Errors
+    /// The emulator has gone.
+    pub(super) fn poll(&mut self, wish: &Wish) -> Result<Option<Round>, CliError> {
+        match self.round(wish) {
+            Ok(round) => Ok(Some(round)),
+            Err(CliError::Busy { .. } | CliError::Client(ClientError::Timeout { .. })) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    fn round(&mut self, wish: &Wish) -> Result<Round, CliError> {
+        if self.asked.elapsed() > FORGOTTEN {
+            feed::follow(&self.connection, &wish.followed)?;
+        }
+        let mut round = Round { before: self.sent, ..Round::default() };
+        self.states(wish, &mut round)?;
+        self.values(wish, &mut round)?;
+        self.changes(&mut round)?;
+        if wish.journal.is_some() {
+            self.journal(&mut round)?;
+        }
+        self.sent.changes += round.changes.len() as u64;
+        self.sent.records += round.records.len() as u64;
+        self.asked = Instant::now();
+        Ok(round)
+    }
+
+    /// Reads the clock and all states but the buses in one request.
+    fn states(&mut self, wish: &Wish, round: &mut Round) -> Result<(), CliError> {
+        let kinds = wish.states.iter().filter(|kind| **kind != StateKind::Buses);
+        let kinds: Vec<_> = kinds.filter_map(|kind| Some((*kind, kind.op()?))).collect();
+        let ops: Vec<_> = [Op::Info].into_iter().chain(kinds.iter().map(|(_, op)| *op)).collect();
+        let mut replies = self.connection.session.request(&ops)?.into_iter();
+        let info = replies.next().ok_or(WrongReply)?.info()?;
+        round.time_us = info.time_us;
+        round.clock = json(&status::ClockJson::from(&info))?;
+        for ((kind, _), reply) in kinds.iter().zip(replies) {
+            round.states.insert(*kind, self.form(&reply)?.into());
+        }
+        if wish.states.contains(&StateKind::Boards) {
+            let boards = board::entries(&self.connection.session, None)?;
+            let form = json(&BTreeMap::from([("boards", boards)]))?;
+            round.states.insert(StateKind::Boards, form.into());
+        }
+        if wish.states.contains(&StateKind::Buses) {
+            if self.asked_for_buses.is_none_or(|asked| asked.elapsed() >= BUSES) {
+                self.asked_for_buses = Some(Instant::now());
+                let reply = self.connection.session.ask(Op::Buses)?;
+                self.buses = Some(self.form(&reply)?.into());
+            }
+            round.states.extend(self.buses.clone().map(|buses| (StateKind::Buses, buses)));
+        }
+        Ok(())
+    }
+
+    fn form(&self, reply: &Reply) -> Result<String, CliError> {
+        json(&reply.json(&self.connection.names))
+    }
+
+    /// Reads the followed registers, in as many requests as needed.
+    fn values(&self, wish: &Wish, round: &mut Round) -> Result<(), CliError> {
+        let mut rest = wish.followed.as_slice();
+        while let Some(first) = rest.first() {
+            let (mut count, mut reads) = (1, first.target.reads().len());
+            while let Some(next) = rest.get(count).map(|next| next.target.reads().len()) {
+                if reads + next > READS {
+                    break;
+                }
+                (count, reads) = (count + 1, reads + next);
+            }
+            let (some, others) = rest.split_at(count);
+            let targets: Vec<&ReadTarget> = some.iter().map(|followed| &followed.target).collect();
+            let readings = peek::read_each(&self.connection.session, &targets)?;
+            let name = |followed: &Arc<Followed>| followed.text.clone();
+            round.values.extend(some.iter().map(name).zip(readings));
+            rest = others;
+        }
+        Ok(())
+    }
+
+    fn changes(&mut self, round: &mut Round) -> Result<(), CliError> {
+        for _ in 0..PARTS {
+            let op = Op::Changes { from: self.next_change, max: MAX_RECORDS };
+            let (changes, end, turn) = self.connection.session.ask(op)?.turned_changes()?;
+            round.is_turned |= core::mem::replace(&mut self.turn, turn.number) != turn.number;
+            if let Some(first) = changes.first() {
+                round.lost.changes += first.seq.saturating_sub(self.next_change);
+            }
+            self.next_change = changes.last().map_or(end, |last| last.seq + 1);
+            let is_last = self.next_change >= end;
+            for change in changes {
+                let form = json(&watch::report(&self.connection.session, &change))?;
+                round.changes.push((change, form));
+            }
+            if is_last {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    fn journal(&mut self, round: &mut Round) -> Result<(), CliError> {
+        let mut lines = Jsonl::new(self.connection.names.clone(), devices::catalogue());
+        for _ in 0..PARTS {
+            let op = Op::Journal { from: self.next_record, max: MAX_RECORDS };
+            let part = self.connection.session.ask(op)?.journal_part()?;
+            if part.turn.number != self.turn {
+                self.turn = part.turn.number;
+                round.is_turned = true;
+            }
+            if round.is_turned && self.next_record > part.turn.begin {
+                // Records of the other history follow this one.
+                self.next_record = part.turn.begin;
+                if !part.is_last() || part.next() > part.turn.begin {
+                    continue;
+                }
+            }
+            if let Some(first) = part.records.first() {
+                round.lost.records += first.seq.saturating_sub(self.next_record);
+            }
+            let is_last = part.is_last();
+            self.next_record = part.next();
+            for record in &part.records {
+                round.records.push(line(&mut lines, record)?);
+            }
+            if is_last {
+                break;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn line(lines: &mut Jsonl, record: &Record) -> Result<(&'static str, String), CliError> {
+    Ok((record.event.kind().name(), json(&lines.line(record))?))
+}
+
+fn json(value: &impl Serialize) -> Result<String, CliError> {
+    output::json_line(value).map(|line| line.trim_end().to_owned())
+}

@@ -1,0 +1,257 @@
+//! Checks before a request is handled: its host, its origin, its token. And the headers of every response.
+
+use super::connections::Peer;
+use super::problem::Problem;
+use super::secret::Secret;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Request, StatusCode, Uri, header};
+use std::net::IpAddr;
+use std::sync::Arc;
+
+/// Headers of every response. The page has no inline code, loads nothing from elsewhere, and is in no frame.
+const HEADERS: [(HeaderName, &str); 6] = [
+    (
+        header::CONTENT_SECURITY_POLICY,
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; font-src 'self'; connect-src 'self'; \
+         frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
+    ),
+    (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+    (header::X_FRAME_OPTIONS, "DENY"),
+    (header::REFERRER_POLICY, "no-referrer"),
+    (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
+    (HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
+];
+
+/// An address at which browsers reach the server: `https://plant.example`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Origin {
+    text: String,
+    /// Host with the port, as in a Host header.
+    authority: String,
+}
+
+impl Origin {
+    /// Parses the argument of `--origin`.
+    ///
+    /// # Errors
+    /// It has another form.
+    pub(super) fn parse(text: &str) -> Result<Self, &'static str> {
+        const RIGHT: &str = "write http://HOST:PORT or https://HOST, without a path";
+        let uri: Uri = text.trim_end_matches('/').parse().map_err(|_| RIGHT)?;
+        let authority =
+            uri.authority().map(|authority| authority.as_str().to_ascii_lowercase()).ok_or(RIGHT)?;
+        let scheme = uri.scheme_str().filter(|scheme| ["http", "https"].contains(scheme)).ok_or(RIGHT)?;
+        if authority.contains('@') || uri.path() != "/" || uri.query().is_some() {
+            return Err(RIGHT);
+        }
+        Ok(Self { text: format!("{scheme}://{authority}"), authority })
+    }
+
+    pub(super) fn text(&self) -> &str {
+        &self.text
+    }
+}
+
+/// What a request must have.
+pub(super) struct Guard {
+    /// For programs, and to get the cookie.
+    pub token: Secret,
+    /// Value of the cookie.
+    pub key: Secret,
+    /// Name of the cookie: a browser sends the cookies of all ports of a host.
+    pub cookie: String,
+    pub origins: Vec<Origin>,
+}
+
+impl Guard {
+    /// Checks a request before its handler.
+    ///
+    /// # Errors
+    /// The problem to answer.
+    pub(super) fn check<B>(&self, request: &Request<B>) -> Result<(), Problem> {
+        let headers = request.headers();
+        let host = self.check_host(headers)?;
+        if !request.uri().path().starts_with("/api/") {
+            return Ok(());
+        }
+        self.check_origin(headers, host)?;
+        check_content_type(request.method(), headers)?;
+        let is_sign_in = request.method() == Method::POST && request.uri().path() == super::session::PATH;
+        if is_sign_in || self.is_signed_in(headers) {
+            if let Some(peer) = request.extensions().get::<Arc<Peer>>().filter(|_| !is_sign_in) {
+                peer.trust();
+            }
+            return Ok(());
+        }
+        let detail = "no valid token: send `Authorization: Bearer TOKEN`, or open the address that `commram web` printed";
+        Err(Problem::new(StatusCode::UNAUTHORIZED, "unauthorized", detail))
+    }
+
+    /// Refuses a host that another site can point to this server (DNS rebinding): only addresses, `localhost` and the
+    /// hosts of `--origin` are accepted.
+    fn check_host<'a>(&self, headers: &'a HeaderMap) -> Result<&'a str, Problem> {
+        let mut hosts = headers.get_all(header::HOST).iter();
+        let host = match (hosts.next().and_then(|host| host.to_str().ok()), hosts.next()) {
+            (Some(host), None) => host,
+            _ => return Err(Problem::wrong_use("a request needs one Host header")),
+        };
+        let is_own = self.origins.iter().any(|origin| origin.authority.eq_ignore_ascii_case(host));
+        if is_own || is_address(host) {
+            return Ok(host);
+        }
+        let detail = format!("this server is not {host}; name the address of a proxy with --origin");
+        Err(Problem::new(StatusCode::MISDIRECTED_REQUEST, "host", detail))
+    }
+
+    /// Refuses requests that a page of another site has caused.
+    fn check_origin(&self, headers: &HeaderMap, host: &str) -> Result<(), Problem> {
+        let is_own = |origin: &HeaderValue| {
+            let origin = origin.to_str().unwrap_or_default();
+            let same = origin.strip_prefix("http://").is_some_and(|origin| origin.eq_ignore_ascii_case(host));
+            same || self.origins.iter().any(|known| known.text.eq_ignore_ascii_case(origin))
+        };
+        let is_foreign = headers.get_all(header::ORIGIN).iter().any(|origin| !is_own(origin));
+        let site = headers.get("sec-fetch-site").and_then(|site| site.to_str().ok());
+        if is_foreign || matches!(site, Some("cross-site" | "same-site")) {
+            let detail = "a page of another site has sent this request";
+            return Err(Problem::new(StatusCode::FORBIDDEN, "foreign-origin", detail));
+        }
+        Ok(())
+    }
+
+    /// True if the request has the token or the cookie.
+    pub(super) fn is_signed_in(&self, headers: &HeaderMap) -> bool {
+        let bearer = headers.get(header::AUTHORIZATION).map(HeaderValue::as_bytes).unwrap_or_default();
+        let bearer = bearer.split_at_checked(7).filter(|(scheme, _)| scheme.eq_ignore_ascii_case(b"bearer "));
+        if bearer.is_some_and(|(_, token)| self.token.is(token)) {
+            return true;
+        }
+        let cookies = headers.get_all(header::COOKIE).iter().filter_map(|cookie| cookie.to_str().ok());
+        let mut values =
+            cookies.flat_map(|all| all.split(';')).filter_map(|cookie| cookie.trim().split_once('='));
+        values.any(|(name, value)| name == self.cookie && self.key.is(value.as_bytes()))
+    }
+}
+
+/// A form of another site can send other content types without asking first.
+fn check_content_type(method: &Method, headers: &HeaderMap) -> Result<(), Problem> {
+    if matches!(*method, Method::GET | Method::HEAD) {
+        return Ok(());
+    }
+    let found = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
+    let media_type = found.split(';').next().unwrap_or_default().trim();
+    if media_type.eq_ignore_ascii_case("application/json") {
+        return Ok(());
+    }
+    let detail = "the request needs `Content-Type: application/json`";
+    Err(Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "media-type", detail))
+}
+
+/// True for an IP address or `localhost`, with or without a port.
+fn is_address(host: &str) -> bool {
+    let bracketed = host.strip_prefix('[').and_then(|host| host.split_once(']'));
+    let (name, port) = match bracketed {
+        Some((name, rest)) => (name, rest.strip_prefix(':').or(rest.is_empty().then_some("0"))),
+        None => match host.split_once(':') {
+            Some((name, port)) => (name, Some(port)),
+            None => (host, Some("0")),
+        },
+    };
+    let is_name = name.parse::<IpAddr>().is_ok_and(|ip| ip.is_ipv6() == bracketed.is_some());
+    port.is_some_and(|port| port.parse::<u16>().is_ok())
+        && (is_name || bracketed.is_none() && name.eq_ignore_ascii_case("localhost"))
+}
+
+/// Adds the headers that every response has.
+pub(super) fn protect(headers: &mut HeaderMap) {
+    for (name, value) in HEADERS {
+        headers.insert(name, HeaderValue::from_static(value));
+    }
+    headers.entry(header::CACHE_CONTROL).or_insert(HeaderValue::from_static("no-store"));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn guard() -> Guard {
+        Guard {
+            token: Secret::random().unwrap(),
+            key: Secret::random().unwrap(),
+            cookie: "commram-x-1".to_owned(),
+            origins: vec![Origin::parse("https://plant.example/").unwrap()],
+        }
+    }
+
+    fn headers(pairs: &[(&str, &str)]) -> HeaderMap {
+        let pair = |(name, value): &(&str, &str)| {
+            (name.parse::<HeaderName>().unwrap(), HeaderValue::from_str(value).unwrap())
+        };
+        pairs.iter().map(pair).collect()
+    }
+
+    #[test]
+    fn only_addresses_and_named_hosts_are_accepted() {
+        for host in
+            ["127.0.0.1:8080", "127.0.0.1", "[::1]:80", "[::1]", "localhost:1", "LOCALHOST", "plant.example"]
+        {
+            assert!(guard().check_host(&headers(&[("host", host)])).is_ok(), "{host}");
+        }
+        for host in [
+            "evil.example",
+            "127.0.0.1.evil.example",
+            "localhost.evil.example",
+            "::1",
+            "[::1",
+            "[::1]x",
+            "127.0.0.1:x",
+            "127.0.0.1:99999",
+            "",
+            "[127.0.0.1]",
+            "user@127.0.0.1",
+            "plant.example:1",
+        ] {
+            assert!(guard().check_host(&headers(&[("host", host)])).is_err(), "{host}");
+        }
+        let mut two = headers(&[("host", "localhost")]);
+        two.append("host", HeaderValue::from_static("localhost"));
+        assert!(guard().check_host(&two).is_err() && guard().check_host(&HeaderMap::new()).is_err());
+    }
+
+    #[test]
+    fn requests_of_other_sites_are_refused() {
+        let check = |pairs: &[(&str, &str)]| guard().check_origin(&headers(pairs), "127.0.0.1:8080").is_ok();
+        assert!(check(&[]) && check(&[("origin", "http://127.0.0.1:8080")]));
+        assert!(check(&[("origin", "https://plant.example")]) && check(&[("sec-fetch-site", "same-origin")]));
+        for origin in ["null", "http://127.0.0.1:9", "https://127.0.0.1:8080", "http://evil.example", ""] {
+            assert!(!check(&[("origin", origin)]), "{origin}");
+        }
+        assert!(!check(&[("sec-fetch-site", "cross-site")]));
+    }
+
+    #[test]
+    fn the_token_or_the_cookie_signs_in() {
+        let guard = guard();
+        let bearer = format!("Bearer {}", guard.token.digits());
+        let cookie = format!("a=b; commram-x-1={}", guard.key.digits());
+        assert!(guard.is_signed_in(&headers(&[("authorization", &bearer)])));
+        assert!(guard.is_signed_in(&headers(&[("cookie", &cookie)])));
+        let crossed = format!("commram-x-1={}", guard.token.digits());
+        for pair in [
+            ("authorization", "Bearer "),
+            ("authorization", "Bearer"),
+            ("authorization", guard.token.digits()),
+            ("cookie", crossed.as_str()),
+            ("cookie", "commram-x-1="),
+        ] {
+            assert!(!guard.is_signed_in(&headers(&[pair])), "{pair:?}");
+        }
+    }
+
+    #[test]
+    fn an_origin_is_a_scheme_and_a_host() {
+        assert_eq!(Origin::parse("http://Plant:8080").unwrap().text(), "http://plant:8080");
+        for text in ["plant", "ftp://plant", "http://plant/path", "http://u@plant", "http://plant?x", ""] {
+            assert!(Origin::parse(text).is_err(), "{text}");
+        }
+    }
+}

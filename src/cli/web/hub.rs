@@ -1,0 +1,79 @@
+//! The instances that the server serves, and its connections to them.
+
+use super::events::Feed;
+use super::link::Link;
+use super::problem::Problem;
+use crate::cli::error::CliError;
+use crate::cli::session::images_of;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Which instances are served.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Served {
+    /// This one.
+    One(String),
+    /// All running instances of this user.
+    All,
+}
+
+/// The connections to an instance. Operations that change nothing have a separate one, so that they are answered while
+/// another one advances the clock.
+pub(super) struct InstanceLinks {
+    pub looks: Link,
+    pub acts: Link,
+    pub feed: Feed,
+}
+
+/// The instances and the connections to them.
+pub(super) struct Hub {
+    served: Served,
+    links: Mutex<HashMap<String, Arc<InstanceLinks>>>,
+}
+
+impl Hub {
+    pub(super) fn new(served: Served) -> Self {
+        Self { served, links: Mutex::default() }
+    }
+
+    /// True if requests may name this instance.
+    pub(super) fn serves(&self, instance: &str) -> bool {
+        match &self.served {
+            Served::One(served) => served == instance,
+            Served::All => true,
+        }
+    }
+
+    /// The connections to an instance.
+    ///
+    /// # Errors
+    /// The instance is not served, or not running.
+    pub(super) fn find(&self, instance: &str) -> Result<Arc<InstanceLinks>, Problem> {
+        if !self.serves(instance) {
+            return Err(Problem::not_found(format!("this server does not serve an instance '{instance}'")));
+        }
+        let mut links = self.links.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = links.get(instance) {
+            return Ok(Arc::clone(found));
+        }
+        images_of(instance)?;
+        let new = Arc::new(InstanceLinks {
+            looks: Link::start(instance)?,
+            acts: Link::start(instance)?,
+            feed: Feed::new(instance),
+        });
+        links.insert(instance.to_owned(), Arc::clone(&new));
+        Ok(new)
+    }
+
+    /// Closes the connections to an instance that has ended; its threads end when their last job is done.
+    pub(super) fn forget(&self, instance: &str) {
+        self.links.lock().unwrap_or_else(PoisonError::into_inner).remove(instance);
+    }
+}
+
+impl From<crate::memory::MemoryError> for Problem {
+    fn from(error: crate::memory::MemoryError) -> Self {
+        CliError::Memory(error).into()
+    }
+}

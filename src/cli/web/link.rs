@@ -1,0 +1,89 @@
+//! A connection to an emulator in a thread of its own: requests wait for replies, and the server must not.
+
+use super::problem::Problem;
+use crate::cli::Instance;
+use crate::cli::error::CliError;
+use crate::cli::session::Session;
+use crate::journal::Names;
+use std::sync::mpsc::{self, Receiver, SyncSender};
+use tokio::sync::oneshot;
+
+/// Requests that wait for the connection; further ones are refused.
+const WAITING: usize = 64;
+
+/// An open connection.
+pub(super) struct Connection {
+    pub session: Session,
+    /// Names of PLCs and buses.
+    pub names: Names,
+}
+
+impl Connection {
+    /// Connects to a running instance.
+    ///
+    /// # Errors
+    /// It is not running, or its channel cannot be used.
+    pub(super) fn open(instance: &str) -> Result<Self, CliError> {
+        let session = Session::open(&Instance::running(instance), 0)?;
+        let names = session.info()?.names;
+        Ok(Self { session, names })
+    }
+}
+
+/// Work with the connection, or with the reason why there is none. Returns whether the connection can be used again.
+type Job = Box<dyn FnOnce(Result<&mut Connection, Problem>) -> bool + Send>;
+
+/// The way to the thread. The thread ends when the last link is dropped.
+#[derive(Clone)]
+pub(super) struct Link(SyncSender<Job>);
+
+impl Link {
+    /// Starts a thread, which connects when the first job arrives.
+    ///
+    /// # Errors
+    /// The system has no thread.
+    pub(super) fn start(instance: &str) -> Result<Self, Problem> {
+        let (sender, jobs) = mpsc::sync_channel(WAITING);
+        let instance = instance.to_owned();
+        let thread = std::thread::Builder::new().name("web-link".to_owned());
+        thread
+            .spawn(move || serve(&instance, &jobs))
+            .map_err(|reason| Problem::from(CliError::Process { reason }))?;
+        Ok(Self(sender))
+    }
+
+    /// Does `work` in the thread.
+    ///
+    /// # Errors
+    /// The errors of `work`; the emulator cannot be reached; or too many jobs wait.
+    pub(super) async fn run<T: Send + 'static>(
+        &self,
+        work: impl FnOnce(&mut Connection) -> Result<T, Problem> + Send + 'static,
+    ) -> Result<T, Problem> {
+        let (answer, result) = oneshot::channel();
+        let job: Job = Box::new(move |connection| {
+            let result = connection.and_then(work);
+            let is_usable = !matches!(&result, Err(problem) if problem.is_gone());
+            // Nobody waits any more if the client has gone.
+            let _ = answer.send(result);
+            is_usable
+        });
+        let busy = || Problem::too_many("too many requests wait for the emulator");
+        self.0.try_send(job).map_err(|_| busy())?;
+        result.await.map_err(|_| busy())?
+    }
+}
+
+fn serve(instance: &str, jobs: &Receiver<Job>) {
+    let mut connection = None;
+    for job in jobs {
+        let opened = match connection.take() {
+            Some(open) => Ok(open),
+            None => Connection::open(instance).map_err(Problem::from),
+        };
+        match opened {
+            Ok(mut open) => connection = job(Ok(&mut open)).then_some(open),
+            Err(problem) => drop(job(Err(problem))),
+        }
+    }
+}

@@ -1,0 +1,209 @@
+//! The OpenAPI description, made from the tables of operations and replies.
+
+use super::operations;
+use super::router::json_response;
+use crate::request::{Answer, MAX_OPS, Operation, answers, operations as table};
+use axum::response::Response;
+use serde_json::{Map, Value, json};
+use std::sync::LazyLock;
+
+static DOCUMENT: LazyLock<Value> = LazyLock::new(document);
+
+/// The description.
+pub(super) async fn answer() -> Response {
+    json_response(&*DOCUMENT)
+}
+
+fn document() -> Value {
+    let mut paths = fixed_paths();
+    for operation in table() {
+        let method = operations::method(&operation).as_str().to_lowercase();
+        let path = format!("/api/v1/instances/{{instance}}/{}", operation.name);
+        paths.insert(path, json!({ method: path_item(&operation) }));
+    }
+    json!({
+        "openapi": "3.1.0",
+        "info": {
+            "title": "commram",
+            "version": env!("CARGO_PKG_VERSION"),
+            "description": "Operations on running emulators. `commram web` serves them.",
+            "license": {"name": "MIT OR Apache-2.0", "identifier": "MIT OR Apache-2.0"},
+        },
+        "servers": [{"url": "http://127.0.0.1:8080"}],
+        "security": [{"token": []}],
+        "paths": paths,
+        "components": {
+            "securitySchemes": {"token": {"type": "http", "scheme": "bearer"}},
+            "schemas": schemas(),
+        },
+    })
+}
+
+/// An operation of the table.
+fn path_item(operation: &Operation) -> Value {
+    let is_get = operations::method(operation) == "GET";
+    let mut parameters = vec![instance()];
+    if is_get {
+        parameters.extend(operation.fields.iter().map(|field| {
+            json!({"name": field.name, "in": "query", "required": true, "description": field.text, "schema": field.schema})
+        }));
+    }
+    let mut item = json!({
+        "operationId": operation.name,
+        "summary": summary(&operation.text),
+        "description": operation.text,
+        "tags": [operation.class],
+        "parameters": parameters,
+        "responses": responses(json!({"$ref": format!("#/components/schemas/{}", reply_name(&operation.reply))})),
+    });
+    if !is_get {
+        let fields: Map<String, Value> = operation
+            .fields
+            .iter()
+            .map(|field| (field.name.to_owned(), described(&field.schema, &field.text)))
+            .collect();
+        let required: Vec<_> =
+            operation.fields.iter().filter(|field| !is_optional(&field.schema)).map(|it| it.name).collect();
+        let body = json!({"type": "object", "properties": fields, "required": required, "additionalProperties": false});
+        item["requestBody"] = json_body(body);
+    }
+    item
+}
+
+/// The first sentence.
+fn summary(text: &str) -> &str {
+    text.split_once(". ").map_or(text, |(first, _)| first).trim_end_matches('.')
+}
+
+fn described(schema: &Value, text: &str) -> Value {
+    let mut schema = schema.clone();
+    schema["description"] = text.into();
+    schema
+}
+
+/// True for a field that may be null: it may be left out.
+fn is_optional(schema: &Value) -> bool {
+    schema["type"].as_array().is_some_and(|types| types.contains(&json!("null")))
+}
+
+fn instance() -> Value {
+    json!({
+        "name": "instance", "in": "path", "required": true, "description": "Name of the instance.",
+        "schema": {"type": "string"},
+    })
+}
+
+fn json_body(schema: Value) -> Value {
+    json!({"required": true, "content": {"application/json": {"schema": schema}}})
+}
+
+fn responses(schema: Value) -> Value {
+    json!({
+        "200": {"description": "The operation is done.", "content": {"application/json": {"schema": schema}}},
+        "default": {
+            "description": "The operation was refused.",
+            "content": {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}},
+        },
+    })
+}
+
+/// The paths that are not operations of the table.
+fn fixed_paths() -> Map<String, Value> {
+    let object = json!({"type": "object"});
+    let request = json!({
+        "operationId": "request",
+        "summary": "Executes several operations as one request, at one moment",
+        "parameters": [instance()],
+        "requestBody": json_body(json!({
+            "type": "object",
+            "properties": {"operations": {
+                "type": "array",
+                "maxItems": MAX_OPS,
+                "items": {"description": "An operation: its name, or an object with its name and its fields."},
+            }},
+            "required": ["operations"],
+        })),
+        "responses": responses(json!({
+            "type": "object", "properties": {"replies": {"type": "array", "items": {}}}, "required": ["replies"],
+        })),
+    });
+    let list = json!({
+        "operationId": "instances", "summary": "Lists the instances", "responses": responses(object),
+    });
+    let paths = [
+        ("/api/v1/instances", json!({ "get": list })),
+        ("/api/v1/instances/{instance}/request", json!({ "post": request })),
+    ];
+    paths.into_iter().map(|(path, item)| (path.to_owned(), item)).collect()
+}
+
+/// Name of the schema of a reply.
+fn reply_name(reply: &str) -> String {
+    let words = reply.split('_').map(|word| {
+        let (first, rest) = word.split_at_checked(1).unwrap_or((word, ""));
+        first.to_uppercase() + rest
+    });
+    words.collect::<String>() + "Reply"
+}
+
+fn schemas() -> Map<String, Value> {
+    let mut schemas: Map<String, Value> = answers()
+        .iter()
+        .map(|answer| (reply_name(answer.name), described(&reply(answer), &answer.text)))
+        .collect();
+    schemas.insert("Problem".to_owned(), problem());
+    schemas
+}
+
+/// The JSON form of a reply: its name alone, or an object with its name and its content.
+fn reply(answer: &Answer) -> Value {
+    let content = match &answer.value {
+        Some(value) => value.clone(),
+        None if answer.fields.is_empty() => return json!({"type": "string", "enum": [answer.name]}),
+        None => {
+            let fields: Map<String, Value> = answer
+                .fields
+                .iter()
+                .map(|field| (field.name.to_owned(), described(&field.schema, &field.text)))
+                .collect();
+            let required: Vec<_> = answer.fields.iter().map(|field| field.name).collect();
+            json!({"type": "object", "properties": fields, "required": required})
+        }
+    };
+    json!({"type": "object", "properties": {answer.name: content}, "required": [answer.name]})
+}
+
+fn problem() -> Value {
+    json!({
+        "type": "object",
+        "description": "A problem document (RFC 9457).",
+        "properties": {
+            "type": {"type": "string", "format": "uri"},
+            "title": {"type": "string"},
+            "status": {"type": "integer"},
+            "detail": {"type": "string", "description": "The reason, with the thing that it concerns."},
+            "exit_code": {"type": "integer", "description": "Exit code of a command for the same error."},
+            "code": {"type": "integer", "description": "Code of the refusal, if the emulator has refused the operation."},
+        },
+        "required": ["type", "title", "status", "detail"],
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_operation_of_the_table_is_described() {
+        let paths = DOCUMENT["paths"].as_object().unwrap();
+        for operation in table() {
+            let item = &paths[&format!("/api/v1/instances/{{instance}}/{}", operation.name)];
+            let by = operations::method(&operation).as_str().to_lowercase();
+            let reply = item[&by]["responses"]["200"]["content"]["application/json"]["schema"]["$ref"]
+                .as_str()
+                .unwrap();
+            let name = reply.rsplit('/').next().unwrap();
+            assert!(DOCUMENT["components"]["schemas"][name].is_object(), "{reply}");
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! Operations of the table by HTTP: nothing here knows a single one of them.
+
+use super::hub::InstanceLinks;
+use super::link::Connection;
+use super::problem::Problem;
+use crate::channel::ClientError;
+use crate::cli::error::CliError;
+use crate::request::{Class, MAX_OPS, Op, Operation, Reply, operations};
+use axum::http::{Method, StatusCode};
+use serde_json::{Map, Value, json};
+use std::sync::LazyLock;
+
+static TABLE: LazyLock<Vec<Operation>> = LazyLock::new(operations);
+
+/// The operation of this name.
+pub(super) fn find(name: &str) -> Option<&'static Operation> {
+    TABLE.iter().find(|operation| operation.name == name)
+}
+
+/// The method by which an operation is requested: GET changes nothing.
+pub(super) fn method(operation: &Operation) -> Method {
+    if operation.class == Class::Looks { Method::GET } else { Method::POST }
+}
+
+/// The operation with these fields.
+///
+/// # Errors
+/// A field is missing, unknown or out of its range.
+pub(super) fn with_fields(operation: &Operation, fields: Map<String, Value>) -> Result<Op, Problem> {
+    for field in &operation.fields {
+        if let Some(value) = fields.get(field.name) {
+            check(&field.schema, value).map_err(|right| {
+                Problem::wrong_use(format!("{}: field `{}` is {value}, {right}", operation.name, field.name))
+                    .with("field", field.name)
+            })?;
+        }
+    }
+    let name = operation.name;
+    let form =
+        if operation.fields.is_empty() && fields.is_empty() { json!(name) } else { json!({ name: fields }) };
+    serde_json::from_value(form).map_err(|reason| Problem::wrong_use(format!("{name}: {reason}")))
+}
+
+/// Checks a value against the type and range of its schema, as far as the message of serde would not name the field.
+fn check(schema: &Value, value: &Value) -> Result<(), String> {
+    if let Some(known) = schema["enum"].as_array() {
+        return match known.contains(value) {
+            true => Ok(()),
+            false => Err(format!("not one of {}", schema["enum"])),
+        };
+    }
+    let is_right = match schema["type"].as_str() {
+        Some("integer") => is_within(schema, value),
+        Some("boolean") => value.is_boolean(),
+        _ => true,
+    };
+    match (is_right, schema["type"].as_str()) {
+        (true, _) => Ok(()),
+        (false, Some("integer")) => {
+            Err(format!("not an integer from {} to {}", schema["minimum"], schema["maximum"]))
+        }
+        (false, _) => Err("not true or false".to_owned()),
+    }
+}
+
+/// Whether an integer is in the range of its schema.
+fn is_within(schema: &Value, value: &Value) -> bool {
+    let number = |value: &Value| value.as_i64().map(i128::from).or(value.as_u64().map(i128::from));
+    let (least, most) = (number(&schema["minimum"]), number(&schema["maximum"]));
+    number(value)
+        .is_some_and(|it| least.is_none_or(|least| it >= least) && most.is_none_or(|most| it <= most))
+}
+
+/// The fields of a query string; numbers and booleans get their types from the table.
+pub(super) fn fields_of_query(operation: &Operation, query: Vec<(String, String)>) -> Map<String, Value> {
+    let typed = |name: &str, text: String| {
+        let field = operation.fields.iter().find(|field| field.name == name);
+        let is_text =
+            field.is_some_and(|field| field.schema["enum"].is_array() || field.schema["type"] == "string");
+        match serde_json::from_str(&text) {
+            Ok(value) if !is_text => value,
+            _ => Value::from(text),
+        }
+    };
+    query.into_iter().map(|(name, text)| (name.clone(), typed(&name, text))).collect()
+}
+
+/// Refuses an operation that changes something on a server that only reads.
+///
+/// # Errors
+/// It does.
+pub(super) fn check_reads_only(op: &Op) -> Result<(), Problem> {
+    if op.class() == Class::Looks {
+        return Ok(());
+    }
+    let detail = "this server was started with --read-only: it refuses operations that change something";
+    Err(Problem::new(StatusCode::FORBIDDEN, "read-only", detail))
+}
+
+/// Executes an operation and returns the JSON form of its reply.
+///
+/// # Errors
+/// The operation was refused, or the emulator cannot be reached.
+pub(super) async fn execute(links: &InstanceLinks, op: Op) -> Result<Value, Problem> {
+    let replies = execute_all(links, vec![op]).await?;
+    replies.into_iter().next().ok_or_else(|| CliError::from(crate::request::WrongReply).into())
+}
+
+/// Executes operations as one request, and returns the JSON forms of their replies.
+///
+/// # Errors
+/// An operation was refused: the problem has its `index`, and the `replies` of the operations before it. Or the
+/// emulator cannot be reached.
+pub(super) async fn execute_all(links: &InstanceLinks, ops: Vec<Op>) -> Result<Vec<Value>, Problem> {
+    let link = if ops.iter().all(|op| op.class() == Class::Looks) { &links.looks } else { &links.acts };
+    link.run(move |connection| request(connection, &ops)).await
+}
+
+fn request(connection: &mut Connection, ops: &[Op]) -> Result<Vec<Value>, Problem> {
+    if ops.len() > MAX_OPS {
+        return Err(CliError::Client(ClientError::TooManyOperations { count: ops.len() }).into());
+    }
+    connection.session.expect_to_wait(ops.iter().map(Op::advances_us).sum());
+    let replies = connection.session.replies(ops)?;
+    let mut forms = Vec::with_capacity(replies.len());
+    for (index, reply) in replies.iter().enumerate() {
+        if let Reply::Error(refused) = reply {
+            let problem = Problem::refused(refused);
+            return Err(match ops.len() {
+                1 => problem,
+                _ => problem.with("index", index).with("replies", forms),
+            });
+        }
+        let form = serde_json::to_value(reply.json(&connection.names));
+        forms.push(form.map_err(|reason| Problem::wrong_use(reason.to_string()))?);
+    }
+    Ok(forms)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parsed(name: &str, fields: Value) -> Result<Op, String> {
+        let Value::Object(fields) = fields else { panic!("not an object") };
+        with_fields(find(name).unwrap(), fields).map_err(|problem| problem.detail().to_owned())
+    }
+
+    #[test]
+    fn an_operation_is_its_name_and_its_fields() {
+        assert_eq!(parsed("advance", json!({"us": 5})), Ok(Op::Advance { us: 5 }));
+        assert_eq!(parsed("forces", json!({})), Ok(Op::Forces));
+        let missing = parsed("advance", json!({})).unwrap_err();
+        assert!(missing.contains("missing field `us`"), "{missing}");
+        let unknown = parsed("advance", json!({"us": 5, "ms": 1})).unwrap_err();
+        assert!(unknown.contains("unknown field `ms`"), "{unknown}");
+        assert!(parsed("forces", json!({"us": 5})).is_err());
+    }
+
+    #[test]
+    fn a_wrong_value_is_named_with_its_field_and_range() {
+        let text = parsed("advance", json!({"us": "5"})).unwrap_err();
+        assert_eq!(text, "advance: field `us` is \"5\", not an integer from 0 to 86400000000");
+        let wide = parsed("peek", json!({"plc": 0, "offset": 0, "width": "Qword"})).unwrap_err();
+        assert!(wide.contains("`width`") && wide.contains("Dword"), "{wide}");
+        let flag = parsed("wait_for", json!({"any": 1, "within_us": 5})).unwrap_err();
+        assert!(flag.contains("`any`") && flag.contains("true or false"), "{flag}");
+        assert!(parsed("set_parameter", json!({"drive": 0, "number": 1, "value": -5})).is_ok());
+    }
+
+    #[test]
+    fn a_query_gets_its_types_from_the_table() {
+        let peek = find("peek").unwrap();
+        let query = [("plc", "0"), ("offset", "12"), ("width", "Word")];
+        let query = query.map(|(name, text)| (name.to_owned(), text.to_owned())).to_vec();
+        let fields = fields_of_query(peek, query);
+        assert!(with_fields(peek, fields).is_ok());
+    }
+
+    #[test]
+    fn only_operations_that_change_nothing_are_requested_by_get() {
+        let by_get: Vec<_> = TABLE.iter().filter(|it| method(it) == Method::GET).map(|it| it.name).collect();
+        assert!(by_get.contains(&"peek") && by_get.contains(&"info"), "{by_get:?}");
+        for name in ["stop", "poke", "follow", "advance", "back", "save", "wait"] {
+            assert!(!by_get.contains(&name), "{name}");
+        }
+    }
+}

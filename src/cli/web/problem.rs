@@ -1,0 +1,161 @@
+//! Errors as problem documents (RFC 9457).
+
+use crate::channel::ClientError;
+use crate::cli::error::CliError;
+use crate::cli::exit::Exit;
+use crate::request::Refused;
+use axum::body::Body;
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde_json::{Map, Value, json};
+
+/// Media type of a problem document.
+const MEDIA_TYPE: HeaderValue = HeaderValue::from_static("application/problem+json");
+/// First part of the types of problems.
+const TYPE: &str = "urn:commram:problem:";
+
+/// An error that a client of the HTTP interface gets.
+#[derive(Clone, Debug)]
+pub(super) struct Problem {
+    status: StatusCode,
+    /// Last part of its type.
+    kind: &'static str,
+    title: &'static str,
+    detail: String,
+    /// Further members.
+    members: Map<String, Value>,
+    /// True if the emulator has gone, so that a connection to it is of no more use.
+    is_gone: bool,
+}
+
+impl Problem {
+    /// A problem of the request itself, which has not reached an emulator.
+    pub(super) fn new(status: StatusCode, kind: &'static str, detail: impl Into<String>) -> Self {
+        let title = status.canonical_reason().unwrap_or("error");
+        Self { status, kind, title, detail: detail.into(), members: Map::new(), is_gone: false }
+    }
+
+    /// A request that is not valid.
+    pub(super) fn wrong_use(detail: impl Into<String>) -> Self {
+        Self::new(StatusCode::BAD_REQUEST, "wrong-use", detail).with("exit_code", Exit::WrongUse.code())
+    }
+
+    /// A thing that the server does not have.
+    pub(super) fn not_found(detail: impl Into<String>) -> Self {
+        Self::new(StatusCode::NOT_FOUND, "not-found", detail)
+    }
+
+    /// A limit of the server is reached.
+    pub(super) fn too_many(detail: impl Into<String>) -> Self {
+        Self::new(StatusCode::SERVICE_UNAVAILABLE, "too-many", detail)
+            .with("exit_code", Exit::NotThere.code())
+    }
+
+    /// The same problem with a further member.
+    pub(super) fn with(mut self, name: &str, value: impl Into<Value>) -> Self {
+        self.members.insert(name.to_owned(), value.into());
+        self
+    }
+
+    /// The refusal of an operation by the emulator.
+    pub(super) fn refused(refused: &Refused) -> Self {
+        let error = CliError::Client(ClientError::Refused(refused.clone()));
+        let mut problem = Self::of(&error, "refused").with("code", refused.code.0);
+        if let Some(waited) = refused.waited {
+            problem = problem.with("waited", json!(waited));
+        }
+        problem
+    }
+
+    /// True if the emulator has gone.
+    pub(super) fn is_gone(&self) -> bool {
+        self.is_gone
+    }
+
+    /// The text for people.
+    #[cfg(test)]
+    pub(super) fn detail(&self) -> &str {
+        &self.detail
+    }
+
+    fn of(error: &CliError, kind: &'static str) -> Self {
+        let code = error.exit_code();
+        let exit = Exit::ALL.into_iter().find(|exit| exit.code() == code).unwrap_or(Exit::Failed);
+        let (status, title) = match exit {
+            Exit::WrongUse => (StatusCode::BAD_REQUEST, "wrong use"),
+            Exit::NotThere => (StatusCode::SERVICE_UNAVAILABLE, "the emulator does not answer"),
+            _ => (StatusCode::CONFLICT, "the plant is in another state"),
+        };
+        let is_late = matches!(error, CliError::Busy { .. } | CliError::Client(ClientError::Timeout { .. }));
+        Self {
+            status,
+            kind,
+            title,
+            detail: error.to_string(),
+            members: Map::new(),
+            is_gone: exit == Exit::NotThere && !is_late,
+        }
+        .with("exit_code", code)
+    }
+}
+
+impl From<CliError> for Problem {
+    fn from(error: CliError) -> Self {
+        match &error {
+            CliError::Client(ClientError::Refused(refused)) => Self::refused(refused),
+            CliError::NotRunning { .. } => {
+                Self { status: StatusCode::NOT_FOUND, ..Self::of(&error, "not-running") }
+            }
+            _ => {
+                let kind = match error.exit_code() {
+                    2 => "wrong-use",
+                    3 => "not-there",
+                    _ => "failed",
+                };
+                Self::of(&error, kind)
+            }
+        }
+    }
+}
+
+impl IntoResponse for Problem {
+    fn into_response(self) -> Response {
+        let mut members = self.members;
+        let allowed =
+            members.get("allow").and_then(Value::as_str).and_then(|it| HeaderValue::from_str(it).ok());
+        members.insert("type".to_owned(), format!("{TYPE}{}", self.kind).into());
+        members.insert("title".to_owned(), self.title.into());
+        members.insert("status".to_owned(), self.status.as_u16().into());
+        members.insert("detail".to_owned(), self.detail.into());
+        let mut response = Response::new(Body::from(Value::Object(members).to_string()));
+        *response.status_mut() = self.status;
+        response.headers_mut().insert(header::CONTENT_TYPE, MEDIA_TYPE);
+        if let Some(allowed) = allowed {
+            response.headers_mut().insert(header::ALLOW, allowed);
+        }
+        if self.status == StatusCode::UNAUTHORIZED {
+            response.headers_mut().insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
+        }
+        response
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::request::Code;
+
+    fn problem(code: Code) -> Problem {
+        Problem::refused(&Refused::new(code, "node2.w_X: text"))
+    }
+
+    #[test]
+    fn the_status_follows_the_exit_code() {
+        assert_eq!(problem(Code::UNMAPPED).status, StatusCode::BAD_REQUEST);
+        assert_eq!(problem(Code::CLOCK_IS_REAL_TIME).status, StatusCode::CONFLICT);
+        let ending = problem(Code::SHUTTING_DOWN);
+        assert_eq!((ending.status, ending.is_gone()), (StatusCode::SERVICE_UNAVAILABLE, true));
+        let unknown = CliError::NotRunning { instance: "x".into(), running: String::new() };
+        assert_eq!(Problem::from(unknown).status, StatusCode::NOT_FOUND);
+    }
+}

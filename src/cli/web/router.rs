@@ -1,0 +1,153 @@
+//! The paths of the HTTP interface.
+
+use super::App;
+use super::problem::Problem;
+use super::{assets, events, guard, openapi, operations, session, show};
+use axum::Router;
+use axum::body::{Body, to_bytes};
+use axum::extract::rejection::QueryRejection;
+use axum::extract::{Path, Query, Request, State};
+use axum::http::{HeaderValue, Method, StatusCode, header};
+use axum::middleware::{Next, from_fn_with_state};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{any, get, post};
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Maximum size of the body of a request, in bytes.
+const MAX_BODY: usize = 1 << 20;
+/// Maximum time to receive a body.
+const BODY_TIME: Duration = Duration::from_secs(10);
+
+/// Fields of a query string, in their order.
+pub(super) type Pairs = Vec<(String, String)>;
+
+/// All paths.
+pub(super) fn router(app: Arc<App>) -> Router {
+    Router::new()
+        .route(session::PATH, get(session::check).post(session::open).delete(session::close))
+        .route("/api/v1/openapi.json", get(openapi::answer))
+        .route("/api/v1/instances", get(show::instances))
+        .route("/api/v1/instances/{instance}/request", post(request))
+        .route("/api/v1/instances/{instance}/events", get(events::answer))
+        .route("/api/v1/instances/{instance}/{operation}", any(operation))
+        .fallback(asset)
+        .method_not_allowed_fallback(wrong_method)
+        .layer(from_fn_with_state(Arc::clone(&app), check))
+        .with_state(app)
+}
+
+async fn check(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
+    let mut response = match app.guard.check(&request) {
+        Ok(()) => next.run(request).await,
+        Err(problem) => problem.into_response(),
+    };
+    guard::protect(response.headers_mut());
+    response
+}
+
+async fn asset(request: Request) -> Result<Response, Problem> {
+    if request.uri().path().starts_with("/api/") {
+        return Err(Problem::not_found(format!("there is no path {}", request.uri().path())));
+    }
+    if !matches!(*request.method(), Method::GET | Method::HEAD) {
+        return Err(needs(&Method::GET));
+    }
+    Ok(assets::answer(request.uri().path(), request.headers()))
+}
+
+/// A path that knows this method only for another path.
+async fn wrong_method(request: Request) -> Problem {
+    let detail = format!("{} does not know the method {}", request.uri().path(), request.method());
+    Problem::new(StatusCode::METHOD_NOT_ALLOWED, "method", detail)
+}
+
+fn needs(method: &Method) -> Problem {
+    let detail = format!("this path needs the method {method}");
+    Problem::new(StatusCode::METHOD_NOT_ALLOWED, "method", detail).with("allow", method.as_str())
+}
+
+/// An operation of the table: its fields are the query, or the body of a POST.
+async fn operation(
+    State(app): State<Arc<App>>,
+    Path((instance, name)): Path<(String, String)>,
+    query: Result<Query<Pairs>, QueryRejection>,
+    request: Request,
+) -> Result<Response, Problem> {
+    let found = operations::find(&name);
+    let operation = found.ok_or_else(|| Problem::not_found(format!("there is no operation `{name}`")))?;
+    let method = operations::method(operation);
+    if *request.method() != method {
+        return Err(needs(&method));
+    }
+    let fields = match method {
+        Method::GET => operations::fields_of_query(operation, pairs(query)?),
+        _ => body_of(request).await?,
+    };
+    let op = operations::with_fields(operation, fields)?;
+    app.check_writes(&op)?;
+    let links = app.hub.find(&instance)?;
+    let reply =
+        operations::execute(&links, op).await.inspect_err(|problem| app.notice(&instance, problem))?;
+    Ok(json_response(&reply))
+}
+
+/// Several operations as one request.
+async fn request(
+    State(app): State<Arc<App>>,
+    Path(instance): Path<String>,
+    request: Request,
+) -> Result<Response, Problem> {
+    let mut fields = body_of(request).await?;
+    let form = fields.remove("operations").unwrap_or_default();
+    let ops: Vec<crate::request::Op> = serde_json::from_value(form)
+        .map_err(|reason| Problem::wrong_use(format!("`operations` is no list of operations: {reason}")))?;
+    ops.iter().try_for_each(|op| app.check_writes(op))?;
+    let links = app.hub.find(&instance)?;
+    let replies =
+        operations::execute_all(&links, ops).await.inspect_err(|problem| app.notice(&instance, problem))?;
+    Ok(json_response(&json!({ "replies": replies })))
+}
+
+/// The fields of a query string.
+///
+/// # Errors
+/// It has another form.
+pub(super) fn pairs(query: Result<Query<Pairs>, QueryRejection>) -> Result<Pairs, Problem> {
+    query.map(|Query(pairs)| pairs).map_err(|reason| Problem::wrong_use(reason.to_string()))
+}
+
+/// The JSON object in the body of a request; no body is an empty one.
+///
+/// # Errors
+/// The body is too large, too slow, or something else.
+pub(super) async fn body_of(request: Request) -> Result<Map<String, Value>, Problem> {
+    let read = tokio::time::timeout(BODY_TIME, to_bytes(request.into_body(), MAX_BODY));
+    let late = |_| Problem::new(StatusCode::REQUEST_TIMEOUT, "slow", "the body did not arrive in time");
+    let bytes = read.await.map_err(late)?.map_err(|_| {
+        let detail = format!("the body has more than {MAX_BODY} bytes, or was cut off");
+        Problem::new(StatusCode::PAYLOAD_TOO_LARGE, "too-large", detail)
+    })?;
+    if bytes.is_empty() {
+        return Ok(Map::new());
+    }
+    serde_json::from_slice(&bytes)
+        .map_err(|reason| Problem::wrong_use(format!("the body is no JSON object: {reason}")))
+}
+
+/// A response with a value as JSON.
+pub(super) fn json_response(value: &impl Serialize) -> Response {
+    match serde_json::to_string(value) {
+        Ok(text) => json_text(text),
+        Err(reason) => Problem::wrong_use(reason.to_string()).into_response(),
+    }
+}
+
+/// A response with a text that is JSON.
+pub(super) fn json_text(text: String) -> Response {
+    let mut response = Response::new(Body::from(text));
+    response.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static("application/json"));
+    response
+}

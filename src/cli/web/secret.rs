@@ -1,0 +1,138 @@
+//! The token and the key of the cookie: random, compared in constant time, kept in a file of this user only.
+
+use crate::cli::error::CliError;
+use crate::memory::private::PrivateDir;
+use rustix::rand::{GetRandomFlags, getrandom};
+use std::fmt::Write as _;
+use std::fs::{File, OpenOptions};
+use std::io::{self, Write as _};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+use subtle::ConstantTimeEq;
+
+/// Length of a secret in bytes.
+const BYTES: usize = 32;
+
+/// 256 random bits as hexadecimal digits. The type has no `Debug`, so that no message can contain a secret.
+pub(super) struct Secret(String);
+
+impl Secret {
+    /// Creates a secret.
+    ///
+    /// # Errors
+    /// The kernel has no random numbers.
+    pub(super) fn random() -> io::Result<Self> {
+        let mut bytes = [0; BYTES];
+        let mut filled = 0;
+        while let Some(rest) = bytes.get_mut(filled..).filter(|rest| !rest.is_empty()) {
+            filled += getrandom(rest, GetRandomFlags::empty())?;
+        }
+        let mut digits = String::with_capacity(2 * BYTES);
+        for byte in bytes {
+            // Writing to a string cannot fail.
+            let _ = write!(digits, "{byte:02x}");
+        }
+        Ok(Self(digits))
+    }
+
+    /// Compares in a time that depends only on the length of `text`.
+    pub(super) fn is(&self, text: &[u8]) -> bool {
+        self.0.as_bytes().ct_eq(text).into()
+    }
+
+    /// The digits.
+    pub(super) fn digits(&self) -> &str {
+        &self.0
+    }
+}
+
+/// The file with the token. Dropping it removes the file, unless another process has replaced it.
+pub(super) struct TokenFile {
+    path: PathBuf,
+    file: File,
+    /// The directory for tokens, if the file is there.
+    directory: Option<PrivateDir>,
+}
+
+impl TokenFile {
+    /// Writes the token to a new file of mode 0600.
+    ///
+    /// # Errors
+    /// The file exists already, or cannot be written.
+    pub(super) fn write(path: &Path, token: &Secret) -> Result<Self, CliError> {
+        let failed = |reason| CliError::File { path: path.to_owned(), reason };
+        let mut options = OpenOptions::new();
+        let mut file = options.write(true).create_new(true).mode(0o600).open(path).map_err(failed)?;
+        let this = Self { path: path.to_owned(), file: file.try_clone().map_err(failed)?, directory: None };
+        file.write_all(format!("{}\n", token.digits()).as_bytes()).map_err(failed)?;
+        Ok(this)
+    }
+
+    /// Writes the token to the file `name` of the user's directory for tokens, in place of a file that a killed server
+    /// has left.
+    ///
+    /// # Errors
+    /// The directory does not belong to this user, or the file cannot be written.
+    pub(super) fn usual(name: &str, token: &Secret) -> Result<Self, CliError> {
+        let path = directory();
+        let directory = PrivateDir::create(&path)?;
+        directory.remove(name);
+        let mut file = Self::write(&path.join(name), token)?;
+        file.directory = Some(directory);
+        Ok(file)
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+impl Drop for TokenFile {
+    fn drop(&mut self) {
+        let own = self.file.metadata().ok().map(|own| (own.dev(), own.ino()));
+        let named = self.path.symlink_metadata().ok().map(|named| (named.dev(), named.ino()));
+        if own.is_some() && own == named {
+            let _ = std::fs::remove_file(&self.path);
+        }
+        if let Some(directory) = &self.directory {
+            directory.remove_if_empty();
+        }
+    }
+}
+
+/// The directory for tokens: of the session manager, or of this user in the file system of the images.
+fn directory() -> PathBuf {
+    let runtime = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from).filter(|path| path.is_absolute());
+    match runtime {
+        Some(runtime) => runtime.join("commram"),
+        None => {
+            let user = rustix::process::geteuid().as_raw();
+            Path::new(crate::memory::names::IMAGE_DIRECTORY).join(format!("commram-web-{user}"))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn secrets_differ_and_match_only_themselves() {
+        let [one, other] = [(); 2].map(|()| Secret::random().unwrap());
+        assert_eq!(one.digits().len(), 64);
+        assert!(one.is(one.digits().as_bytes()));
+        assert!(!one.is(other.digits().as_bytes()) && !one.is(b"") && !one.is(&[b'0'; 65]));
+    }
+
+    #[test]
+    fn the_file_is_for_its_owner_and_goes_with_the_server() {
+        let place = tempfile::tempdir().unwrap();
+        let (path, token) = (place.path().join("token"), Secret::random().unwrap());
+        let file = TokenFile::write(&path, &token).unwrap();
+        assert_eq!(path.metadata().unwrap().mode() & 0o7777, 0o600);
+        assert_eq!(std::fs::read_to_string(&path).unwrap().trim(), token.digits());
+        assert!(TokenFile::write(&path, &token).is_err(), "an existing file is not overwritten");
+        drop(file);
+        assert!(!path.exists());
+    }
+}

@@ -1,0 +1,96 @@
+//! Accepts connections and serves them until the end.
+
+use super::App;
+use super::connections::{Connections, OpenConnection};
+use super::router::router;
+use crate::cli::error::CliError;
+use axum::Router;
+use hyper::body::Incoming;
+use hyper::server::conn::http1;
+use hyper::service::{Service, service_fn};
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
+use std::net::TcpListener as StdListener;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::watch;
+
+/// Maximum time to receive the head of a request, also between two requests of a connection.
+const HEAD_TIME: Duration = Duration::from_secs(30);
+/// Time after which a connection is closed whose peer takes none of the sent data, in milliseconds.
+const UNREAD_MS: u32 = 30_000;
+/// Maximum size of the head of a request, in bytes.
+const MAX_HEAD: usize = 16 << 10;
+/// Maximum number of headers of a request.
+const MAX_HEADERS: usize = 64;
+/// Pause after an error of accept: all file descriptors are in use.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
+/// Time in which connections can send their last data at the end of the server.
+const LAST_WORDS: Duration = Duration::from_millis(300);
+
+/// Serves until `end` becomes true.
+///
+/// # Errors
+/// The system refuses.
+pub(super) fn serve(
+    app: Arc<App>,
+    listener: StdListener,
+    mut end: watch::Receiver<bool>,
+) -> Result<(), CliError> {
+    let failed = |reason| CliError::Process { reason };
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(failed)?;
+    listener.set_nonblocking(true).map_err(failed)?;
+    runtime.block_on(async {
+        let listener = TcpListener::from_std(listener).map_err(failed)?;
+        let router = router(app);
+        tokio::select! {
+            () = accept(&listener, &router) => {}
+            // An error means that there is no sender any more, which is an end, too.
+            _ = end.wait_for(|ends| *ends) => {}
+        }
+        tokio::time::sleep(LAST_WORDS).await;
+        Ok::<(), CliError>(())
+    })?;
+    // Threads that wait for an emulator end with the process.
+    runtime.shutdown_background();
+    Ok(())
+}
+
+async fn accept(listener: &TcpListener, router: &Router) {
+    let connections = Connections::default();
+    loop {
+        match listener.accept().await {
+            Ok((stream, _)) => {
+                if let Some(connection) = connections.enter() {
+                    tokio::spawn(converse(stream, connection, router.clone()));
+                }
+            }
+            Err(_) => tokio::time::sleep(ACCEPT_PAUSE).await,
+        }
+    }
+}
+
+/// Serves a connection until one of its ends closes it.
+async fn converse(stream: TcpStream, connection: OpenConnection, router: Router) {
+    // Without these options a connection only lasts longer, or its answers are late.
+    let _ = rustix::net::sockopt::set_tcp_user_timeout(&stream, UNREAD_MS);
+    let _ = stream.set_nodelay(true);
+    let peer = Arc::clone(&connection.peer);
+    let handler = TowerToHyperService::new(router);
+    let service = service_fn(move |mut request: hyper::Request<Incoming>| {
+        request.extensions_mut().insert(Arc::clone(&peer));
+        handler.call(request)
+    });
+    let mut http = http1::Builder::new();
+    http.timer(TokioTimer::new())
+        .header_read_timeout(HEAD_TIME)
+        .max_buf_size(MAX_HEAD)
+        .max_headers(MAX_HEADERS);
+    let served = http.serve_connection(TokioIo::new(stream), service);
+    tokio::select! {
+        // The client has closed the connection, or sent something else than HTTP.
+        _ = served => {}
+        () = connection.peer.closed() => {}
+    }
+}
