@@ -23,6 +23,9 @@ const WORDS: &[(&str, &str, &str)] = &[
     ("fault", "remove", "commram fault clear NUMBER"),
     ("fault", "delete", "commram fault clear NUMBER"),
     ("fault", "kinds", "commram fault add --help"),
+    ("", "init", "commram new DIR"),
+    ("", "create", "commram new DIR"),
+    ("plant", "new", "commram new DIR"),
     ("plant", "validate", "commram plant check PLANT.toml"),
     ("drive", "get", "commram drive show NAME"),
 ];

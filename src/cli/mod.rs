@@ -26,6 +26,7 @@ mod layout;
 mod list;
 mod man;
 mod map;
+mod new;
 mod number;
 mod output;
 mod parse;
@@ -49,6 +50,7 @@ mod style;
 mod table;
 mod test;
 mod trace;
+mod version;
 mod view;
 mod wait;
 mod watch;
@@ -69,7 +71,7 @@ use std::process::ExitCode;
 /// RAM of each of its PLCs is the file /dev/shm/commram.INSTANCE.PLC. The first page of the file contains the
 /// addresses of its areas.
 #[derive(Parser)]
-#[command(name = "commram", version, color = ColorChoice::Never, max_term_width = 100, after_help = after_help())]
+#[command(name = "commram", version, long_version = version::long(), color = ColorChoice::Never, max_term_width = 100, after_help = after_help())]
 struct Cli {
     /// Colours: on a terminal (unless NO_COLOR is set), always, never
     #[arg(long, global = true, value_enum, value_name = "WHEN", default_value_t = style::ColourMode::Auto, hide_possible_values = true)]
@@ -126,6 +128,7 @@ enum Command {
     Find(find::Args),
     Export(export::Args),
     Layout(layout::Args),
+    New(new::Args),
     Plant(plant::Args),
     Plot(plot::Args),
     #[command(aliases = ["get", "read"])]
@@ -197,6 +200,7 @@ impl Command {
             Command::Find(args) => find::run(&args),
             Command::Export(args) => export::run(&args),
             Command::Layout(args) => layout::run(&args),
+            Command::New(args) => new::run(&args),
             Command::Plant(args) => plant::run(&args),
             Command::Plot(args) => plot::run(&args),
             Command::Peek(args) => peek::run(&args),

@@ -12,7 +12,7 @@ const GROUPS: &[(&str, &[&str])] = &[
     ("Emulators", &["run", "with", "list", "status", "stop", "demo"]),
     ("Registers", &["peek", "poke", "force", "unforce", "wait", "watch", "dump", "diff"]),
     ("Time", &["step", "snapshot", "restore"]),
-    ("Plants", &["plant", "bus", "drive", "board", "fault"]),
+    ("Plants", &["new", "plant", "bus", "drive", "board", "fault"]),
     ("Analysis", &["view", "shell", "trace", "plot", "check"]),
     ("Tests", &["test", "soak"]),
     ("Register map", &["map", "find", "export", "layout"]),

@@ -26,6 +26,8 @@ mod exercise;
 mod fault_tests;
 #[cfg(all(test, feature = "channel"))]
 mod fields_tests;
+#[cfg(feature = "emulator")]
+mod first_exchange;
 #[cfg(feature = "plc")]
 mod intr_set;
 #[cfg(feature = "emulator")]
@@ -63,6 +65,8 @@ pub use catalogue::{bus_site, catalogue, door_fits, fault_kinds, faults_of_devic
 pub use config::{BusKind, BusSection, DeviceConfig, Doubt, MasterConfig, PortConfig, Read};
 #[cfg(feature = "emulator")]
 pub use exercise::{Exercise, Move, Wrong};
+#[cfg(feature = "emulator")]
+pub use first_exchange::FirstExchange;
 #[cfg(feature = "emulator")]
 pub use module::{Led, ModuleFront, ReadModule, Switch, modules};
 #[cfg(feature = "emulator")]

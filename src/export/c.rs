@@ -5,7 +5,7 @@ use super::constants;
 use super::members::{self, Member};
 use super::scope::Scope;
 use super::text;
-use crate::layout::{RegType, Structure, format_value};
+use crate::layout::{AreaStructure, DeviceLayout, RegType, Structure, format_value};
 use crate::memory::HEADER_SIZE;
 use crate::memory::contract::{self, FieldKind, HeaderStruct};
 use crate::memory::header::{ABI_VERSION, MAGIC};
@@ -181,6 +181,22 @@ fn assert_size(out: &mut String, name: &str, bytes: u32) {
     let _ = writeln!(out, "COMMRAM_ASSERT(sizeof({name}) == {bytes}, \"{name} has not {bytes} bytes\");");
 }
 
+/// Returns the expression for a register of the image `ram`: the function of its structure, `(&ram)->`, the register.
+/// `name` has an area in front; none if the device has no such register.
+pub(crate) fn register_expression(device: &'static DeviceLayout, name: &str) -> Option<String> {
+    let (area, register) = name.split_once('.')?;
+    let area = device.area(area).ok()?;
+    let bare = register.split('[').next()?;
+    let has_it = |placed: &&AreaStructure| placed.structure.registers.iter().any(|it| it.name == bare);
+    let placed = area.structures.iter().find(has_it)?;
+    Some(format!("{}(&ram)->{register}", accessor(placed)))
+}
+
+/// Returns the name of the function that returns a structure in an image.
+fn accessor(placed: &AreaStructure) -> String {
+    format!("commram{}", placed.variable)
+}
+
 /// The places of the structures, and functions that return them in an image.
 fn places(out: &mut String, prefix: &str, scope: &Scope) {
     out.push_str("\n/* The areas, their first bytes in an image, and the structures. */\n\n");
@@ -195,9 +211,10 @@ fn places(out: &mut String, prefix: &str, scope: &Scope) {
         let live = phase.map_or_else(String::new, |phase| format!(", {}", phase.doc));
         let _ = writeln!(
             out,
-            "\n/* {doc}{live}. */\nstatic inline {prefix}{name} *commram{}(const commram *ram)\n{{\n    \
+            "\n/* {doc}{live}. */\nstatic inline {prefix}{name} *{}(const commram *ram)\n{{\n    \
              return ({prefix}{name} *)(ram->base + {}u);\n}}",
-            placed.variable, area.first
+            accessor(placed),
+            area.first
         );
     }
 }

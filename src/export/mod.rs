@@ -29,6 +29,8 @@ use crate::layout::{DeviceLayout, LayoutError};
 use std::fmt;
 use thiserror::Error;
 
+#[cfg(feature = "cli")]
+pub(crate) use c::register_expression;
 pub use constants::{Enumeration, enumerations};
 pub use csv::line as csv_line;
 #[cfg(feature = "emulator")]

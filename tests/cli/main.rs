@@ -40,6 +40,7 @@ mod other_users;
 mod pictures;
 mod plants;
 mod profibus_door;
+mod projects;
 mod registers;
 mod scenarios;
 mod schemas;

@@ -192,7 +192,12 @@ fn help_has_examples_and_no_colours() {
     }
     let help = run(&["--help"]);
     assert!(help.ok().contains("Exit codes:"));
-    assert!(run(&["--version"]).ok().starts_with("commram 0."));
+    let version = run(&["--version"]);
+    assert!(version.ok().starts_with("commram 0."));
+    for part in ["\ncommit    ", "\nfeatures  plc, emulator, ", "\n  can-dp2             16#"] {
+        assert!(version.out.contains(part), "{}", version.out);
+    }
+    assert_eq!(run(&["-V"]).ok().lines().count(), 1);
 }
 
 #[test]
@@ -255,13 +260,9 @@ fn a_full_disk_keeps_the_old_files() {
 
 /// A file size limit of one kilobyte simulates a full disk.
 #[test]
-fn a_full_disk_keeps_the_old_pages_definitions_and_schema() {
+fn a_full_disk_keeps_the_old_pages_and_definitions() {
     let directory = tempfile::tempdir().unwrap();
-    let commands = [
-        ("man .", "commram.1"),
-        ("test --definitions .", "commram.d.rhai"),
-        ("plant new new.toml", "plant.schema.json"),
-    ];
+    let commands = [("man .", "commram.1"), ("test --definitions .", "commram.d.rhai")];
     for (command, name) in commands {
         let path = directory.path().join(name);
         std::fs::write(&path, "old").unwrap();
@@ -272,23 +273,7 @@ fn a_full_disk_keeps_the_old_pages_definitions_and_schema() {
         assert!(outcome.fails(3).contains("cannot write "), "{}", outcome.err);
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "old", "{command}");
     }
-    assert_eq!(directory.path().read_dir().unwrap().count(), 3);
-}
-
-#[test]
-fn a_plant_whose_schema_cannot_be_written_is_not_created() {
-    let directory = tempfile::tempdir().unwrap();
-    let plant = directory.path().join("new.toml");
-    let new = || run(&["plant", "new", plant.to_str().unwrap()]);
-    let schema = directory.path().join("plant.schema.json");
-    std::fs::create_dir(&schema).unwrap();
-    assert!(new().fails(3).contains("plant.schema.json"));
-    assert!(!plant.exists());
-    std::fs::remove_dir(&schema).unwrap();
-    new().ok();
-    let text = std::fs::read(&plant).unwrap();
-    assert!(new().fails(2).contains("this file exists and is not overwritten"));
-    assert_eq!(std::fs::read(&plant).unwrap(), text);
+    assert_eq!(directory.path().read_dir().unwrap().count(), 2);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Checks of plant files before they run: `run --check` and `plant new`.
+//! Checks of plant files before they run.
 
 use crate::common::{Outcome, commram, finish};
 use std::path::Path;
@@ -38,17 +38,4 @@ fn a_plant_is_judged_without_being_started() {
         assert!(json[0]["message"].as_str().unwrap().starts_with(message), "{json}");
     }
     assert!(run_in(directory.path(), &["run", "--format", "json"]).fails(2).contains("--check"));
-}
-
-#[test]
-fn a_new_plant_names_its_schema_and_nothing_is_overwritten() {
-    let directory = TempDir::new().unwrap();
-    let new = || run_in(directory.path(), &["plant", "new", "plant.toml"]);
-    assert_eq!(new().ok(), "plant.toml\nplant.schema.json\n");
-    let text = std::fs::read_to_string(directory.path().join("plant.toml")).unwrap();
-    assert!(text.starts_with("#:schema ./plant.schema.json\n"), "{text}");
-    run_in(directory.path(), &["run", "--check", "plant.toml"]).ok();
-    assert!(new().fails(2).contains("`plant.toml`: this file exists and is not overwritten"));
-    let printed = run_in(directory.path(), &["plant", "new", "--device", "can-dp2"]);
-    assert!(printed.ok().contains("kind = \"can-dp2\""), "{}", printed.out);
 }

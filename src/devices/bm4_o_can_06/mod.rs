@@ -48,6 +48,11 @@ pub(super) static REGISTERED: Registered = Registered {
     emulation: crate::devices::Emulation {
         schema: Some(include_str!("plant.schema.json")),
         template: Some(include_str!("plant.toml")),
+        first_exchange: Some(crate::devices::FirstExchange {
+            writes: &[("slotG.w_CPU_CONTROL", 0x0001)],
+            answer: ("slotG.w_OPTION_STATUS", 0x0002),
+            within: "1ms",
+        }),
         module: Some(read_module),
         demo: Some(&demo::DEMO),
         exercises: &exercise::EXERCISES,

@@ -37,6 +37,11 @@ pub(super) static REGISTERED: Registered = Registered {
     emulation: crate::devices::Emulation {
         schema: Some(include_str!("plant.schema.json")),
         template: Some(include_str!("plant.toml")),
+        first_exchange: Some(crate::devices::FirstExchange {
+            writes: &[("mst.mst_dsap", 60), ("mst.mst_control", 0x0005)],
+            answer: ("mst.mst_control", 0x0004),
+            within: "20ms",
+        }),
         records: records::KINDS,
         rules: rules::ALL,
         demo: Some(&demo::DEMO),

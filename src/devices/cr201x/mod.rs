@@ -31,6 +31,11 @@ pub(super) static REGISTERED: Registered = Registered {
     emulation: crate::devices::Emulation {
         schema: Some(include_str!("plant.schema.json")),
         template: Some(include_str!("plant.toml")),
+        first_exchange: Some(crate::devices::FirstExchange {
+            writes: &[("front.inputs", 0x0001)],
+            answer: ("channels.a_INPUT[0]", 0x0001),
+            within: "500ms",
+        }),
         records: crate::devices::canopen::records::KINDS,
         ..crate::devices::Emulation::of(Cr201xConfig::read)
     },

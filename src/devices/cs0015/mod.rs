@@ -59,6 +59,11 @@ pub(super) static REGISTERED: Registered = Registered {
     emulation: crate::devices::Emulation {
         schema: Some(include_str!("plant.schema.json")),
         template: Some(include_str!("plant.toml")),
+        first_exchange: Some(crate::devices::FirstExchange {
+            writes: &[("outputs.Q0", 0x0005)],
+            answer: ("front.outputs", 0x0005),
+            within: "300ms",
+        }),
         records: records::KINDS,
         rules: rules::ALL,
         faults: faults::KINDS,

@@ -47,6 +47,11 @@ pub(super) static REGISTERED: Registered = Registered {
     emulation: crate::devices::Emulation {
         schema: Some(include_str!("plant.schema.json")),
         template: Some(include_str!("plant.toml")),
+        first_exchange: Some(crate::devices::FirstExchange {
+            writes: &[("node2.w_CPU_CONTROL", 0x0001)],
+            answer: ("node2.w_OPTION_STATUS", 0x0002),
+            within: "1ms",
+        }),
         rules: rules::ALL,
         faults: faults::KINDS,
         demo: Some(&demo::DEMO),

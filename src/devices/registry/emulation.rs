@@ -2,7 +2,7 @@
 
 use crate::devices::demo::Demo;
 use crate::devices::exercise::Exercise;
-use crate::devices::{DeviceConfig, Read, ReadModule};
+use crate::devices::{DeviceConfig, FirstExchange, Read, ReadModule};
 use crate::fault;
 use crate::journal::{Kind, Rule};
 
@@ -16,6 +16,8 @@ pub struct Emulation {
     pub schema: Option<&'static str>,
     /// A plant with such a device as a template; the first device shows every key.
     pub template: Option<&'static str>,
+    /// First exchange of a program with the device in the template, for `commram new`; `None` if there is none.
+    pub first_exchange: Option<FirstExchange>,
     /// Kinds of journal records that only its firmware writes.
     pub records: &'static [&'static Kind],
     /// Rules of the access checker that only hold for it.
@@ -42,6 +44,7 @@ impl Emulation {
         read: None,
         schema: None,
         template: None,
+        first_exchange: None,
         records: &[],
         rules: &[],
         faults: &[],

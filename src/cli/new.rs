@@ -1,0 +1,148 @@
+//! `commram new`: a project with a plant, a scenario, files for CI and settings of an editor.
+
+mod files;
+mod words;
+
+use super::error::CliError;
+use super::{output, plant};
+use crate::devices::{self, FirstExchange, Registered};
+use crate::input_file::is_standard;
+use crate::output_file;
+use clap::ValueEnum;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use files::Project;
+use std::fs;
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
+
+/// Create a project: a plant, a scenario that passes, files for CI and an editor.
+///
+/// The command prints the files and the next commands. It overwrites no file. With `-` in place of the directory it prints
+/// the plant alone.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram new press && cd press && commram test scenarios
+  commram new press --template soft-plc-c
+  commram new press --device DEVICE --template pytest
+  commram new - --device DEVICE > plant.toml")]
+pub(crate) struct Args {
+    /// The directory, which is created if it does not exist
+    #[arg(value_name = "DIR")]
+    directory: PathBuf,
+    /// Type of the device
+    #[arg(long, value_name = "DEVICE", value_parser = with_template(), default_value = devices::default().layout.name)]
+    device: Device,
+    /// What the project contains besides plant and scenario
+    #[arg(long, value_enum, value_name = "TEMPLATE", default_value_t = Template::Minimal)]
+    template: Template,
+}
+
+/// Content of a project.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Template {
+    /// Plant and scenario
+    Minimal,
+    /// A soft-PLC in C with a Makefile
+    SoftPlcC,
+    /// A soft-PLC in Rust as a package for Cargo
+    SoftPlcRust,
+    /// A test for pytest
+    Pytest,
+}
+
+/// A device with a plant to begin with.
+#[derive(Clone, Copy)]
+pub(crate) struct Device {
+    known: &'static Registered,
+    plant: &'static str,
+    exchange: FirstExchange,
+}
+
+impl Device {
+    fn of(known: &'static Registered) -> Option<Self> {
+        let emulation = &known.emulation;
+        Some(Device { known, plant: emulation.template?, exchange: emulation.first_exchange? })
+    }
+}
+
+/// Accepts the names of devices with a plant to begin with.
+fn with_template() -> impl TypedValueParser<Value = Device> {
+    let names = devices::all().iter().filter(|known| Device::of(known).is_some());
+    let names = names.map(|known| PossibleValue::new(known.layout.name).help(known.layout.title));
+    PossibleValuesParser::new(names).try_map(|name| {
+        devices::find(&name).and_then(Device::of).ok_or("no template for a device of this name")
+    })
+}
+
+/// Creates the project.
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    let project = Project::new(args.device, args.template)?;
+    if is_standard(&args.directory) {
+        if args.template != Template::Minimal {
+            let right = "only a plant goes to the standard output; give a directory, or omit --template";
+            return Err(CliError::Argument { text: "-".to_owned(), right: right.to_owned() });
+        }
+        return output::print(&plant::with_schema(args.device.plant));
+    }
+    let files: Vec<_> =
+        project.files().into_iter().map(|(name, text)| (args.directory.join(name), text)).collect();
+    create(&files)?;
+    let names: String = files.iter().map(|(path, _)| format!("{}\n", path.display())).collect();
+    output::print(&output::harmless(&format!("{names}\nNext:\n{}", project.commands(&args.directory))))
+}
+
+/// Creates all files, or none.
+fn create(files: &[(PathBuf, String)]) -> Result<(), CliError> {
+    for (path, _) in files {
+        if path.symlink_metadata().is_ok() {
+            return Err(exists(path));
+        }
+    }
+    let mut made = Made::default();
+    for (path, text) in files {
+        made.file(path, text).map_err(|reason| match reason.kind() {
+            ErrorKind::AlreadyExists => exists(path),
+            _ => CliError::File { path: path.clone(), reason },
+        })?;
+    }
+    made.paths.clear();
+    Ok(())
+}
+
+fn exists(path: &Path) -> CliError {
+    CliError::Argument {
+        text: path.display().to_string(),
+        right: "this file exists and is not overwritten; choose another directory".to_owned(),
+    }
+}
+
+/// Files and directories that this command has created. They are removed when this value is dropped.
+#[derive(Default)]
+struct Made {
+    paths: Vec<PathBuf>,
+}
+
+impl Made {
+    /// Creates a file and its missing directories.
+    fn file(&mut self, path: &Path, text: &str) -> io::Result<()> {
+        let above = path.ancestors().skip(1).take_while(|above| !above.as_os_str().is_empty());
+        let missing: Vec<_> = above.take_while(|above| !above.exists()).map(Path::to_owned).collect();
+        for directory in missing.into_iter().rev() {
+            fs::create_dir(&directory)?;
+            self.paths.push(directory);
+        }
+        output_file::write_new(path, text.as_bytes())?;
+        self.paths.push(path.to_owned());
+        Ok(())
+    }
+}
+
+impl Drop for Made {
+    fn drop(&mut self) {
+        for path in self.paths.iter().rev() {
+            // A directory into which another program has written stays.
+            let _ = if path.is_dir() { fs::remove_dir(path) } else { fs::remove_file(path) };
+        }
+    }
+}

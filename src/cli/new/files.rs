@@ -1,0 +1,169 @@
+//! The files of a project: templates with `@names@` that are replaced.
+
+use super::words::Words;
+use super::{Device, Template};
+use crate::cli::error::CliError;
+use crate::cli::plant;
+use crate::script::DEFINITIONS;
+use std::path::Path;
+
+/// Files of every project. The files for CI servers are those that `tools/ci` publishes.
+const COMMON: &[(&str, &str)] = &[
+    ("scenarios/start.rhai", include_str!("templates/minimal/start.rhai")),
+    (".gitignore", include_str!("templates/minimal/gitignore")),
+    (".vscode/extensions.json", include_str!("templates/minimal/vscode-extensions.json")),
+    (".vscode/settings.json", include_str!("templates/minimal/vscode-settings.json")),
+    (".github/actions/commram/action.yml", include_str!("../../../tools/ci/action.yml")),
+    (".github/workflows/commram.yml", include_str!("templates/minimal/github.yml")),
+    (".gitlab/commram.yml", include_str!("../../../tools/ci/gitlab.yml")),
+    (".gitlab-ci.yml", include_str!("templates/minimal/gitlab-ci.yml")),
+];
+
+/// What a template adds to the common files.
+struct Extra {
+    files: &'static [(&'static str, &'static str)],
+    /// Files that its commands create, for `.gitignore`.
+    ignored: &'static str,
+    /// Commands that run it.
+    commands: &'static [&'static str],
+    /// Image of a container with its tools.
+    image: &'static str,
+}
+
+impl Template {
+    fn extra(self) -> Extra {
+        match self {
+            Template::Minimal => Extra { files: &[], ignored: "", commands: &[], image: "" },
+            Template::SoftPlcC => Extra {
+                files: &[
+                    ("soft_plc.c", include_str!("templates/soft-plc-c/soft_plc.c")),
+                    ("Makefile", include_str!("templates/soft-plc-c/Makefile")),
+                ],
+                ignored: "/soft_plc\n/commram.h\n",
+                commands: &["make run"],
+                image: "gcc:14",
+            },
+            Template::SoftPlcRust => Extra {
+                files: &[
+                    ("Cargo.toml", include_str!("templates/soft-plc-rust/manifest.toml")),
+                    ("src/main.rs", include_str!("templates/soft-plc-rust/main.rs")),
+                ],
+                ignored: "/target/\n",
+                commands: &["cargo build", "commram with plant.toml -- target/debug/soft-plc"],
+                image: "rust:1.95",
+            },
+            Template::Pytest => Extra {
+                files: &[
+                    ("test_start.py", include_str!("templates/pytest/test_start.py")),
+                    ("pytest.ini", include_str!("templates/pytest/pytest.ini")),
+                ],
+                ignored: "__pycache__/\n.pytest_cache/\n",
+                commands: &["pip install pytest \"$COMMRAM_WHEEL\"", "pytest"],
+                image: "python:3.13",
+            },
+        }
+    }
+}
+
+/// A project for a device.
+pub(super) struct Project {
+    device: Device,
+    extra: Extra,
+    words: Words,
+}
+
+impl Project {
+    /// # Errors
+    /// The plant of the device is refused.
+    pub(super) fn new(device: Device, template: Template) -> Result<Self, CliError> {
+        Ok(Project { device, extra: template.extra(), words: Words::new(device)? })
+    }
+
+    /// Returns the paths of the files in the project, and their texts.
+    pub(super) fn files(&self) -> Vec<(&'static str, String)> {
+        let own = [
+            ("plant.toml", plant::with_schema(self.device.plant)),
+            (plant::SCHEMA, plant::schema()),
+            (".rhai/definitions/commram.d.rhai", DEFINITIONS.to_owned()),
+        ];
+        let rendered =
+            COMMON.iter().chain(self.extra.files).map(|(path, text)| (*path, self.rendered(path, text)));
+        own.into_iter().chain(rendered).collect()
+    }
+
+    fn rendered(&self, path: &str, text: &str) -> String {
+        let text = self.words.replaced(text);
+        match path {
+            ".gitignore" => text + self.extra.ignored,
+            ".github/workflows/commram.yml" => text.replace("@github_step@\n", &self.github_step()),
+            ".gitlab-ci.yml" => text.replace("@gitlab_job@\n", &self.gitlab_job()),
+            _ => text,
+        }
+    }
+
+    /// The last step of the workflow for GitHub: the commands of the template.
+    fn github_step(&self) -> String {
+        if self.extra.commands.is_empty() {
+            return String::new();
+        }
+        let lines: String = self.extra.commands.iter().map(|line| format!("          {line}\n")).collect();
+        format!(
+            "      - env:\n          COMMRAM_WHEEL: ${{{{ vars.COMMRAM_WHEEL }}}}\n        run: |\n{lines}"
+        )
+    }
+
+    /// The end of the job for GitLab: the commands of the template.
+    fn gitlab_job(&self) -> String {
+        if self.extra.commands.is_empty() {
+            return String::new();
+        }
+        let lines: String = self.extra.commands.iter().map(|line| format!("    - {line}\n")).collect();
+        format!("  image: {}\n  script:\n    - !reference [.commram, script]\n{lines}", self.extra.image)
+    }
+
+    /// The next commands for a user, a line each.
+    pub(super) fn commands(&self, directory: &Path) -> String {
+        let to = format!("cd {}", quoted(&directory.display().to_string()));
+        let all = [to.as_str(), "commram plant check plant.toml", "commram test scenarios"];
+        all.iter().chain(self.extra.commands).map(|line| format!("  {line}\n")).collect()
+    }
+}
+
+/// A word of a shell.
+fn quoted(word: &str) -> String {
+    let plain = |sign: char| sign.is_ascii_alphanumeric() || "/._-".contains(sign);
+    if word.chars().all(plain) && !word.starts_with('-') {
+        return word.to_owned();
+    }
+    format!("-- '{}'", word.replace('\'', "'\\''"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::devices;
+    use clap::ValueEnum;
+
+    #[test]
+    fn every_device_has_projects_without_unreplaced_names() {
+        for known in devices::all() {
+            let Some(device) = Device::of(known) else { panic!("{} has no project", known.layout.name) };
+            for template in Template::value_variants() {
+                let project = Project::new(device, *template).unwrap();
+                for (path, text) in project.files() {
+                    let name = text.split('@').skip(1).step_by(2).find(|it| {
+                        !it.is_empty() && it.chars().all(|sign| sign.is_ascii_lowercase() || sign == '_')
+                    });
+                    assert_eq!(name, None, "{}: {path}\n{text}", known.layout.name);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn directories_are_quoted_for_the_shell() {
+        assert_eq!(quoted("a/b-1.x"), "a/b-1.x");
+        assert_eq!(quoted("a b's"), "-- 'a b'\\''s'");
+        assert_eq!(quoted("-x"), "-- '-x'");
+    }
+}

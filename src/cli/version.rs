@@ -1,0 +1,37 @@
+//! The answer of `commram --version`: what this build is, and which registers it knows.
+
+use crate::devices;
+use crate::memory::header::ABI_VERSION;
+use std::env::consts::{ARCH, OS};
+
+/// Commit of the sources, which `tools/package` sets. A build of a checkout does not ask git: each commit would compile the
+/// library again.
+const COMMIT: Option<&str> = option_env!("COMMRAM_COMMIT");
+
+/// Features of the library in this build.
+const FEATURES: &[(&str, bool)] = &[
+    ("plc", cfg!(feature = "plc")),
+    ("emulator", cfg!(feature = "emulator")),
+    ("channel", cfg!(feature = "channel")),
+    ("script", cfg!(feature = "script")),
+    ("export", cfg!(feature = "export")),
+    ("cli", cfg!(feature = "cli")),
+    ("helics", cfg!(feature = "helics")),
+    ("studio", cfg!(feature = "studio")),
+];
+
+/// Returns the text that follows the name of the program.
+pub(super) fn long() -> String {
+    let features: Vec<_> = FEATURES.iter().filter(|(_, is_on)| *is_on).map(|(name, _)| *name).collect();
+    let linked = if cfg!(target_feature = "crt-static") { "static" } else { "dynamic" };
+    let mut text = format!(
+        "{}\ncommit    {}\nbuilt     for {ARCH} {OS}, {linked}\nfeatures  {}\nABI       {ABI_VERSION}\nlayouts\n",
+        env!("CARGO_PKG_VERSION"),
+        COMMIT.unwrap_or("unknown, not built by tools/package"),
+        features.join(", "),
+    );
+    for known in devices::all() {
+        text += &format!("  {:<20}16#{:016X}\n", known.layout.name, known.layout.layout_hash);
+    }
+    text.trim_end().to_owned()
+}
