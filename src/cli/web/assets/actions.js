@@ -1,0 +1,54 @@
+// What a user does to the plant. Every action passes here, so that the recorder sees it and errors are shown.
+
+import { Problem, post, server } from "./api.js";
+import { feed } from "./feed.js";
+import { showError, showNote } from "./messages.js";
+import { addToRecord } from "./record.js";
+
+/** The reason why controls that change something are disabled, or an empty text. */
+export function whyDisabled() {
+  if (server.isReadOnly) return "This server was started with --read-only";
+  if (feed.hasEnded) return "The emulator has ended";
+  return "";
+}
+
+/** Sends an operation, records it with `words`, and reports `done`. Returns its reply; null after an error. */
+export async function act(operation, fields, words, done) {
+  const before = feed.timeUs;
+  try {
+    const reply = await post(operation, fields);
+    addToRecord({ operation, fields, words, reply, beforeUs: before });
+    if (reply?.time !== undefined) feed.noticeTime(reply.time);
+    if (done) showNote(done);
+    return reply ?? true;
+  } catch (problem) {
+    showError(problem);
+    return null;
+  }
+}
+
+/** Sends several operations as one request. */
+export async function actTogether(operations, words, done) {
+  const before = feed.timeUs;
+  try {
+    const { replies } = await post("request", { operations });
+    addToRecord({ operations, words, replies, beforeUs: before });
+    if (done) showNote(done);
+    return replies;
+  } catch (problem) {
+    if (problem instanceof Problem && problem.document.waited?.time_us) feed.noticeTime(problem.document.waited.time_us);
+    showError(problem);
+    return null;
+  }
+}
+
+/** Disables controls of an area that change something, with the reason as their title. */
+export function guard(area) {
+  const why = whyDisabled();
+  for (const control of area.querySelectorAll("[data-acts]")) {
+    const own = control.dataset.why ?? "";
+    control.disabled = Boolean(why || own);
+    const title = why || own || control.dataset.title || "";
+    if (control.title !== title) control.title = title;
+  }
+}

@@ -1,0 +1,86 @@
+// Requests to the server, signing in, and errors as problem documents (RFC 9457).
+
+const ROOT = "/api/v1";
+
+/** An error of the server, in its words. */
+export class Problem extends Error {
+  constructor(status, document) {
+    super(document.detail ?? document.title ?? `the server answers with status ${status}`);
+    this.status = status;
+    this.document = document;
+  }
+}
+
+/** What the page knows of the server. */
+export const server = { instance: null, instances: [], isReadOnly: false, version: "" };
+
+async function send(method, path, body) {
+  const options = { method, credentials: "same-origin", headers: { Accept: "application/json" } };
+  if (method !== "GET") {
+    options.headers["Content-Type"] = "application/json";
+    options.body = JSON.stringify(body ?? {});
+  }
+  let response;
+  try {
+    response = await fetch(ROOT + path, options);
+  } catch {
+    throw new Problem(0, { detail: "the server does not answer; is `commram web` still running?" });
+  }
+  if (response.status === 204) return null;
+  const text = await response.text();
+  if (response.ok) return parsed(text);
+  throw new Problem(response.status, parsed(text) ?? {});
+}
+
+function parsed(text) {
+  try {
+    return JSON.parse(text);
+  } catch {
+    return text.startsWith("<svg") ? text : null;
+  }
+}
+
+const query = (fields) => {
+  const pairs = Object.entries(fields ?? {}).filter(([, value]) => value !== undefined && value !== null);
+  return pairs.length ? `?${new URLSearchParams(pairs)}` : "";
+};
+
+const here = (rest) => `/instances/${encodeURIComponent(server.instance)}/${rest}`;
+
+/** Exchanges the token for a cookie. */
+export const signIn = (token) => send("POST", "/session", { token });
+/** Deletes the cookie. */
+export const signOut = () => send("DELETE", "/session");
+
+/** True if the cookie is valid. */
+export async function isSignedIn() {
+  try {
+    await send("GET", "/session");
+    return true;
+  } catch (problem) {
+    if (problem.status === 401) return false;
+    throw problem;
+  }
+}
+
+/** Reads the list of instances. */
+export async function readInstances() {
+  const { instances, read_only, version } = await send("GET", "/instances");
+  Object.assign(server, { instances, isReadOnly: read_only, version });
+  return instances;
+}
+
+/** Data for the pages: the JSON of a command's `--format json`. */
+export const show = (what, fields) => send("GET", here(`show/${what}`) + query(fields));
+
+/** An operation that only looks. */
+export const look = (operation, fields) => send("GET", here(operation) + query(fields));
+
+/** An operation that changes something. */
+export const post = (operation, fields) => send("POST", here(operation), fields);
+
+/** Address of the event stream. */
+export const eventsPath = (fields) => ROOT + here("events") + query(fields);
+
+/** Address of a drawing or file of the instance. */
+export const showPath = (what, fields) => ROOT + here(`show/${what}`) + query(fields);

@@ -1,0 +1,145 @@
+// Page "Bus": the last intervals of a bus as a timeline with slots and frames, and the frames as a list.
+
+import { show } from "./api.js";
+import { choice, fill, h, setText, svg } from "./dom.js";
+import { feed } from "./feed.js";
+import { showError } from "./messages.js";
+import { seconds, short } from "./values.js";
+
+/** Intervals on the page. */
+const SHOWN = 3;
+/** Least real time between two readings, in milliseconds. */
+const PAUSE_MS = 100;
+
+export function busPage(root, rest, context) {
+  const page = new BusPage(root, rest[0], context);
+  const off = feed.on("clock", () => page.read());
+  const turned = feed.on("turned", () => page.latest());
+  page.read();
+  return Object.assign(() => {
+    off();
+    turned();
+    page.isEnded = true;
+  }, { key: (event) => page.key(event) });
+}
+
+class BusPage {
+  /** End of the shown part, in microseconds; null: the latest intervals. */
+  until = null;
+  chosen = null;
+
+  constructor(root, name, context) {
+    const buses = context.status.buses;
+    this.bus = buses.find((bus) => bus.bus === decodeURIComponent(name ?? ""))?.bus ?? buses[0]?.bus;
+    if (!this.bus) return void fill(root, h("p", { class: "empty" }, "The plant has no bus."));
+    const select = choice(buses.map((bus) => [bus.bus, `${bus.bus} (${bus.kind})`]), this.bus, { "aria-label": "Bus" });
+    select.addEventListener("change", () => {
+      this.bus = select.value;
+      context.setRest(encodeURIComponent(this.bus));
+      this.latest();
+    });
+    this.info = h("span", { class: "muted grow" });
+    const button = (text, label, work) => h("button", { type: "button", "aria-label": label, title: label, onclick: work }, text);
+    this.end = button("Latest", "The latest intervals (key End)", () => this.latest());
+    this.windows = h("div", { class: "stack" });
+    this.body = h("tbody");
+    const head = ["At", "Takes", "Slot", "Frame"].map((it) => h("th", { scope: "col" }, it));
+    fill(root, h("div", { class: "line wrap" }, select, h("div", { class: "group" }, button("\u25c0", "Previous interval (left arrow)", () => this.turn(true)), button("\u25b6", "Next interval (right arrow)", () => this.turn(false))), this.end, this.info),
+      h("div", { class: "bus-split" }, this.windows, h("div", { class: "box scroll frames", tabIndex: 0, role: "group", "aria-label": "Frames" }, h("table", null, h("thead", null, h("tr", null, head)), this.body))));
+  }
+
+  latest() {
+    this.until = null;
+    this.read();
+  }
+
+  key(event) {
+    if (event.key === "ArrowLeft") this.turn(true);
+    else if (event.key === "ArrowRight") this.turn(false);
+    else if (event.key === "End") this.latest();
+    else return false;
+    return true;
+  }
+
+  /** Shows earlier or later intervals, until "Latest". */
+  turn(isBack) {
+    const windows = this.data?.windows ?? [];
+    if (!windows.length) return;
+    const last = windows.at(-1);
+    this.until = isBack ? last.begin_us : last.begin_us + 2 * last.us;
+    if (this.until <= 0) this.until = last.begin_us + last.us;
+    if (!isBack && this.until >= (this.data.now_us ?? Infinity)) this.until = null;
+    this.read();
+  }
+
+  async read() {
+    if (!this.bus || this.isEnded) return;
+    if (this.isReading) return void (this.isLate = true);
+    this.isReading = true;
+    try {
+      const data = await show("frames", { bus: this.bus, intervals: SHOWN, until_us: this.until });
+      if (!this.isEnded) this.draw(data);
+    } catch (problem) {
+      if (!feed.hasEnded) showError(problem);
+    }
+    await new Promise((resolve) => setTimeout(resolve, PAUSE_MS));
+    this.isReading = false;
+    if (this.isLate) {
+      this.isLate = false;
+      this.read();
+    }
+  }
+
+  draw(data) {
+    const text = JSON.stringify(data.windows);
+    this.end.setAttribute("aria-pressed", this.until === null);
+    setText(this.info, `${data.kind}, ${data.bit_s / 1000} kbit/s${this.until === null ? "" : ", an earlier part"}`);
+    if (text === this.text) return;
+    this.text = text;
+    this.data = data;
+    fill(this.windows, data.windows.map((window) => this.window(window)));
+    const rows = data.windows.flatMap((window) => [
+      h("tr", { class: "window-row" }, h("th", { colSpan: 4, scope: "rowgroup" }, `${seconds(window.begin_us)}, ${window.is_interval ? "interval" : "part"} of ${short(window.us)}`)),
+      ...(window.frames.length ? window.frames.map((frame) => this.row(frame, window)) : [h("tr", null, h("td", { colSpan: 4, class: "muted" }, "no frame"))]),
+    ]);
+    fill(this.body, rows);
+  }
+
+  row(frame, window) {
+    const at = frame.from_us < window.begin_us ? "before" : `${frame.from_us - window.begin_us} us`;
+    return h("tr", { class: `${frame.is_bad ? "bad" : ""}${keyOf(frame) === this.chosen ? " chosen" : ""}`, "data-frame": keyOf(frame) }, h("td", { class: "mono" }, at), h("td", { class: "mono" }, frame.until_us > frame.from_us ? `${frame.until_us - frame.from_us} us` : ""), h("td", null, frame.slot ?? ""), h("td", { class: "wrap-text" }, frame.text));
+  }
+
+  /** An interval as a picture: slots above, frames below, time at the bottom. */
+  window(window) {
+    const width = 1000, scale = (us) => Math.max(0, Math.min(1, (us - window.begin_us) / window.us)) * width;
+    const slots = window.slots ?? [];
+    const slotEnd = (at) => (at + 1 < slots.length ? slots[at + 1].start_us : window.us);
+    const bands = slots.map((slot, at) => {
+      const x = (slot.start_us / window.us) * width, w = ((slotEnd(at) - slot.start_us) / window.us) * width;
+      return [svg("rect", { class: `slotband${at % 2 ? " odd" : ""}`, x, y: 20, width: Math.max(0, w), height: 54 }), w > 7 * slot.name.length + 4 && svg("text", { class: "small", x: x + 4, y: 14 }, slot.name)];
+    });
+    const frames = window.frames.map((frame) => this.frame(frame, scale));
+    const ticks = [0, 0.25, 0.5, 0.75, 1].map((part) => svg("text", { class: "small", x: part * width, y: 92, "text-anchor": part === 0 ? "start" : part === 1 ? "end" : "middle" }, short(Math.round(window.us * part))));
+    const now = feed.timeUs >= window.begin_us && feed.timeUs < window.begin_us + window.us && svg("line", { class: "now-line", x1: scale(feed.timeUs), x2: scale(feed.timeUs), y1: 18, y2: 78 });
+    return h("section", { class: "box pad" }, h("h2", { class: "mono" }, seconds(window.begin_us)),
+      svg("svg", { class: "timeline", viewBox: `0 0 ${width} 96`, preserveAspectRatio: "xMidYMid meet", role: "img", "aria-label": `Timeline from ${seconds(window.begin_us)}, ${window.frames.length} frames; the list has the same content` },
+        svg("rect", { class: "wire", x: 0, y: 20, width, height: 54 }), bands, frames, now, ticks));
+  }
+
+  frame(frame, scale) {
+    const x = scale(frame.from_us), end = scale(frame.until_us);
+    const node = frame.is_bad
+      ? svg("path", { class: "frame bad-frame", d: `M${x - 5} 40l10 14m0-14l-10 14` })
+      : svg("rect", { class: "frame", x, y: 34, width: Math.max(2.5, end - x), height: 30, rx: 2 });
+    node.append(svg("title", null, `${frame.slot ? `${frame.slot}: ` : ""}${frame.text}`));
+    node.addEventListener("click", () => {
+      this.chosen = keyOf(frame);
+      for (const row of this.body.rows) row.classList.toggle("chosen", row.dataset.frame === this.chosen);
+      this.body.querySelector(".chosen")?.scrollIntoView({ block: "nearest" });
+    });
+    return node;
+  }
+}
+
+const keyOf = (frame) => `${frame.from_us} ${frame.until_us} ${frame.text}`;

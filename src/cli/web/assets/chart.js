@@ -1,0 +1,129 @@
+// A chart of values over emulated time on a canvas: steps, because a register has its value until the next change.
+
+import { h } from "./dom.js";
+import { short } from "./values.js";
+
+const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+export class Chart {
+  constructor({ label, height = 220 }) {
+    this.canvas = h("canvas", { role: "img", "aria-label": label });
+    this.legend = h("div", { class: "legend" });
+    this.element = h("div", { class: "chart" }, this.canvas, this.legend);
+    this.canvas.style.height = `${height}px`;
+    this.height = height;
+  }
+
+  /** Draws series `{name, points: [[time, value]]}` between two times, in one field with a common scale. */
+  draw(from, until, series) {
+    const { context, width } = this.#begin();
+    if (!width) return;
+    const all = series.flatMap((it) => it.points.map((point) => point[1]));
+    let [least, most] = [Math.min(0, ...all), Math.max(0, ...all)];
+    if (least === most) most = least + 1;
+    const box = { x: 64, y: 10, width: width - 76, height: this.height - 36, from, until, least, most };
+    this.#axes(context, box);
+    series.forEach((it, at) => this.#line(context, box, it.points, at));
+    this.#names(series.map((it) => [it.name, it.points.at(-1)?.[1]]));
+  }
+
+  /** Draws each series in a lane of its own with its values as text; for registers. */
+  lanes(from, until, series, laneHeight = 46) {
+    this.height = Math.max(90, series.length * laneHeight + 30);
+    this.canvas.style.height = `${this.height}px`;
+    const { context, width } = this.#begin();
+    if (!width) return;
+    const box = { x: 12, width: width - 24, y: 0, height: series.length * laneHeight, from, until };
+    this.#times(context, { ...box, height: this.height - 26 });
+    series.forEach((it, at) => this.#lane(context, { ...box, y: at * laneHeight, height: laneHeight }, it, at));
+  }
+
+  #begin() {
+    const ratio = devicePixelRatio || 1;
+    const width = this.canvas.clientWidth;
+    this.canvas.width = width * ratio;
+    this.canvas.height = this.height * ratio;
+    const context = this.canvas.getContext("2d");
+    context.scale(ratio, ratio);
+    context.font = "11px system-ui, sans-serif";
+    return { context, width };
+  }
+
+  #times(context, box) {
+    context.strokeStyle = style("--line");
+    context.fillStyle = style("--muted");
+    context.lineWidth = 1;
+    context.textAlign = "center";
+    const step = stepOf((box.until - box.from) / Math.max(2, Math.floor(box.width / 110)));
+    for (let time = Math.ceil(box.from / step) * step; time <= box.until; time += step) {
+      const x = Math.round(xOf(box, time)) + 0.5;
+      context.beginPath();
+      context.moveTo(x, box.y);
+      context.lineTo(x, box.y + box.height);
+      context.stroke();
+      context.fillText(short(time), Math.min(x, box.x + box.width - 14), box.y + box.height + 16);
+    }
+  }
+
+  #axes(context, box) {
+    this.#times(context, box);
+    context.textAlign = "right";
+    const step = stepOf((box.most - box.least) / 4);
+    for (let value = Math.ceil(box.least / step) * step; value <= box.most; value += step) {
+      const y = Math.round(yOf(box, value)) + 0.5;
+      context.beginPath();
+      context.moveTo(box.x, y);
+      context.lineTo(box.x + box.width, y);
+      context.stroke();
+      context.fillText(value.toLocaleString("en"), box.x - 8, y + 4);
+    }
+  }
+
+  #line(context, box, points, at) {
+    context.strokeStyle = style(`--c${(at % 6) + 1}`);
+    context.lineWidth = 2;
+    context.beginPath();
+    points.forEach(([time, value], index) => {
+      const x = Math.max(box.x, xOf(box, time)), y = yOf(box, value);
+      if (index) context.lineTo(x, yOf(box, points[index - 1][1]));
+      context[index ? "lineTo" : "moveTo"](x, y);
+    });
+    context.stroke();
+  }
+
+  #lane(context, box, { points, text }, at) {
+    const values = points.map((point) => point[1]);
+    const [least, most] = [Math.min(...values), Math.max(...values)];
+    const inner = { ...box, y: box.y + 20, height: box.height - 26, least: least === most ? least - 1 : least, most };
+    this.#line(context, inner, points, at);
+    context.textAlign = "left";
+    context.fillStyle = style(`--c${(at % 6) + 1}`);
+    let free = box.x;
+    points.forEach(([time, value], index) => {
+      const x = Math.max(box.x, xOf(box, time));
+      if (index && points[index - 1][1] === value) return;
+      const label = text(value);
+      if (x < free) return;
+      context.fillText(label, x + 2, box.y + 13);
+      free = x + context.measureText(label).width + 8;
+    });
+    context.strokeStyle = style("--line");
+    context.lineWidth = 1;
+    context.strokeRect(box.x + 0.5, box.y + 0.5, box.width, box.height);
+  }
+
+  #names(pairs) {
+    const texts = pairs.map(([name, value]) => `${name} ${value ?? ""}`);
+    if (this.legend.children.length !== pairs.length) this.legend.replaceChildren(...pairs.map((_, at) => h("span", { class: `key k${at % 6}` })));
+    texts.forEach((text, at) => (this.legend.children[at].textContent = text));
+  }
+}
+
+const xOf = (box, time) => box.x + ((time - box.from) / Math.max(1, box.until - box.from)) * box.width;
+const yOf = (box, value) => box.y + box.height - ((value - box.least) / (box.most - box.least || 1)) * box.height;
+
+/** A round step of at least `least`. */
+function stepOf(least) {
+  const power = 10 ** Math.floor(Math.log10(Math.max(least, 1e-9)));
+  return [1, 2, 5, 10].map((factor) => factor * power).find((step) => step >= least) ?? power * 10;
+}

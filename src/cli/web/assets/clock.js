@@ -1,0 +1,162 @@
+// The clock bar: emulated time, and the controls of a stepped clock.
+
+import { act, actTogether, guard, whyDisabled } from "./actions.js";
+import { show } from "./api.js";
+import { conditionsOf } from "./conditions.js";
+import { ask } from "./dialogs.js";
+import { field, fill, h, setText } from "./dom.js";
+import { feed } from "./feed.js";
+import { showError } from "./messages.js";
+import { duration, seconds, short } from "./values.js";
+
+const root = document.getElementById("clock");
+/** Real time between two parts of "Run", and the part in emulated time at speed 1, in microseconds. */
+const PART_MS = 50;
+let parts = null;
+let ports = [];
+let running = null;
+
+/** Builds the bar once. */
+export function startClock() {
+  feed.on("clock", update);
+  feed.on("ended", update);
+}
+
+/** Another instance. */
+export async function resetClock() {
+  stopRunning();
+  parts = null;
+  fill(root);
+  ports = await show("ports").catch(() => []);
+}
+
+function update() {
+  if (!feed.clock) return;
+  const kind = feed.isStepped ? "stepped" : "real time";
+  if (parts?.kind !== kind) build(kind);
+  setText(parts.time, seconds(feed.timeUs));
+  const { waits_for, speed } = feed.clock;
+  const speedText = speed && speed !== 1 ? `, speed ${speed}` : "";
+  setText(parts.state, waits_for ? `waits for ${waits_for}` : feed.isStepped ? (running ? "stepped, running" : "stepped") : `real time${speedText}`);
+  parts.run?.setAttribute("aria-pressed", running !== null);
+  guard(root);
+}
+
+function build(kind) {
+  const time = h("output", { class: "time mono", "aria-live": "off", "aria-label": "Emulated time" });
+  const state = h("span", { class: "kind" });
+  parts = { kind, time, state };
+  const face = h("div", { class: "face" }, time, state);
+  if (kind !== "stepped") {
+    const note = "The clock runs in real time. Start the emulator with --clock stepped to step, wait and go back.";
+    return fill(root, face, h("p", { class: "muted grow" }, note));
+  }
+  parts.amount = h("input", { value: "2ms", size: 6, "aria-label": "Time of a step", class: "mono", spellcheck: false });
+  parts.run = button("Run", "Space", () => toggleRunning(), { "aria-pressed": "false", class: "run" });
+  fill(root, face, h("div", { class: "line wrap grow" },
+    parts.run,
+    h("div", { class: "group" }, button("Back", "B", () => stepBack()), parts.amount, button("Step", "S", () => step(), { class: "primary" })),
+    button("To SYNC", "N", () => toSync()), button("To event", "E", () => toEvent()),
+    button("Wait for\u2026", "W", () => waitFor(false)), button("Back to\u2026", "Shift+B", () => backTo())));
+}
+
+function button(text, key, onclick, props) {
+  const title = `${text} (key ${key})`;
+  return h("button", { type: "button", "data-acts": true, "data-title": title, "aria-keyshortcuts": key, onclick, ...props }, text);
+}
+
+/** The keys of the clock; true if `event` was one. */
+export function clockKey(event) {
+  if (!feed.isStepped || whyDisabled() || !parts) return false;
+  const keys = { s: step, n: toSync, e: toEvent, w: () => waitFor(), b: stepBack, B: backTo, " ": toggleRunning };
+  if (!(event.key in keys)) return false;
+  keys[event.key]();
+  return true;
+}
+
+const amount = () => duration(parts.amount.value);
+
+function step() {
+  try {
+    const us = amount();
+    act("advance", { us }, `step ${short(us)}`);
+  } catch (error) {
+    showError(error);
+  }
+}
+
+function stepBack() {
+  try {
+    const us = Math.min(amount(), feed.timeUs);
+    stopRunning();
+    act("back", { us, detached: false }, `back ${short(us)}`);
+  } catch (error) {
+    showError(error);
+  }
+}
+
+function toSync() {
+  const usable = ports.filter((port) => port.has_sync);
+  if (!usable.length) return showError(new Error("No port of this plant has a SYNC signal"));
+  const go = ({ plc, node, port }) => act("advance_to_sync", { plc, node }, `step to SYNC of ${port}`);
+  const master = usable.find((port) => port.is_master) ?? usable[0];
+  go(master);
+}
+
+function toEvent() {
+  act("advance_to_event", { within_us: 1_000_000 }, "step to the next event");
+}
+
+function toggleRunning() {
+  if (running) stopRunning();
+  else {
+    running = {};
+    runOn(running);
+  }
+  update();
+}
+
+function stopRunning() {
+  running = null;
+}
+
+/** Advances in parts until somebody presses the button again, or a part fails. */
+async function runOn(self) {
+  while (running === self) {
+    const before = performance.now();
+    const done = await act("advance", { us: PART_MS * 1000 }, `step ${PART_MS} ms`);
+    if (!done) break;
+    await new Promise((resolve) => setTimeout(resolve, Math.max(0, PART_MS - (performance.now() - before))));
+  }
+  if (running === self) stopRunning();
+  update();
+}
+
+function conditionFields(usual) {
+  const text = h("input", { name: "text", class: "mono", value: usual, spellcheck: false, autocomplete: "off", required: true });
+  return [
+    field("Conditions", text, "REGISTER==VALUE, also !=, <, <=, >, >=, REGISTER&MASK==VALUE; join several with \u201cand\u201d or with \u201cor\u201d. The name of the PLC comes before the register if there are several: line:node2.w_X"),
+  ];
+}
+
+let lastCondition = "node2.w_OPTION_STATUS==2";
+
+function waitFor() {
+  const within = h("input", { name: "within", class: "mono", value: "10s" });
+  ask("Wait for a condition", [...conditionFields(lastCondition), field("At most (emulated time)", within)], "Wait", async (form) => {
+    const { operations, any } = await conditionsOf(form.elements.text.value);
+    lastCondition = form.elements.text.value;
+    const within_us = duration(within.value);
+    stopRunning();
+    actTogether([...operations, { wait_for: { any, within_us } }], `wait for ${lastCondition}`, `${lastCondition} is true`);
+  });
+}
+
+function backTo() {
+  ask("Go back to a condition", [...conditionFields(lastCondition), h("p", { class: "muted" }, "Goes back to the last moment before now at which the condition became true. Later events are lost.")], "Go back", async (form) => {
+    const { operations, any } = await conditionsOf(form.elements.text.value);
+    lastCondition = form.elements.text.value;
+    stopRunning();
+    actTogether([...operations, { back_until: { any, detached: false } }], `back to ${lastCondition}`, "The plant is back at that moment");
+  });
+}

@@ -1,0 +1,91 @@
+// Elements without markup in strings: every text from the emulator goes through textContent.
+
+/** Creates an element. `props` are properties, `on…` listeners, `class`, `role`, `aria-…`, `data-…`. */
+export function h(tag, props, ...children) {
+  return build(document.createElement(tag), props, children);
+}
+
+/** Creates an SVG element; all properties are attributes. */
+export function svg(tag, props, ...children) {
+  return build(document.createElementNS("http://www.w3.org/2000/svg", tag), props, children);
+}
+
+function build(element, props, children) {
+  const isSvg = element instanceof SVGElement;
+  for (const [name, value] of Object.entries(props ?? {})) {
+    if (value === undefined || value === null || value === false) continue;
+    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+    else if (!isSvg && name === "class") element.className = value;
+    else if (!isSvg && name in element && !name.includes("-") && name !== "list" && name !== "role") element[name] = value;
+    else element.setAttribute(name, value === true ? "" : value);
+  }
+  append(element, children);
+  return element;
+}
+
+function append(element, children) {
+  for (const child of children) {
+    if (Array.isArray(child)) append(element, child);
+    else if (child !== undefined && child !== null && child !== false) element.append(child);
+  }
+}
+
+/** Sets a text only if it is another one: the browser then has nothing to do. */
+export function setText(element, text) {
+  if (element.firstChild?.nodeType === Node.TEXT_NODE && !element.firstChild.nextSibling) {
+    if (element.firstChild.data !== text) element.firstChild.data = text;
+  } else if (element.textContent !== text) element.textContent = text;
+}
+
+/** Sets an attribute only if it has another value. */
+export function setAttribute(element, name, value) {
+  if (element.getAttribute(name) !== String(value)) element.setAttribute(name, value);
+}
+
+/** Replaces the children of an element. */
+export function fill(element, ...children) {
+  element.replaceChildren();
+  append(element, children);
+  return element;
+}
+
+/** A function that calls `work` once, `ms` after the last call. */
+export function later(ms, work) {
+  let timer;
+  return (...args) => {
+    clearTimeout(timer);
+    timer = setTimeout(() => work(...args), ms);
+  };
+}
+
+/** A function that calls `work` at most once per picture of the screen. */
+export function perFrame(work) {
+  let isDue = false;
+  return () => {
+    if (isDue) return;
+    isDue = true;
+    requestAnimationFrame(() => {
+      isDue = false;
+      work();
+    });
+  };
+}
+
+let ids = 0;
+/** A new identifier for `for`, `aria-labelledby` and others. */
+export const newId = () => `id${++ids}`;
+
+/** A field with its label. */
+export function field(label, input, note) {
+  input.id ||= newId();
+  return h("div", { class: "field" }, h("label", { htmlFor: input.id }, label), input, note && h("small", null, note));
+}
+
+/** A choice among texts, or `[value, text]` pairs. */
+export function choice(options, value, props) {
+  const make = (option) => {
+    const [key, text] = Array.isArray(option) ? option : [option, option];
+    return h("option", { value: key, selected: key === value }, text);
+  };
+  return h("select", props, options.map(make));
+}

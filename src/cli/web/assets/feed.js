@@ -1,0 +1,193 @@
+// The event stream of an instance: one connection for all parts of the page, and the latest state of each.
+
+import { eventsPath, isSignedIn } from "./api.js";
+import { later, perFrame } from "./dom.js";
+import { setNotice } from "./messages.js";
+
+/** Most registers that one stream follows. */
+const MOST = 256;
+/** Changes that are kept for plots and lists. */
+const KEPT = 20_000;
+const EVENTS = ["clock", "values", "changes", "journal", "findings", "drives", "scene", "boards", "faults", "buses", "turned", "lost", "ended"];
+
+/** Name by which the page knows a register. */
+export const keyOf = (register) => `${register.plc}:${register.register}`;
+
+class Feed {
+  clock = null;
+  latest = {};
+  /** Registers with value, meaning, `forced`, and `changedUs` as soon as a change was seen. */
+  values = new Map();
+  changes = [];
+  hasEnded = false;
+  rounds = 0;
+  #wants = new Map();
+  #listeners = new Map();
+  #due = new Set();
+  #source = null;
+  #path = "";
+  #notify = perFrame(() => this.#deliver());
+  #connect = later(120, () => this.#open());
+
+  get timeUs() {
+    return this.clock?.time_us ?? 0;
+  }
+  get isStepped() {
+    return this.clock?.clock === "stepped";
+  }
+
+  /** Forgets everything: another instance. */
+  reset() {
+    this.#source?.close();
+    Object.assign(this, { clock: null, latest: {}, changes: [], hasEnded: false });
+    this.#source = null;
+    this.#path = "";
+    this.values.clear();
+    setNotice("stream", "");
+    setNotice("lost", "");
+    this.#connect();
+  }
+
+  /** What a part of the page needs: names of registers, and events. */
+  want(owner, { follow = [], events = [] } = {}) {
+    this.#wants.set(owner, { follow, events });
+    this.#connect();
+  }
+
+  /** The part needs nothing any more. */
+  leave(owner) {
+    if (this.#wants.delete(owner)) this.#connect();
+  }
+
+  /** Calls `listener` at the next picture after an event of this kind. Returns a function that ends it. */
+  on(event, listener) {
+    if (!this.#listeners.has(event)) this.#listeners.set(event, new Set());
+    this.#listeners.get(event).add(listener);
+    return () => this.#listeners.get(event).delete(listener);
+  }
+
+  /** Calls `listener` with every event of this kind, without waiting for a picture. */
+  onEach(event, listener) {
+    const name = `each ${event}`;
+    if (!this.#listeners.has(name)) this.#listeners.set(name, new Set());
+    this.#listeners.get(name).add(listener);
+    return () => this.#listeners.get(name).delete(listener);
+  }
+
+  /** A reply has a newer time than the last event. */
+  noticeTime(timeUs) {
+    if (this.clock && timeUs !== this.clock.time_us) {
+      this.clock = { ...this.clock, time_us: timeUs };
+      this.#mark("clock");
+    }
+  }
+
+  #mark(event) {
+    this.#due.add(event);
+    this.#notify();
+  }
+
+  #deliver() {
+    const due = [...this.#due];
+    this.#due.clear();
+    this.rounds += 1;
+    for (const event of due) for (const listener of this.#listeners.get(event) ?? []) listener(this.latest[event]);
+  }
+
+  #open() {
+    if (document.hidden) return;
+    const follow = new Set();
+    const fields = { clock: 1 };
+    for (const want of this.#wants.values()) {
+      want.follow.forEach((name) => follow.add(name));
+      want.events.forEach((event) => (fields[event] = 1));
+    }
+    if (follow.size) fields.follow = [...follow].slice(0, MOST).join(",");
+    const path = eventsPath(fields);
+    if (path === this.#path && this.#source) return;
+    this.#path = path;
+    const old = this.#source;
+    const source = new EventSource(path);
+    this.#source = source;
+    const closeOld = () => old?.close();
+    source.addEventListener("clock", closeOld, { once: true });
+    setTimeout(closeOld, 1_000);
+    for (const event of EVENTS) source.addEventListener(event, (message) => this.#take(source, event, message));
+    source.onerror = () => this.#failed(source);
+  }
+
+  #take(source, event, message) {
+    if (source !== this.#source) return;
+    const data = JSON.parse(message.data);
+    setNotice("stream", "");
+    this.latest[event] = data;
+    this["_" + event]?.(data);
+    for (const listener of this.#listeners.get(`each ${event}`) ?? []) listener(data);
+    this.#mark(event);
+  }
+
+  _clock(data) {
+    this.clock = data;
+    this.hasEnded = false;
+  }
+  _values(data) {
+    for (const value of data.values) {
+      const key = keyOf(value);
+      const before = this.values.get(key);
+      const isNew = before && before.value !== value.value;
+      const changedUs = isNew ? Math.max(before.changedUs ?? 0, value.time_us) : before?.changedUs;
+      this.values.set(key, { ...value, changedUs });
+    }
+  }
+  _changes(data) {
+    for (const change of data.changes) {
+      const known = this.values.get(keyOf(change));
+      if (known) known.changedUs = change.time_us;
+    }
+    this.changes.push(...data.changes);
+    if (this.changes.length > KEPT) this.changes.splice(0, this.changes.length - KEPT);
+  }
+  _turned({ time_us }) {
+    this.changes = this.changes.filter((change) => change.time_us <= time_us);
+    for (const value of this.values.values()) if (value.changedUs > time_us) value.changedUs = undefined;
+  }
+  _lost({ rounds = 0, changes = 0, records = 0 }) {
+    const parts = [rounds && `${rounds} updates`, changes && `${changes} changes`, records && `${records} records of the journal`];
+    const text = `This page was too slow for the emulator and has lost ${parts.filter(Boolean).join(", ")}. All values shown are current.`;
+    setNotice("lost", text, "warn", ["Close", () => setNotice("lost", "")]);
+  }
+  _ended({ reason }) {
+    this.hasEnded = true;
+    this.#source?.close();
+    this.#source = null;
+    this.#path = "";
+    setNotice("stream", `The emulator has ended: ${reason}`, "bad", ["Try again", () => this.#connect()]);
+  }
+
+  async #failed(source) {
+    if (source !== this.#source || this.hasEnded) return;
+    setNotice("stream", "The connection to the server is interrupted; the values shown are old.", "bad");
+    if (source.readyState !== EventSource.CLOSED) return;
+    this.#source = null;
+    const isIn = await isSignedIn().catch(() => true);
+    if (!isIn) return location.reload();
+    setTimeout(() => this.#connect(), 1_500);
+  }
+
+  /** A hidden page needs no events: browsers allow only six connections to a server. */
+  watchVisibility() {
+    let timer;
+    document.addEventListener("visibilitychange", () => {
+      clearTimeout(timer);
+      if (!document.hidden) return this.#connect();
+      timer = setTimeout(() => {
+        this.#source?.close();
+        this.#source = null;
+        this.#path = "";
+      }, 30_000);
+    });
+  }
+}
+
+/** The stream of the chosen instance. */
+export const feed = new Feed();

@@ -1,0 +1,105 @@
+// Page "Followed": the followed registers as a plot, and every change of them in order.
+
+import { fill, h, perFrame, setAttribute, setText } from "./dom.js";
+import { Chart } from "./chart.js";
+import { shortName } from "./conditions.js";
+import { feed, keyOf } from "./feed.js";
+import { RowList } from "./list.js";
+import { onPins, pinned, togglePin } from "./pins.js";
+import { duration, seconds, short } from "./values.js";
+
+/** Most registers in the plot. */
+const LANES = 12;
+
+export function followedPage(root, rest, context) {
+  const page = new FollowedPage(root, context);
+  const offs = ["changes", "values", "clock", "turned"].map((event) => feed.on(event, () => page.draw()));
+  offs.push(onPins(() => page.start()));
+  page.start();
+  return () => {
+    offs.forEach((off) => off());
+    feed.leave("followed");
+    page.rows.observer.disconnect();
+  };
+}
+
+class FollowedPage {
+  constructor(root, context) {
+    this.context = context;
+    this.span = h("input", { class: "mono", value: "100ms", size: 6, "aria-label": "Time on the plot" });
+    this.span.addEventListener("change", () => this.draw());
+    this.chart = new Chart({ label: "Followed registers over emulated time; the list of changes has the same content" });
+    this.list = h("ul", { class: "chips" });
+    this.rows = new RowList({ label: "Changes", columns: "changes", head: head(), make: makeRow, fillRow: (row, change, index) => this.fillRow(row, change, index), rowHeight: 28 });
+    this.stick = h("input", { type: "checkbox", checked: true });
+    this.rows.element.addEventListener("wheel", (event) => event.deltaY < 0 && (this.stick.checked = false), { passive: true });
+    this.draw = perFrame(() => this.drawNow());
+    fill(root, h("section", { class: "box chartbox" }, h("header", { class: "boxhead" }, h("h2", null, "Plot"), h("label", { class: "line" }, "last ", this.span)), this.chart.element, this.list),
+      h("div", { class: "line" }, h("h2", { class: "grow" }, "Changes"), h("label", { class: "line" }, this.stick, "Latest")), this.rows.element);
+  }
+
+  start() {
+    this.names = pinned();
+    feed.want("followed", { follow: this.names, events: ["changes"] });
+    const chip = (key, at) => h("li", { class: `chip k${at % 6}` }, h("span", { class: "mono" }, shortName(key)), h("button", { type: "button", class: "plain", "aria-label": `Stop following ${key}`, onclick: () => togglePin(key) }, "\u00d7"));
+    fill(this.list, this.names.length ? this.names.map(chip) : h("li", { class: "muted" }, "No register is followed. Press the star of a register on the page Registers."));
+    this.draw();
+  }
+
+  drawNow() {
+    const names = new Set(this.names);
+    const changes = feed.changes.filter((change) => names.has(keyOf(change)));
+    this.rows.set(changes);
+    if (this.stick.checked) {
+      this.rows.element.scrollTop = this.rows.element.scrollHeight;
+      this.rows.draw();
+    }
+    let span = 100_000;
+    try {
+      span = Math.max(1, duration(this.span.value));
+      this.span.setCustomValidity("");
+    } catch (error) {
+      this.span.setCustomValidity(error.message);
+    }
+    const from = Math.max(0, feed.timeUs - span);
+    this.chart.lanes(from, from + span, this.names.slice(0, LANES).map((key) => laneOf(key, changes)));
+  }
+
+  fillRow(row, change, index) {
+    const [time, since, name, before, after, by] = row.parts;
+    const previous = this.rows.items[index - 1];
+    setText(time, seconds(change.time_us));
+    setText(since, previous ? `+${short(change.time_us - previous.time_us)}` : "");
+    setText(name, shortName(keyOf(change)));
+    setText(before, textOf(change.before));
+    setText(after, change.meaning ? `${textOf(change.after)}  ${change.meaning}` : textOf(change.after));
+    setText(by, change.by ?? "");
+    setAttribute(row, "class", "row");
+    const at = this.names.indexOf(keyOf(change));
+    setAttribute(name, "class", `mono t${at % 6}`);
+  }
+}
+
+const textOf = (value) => (typeof value === "number" ? `16#${(value >>> 0).toString(16).toUpperCase()}` : String(value ?? ""));
+const numberOf = (value) => (typeof value === "number" ? value : parseInt(String(value).replace(/^16#/, ""), 16));
+
+function laneOf(key, changes) {
+  const own = changes.filter((change) => keyOf(change) === key);
+  const value = feed.values.get(key);
+  const points = own.map((change) => [change.time_us, numberOf(change.after)]);
+  if (own.length) points.unshift([0, numberOf(own[0].before)]);
+  else if (value) points.push([0, value.value]);
+  const last = points.at(-1);
+  if (last) points.push([feed.timeUs, last[1]]);
+  const digits = value ? value.hex.length - 3 : 4;
+  return { points, text: (number) => (Number.isFinite(number) ? `${number.toString(16).toUpperCase().padStart(digits, "0")}` : "") };
+}
+
+function head() {
+  return h("div", { role: "rowgroup", class: "head" }, h("div", { role: "row", class: "row" }, ["Time", "After", "Register", "Before", "Value", "Writer"].map((name) => h("span", { role: "columnheader" }, name))));
+}
+
+function makeRow() {
+  const parts = ["mono", "mono since", "mono", "mono before", "mono", "by"].map((name) => h("span", { role: "gridcell", class: name }));
+  return Object.assign(h("div", { class: "row" }, parts), { parts });
+}

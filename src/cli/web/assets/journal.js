@@ -1,0 +1,116 @@
+// Page "Journal": the records of the emulator, with a filter; the newest at the end.
+
+import { show } from "./api.js";
+import { choice, fill, h, later, perFrame, setAttribute, setText } from "./dom.js";
+import { feed } from "./feed.js";
+import { RowList } from "./list.js";
+import { showError } from "./messages.js";
+import { seconds } from "./values.js";
+
+/** Records that the page keeps, and those read of the past. */
+const KEPT = 20_000, PAST = 2_000;
+const HIDDEN = new Set(["v", "seq", "time_us", "kind", "plc", "bus", "node", "line", "count", "first_us", "period_us"]);
+
+export function journalPage(root) {
+  const page = new JournalPage(root);
+  page.read().catch(showError);
+  const offs = [feed.on("turned", () => page.read().catch(showError))];
+  const source = feed.onEach("journal", ({ records }) => page.take(records));
+  feed.want("journal", { events: ["journal"] });
+  const end = () => {
+    [...offs, source].forEach((off) => off());
+    feed.leave("journal");
+    page.rows.observer.disconnect();
+  };
+  return Object.assign(end, { key: (event) => event.key === "/" && (page.text.focus(), true) });
+}
+
+class JournalPage {
+  records = [];
+  kinds = new Set();
+  isAtEnd = true;
+
+  constructor(root) {
+    this.text = h("input", { type: "search", placeholder: "Filter: words in the text, register, PLC or bus", "aria-label": "Filter", spellcheck: false, class: "grow" });
+    this.kind = choice([["", "All kinds"]], "", { "aria-label": "Kind" });
+    this.count = h("span", { class: "muted", role: "status" });
+    this.text.addEventListener("input", later(150, () => this.filter()));
+    this.kind.addEventListener("change", () => this.filter());
+    this.stick = h("input", { type: "checkbox", checked: true, onchange: () => this.stick.checked && this.toEnd() });
+    this.rows = new RowList({ label: "Journal", columns: "journal", head: head(), make: makeRow, fillRow, rowHeight: 28, onchoose: (record) => this.choose(record) });
+    this.rows.element.addEventListener("wheel", (event) => event.deltaY < 0 && (this.stick.checked = false), { passive: true });
+    this.detail = h("pre", { class: "code record-detail", tabIndex: 0, "aria-label": "The chosen record", hidden: true });
+    fill(root, h("div", { class: "line wrap" }, this.text, this.kind, h("label", { class: "line" }, this.stick, "Latest"), this.count), this.rows.element, this.detail);
+    this.draw = perFrame(() => this.filter());
+  }
+
+  async read() {
+    const { records } = await show("journal", { from: -PAST, max: PAST });
+    this.records = [];
+    this.take(records);
+  }
+
+  take(records) {
+    const last = this.records.at(-1)?.seq ?? -1;
+    for (const record of records) {
+      if (record.seq <= last) continue;
+      record.line ??= lineOf(record);
+      record.search = `${record.kind} ${record.line}`.toLowerCase();
+      this.records.push(record);
+      if (!this.kinds.has(record.kind)) this.addKind(record.kind);
+    }
+    if (this.records.length > KEPT) this.records.splice(0, this.records.length - KEPT);
+    this.draw();
+  }
+
+  addKind(kind) {
+    this.kinds.add(kind);
+    const after = [...this.kind.options].find((option) => option.value > kind);
+    this.kind.insertBefore(h("option", { value: kind }, kind), after ?? null);
+  }
+
+  filter() {
+    const words = this.text.value.toLowerCase().split(/\s+/).filter(Boolean);
+    const kind = this.kind.value;
+    const found = words.length || kind ? this.records.filter((record) => (!kind || record.kind === kind) && words.every((word) => record.search.includes(word))) : this.records;
+    setText(this.count, `${found.length} of ${this.records.length} records`);
+    this.rows.set(found);
+    if (this.stick.checked) this.toEnd();
+  }
+
+  toEnd() {
+    this.rows.element.scrollTop = this.rows.element.scrollHeight;
+    this.rows.draw();
+  }
+
+  choose(record) {
+    this.stick.checked = false;
+    this.detail.hidden = false;
+    const { line, search, ...fields } = record;
+    setText(this.detail, JSON.stringify(fields, null, 1).replace(/\n\s*/g, " "));
+  }
+}
+
+/** A text of the fields, for records without a line. */
+function lineOf(record) {
+  const place = [record.plc ?? record.bus, record.node && `node${record.node}`].filter(Boolean).join(":");
+  const fields = Object.entries(record).filter(([name, value]) => !HIDDEN.has(name) && value !== null);
+  return `${place}  ${fields.map(([name, value]) => `${name}=${typeof value === "object" ? JSON.stringify(value) : value}`).join(" ")}`;
+}
+
+function head() {
+  return h("div", { role: "rowgroup", class: "head" }, h("div", { role: "row", class: "row" }, ["Time", "Kind", "Record"].map((name) => h("span", { role: "columnheader" }, name))));
+}
+
+function makeRow() {
+  const parts = ["time mono", "kind", "line"].map((name) => h("span", { role: "gridcell", class: `j-${name}` }));
+  return Object.assign(h("div", { class: "row" }, parts), { parts });
+}
+
+function fillRow(row, record) {
+  const [time, kind, line] = row.parts;
+  setText(time, seconds(record.time_us));
+  setText(kind, record.kind);
+  setText(line, record.count > 1 ? `${record.line}  (${record.count} times)` : record.line);
+  setAttribute(row, "class", /finding|fault|missed|lost|garbled|refused/.test(record.kind) ? "row wrong" : "row");
+}

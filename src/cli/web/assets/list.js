@@ -1,0 +1,113 @@
+// A long list of which only the visible rows exist.
+
+import { h } from "./dom.js";
+
+/** Rows above and below the visible ones. */
+const SPARE = 6;
+
+/**
+ * A grid of rows of one height. `make()` creates a row, `fillRow(row, item, index)` fills it; rows are used again.
+ * `onchoose(index)`: Enter, Space or a click; `onrange(first, end)`: other rows are visible.
+ */
+export class RowList {
+  items = [];
+  chosen = -1;
+  #rows = [];
+  #first = -1;
+  #end = -1;
+
+  constructor({ label, head, make, fillRow, onchoose, onrange, rowHeight = 30, columns }) {
+    Object.assign(this, { make, fillRow, onchoose, onrange, rowHeight });
+    this.body = h("div", { class: "rows-body", role: "rowgroup" });
+    this.element = h("div", { class: `rows ${columns ?? ""}`, role: "grid", "aria-label": label, tabIndex: 0 }, head, this.body);
+    this.element.addEventListener("scroll", () => this.draw(), { passive: true });
+    this.element.addEventListener("keydown", (event) => this.#key(event));
+    this.body.addEventListener("click", (event) => this.#click(event));
+    this.observer = new ResizeObserver(() => this.draw());
+    this.observer.observe(this.element);
+  }
+
+  /** Shows other items. */
+  set(items) {
+    this.items = items;
+    this.body.style.height = `${items.length * this.rowHeight}px`;
+    this.element.setAttribute("aria-rowcount", items.length + 1);
+    this.#first = -1;
+    this.draw();
+  }
+
+  /** The visible items. */
+  get visible() {
+    return this.items.slice(Math.max(0, this.#first), Math.max(0, this.#end));
+  }
+
+  /** Fills the visible rows again. */
+  refresh() {
+    for (let index = this.#first; index < this.#end; index += 1) this.#fill(index);
+  }
+
+  draw() {
+    const head = this.body.offsetTop;
+    const top = Math.max(0, this.element.scrollTop - head);
+    const count = Math.ceil(this.element.clientHeight / this.rowHeight) + 2 * SPARE;
+    const first = Math.max(0, Math.min(Math.floor(top / this.rowHeight) - SPARE, this.items.length - count));
+    const end = Math.min(this.items.length, first + count);
+    if (first === this.#first && end === this.#end) return;
+    this.#first = first;
+    this.#end = end;
+    this.#place(end - first);
+    this.refresh();
+    this.onrange?.(first, end);
+  }
+
+  #place(count) {
+    while (this.#rows.length < count) {
+      const row = this.make();
+      row.setAttribute("role", "row");
+      this.#rows.push(row);
+      this.body.append(row);
+    }
+    for (const row of this.#rows.splice(count)) row.remove();
+  }
+
+  #fill(index) {
+    const row = this.#rows[index % this.#rows.length];
+    if (!row) return;
+    row.dataset.index = index;
+    row.style.transform = `translateY(${index * this.rowHeight}px)`;
+    row.setAttribute("aria-rowindex", index + 2);
+    row.setAttribute("aria-selected", index === this.chosen);
+    row.id ||= `row-${Math.random().toString(36).slice(2, 9)}`;
+    if (index === this.chosen) this.element.setAttribute("aria-activedescendant", row.id);
+    this.fillRow(row, this.items[index], index);
+  }
+
+  /** Chooses a row and brings it into view. */
+  choose(index, isOpened = false) {
+    if (!this.items.length) return;
+    this.chosen = Math.max(0, Math.min(index, this.items.length - 1));
+    const top = this.chosen * this.rowHeight + this.body.offsetTop;
+    const { scrollTop, clientHeight } = this.element;
+    if (top - this.body.offsetTop < scrollTop) this.element.scrollTop = top - this.body.offsetTop;
+    else if (top + this.rowHeight > scrollTop + clientHeight) this.element.scrollTop = top + this.rowHeight - clientHeight;
+    this.draw();
+    this.refresh();
+    this.onchoose?.(this.items[this.chosen], this.chosen, isOpened);
+  }
+
+  #click(event) {
+    const row = event.target.closest("[role=row]");
+    if (row && !event.target.closest("button, a, input")) this.choose(Number(row.dataset.index), true);
+  }
+
+  #key(event) {
+    if (event.target !== this.element || event.ctrlKey || event.altKey || event.metaKey) return;
+    const page = Math.max(1, Math.floor(this.element.clientHeight / this.rowHeight) - 2);
+    const moves = { ArrowDown: 1, ArrowUp: -1, PageDown: page, PageUp: -page, Home: -Infinity, End: Infinity };
+    if (event.key in moves) this.choose(Math.max(0, this.chosen + moves[event.key]));
+    else if (event.key === "Enter" || event.key === " ") this.choose(this.chosen, true);
+    else return;
+    event.preventDefault();
+    event.stopPropagation();
+  }
+}

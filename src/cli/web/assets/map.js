@@ -1,0 +1,79 @@
+// The register map of each PLC: entries, arrays with their elements, and the numbers that operations need.
+
+import { server, show } from "./api.js";
+
+const maps = new Map();
+const places = new Map();
+
+/** Forgets all maps: another instance. */
+export function resetMaps() {
+  maps.clear();
+  places.clear();
+}
+
+/** Reads the map of a PLC once. */
+export function mapOf(plc) {
+  if (!maps.has(plc)) {
+    const reading = show("map", { plc }).then((entries) => entries.map((entry) => prepared(entry, plc)));
+    reading.catch(() => maps.delete(plc));
+    maps.set(plc, reading);
+  }
+  return maps.get(plc);
+}
+
+function prepared(entry, plc) {
+  const ranges = [...entry.name.matchAll(/\[(\d+)\.\.(\d+)\]/g)].map(([, from, to]) => [Number(from), Number(to)]);
+  const count = ranges.reduce((product, [from, to]) => product * (to - from + 1), 1);
+  const search = `${entry.name} ${entry.meaning} ${entry.address} ${entry.structure} ${entry.values.map((it) => it.meaning).join(" ")} ${entry.bits.map((it) => `${it.name} ${it.meaning}`).join(" ")}`;
+  return { ...entry, plc, ranges, count, form: formOf(entry.name), search: search.toLowerCase() };
+}
+
+/** A name with all indices as `[]`. */
+const formOf = (name) => name.replace(/\[[^\]]*\]/g, "[]");
+
+/** The entry of the map for a register or element. */
+export async function entryOf(plc, register) {
+  const entries = await mapOf(plc);
+  const form = formOf(register);
+  return entries.find((entry) => entry.form === form) ?? null;
+}
+
+/** The names of the elements of an entry. */
+export function* elementsOf(entry) {
+  const parts = entry.name.split(/\[\d+\.\.\d+\]/);
+  const total = entry.count;
+  for (let number = 0; number < total; number += 1) {
+    let rest = number;
+    const indices = entry.ranges.map(() => 0);
+    for (let at = entry.ranges.length - 1; at >= 0; at -= 1) {
+      const [from, to] = entry.ranges[at];
+      indices[at] = from + (rest % (to - from + 1));
+      rest = Math.floor(rest / (to - from + 1));
+    }
+    yield parts.map((part, at) => part + (at < indices.length ? `[${indices[at]}]` : "")).join("");
+  }
+}
+
+/** `plc`, `offset` and `width` of a register for operations, with the name of the PLC before it if there are several. */
+export async function placeOf(name) {
+  const key = `${server.instance}/${name}`;
+  if (!places.has(key)) {
+    const reading = show("resolve", { name }).then(([first]) => ({ plc: first.plc, offset: first.offset, width: first.width }));
+    reading.catch(() => places.delete(key));
+    places.set(key, reading);
+  }
+  return places.get(key);
+}
+
+/** The worst provenance of an entry's facts: the decision that must be read, or `manual`. */
+export function provenanceOf(entry) {
+  const facts = Object.entries(entry.provenance ?? {});
+  const inferred = facts.filter(([, source]) => source !== "manual");
+  const text = inferred.length
+    ? `From the manual: ${names(facts.filter(([, source]) => source === "manual"))}. Inferred: ${inferred.map(([fact, source]) => `${fact} (${source.replace("inferred ", "")})`).join(", ")}.`
+    : "All facts are from the manual.";
+  const isNamed = entry.provenance?.name === "manual" || entry.provenance?.type === "manual";
+  return { mark: inferred.length === 0 ? "full" : isNamed ? "half" : "none", text };
+}
+
+const names = (facts) => facts.map(([fact]) => fact).join(", ") || "nothing";

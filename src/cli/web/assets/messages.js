@@ -1,0 +1,34 @@
+// Messages of the page: errors and notes at the bottom, states that last under the clock bar.
+
+import { fill, h } from "./dom.js";
+
+const area = document.getElementById("message");
+const bar = document.getElementById("notice");
+const lasting = new Map();
+let timer;
+
+function put(text, kind, ms) {
+  clearTimeout(timer);
+  const close = h("button", { class: "plain", type: "button", "aria-label": "Close the message", onclick: clear }, "\u00d7");
+  fill(area, h("div", { class: `toast ${kind}` }, h("span", null, text), close));
+  timer = setTimeout(clear, ms);
+}
+
+function clear() {
+  fill(area);
+}
+
+/** Shows an error in the words of its problem document. */
+export const showError = (error) => put(error.message, "bad", 12_000);
+
+/** Shows that something was done. */
+export const showNote = (text) => put(text, "good", 3_000);
+
+/** Shows a state that lasts, or removes it (`text` empty). `action`: `[label, function]`. */
+export function setNotice(key, text, kind = "warn", action) {
+  if (text) lasting.set(key, { text, kind, action });
+  else if (!lasting.delete(key)) return;
+  const one = ({ text, kind, action }) =>
+    h("div", { class: `strip ${kind}` }, h("span", null, text), action && h("button", { type: "button", onclick: action[1] }, action[0]));
+  fill(bar, [...lasting.values()].map(one));
+}

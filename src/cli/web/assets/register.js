@@ -1,0 +1,168 @@
+// The chosen register: its facts, its bits as switches, and the controls that write it.
+
+import { act, guard } from "./actions.js";
+import { post } from "./api.js";
+import { field, fill, h, newId, setAttribute, setText } from "./dom.js";
+import { feed } from "./feed.js";
+import { placeOf, provenanceOf } from "./map.js";
+import { showError } from "./messages.js";
+import { addToRecord, expectValue, onRecord, recorder } from "./record.js";
+import { bytesOf, hex, isScalar, parseValue, seconds, signed } from "./values.js";
+
+/** Shows a register in `root`. Returns a function that ends it. */
+export function showRegister(root, item, context) {
+  const view = new RegisterView(root, item, context);
+  const ends = ["values", "changes", "ended"].map((event) => feed.on(event, () => view.update()));
+  return () => ends.forEach((end) => end());
+}
+
+class RegisterView {
+  constructor(root, item, context) {
+    Object.assign(this, { root, item, entry: item.entry });
+    const { entry } = this;
+    const close = h("button", { type: "button", class: "plain close", "aria-label": "Close", onclick: () => root.classList.remove("open") }, "\u00d7");
+    this.now = h("output", { class: "now mono" });
+    this.meaning = h("div", { class: "now-meaning" });
+    this.bits = new Map();
+    fill(root, h("header", null, h("h2", { class: "mono" }, item.name), close),
+      isScalar(entry.type) && !item.isArray && [h("div", { class: "reading" }, this.now, this.meaning), this.form(), this.bitTable()],
+      this.facts(), this.valueTable());
+    this.update();
+  }
+
+  get value() {
+    return feed.values.get(this.item.key);
+  }
+
+  update() {
+    const { value, entry } = this;
+    if (value) {
+      const number = signed(value.value, entry.type);
+      setText(this.now, `${value.hex}  ${number}`);
+      setText(this.meaning, `${value.meaning || "no meaning"}${value.forced ? " \u2013 forced" : ""}`);
+      setAttribute(this.root, "data-forced", value.forced);
+    }
+    for (const [bit, control] of this.bits) this.updateBit(bit, control, value?.value);
+    if (this.unforce) this.unforce.dataset.why = value?.forced ? "" : "The register is not forced";
+    guard(this.root);
+  }
+
+  updateBit(bit, control, value) {
+    if (value === undefined) return;
+    const [first, last] = bit;
+    const number = Math.floor(value / 2 ** first) % 2 ** (last - first + 1);
+    if (first === last) setAttribute(control, "aria-checked", number === 1);
+    else setText(control, String(number));
+  }
+
+  form() {
+    const { entry, item } = this;
+    const options = newId();
+    const input = h("input", { name: "value", class: "mono", autocomplete: "off", spellcheck: false, placeholder: "16#0000", list: options });
+    input.setAttribute("list", options);
+    const known = entry.values.filter((value) => value.first === value.last);
+    const write = (operation) => async () => {
+      try {
+        const value = parseValue(input.value, entry.type, entry.values);
+        const verb = operation === "poke" ? "poke" : "force";
+        await act(operation, { ...(await placeOf(item.key)), value }, `${verb} ${item.name} = ${hex(value, entry.type)}`, `${item.name}: ${operation === "poke" ? "written" : "forced"}`);
+      } catch (error) {
+        showError(error);
+      }
+    };
+    const poke = write("poke");
+    const form = h("form", { class: "write" }, field("New value", input),
+      h("datalist", { id: options }, known.map((value) => h("option", { value: value.meaning }, value.hex))),
+      button("Poke", { type: "submit", class: "primary" }),
+      button("Force", { onclick: write("force"), "data-title": "The register keeps the value against firmware and PLC" }),
+      (this.unforce = button("Unforce", { onclick: () => this.release() })),
+      (this.expect = h("button", { type: "button", onclick: () => expectValue(item.key, this.value) }, "Expect this value")));
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      poke();
+    });
+    const showExpect = () => (this.expect.hidden = !recorder.isOn);
+    onRecord(showExpect);
+    showExpect();
+    return form;
+  }
+
+  async release() {
+    const { item } = this;
+    try {
+      await act("unforce", await placeOf(item.key), `unforce ${item.name}`, `${item.name}: no longer forced`);
+    } catch (error) {
+      showError(error);
+    }
+  }
+
+  bitTable() {
+    const { entry } = this;
+    if (!/^(BYTE|WORD|DWORD|BOOL)$/.test(entry.type) && !entry.bits.length) return null;
+    const count = 8 * bytesOf(entry.type);
+    const strip = Array.from({ length: count }, (_, at) => this.bitSwitch(count - 1 - at, nameOfBit(entry, count - 1 - at), true));
+    const named = entry.bits.filter((bit) => bit.name !== "reserved").map((bit) => this.bitRow(bit));
+    return [h("h3", null, "Bits"), h("div", { class: `bitstrip b${count}` }, strip), named.length > 0 && h("ul", { class: "bits" }, named)];
+  }
+
+  bitRow(bit) {
+    const place = bit.first === bit.last ? String(bit.first) : `${bit.first}\u2013${bit.last}`;
+    const value = bit.first === bit.last ? this.bitSwitch(bit.first, bit.name, false) : h("output", { class: "mono" });
+    if (bit.first !== bit.last) this.bits.set([bit.first, bit.last], value);
+    return h("li", null, h("span", { class: "mono place" }, place), value, h("span", null, h("b", null, bit.name), " ", h("small", null, bit.meaning)));
+  }
+
+  bitSwitch(bit, name, isSmall) {
+    const control = button(isSmall ? String(bit) : "", { role: "switch", "aria-checked": "false", class: isSmall ? "bit" : "switch", "aria-label": `Bit ${bit}${name ? `, ${name}` : ""}`, "data-title": name ? `Bit ${bit}: ${name}` : `Bit ${bit}` });
+    control.addEventListener("click", () => this.flip(bit));
+    this.bits.set([bit, bit], control);
+    return control;
+  }
+
+  /** Changes one bit: the register is written only if it still has the value from which the new one was made. */
+  async flip(bit) {
+    const { item, entry } = this;
+    const beforeUs = feed.timeUs;
+    try {
+      const place = await placeOf(item.key);
+      let current = this.value?.value ?? 0;
+      const isSet = Math.floor(current / 2 ** bit) % 2 === 1;
+      for (let attempt = 0; attempt < 8; attempt += 1) {
+        const has = Math.floor(current / 2 ** bit) % 2 === 1;
+        const value = has === isSet ? current + (isSet ? -1 : 1) * 2 ** bit : current;
+        const { exchanged } = await post("compare_exchange", { ...place, current, new: value });
+        if (exchanged.ok) return addToRecord({ operation: "poke", fields: { ...place, value }, words: `poke ${item.name} = ${hex(value, entry.type)}, bit ${bit}`, beforeUs });
+        current = exchanged.found;
+      }
+      throw new Error(`${item.name}: other programs change the register all the time`);
+    } catch (error) {
+      showError(error);
+    }
+  }
+
+  facts() {
+    const { entry } = this;
+    const value = this.value;
+    const source = provenanceOf(entry);
+    const rows = [
+      ["Meaning", entry.meaning], ["PLC", entry.plc], ["Address", value?.address ?? entry.address], ["CPU address", entry.ranges.length ? "" : entry.cpu_address],
+      ["Type", entry.type], ["Structure", entry.structure], ["Variable", entry.variable], ["Written by", entry.owner], ["After reset", entry.reset],
+      ["Manual", entry.page && `page ${entry.page}`], ["Values", entry.meaning_page && `page ${entry.meaning_page} of the manual`], ["Facts", source.text],
+      ["Last change", value?.changedUs !== undefined && seconds(value.changedUs)],
+    ];
+    return [h("h3", null, "Facts"), h("dl", { class: "facts" }, rows.filter(([, text]) => text).map(([name, text]) => [h("dt", null, name), h("dd", null, text)]))];
+  }
+
+  valueTable() {
+    const { values } = this.entry;
+    if (!values.length) return null;
+    const range = (value) => (value.first === value.last ? value.hex : `${value.first} to ${value.last}`);
+    return [h("h3", null, "Values"), h("dl", { class: "facts values" }, values.map((value) => [h("dt", { class: "mono" }, range(value)), h("dd", null, value.meaning, " ", h("small", null, value.provenance))]))];
+  }
+}
+
+function button(text, props) {
+  return h("button", { type: "button", "data-acts": true, ...props }, text);
+}
+
+const nameOfBit = (entry, bit) => entry.bits.find((it) => it.first <= bit && bit <= it.last)?.name ?? "";

@@ -1,0 +1,237 @@
+// Page "Registers": blocks, search, and the visible registers with live values.
+
+import { server } from "./api.js";
+import { fill, h, later, perFrame, setAttribute, setText } from "./dom.js";
+import { feed } from "./feed.js";
+import { RowList } from "./list.js";
+import { elementsOf, mapOf, provenanceOf } from "./map.js";
+import { showError } from "./messages.js";
+import { isPinned, onPins, pinned, togglePin } from "./pins.js";
+import { showRegister } from "./register.js";
+import { counted, isScalar, isSigned, short, signed } from "./values.js";
+
+/** Most results of a search that are shown. */
+const MOST = 4_000;
+
+export function registersPage(root, rest, context) {
+  const page = new Registers(root, context);
+  page.start(decodeURIComponent(rest[0] ?? "")).catch(showError);
+  return Object.assign(() => page.end(), { key: (event) => page.key(event) });
+}
+
+class Registers {
+  open = new Set();
+  block = "";
+  chosen = null;
+  ends = [];
+
+  constructor(root, context) {
+    this.context = context;
+    this.search = h("input", { type: "search", placeholder: "Search names, meanings, values, addresses", "aria-label": "Search registers", "aria-keyshortcuts": "/", spellcheck: false });
+    this.search.addEventListener("input", later(120, () => this.list()));
+    this.tree = h("nav", { class: "blocks", "aria-label": "Blocks" });
+    this.count = h("span", { class: "muted", role: "status" });
+    this.detail = h("aside", { class: "detail", "aria-label": "Register" });
+    this.rows = new RowList({
+      label: "Registers", columns: "registers", head: headRow(), make: makeRow,
+      fillRow: (row, item) => this.fillRow(row, item),
+      onchoose: (item, index, isOpened) => this.choose(item, isOpened),
+      onrange: later(60, () => this.follow()),
+    });
+    fill(root, h("div", { class: "split registers-page" },
+      h("div", { class: "side" }, h("div", { class: "searchbar" }, this.search, this.count), this.tree),
+      this.rows.element, this.detail));
+    root.addEventListener("click", (event) => this.pin(event));
+    const refresh = perFrame(() => this.rows.refresh());
+    this.ends.push(feed.on("values", refresh), feed.on("changes", refresh), feed.on("clock", refresh));
+    this.ends.push(onPins(() => this.block === "followed" && !this.search.value ? this.list() : refresh()));
+  }
+
+  async start(block) {
+    const plcs = this.context.status?.plcs ?? [];
+    this.maps = await Promise.all(plcs.map((plc) => mapOf(plc.plc).then((entries) => ({ ...plc, entries }))));
+    this.drawTree();
+    const first = this.maps[0]?.entries[0];
+    const known = [...this.tree.querySelectorAll("[data-block]")].map((it) => it.dataset.block);
+    const usual = pinned().length ? "followed" : first && blockOf(first);
+    this.show(known.includes(block) ? block : usual);
+  }
+
+  end() {
+    feed.leave("registers");
+    this.ends.forEach((end) => end());
+    this.rows.observer.disconnect();
+    this.endDetail?.();
+  }
+
+  drawTree() {
+    const link = (block, text, note) =>
+      h("li", null, h("button", { type: "button", "data-block": block, onclick: () => this.show(block) }, h("span", null, text), note && h("small", null, note)));
+    const parts = this.maps.map(({ plc, device, entries }) => {
+      const blocks = new Map(entries.map((entry) => [blockOf(entry), entry]));
+      const areas = [...blocks].map(([block, entry]) => link(block, entry.area, entry.structure === entry.area ? "" : entry.structure));
+      return h("section", null, h("h3", null, plc, " ", h("small", null, device)), h("ul", null, areas));
+    });
+    fill(this.tree, h("ul", null, link("followed", "Followed registers", "")), parts);
+  }
+
+  show(block) {
+    this.block = block;
+    this.search.value = "";
+    for (const button of this.tree.querySelectorAll("[data-block]")) {
+      if (button.dataset.block === block) {
+        button.setAttribute("aria-current", "true");
+        button.scrollIntoView({ block: "nearest" });
+      } else button.removeAttribute("aria-current");
+    }
+    this.context.setRest(encodeURIComponent(block ?? ""));
+    this.rows.element.scrollTop = 0;
+    this.rows.chosen = -1;
+    this.list();
+  }
+
+  /** The rows of the chosen block, or those that the search finds. */
+  list() {
+    const text = this.search.value.trim().toLowerCase();
+    const items = text ? this.found(text) : this.block === "followed" ? this.followed() : this.ofBlock();
+    const end = items.length >= MOST ? `first ${MOST} registers` : counted(items.length, "register");
+    setText(this.count, end);
+    this.rows.set(items);
+    this.empty(items.length === 0, text);
+  }
+
+  empty(isEmpty, text) {
+    this.note?.remove();
+    if (!isEmpty) return;
+    const reason = text ? `No register has '${text}' in its name, meaning, values or address.` : "No register is followed. Press the star of a register, or F.";
+    this.note = h("p", { class: "empty" }, reason);
+    this.rows.element.append(this.note);
+  }
+
+  ofBlock() {
+    const entries = this.maps.flatMap((map) => map.entries);
+    return entries.filter((entry) => blockOf(entry) === this.block).flatMap((entry) => this.rowsOf(entry));
+  }
+
+  rowsOf(entry) {
+    if (!entry.ranges.length) return [{ key: keyOf(entry, entry.name), entry, name: entry.name }];
+    const array = { key: keyOf(entry, entry.name), entry, name: entry.name, isArray: true };
+    if (!this.open.has(array.key)) return [array];
+    return [array, ...elements(entry)];
+  }
+
+  followed() {
+    const forms = new Map(this.maps.flatMap((map) => map.entries).map((entry) => [`${entry.plc}:${entry.form}`, entry]));
+    const items = pinned().map((key) => {
+      const at = key.indexOf(":");
+      const entry = forms.get(key.replace(/\[[^\]]*\]/g, "[]"));
+      return entry && { key, entry, name: key.slice(at + 1), isFull: true };
+    });
+    return items.filter(Boolean);
+  }
+
+  found(text) {
+    const entries = this.maps.flatMap((map) => map.entries);
+    if (/\[\d/.test(text)) {
+      const form = text.replace(/\[[^\]]*\]?/g, "[]");
+      const arrays = entries.filter((entry) => entry.ranges.length && entry.form.toLowerCase().includes(form));
+      return arrays.flatMap((entry) => elements(entry)).filter((item) => item.name.toLowerCase().includes(text)).slice(0, MOST);
+    }
+    const words = text.split(/\s+/);
+    const hits = entries.filter((entry) => words.every((word) => entry.search.includes(word)));
+    return hits.flatMap((entry) => this.rowsOf(entry)).map((item) => ({ ...item, isFull: true })).slice(0, MOST);
+  }
+
+  /** Follows the visible registers, the followed ones and the chosen one. */
+  follow() {
+    const names = this.rows.visible.filter((item) => !item.isArray && isScalar(item.entry.type)).map((item) => item.key);
+    if (this.chosen && !this.chosen.isArray) names.unshift(this.chosen.key);
+    feed.want("registers", { follow: names, events: ["changes"] });
+  }
+
+  choose(item, isOpened) {
+    if (item.isArray && isOpened) {
+      if (!this.open.delete(item.key)) this.open.add(item.key);
+      this.list();
+      return;
+    }
+    if (this.chosen?.key === item.key) return;
+    this.chosen = item;
+    this.endDetail?.();
+    this.endDetail = showRegister(this.detail, item, this.context);
+    this.detail.classList.add("open");
+    this.follow();
+  }
+
+  pin(event) {
+    const button = event.target.closest("[data-pin]");
+    if (button) togglePin(button.dataset.pin);
+  }
+
+  /** Keys of this page. */
+  key(event) {
+    const item = this.rows.items[this.rows.chosen];
+    if (event.key === "/") this.search.focus();
+    else if (event.key === "f" && item && !item.isArray) togglePin(item.key);
+    else if (event.key === "p") this.detail.querySelector("input[name=value]")?.focus();
+    else return false;
+    return true;
+  }
+
+  fillRow(row, item) {
+    const { entry } = item;
+    const value = feed.values.get(item.key);
+    const parts = row.parts;
+    const prefix = item.isFull && this.maps.length > 1 ? `${entry.plc}:` : "";
+    setText(parts.name, prefix + (item.isFull ? item.name : item.name.slice(entry.area.length + 1) || item.name));
+    setAttribute(row, "class", `row${item.isArray ? " array" : ""}${item.isElement ? " element" : ""}${value?.forced ? " forced" : ""}`);
+    const isValue = !item.isArray && isScalar(entry.type);
+    const digits = !isValue ? "" : value ? value.hex : "\u2026";
+    if (parts.value.textContent !== digits && row.dataset.key === item.key && parts.value.textContent.startsWith("16#")) flash(parts.value);
+    row.dataset.key = item.key;
+    setText(parts.value, digits);
+    const number = value && isSigned(entry.type) ? `${signed(value.value, entry.type)}  ` : "";
+    const arrayText = `${this.open.has(item.key) ? "\u25be" : "\u25b8"} ${entry.count} ${entry.type}`;
+    setText(parts.meaning, item.isArray ? arrayText : isValue ? number + (value?.meaning ?? "") : entry.type);
+    setText(parts.age, isValue && value?.changedUs !== undefined ? short(Math.max(0, feed.timeUs - value.changedUs)) : "");
+    setText(parts.owner, entry.owner);
+    setText(parts.manual, entry.page ? `p. ${entry.page}` : "");
+    const mark = provenanceOf(entry);
+    setAttribute(parts.mark, "class", `mark ${mark.mark}`);
+    setAttribute(parts.mark, "aria-label", mark.text);
+    setAttribute(parts.mark, "title", mark.text);
+    parts.pin.hidden = !isValue;
+    setAttribute(parts.pin, "data-pin", item.key);
+    setAttribute(parts.pin, "aria-pressed", isPinned(item.key));
+    setAttribute(parts.pin, "aria-label", `Follow ${item.name}`);
+  }
+}
+
+const blockOf = (entry) => `${entry.plc}:${entry.area}:${entry.structure}`;
+const keyOf = (entry, name) => `${entry.plc}:${name}`;
+
+const elements = (entry) =>
+  [...elementsOf(entry)].map((name) => ({ key: keyOf(entry, name), entry, name, isElement: true }));
+
+function flash(cell) {
+  if (matchMedia("(prefers-reduced-motion: reduce)").matches) return;
+  cell.animate([{ backgroundColor: "var(--flash)" }, { backgroundColor: "transparent" }], { duration: 600 });
+}
+
+function headRow() {
+  const names = ["", "Name", "Value", "Meaning", "Age", "Writer", "Page", ""];
+  const labels = ["Follow", "Name", "Value", "Meaning", "Age: emulated time since the last change", "Writer", "Page of the manual", "Source of the facts"];
+  const cells = names.map((name, at) => h("span", { role: "columnheader", "aria-label": labels[at], title: labels[at] }, name));
+  return h("div", { role: "rowgroup", class: "head" }, h("div", { role: "row", class: "row" }, cells));
+}
+
+function makeRow() {
+  const cell = (name, content) => h("span", { role: "gridcell", class: name }, content);
+  const pin = h("button", { type: "button", class: "star", tabIndex: -1 }, "\u2605");
+  const mark = h("span", { role: "img" });
+  const parts = { pin, mark };
+  for (const name of ["name", "value", "meaning", "age", "owner", "manual"]) parts[name] = cell(name);
+  const row = h("div", { class: "row" }, cell("pin", pin), parts.name, parts.value, parts.meaning, parts.age, parts.owner, parts.manual, cell("source", mark));
+  row.parts = parts;
+  return row;
+}

@@ -1,0 +1,67 @@
+// Numbers, times and names as the command line writes them.
+
+const UNITS = { us: 1, ms: 1e3, s: 1e6, min: 60e6, h: 3600e6 };
+
+/** Emulated time in seconds with six places. */
+export function seconds(us) {
+  return `${(us / 1e6).toFixed(6)} s`;
+}
+
+/** A short duration: `850 us`, `2.5 ms`, `3.2 s`, `4 min`. */
+export function short(us) {
+  if (us < 1e3) return `${us} us`;
+  if (us < 1e6) return `${round(us / 1e3)} ms`;
+  if (us < 60e6) return `${round(us / 1e6)} s`;
+  if (us < 3600e6) return `${round(us / 60e6)} min`;
+  return `${round(us / 3600e6)} h`;
+}
+
+const round = (number) => String(Math.round(number * (number < 10 ? 100 : 10)) / (number < 10 ? 100 : 10));
+
+/** Microseconds of `2ms`, `500 us`, `1.5s`; a number without a unit counts milliseconds. Throws an Error. */
+export function duration(text) {
+  const found = /^\s*(\d+(?:\.\d+)?)\s*(us|µs|ms|s|min|h)?\s*$/.exec(text);
+  if (!found) throw new Error(`'${text}' is not a time: write a number and us, ms, s, min or h, for example 2ms`);
+  return Math.round(Number(found[1]) * UNITS[(found[2] ?? "ms").replace("µ", "u")]);
+}
+
+/** Bytes of an elementary type. */
+export const bytesOf = (type) => ({ BYTE: 1, USINT: 1, SINT: 1, BOOL: 1, WORD: 2, UINT: 2, INT: 2 })[type] ?? 4;
+
+/** Name of the width in operations. */
+export const widthOf = (type) => ({ 1: "Byte", 2: "Word", 4: "Dword" })[bytesOf(type)];
+
+/** True if values of the type are printed with a sign. */
+export const isSigned = (type) => type === "SINT" || type === "INT" || type === "DINT";
+
+/** True if the type is one register, not a range of bytes. */
+export const isScalar = (type) => !type.includes("[");
+
+/** The hexadecimal form of a value: `16#0043`. */
+export function hex(value, type) {
+  return `16#${(value >>> 0).toString(16).toUpperCase().padStart(2 * bytesOf(type), "0")}`;
+}
+
+/** The number in `16#43`, `0x43`, `2#1011`, `67`, `-5`, or of the value with this meaning. Throws an Error. */
+export function parseValue(text, type, values = []) {
+  const plain = text.trim().replaceAll("_", "");
+  const named = values.find((value) => value.first === value.last && value.meaning === text.trim());
+  if (named) return named.first;
+  const based = /^(?:(16|8|2)#|0([xob]))([0-9a-f]+)$/i.exec(plain);
+  const base = based && (Number(based[1]) || { x: 16, o: 8, b: 2 }[based[2].toLowerCase()]);
+  const number = based ? parseInt(based[3], base) : Number(plain);
+  const size = 2 ** (8 * bytesOf(type));
+  if (plain === "" || !Number.isInteger(number)) throw new Error(`'${text}' is not a value: write a number such as 67, 16#43 or 2#1000011`);
+  const least = isSigned(type) ? -size / 2 : 0;
+  if (number < least || number >= size) throw new Error(`${text} does not fit a ${type}: ${least} to ${size - 1}`);
+  return number < 0 ? number + size : number;
+}
+
+/** The number that a value of a signed type means. */
+export function signed(value, type) {
+  const size = 2 ** (8 * bytesOf(type));
+  return isSigned(type) && value >= size / 2 ? value - size : value;
+}
+
+/** A count with its noun. */
+export const counted = (count, one, many = `${one}s`) => `${count} ${count === 1 ? one : many}`;
