@@ -97,7 +97,7 @@ class DrivesPage {
     const zk = Object.entries(drive.zk ?? {}).map(([number, value]) => h("tr", null, h("td", { class: "mono" }, number), h("td", { class: "mono" }, String(value))));
     const rows = (drive.parameters ?? []).map((parameter) => h("tr", null, h("td", { class: "mono" }, String(parameter.number)), h("td", null, parameter.name), h("td", null, this.control(parameter, index)), h("td", null, parameter.unit), h("td", { class: "mono" }, `${parameter.min} \u2026 ${parameter.max}`)));
     fill(this.details, h("header", { class: "boxhead" }, h("h2", null, `Parameters of ${drive.drive}`)),
-      h("div", { class: "columns pad" }, table(["No.", "Name", "Value", "Unit", "Range"], rows, "Parameters"), zk.length > 0 && table(["ZK", "Value"], zk, "ZK parameters")));
+      h("div", { class: "parameters pad" }, table(["No.", "Name", "Value", "Unit", "Range"], rows, "Parameters"), zk.length > 0 && table(["ZK", "Value"], zk, "ZK parameters")));
   }
 
   control(parameter, index) {

@@ -12,7 +12,7 @@ import { Push, Rotary, Selector, Terminal, Toggle } from "./switch.js";
 /** Numbers of the settings in `set_board`. */
 const DIP = 1, LEDS = 2, SWITCH = 3, POWER = 4, START = 5, RESET = 6, CYCLE = 7, PROJECT = 8, MODULE_DIP = 9, FRONT = 256;
 /** Width of a front in its drawing. */
-const WIDTH = 420;
+const WIDTH = 440;
 const POSITIONS = ["run", "stop", "reset"], PROJECTS = ["none", "boot", "sent"], STARTS = ["cold", "warm", "hot", "stop"];
 
 export function panelPage(root, rest, context) {
@@ -88,9 +88,10 @@ class Front {
   }
 
   dip(read, set, name) {
+    this.add({ width: 24, height: 50, node: svg("text", { class: "front-name", y: 26 }, "DIP"), show() {} }, null);
     for (let bit = 0; bit < 5; bit += 1) {
       const toggle = new Toggle(String(bit + 1), `${name} ${bit + 1}`, () => set(read(this.board) ^ (1 << bit)));
-      this.add(toggle, (board) => Boolean(read(board) >> bit & 1), bit === 0 && name !== "DIP");
+      this.add(toggle, (board) => Boolean(read(board) >> bit & 1));
     }
   }
 

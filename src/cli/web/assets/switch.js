@@ -38,10 +38,10 @@ export class Toggle {
 
 /** A terminal: a lamp that a click switches. */
 export class Terminal {
-  width = 26;
   height = 40;
 
   constructor(name, label, set) {
+    this.width = name.length > 2 ? 30 : 18;
     this.glass = svg("circle", { class: "terminal", cx: 11, cy: 12, r: 8 });
     this.node = svg("g", { role: set ? "switch" : "img", "aria-label": label }, this.glass, svg("text", { class: "front-note", x: 11, y: 34, "text-anchor": "middle" }, name));
     this.isOperable = Boolean(set);
