@@ -1,59 +1,11 @@
 """Opens a page in a headless Chromium, light and dark, over its DevTools port. Prints the text of the page. Fails if the
 page reports an error, runs a script or loads a resource."""
 
-import json
 import os
-import subprocess
 import sys
 import tempfile
-import time
-import urllib.request
 
-import websocket
-
-PATIENCE = 60
-
-
-class Browser:
-    def __init__(self, program, profile):
-        # No sandbox: containers lack the needed privileges, and the page is trusted.
-        options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"]
-        options += ["--disable-background-networking", "--disable-component-update", "--disable-extensions"]
-        options += ["--remote-debugging-port=0", "--remote-allow-origins=*", f"--user-data-dir={profile}"]
-        quiet = subprocess.DEVNULL
-        self.process = subprocess.Popen([program, *options, "about:blank"], stdout=quiet, stderr=quiet)
-        port = self.port(os.path.join(profile, "DevToolsActivePort"))
-        with urllib.request.urlopen(f"http://127.0.0.1:{port}/json/list", timeout=PATIENCE) as answer:
-            pages = [target for target in json.load(answer) if target["type"] == "page"]
-        self.socket = websocket.create_connection(pages[0]["webSocketDebuggerUrl"], timeout=PATIENCE)
-        self.number, self.events = 0, []
-
-    def port(self, file):
-        end = time.monotonic() + PATIENCE
-        while time.monotonic() < end and self.process.poll() is None:
-            if os.path.exists(file) and (lines := open(file).read().split("\n"))[0]:
-                return lines[0]
-            time.sleep(0.05)
-        raise SystemExit("Chromium does not open its DevTools port")
-
-    def ask(self, method, **parameters):
-        self.number += 1
-        self.socket.send(json.dumps({"id": self.number, "method": method, "params": parameters}))
-        while True:
-            message = json.loads(self.socket.recv())
-            if message.get("id") == self.number:
-                assert "error" not in message, (method, message["error"])
-                return message["result"]
-            self.events.append(message)
-
-    def wait(self, method):
-        while not any(event["method"] == method for event in self.events):
-            self.events.append(json.loads(self.socket.recv()))
-
-    def value(self, expression):
-        result = self.ask("Runtime.evaluate", expression=expression, returnByValue=True)
-        assert "exceptionDetails" not in result, result
-        return result["result"]["value"]
+from browser import PATIENCE, Browser
 
 
 def shown(browser, address):

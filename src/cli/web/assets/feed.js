@@ -145,7 +145,7 @@ class Feed {
       if (known) known.changedUs = change.time_us;
     }
     this.changes.push(...data.changes);
-    if (this.changes.length > KEPT) this.changes.splice(0, this.changes.length - KEPT);
+    if (this.changes.length > KEPT * 1.25) this.changes.splice(0, this.changes.length - KEPT);
   }
   _turned({ time_us }) {
     this.changes = this.changes.filter((change) => change.time_us <= time_us);

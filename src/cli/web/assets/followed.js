@@ -10,10 +10,13 @@ import { duration, seconds, short } from "./values.js";
 
 /** Most registers in the plot. */
 const LANES = 12;
+/** Changes in the list, and points of a register. */
+const KEPT = 20_000;
 
 export function followedPage(root, rest, context) {
   const page = new FollowedPage(root, context);
-  const offs = ["changes", "values", "clock", "turned"].map((event) => feed.on(event, () => page.draw()));
+  const offs = ["values", "clock"].map((event) => feed.on(event, () => page.draw()));
+  offs.push(feed.onEach("changes", ({ changes }) => page.take(changes)), feed.onEach("turned", () => page.readAgain()));
   offs.push(onPins(() => page.start()));
   page.start();
   return () => {
@@ -43,13 +46,31 @@ class FollowedPage {
     feed.want("followed", { follow: this.names, events: ["changes"] });
     const chip = (key, at) => h("li", { class: `chip k${at % 6}` }, h("span", { class: "mono" }, shortName(key)), h("button", { type: "button", class: "plain", "aria-label": `Stop following ${key}`, onclick: () => togglePin(key) }, "\u00d7"));
     fill(this.list, this.names.length ? this.names.map(chip) : h("li", { class: "muted" }, "No register is followed. Press the star of a register on the page Registers."));
+    this.readAgain();
+  }
+
+  readAgain() {
+    this.changes = [];
+    this.points = new Map(this.names.map((key) => [key, []]));
+    this.take(feed.changes);
+  }
+
+  /** Adds changes to the list and to the points of each register. */
+  take(changes) {
+    for (const change of changes) {
+      const points = this.points.get(keyOf(change));
+      if (!points) continue;
+      this.changes.push(change);
+      if (!points.length) points.push([0, numberOf(change.before)]);
+      points.push([change.time_us, numberOf(change.after)]);
+    }
+    if (this.changes.length > KEPT * 1.25) this.changes = this.changes.slice(-KEPT);
+    for (const points of this.points.values()) if (points.length > KEPT * 1.25) points.splice(0, points.length - KEPT);
     this.draw();
   }
 
   drawNow() {
-    const names = new Set(this.names);
-    const changes = feed.changes.filter((change) => names.has(keyOf(change)));
-    this.rows.set(changes);
+    this.rows.set(this.changes);
     if (this.stick.checked) {
       this.rows.element.scrollTop = this.rows.element.scrollHeight;
       this.rows.draw();
@@ -62,7 +83,7 @@ class FollowedPage {
       this.span.setCustomValidity(error.message);
     }
     const from = Math.max(0, feed.timeUs - span);
-    this.chart.lanes(from, from + span, this.names.slice(0, LANES).map((key) => laneOf(key, changes)));
+    this.chart.lanes(from, from + span, this.names.slice(0, LANES).map((key) => laneOf(key, this.points.get(key), from)));
   }
 
   fillRow(row, change, index) {
@@ -83,16 +104,15 @@ class FollowedPage {
 const textOf = (value) => (typeof value === "number" ? `16#${(value >>> 0).toString(16).toUpperCase()}` : String(value ?? ""));
 const numberOf = (value) => (typeof value === "number" ? value : parseInt(String(value).replace(/^16#/, ""), 16));
 
-function laneOf(key, changes) {
-  const own = changes.filter((change) => keyOf(change) === key);
+/** The points of a register from the last one before the plot on. */
+function laneOf(key, all, from) {
   const value = feed.values.get(key);
-  const points = own.map((change) => [change.time_us, numberOf(change.after)]);
-  if (own.length) points.unshift([0, numberOf(own[0].before)]);
-  else if (value) points.push([0, value.value]);
-  const last = points.at(-1);
-  if (last) points.push([feed.timeUs, last[1]]);
+  let first = all.length;
+  while (first > 0 && (first === all.length || all[first][0] > from)) first -= 1;
+  const points = all.length ? all.slice(first) : value ? [[0, value.value]] : [];
+  if (points.length) points.push([feed.timeUs, points.at(-1)[1]]);
   const digits = value ? value.hex.length - 3 : 4;
-  return { points, text: (number) => (Number.isFinite(number) ? `${number.toString(16).toUpperCase().padStart(digits, "0")}` : "") };
+  return { points, text: (number) => (Number.isFinite(number) ? number.toString(16).toUpperCase().padStart(digits, "0") : "") };
 }
 
 function head() {

@@ -68,7 +68,7 @@ function busBox(bus, more, status) {
 
 /** A table with a caption for its head cells. */
 export function table(names, rows, label) {
-  return h("table", { "aria-label": label }, h("thead", null, h("tr", null, names.map((name) => h("th", { scope: "col" }, name)))), h("tbody", null, rows));
+  return h("table", { "aria-label": label }, h("thead", null, h("tr", null, names.map((name) => h("th", { scope: "col" }, name || h("span", { class: "hidden" }, "Action"))))), h("tbody", null, rows));
 }
 
 /** Buses as horizontal lines; devices hang above with their ports, drives below. */

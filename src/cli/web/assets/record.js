@@ -5,7 +5,7 @@ import { fill, h } from "./dom.js";
 import { feed } from "./feed.js";
 import { openDialog } from "./dialogs.js";
 import { showError, showNote } from "./messages.js";
-import { seconds } from "./values.js";
+import { seconds, short } from "./values.js";
 
 /** Operations that a scenario does not repeat. */
 const IGNORED = new Set(["save", "forget", "door_open", "door_close", "stop"]);
@@ -29,9 +29,20 @@ export function toggleRecord() {
 export function addToRecord({ operation, operations, fields, words, beforeUs }) {
   if (!recorder.isOn || IGNORED.has(operation)) return;
   if (operation?.startsWith("back")) return cutAfter(words);
-  const forms = operations ?? [{ [operation]: fields ?? {} }];
+  if (operation === "advance" && mergeSteps(fields.us)) return changed();
+  const forms = operations ?? [{ [operation]: { ...fields } }];
   recorder.actions.push({ time_us: beforeUs, ...(forms.length === 1 ? { operation: forms[0] } : { operations: forms }), words });
   changed();
+}
+
+/** Adds a step to the last action if it is a step, too. */
+function mergeSteps(us) {
+  const last = recorder.actions.at(-1);
+  const step = last?.operation?.advance;
+  if (!step) return false;
+  step.us += us;
+  last.words = `step ${short(step.us)}`;
+  return true;
 }
 
 /** Adds an expectation: the register has this value at this time. */

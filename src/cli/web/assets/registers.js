@@ -70,7 +70,7 @@ class Registers {
     const parts = this.maps.map(({ plc, device, entries }) => {
       const blocks = new Map(entries.map((entry) => [blockOf(entry), entry]));
       const areas = [...blocks].map(([block, entry]) => link(block, entry.area, entry.structure === entry.area ? "" : entry.structure));
-      return h("section", null, h("h3", null, plc, " ", h("small", null, device)), h("ul", null, areas));
+      return h("section", null, h("h2", null, plc, " ", h("small", null, device)), h("ul", null, areas));
     });
     fill(this.tree, h("ul", null, link("followed", "Followed registers", "")), parts);
   }
@@ -178,31 +178,45 @@ class Registers {
     return true;
   }
 
+  /** Fills a row; only what can change if the row has shown this register before. */
   fillRow(row, item) {
-    const { entry } = item;
+    if (row.item !== item) this.fillFacts(row, item);
+    const { parts } = row;
+    setAttribute(parts.pin, "aria-pressed", isPinned(item.key));
+    if (!row.hasValue) return;
     const value = feed.values.get(item.key);
-    const parts = row.parts;
+    const { type } = item.entry;
+    const digits = value ? value.hex : "\u2026";
+    if (row.digits !== digits) {
+      if (row.digits?.startsWith("16#")) flash(row);
+      row.digits = digits;
+      setText(parts.value, digits);
+      setText(parts.meaning, `${value && isSigned(type) ? `${signed(value.value, type)}  ` : ""}${value?.meaning ?? ""}`);
+    }
+    row.classList.toggle("forced", Boolean(value?.forced));
+    setText(parts.age, value?.changedUs !== undefined ? short(Math.max(0, feed.timeUs - value.changedUs)) : "");
+  }
+
+  fillFacts(row, item) {
+    const { entry } = item;
+    const { parts } = row;
+    row.item = item;
+    row.digits = null;
+    row.hasValue = !item.isArray && isScalar(entry.type);
     const prefix = item.isFull && this.maps.length > 1 ? `${entry.plc}:` : "";
     setText(parts.name, prefix + (item.isFull ? item.name : item.name.slice(entry.area.length + 1) || item.name));
-    setAttribute(row, "class", `row${item.isArray ? " array" : ""}${item.isElement ? " element" : ""}${value?.forced ? " forced" : ""}`);
-    const isValue = !item.isArray && isScalar(entry.type);
-    const digits = !isValue ? "" : value ? value.hex : "\u2026";
-    if (parts.value.textContent !== digits && row.dataset.key === item.key && parts.value.textContent.startsWith("16#")) flash(parts.value);
-    row.dataset.key = item.key;
-    setText(parts.value, digits);
-    const number = value && isSigned(entry.type) ? `${signed(value.value, entry.type)}  ` : "";
-    const arrayText = `${this.open.has(item.key) ? "\u25be" : "\u25b8"} ${entry.count} ${entry.type}`;
-    setText(parts.meaning, item.isArray ? arrayText : isValue ? number + (value?.meaning ?? "") : entry.type);
-    setText(parts.age, isValue && value?.changedUs !== undefined ? short(Math.max(0, feed.timeUs - value.changedUs)) : "");
+    setAttribute(row, "class", `row${item.isArray ? " array" : ""}${item.isElement ? " element" : ""}`);
+    setText(parts.value, "");
+    setText(parts.age, "");
+    setText(parts.meaning, item.isArray ? `${this.open.has(item.key) ? "\u25be" : "\u25b8"} ${entry.count} ${entry.type}` : row.hasValue ? "" : entry.type);
     setText(parts.owner, entry.owner);
     setText(parts.manual, entry.page ? `p. ${entry.page}` : "");
     const mark = provenanceOf(entry);
     setAttribute(parts.mark, "class", `mark ${mark.mark}`);
     setAttribute(parts.mark, "aria-label", mark.text);
     setAttribute(parts.mark, "title", mark.text);
-    parts.pin.hidden = !isValue;
+    parts.pin.hidden = !row.hasValue;
     setAttribute(parts.pin, "data-pin", item.key);
-    setAttribute(parts.pin, "aria-pressed", isPinned(item.key));
     setAttribute(parts.pin, "aria-label", `Follow ${item.name}`);
   }
 }
@@ -213,15 +227,19 @@ const keyOf = (entry, name) => `${entry.plc}:${name}`;
 const elements = (entry) =>
   [...elementsOf(entry)].map((name) => ({ key: keyOf(entry, name), entry, name, isElement: true }));
 
-function flash(cell) {
-  if (matchMedia("(prefers-reduced-motion: reduce)").matches) return;
-  cell.animate([{ backgroundColor: "var(--flash)" }, { backgroundColor: "transparent" }], { duration: 600 });
+/** Shows a change; a value that changes all the time does not flash. */
+function flash(row) {
+  const now = performance.now();
+  const since = now - (row.flashed ?? -Infinity);
+  row.flashed = now;
+  if (since < 1_000 || matchMedia("(prefers-reduced-motion: reduce)").matches) return;
+  row.parts.value.animate([{ backgroundColor: "var(--flash)" }, { backgroundColor: "transparent" }], { duration: 600 });
 }
 
 function headRow() {
   const names = ["", "Name", "Value", "Meaning", "Age", "Writer", "Page", ""];
   const labels = ["Follow", "Name", "Value", "Meaning", "Age: emulated time since the last change", "Writer", "Page of the manual", "Source of the facts"];
-  const cells = names.map((name, at) => h("span", { role: "columnheader", "aria-label": labels[at], title: labels[at] }, name));
+  const cells = names.map((name, at) => h("span", { role: "columnheader", title: labels[at] }, name || h("span", { class: "hidden" }, labels[at])));
   return h("div", { role: "rowgroup", class: "head" }, h("div", { role: "row", class: "row" }, cells));
 }
 

@@ -1,0 +1,265 @@
+"""Drives the page of `commram web` in a headless Chromium. Each page must show what the channel says, and each control must act.
+
+    check_web.py CHROMIUM COMMRAM [--axe FILE] [--pictures DIRECTORY] [--load]
+
+With `--axe` each page is checked with axe-core, with `--pictures` its pictures are written, with `--load` its speed is measured."""
+
+import argparse
+import json
+import os
+import re
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+from browser import PATIENCE, Browser, Page
+
+PAGES = ["plant", "registers", "followed", "bus", "panel", "drives", "canopen", "faults", "findings", "journal"]
+EXAMPLE = Path(__file__).parents[2] / "tools" / "examples" / "wrong-order"
+
+
+class Emulator:
+    """A running `commram run` with the server of its page."""
+
+    def __init__(self, program, *arguments, web=()):
+        self.program, self.name = program, f"web{os.getpid()}"
+        self.run("run", *arguments, "--detach")
+        command = [program, "web", "-i", self.name, "--listen", "127.0.0.1:0", *web]
+        self.server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        line = self.server.stdout.readline()
+        self.address = re.search(r"http://\S+#token=[0-9a-f]+", line).group()
+
+    def run(self, name, *arguments):
+        command = [self.program, name, *arguments, "-i", self.name]
+        return subprocess.run(command, check=True, capture_output=True, text=True, timeout=PATIENCE).stdout
+
+    def json(self, name, *arguments):
+        return json.loads(self.run(name, *arguments, "--format", "json"))
+
+    def peek(self, register):
+        return self.json("peek", register)[0]
+
+    def stop(self):
+        self.server.terminate()
+        self.server.wait(PATIENCE)
+        self.server.stdout.close()
+        subprocess.run([self.program, "stop", "--clean", "-i", self.name], capture_output=True, check=False)
+
+
+class Check:
+    def __init__(self, emulator, page):
+        self.emulator, self.page = emulator, page
+        self.origin = emulator.address.split("#")[0]
+
+    def go(self, name):
+        self.page.value(f"location.hash = '#/{self.emulator.name}/{name}'")
+        self.page.until(f"Boolean(document.getElementById('page-{name}'))", name)
+
+    def waits_for(self, read, wanted, what):
+        end = time.monotonic() + PATIENCE
+        while read() != wanted:
+            assert time.monotonic() < end, (what, read(), wanted)
+            time.sleep(0.05)
+
+    def all(self):
+        self.sign_in()
+        for step in [self.registers, self.poke, self.clock, self.bits, self.force, self.front, self.faults, self.journal, self.drives, self.plant, self.bus, self.record]:
+            step()
+            assert not (wrong := self.page.complaints()), (step.__name__, wrong)
+        self.sizes()
+        print(json.dumps({"passed": True}))
+
+    def sign_in(self):
+        self.page.open(self.origin)
+        self.page.until("document.querySelector('form input[type=password]') !== null")
+        # The browser reports the refused request itself.
+        self.page.complaints()
+        self.page.open("about:blank")
+        self.page.open(self.emulator.address)
+        self.page.until(f"document.title.includes({json.dumps(self.emulator.name)})")
+        assert "token" not in self.page.value("location.href")
+
+    def choose_block(self, area, structure):
+        self.go("registers")
+        self.page.click(f"[data-block='line:{area}:{structure}']")
+
+    def choose_register(self, name):
+        self.page.enter(".searchbar input", name)
+        self.page.until(f"[...document.querySelectorAll('.rows-body .name')].some((it) => it.textContent.endsWith({json.dumps(name)}))")
+        self.page.click(".rows-body .name", name)
+        self.page.until(f"document.querySelector('.detail h2')?.textContent === {json.dumps(name)}")
+
+    def row(self, name, part):
+        script = f"""(() => {{ const row = [...document.querySelectorAll(".rows-body .row")].find((it) => it.parts.name.textContent === {json.dumps(name)});
+            return row ? row.parts[{json.dumps(part)}].textContent : ""; }})()"""
+        return self.page.value(script)
+
+    def registers(self):
+        self.choose_block("node2", "CANsync_INIT_BMSTRUCT")
+        for name in ["w_OPTION_STATUS", "b_BT_0", "w_OMEGA_NR"]:
+            known = self.emulator.peek(f"node2.{name}")
+            self.waits_for(lambda: self.row(name, "value"), known["hex"], name)
+            assert known["meaning"] in self.row(name, "meaning"), (known, self.row(name, "meaning"))
+
+    def poke(self):
+        self.choose_register("node2.w_CPU_CONTROL")
+        self.page.enter(".detail input[name=value]", "handshake")
+        self.page.click(".detail button", "Poke")
+        self.waits_for(lambda: self.emulator.peek("node2.w_CPU_CONTROL")["value"], 1, "poke")
+        self.page.until("document.querySelector('.now').textContent.startsWith('16#0001')")
+        self.page.enter(".detail input[name=value]", "16#10000")
+        self.page.click(".detail button", "Poke")
+        self.page.until("document.getElementById('message').textContent.includes('does not fit')")
+
+    def time_us(self):
+        return self.emulator.json("status")[0]["time_us"]
+
+    def clock(self):
+        self.page.enter("#clock input", "3ms")
+        self.page.click("#clock button", "Step")
+        self.waits_for(self.time_us, 3_000, "step")
+        self.page.until("document.querySelector('.time').textContent === '0.003000 s'")
+        self.page.click("#clock button", "Back")
+        self.waits_for(self.time_us, 0, "back")
+        self.page.value("document.activeElement.blur()")
+        self.page.key("s")
+        self.waits_for(self.time_us, 3_000, "key s")
+        self.page.key("w")
+        self.page.until("document.querySelector('dialog[open] input[name=text]') !== null")
+        self.page.enter("dialog input[name=text]", "node2.w_OPTION_STATUS==16#0002 and node2.w_CPU_CONTROL&1!=0")
+        self.page.click("dialog button", "Wait")
+        self.page.until("document.getElementById('message').textContent.includes('is true')")
+        assert self.emulator.peek("node2.w_OPTION_STATUS")["value"] == 2
+        self.page.key("?")
+        self.page.until("document.querySelector('dialog[open]') !== null")
+        self.page.key("Escape")
+        self.page.until("document.querySelector('dialog[open]') === null")
+
+    def bits(self):
+        self.choose_register("node2.w_CPU_CONTROL")
+        self.page.click(".detail [role=switch].switch", "Bit 6, enable")
+        self.waits_for(lambda: self.emulator.peek("node2.w_CPU_CONTROL")["value"], 0x41, "bit 6")
+        self.page.until("document.querySelector('.switch[aria-label=\"Bit 6, enable\"]').ariaChecked === 'true'")
+        self.page.click(".detail [role=switch].switch", "Bit 6, enable")
+        self.waits_for(lambda: self.emulator.peek("node2.w_CPU_CONTROL")["value"], 1, "bit 6 off")
+
+    def force(self):
+        self.choose_register("node1.w_CPU_CONTROL")
+        self.page.enter(".detail input[name=value]", "16#0001")
+        self.page.click(".detail button", "Force")
+        self.waits_for(lambda: self.emulator.peek("node1.w_CPU_CONTROL")["forced"], True, "force")
+        self.page.until("!document.querySelector('.detail .write button:nth-of-type(3)').disabled")
+        self.page.click(".detail button", "Unforce")
+        self.waits_for(lambda: self.emulator.peek("node1.w_CPU_CONTROL")["forced"], False, "unforce")
+
+    def board(self):
+        return json.loads(self.emulator.run("board", "get", "--format", "json"))[0]
+
+    def front(self):
+        self.go("panel")
+        self.page.click("[role=slider][aria-label=SWITCH] text", "STOP")
+        self.waits_for(lambda: self.board()["switch"], "stop", "switch")
+        self.page.until("document.querySelector('[role=slider][aria-label=SWITCH]').ariaValueText === 'stop'")
+        self.page.click("[role=slider][aria-label=SWITCH] text", "RUN")
+        self.waits_for(lambda: self.board()["switch"], "run", "switch")
+        self.page.click("[role=switch]", "DIP 1")
+        self.waits_for(lambda: self.board()["dip"], 1, "DIP switch")
+        self.page.click("[role=switch]", "DIP 1")
+        self.waits_for(lambda: self.board()["dip"], 0, "DIP switch")
+
+    def faults_known(self):
+        return [fault["kind"] for fault in json.loads(self.emulator.run("fault", "list", "--format", "json"))]
+
+    def faults(self):
+        self.go("faults")
+        self.page.until("document.querySelectorAll('#page-faults select option').length > 5")
+        self.page.choose("#page-faults select", "lose_frame")
+        self.page.choose("#page-faults select[name=slot]", "WRC1")
+        self.page.enter("#page-faults input[name=count]", "3")
+        self.page.click("button", "Add the fault")
+        self.waits_for(self.faults_known, ["lose_frame"], "fault")
+        self.page.until("document.querySelector('#page-faults table')?.textContent.includes('slot=WRC1')")
+        self.page.click("#page-faults button", "Clear all")
+        self.waits_for(self.faults_known, [], "clear")
+
+    def journal(self):
+        self.go("journal")
+        self.page.until("document.querySelectorAll('.journal .rows-body .row').length > 3")
+        self.page.enter("#page-journal input[type=search]", "w_CPU_CONTROL handshake")
+        self.page.until("document.querySelector('.journal .rows-body .row')?.textContent.includes('w_CPU_CONTROL')")
+
+    def drives(self):
+        self.go("drives")
+        for drive in json.loads(self.emulator.run("drive", "list", "--format", "json")):
+            state = drive["state"].replace("_", " ")
+            self.page.until(f"document.querySelector('#page-drives tbody')?.innerText.includes({json.dumps(drive['drive'])})")
+            assert state in self.page.text("#page-drives tbody"), drive
+        self.page.until("document.querySelector('#page-drives .parameters') !== null")
+
+    def plant(self):
+        self.go("plant")
+        status = self.emulator.json("status")[0]
+        shown = self.page.until("document.querySelector('#page-plant table') && document.getElementById('page-plant').innerText")
+        for name in [status["plcs"][0]["plc"], status["buses"][0]["bus"], *[node["text"] for node in status["nodes"]]]:
+            assert name in shown, (name, shown)
+
+    def bus(self):
+        self.go("bus")
+        self.page.until("document.querySelector('#page-bus .timeline') !== null")
+
+    def record(self):
+        """The recording of a handshake is a scenario that passes."""
+        self.emulator.run("step", "--back", f"{self.time_us()}us")
+        self.page.until("document.querySelector('.time').textContent === '0.000000 s'")
+        self.page.click("button.record")
+        self.choose_register("node2.w_CPU_CONTROL")
+        self.page.enter(".detail input[name=value]", "16#0001")
+        self.page.click(".detail button", "Poke")
+        self.waits_for(lambda: self.emulator.peek("node2.w_CPU_CONTROL")["value"], 1, "poke")
+        self.page.click("#clock button", "Step")
+        self.waits_for(self.time_us, 3_000, "step")
+        self.choose_register("node2.w_OPTION_STATUS")
+        self.page.until("document.querySelector('.now').textContent.startsWith('16#0002')")
+        self.page.click(".detail button", "Expect this value")
+        self.page.click("button.record")
+        script = self.page.until("document.querySelector('dialog .code')?.textContent.includes('w_OPTION_STATUS') && document.querySelector('dialog .code').textContent")
+        self.page.key("Escape")
+        with tempfile.TemporaryDirectory() as directory:
+            file = Path(directory) / "recorded.rhai"
+            file.write_text(script)
+            for text, code in [(script, 0), (script.replace("16#0002", "16#0003"), 1)]:
+                file.write_text(text)
+                done = subprocess.run([self.emulator.program, "test", str(file)], capture_output=True, text=True, timeout=PATIENCE)
+                assert done.returncode == code, (text, done.stdout, done.stderr)
+
+    def sizes(self):
+        for name in PAGES:
+            self.go(name)
+            for width, height in [(390, 844), (1280, 800), (2560, 1300)]:
+                self.page.size(width, height)
+                wide = self.page.value("document.documentElement.scrollWidth")
+                assert wide <= width, (name, width, wide)
+            assert not (wrong := self.page.complaints()), (name, wrong)
+
+
+def main():
+    arguments = argparse.ArgumentParser()
+    arguments.add_argument("chromium")
+    arguments.add_argument("commram")
+    given = arguments.parse_args()
+    emulator = Emulator(os.path.abspath(given.commram), "--clock", "stepped")
+    with tempfile.TemporaryDirectory() as profile:
+        browser = Browser(given.chromium, profile)
+        try:
+            page = Page(browser)
+            page.size(1280, 800)
+            Check(emulator, page).all()
+        finally:
+            browser.process.terminate()
+            browser.process.wait(PATIENCE)
+            emulator.stop()
+
+
+if __name__ == "__main__":
+    main()
