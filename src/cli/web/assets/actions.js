@@ -12,12 +12,15 @@ export function whyDisabled() {
   return "";
 }
 
-/** Sends an operation, records it with `words`, and reports `done`. Returns its reply; null after an error. */
-export async function act(operation, fields, words, done) {
+/**
+ * Sends an operation, records it with `words` and the name of its register, and reports `done`. Returns its reply; null after
+ * an error.
+ */
+export async function act(operation, fields, words, done, register) {
   const before = feed.timeUs;
   try {
     const reply = await post(operation, fields);
-    addToRecord({ operation, fields, words, reply, beforeUs: before });
+    addToRecord({ operation, fields, register, words, reply, beforeUs: before });
     if (reply?.time !== undefined) feed.noticeTime(reply.time);
     if (done) showNote(done);
     return reply ?? true;
@@ -33,6 +36,8 @@ export async function actTogether(operations, words, done) {
   try {
     const { replies } = await post("request", { operations });
     addToRecord({ operations, words, replies, beforeUs: before });
+    const ended = replies.at(-1)?.waited?.time_us;
+    if (ended !== undefined) feed.noticeTime(ended);
     if (done) showNote(done);
     return replies;
   } catch (problem) {

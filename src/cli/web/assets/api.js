@@ -18,7 +18,7 @@ async function send(method, path, body) {
   const options = { method, credentials: "same-origin", headers: { Accept: "application/json" } };
   if (method !== "GET") {
     options.headers["Content-Type"] = "application/json";
-    options.body = JSON.stringify(body ?? {});
+    options.body = exactJson(body ?? {});
   }
   let response;
   try {
@@ -32,6 +32,12 @@ async function send(method, path, body) {
   throw new Problem(response.status, parsed(text) ?? {});
 }
 
+/** JSON of a value with BigInts, whose digits a Number would round. */
+function exactJson(value) {
+  const text = JSON.stringify(value, (_, part) => (typeof part === "bigint" ? `\u0000${part}` : part));
+  return text.replace(/"\\u0000(\d+)"/g, "$1");
+}
+
 function parsed(text) {
   try {
     return JSON.parse(text);
@@ -40,8 +46,9 @@ function parsed(text) {
   }
 }
 
+/** A query; a field with an array is repeated. */
 const query = (fields) => {
-  const pairs = Object.entries(fields ?? {}).filter(([, value]) => value !== undefined && value !== null);
+  const pairs = Object.entries(fields ?? {}).flatMap(([name, value]) => [value].flat().map((one) => [name, one])).filter(([, value]) => value !== undefined && value !== null);
   return pairs.length ? `?${new URLSearchParams(pairs)}` : "";
 };
 
@@ -70,11 +77,23 @@ export async function readInstances() {
   return instances;
 }
 
-/** Data for the pages: the JSON of a command's `--format json`. */
-export const show = (what, fields) => send("GET", here(`show/${what}`) + query(fields));
+/** Data for the pages: the JSON of a command's `--format json`, without its outer name. */
+export const show = async (what, fields) => Object.values(await send("GET", here(`show/${what}`) + query(fields)))[0];
+
+/** Operations for words of the command line: `{ poke: "node2.w_X=1" }`. */
+export const operationsFor = (words) => show("operations", words);
 
 /** An operation that only looks. */
 export const look = (operation, fields) => send("GET", here(operation) + query(fields));
+
+/** Records in a part of the journal. */
+const PART = 1024;
+
+/** The journal from a record on, with the number of the next record. */
+export async function readJournal(from) {
+  const { journal } = await look("journal", { from, max: PART });
+  return journal;
+}
 
 /** An operation that changes something. */
 export const post = (operation, fields) => send("POST", here(operation), fields);

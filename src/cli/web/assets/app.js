@@ -120,7 +120,7 @@ async function useInstance(instance) {
   feed.reset();
   drawNav();
   drawChooser();
-  await resetClock();
+  resetClock();
   setNotice("read-only", server.isReadOnly ? "Read-only: this server was started with --read-only. Controls that change the plant are disabled." : "", "info");
 }
 

@@ -1,13 +1,15 @@
 // Page "Bus": the last intervals of a bus as a timeline with slots and frames, and the frames as a list.
 
-import { show } from "./api.js";
+import { look, show } from "./api.js";
 import { choice, fill, h, setText, svg } from "./dom.js";
 import { feed } from "./feed.js";
 import { showError } from "./messages.js";
-import { seconds, short } from "./values.js";
+import { counted, seconds, short } from "./values.js";
 
 /** Intervals on the page. */
 const SHOWN = 3;
+/** Most intervals that the server gives. */
+const MOST = 64;
 /** Least real time between two readings, in milliseconds. */
 const PAUSE_MS = 100;
 
@@ -24,8 +26,8 @@ export function busPage(root, rest, context) {
 }
 
 class BusPage {
-  /** End of the shown part, in microseconds; null: the latest intervals. */
-  until = null;
+  /** Number of later intervals that are not shown; 0: the latest ones. */
+  back = 0;
   chosen = null;
 
   constructor(root, name, context) {
@@ -49,7 +51,7 @@ class BusPage {
   }
 
   latest() {
-    this.until = null;
+    this.back = 0;
     this.read();
   }
 
@@ -63,12 +65,8 @@ class BusPage {
 
   /** Shows earlier or later intervals, until "Latest". */
   turn(isBack) {
-    const windows = this.data?.windows ?? [];
-    if (!windows.length) return;
-    const last = windows.at(-1);
-    this.until = isBack ? last.begin_us : last.begin_us + 2 * last.us;
-    if (this.until <= 0) this.until = last.begin_us + last.us;
-    if (!isBack && this.until >= (this.data.now_us ?? Infinity)) this.until = null;
+    const most = Math.min(MOST, this.known) - SHOWN;
+    this.back = Math.max(0, Math.min(this.back + (isBack ? 1 : -1), most));
     this.read();
   }
 
@@ -77,8 +75,8 @@ class BusPage {
     if (this.isReading) return void (this.isLate = true);
     this.isReading = true;
     try {
-      const data = await show("frames", { bus: this.bus, intervals: SHOWN, until_us: this.until });
-      if (!this.isEnded) this.draw(data);
+      const [intervals, { scene }] = await Promise.all([show("frames", { bus: this.bus, count: this.back + SHOWN }), look("scene")]);
+      if (!this.isEnded) this.draw(intervals.slice(0, Math.max(SHOWN, intervals.length - this.back)), intervals.length, scene.find((it) => it.name === this.bus));
     } catch (problem) {
       if (!feed.hasEnded) showError(problem);
     }
@@ -90,13 +88,15 @@ class BusPage {
     }
   }
 
-  draw(data) {
+  draw(intervals, known, scene) {
+    this.known = known === this.back + SHOWN ? MOST : known;
+    const slots = scene?.interval?.slots ?? [];
+    const data = { windows: intervals.map(({ window, frames }) => ({ ...window, slots: window.is_interval ? slots : [], frames })) };
     const text = JSON.stringify(data.windows);
-    this.end.setAttribute("aria-pressed", this.until === null);
-    setText(this.info, `${data.kind}, ${data.bit_s / 1000} kbit/s${this.until === null ? "" : ", an earlier part"}`);
+    this.end.setAttribute("aria-pressed", this.back === 0);
+    setText(this.info, scene ? `${scene.kind}, ${scene.bit_s / 1000} kbit/s${this.back ? `, ${counted(this.back, "interval")} back` : ""}` : "");
     if (text === this.text) return;
     this.text = text;
-    this.data = data;
     fill(this.windows, data.windows.map((window) => this.window(window)));
     const rows = data.windows.flatMap((window) => [
       h("tr", { class: "window-row" }, h("th", { colSpan: 4, scope: "rowgroup" }, `${seconds(window.begin_us)}, ${window.is_interval ? "interval" : "part"} of ${short(window.us)}`)),
@@ -107,7 +107,7 @@ class BusPage {
 
   row(frame, window) {
     const at = frame.from_us < window.begin_us ? "before" : `${frame.from_us - window.begin_us} us`;
-    return h("tr", { class: `${frame.is_bad ? "bad" : ""}${keyOf(frame) === this.chosen ? " chosen" : ""}`, "data-frame": keyOf(frame) }, h("td", { class: "mono" }, at), h("td", { class: "mono" }, frame.until_us > frame.from_us ? `${frame.until_us - frame.from_us} us` : ""), h("td", null, frame.slot ?? ""), h("td", { class: "wrap-text" }, frame.text));
+    return h("tr", { class: `${frame.is_bad ? "bad" : ""}${keyOf(frame) === this.chosen ? " chosen" : ""}`, "data-frame": keyOf(frame) }, h("td", { class: "mono" }, at), h("td", { class: "mono" }, frame.until_us > frame.from_us ? `${frame.until_us - frame.from_us} us` : ""), h("td", null, slotOf(frame, window)), h("td", { class: "wrap-text" }, frame.text));
   }
 
   /** An interval as a picture: slots above, frames below, time at the bottom. */
@@ -132,7 +132,7 @@ class BusPage {
     const node = frame.is_bad
       ? svg("path", { class: "frame bad-frame", d: `M${x - 5} 40l10 14m0-14l-10 14` })
       : svg("rect", { class: "frame", x, y: 34, width: Math.max(2.5, end - x), height: 30, rx: 2 });
-    node.append(svg("title", null, `${frame.slot ? `${frame.slot}: ` : ""}${frame.text}`));
+    node.append(svg("title", null, `${frame.text}`));
     node.addEventListener("click", () => {
       this.chosen = keyOf(frame);
       for (const row of this.body.rows) row.classList.toggle("chosen", row.dataset.frame === this.chosen);
@@ -142,4 +142,5 @@ class BusPage {
   }
 }
 
+const slotOf = (frame, { begin_us, slots }) => (frame.is_bad ? "" : (slots.findLast((slot) => slot.start_us <= frame.from_us - begin_us + 1)?.name ?? ""));
 const keyOf = (frame) => `${frame.from_us} ${frame.until_us} ${frame.text}`;

@@ -1,60 +1,193 @@
-// Page "CANopen": states of the nodes, and their object dictionaries.
+// Page "CANopen": the nodes with their states, network management, and object dictionaries read by SDO.
 
-import { show } from "./api.js";
-import { fill, h, later } from "./dom.js";
+import { guard } from "./actions.js";
+import { readJournal, show } from "./api.js";
+import { choice, field, fill, h } from "./dom.js";
 import { feed } from "./feed.js";
 import { showError } from "./messages.js";
 import { table } from "./plant.js";
+import { NMT, SdoClient, sendFrame } from "./sdo.js";
+import { seconds } from "./values.js";
 
-export function canopenPage(root) {
-  const page = new CanopenPage(root);
-  const off = feed.on("clock", later(200, () => page.read()));
-  page.read();
+/** Objects that many nodes have; type `s` text, `u` number. */
+const USUAL = [
+  [0x1000, 0, "Device type", "u"], [0x1001, 0, "Error register", "u"], [0x1003, 0, "Number of errors", "u"], [0x1008, 0, "Device name", "s"], [0x1009, 0, "Hardware version", "s"], [0x100a, 0, "Software version", "s"],
+  [0x100c, 0, "Guard time in ms", "u"], [0x100d, 0, "Life time factor", "u"], [0x1014, 0, "Identifier of emergency messages", "u"], [0x1016, 1, "Consumer heartbeat time", "u"], [0x1017, 0, "Producer heartbeat time in ms", "u"],
+  [0x1018, 1, "Vendor", "u"], [0x1018, 2, "Product", "u"], [0x1018, 3, "Revision", "u"], [0x1400, 1, "Identifier of receive PDO 1", "u"], [0x1600, 0, "Objects in receive PDO 1", "u"], [0x1800, 1, "Identifier of transmit PDO 1", "u"], [0x1800, 2, "Type of transmit PDO 1", "u"], [0x1a00, 0, "Objects in transmit PDO 1", "u"],
+  [0x2000, 0, "Manufacturer object 2000", "u"], [0x6000, 1, "Digital inputs 1 to 8", "u"], [0x6200, 1, "Digital outputs 1 to 8", "u"], [0x6401, 1, "Analog input 1", "u"], [0x6411, 1, "Analog output 1", "u"],
+];
+const STATES = { 0: "boot-up", 4: "stopped", 5: "operational", 127: "pre-operational" };
+/** Records of the past that are searched for nodes. */
+const PAST = 4_096;
+
+export function canopenPage(root, rest, context) {
+  const page = new CanopenPage(root, context);
+  const off = feed.onEach("journal", ({ records }) => page.take(records));
+  feed.want("canopen", { events: ["journal"] });
+  page.readPast().catch(showError);
   return () => {
     off();
-    page.isEnded = true;
+    feed.leave("canopen");
   };
 }
 
 class CanopenPage {
+  nodes = new Map();
+  objects = new Map();
+  dictionaries = new Map();
   chosen = null;
 
-  constructor(root) {
+  constructor(root, context) {
     this.root = root;
-    this.search = h("input", { type: "search", placeholder: "Index, name or value", "aria-label": "Search objects", spellcheck: false });
-    this.search.addEventListener("input", () => this.draw());
-    this.nodes = h("section", { class: "box", "aria-label": "Nodes" });
-    this.objects = h("section", { class: "box scroll", tabIndex: 0, "aria-label": "Object dictionary" });
-    this.empty = h("p", { class: "empty" }, "No device of this plant has a CANopen object dictionary.");
-    fill(root, this.empty, this.nodes, h("div", { class: "line" }, this.search), this.objects);
-    for (const part of [this.nodes, this.objects, this.search]) part.hidden = true;
+    this.buses = context.status.buses.map((bus, index) => ({ ...bus, index })).filter((bus) => bus.kind === "can");
+    if (!this.buses.length) return void fill(root, h("p", { class: "empty" }, "The plant has no CAN bus, so no CANopen node."));
+    this.list = h("section", { class: "box scroll", tabIndex: 0, "aria-label": "Nodes" });
+    this.dictionary = h("section", { class: "box scroll", tabIndex: 0, "aria-label": "Object dictionary" });
+    fill(root, this.list, this.dictionary);
+    this.draw();
   }
 
-  async read() {
-    if (this.isEnded) return;
-    try {
-      this.data = await show("objects");
-      this.draw();
-    } catch (problem) {
-      if (problem.status !== 404 && !feed.hasEnded) showError(problem);
+  async readPast() {
+    if (!this.buses.length) return;
+    const { end } = await readJournal(Number.MAX_SAFE_INTEGER);
+    for (let next = Math.max(0, end - PAST); next < end; ) {
+      const { records } = await readJournal(next);
+      if (!records.length) break;
+      this.take(records);
+      next = records.at(-1).seq + 1;
     }
+    this.draw();
+  }
+
+  take(records) {
+    if (!this.buses.length) return;
+    let isNew = false;
+    for (const record of records) {
+      if (record.kind === "node_state" && typeof record.node === "number") isNew = this.#note(record.node, record.time_us, record.to, record.plc) || isNew;
+      if (record.kind !== "can_frame" || record.extended) continue;
+      const node = record.id & 0x7f, what = record.id & 0x780;
+      if (!node || ![0x080, 0x180, 0x280, 0x380, 0x480, 0x580, 0x700].includes(what)) continue;
+      const state = what === 0x700 && !record.remote ? STATES[parseInt(record.data, 16) & 0x7f] : undefined;
+      isNew = this.#note(node, record.time_us, state, undefined, record.bus) || isNew;
+    }
+    if (isNew) this.draw();
+  }
+
+  /** The objects of a node: those of its device if it is one of the plant, else those that many nodes have. */
+  async #objectsOf(number) {
+    const plc = this.nodes.get(number)?.plc;
+    const usual = USUAL.map(([index, sub, name, type]) => ({ index, sub, name, type }));
+    if (!plc) return usual;
+    this.dictionaries.set(plc, this.dictionaries.get(plc) ?? show("objects", { plc }).catch(() => []));
+    const own = await this.dictionaries.get(plc);
+    return own.length ? own : usual;
+  }
+
+  #note(number, timeUs, state, plc, bus) {
+    const known = this.nodes.get(number) ?? { number, bus: this.buses[0].bus };
+    const next = { ...known, timeUs, state: state ?? known.state, plc: plc ?? known.plc, bus: bus ?? known.bus };
+    this.nodes.set(number, next);
+    return known.state !== next.state || known.plc !== next.plc || known.timeUs === undefined;
   }
 
   draw() {
-    const text = JSON.stringify([this.data, this.chosen, this.search.value]);
-    if (text === this.text || this.isEnded) return;
-    this.text = text;
-    const nodes = this.data ?? [];
-    this.empty.hidden = nodes.length > 0;
-    for (const part of [this.nodes, this.objects, this.search]) part.hidden = nodes.length === 0;
-    const node = nodes.find((it) => it.name === this.chosen) ?? nodes[0];
-    const pick = (it) => h("button", { type: "button", class: "link", "aria-pressed": it === node, onclick: () => { this.chosen = it.name; this.draw(); } }, it.name);
-    fill(this.nodes, table(["Node", "Number", "Bus", "State"], nodes.map((it) => h("tr", { "aria-selected": it === node }, h("th", { scope: "row" }, pick(it)), h("td", { class: "mono" }, String(it.node ?? "")), h("td", null, it.bus ?? ""), h("td", null, String(it.state ?? "").replaceAll("_", " "))))));
-    const words = this.search.value.toLowerCase();
-    const hit = (object) => `${hexOf(object.index, 4)} ${object.name} ${object.text ?? object.value}`.toLowerCase().includes(words);
-    const row = (object) => h("tr", null, h("td", { class: "mono" }, `${hexOf(object.index, 4)}.${object.subindex ?? 0}`), h("td", null, object.name ?? ""), h("td", { class: "mono" }, String(object.text ?? object.value ?? "")), h("td", null, object.access ?? ""));
-    fill(this.objects, table(["Index", "Object", "Value", "Access"], (node?.objects ?? []).filter(hit).map(row), `Object dictionary of ${node?.name}`));
+    const nodes = [...this.nodes.values()].sort((one, other) => one.number - other.number);
+    this.chosen ??= nodes[0]?.number ?? null;
+    const pick = (node) => h("button", { type: "button", class: "link", "aria-pressed": node.number === this.chosen, onclick: () => { this.chosen = node.number; this.draw(); } }, `Node ${node.number}`);
+    const row = (node) => h("tr", { "aria-selected": node.number === this.chosen }, h("th", { scope: "row" }, pick(node)), h("td", null, node.plc ?? ""), h("td", null, node.bus), h("td", null, node.state ?? "unknown"), h("td", { class: "mono" }, seconds(node.timeUs)), h("td", null, this.#commands(node)));
+    fill(this.list, h("header", { class: "boxhead" }, h("h2", null, "Nodes"), h("small", null, "seen in the traffic")),
+      nodes.length ? table(["Node", "PLC", "Bus", "State", "Last change", "Network management"], nodes.map(row), "Nodes") : h("p", { class: "empty" }, "No node has been heard yet. Advance the clock; a node sends its boot-up message after power-on."));
+    this.drawDictionary();
+    guard(this.root);
+  }
+
+  #busOf(number) {
+    return this.buses.find((bus) => bus.bus === this.nodes.get(number)?.bus) ?? this.buses[0];
+  }
+
+  #commands(node) {
+    const button = ([name, code]) => h("button", { type: "button", "data-acts": true, "aria-label": `${name}, node ${node.number}`, onclick: () => sendFrame(this.#busOf(node.number).index, 0, [code, node.number], `network management: ${name}, node ${node.number}`) }, name);
+    return h("div", { class: "line" }, Object.entries(NMT).map(button));
+  }
+
+  async drawDictionary() {
+    this.dictionary.hidden = this.chosen === null;
+    if (this.chosen === null) return;
+    const node = this.chosen;
+    const known = await this.#objectsOf(node);
+    if (node !== this.chosen) return;
+    const more = [...this.objects.values()].filter((it) => it.node === this.chosen && !known.some((one) => one.index === it.index && one.sub === it.sub));
+    const rows = [...known, ...more].map((object) => this.#row(object));
+    const all = h("button", { type: "button", "data-acts": true, onclick: () => this.readAll(known) }, "Read all");
+    fill(this.dictionary, h("header", { class: "boxhead" }, h("h2", { class: "grow" }, `Object dictionary of node ${this.chosen}`), all),
+      h("p", { class: "pad muted" }, "Reading and writing sends SDO frames on the bus, and advances a stepped clock until the node answers."),
+      this.#form(), table(["Object", "Name", "Value", "Access", "Default", "Page", ""], rows, "Objects"));
+    guard(this.dictionary);
+  }
+
+  #row({ index, sub, name, type, access, default: usual, page }) {
+    const known = this.objects.get(`${this.chosen} ${index} ${sub}`);
+    const read = h("button", { type: "button", "data-acts": true, "aria-label": `Read ${nameOf(index, sub)}`, onclick: () => this.read(index, sub).then(() => this.draw()) }, "Read");
+    return h("tr", { class: known?.error ? "muted" : "" }, h("td", { class: "mono" }, nameOf(index, sub)), h("td", null, name ?? ""), h("td", { class: "mono" }, known ? (known.error ?? textOf(known.bytes, type)) : ""), h("td", null, access ?? ""), h("td", { class: "mono" }, usual ?? ""), h("td", null, page ?? ""), h("td", null, read));
+  }
+
+  #form() {
+    const object = h("input", { class: "mono", value: "1017.0", required: true, pattern: "[0-9A-Fa-f]{4}(\\.[0-9]+)?" });
+    const value = h("input", { class: "mono", placeholder: "16#64" });
+    const size = choice([["1", "1 byte"], ["2", "2 bytes"], ["4", "4 bytes"]], "2", null);
+    const place = () => {
+      const [index, sub = "0"] = object.value.split(".");
+      return [parseInt(index, 16), Number(sub)];
+    };
+    const form = h("form", { class: "line wrap pad" }, field("Object (hexadecimal index.subindex)", object), field("Value to write", value), field("Size", size),
+      h("button", { type: "submit", "data-acts": true }, "Read"), h("button", { type: "button", "data-acts": true, onclick: () => this.write(...place(), value.value, Number(size.value)) }, "Write"));
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.read(...place()).then(() => this.draw());
+    });
+    return form;
+  }
+
+  async read(index, sub) {
+    const node = this.chosen;
+    const bus = this.#busOf(node);
+    const entry = { node, index, sub };
+    try {
+      entry.bytes = await new SdoClient(bus.index, bus.bus, node).read(index, sub);
+    } catch (error) {
+      entry.error = error.message;
+    }
+    this.objects.set(`${node} ${index} ${sub}`, entry);
+    return entry;
+  }
+
+  async readAll(objects) {
+    for (const { index, sub } of objects) {
+      const { error } = await this.read(index, sub);
+      this.draw();
+      if (error?.includes("does not answer")) return;
+    }
+  }
+
+  async write(index, sub, text, size) {
+    try {
+      const number = Number(text.replace(/^16#/, "0x").replace(/^2#/, "0b"));
+      if (text.trim() === "" || !Number.isInteger(number)) throw new Error(`'${text}' is not a value: write a number such as 100 or 16#64`);
+      const bytes = Array.from({ length: size }, (_, at) => Math.floor((number < 0 ? number + 256 ** size : number) / 256 ** at) % 256);
+      const bus = this.#busOf(this.chosen);
+      await new SdoClient(bus.index, bus.bus, this.chosen).write(index, sub, bytes);
+      await this.read(index, sub);
+      this.draw();
+    } catch (error) {
+      showError(error);
+    }
   }
 }
 
-const hexOf = (number, digits) => `16#${Number(number).toString(16).toUpperCase().padStart(digits, "0")}`;
+const nameOf = (index, sub) => `${index.toString(16).toUpperCase().padStart(4, "0")}.${sub}`;
+
+function textOf(bytes, type) {
+  if (/^(s|.*STRING.*)$/i.test(type ?? "")) return new TextDecoder("latin1").decode(new Uint8Array(bytes));
+  const number = bytes.reduceRight((sum, byte) => sum * 256 + byte, 0);
+  return `16#${number.toString(16).toUpperCase().padStart(2 * bytes.length, "0")}  ${number}`;
+}

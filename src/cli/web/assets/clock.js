@@ -1,7 +1,7 @@
 // The clock bar: emulated time, and the controls of a stepped clock.
 
 import { act, actTogether, guard, whyDisabled } from "./actions.js";
-import { show } from "./api.js";
+import { operationsFor } from "./api.js";
 import { conditionsOf } from "./conditions.js";
 import { ask } from "./dialogs.js";
 import { field, fill, h, setText } from "./dom.js";
@@ -13,7 +13,6 @@ const root = document.getElementById("clock");
 /** Real time between two parts of "Run", and the part in emulated time at speed 1, in microseconds. */
 const PART_MS = 50;
 let parts = null;
-let ports = [];
 let running = null;
 
 /** Builds the bar once. */
@@ -23,11 +22,10 @@ export function startClock() {
 }
 
 /** Another instance. */
-export async function resetClock() {
+export function resetClock() {
   stopRunning();
   parts = null;
   fill(root);
-  ports = await show("ports").catch(() => []);
 }
 
 function update() {
@@ -95,12 +93,13 @@ function stepBack() {
   }
 }
 
-function toSync() {
-  const usable = ports.filter((port) => port.has_sync);
-  if (!usable.length) return showError(new Error("No port of this plant has a SYNC signal"));
-  const go = ({ plc, node, port }) => act("advance_to_sync", { plc, node }, `step to SYNC of ${port}`);
-  const master = usable.find((port) => port.is_master) ?? usable[0];
-  go(master);
+async function toSync() {
+  try {
+    const [{ advance_to_sync }] = await operationsFor({ sync: "" });
+    act("advance_to_sync", advance_to_sync, "step to SYNC");
+  } catch (error) {
+    showError(error);
+  }
 }
 
 function toEvent() {

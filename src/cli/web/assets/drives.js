@@ -1,7 +1,7 @@
 // Page "Drives": state, reference and actual speed of each drive, a chart of the last seconds, parameters.
 
 import { act } from "./actions.js";
-import { show } from "./api.js";
+import { look } from "./api.js";
 import { Chart } from "./chart.js";
 import { fill, h, setAttribute, setText } from "./dom.js";
 import { feed } from "./feed.js";
@@ -86,8 +86,8 @@ class DrivesPage {
     for (const [key, row] of this.rows) setAttribute(row, "aria-selected", key === name);
     this.draw();
     try {
-      const drive = await show("drive", { drive: name });
-      if (this.chosen === name) this.showDetails(drive, index);
+      const { drive } = await look("drive", { drive: index });
+      if (this.chosen === name) this.showDetails({ ...drive, drive: name }, index);
     } catch (problem) {
       showError(problem);
     }

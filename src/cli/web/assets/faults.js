@@ -1,30 +1,37 @@
 // Page "Faults": add a fault by its kind and fields, list and clear faults; forced registers.
 
 import { act, guard } from "./actions.js";
-import { show } from "./api.js";
+import { operationsFor, show } from "./api.js";
 import { choice, field, fill, h } from "./dom.js";
-import { feed, keyOf } from "./feed.js";
-import { placeOf } from "./map.js";
+import { feed } from "./feed.js";
+import { nameOf } from "./map.js";
 import { showError } from "./messages.js";
 import { table } from "./plant.js";
-import { seconds } from "./values.js";
+import { hex } from "./values.js";
 
-export function faultsPage(root) {
+export function faultsPage(root, rest, context) {
   const list = h("section", { class: "box", "aria-label": "Faults" });
   const forces = h("section", { class: "box", "aria-label": "Forced registers" });
   const form = h("section", { class: "box", "aria-label": "Add a fault" });
   fill(root, h("div", { class: "columns" }, form, h("div", { class: "stack" }, list, forces)));
-  const draw = (data) => {
-    drawFaults(list, data.faults);
-    drawForces(forces, data.forces ?? []);
+  const draw = ({ faults }) => {
+    drawFaults(list, faults);
     guard(root);
   };
-  const off = feed.on("faults", draw);
-  feed.want("faults", { events: ["faults"] });
-  draw(feed.latest.faults ?? { faults: [], forces: [] });
-  show("fault-kinds").then((kinds) => drawForm(form, kinds), showError);
+  const drawForced = async (data) => {
+    const names = await Promise.all(data.forces.map((it) => nameOf(it, context.status.plcs)));
+    drawForces(forces, data.forces.map((it, at) => ({ ...it, ...names[at] })));
+    guard(root);
+  };
+  const offs = [feed.on("faults", draw), feed.on("forces", (data) => drawForced(data).catch(showError))];
+  feed.want("faults", { events: ["faults", "forces"] });
+  draw({ faults: [] });
+  drawForces(forces, []);
+  const { plcs, buses } = context.status;
+  const places = { bus: buses.map((it) => it.bus), plc: plcs.map((it) => it.plc) };
+  show("fault-kinds").then((kinds) => drawForm(form, kinds, places), showError);
   return () => {
-    off();
+    offs.forEach((off) => off());
     feed.leave("faults");
   };
 }
@@ -46,18 +53,16 @@ function drawFaults(box, faults) {
 }
 
 function drawForces(box, forces) {
-  const release = async (name) => {
-    try {
-      await act("unforce", await placeOf(name), `unforce ${name}`, `${name}: no longer forced`);
-    } catch (error) {
-      showError(error);
-    }
+  const row = ({ plc, offset, width, value, key, entry }) => {
+    const name = key ?? `byte ${offset} of PLC ${plc}`;
+    const release = () => act("unforce", { plc, offset, width }, `unforce ${name}`, `${name}: no longer forced`);
+    const type = entry?.type ?? { Byte: "BYTE", Word: "WORD", Dword: "DWORD" }[width];
+    return h("tr", null, h("td", { class: "mono" }, name), h("td", { class: "mono" }, hex(value, type)), h("td", null, entry?.meaning ?? ""), h("td", null, h("button", { type: "button", "data-acts": true, "aria-label": `Unforce ${name}`, onclick: release }, "Unforce")));
   };
-  const rows = forces.map((it) => h("tr", null, h("td", { class: "mono" }, keyOf(it)), h("td", { class: "mono" }, it.hex), h("td", null, it.meaning), h("td", null, h("button", { type: "button", "data-acts": true, "aria-label": `Unforce ${it.register}`, onclick: () => release(keyOf(it)) }, "Unforce"))));
-  fill(box, h("header", { class: "boxhead" }, h("h2", null, "Forced registers")), forces.length ? table(["Register", "Value", "Meaning", ""], rows, "Forced registers") : h("p", { class: "empty" }, "No register is forced."));
+  fill(box, h("header", { class: "boxhead" }, h("h2", null, "Forced registers")), forces.length ? table(["Register", "Value", "Meaning", ""], forces.map(row), "Forced registers") : h("p", { class: "empty" }, "No register is forced."));
 }
 
-function drawForm(box, kinds) {
+function drawForm(box, kinds, places) {
   const kind = choice(kinds.map((it) => [it.kind, it.kind]), kinds[0]?.kind, { "aria-describedby": "fault-text" });
   const text = h("p", { class: "muted", id: "fault-text" });
   const fields = h("div", { class: "wordgrid" });
@@ -65,10 +70,11 @@ function drawForm(box, kinds) {
   const form = h("form", { class: "pad stack" }, field("Kind", kind), text, fields, error, h("div", null, h("button", { type: "submit", class: "primary", "data-acts": true }, "Add the fault")));
   const one = () => kinds.find((it) => it.kind === kind.value);
   const drawFields = () => {
-    text.textContent = one()?.text ?? "";
+    const once = one()?.once ? " This fault happens once." : "";
+    text.textContent = one() ? `${one().about}.${once} Example: ${kind.value} ${one().example}` : "";
     error.textContent = "";
-    fill(fields, placeField(one()), (one()?.fields ?? []).map(fieldOf),
-      field("begin (at)", h("input", { name: "at", class: "mono", placeholder: "now" })), field("hits (count)", h("input", { name: "count", class: "mono", placeholder: "until cleared" })), field("duration", h("input", { name: "duration", class: "mono", placeholder: "until cleared" })));
+    fill(fields, (one()?.fields ?? []).map((it) => fieldOf(it, places)));
+    guard(box);
   };
   kind.addEventListener("change", drawFields);
   form.addEventListener("submit", async (event) => {
@@ -77,8 +83,8 @@ function drawForm(box, kinds) {
     const pairs = [...fields.querySelectorAll("input, select")].filter((input) => input.value.trim() !== "").map((input) => `${input.name}=${input.value.trim()}`);
     const words = [kind.value, ...pairs].join(" ");
     try {
-      const fault = await show("fault", { words });
-      await act("fault_add", { fault }, `fault ${words}`, "The fault is added");
+      const [{ fault_add }] = await operationsFor({ fault: words });
+      await act("fault_add", fault_add, `fault ${words}`, "The fault is added");
     } catch (problem) {
       error.textContent = problem.message;
     }
@@ -88,13 +94,12 @@ function drawForm(box, kinds) {
   guard(box);
 }
 
-function placeField(kind) {
-  const places = kind?.places ?? [];
-  return places.length > 0 && field(kind.place, choice(places, places[0], { name: kind.place }));
-}
-
-function fieldOf(it) {
-  const range = it.choices?.length ? "" : it.min !== undefined && it.min !== null ? `${it.min} to ${it.max}` : "";
-  const input = it.choices?.length ? choice([["", it.is_required ? "choose" : "all"], ...it.choices.map((name) => [name, name])], "", { name: it.name }) : h("input", { name: it.name, class: "mono", placeholder: range, required: Boolean(it.is_required) });
-  return field(it.name.replaceAll("_", " "), input, it.text);
+/** A field of a kind; an empty one is left out. */
+function fieldOf(it, places) {
+  const choices = places[it.name] ?? it.words;
+  const isGiven = it.required || (it.form === "name" && choices.length === 1);
+  const options = isGiven ? choices : ["", ...choices];
+  const range = { time: "for example 5ms", port: "name or number", hex: `16#0 to 16#${it.most.toString(16).toUpperCase()}` }[it.form] ?? `${it.least} to ${it.most}`;
+  const input = choices.length ? choice(options, options[0], { name: it.name }) : h("input", { name: it.name, class: "mono", placeholder: range, required: it.required, spellcheck: false });
+  return field(it.name, input, it.about);
 }

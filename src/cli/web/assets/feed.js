@@ -8,10 +8,13 @@ import { setNotice } from "./messages.js";
 const MOST = 256;
 /** Changes that are kept for plots and lists. */
 const KEPT = 20_000;
-const EVENTS = ["clock", "values", "changes", "journal", "findings", "drives", "scene", "boards", "faults", "buses", "turned", "lost", "ended"];
+const EVENTS = ["clock", "values", "changes", "journal", "findings", "drives", "scene", "boards", "faults", "forces", "buses", "turned", "lost", "ended"];
 
 /** Name by which the page knows a register. */
 export const keyOf = (register) => `${register.plc}:${register.register}`;
+
+/** The same register without the name of the PLC in the name of the register. */
+const withoutPlc = (it) => (it.register.startsWith(`${it.plc}:`) ? { ...it, register: it.register.slice(it.plc.length + 1) } : it);
 
 class Feed {
   clock = null;
@@ -131,7 +134,7 @@ class Feed {
     this.hasEnded = false;
   }
   _values(data) {
-    for (const value of data.values) {
+    for (const value of data.values.map(withoutPlc)) {
       const key = keyOf(value);
       const before = this.values.get(key);
       const isNew = before && before.value !== value.value;
@@ -140,6 +143,7 @@ class Feed {
     }
   }
   _changes(data) {
+    data.changes = data.changes.map(withoutPlc);
     for (const change of data.changes) {
       const known = this.values.get(keyOf(change));
       if (known) known.changedUs = change.time_us;

@@ -1,6 +1,6 @@
 // Page "Journal": the records of the emulator, with a filter; the newest at the end.
 
-import { show } from "./api.js";
+import { readJournal } from "./api.js";
 import { choice, fill, h, later, perFrame, setAttribute, setText } from "./dom.js";
 import { feed } from "./feed.js";
 import { RowList } from "./list.js";
@@ -45,9 +45,14 @@ class JournalPage {
   }
 
   async read() {
-    const { records } = await show("journal", { from: -PAST, max: PAST });
+    const { end } = await readJournal(Number.MAX_SAFE_INTEGER);
     this.records = [];
-    this.take(records);
+    for (let next = Math.max(0, end - PAST); next < end; ) {
+      const { records } = await readJournal(next);
+      if (!records.length) break;
+      this.take(records);
+      next = (records.findLast((record) => record.seq !== undefined)?.seq ?? end) + 1;
+    }
   }
 
   take(records) {

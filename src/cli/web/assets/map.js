@@ -1,6 +1,6 @@
 // The register map of each PLC: entries, arrays with their elements, and the numbers that operations need.
 
-import { server, show } from "./api.js";
+import { operationsFor, server, show } from "./api.js";
 
 const maps = new Map();
 const places = new Map();
@@ -25,7 +25,7 @@ function prepared(entry, plc) {
   const ranges = [...entry.name.matchAll(/\[(\d+)\.\.(\d+)\]/g)].map(([, from, to]) => [Number(from), Number(to)]);
   const count = ranges.reduce((product, [from, to]) => product * (to - from + 1), 1);
   const search = `${entry.name} ${entry.meaning} ${entry.address} ${entry.structure} ${entry.values.map((it) => it.meaning).join(" ")} ${entry.bits.map((it) => `${it.name} ${it.meaning}`).join(" ")}`;
-  return { ...entry, plc, ranges, count, form: formOf(entry.name), search: search.toLowerCase() };
+  return { ...entry, plc, plcNumber: entry.plc, ranges, count, form: formOf(entry.name), search: search.toLowerCase() };
 }
 
 /** A name with all indices as `[]`. */
@@ -58,11 +58,27 @@ export function* elementsOf(entry) {
 export async function placeOf(name) {
   const key = `${server.instance}/${name}`;
   if (!places.has(key)) {
-    const reading = show("resolve", { name }).then(([first]) => ({ plc: first.plc, offset: first.offset, width: first.width }));
+    const reading = operationsFor({ unforce: name }).then(([first]) => first.unforce);
     reading.catch(() => places.delete(key));
     places.set(key, reading);
   }
   return places.get(key);
+}
+
+/** Name of the register of an operation, by the positions in the map: `line:node2.w_CPU_CONTROL`. */
+export async function nameOf({ plc, offset, width }, plcs) {
+  const name = plcs[plc]?.plc;
+  const entries = name ? await mapOf(name) : [];
+  const fits = (entry) => entry.offset <= offset && entry.width === width && offset - entry.offset <= entry.dims.reduce((sum, [count, stride]) => sum + (count - 1) * stride, 0);
+  const entry = entries.find((it) => it.offset === offset && it.width === width && !it.dims.length) ?? entries.find(fits);
+  if (!entry) return null;
+  let rest = offset - entry.offset;
+  const indices = entry.dims.map(([, stride]) => {
+    const index = Math.floor(rest / stride);
+    rest -= index * stride;
+    return index;
+  });
+  return { key: `${name}:${entry.name.replace(/\[(\d+)\.\.\d+\]/g, (_, from) => `[${Number(from) + indices.shift()}]`)}`, entry };
 }
 
 /** The worst provenance of an entry's facts: the decision that must be read, or `manual`. */

@@ -5,7 +5,6 @@ import { show } from "./api.js";
 import { fill, h, setAttribute, svg } from "./dom.js";
 import { feed } from "./feed.js";
 import { Lamp, SevenSegments, TextDisplay } from "./led.js";
-import { mapOf } from "./map.js";
 import { showError } from "./messages.js";
 import { Push, Rotary, Selector, Terminal, Toggle } from "./switch.js";
 
@@ -15,22 +14,18 @@ const DIP = 1, LEDS = 2, SWITCH = 3, POWER = 4, START = 5, RESET = 6, CYCLE = 7,
 const WIDTH = 440;
 const POSITIONS = ["run", "stop", "reset"], PROJECTS = ["none", "boot", "sent"], STARTS = ["cold", "warm", "hot", "stop"];
 
-export function panelPage(root, rest, context) {
+export function panelPage(root) {
   const area = h("div", { class: "columns fronts" });
   fill(root, area);
   const fronts = new Map();
-  let ports = [];
   const draw = ({ boards }) => boards.forEach((board) => fronts.get(board.plc)?.show(board));
   const off = feed.on("boards", draw);
   const start = async () => {
-    const { plcs } = context.status;
-    const maps = await Promise.all(plcs.map(({ plc }) => mapOf(plc)));
-    ports = await show("ports").catch(() => []);
-    const boards = await show("boards");
-    plcs.forEach(({ plc, device }, at) => {
-      const board = boards.find((it) => it.plc === plc);
-      if (board) fronts.set(plc, new Front(at, plc, device, board, maps[at].filter((entry) => entry.area === "front"), ports));
-    });
+    const [devices, boards] = await Promise.all([show("devices"), show("boards")]);
+    for (const device of devices) {
+      const board = boards.find((it) => it.plc === device.plc);
+      if (board) fronts.set(device.plc, new Front(device, board));
+    }
     fill(area, [...fronts.values()].map((front) => front.element));
     draw({ boards });
     feed.want("panel", { events: ["boards"] });
@@ -45,12 +40,12 @@ export function panelPage(root, rest, context) {
 class Front {
   parts = [];
 
-  constructor(index, plc, device, board, words, ports) {
-    Object.assign(this, { index, plc, board, words, ports });
+  constructor({ number, plc, title, ports, front }, board) {
+    Object.assign(this, { index: number, plc, board, ports, words: front });
     this.build(board);
     const picture = this.picture();
     this.state = h("p", { class: "muted" });
-    this.element = h("section", { class: "box front", "aria-label": `Front of ${plc}` }, h("header", { class: "boxhead" }, h("h2", null, plc), h("small", null, device)), picture, this.controls(board), h("div", { class: "pad" }, this.state));
+    this.element = h("section", { class: "box front", "aria-label": `Front of ${plc}` }, h("header", { class: "boxhead" }, h("h2", null, plc), h("small", null, title)), picture, this.controls(board), h("div", { class: "pad" }, this.state));
   }
 
   /** Adds a part of the drawing: how it takes its value from the board. */
@@ -73,7 +68,7 @@ class Front {
   }
 
   hasText() {
-    return this.words.some((word) => word.name.startsWith("front.display"));
+    return this.words.some((word) => word.text);
   }
 
   leds() {
@@ -98,15 +93,14 @@ class Front {
   module(slot, module) {
     this.add(title(`${slot} ${module.kind}`), null, true);
     for (const name of Object.keys(module.leds ?? {})) this.add(new Lamp(name), (board) => board.modules[slot].leds[name]);
-    const port = this.ports.find((it) => it.port === `${this.plc}:${slot}`)?.node;
+    const port = this.ports.find((it) => it.port === slot)?.number;
     if (module.dip !== undefined && port !== undefined) this.dip((board) => board.modules[slot].dip, (dip) => this.set(MODULE_DIP, port * 256 + dip, `${slot}.dip=${dip}`), `${slot} DIP`);
   }
 
   /** A word of the front that only this type of device has: drawn by its meaning. */
-  word({ name: full, owner, values, address }) {
-    const name = full.slice(full.indexOf(".") + 1);
-    const which = FRONT + Number(address.replace(/^\D+/, "")) / 4;
-    const set = owner === "PLC" ? (value) => this.set(which, value, `${name}=${this.named(values, value)}`) : null;
+  word({ name, number, switch: isSwitch, values }) {
+    const which = FRONT + number;
+    const set = isSwitch ? (value) => this.set(which, value, `${name}=${this.named(values, value)}`) : null;
     const choices = values.filter((value) => value.first === value.last);
     if (!(name in this.board)) return;
     if (/^(led_|stat$)/.test(name)) return this.add(new Lamp(name.replace("led_", "").toUpperCase()), (board) => board[name]);
@@ -114,15 +108,15 @@ class Front {
     if (/^(inputs|open)$/.test(name)) return this.bits(name, set);
     if (name === "switches") return this.twoRotaries(name, set);
     if (name === "s2") return this.add(new Rotary("S2", set), (board) => board[name]);
-    if (name !== "program" && choices.length === 2) this.add(new Selector(name.toUpperCase(), choices.map((it) => it.meaning), (at) => set(choices[at].first)), (board) => choices.findIndex((it) => it.meaning === board[name]));
+    if (name !== "program" && choices.length === 2) this.add(new Selector(name.toUpperCase(), choices.map((it) => it.text), (at) => set(choices[at].first)), (board) => choices.findIndex((it) => it.text === board[name]));
   }
 
   named(values, value) {
-    return values.find((it) => it.first === value && it.last === value)?.meaning ?? value;
+    return values.find((it) => it.first === value && it.last === value)?.text ?? value;
   }
 
   bits(name, set) {
-    const count = this.words.some((word) => word.name === "front.s1") ? 16 : 8;
+    const count = this.words.some((word) => word.name === "s1") ? 16 : 8;
     this.add(title(name.toUpperCase()), null, true);
     for (let bit = 0; bit < count; bit += 1) {
       const one = set && ((isOn) => set(((this.board[name] & ~(1 << bit)) | (isOn << bit)) >>> 0));
@@ -163,16 +157,15 @@ class Front {
   /** Words with a number or many names: a field each. */
   wordControls() {
     const drawn = /^(inputs|open|switches|s2)$/;
-    const words = this.words.filter(({ name, owner, values }) => owner === "PLC" && !drawn.test(name.slice(6)) && values.filter((value) => value.first === value.last).length !== 2);
+    const words = this.words.filter(({ name, switch: isSwitch, values }) => isSwitch && !drawn.test(name) && values.filter((value) => value.first === value.last).length !== 2);
     return words.length > 0 && h("div", { class: "wordgrid" }, words.map((word) => this.wordControl(word)));
   }
 
-  wordControl({ name: full, values, address, meaning }) {
-    const name = full.slice(full.indexOf(".") + 1);
-    const which = FRONT + Number(address.replace(/^\D+/, "")) / 4;
-    const choices = values.filter((value) => value.first === value.last && value.meaning !== "none");
+  wordControl({ name, number, values, meaning }) {
+    const which = FRONT + number;
+    const choices = values.filter((value) => value.first === value.last && value.text !== "none");
     const set = (value) => this.set(which, value, `${name}=${this.named(values, value)}`);
-    if (choices.length) return h("div", { class: "line wrap", role: "group", "aria-label": name }, h("span", { class: "muted label", title: meaning }, name), choices.map((it) => h("button", { type: "button", "data-acts": true, onclick: () => set(it.first) }, it.meaning)));
+    if (choices.length) return h("div", { class: "line wrap", role: "group", "aria-label": name }, h("span", { class: "muted label", title: meaning }, name), choices.map((it) => h("button", { type: "button", "data-acts": true, onclick: () => set(it.first) }, it.text)));
     const input = h("input", { type: "number", min: 0, max: values[0]?.last, "data-acts": true, "aria-label": meaning || name, "data-title": meaning, onchange: () => input.checkValidity() && set(Number(input.value)) });
     this.parts.push({ part: { node: svg("g"), width: 0, height: 0, show: (value) => document.activeElement !== input && (input.value = value) }, read: (board) => board[name] });
     return h("label", { class: "line" }, h("span", { class: "muted label" }, name), input);

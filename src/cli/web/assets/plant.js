@@ -1,6 +1,6 @@
 // Page "Plant": devices with their ports, buses with load and stations, drives, and the buses drawn as lines.
 
-import { show } from "./api.js";
+import { look } from "./api.js";
 import { fill, h, svg } from "./dom.js";
 import { feed } from "./feed.js";
 import { showError } from "./messages.js";
@@ -13,7 +13,7 @@ export function plantPage(root, rest, context) {
   let before = "";
   const read = async () => {
     try {
-      const [status, buses] = await Promise.all([context.refreshStatus(), show("buses")]);
+      const [status, { buses }] = await Promise.all([context.refreshStatus(), look("buses")]);
       const text = JSON.stringify([status.plcs, status.nodes, status.buses, status.drives, status.faults, status.forced, status.errors, status.warnings, buses]);
       if (text !== before) draw(box, status, buses);
       before = text;

@@ -65,7 +65,7 @@ class RegisterView {
       try {
         const value = parseValue(input.value, entry.type, entry.values);
         const verb = operation === "poke" ? "poke" : "force";
-        await act(operation, { ...(await placeOf(item.key)), value }, `${verb} ${item.name} = ${hex(value, entry.type)}`, `${item.name}: ${operation === "poke" ? "written" : "forced"}`);
+        await act(operation, { ...(await placeOf(item.key)), value }, `${verb} ${item.name} = ${hex(value, entry.type)}`, `${item.name}: ${operation === "poke" ? "written" : "forced"}`, item.key);
       } catch (error) {
         showError(error);
       }
@@ -90,7 +90,7 @@ class RegisterView {
   async release() {
     const { item } = this;
     try {
-      await act("unforce", await placeOf(item.key), `unforce ${item.name}`, `${item.name}: no longer forced`);
+      await act("unforce", await placeOf(item.key), `unforce ${item.name}`, `${item.name}: no longer forced`, item.key);
     } catch (error) {
       showError(error);
     }
@@ -131,7 +131,7 @@ class RegisterView {
         const has = Math.floor(current / 2 ** bit) % 2 === 1;
         const value = has === isSet ? current + (isSet ? -1 : 1) * 2 ** bit : current;
         const { exchanged } = await post("compare_exchange", { ...place, current, new: value });
-        if (exchanged.ok) return addToRecord({ operation: "poke", fields: { ...place, value }, words: `poke ${item.name} = ${hex(value, entry.type)}, bit ${bit}`, beforeUs });
+        if (exchanged.ok) return addToRecord({ operation: "poke", fields: { ...place, value }, register: item.key, words: `poke ${item.name} = ${hex(value, entry.type)}, bit ${bit}`, beforeUs });
         current = exchanged.found;
       }
       throw new Error(`${item.name}: other programs change the register all the time`);
