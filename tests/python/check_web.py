@@ -165,6 +165,7 @@ class Check:
         self.waits_for(lambda: self.board()["switch"], "run", "switch")
         self.page.click("[role=switch]", "DIP 1")
         self.waits_for(lambda: self.board()["dip"], 1, "DIP switch")
+        self.page.until("document.querySelector('[role=switch][aria-label=\"DIP 1\"]').ariaChecked === 'true'")
         self.page.click("[role=switch]", "DIP 1")
         self.waits_for(lambda: self.board()["dip"], 0, "DIP switch")
 
@@ -213,6 +214,7 @@ class Check:
         self.emulator.run("step", "--back", f"{self.time_us()}us")
         self.page.until("document.querySelector('.time').textContent === '0.000000 s'")
         self.page.click("button.record")
+        self.go("registers")
         self.choose_register("node2.w_CPU_CONTROL")
         self.page.enter(".detail input[name=value]", "16#0001")
         self.page.click(".detail button", "Poke")

@@ -43,7 +43,7 @@ class FollowedPage {
 
   start() {
     this.names = pinned();
-    feed.want("followed", { follow: this.names, events: ["changes"] });
+    feed.want("followed", { follow: this.names });
     const chip = (key, at) => h("li", { class: `chip k${at % 6}` }, h("span", { class: "mono" }, shortName(key)), h("button", { type: "button", class: "plain", "aria-label": `Stop following ${key}`, onclick: () => togglePin(key) }, "\u00d7"));
     fill(this.list, this.names.length ? this.names.map(chip) : h("li", { class: "muted" }, "No register is followed. Press the star of a register on the page Registers."));
     this.readAgain();

@@ -146,7 +146,7 @@ class Registers {
   follow() {
     const names = this.rows.visible.filter((item) => !item.isArray && isScalar(item.entry.type)).map((item) => item.key);
     if (this.chosen && !this.chosen.isArray) names.unshift(this.chosen.key);
-    feed.want("registers", { follow: names, events: ["changes"] });
+    feed.want("registers", { follow: names });
   }
 
   choose(item, isOpened) {
