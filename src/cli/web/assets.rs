@@ -18,7 +18,42 @@ macro_rules! assets {
 }
 
 /// All files; `index.html` is also the page `/`.
-const ASSETS: &[Asset] = assets! { "index.html" };
+const ASSETS: &[Asset] = assets! {
+    "actions.js"
+    "api.js"
+    "app.js"
+    "bus.js"
+    "canopen.js"
+    "chart.js"
+    "clock.js"
+    "conditions.js"
+    "dialogs.js"
+    "dom.js"
+    "drives.js"
+    "faults.js"
+    "feed.js"
+    "findings.js"
+    "followed.js"
+    "icon.svg"
+    "index.html"
+    "journal.js"
+    "led.js"
+    "list.js"
+    "map.js"
+    "messages.js"
+    "pages.css"
+    "pages.js"
+    "panel.js"
+    "pins.js"
+    "plant.js"
+    "record.js"
+    "register.js"
+    "registers.js"
+    "sdo.js"
+    "style.css"
+    "switch.js"
+    "values.js"
+};
 
 /// Directory of files that replace those in the program, so that a page can be edited without a new build.
 #[cfg(debug_assertions)]
