@@ -89,10 +89,24 @@ export const look = (operation, fields) => send("GET", here(operation) + query(f
 /** Records in a part of the journal. */
 const PART = 1024;
 
-/** The journal from a record on, with the number of the next record. */
+/** A part of the journal from a record on: its records, those still being counted, and the numbers of the next record and of the end. */
 export async function readJournal(from) {
-  const { journal } = await look("journal", { from, max: PART });
-  return journal;
+  const { records: all, end } = (await look("journal", { from, max: PART })).journal;
+  const records = all.filter((record) => typeof record.seq === "number");
+  const pending = all.filter((record) => typeof record.seq !== "number");
+  return { records, pending, end, next: records.length ? records.at(-1).seq + 1 : end };
+}
+
+/** The last records of the journal, at most `count` and those still being counted. */
+export async function readPast(count) {
+  const { end } = await readJournal(Number.MAX_SAFE_INTEGER);
+  const past = [];
+  for (let next = Math.max(0, end - count); next < end; ) {
+    const part = await readJournal(next);
+    past.push(...part.records);
+    next = part.next;
+  }
+  return past;
 }
 
 /** An operation that changes something. */

@@ -22,6 +22,7 @@ export function busPage(root, rest, context) {
     off();
     turned();
     page.isEnded = true;
+    page.observer?.disconnect();
   }, { key: (event) => page.key(event) });
 }
 
@@ -44,6 +45,8 @@ class BusPage {
     const button = (text, label, work) => h("button", { type: "button", "aria-label": label, title: label, onclick: work }, text);
     this.end = button("Latest", "The latest intervals (key End)", () => this.latest());
     this.windows = h("div", { class: "stack" });
+    this.observer = new ResizeObserver(() => this.last && this.draw(...this.last));
+    this.observer.observe(this.windows);
     this.body = h("tbody");
     const head = ["At", "Takes", "Slot", "Frame"].map((it) => h("th", { scope: "col" }, it));
     fill(root, h("div", { class: "line wrap" }, select, h("div", { class: "group" }, button("\u25c0", "Previous interval (left arrow)", () => this.turn(true)), button("\u25b6", "Next interval (right arrow)", () => this.turn(false))), this.end, this.info),
@@ -92,7 +95,8 @@ class BusPage {
     this.known = known === this.back + SHOWN ? MOST : known;
     const slots = scene?.interval?.slots ?? [];
     const data = { windows: intervals.map(({ window, frames }) => ({ ...window, slots: window.is_interval ? slots : [], frames })) };
-    const text = JSON.stringify(data.windows);
+    const text = JSON.stringify([data.windows, this.windows.clientWidth]);
+    this.last = [intervals, known, scene];
     this.end.setAttribute("aria-pressed", this.back === 0);
     setText(this.info, scene ? `${scene.kind}, ${scene.bit_s / 1000} kbit/s${this.back ? `, ${counted(this.back, "interval")} back` : ""}` : "");
     if (text === this.text) return;
@@ -112,7 +116,7 @@ class BusPage {
 
   /** An interval as a picture: slots above, frames below, time at the bottom. */
   window(window) {
-    const width = 1000, scale = (us) => Math.max(0, Math.min(1, (us - window.begin_us) / window.us)) * width;
+    const width = Math.max(280, this.windows.clientWidth - 36), scale = (us) => Math.max(0, Math.min(1, (us - window.begin_us) / window.us)) * width;
     const slots = window.slots ?? [];
     const slotEnd = (at) => (at + 1 < slots.length ? slots[at + 1].start_us : window.us);
     const bands = slots.map((slot, at) => {
@@ -120,10 +124,10 @@ class BusPage {
       return [svg("rect", { class: `slotband${at % 2 ? " odd" : ""}`, x, y: 20, width: Math.max(0, w), height: 54 }), w > 7 * slot.name.length + 4 && svg("text", { class: "small", x: x + 4, y: 14 }, slot.name)];
     });
     const frames = window.frames.map((frame) => this.frame(frame, scale));
-    const ticks = [0, 0.25, 0.5, 0.75, 1].map((part) => svg("text", { class: "small", x: part * width, y: 92, "text-anchor": part === 0 ? "start" : part === 1 ? "end" : "middle" }, short(Math.round(window.us * part))));
+    const ticks = (width < 420 ? [0, 0.5, 1] : [0, 0.25, 0.5, 0.75, 1]).map((part) => svg("text", { class: "small", x: part * width, y: 92, "text-anchor": part === 0 ? "start" : part === 1 ? "end" : "middle" }, short(Math.round(window.us * part))));
     const now = feed.timeUs >= window.begin_us && feed.timeUs < window.begin_us + window.us && svg("line", { class: "now-line", x1: scale(feed.timeUs), x2: scale(feed.timeUs), y1: 18, y2: 78 });
     return h("section", { class: "box pad" }, h("h2", { class: "mono" }, seconds(window.begin_us)),
-      svg("svg", { class: "timeline", viewBox: `0 0 ${width} 96`, preserveAspectRatio: "xMidYMid meet", role: "img", "aria-label": `Timeline from ${seconds(window.begin_us)}, ${window.frames.length} frames; the list has the same content` },
+      svg("svg", { class: "timeline", viewBox: `0 0 ${width} 96`, width, height: 96, role: "img", "aria-label": `Timeline from ${seconds(window.begin_us)}, ${window.frames.length} frames; the list has the same content` },
         svg("rect", { class: "wire", x: 0, y: 20, width, height: 54 }), bands, frames, now, ticks));
   }
 

@@ -1,7 +1,7 @@
 // Page "CANopen": the nodes with their states, network management, and object dictionaries read by SDO.
 
 import { guard } from "./actions.js";
-import { readJournal, show } from "./api.js";
+import { readPast, show } from "./api.js";
 import { choice, field, fill, h } from "./dom.js";
 import { feed } from "./feed.js";
 import { showError } from "./messages.js";
@@ -16,7 +16,7 @@ const USUAL = [
   [0x1018, 1, "Vendor", "u"], [0x1018, 2, "Product", "u"], [0x1018, 3, "Revision", "u"], [0x1400, 1, "Identifier of receive PDO 1", "u"], [0x1600, 0, "Objects in receive PDO 1", "u"], [0x1800, 1, "Identifier of transmit PDO 1", "u"], [0x1800, 2, "Type of transmit PDO 1", "u"], [0x1a00, 0, "Objects in transmit PDO 1", "u"],
   [0x2000, 0, "Manufacturer object 2000", "u"], [0x6000, 1, "Digital inputs 1 to 8", "u"], [0x6200, 1, "Digital outputs 1 to 8", "u"], [0x6401, 1, "Analog input 1", "u"], [0x6411, 1, "Analog output 1", "u"],
 ];
-const STATES = { 0: "boot-up", 4: "stopped", 5: "operational", 127: "pre-operational" };
+const STATES = { 0: "pre-operational", 4: "stopped", 5: "operational", 127: "pre-operational" };
 /** Records of the past that are searched for nodes. */
 const PAST = 4_096;
 
@@ -49,13 +49,7 @@ class CanopenPage {
 
   async readPast() {
     if (!this.buses.length) return;
-    const { end } = await readJournal(Number.MAX_SAFE_INTEGER);
-    for (let next = Math.max(0, end - PAST); next < end; ) {
-      const { records } = await readJournal(next);
-      if (!records.length) break;
-      this.take(records);
-      next = records.at(-1).seq + 1;
-    }
+    this.take(await readPast(PAST));
     this.draw();
   }
 
@@ -96,7 +90,7 @@ class CanopenPage {
     const pick = (node) => h("button", { type: "button", class: "link", "aria-pressed": node.number === this.chosen, onclick: () => { this.chosen = node.number; this.draw(); } }, `Node ${node.number}`);
     const row = (node) => h("tr", { "aria-selected": node.number === this.chosen }, h("th", { scope: "row" }, pick(node)), h("td", null, node.plc ?? ""), h("td", null, node.bus), h("td", null, node.state ?? "unknown"), h("td", { class: "mono" }, seconds(node.timeUs)), h("td", null, this.#commands(node)));
     fill(this.list, h("header", { class: "boxhead" }, h("h2", null, "Nodes"), h("small", null, "seen in the traffic")),
-      nodes.length ? table(["Node", "PLC", "Bus", "State", "Last change", "Network management"], nodes.map(row), "Nodes") : h("p", { class: "empty" }, "No node has been heard yet. Advance the clock; a node sends its boot-up message after power-on."));
+      nodes.length ? table(["Node", "PLC", "Bus", "State", "Last heard", "Network management"], nodes.map(row), "Nodes") : h("p", { class: "empty" }, "No node has been heard yet. Advance the clock; a node sends its boot-up message after power-on."));
     this.drawDictionary();
     guard(this.root);
   }
@@ -188,6 +182,7 @@ const nameOf = (index, sub) => `${index.toString(16).toUpperCase().padStart(4, "
 
 function textOf(bytes, type) {
   if (/^(s|.*STRING.*)$/i.test(type ?? "")) return new TextDecoder("latin1").decode(new Uint8Array(bytes));
+  if (bytes.length > 4 && bytes.every((byte) => byte >= 0x20 && byte < 0x7f)) return String.fromCharCode(...bytes);
   const number = bytes.reduceRight((sum, byte) => sum * 256 + byte, 0);
   return `16#${number.toString(16).toUpperCase().padStart(2 * bytes.length, "0")}  ${number}`;
 }

@@ -1,10 +1,12 @@
 // Page "Followed": the followed registers as a plot, and every change of them in order.
 
+import { readPast } from "./api.js";
 import { fill, h, perFrame, setAttribute, setText } from "./dom.js";
 import { Chart } from "./chart.js";
 import { shortName } from "./conditions.js";
 import { feed, keyOf } from "./feed.js";
 import { RowList } from "./list.js";
+import { showError } from "./messages.js";
 import { onPins, pinned, togglePin } from "./pins.js";
 import { duration, seconds, short } from "./values.js";
 
@@ -12,6 +14,8 @@ import { duration, seconds, short } from "./values.js";
 const LANES = 12;
 /** Changes in the list, and points of a register. */
 const KEPT = 20_000;
+/** Records of the journal that are searched for earlier changes. */
+const PAST = 8_192;
 
 export function followedPage(root, rest, context) {
   const page = new FollowedPage(root, context);
@@ -49,10 +53,24 @@ class FollowedPage {
     this.readAgain();
   }
 
-  readAgain() {
+  /** Shows the changes of recorded registers in the journal (`run --record`), and those that the page has seen. */
+  async readAgain() {
+    this.reset(feed.changes);
+    try {
+      const past = await changesInJournal();
+      const key = (change) => `${keyOf(change)} ${change.time_us} ${numberOf(change.after)}`;
+      const seen = new Set(feed.changes.map(key));
+      const earlier = past.filter((change) => !seen.has(key(change)));
+      if (earlier.length) this.reset([...earlier, ...feed.changes].sort((one, other) => one.time_us - other.time_us));
+    } catch (problem) {
+      if (!feed.hasEnded) showError(problem);
+    }
+  }
+
+  reset(changes) {
     this.changes = [];
     this.points = new Map(this.names.map((key) => [key, []]));
-    this.take(feed.changes);
+    this.take(changes);
   }
 
   /** Adds changes to the list and to the points of each register. */
@@ -99,6 +117,13 @@ class FollowedPage {
     const at = this.names.indexOf(keyOf(change));
     setAttribute(name, "class", `mono t${at % 6}`);
   }
+}
+
+/** Changes of recorded registers in the last records of the journal. */
+async function changesInJournal() {
+  const records = await readPast(PAST);
+  const changes = records.filter((record) => record.kind === "changed" && record.register);
+  return changes.map(({ time_us, plc, register, from, to, text, by }) => ({ time_us, plc, register, before: from, after: to, meaning: text, by }));
 }
 
 const textOf = (value) => (typeof value === "number" ? `16#${(value >>> 0).toString(16).toUpperCase()}` : String(value ?? ""));

@@ -1,6 +1,6 @@
 // Page "Journal": the records of the emulator, with a filter; the newest at the end.
 
-import { readJournal } from "./api.js";
+import { readPast } from "./api.js";
 import { choice, fill, h, later, perFrame, setAttribute, setText } from "./dom.js";
 import { feed } from "./feed.js";
 import { RowList } from "./list.js";
@@ -9,7 +9,7 @@ import { seconds } from "./values.js";
 
 /** Records that the page keeps, and those read of the past. */
 const KEPT = 20_000, PAST = 2_000;
-const HIDDEN = new Set(["v", "seq", "time_us", "kind", "plc", "bus", "node", "line", "count", "first_us", "period_us"]);
+const HIDDEN = new Set(["v", "seq", "time_us", "kind", "line", "count", "first_us", "period_us", "extended", "remote", "length", "search"]);
 
 export function journalPage(root) {
   const page = new JournalPage(root);
@@ -45,20 +45,15 @@ class JournalPage {
   }
 
   async read() {
-    const { end } = await readJournal(Number.MAX_SAFE_INTEGER);
+    const records = await readPast(PAST);
     this.records = [];
-    for (let next = Math.max(0, end - PAST); next < end; ) {
-      const { records } = await readJournal(next);
-      if (!records.length) break;
-      this.take(records);
-      next = (records.findLast((record) => record.seq !== undefined)?.seq ?? end) + 1;
-    }
+    this.take(records);
   }
 
   take(records) {
     const last = this.records.at(-1)?.seq ?? -1;
     for (const record of records) {
-      if (record.seq <= last) continue;
+      if (typeof record.seq !== "number" || record.seq <= last) continue;
       record.line ??= lineOf(record);
       record.search = `${record.kind} ${record.line}`.toLowerCase();
       this.records.push(record);
@@ -96,11 +91,17 @@ class JournalPage {
   }
 }
 
-/** A text of the fields, for records without a line. */
-function lineOf(record) {
-  const place = [record.plc ?? record.bus, record.node && `node${record.node}`].filter(Boolean).join(":");
-  const fields = Object.entries(record).filter(([name, value]) => !HIDDEN.has(name) && value !== null);
-  return `${place}  ${fields.map(([name, value]) => `${name}=${typeof value === "object" ? JSON.stringify(value) : value}`).join(" ")}`;
+const hexOf = (value, width) => (typeof value === "number" && width ? `16#${(value >>> 0).toString(16).toUpperCase().padStart(2 * width, "0")}` : String(value));
+
+/** A record in words: where, register, old and new value, meaning, then its other fields. */
+function lineOf({ plc, bus, node, register, address, width, from, to, value, text, id, data, ...rest }) {
+  const place = [plc ?? bus, node && `node${node}`].filter(Boolean).join(":");
+  const change = to === undefined ? (value === undefined ? "" : `:= ${hexOf(value, width)}`) : `${from === undefined ? "" : `${hexOf(from, width)} `}-> ${hexOf(to, width)}`;
+  const frame = id === undefined ? "" : `16#${id.toString(16).toUpperCase().padStart(3, "0")}`;
+  const more = Object.entries(rest).filter(([name, it]) => !HIDDEN.has(name) && it !== null && it !== false);
+  const words = more.map(([name, it]) => `${name.replaceAll("_", " ")} ${typeof it === "object" ? JSON.stringify(it) : it}`).join(", ");
+  const bytes = text === undefined && data !== undefined ? String(data).replace(/(..)(?=.)/g, "$1 ") : "";
+  return [place, " ", register ?? address, change, frame, bytes, text, words && (text || change || frame ? `(${words})` : words)].filter(Boolean).join(" ");
 }
 
 function head() {

@@ -37,7 +37,7 @@ export class SdoClient {
       const journal = await readJournal(next);
       const answer = journal.records.find((it) => it.kind === "can_frame" && it.bus === this.busName && it.id === 0x580 + this.node);
       if (answer) return this.#checked(bytesOf(answer.data));
-      next = journal.records.at(-1)?.seq + 1 || next;
+      next = Math.max(next, journal.next);
     }
     throw new Error(`node ${this.node} does not answer`);
   }
