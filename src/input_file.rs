@@ -7,6 +7,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{Error, ErrorKind, Read, Result};
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::Path;
+use std::sync::OnceLock;
 
 /// Maximum length of a dump or log, in bytes: frames of five minutes on a CAN bus without idle time.
 pub const LONGEST: u64 = 64 << 20;
@@ -32,13 +33,19 @@ pub fn text(bytes: Vec<u8>) -> Result<String> {
     String::from_utf8(bytes).map_err(|_| Error::new(ErrorKind::InvalidData, "it is no text in UTF-8"))
 }
 
-/// Reads the contents of a file or pipe; `-` is the standard input.
+/// Reads the contents of a file or pipe; `-` is the standard input, whose contents are kept for later calls.
 ///
 /// # Errors
 /// The file cannot be read, is neither file nor pipe, or is longer than `longest` bytes.
 pub fn read_bytes(path: &Path, longest: u64) -> Result<Vec<u8>> {
+    static STANDARD: OnceLock<Vec<u8>> = OnceLock::new();
+    if is_standard(path)
+        && let Some(bytes) = STANDARD.get().filter(|bytes| bytes.len() as u64 <= longest)
+    {
+        return Ok(bytes.clone());
+    }
     let bytes = match is_standard(path) {
-        true => read_up_to(longest, std::io::stdin())?,
+        true => read_up_to(longest, std::io::stdin())?.inspect(|bytes| drop(STANDARD.set(bytes.clone()))),
         false => read_up_to(longest, open(path)?)?,
     };
     bytes.ok_or_else(|| too_long(format!("more than {longest} bytes, there is no such text")))

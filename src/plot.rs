@@ -20,6 +20,8 @@ pub struct Plot {
     pub edges: Vec<u64>,
     /// The registers.
     pub rows: Vec<Row>,
+    /// Sections of a scenario, each with its begin in emulated microseconds, ascending.
+    pub sections: Vec<(u64, String)>,
 }
 
 impl Plot {
@@ -28,6 +30,14 @@ impl Plot {
         let to_us = to_us.max(from_us.saturating_add(1));
         rows.iter_mut().for_each(|row| row.cut(from_us, to_us, &edges));
         edges.retain(|edge| (from_us..=to_us).contains(edge));
-        Self { from_us, to_us, edges, rows }
+        Self { from_us, to_us, edges, rows, sections: Vec::new() }
+    }
+
+    /// The same with marks at the sections that begin in it.
+    #[must_use]
+    pub fn with_sections(mut self, sections: impl IntoIterator<Item = (u64, String)>) -> Self {
+        let (from_us, to_us) = (self.from_us, self.to_us);
+        self.sections = sections.into_iter().filter(|(begin, _)| (from_us..=to_us).contains(begin)).collect();
+        self
     }
 }

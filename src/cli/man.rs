@@ -1,6 +1,7 @@
 //! `commram man`: manual pages for `man`.
 
 use super::{error::CliError, parse};
+use crate::input_file::is_standard;
 use crate::output_file;
 use clap::Command;
 use std::fs;
@@ -20,6 +21,10 @@ pub(crate) struct Args {
 
 /// Writes the pages.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    if is_standard(&args.directory) {
+        let right = "the pages are many files; give a directory".to_owned();
+        return Err(CliError::Argument { text: "-".to_owned(), right });
+    }
     let failed = |path: &Path| {
         let path = path.to_owned();
         move |reason| CliError::File { path, reason }

@@ -33,7 +33,7 @@ pub(crate) struct Args {
     /// Type of the device
     #[arg(long, value_name = "DEVICE", value_parser = with_template(), default_value = devices::default().layout.name)]
     device: Device,
-    /// What the project contains besides plant and scenario
+    /// Program or test in the project, beside plant and scenario
     #[arg(long, value_enum, value_name = "TEMPLATE", default_value_t = Template::Minimal)]
     template: Template,
 }

@@ -60,7 +60,8 @@ pub(super) fn schema() -> String {
     format!("{:#}\n", crate::plant::schema())
 }
 
-/// A plant whose first line names its schema. Editors with a TOML language server then complete keys and underline mistakes.
+/// The plant with the name of its schema in the first line. Editors with a TOML language server then complete keys and
+/// underline mistakes.
 pub(super) fn with_schema(plant: &str) -> String {
     format!("#:schema ./{SCHEMA}\n{plant}")
 }

@@ -95,9 +95,7 @@ pub(crate) fn run(path: Option<&Path>, format: Format) -> Result<(), CliError> {
     let read = path.map_or_else(PlantConfig::built_in, PlantConfig::load);
     let file = called(path);
     match read {
-        Ok(config) => {
-            table::print(format, &[PlantVerdict::fine(file, &config, &written(path, &config))], text)
-        }
+        Ok(config) => table::print(format, &[PlantVerdict::fine(file, &config, &written(path))], text),
         Err(error) if format == Format::Text => Err(error.into()),
         Err(error) => {
             table::print(format, &[PlantVerdict::refused(file, &error)], text)?;
@@ -108,7 +106,7 @@ pub(crate) fn run(path: Option<&Path>, format: Format) -> Result<(), CliError> {
 
 /// Prints warnings about entries of a plant that are allowed but probably not intended.
 pub(crate) fn warn(path: Option<&Path>, config: &PlantConfig) {
-    for warning in Warning::all(config, &written(path, config)) {
+    for warning in Warning::all(config, &written(path)) {
         output::complain(&warning.text(&called(path)));
     }
 }
@@ -118,10 +116,8 @@ fn called(path: Option<&Path>) -> String {
 }
 
 /// The text of the file, to find line numbers.
-fn written(path: Option<&Path>, config: &PlantConfig) -> String {
+fn written(path: Option<&Path>) -> String {
     match path {
-        // The standard input can be read once only.
-        Some(path) if input_file::is_standard(path) => config.text().to_string(),
         Some(path) => input_file::read(path, input_file::LONGEST_PLANT).unwrap_or_default(),
         None => String::new(),
     }

@@ -3,6 +3,7 @@
 mod html;
 mod line;
 mod merge;
+mod origin;
 pub(crate) mod process;
 mod progress;
 mod round;
@@ -14,10 +15,12 @@ use super::demo::Interrupts;
 use super::error::CliError;
 use super::table::{self, Format, FormatArg};
 use super::{output, time};
+use crate::input_file;
 use crate::output_file;
 use crate::plural::plural;
 use crate::script::{DEFINITIONS, Limits, Outcome, Report, junit, junit_of_shard};
 use line::{Line, ScenarioRow, summary};
+use origin::Origin;
 use process::RunOptions;
 use round::Round;
 use selection::Shard;
@@ -45,6 +48,7 @@ Examples:
   commram test . --shard 1/3
   commram test merge report-*.xml --output report.xml
   commram test . --watch
+  commram test - <master.rhai
   commram test master.rhai --attach default
   commram test --definitions
 
@@ -56,7 +60,7 @@ Exit codes:
 pub(crate) struct Args {
     #[command(subcommand)]
     inner: Option<TestCommand>,
-    /// Scripts. A directory means all .rhai files in it and its subdirectories, in the order of their names, except
+    /// Scripts; - is the standard input. A directory means all .rhai files in it and its subdirectories, in the order of their names, except
     /// files that others import and that only define functions
     #[arg(add = super::complete::files(&["rhai"]), value_name = "FILE", required_unless_present = "definitions")]
     files: Vec<PathBuf>,
@@ -149,6 +153,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     check_reports(args)?;
     let interrupts = Interrupts::catch()?;
     let files = selection::scenarios(&args.files, &args.filter, args.shard())?;
+    check_input(args, &files)?;
     if args.list {
         return list(args.format.format, &files);
     }
@@ -164,12 +169,26 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     };
     // These reports are written even after other errors.
     let written = args.junit.as_ref().map_or(Ok(()), |path| write_junit(path, args.shard(), &reports));
-    let page = args.report.as_ref().map_or(Ok(()), |path| write(path, &html::page(&reports)));
+    let page = args
+        .report
+        .as_ref()
+        .map_or(Ok(()), |path| write(path, &html::page(&reports, &Origin::of_this_run())));
     // A reader that has gone does not change the verdict.
     let shown =
         shown.or_else(|error| if matches!(error, CliError::BrokenPipe) { Ok(()) } else { Err(error) });
     shown.and(written).and(page)?;
     if interrupts.any() { Err(CliError::Interrupted) } else { verdict(&reports) }
+}
+
+/// Reads a scenario from the standard input, for its process. Refuses to wait for changes of the standard input.
+fn check_input(args: &Args, files: &[PathBuf]) -> Result<(), CliError> {
+    let Some(file) = files.iter().find(|file| input_file::is_standard(file)) else { return Ok(()) };
+    let wrong = |right: String| CliError::Argument { text: "-".to_owned(), right };
+    if args.watch {
+        return Err(wrong("the standard input does not change; omit --watch".to_owned()));
+    }
+    input_file::read_bytes(file, input_file::LONGEST_SCRIPT).map_err(|reason| wrong(reason.to_string()))?;
+    Ok(())
 }
 
 /// Refuses two reports in one file: the second one would replace the first one.
@@ -186,6 +205,9 @@ fn check_reports(args: &Args) -> Result<(), CliError> {
 }
 
 fn define(directory: &Path) -> Result<(), CliError> {
+    if input_file::is_standard(directory) {
+        return output::print(DEFINITIONS);
+    }
     let path = directory.join("commram.d.rhai");
     std::fs::create_dir_all(directory).map_err(|reason| CliError::File { path: path.clone(), reason })?;
     write(&path, DEFINITIONS)?;

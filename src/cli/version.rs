@@ -18,6 +18,7 @@ const FEATURES: &[(&str, bool)] = &[
     ("cli", cfg!(feature = "cli")),
     ("helics", cfg!(feature = "helics")),
     ("studio", cfg!(feature = "studio")),
+    ("web", cfg!(feature = "web")),
 ];
 
 /// Returns the text that follows the name of the program.
@@ -34,4 +35,20 @@ pub(super) fn long() -> String {
         text += &format!("  {:<20}16#{:016X}\n", known.layout.name, known.layout.layout_hash);
     }
     text.trim_end().to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_feature_of_the_package_is_in_the_list() {
+        let manifest: toml::Table = toml::from_str(include_str!("../../Cargo.toml")).unwrap();
+        let features = manifest["features"].as_table().unwrap().keys();
+        let mut features: Vec<_> = features.map(String::as_str).filter(|name| *name != "default").collect();
+        let mut known: Vec<_> = FEATURES.iter().map(|(name, _)| *name).collect();
+        features.sort_unstable();
+        known.sort_unstable();
+        assert_eq!(known, features);
+    }
 }

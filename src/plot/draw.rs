@@ -17,7 +17,9 @@ const WIDTH: i32 = 1000;
 /// The column of names.
 const NAMES: i32 = 250;
 const RIGHT: i32 = 16;
-const TOP: i32 = 8;
+/// Title and legend, and below them the names of sections.
+const HEAD: i32 = 44;
+const SECTIONS: i32 = 20;
 /// Height of a row: of numbers that move, and of others.
 const LINE: i32 = 120;
 const OTHER: i32 = 56;
@@ -48,10 +50,15 @@ fn height(row: &Row) -> i32 {
     if row.style == Style::Line { LINE } else { OTHER }
 }
 
+/// Begin of the first row.
+fn top(plot: &Plot) -> i32 {
+    if plot.sections.is_empty() { HEAD } else { HEAD + SECTIONS }
+}
+
 /// Width and height in pixels.
 pub(super) fn size(plot: &Plot) -> (u32, u32) {
     let rows: i32 = plot.rows.iter().map(height).sum();
-    (WIDTH as u32, (TOP + rows + SCALE) as u32)
+    (WIDTH as u32, (top(plot) + rows + SCALE) as u32)
 }
 
 /// Draws the plot.
@@ -59,8 +66,10 @@ pub(super) fn draw<DB: DrawingBackend>(plot: &Plot, area: &Area<DB>) -> Drawn<DB
     area.fill(&PAPER)?;
     let sheet = Sheet { plot, area };
     let bottom = size(plot).1 as i32 - SCALE;
+    sheet.head()?;
     sheet.edges(bottom)?;
-    let mut top = TOP;
+    sheet.sections(bottom)?;
+    let mut top = top(plot);
     for row in &plot.rows {
         sheet.row(row, top)?;
         top += height(row);
@@ -92,13 +101,53 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         self.area.draw(&Text::new(text.to_owned(), at, style))
     }
 
+    /// The title, and a legend of what the plot contains.
+    fn head(&self) -> Drawn<DB> {
+        let Plot { from_us, to_us, rows, edges, .. } = self.plot;
+        let title = format!("Registers from {} to {} of emulated time", short(*from_us), short(*to_us));
+        self.text(&title, (4, 14), INK, HPos::Left)?;
+        let has = |style: Style| rows.iter().any(|row| row.style == style);
+        let spans = rows.iter().flat_map(|row| row.spans(*to_us));
+        let (answered, unanswered): (Vec<_>, Vec<_>) = spans.partition(|(.., is_answered)| *is_answered);
+        let entries = [
+            ("value", STEPS, has(Style::Steps)),
+            ("number", NUMBERS, has(Style::Line)),
+            ("request until its answer", ANSWERED, !answered.is_empty()),
+            ("request without answer", UNANSWERED, !unanswered.is_empty()),
+            ("SYNC", GRID, !edges.is_empty()),
+        ];
+        let mut x = NAMES;
+        for (text, colour, _) in entries.into_iter().filter(|(.., is_used)| *is_used) {
+            let (y, right) = (HEAD - 14, x + 2 * LETTER);
+            self.area.draw(&Rectangle::new([(x, y - 3), (right, y + 3)], colour.filled()))?;
+            self.text(text, (right + 4, y), FAINT, HPos::Left)?;
+            x = right + text.len() as i32 * LETTER;
+        }
+        Ok(())
+    }
+
+    /// A mark at the begin of each section, with its name where there is room for it.
+    fn sections(&self, bottom: i32) -> Drawn<DB> {
+        let ends = self.plot.sections.iter().skip(1).map(|(begin, _)| *begin).chain([self.plot.to_us]);
+        for ((begin, name), end) in self.plot.sections.iter().zip(ends) {
+            let (x, end) = (self.x(*begin), self.x(end));
+            self.path(&[(x, HEAD), (x, bottom)], FAINT, 1)?;
+            let room = ((end - x - 4) / LETTER).max(0) as usize;
+            let text: String = name.chars().take(room).collect();
+            if room > 2 {
+                self.text(&text, (x + 3, HEAD + SECTIONS / 2), INK, HPos::Left)?;
+            }
+        }
+        Ok(())
+    }
+
     /// The SYNC edges, as many as can be distinguished.
     fn edges(&self, bottom: i32) -> Drawn<DB> {
         let mut last = i32::MIN / 2;
         for edge in &self.plot.edges {
             let x = self.x(*edge);
             if x - last >= NEAREST_EDGES {
-                self.path(&[(x, TOP), (x, bottom)], GRID, 1)?;
+                self.path(&[(x, top(self.plot)), (x, bottom)], GRID, 1)?;
                 last = x;
             }
         }
@@ -162,14 +211,16 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         Ok(())
     }
 
-    /// The value at `at`, where there is room for it.
+    /// The value at `at` with its meaning, or the value alone, where there is room for it.
     fn value(&self, row: &Row, at: usize, y: i32) -> Drawn<DB> {
         let (Some((time, _)), Some(text)) = (row.points.get(at), row.texts.get(at)) else { return Ok(()) };
         let (begin, end) = (self.x(*time), self.x(self.end_of(row, at)));
-        if text.len() as i32 * LETTER > end - begin - 4 {
-            return Ok(());
+        let forms = [Some(text.as_str()), text.split_once("  ").map(|(value, _)| value)];
+        let fits = |text: &&str| text.chars().count() as i32 * LETTER <= end - begin - 4;
+        match forms.into_iter().flatten().find(fits) {
+            Some(text) => self.text(text, (begin + 3, y), FAINT, HPos::Left),
+            None => Ok(()),
         }
-        self.text(text, (begin + 3, y), FAINT, HPos::Left)
     }
 
     fn numbers(&self, row: &Row, high: i32, low: i32) -> Drawn<DB> {
@@ -287,6 +338,31 @@ mod tests {
     }
 
     #[test]
+    fn a_plot_has_a_title_a_legend_and_the_sections_of_its_time() {
+        let text = |svg: &str, wanted: &str| svg.contains(&format!(">\n{wanted}\n</text>"));
+        let svg = plot().svg().unwrap();
+        assert!(text(&svg, "Registers from 0 us to 10 ms of emulated time"), "{svg}");
+        for entry in ["value", "number", "request until its answer", "request without answer", "SYNC"] {
+            assert!(text(&svg, entry), "{entry}\n{svg}");
+        }
+        let bare = Plot::new(0, 10, Vec::new(), Vec::new()).svg().unwrap();
+        assert!(!text(&bare, "SYNC") && !text(&bare, "value"), "{bare}");
+        let named =
+            |times: &[u64]| times.iter().map(|time| (*time, format!("section <{time}>"))).collect::<Vec<_>>();
+        let svg = plot().with_sections(named(&[0, 5000, 20_000])).svg().unwrap();
+        assert!(text(&svg, "section &lt;5000&gt;") && !svg.contains("20000"), "{svg}");
+        assert_eq!(size(&plot().with_sections(named(&[0]))).1, size(&plot()).1 + SECTIONS as u32);
+    }
+
+    #[test]
+    fn a_value_has_its_meaning_where_there_is_room() {
+        let mut plot = plot();
+        plot.rows[1].texts = vec!["16#43  set-up".to_owned(), format!("16#80  {}", "long ".repeat(40))];
+        let svg = plot.svg().unwrap();
+        assert!(svg.contains("\n16#43  set-up\n") && svg.contains("\n16#80\n"), "{svg}");
+    }
+
+    #[test]
     fn a_png_has_letters_without_any_font_of_the_machine() {
         let png = plot().render(Picture::Png).unwrap();
         let mut reader = png::Decoder::new(std::io::Cursor::new(&png)).read_info().unwrap();
@@ -295,7 +371,8 @@ mod tests {
         let (width, height) = size(&plot());
         assert_eq!(pixels.len(), (3 * width * height) as usize);
         // The column of names of the first row: paper, and ink.
-        let column = (0..OTHER).flat_map(|y| (0..NAMES).map(move |x| 3 * (y * WIDTH + x) as usize));
+        let rows = top(&plot())..top(&plot()) + OTHER;
+        let column = rows.flat_map(|y| (0..NAMES).map(move |x| 3 * (y * WIDTH + x) as usize));
         let dark = column.filter(|at| pixels[*at] < 100).count();
         assert!((50..2000).contains(&dark), "{dark}");
     }

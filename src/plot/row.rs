@@ -24,7 +24,7 @@ pub struct Row {
     pub style: Style,
     /// Times in microseconds, ascending, each with the value from then on, as a number of its type.
     pub points: Vec<(u64, i64)>,
-    /// The values as text, of the same length.
+    /// The values as text, of the same length; the meaning of a value follows after two blanks.
     pub texts: Vec<String>,
     /// Whether the journal has every change of it.
     pub is_recorded: bool,
@@ -44,7 +44,10 @@ impl Row {
         };
         let text = |value: u32| match bit {
             Some((_, bit)) => (value >> bit & 1).to_string(),
-            None => place.format(live, value),
+            None => match (place.format(live, value), place.meaning(live, value)) {
+                (value, meaning) if meaning.is_empty() => value,
+                (value, meaning) => format!("{value}  {meaning}"),
+            },
         };
         let points: Vec<_> = past.values.iter().map(|(time, value)| (*time, number(*value))).collect();
         let texts = past.values.iter().map(|(_, value)| text(*value)).collect();

@@ -101,6 +101,8 @@ pub struct Report {
     /// The script, as named; a program that receives the report from another process knows it.
     #[serde(skip)]
     pub file: PathBuf,
+    /// The plant: its file, or in words where else it comes from. Empty if the scenario did not run.
+    pub plant: String,
     /// Outcome of the scenario.
     pub outcome: Outcome,
     /// Count of expectations that were reached.
@@ -131,6 +133,7 @@ impl Report {
     pub fn bare(file: PathBuf, outcome: Outcome) -> Self {
         Self {
             file,
+            plant: String::new(),
             outcome,
             expectations: 0,
             emulated_us: None,

@@ -76,6 +76,7 @@ pub fn run_file(
     reads.extend(stage.plant_file());
     Report {
         file: file.to_owned(),
+        plant: stage.plant_name(),
         outcome,
         expectations: stage.expectations(),
         emulated_us: Some(stage.elapsed_us()),

@@ -109,3 +109,27 @@ fn a_dash_is_standard_input_or_output() {
     let map = run(&["export", "c", "-o", "-"]);
     assert_eq!(map.ok(), run(&["export", "c"]).ok());
 }
+
+#[test]
+fn a_scenario_comes_from_the_standard_input() {
+    let directory = tempfile::tempdir().unwrap();
+    std::fs::write(directory.path().join("p.toml"), "[[plc]]\nname = 'press'\n").unwrap();
+    let text = "plant(\"p.toml\");\nexpect(\"press:node1.w_CPU_CONTROL\", 1);\n";
+    let failed = with_input(commram().args(["test", "-"]).current_dir(directory.path()), text);
+    assert_eq!(failed.code, Some(1), "{}", failed.err);
+    let line = "line      -:2: expect(\"press:node1.w_CPU_CONTROL\", 1);";
+    assert!(failed.out.starts_with("failed  -  ") && failed.out.contains(line), "{}", failed.out);
+    let passed =
+        with_input(commram().args(["test", "-", "--junit", "-"]), "expect(\"node1.w_CPU_CONTROL\", 0);");
+    assert!(passed.ok().contains("<testsuite name=\"-\""), "{}", passed.out);
+    let refused = with_input(commram().args(["test", "-", "--watch"]), text);
+    assert!(refused.fails(2).contains("`-`: the standard input does not change"), "{}", refused.err);
+    let long = with_input(commram().args(["test", "-"]), &"// long\n".repeat(10_000));
+    assert!(long.fails(2).contains("`-`: more than 65536 bytes"), "{}", long.err);
+}
+
+#[test]
+fn a_command_that_writes_several_files_refuses_a_dash() {
+    assert!(run(&["man", "-"]).fails(2).contains("`-`: the pages are many files; give a directory"));
+    assert!(run(&["test", "--definitions", "-"]).ok().contains("fn poke("));
+}

@@ -70,7 +70,7 @@ fn scripts() -> Scripts {
     let plot = "plot(\"start.svg\", [\"node2.w_OPTION_STATUS\"]);\nplot(\"late.png\", [\"node2.w_CPU_CONTROL\"], 500);";
     let failing = format!(
         "record(\"node2\");\nsection(\"start\");\npoke(\"node2.w_CPU_CONTROL\", 1);\n\
-         wait(\"node2.w_OPTION_STATUS\", 2, \"1ms\");\npoke(\"node2.b_AM\", 3);\n{plot}\nsection(\"<i>wrong</i>\");\n\
+         wait(\"node2.w_OPTION_STATUS\", 2, \"1ms\");\npoke(\"node2.b_AM\", 3);\nstep(\"1ms\");\n{plot}\nsection(\"<i>wrong</i>\");\n\
          expect(\"node2.w_OPTION_STATUS\", 3);"
     );
     Scripts::new(&[
@@ -90,6 +90,17 @@ fn a_report_opens_in_a_browser_without_a_complaint() {
         assert!(page.contains(text), "{text}\n{page}");
     }
     assert_eq!(page.matches("<figure>").count(), 2);
+    assert_eq!(page.matches("<td>built-in plant</td>").count(), 2);
+    for fact in ["<dt>host</dt><dd>", "<dt>begun</dt><dd>"] {
+        assert!(page.contains(fact), "{fact}\n{page}");
+    }
+    // The plot is an image with a title, a legend, the sections and the meanings of values.
+    let picture = scripts.read("start.svg");
+    for text in
+        ["Registers from 0 us to 1500 us of emulated time\n", "value\n", "start\n", "16#0002  waiting for "]
+    {
+        assert!(picture.contains(&format!(">\n{text}")), "{text}\n{picture}");
+    }
     assert!(scripts.read("start.svg").starts_with("<svg"));
     assert!(std::fs::read(scripts.0.path().join("late.png")).unwrap().starts_with(b"\x89PNG"));
     let refused = scripts.run(&["fails.rhai", "--report", "pdf"]);
@@ -104,12 +115,16 @@ fn a_report_opens_in_a_browser_without_a_complaint() {
     let shown: Value = serde_json::from_str(told.ok()).unwrap();
     let wanted = json!({
         "title": "commram: not all passed",
-        "scripts": 0,
+        "scripts": 1,
         "names": ["fails failed", "<b onclick=x>'&amp; passed"],
         "badges": ["failed", "passed", "passed", "failed", "passed"],
         "sequences": [true],
         "plots": [true, true],
         "wide": false,
+        "ascending": ["<b onclick=x>'&amp;.rhai", "fails.rhai"],
+        "descending": ["fails.rhai", "<b onclick=x>'&amp;.rhai"],
+        "filtered": [["fails.rhai"], 1],
+        "told": "1 of 2 shown",
     });
     assert_eq!(shown, wanted);
 }

@@ -61,6 +61,21 @@ fn a_long_table_goes_to_the_pager_on_a_terminal() {
 }
 
 #[test]
+fn a_long_journal_goes_to_the_pager_on_a_terminal() {
+    let emulator = Emulator::stepped();
+    let writes: Vec<_> = (0..30).map(|number| format!("node2.a_SL_TYP[{number}]=1")).collect();
+    emulator.poke(&writes.iter().map(String::as_str).collect::<Vec<_>>());
+    let shown = |args: &[&str]| to_its_end(emulator.command("trace", args).env("PAGER", "sed s/^/P:/"));
+    let all = shown(&[]);
+    assert!(all.lines().count() >= 30 && all.lines().all(|line| line.starts_with("P:")), "{all}");
+    assert!(shown(&["--format", "csv"]).starts_with("P:"));
+    let short = shown(&["--last", "3"]);
+    assert!(short.lines().count() == 3 && !short.contains("P:"), "{short}");
+    let piped = crate::common::finish(emulator.command("trace", &[]).env("PAGER", "sed s/^/P:/"));
+    assert!(!piped.ok().contains("P:"), "{}", piped.out);
+}
+
+#[test]
 fn passed_is_green_and_failed_is_red() {
     let directory = tempfile::tempdir().unwrap();
     let file = |name: &str, value: u8| {
@@ -134,7 +149,7 @@ fn the_shell_lists_its_commands_and_verbs() {
 #[test]
 fn a_terminal_counts_cyclic_traffic_and_a_file_has_every_record() {
     let emulator = Emulator::stepped();
-    let trace = |args: &[&str]| to_its_end(&mut emulator.command("trace", args));
+    let trace = |args: &[&str]| to_its_end(emulator.command("trace", args).env("PAGER", ""));
     emulator.set_up(&["node2.b_MAX_SL_NR=3"]);
     emulator.step(&["1s"]);
     let (folded, full) = (trace(&[]), trace(&["--full"]));

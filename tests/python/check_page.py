@@ -1,5 +1,5 @@
-"""Opens a page in a headless Chromium, light and dark, over its DevTools port. Prints the text of the page. Fails if the
-page reports an error, runs a script or loads a resource."""
+"""Opens a page in a headless Chromium, light and dark, over its DevTools port. Prints the text of the page, and
+its table after a click on a column and with a filter. Fails if the page reports an error or loads a resource."""
 
 import os
 import sys
@@ -33,6 +33,20 @@ def shown(browser, address):
             sequences: [...document.querySelectorAll("svg.sequence")].map(it => it.getBoundingClientRect().height > 40),
             plots: [...document.querySelectorAll("figure img")].map(it => it.complete && it.naturalWidth > 500),
             wide: document.documentElement.scrollWidth > innerWidth,
+            ...(() => {
+                const first = document.querySelector("table");
+                const rows = () => [...first.tBodies[0].rows].filter(row => !row.hidden);
+                const names = () => rows().map(row => row.cells[0].textContent);
+                first.querySelector("button").click();
+                const ascending = names();
+                first.querySelector("button").click();
+                const descending = names();
+                const select = document.querySelector("select");
+                select.value = "failed";
+                select.dispatchEvent(new Event("change"));
+                const filtered = [names(), [...document.querySelectorAll("details:not([hidden])")].length];
+                return { ascending, descending, filtered, told: document.querySelector("output").textContent };
+            })(),
         })"""
     )
 

@@ -5,6 +5,7 @@ use crate::fmi::{LIBRARY, Resources, archive, is_library};
 use crate::input_file;
 use crate::output_file;
 use std::fs;
+use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 
 /// Maximum length of the shared object in bytes; with debug symbols it has more than 100 MB.
@@ -20,12 +21,19 @@ pub(super) fn run(
     library: Option<&Path>,
     to: &Path,
 ) -> Result<(), CliError> {
+    if input_file::is_standard(to) && io::stdout().is_terminal() {
+        let right = "a unit is binary; redirect it to a file or a program, for example `>plant.fmu`";
+        return Err(CliError::Argument { text: "--output -".to_owned(), right: right.to_owned() });
+    }
     let resources = match plant {
         Some(path) => Resources::of_file(path, registers.to_vec()),
         None => Resources::built_in(registers.to_vec()),
     };
     let resources = resources.map_err(|error| CliError::Fmu(Box::new(error.into())))?;
-    let name = plant.and_then(Path::file_stem).map_or("built-in".into(), |stem| stem.to_string_lossy());
+    let named = plant.filter(|path| !input_file::is_standard(path));
+    let name = named
+        .and_then(Path::file_stem)
+        .map_or(if plant.is_some() { "plant" } else { "built-in" }.into(), |stem| stem.to_string_lossy());
     let library = match library {
         Some(path) => read(path)?,
         None => read(&found()?)?,

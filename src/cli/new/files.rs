@@ -7,7 +7,7 @@ use crate::cli::plant;
 use crate::script::DEFINITIONS;
 use std::path::Path;
 
-/// Files of every project. The files for CI servers are those that `tools/ci` publishes.
+/// Files of every project. The files for CI servers are in `tools/ci` for other repositories too.
 const COMMON: &[(&str, &str)] = &[
     ("scenarios/start.rhai", include_str!("templates/minimal/start.rhai")),
     (".gitignore", include_str!("templates/minimal/gitignore")),

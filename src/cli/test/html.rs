@@ -1,9 +1,10 @@
-//! The report as one page. It needs no other file and no network, runs no scripts, and follows the reader's light
-//! or dark mode. Names and output of scenarios are always escaped, so they never become markup.
+//! The report as one page. It needs no other file and no network, and follows the reader's light or dark mode. Its only
+//! script sorts and filters the table. Names and output of scenarios are always escaped, so they never become markup.
 
 mod sequence;
 
 use super::line::summary;
+use super::origin::Origin;
 use crate::cli::output;
 use crate::script::{Drawn, Failure, FoundLine, Outcome, Report, ScriptLocation, Step};
 use crate::time::seconds;
@@ -12,11 +13,29 @@ use std::fmt::{self, Display};
 
 const STYLE: &str = include_str!("html/style.css");
 
-/// The content of a page may come from untrusted scenarios: the page loads nothing and runs nothing.
-const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:";
+/// Sorts and filters the table of scenarios.
+const SCRIPT: &str = include_str!("html/report.js");
+
+/// The content of a page may come from untrusted scenarios: the page loads nothing, and runs only the script with this
+/// SHA-256 hash.
+const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; \
+    script-src 'sha256-gjacU4LTdSY1fLeVLVyJQ4Pv4mZUCLPhi88U9Im5mY8='";
+
+/// Columns of the table of scenarios, and whether a column has numbers.
+const COLUMNS: [(&str, bool); 6] = [
+    ("Scenario", false),
+    ("Plant", false),
+    ("Outcome", false),
+    ("Expectations", true),
+    ("Emulated", true),
+    ("Real", true),
+];
+
+/// Names of the outcomes, for the filter.
+const OUTCOMES: [&str; 5] = ["passed", "failed", "broken", "died", "not run"];
 
 /// Makes the page.
-pub(crate) fn page(reports: &[Report]) -> String {
+pub(crate) fn page(reports: &[Report], origin: &Origin) -> String {
     let all_passed = reports.iter().all(|report| report.outcome.is_passed());
     let (sign, word) = if all_passed { ("passed", "passed") } else { ("failed", "not all passed") };
     let rows: String = reports.iter().enumerate().map(|(number, report)| row(number, report)).collect();
@@ -30,12 +49,42 @@ pub(crate) fn page(reports: &[Report]) -> String {
          <link rel=\"icon\" href=\"data:,\">\n\
          <title>commram: {word}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
          <h1>Scenarios <span class=\"badge {sign}\">{word}</span></h1>\n<p>{}</p>\n\
-         <table>\n<thead><tr><th>Scenario</th><th>Outcome</th><th class=\"n\">Expectations</th><th class=\"n\">Emulated</th><th class=\"n\">Real</th>\
-         </tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n{details}\
-         <footer>commram {}</footer>\n</body>\n</html>\n",
+         {}{}<table class=\"sortable\">\n<thead><tr>{}</tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n{details}\
+         <footer>commram {}</footer>\n<script>{SCRIPT}</script>\n</body>\n</html>\n",
         EscapedText(summary(reports).trim()),
+        facts(reports, origin),
+        filter(),
+        COLUMNS.map(head).concat(),
         env!("CARGO_PKG_VERSION"),
     )
+}
+
+/// Host, commit and time of the run.
+fn facts(reports: &[Report], origin: &Origin) -> String {
+    let started = reports.iter().map(|report| report.started).min();
+    let started = started.map(|time| DateTime::<Utc>::from(time).to_rfc3339_opts(SecondsFormat::Secs, true));
+    let rows =
+        [("host", Some(&origin.host)), ("commit", origin.commit.as_ref()), ("begun", started.as_ref())];
+    let row = |(name, text): (&str, Option<&String>)| {
+        Some(format!("<dt>{name}</dt><dd>{}</dd>\n", EscapedText(text?)))
+    };
+    format!("<dl class=\"facts\">\n{}</dl>\n", rows.into_iter().filter_map(row).collect::<String>())
+}
+
+/// The inputs that select rows of the table.
+fn filter() -> String {
+    let option = |name: &str| format!("<option>{name}</option>");
+    format!(
+        "<p class=\"filter\"><input type=\"search\" placeholder=\"part of a path\" aria-label=\"Filter by path\"> \
+         <select aria-label=\"Filter by outcome\"><option value=\"\">all outcomes</option>{}</select> <output></output></p>\n",
+        OUTCOMES.map(option).concat()
+    )
+}
+
+/// The head of a column, which sorts by it.
+fn head((name, is_number): (&str, bool)) -> String {
+    let class = if is_number { " class=\"n\"" } else { "" };
+    format!("<th{class} aria-sort=\"none\"><button>{name}</button></th>")
 }
 
 /// Text with escaped markup.
@@ -77,12 +126,17 @@ fn badge(outcome: &Outcome) -> String {
 fn row(number: usize, report: &Report) -> String {
     let emulated = report.emulated_us.map(seconds).unwrap_or_default();
     format!(
-        "<tr><td><a href=\"#s{number}\">{}</a></td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{emulated}</td>\
-         <td class=\"n\">{} ms</td></tr>\n",
+        "<tr data-outcome=\"{}\" data-section=\"s{number}\"><td><a href=\"#s{number}\">{}</a></td><td>{}</td><td>{badge}</td>\
+         <td class=\"n\" data-key=\"{3}\">{3}</td><td class=\"n\" data-key=\"{4}\">{emulated}</td>\
+         <td class=\"n\" data-key=\"{5}\">{6} ms</td></tr>\n",
+        report.outcome.name(),
         EscapedText(report.file.display()),
-        badge(&report.outcome),
+        EscapedText(&report.plant),
         report.expectations,
+        report.emulated_us.unwrap_or_default(),
+        report.took.as_micros(),
         report.took.as_millis(),
+        badge = badge(&report.outcome),
     )
 }
 
@@ -100,10 +154,11 @@ fn scenario(number: usize, report: &Report) -> String {
     };
     format!(
         "<details id=\"s{number}\"{is_open}>\n<summary><h2>{} {}</h2></summary>\n\
-         <p class=\"faint\">{}, begun {started}</p>\n{why}{}{}{}{}</details>\n",
+         <p class=\"faint\">{}, {}, begun {started}</p>\n{why}{}{}{}{}</details>\n",
         EscapedText(report.name()),
         badge(&report.outcome),
         EscapedText(report.file.display()),
+        EscapedText(if report.plant.is_empty() { "no plant" } else { &report.plant }),
         steps(report),
         findings(&report.findings),
         report.plots.iter().map(plot).collect::<String>(),
@@ -222,6 +277,14 @@ mod tests {
 
     const HOSTILE: &str = "<script>alert('1')</script><img src=x onerror=\"x()\">&\u{202E}\u{1}";
 
+    /// The page without its own script.
+    fn page_of(reports: &[Report]) -> String {
+        let origin = Origin { host: hostile(), commit: Some(hostile()) };
+        let page = page(reports, &origin);
+        assert_eq!(page.matches(&format!("<script>{SCRIPT}</script>")).count(), 1);
+        page.replace(&format!("<script>{SCRIPT}</script>"), "")
+    }
+
     fn hostile() -> String {
         HOSTILE.to_owned()
     }
@@ -262,6 +325,7 @@ mod tests {
             page: hostile(),
         };
         Report {
+            plant: hostile(),
             printed: hostile(),
             steps: vec![Step { name: Some(hostile()), from_us: 0, expectations: 3 }],
             findings: vec![found],
@@ -275,7 +339,7 @@ mod tests {
         let mut reports = vec![report()];
         reports.push(Report::bare("b".into(), Outcome::Died(hostile())));
         reports.push(Report::bare("c".into(), Outcome::NotRun(hostile())));
-        let page = page(&reports);
+        let page = page_of(&reports);
         for wrong in ["<script", "<img src=x", "onerror=\"", "\u{202E}", "\u{1}", "alert('1')"] {
             assert!(!page.contains(wrong), "{wrong}\n{page}");
         }
@@ -289,7 +353,7 @@ mod tests {
     #[test]
     fn each_scenario_is_listed_with_its_outcome() {
         let reports = [report(), Report::bare("tests/start.rhai".into(), Outcome::Passed)];
-        let page = page(&reports);
+        let page = page_of(&reports);
         assert!(page.contains("<title>commram: not all passed</title>"));
         assert!(page.contains("Findings of the access checker: 1<"), "{page}");
         assert!(
@@ -297,10 +361,48 @@ mod tests {
                 "<details id=\"s1\">\n<summary><h2>start <span class=\"badge passed\">passed</span>"
             )
         );
-        assert!(super::page(&reports[1..]).contains("<title>commram: passed</title>"));
+        assert!(page_of(&reports[1..]).contains("<title>commram: passed</title>"));
         for outside in ["http://", "https://", "<script", "@import", "url("] {
             let own = page.replace("http://www.w3.org/2000/svg", "");
             assert!(!own.contains(outside), "{outside}");
+        }
+    }
+
+    /// A browser compares the script with the hash in the policy.
+    #[test]
+    fn the_policy_has_the_hash_of_the_script() {
+        use std::io::Write;
+        let mut command = std::process::Command::new("sha256sum");
+        let pipe = || std::process::Stdio::piped();
+        let mut child = command.stdin(pipe()).stdout(pipe()).spawn().unwrap();
+        child.stdin.take().unwrap().write_all(SCRIPT.as_bytes()).unwrap();
+        let out = String::from_utf8(child.wait_with_output().unwrap().stdout).unwrap();
+        let digit = |at: usize| u32::from_str_radix(&out[at..=at], 16).unwrap();
+        let bits: Vec<_> = (0..64).flat_map(|at| (0..4).rev().map(move |bit| digit(at) >> bit & 1)).collect();
+        let letters = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+        let letter = |six: &[u32]| {
+            let padded = six.iter().chain([&0; 5]).take(6);
+            char::from(letters[padded.fold(0, |number, bit| number << 1 | bit) as usize])
+        };
+        let hash: String = bits.chunks(6).map(letter).collect();
+        assert!(POLICY.contains(&format!("'sha256-{hash}='")), "html.rs needs the hash {hash}=");
+    }
+
+    #[test]
+    fn plant_host_and_commit_are_in_the_page_and_rows_have_keys() {
+        let mut passed = Report::bare("a.rhai".into(), Outcome::Passed);
+        (passed.plant, passed.emulated_us) = ("press.toml".to_owned(), Some(1500));
+        let page =
+            page(&[passed], &Origin { host: "press-1".to_owned(), commit: Some("0123abc".to_owned()) });
+        for part in [
+            "<dt>host</dt><dd>press-1</dd>",
+            "<dt>commit</dt><dd>0123abc</dd>",
+            "<tr data-outcome=\"passed\" data-section=\"s0\">",
+            "<td>press.toml</td>",
+            "data-key=\"1500\">0.001500 s</td>",
+            "<th aria-sort=\"none\"><button>Plant</button></th>",
+        ] {
+            assert!(page.contains(part), "{part}\n{page}");
         }
     }
 }

@@ -4,9 +4,10 @@ use super::LimitArgs;
 use super::scenario::Message;
 use crate::cli::demo::command;
 use crate::cli::error::CliError;
+use crate::input_file::{self, is_standard};
 use crate::script::{Outcome, Report};
 use crate::time::short;
-use std::io::{self, BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::process::{Child, ExitStatus, Stdio};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
@@ -72,10 +73,21 @@ impl Scenario {
             command.args(["--attach", instance]);
         }
         command.arg("--").arg(file).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let script = match is_standard(file) {
+            true => {
+                command.stdin(Stdio::piped());
+                input_file::read_bytes(file, input_file::LONGEST_SCRIPT).map_err(failed)?
+            }
+            false => Vec::new(),
+        };
         let (send, messages) = mpsc::channel();
         let (began, started) = (SystemTime::now(), Instant::now());
         let child = command.spawn().map_err(failed)?;
         let mut this = Self { child, began, started, messages, complaints: None };
+        if let Some(mut input) = this.child.stdin.take() {
+            // The longest script fits the buffer of a pipe. A process that has ended is reported later.
+            let _ = input.write_all(&script);
+        }
         let (out, err) = (this.child.stdout.take(), this.child.stderr.take());
         let thread = || std::thread::Builder::new();
         let receive = move || {

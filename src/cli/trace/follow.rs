@@ -19,6 +19,7 @@ use crate::journal::vcd;
 use crate::journal::{Format, Names, Printer, Record, Selection, Waves};
 use crate::request::{BusState, MAX_RECORDS, Op, WrongReply};
 use std::collections::VecDeque;
+use std::io::IsTerminal;
 
 /// Maximum number of events in a waveform, which is in memory as a whole.
 const MOST_EVENTS: u64 = 20_000_000;
@@ -102,7 +103,7 @@ fn print_as<T: Default + AsRef<[u8]>>(
     let mut trace = Trace {
         session,
         printer: Printer::new(format, selection, args.from),
-        out: LineBuffer { lines: VecDeque::new(), keep: args.last },
+        out: LineBuffer { lines: VecDeque::new(), keep: args.last, page: is_paged(args).then(Vec::new) },
         counting: Vec::new(),
         turn: None,
     };
@@ -112,6 +113,13 @@ fn print_as<T: Default + AsRef<[u8]>>(
         return trace.end();
     }
     following(|| trace.follow(args.instance.name()))
+}
+
+/// True if the user's pager shows the output.
+fn is_paged(args: &Args) -> bool {
+    let is_text =
+        matches!(args.format, FormatArg::Text | FormatArg::Jsonl | FormatArg::Csv | FormatArg::Candump);
+    is_text && !args.follow && std::io::stdout().is_terminal()
 }
 
 struct Trace<'a, T> {
@@ -126,10 +134,10 @@ struct Trace<'a, T> {
 
 impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
     /// Prints the header of the format.
-    fn begin(&self) -> Result<(), CliError> {
+    fn begin(&mut self) -> Result<(), CliError> {
         let mut head = T::default();
         self.printer.begin(&mut head);
-        if head.as_ref().is_empty() { Ok(()) } else { output::print_while_read(head.as_ref()) }
+        if head.as_ref().is_empty() { Ok(()) } else { self.out.print(head.as_ref()) }
     }
 
     /// Prints new records until the end.
@@ -218,7 +226,8 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
             self.print(&record);
         }
         self.release_folded();
-        self.out.flush()
+        self.out.flush()?;
+        self.out.page.map_or(Ok(()), |text| output::page(&String::from_utf8_lossy(&text)))
     }
 }
 
@@ -227,6 +236,8 @@ struct LineBuffer<T> {
     lines: VecDeque<T>,
     /// Number of last lines to keep; `None`: all lines are printed.
     keep: Option<usize>,
+    /// Text for the user's pager, which shows it at the end; none if the lines are printed at once.
+    page: Option<Vec<u8>>,
 }
 
 impl<T: AsRef<[u8]>> LineBuffer<T> {
@@ -253,6 +264,12 @@ impl<T: AsRef<[u8]>> LineBuffer<T> {
         }
         let mut bytes = Vec::new();
         self.lines.drain(..).for_each(|line| bytes.extend_from_slice(line.as_ref()));
-        output::print_while_read(&bytes)
+        self.print(&bytes)
+    }
+
+    fn print(&mut self, bytes: &[u8]) -> Result<(), CliError> {
+        let Some(page) = &mut self.page else { return output::print_while_read(bytes) };
+        page.extend_from_slice(bytes);
+        Ok(())
     }
 }

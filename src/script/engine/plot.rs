@@ -42,6 +42,8 @@ impl Stage {
         let registers: Vec<_> = registers.iter().map(String::as_str).collect();
         let started_us = self.bench()?.started_us();
         let plot = self.bench()?.plot(&registers, since.unwrap_or(started_us))?;
+        let sections = self.steps.iter().filter_map(|step| Some((step.from_us, step.name.clone()?)));
+        let plot = plot.with_sections(sections);
         let bytes = plot.render(picture).map_err(|error| wrong(&error))?;
         let svg = plot.svg().map_err(|error| wrong(&error))?;
         let size: usize = self.plots.iter().map(|plot| plot.svg.len()).sum();

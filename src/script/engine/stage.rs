@@ -20,9 +20,11 @@ pub(crate) struct Stage {
     pub(super) expectations: u64,
     /// The file of the plant, if it comes from one.
     plant_file: Option<PathBuf>,
+    /// The plant in words for a report.
+    plant_name: String,
     /// The sections so far, including the part before the first section, and the count of expectations at their
     /// beginnings.
-    steps: Vec<Step>,
+    pub(super) steps: Vec<Step>,
     pub(super) plots: Vec<Drawn>,
 }
 
@@ -37,6 +39,7 @@ impl Stage {
             limit_us,
             expectations: 0,
             plant_file: None,
+            plant_name: if attached { "plant of the instance" } else { "built-in plant" }.to_owned(),
             steps: Vec::new(),
             plots: Vec::new(),
         };
@@ -62,6 +65,11 @@ impl Stage {
     /// The file of the plant, if it was to come from one.
     pub(crate) fn plant_file(&mut self) -> Option<PathBuf> {
         self.plant_file.take()
+    }
+
+    /// The plant in words for a report: its file, or where else it comes from.
+    pub(crate) fn plant_name(&self) -> String {
+        self.plant_name.clone()
     }
 
     /// The verb `section`.
@@ -135,9 +143,11 @@ impl Stage {
     /// The verb `plant`.
     pub(super) fn plant(&mut self, text: &str, place: &ScriptLocation) -> Result<(), ScenarioError> {
         let config = if text.contains(['\n', '=', '[']) {
+            self.plant_name = "plant in the scenario".to_owned();
             PlantConfig::parse("plant", text)?
         } else {
             let file = self.plant_file.insert(self.directory.join(text));
+            self.plant_name = file.display().to_string();
             PlantConfig::load(file)?
         };
         match &self.bench {
