@@ -66,6 +66,7 @@ const SESSIONS: &[(&str, &str)] = &[
     ("reference/command-line.md", "pages.rs"),
     ("guide/getting-started.md", "pages.rs"),
     ("guide/snapshots.md", "pages.rs"),
+    ("guide/journals.md", "journals.rs"),
     (
         "devices/can-dp2/overview.md",
         "tests/cli/can_dp2.rs and tests/cli/profibus_door.rs: each line needs those before it",

@@ -8,6 +8,7 @@ mod ci;
 mod commands;
 mod features;
 mod heads;
+mod journals;
 mod pages;
 mod programs;
 mod promises;

@@ -32,6 +32,11 @@ impl Shell {
         Self { name: unique_name(), directory }
     }
 
+    /// The directory of the commands.
+    pub(crate) fn directory(&self) -> &Path {
+        self.directory.path()
+    }
+
     /// Returns the output of a command as a page prints it, with the default name of the instance.
     pub(crate) fn as_printed(&self, output: &str) -> String {
         output.replace(&self.name, "default")
