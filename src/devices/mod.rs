@@ -87,6 +87,12 @@ pub use traits::{
 #[cfg(feature = "emulator")]
 use crate::door::Speech;
 
+/// Returns the messages that a kind of bus carries.
+#[cfg(feature = "emulator")]
+pub(crate) fn speech_of(kind: &str) -> Option<Speech> {
+    BUS_KINDS.iter().find(|it| it.name == kind).map(|it| it.speech)
+}
+
 /// Every kind of bus, the default one first.
 #[cfg(feature = "emulator")]
 pub static BUS_KINDS: &[BusKind] = &[

@@ -2,18 +2,19 @@
 //! draft is merged into the journal when those are known.
 
 use super::{Event, Finding, Journal, Keeping};
+use std::sync::Arc;
 
 /// An event or finding in a draft.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct DraftedItem {
     time_us: u64,
     by: usize,
     what: DraftEntry,
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 enum DraftEntry {
-    Event(Event, Keeping),
+    Event(Event, Keeping, Option<Arc<[u8]>>),
     Finding(Finding),
 }
 
@@ -26,8 +27,12 @@ pub(super) struct Draft {
 
 impl Draft {
     #[inline]
-    pub(super) fn event(&mut self, time_us: u64, event: Event, keeping: Keeping) {
-        self.entries.push(DraftedItem { time_us, by: self.by, what: DraftEntry::Event(event, keeping) });
+    pub(super) fn event(&mut self, time_us: u64, event: Event, keeping: Keeping, octets: Option<Arc<[u8]>>) {
+        self.entries.push(DraftedItem {
+            time_us,
+            by: self.by,
+            what: DraftEntry::Event(event, keeping, octets),
+        });
     }
 
     pub(super) fn finding(&mut self, time_us: u64, finding: Finding) {
@@ -56,7 +61,7 @@ impl Journal {
         entries.sort_by_key(|entry| (entry.time_us, entry.by));
         for DraftedItem { time_us, what, .. } in entries {
             match what {
-                DraftEntry::Event(event, keeping) => self.keep(time_us, event, keeping),
+                DraftEntry::Event(event, keeping, octets) => self.keep(time_us, event, keeping, octets),
                 DraftEntry::Finding(finding) => self.find(time_us, finding),
             }
         }

@@ -155,7 +155,13 @@ impl Event {
         self.kind.stored(self.words)
     }
 
-    /// The telegram, if one was on the line.
+    /// The guest that sent it, if a frame or telegram of a guest has ended.
+    #[must_use]
+    pub fn guest(&self) -> Option<u8> {
+        self.frame().map_or_else(|| self.kind.guest(self.words), |carried| carried.guest)
+    }
+
+    /// The part of a telegram that the event has, if one was on the line.
     pub(super) fn telegram(&self) -> Option<Octets> {
         self.kind.telegram(self.words)
     }

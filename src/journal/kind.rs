@@ -70,6 +70,11 @@ pub trait EventText: EventCodec {
         None
     }
 
+    /// The guest that sent the telegram, if one of a guest has ended.
+    fn guest(&self) -> Option<u8> {
+        None
+    }
+
     /// The octets, if it is a telegram that was on the line.
     fn telegram(&self) -> Option<Octets> {
         None
@@ -96,7 +101,7 @@ pub struct Carried {
     pub guest: Option<u8>,
 }
 
-/// The part of a telegram that the journal keeps.
+/// A telegram, or the part of it that an event has.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Octets {
     /// The first octets.
@@ -120,6 +125,7 @@ struct KindDecoders {
     text: fn(Words, &mut Reader) -> Option<String>,
     fields: fn(Words, &mut Reader) -> Option<Fields>,
     frame: fn(Words) -> Option<Carried>,
+    guest: fn(Words) -> Option<u8>,
     telegram: fn(Words) -> Option<Octets>,
     slot: fn(Words) -> Option<&'static str>,
     stored: fn(Words) -> Option<Stored>,
@@ -139,6 +145,7 @@ impl Kind {
             text: |words, reader| T::read(words).map(|told| told.text(reader)),
             fields: |words, reader| T::read(words).map(|told| told.fields(reader)),
             frame: |words| T::read(words).and_then(|told| told.frame()),
+            guest: |words| T::read(words).and_then(|told| told.guest()),
             telegram: |words| T::read(words).and_then(|told| told.telegram()),
             slot: |words| T::read(words).and_then(|told| told.slot()),
             stored: |words| T::read(words).and_then(|told| told.stored()),
@@ -184,6 +191,10 @@ impl Kind {
 
     pub(super) fn frame(&self, words: Words) -> Option<Carried> {
         (self.reads.frame)(words)
+    }
+
+    pub(super) fn guest(&self, words: Words) -> Option<u8> {
+        (self.reads.guest)(words)
     }
 
     pub(super) fn telegram(&self, words: Words) -> Option<Octets> {

@@ -86,6 +86,7 @@ use draft::Draft;
 use fingerprint::Fingerprint;
 use history::History;
 use requests::Requests;
+use std::sync::Arc;
 use tally::{LONGEST_PERIOD_US, Outcome, Tally};
 
 /// Kinds of events that can happen in any device.
@@ -165,6 +166,12 @@ impl Journal {
     /// Writes an event. Times must not decrease.
     #[inline]
     pub fn push<T: EventText>(&mut self, time_us: u64, told: T) {
+        self.push_octets(time_us, told, None);
+    }
+
+    /// Writes the event of a telegram with its octets, as they were on the line. Without octets the event has all of them.
+    #[inline]
+    pub fn push_octets<T: EventText>(&mut self, time_us: u64, told: T, octets: Option<&[u8]>) {
         if let Some(stored) = told.stored()
             && self.follows()
         {
@@ -172,16 +179,16 @@ impl Journal {
         }
         let (event, keeping) = (Event::from(told), told.keeping());
         match &mut self.draft {
-            Some(draft) => draft.event(time_us, event, keeping),
-            None => self.keep(time_us, event, keeping),
+            Some(draft) => draft.event(time_us, event, keeping, octets.map(Arc::from)),
+            None => self.keep(time_us, event, keeping, octets.map(Arc::from)),
         }
     }
 
     #[inline]
-    fn keep(&mut self, time_us: u64, event: Event, keeping: Keeping) {
+    fn keep(&mut self, time_us: u64, event: Event, keeping: Keeping, octets: Option<Arc<[u8]>>) {
         self.witness(time_us, event);
         match keeping {
-            Keeping::Noted => self.ring.note(Record::single(time_us, event)),
+            Keeping::Noted => self.ring.note(Record { octets, ..Record::single(time_us, event) }),
             Keeping::Counted => self.count(time_us, event),
             Keeping::Request { plc, offset, value } => {
                 self.requests.written(time_us, plc, offset, value);

@@ -8,6 +8,7 @@ use super::registers::State;
 use crate::identity::DeviceIndex;
 use crate::layout::{Address, Area, RegType, RegisterPhase, RegisterRef, Width, format_value};
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// Names, and the phases of the ports according to the records so far: structures overlay each other, so the name of a
 /// register depends on the phase.
@@ -17,6 +18,8 @@ pub struct Reader {
     /// Whether all records since power-on are known: ports without a record are then in their first phase.
     since_power_on: Option<bool>,
     live: HashMap<Port, RegisterPhase>,
+    /// Octets of the last record.
+    octets: Option<Arc<[u8]>>,
     registers: HashMap<(DeviceIndex, u32, RegisterPhase), Option<RegisterRef>>,
 }
 
@@ -26,12 +29,20 @@ type Port = (DeviceIndex, u8);
 impl Reader {
     /// A reader that has seen nothing yet.
     pub(super) fn new(names: Names, catalogue: &'static Catalogue) -> Self {
-        Reader { names, catalogue, since_power_on: None, live: HashMap::new(), registers: HashMap::new() }
+        Reader {
+            names,
+            catalogue,
+            since_power_on: None,
+            live: HashMap::new(),
+            octets: None,
+            registers: HashMap::new(),
+        }
     }
 
-    /// Takes note of the state in a record.
+    /// Takes note of the state and the octets in a record.
     pub(super) fn observe(&mut self, record: &Record) {
         self.since_power_on.get_or_insert(record.seq == 0);
+        self.octets.clone_from(&record.octets);
         if let Some(State { origin, live, .. }) = record.event.get() {
             self.live.insert((origin.plc, origin.node), live);
         }
@@ -41,6 +52,11 @@ impl Reader {
     pub(super) fn gap(&mut self) {
         self.since_power_on = Some(false);
         self.live.clear();
+    }
+
+    /// The octets of the record, if it is a telegram and its event does not have all of them.
+    pub(crate) fn octets(&self) -> Option<Arc<[u8]>> {
+        self.octets.clone()
     }
 
     /// Name of a kind of fault.

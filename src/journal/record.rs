@@ -1,9 +1,10 @@
 //! A single line of the journal.
 
-use super::Event;
+use super::{Event, Octets};
+use std::sync::Arc;
 
 /// A line of the journal: an event, or several equal ones at equal distances.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Record {
     /// Number of the record, from 0; [`Record::PENDING`] while it is still being counted, [`Record::COUNTED`] if it has
     /// been and has none yet.
@@ -19,6 +20,9 @@ pub struct Record {
     /// For a handshake or a state: microseconds from the request to this answer, if the request came through the
     /// channel.
     pub latency_us: Option<u32>,
+    /// Octets of a telegram as they were on the line, at most 255; `None` if it is no telegram, or if its event already
+    /// has all octets.
+    pub octets: Option<Arc<[u8]>>,
 }
 
 impl Record {
@@ -30,7 +34,15 @@ impl Record {
 
     /// A record of one event, without number.
     pub(super) fn single(time_us: u64, event: Event) -> Self {
-        Record { seq: Self::PENDING, time_us, event, count: 1, period_us: 0, latency_us: None }
+        Record { seq: Self::PENDING, time_us, event, count: 1, period_us: 0, latency_us: None, octets: None }
+    }
+
+    /// The octets, if it is a telegram that was on the line.
+    pub fn telegram(&self) -> Option<Octets> {
+        let known = self.event.telegram()?;
+        let whole =
+            self.octets.as_ref().map(|octets| Octets { known: octets.to_vec(), length: octets.len() });
+        Some(whole.unwrap_or(known))
     }
 
     /// Whether the record has no number yet.

@@ -1,12 +1,89 @@
 //! The rings: one for each kind of record, read as one.
+//!
+//! A record occupies a [`Line`]. Octets of telegrams are stored beside the lines of their ring, and occupy as much of the
+//! ring's memory as lines of their size: a ring with telegrams has fewer records, not more memory.
 
-use super::Record;
 use super::kind::RINGS;
+use super::{Event, Record};
 use std::collections::VecDeque;
+use std::collections::vec_deque::Iter;
+use std::sync::Arc;
+
+/// A record without octets.
+struct Line {
+    seq: u64,
+    time_us: u64,
+    event: Event,
+    count: u32,
+    period_us: u32,
+    latency_us: Option<u32>,
+}
+
+/// Octets of the record with a number.
+struct StoredOctets {
+    seq: u64,
+    octets: Arc<[u8]>,
+}
+
+impl StoredOctets {
+    /// Bytes of memory, with those of the allocation: two counters, and a head of about the same size.
+    fn bytes(&self) -> usize {
+        size_of::<Self>() + 4 * size_of::<usize>() + self.octets.len()
+    }
+}
+
+/// A ring.
+#[derive(Default)]
+struct Lane {
+    lines: VecDeque<Line>,
+    /// Octets of records that have some, with ascending numbers.
+    octets: VecDeque<StoredOctets>,
+    /// Bytes of memory of all octets.
+    octet_bytes: usize,
+}
+
+impl Lane {
+    /// Makes room for a line and its octets in a ring of `capacity` lines: the oldest records are dropped.
+    #[inline]
+    fn make_room(&mut self, capacity: usize) {
+        // The newest record has room, whatever its size.
+        while !self.lines.is_empty() && self.lines.len() + self.octet_bytes / size_of::<Line>() >= capacity {
+            let dropped = self.lines.pop_front();
+            while let (Some(line), Some(first)) = (&dropped, self.octets.front())
+                && first.seq <= line.seq
+            {
+                self.octet_bytes -= first.bytes();
+                self.octets.pop_front();
+            }
+        }
+    }
+
+    #[inline]
+    fn push(&mut self, record: Record) {
+        let Record { seq, time_us, event, count, period_us, latency_us, octets } = record;
+        if let Some(octets) = octets {
+            let stored = StoredOctets { seq, octets };
+            self.octet_bytes += stored.bytes();
+            self.octets.push_back(stored);
+            // Octets take the memory of lines that the ring had before.
+            if self.lines.capacity() / 4 > self.lines.len().max(16) {
+                self.lines.shrink_to(2 * self.lines.len());
+            }
+        }
+        self.lines.push_back(Line { seq, time_us, event, count, period_us, latency_us });
+    }
+
+    /// Drops the records from number `end` on.
+    fn truncate(&mut self, end: u64) {
+        self.lines.truncate(self.lines.partition_point(|line| line.seq < end));
+        self.octets.truncate(self.octets.partition_point(|stored| stored.seq < end));
+        self.octet_bytes = self.octets.iter().map(StoredOctets::bytes).sum();
+    }
+}
 
 /// The records that are kept.
 pub(crate) struct Rings {
-    lanes: [VecDeque<Record>; RINGS],
+    lanes: [Lane; RINGS],
     capacity: usize,
     end: u64,
 }
@@ -14,27 +91,25 @@ pub(crate) struct Rings {
 impl Rings {
     /// Rings for `capacity` records each, at least one.
     pub(crate) fn new(capacity: usize) -> Self {
-        Rings { lanes: [const { VecDeque::new() }; RINGS], capacity: capacity.max(1), end: 0 }
+        Rings { lanes: core::array::from_fn(|_| Lane::default()), capacity: capacity.max(1), end: 0 }
     }
 
-    /// Numbers a record and appends it; the oldest one of its kind is dropped when there is no room.
+    /// Numbers a record and appends it; the oldest ones of its kind are dropped when there is no room.
     #[inline]
-    pub(crate) fn note(&mut self, mut record: Record) {
-        record.seq = self.end;
+    pub(crate) fn note(&mut self, record: Record) {
+        let seq = self.end;
         self.end += 1;
         let ring = record.event.kind().ring();
         let lane = &mut self.lanes[ring as usize];
-        if lane.len() >= ring.share(self.capacity) {
-            lane.pop_front();
-        }
-        lane.push_back(record);
+        lane.make_room(ring.share(self.capacity));
+        lane.push(Record { seq, ..record });
     }
 
     /// Gives the next record the number `end`. Earlier records stay if they are of the same run.
     pub(crate) fn begin_at(&mut self, end: u64, is_same_run: bool) {
         self.end = end;
         for lane in &mut self.lanes {
-            lane.truncate(if is_same_run { lane.partition_point(|record| record.seq < end) } else { 0 });
+            lane.truncate(if is_same_run { end } else { 0 });
         }
     }
 
@@ -52,8 +127,9 @@ impl Rings {
     /// The records from number `from` on.
     pub(crate) fn records(&self, from: u64) -> Records<'_> {
         let rest = self.lanes.each_ref().map(|lane| {
-            let start = lane.partition_point(|record| record.seq < from);
-            RemainingRecords { lane, start, end: lane.len() }
+            let start = lane.lines.partition_point(|line| line.seq < from);
+            let octets = lane.octets.partition_point(|stored| stored.seq < from);
+            RemainingRecords { lines: lane.lines.range(start..), octets: lane.octets.range(octets..) }
         });
         Records { rest }
     }
@@ -66,43 +142,60 @@ pub struct Records<'a> {
 
 /// The remaining records of a ring.
 struct RemainingRecords<'a> {
-    lane: &'a VecDeque<Record>,
-    start: usize,
-    end: usize,
+    lines: Iter<'a, Line>,
+    octets: Iter<'a, StoredOctets>,
 }
 
-impl<'a> RemainingRecords<'a> {
-    fn front(&self) -> Option<&'a Record> {
-        if self.start < self.end { self.lane.get(self.start) } else { None }
+impl RemainingRecords<'_> {
+    /// Number of the first record.
+    fn first(&self) -> Option<u64> {
+        self.lines.clone().next().map(|line| line.seq)
     }
 
-    fn back(&self) -> Option<&'a Record> {
-        if self.start < self.end { self.lane.get(self.end - 1) } else { None }
+    /// Number of the last record.
+    fn last(&self) -> Option<u64> {
+        self.lines.clone().next_back().map(|line| line.seq)
+    }
+
+    fn next(&mut self) -> Option<Record> {
+        let line = self.lines.next()?;
+        let has_octets = self.octets.clone().next().is_some_and(|stored| stored.seq == line.seq);
+        Some(line.record(if has_octets { self.octets.next() } else { None }))
+    }
+
+    fn next_back(&mut self) -> Option<Record> {
+        let line = self.lines.next_back()?;
+        let has_octets = self.octets.clone().next_back().is_some_and(|stored| stored.seq == line.seq);
+        Some(line.record(if has_octets { self.octets.next_back() } else { None }))
     }
 }
 
-impl<'a> Iterator for Records<'a> {
-    type Item = &'a Record;
+impl Line {
+    fn record(&self, stored: Option<&StoredOctets>) -> Record {
+        let &Line { seq, time_us, event, count, period_us, latency_us } = self;
+        let octets = stored.map(|stored| Arc::clone(&stored.octets));
+        Record { seq, time_us, event, count, period_us, latency_us, octets }
+    }
+}
 
-    fn next(&mut self) -> Option<&'a Record> {
-        let fronts = self.rest.iter_mut().filter_map(|rest| Some((rest.front()?, rest)));
-        let (record, rest) = fronts.min_by_key(|(record, _)| record.seq)?;
-        rest.start += 1;
-        Some(record)
+impl Iterator for Records<'_> {
+    type Item = Record;
+
+    fn next(&mut self) -> Option<Record> {
+        let firsts = self.rest.iter_mut().filter_map(|rest| Some((rest.first()?, rest)));
+        firsts.min_by_key(|(seq, _)| *seq)?.1.next()
     }
 
     fn size_hint(&self) -> (usize, Option<usize>) {
-        let left = self.rest.iter().map(|rest| rest.end - rest.start).sum();
+        let left = self.rest.iter().map(|rest| rest.lines.len()).sum();
         (left, Some(left))
     }
 }
 
 impl DoubleEndedIterator for Records<'_> {
-    fn next_back(&mut self) -> Option<Self::Item> {
-        let backs = self.rest.iter_mut().filter_map(|rest| Some((rest.back()?, rest)));
-        let (record, rest) = backs.max_by_key(|(record, _)| record.seq)?;
-        rest.end -= 1;
-        Some(record)
+    fn next_back(&mut self) -> Option<Record> {
+        let lasts = self.rest.iter_mut().filter_map(|rest| Some((rest.last()?, rest)));
+        lasts.max_by_key(|(seq, _)| *seq)?.1.next_back()
     }
 }
 
@@ -123,8 +216,51 @@ mod tests {
             rings.note(Record::single(time_us, Packet { bus: BusIndex(0), data: 1 }.into()));
         }
         let [traffic, ..] = &rings.lanes;
-        assert_eq!(traffic.len(), super::super::Journal::DEFAULT_CAPACITY);
-        let others = Ring::ALL.iter().map(|ring| ring.share(traffic.capacity())).sum::<usize>();
-        assert!(others * size_of::<Record>() < 20_000_000, "{others}");
+        assert_eq!(traffic.lines.len(), super::super::Journal::DEFAULT_CAPACITY);
+        let others = Ring::ALL.iter().map(|ring| ring.share(traffic.lines.capacity())).sum::<usize>();
+        assert!(others * size_of::<Line>() < 20_000_000, "{others}");
+    }
+
+    fn note(rings: &mut Rings, octets: usize) {
+        let record = Record::single(rings.end(), Packet { bus: BusIndex(0), data: 1 }.into());
+        let octets = (octets > 0).then(|| vec![rings.end() as u8; octets].into());
+        rings.note(Record { octets, ..record });
+    }
+
+    #[test]
+    fn octets_take_the_memory_of_lines() {
+        let mut rings = Rings::new(1000);
+        (0..10_000).for_each(|n| note(&mut rings, if n % 2 == 0 { 255 } else { 0 }));
+        let lane = &rings.lanes[Ring::Traffic as usize];
+        let sum: usize = lane.octets.iter().map(StoredOctets::bytes).sum();
+        assert_eq!(lane.octet_bytes, sum);
+        assert!(sum + lane.lines.len() * size_of::<Line>() <= 1000 * size_of::<Line>() + 400, "{sum}");
+        assert!(lane.lines.len() > 250 && lane.octets.len() == lane.lines.len() / 2, "{}", lane.lines.len());
+        // Short telegrams later on take all lines again.
+        (0..1000).for_each(|_| note(&mut rings, 0));
+        let lane = &rings.lanes[Ring::Traffic as usize];
+        assert_eq!((lane.lines.len(), lane.octets.len(), lane.octet_bytes), (1000, 0, 0));
+        // The newest record is kept, whatever its size.
+        let mut small = Rings::new(1);
+        (0..3).for_each(|_| note(&mut small, 255));
+        assert_eq!(small.records(0).map(|it| (it.seq, it.octets.unwrap()[0])).collect::<Vec<_>>(), [(2, 2)]);
+    }
+
+    #[test]
+    fn octets_come_with_their_records_in_both_directions() {
+        let mut rings = Rings::new(100);
+        (0..60).for_each(|n| note(&mut rings, if n % 3 == 0 { 9 } else { 0 }));
+        let check = |record: &Record| {
+            let octets = record.octets.as_ref().map(|octets| u64::from(octets[0]));
+            assert_eq!(octets, record.seq.is_multiple_of(3).then_some(record.seq));
+        };
+        let forward: Vec<_> = rings.records(20).inspect(check).collect();
+        let mut back: Vec<_> = rings.records(20).rev().inspect(check).collect();
+        back.reverse();
+        assert!(forward.len() == 40 && forward == back);
+        rings.begin_at(31, true);
+        assert_eq!(rings.records(0).inspect(check).count(), 31);
+        note(&mut rings, 9);
+        assert!(rings.records(31).all(|record| record.octets.is_some()));
     }
 }

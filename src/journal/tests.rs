@@ -35,7 +35,7 @@ fn journal(events: &[(u64, Event)]) -> Journal {
 }
 
 /// Time, count and distance of the records of an event.
-fn counts<'a>(records: impl IntoIterator<Item = &'a Record>, event: Event) -> Vec<(u64, u32, u32)> {
+fn counts(records: impl IntoIterator<Item = Record>, event: Event) -> Vec<(u64, u32, u32)> {
     let own = records.into_iter().filter(|record| record.event == event);
     own.map(|record| (record.time_us, record.count, record.period_us)).collect()
 }
@@ -97,13 +97,13 @@ fn sync_edges_at_equal_distances_are_counted_once_a_second() {
     let noted = counts(journal.records(), sync(BusIndex(0)));
     assert_eq!(noted[..3], [(0, 1, 0), (2_000, 1, 0), (1_002_000, 500, 2_000)]);
     let pending = journal.pending();
-    assert_eq!(counts(&pending, sync(BusIndex(0))), [(3_198_000, 98, 2_000)]);
+    assert_eq!(counts(pending.clone(), sync(BusIndex(0))), [(3_198_000, 98, 2_000)]);
     assert!(pending[0].is_pending());
     let all: Vec<u64> = journal
         .records()
-        .chain(&pending)
+        .chain(pending)
         .filter(|r| r.event == sync(BusIndex(0)))
-        .flat_map(Record::times)
+        .flat_map(|r| r.times())
         .collect();
     assert_eq!(all, (0..1_600).map(|n| n * 2_000).collect::<Vec<_>>(), "no edge is lost");
 }
@@ -128,7 +128,7 @@ fn a_count_that_goes_on_is_left_alone_by_the_time() {
         journal.push_event(n * 2_000, sync(BusIndex(0)));
     }
     journal.tick(2 * LONGEST_PERIOD_US - 98_000);
-    assert_eq!(counts(&journal.pending(), sync(BusIndex(0))), [(100_000, 49, 2_000)]);
+    assert_eq!(counts(journal.pending(), sync(BusIndex(0))), [(100_000, 49, 2_000)]);
 }
 
 #[test]
@@ -245,7 +245,7 @@ proptest! {
         }
         let pending = journal.pending();
         let mut found = Vec::new();
-        for record in journal.records().chain(&pending) {
+        for record in journal.records().chain(pending) {
             let which = events.iter().position(|event| *event == record.event).unwrap() as u8;
             found.extend(record.times().map(|time| (time, which)));
         }

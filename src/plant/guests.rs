@@ -8,6 +8,7 @@ use crate::devices::{Attendance, BusGuests, GuestNews, GuestRefusal};
 use crate::door::{BusMessage, Guest};
 use crate::identity::BusIndex;
 use crate::journal::Finding;
+use crate::profibus::Burst;
 use std::sync::Arc;
 
 impl Plant {
@@ -94,12 +95,27 @@ impl Plant {
     /// # Errors
     /// [`GuestRefusal`].
     pub fn take_part(&mut self, bus: BusIndex, frame: Option<&Frame>) -> Result<(), GuestRefusal> {
+        self.join_by_requests(bus)?;
+        frame.map_or(Ok(()), |frame| self.guest_sends(bus, 0, &BusMessage::Frame(*frame)))
+    }
+
+    /// The guest that acts by requests, guest 0, takes part in PROFIBUS number `bus` from now on, and sends a telegram as
+    /// soon as the line is free for it.
+    ///
+    /// # Errors
+    /// [`GuestRefusal`].
+    pub fn send_telegram(&mut self, bus: BusIndex, octets: Vec<u8>) -> Result<(), GuestRefusal> {
+        self.join_by_requests(bus)?;
+        self.guest_sends(bus, 0, &BusMessage::Burst(Burst { begin: 0, octets }))
+    }
+
+    fn join_by_requests(&mut self, bus: BusIndex) -> Result<(), GuestRefusal> {
         let now = self.now;
         let guests = self.guests_of(bus).ok_or(GuestRefusal::NotHere)?;
         if guests.guest_joins(0, now) {
             self.journal.push(now, GuestNews { bus, guest: 0, news: Attendance::TakesPart });
         }
-        frame.map_or(Ok(()), |frame| self.guest_sends(bus, 0, &BusMessage::Frame(*frame)))
+        Ok(())
     }
 
     /// A guest wants to take part, but has named another rate than the rate of the bus, which has this `S` code
@@ -149,7 +165,7 @@ mod tests {
     fn lines(plant: &Plant) -> String {
         let mut text = Text::new(plant.names(), devices::catalogue());
         let mut lines = String::new();
-        plant.journal().records().for_each(|record| text.record(record, &mut lines));
+        plant.journal().records().for_each(|record| text.record(&record, &mut lines));
         lines
     }
 

@@ -36,6 +36,8 @@ pub struct Execution {
     events: u32,
     /// Conditions of the next wait.
     conditions: Vec<(Register, Test)>,
+    /// Octets of the next telegram.
+    octets: Vec<u8>,
     /// Number of the client: clients send files in several requests. 0 for operations of the same process.
     client: u128,
 }

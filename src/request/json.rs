@@ -58,6 +58,7 @@ impl InJson for Vec<Change> {
             count: 1,
             period_us: 0,
             latency_us: None,
+            octets: None,
         };
         self.iter().map(|change| lines.line(&record(change))).collect::<Vec<_>>()
     }

@@ -178,6 +178,6 @@ impl TryFrom<Vec<u8>> for FilePart {
     type Error = &'static str;
 
     fn try_from(part: Vec<u8>) -> Result<Self, Self::Error> {
-        FilePart::new(&part).ok_or("a part of a snapshot file has 16 bytes at most")
+        FilePart::new(&part).ok_or("a part has 16 bytes at most")
     }
 }

@@ -241,6 +241,16 @@ macro_rules! ops {
                 #[serde(with = "forms::frame")]
                 frame: Option<Frame> => width node offset time_us,
             },
+            /// Takes part in a PROFIBUS from now on, and sends a telegram. A telegram of more than 16 octets is sent by
+            /// several operations of one request, in the order of its octets.
+            TelegramSend = 64, telegram_send, Acts -> Written {
+                /// Number of the bus.
+                bus: BusIndex => plc,
+                /// These are the last octets: the telegram is sent.
+                is_last: bool => width,
+                /// The octets.
+                part: FilePart => node value second time_us,
+            },
             /// Keeps a snapshot of the plant, and returns its number; stepped mode only, as all operations on
             /// snapshots.
             Save = 72, save, Manages -> Value,

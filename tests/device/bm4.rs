@@ -327,7 +327,7 @@ fn a_taken_number_is_reported_with_its_slot() {
     let taken = OnBoard { plc: DeviceIndex(0), what: BoardEvent::NumberTaken { port: 2, number: 7 } };
     let record = bm4.plant.journal().records().find(|record| record.event == taken.into()).unwrap();
     let mut text = String::new();
-    Text::new(bm4.plant.names(), commram::devices::catalogue()).record(record, &mut text);
+    Text::new(bm4.plant.names(), commram::devices::catalogue()).record(&record, &mut text);
     assert!(text.contains("no station can address slotH"), "{text}");
     let findings = bm4.plant.journal().findings();
     let [entry] = findings.iter().copied().collect::<Vec<_>>()[..] else { panic!("one finding") };
@@ -375,7 +375,7 @@ fn the_power_on_of_a_plc_without_dip_switches_names_no_number() {
     let up = OnBoard { plc: DeviceIndex(0), what: BoardEvent::Up { dip: None } };
     let record = bm4.plant.journal().records().find(|record| record.event == up.into()).unwrap();
     let mut text = String::new();
-    Text::new(bm4.plant.names(), commram::devices::catalogue()).record(record, &mut text);
+    Text::new(bm4.plant.names(), commram::devices::catalogue()).record(&record, &mut text);
     assert!(text.trim_end().ends_with("  on"), "{text}");
 }
 

@@ -33,7 +33,6 @@ fn edges(rig: &Rig) -> Vec<u64> {
     let journal = rig.plant.journal();
     let mut times: Vec<u64> = journal
         .records()
-        .copied()
         .chain(journal.pending())
         .filter(|record| record.event.is::<SyncEdge>())
         .flat_map(|record| record.times())
@@ -234,7 +233,7 @@ fn a_number_is_free_when_its_station_has_moved_or_is_off() {
         rig.plant.set_power(DeviceIndex::at(plc), Power::On);
     };
     let taken = |rig: &Rig| {
-        let is_taken = |record: &&commram::journal::Record| {
+        let is_taken = |record: &commram::journal::Record| {
             record.event.get::<OnBoard>().is_some_and(|it| matches!(it.what, BoardEvent::NumberTaken { .. }))
         };
         rig.records().filter(is_taken).count()

@@ -271,9 +271,9 @@ fn a_cluster_forwards_the_sync_signal() {
         }
         plant.advance_to(plant.now() + 50_000);
         let edges = |bus| -> Vec<u64> {
-            let edge = |r: &&commram::journal::Record| r.event == SyncEdge { bus }.into();
+            let edge = |r: &commram::journal::Record| r.event == SyncEdge { bus }.into();
             let (noted, pending) = (plant.journal().records(), plant.journal().pending());
-            noted.chain(&pending).filter(edge).flat_map(|r| r.times()).collect()
+            noted.chain(pending).filter(edge).flat_map(|r| r.times()).collect()
         };
         let (upper, lower) = (edges(BusIndex(0)), edges(BusIndex(1)));
         assert!(lower.len() > 20 && upper.ends_with(&lower), "{upper:?} {lower:?}");

@@ -16,13 +16,13 @@ use core::num::NonZero;
 /// Times of the SYNC edges of a bus.
 fn edges(cluster: &Cluster, bus: BusIndex) -> Vec<u64> {
     let journal = cluster.plant.journal();
-    let edge = |record: &&Record| record.event == SyncEdge { bus }.into();
-    journal.records().chain(&journal.pending()).filter(edge).flat_map(|record| record.times()).collect()
+    let edge = |record: &Record| record.event == SyncEdge { bus }.into();
+    journal.records().chain(journal.pending()).filter(edge).flat_map(|record| record.times()).collect()
 }
 
 /// Frames so far on a bus.
 fn frames(cluster: &Cluster, bus: BusIndex) -> usize {
-    let of_bus = |record: &&Record| record.event.get().is_some_and(|it: Transmitted| it.bus == bus);
+    let of_bus = |record: &Record| record.event.get().is_some_and(|it: Transmitted| it.bus == bus);
     cluster.plant.journal().records().filter(of_bus).count()
 }
 
@@ -145,7 +145,7 @@ fn a_run_on_several_cores_equals_a_run_on_one() {
             let findings: Vec<_> = cluster.plant.journal().findings().iter().copied().collect();
             cluster.plant.clear_findings();
             let plant = &cluster.plant;
-            let records: Vec<_> = plant.journal().records().copied().collect();
+            let records: Vec<_> = plant.journal().records().collect();
             let (hash, pending) = (plant.journal().hash(), plant.journal().pending());
             (hash, records, pending, findings, plant.snapshot())
         });

@@ -24,7 +24,7 @@ fn connected(rate: Rate) -> Rig {
 /// `master` and `slave` as the names of their ports.
 fn register_changes(rig: &Rig, from: u64) -> Vec<String> {
     let journal = rig.plant.journal();
-    journal.read(from).filter_map(|record| told_by(rig, record)).collect()
+    journal.read(from).filter_map(|record| told_by(rig, &record)).collect()
 }
 
 fn told_by(rig: &Rig, record: &Record) -> Option<String> {

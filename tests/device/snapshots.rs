@@ -30,7 +30,7 @@ fn masters_that_have_come_up_send_reference_values() {
 }
 
 fn records_from(plant: &Plant, from: u64) -> Vec<Record> {
-    plant.journal().read(from).copied().collect()
+    plant.journal().read(from).collect()
 }
 
 proptest! {

@@ -199,7 +199,7 @@ impl Rig {
         self.run_to_sync();
     }
 
-    pub(crate) fn records(&self) -> impl DoubleEndedIterator<Item = &Record> {
+    pub(crate) fn records(&self) -> impl DoubleEndedIterator<Item = Record> {
         self.plant.journal().records()
     }
 

@@ -86,6 +86,7 @@ pub(super) fn ops() -> Vec<(String, Op)> {
         Op::DoorClose { bus: BusIndex(1), door: None },
         Op::BusSend { bus: BusIndex(1), frame: Some(frame) },
         Op::BusSend { bus: BusIndex(1), frame: None },
+        Op::TelegramSend { bus: BusIndex(1), is_last: true, part: FilePart::new(&[0xE5]).unwrap() },
         Op::Save,
         Op::Forget { number: 2 },
         Op::ReadSaved { number: 2, from: 65_536 },
@@ -167,7 +168,15 @@ fn drive() -> DriveState {
 pub(super) fn replies() -> Vec<(&'static str, Reply)> {
     let turn = Turn { number: 2, begin: 5 };
     let event = Unforce { plc: DeviceIndex(1), offset: 200_002 }.into();
-    let record = Record { seq: 9, time_us: 1_000, event, count: 2, period_us: 3, latency_us: Some(4) };
+    let record = Record {
+        seq: 9,
+        time_us: 1_000,
+        event,
+        count: 2,
+        period_us: 3,
+        latency_us: Some(4),
+        octets: Some([1, 2].into()),
+    };
     let how = ChangeDetails { width: Width::Word, by: By::Channel, live: phases::CYCLIC };
     let changed = Changed { plc: DeviceIndex(1), offset: 200_002, how, from: 3, to: 4 };
     let finding = Finding {

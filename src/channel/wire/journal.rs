@@ -4,9 +4,10 @@ use crate::devices;
 use crate::journal::{Change, Changed, EventCodec, Record};
 use core::num::NonZeroU32;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// A record of the journal.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct WireRecord {
     seq: u64,
     time_us: u64,
@@ -15,23 +16,27 @@ pub(super) struct WireRecord {
     latency_us: Option<u32>,
     /// The event as the journal encodes it.
     event: [u64; 3],
+    /// Octets of a telegram, if the event does not have all of them.
+    octets: Option<Vec<u8>>,
 }
 
 impl From<&Record> for WireRecord {
     fn from(record: &Record) -> Self {
-        let &Record { seq, time_us, event, count, period_us, latency_us } = record;
+        let &Record { seq, time_us, event, count, period_us, latency_us, ref octets } = record;
+        let octets = octets.as_ref().map(|octets| octets.to_vec());
         // A record counts at least one event.
         let count = NonZeroU32::new(count).unwrap_or(NonZeroU32::MIN);
-        WireRecord { seq, time_us, count, period_us, latency_us, event: event.words() }
+        WireRecord { seq, time_us, count, period_us, latency_us, event: event.words(), octets }
     }
 }
 
 impl WireRecord {
     /// Decodes the record; `None` if no server of this version can have sent it.
     pub(crate) fn record(&self) -> Option<Record> {
-        let &WireRecord { seq, time_us, count, period_us, latency_us, event } = self;
+        let &WireRecord { seq, time_us, count, period_us, latency_us, event, ref octets } = self;
+        let octets = octets.as_deref().map(Arc::from);
         let event = devices::catalogue().event(event)?;
-        Some(Record { seq, time_us, event, count: count.get(), period_us, latency_us })
+        Some(Record { seq, time_us, event, count: count.get(), period_us, latency_us, octets })
     }
 }
 

@@ -8,14 +8,16 @@ use proptest::prelude::*;
 
 fn record() -> impl Strategy<Value = Record> {
     let latency = proptest::option::of(0..u32::MAX);
-    (event(), any::<(u64, u64, u32)>(), 1..u32::MAX, latency).prop_map(
-        |(event, (seq, time_us, period_us), count, latency_us)| Record {
+    let octets = proptest::option::of(proptest::collection::vec(any::<u8>(), 0..=255));
+    (event(), any::<(u64, u64, u32)>(), 1..u32::MAX, latency, octets).prop_map(
+        |(event, (seq, time_us, period_us), count, latency_us, octets)| Record {
             seq,
             time_us,
             event,
             count,
             period_us,
             latency_us,
+            octets: octets.map(Into::into),
         },
     )
 }
@@ -58,7 +60,7 @@ fn a_record_cut_short_is_refused() {
     let mut journal = Journal::default();
     journal.push(1, Unforce { plc: DeviceIndex(0), offset: 4 });
     let mut buffer = ReplyBuffer::default();
-    let records = journal.read(0).copied().collect();
+    let records = journal.read(0).collect();
     buffer.push(&Reply::Journal { records, end: 0, turn: Turn::default() }).unwrap();
     let mut blocks: Vec<Block> = buffer.blocks().to_vec();
     blocks[0].data_len -= 1;

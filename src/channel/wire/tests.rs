@@ -90,6 +90,12 @@ fn op() -> impl Strategy<Value = Op> {
             .prop_map(|(bus, door)| Op::DoorClose { bus: BusIndex::of_number(bus), door }),
         (any::<u16>(), proptest::option::of(frame()))
             .prop_map(|(bus, frame)| Op::BusSend { bus: BusIndex::of_number(bus), frame }),
+        (any::<u16>(), any::<bool>(), proptest::collection::vec(any::<u8>(), 0..=16)).prop_map(
+            |(bus, is_last, part)| {
+                let part = FilePart::new(&part).unwrap();
+                Op::TelegramSend { bus: BusIndex::of_number(bus), is_last, part }
+            }
+        ),
         Just(Op::Findings),
         Just(Op::ClearFindings),
         Just(Op::Save),

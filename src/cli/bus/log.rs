@@ -1,6 +1,7 @@
-//! `commram bus play` and `commram bus compare`: logs of frames.
+//! `commram bus play` and `commram bus compare`: logs of frames and telegrams.
 
 mod compare;
+mod message;
 mod play;
 mod select;
 
@@ -9,13 +10,17 @@ pub(super) use play::{Play, play};
 
 use super::super::error::CliError;
 use super::super::output;
-use crate::can::Frame;
+use super::super::session::Session;
+use crate::devices;
+use crate::door::Speech;
 use crate::identity::BusIndex;
 use crate::input_file;
 use crate::journal::pcapng;
 use crate::journal::recording::{self, Logged, Recording};
 use crate::plural::plural;
-use crate::request::InstanceInfo;
+use crate::profibus::Telegram;
+use crate::request::{BusState, InstanceInfo, Op};
+use message::{Message, Senders};
 use select::Select;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -30,12 +35,37 @@ struct Log {
     unit: &'static str,
 }
 
-/// A frame of the log, with the number of its bus.
-struct AddressedFrame {
+/// A message of the log, with the number of its bus.
+struct AddressedMessage {
     at: usize,
     time_us: u64,
     bus: BusIndex,
-    frame: Frame,
+    message: Message,
+}
+
+/// The buses of an instance.
+struct Buses {
+    info: InstanceInfo,
+    states: Vec<BusState>,
+}
+
+impl Buses {
+    fn of(session: &Session) -> Result<Self, CliError> {
+        Ok(Buses { info: session.ask(Op::Info)?.info()?, states: session.ask(Op::Buses)?.buses()? })
+    }
+
+    /// Returns the time in microseconds that these octets take on a bus.
+    fn telegram_us(&self, bus: BusIndex, octets: &[u8]) -> u64 {
+        let bit_s = self.states.get(bus.index()).map_or(0, |state| state.bit_s).max(1);
+        Telegram::bits(octets.len()) * 1_000_000 / u64::from(bit_s)
+    }
+
+    /// Whether a bus carries messages of this kind.
+    fn carries(&self, bus: usize, message: &Message) -> bool {
+        let speech = self.states.get(bus).and_then(|state| devices::speech_of(&state.kind));
+        let is_profibus = matches!(speech, Some(Speech::Telegrams));
+        is_profibus == matches!(message, Message::Telegram(_))
+    }
 }
 
 /// Reads a log.
@@ -48,56 +78,69 @@ fn read(path: &Path) -> Result<Log, CliError> {
         return Ok(Log { recording, unit: "byte" });
     }
     let text = input_file::text(bytes).map_err(|_| {
-        wrong("it is neither a text (of candump or GVRET) nor a pcapng file (of Wireshark)".to_owned())
+        wrong(
+            "it is neither a text (of candump, GVRET or commram) nor a pcapng file (of Wireshark)".to_owned(),
+        )
     })?;
     let recording = recording::read_text(&text).map_err(|error| wrong(error.to_string()))?;
     Ok(Log { recording, unit: "line" })
 }
 
 impl Log {
-    /// Selects frames and assigns each to a bus. Prints a note for everything that is passed over.
+    /// Selects messages and assigns each to a bus. Prints a note for everything that is passed over.
     ///
     /// # Errors
     /// The instance has no bus `only`.
     fn aim(
-        self,
+        mut self,
         select: &Select,
         only: Option<&str>,
-        info: &InstanceInfo,
-    ) -> Result<Vec<AddressedFrame>, CliError> {
+        buses: &Buses,
+    ) -> Result<Vec<AddressedMessage>, CliError> {
         self.note_skipped();
-        let buses = &info.names.buses;
-        let number = |name: &str| buses.iter().position(|bus| bus == name);
+        let names = &buses.info.names.buses;
+        let number = |name: &str| names.iter().position(|bus| bus == name);
         let unknown = |bus: &str| CliError::UnknownBus {
             bus: bus.to_owned(),
-            instance: info.name.clone(),
-            buses: buses.join(", "),
+            instance: buses.info.name.clone(),
+            buses: names.join(", "),
         };
         let for_all = only.map(|name| number(name).ok_or_else(|| unknown(name))).transpose()?;
-        let for_all = for_all.or((buses.len() == 1).then_some(0));
-        let (mut aimed, mut not_selected) = (Vec::new(), 0_u64);
-        let mut without_bus: BTreeMap<String, u64> = BTreeMap::new();
-        for Logged { at, time_us, interface, direction, frame } in self.recording.frames {
-            if !select.takes(&interface, direction, &frame) {
-                not_selected += 1;
-            } else if let Some(bus) = for_all.or_else(|| number(&interface)) {
-                aimed.push(AddressedFrame { at, time_us, bus: BusIndex::at(bus), frame });
-            } else {
-                *without_bus.entry(interface).or_default() += 1;
+        let for_all = for_all.or((names.len() == 1).then_some(0));
+        let mut aimed = Vec::new();
+        let mut passed = PassedOver::default();
+        for (interface, is_selected, at, time_us, message) in self.take_messages(select) {
+            let bus = for_all.or_else(|| number(&interface));
+            match bus {
+                _ if !is_selected => passed.not_selected += 1,
+                None => *passed.without_bus.entry(interface).or_default() += 1,
+                Some(bus) if !buses.carries(bus, &message) => {
+                    *passed.of_other_kind.entry(names[bus].clone()).or_default() += 1;
+                }
+                Some(bus) => aimed.push(AddressedMessage { at, time_us, bus: BusIndex::at(bus), message }),
             }
         }
-        for (interface, count) in without_bus {
-            output::note(&format!(
-                "{} of interface '{interface}' passed over: no bus has this name (the buses are {}); --bus NAME takes \
-                 them for a bus",
-                plural(count, "frame"),
-                buses.join(", ")
-            ));
-        }
-        if not_selected > 0 {
-            output::note(&format!("{} not selected", plural(not_selected, "frame")));
-        }
+        passed.note(names);
         Ok(aimed)
+    }
+
+    /// Takes the messages in the order of the log: interface, whether it is selected, position, time.
+    fn take_messages(&mut self, select: &Select) -> Vec<(String, bool, usize, u64, Message)> {
+        let frames = core::mem::take(&mut self.recording.frames).into_iter().map(|it| {
+            let Logged { at, time_us, interface, direction, frame } = it;
+            let is_selected = select.takes(&interface, direction, &frame);
+            (interface, is_selected, at, time_us, Message::Frame(frame))
+        });
+        let mut senders: BTreeMap<String, Senders> = BTreeMap::new();
+        let telegrams = core::mem::take(&mut self.recording.telegrams).into_iter().map(|it| {
+            let Logged { at, time_us, interface, direction, frame } = it;
+            let sender = senders.entry(interface.clone()).or_default().of_next(&frame);
+            let is_selected = select.takes_telegram(&interface, direction, sender);
+            (interface, is_selected, at, time_us, Message::Telegram(frame))
+        });
+        let mut messages: Vec<_> = frames.chain(telegrams).collect();
+        messages.sort_by_key(|(_, _, at, ..)| *at);
+        messages
     }
 
     /// Prints a note for each reason to skip entries, with the positions of the entries.
@@ -115,6 +158,39 @@ impl Log {
             let more = places.len() - shown.len();
             let more = if more > 0 { format!(" and {more} more") } else { String::new() };
             output::note(&format!("{unit} {}{more}: skipped: {reason}", shown.join(", ")));
+        }
+    }
+}
+
+/// Counts of messages that are passed over.
+#[derive(Default)]
+struct PassedOver {
+    not_selected: u64,
+    /// By interface.
+    without_bus: BTreeMap<String, u64>,
+    /// By bus.
+    of_other_kind: BTreeMap<String, u64>,
+}
+
+impl PassedOver {
+    /// Prints a note for each reason.
+    fn note(self, buses: &[String]) {
+        for (interface, count) in self.without_bus {
+            output::note(&format!(
+                "{} of interface '{interface}' passed over: no bus has this name (the buses are {}); --bus NAME takes \
+                 them for a bus",
+                plural(count, "frame"),
+                buses.join(", ")
+            ));
+        }
+        for (bus, count) in self.of_other_kind {
+            output::note(&format!(
+                "{} passed over: bus '{bus}' carries no messages of this kind",
+                plural(count, "message")
+            ));
+        }
+        if self.not_selected > 0 {
+            output::note(&format!("{} not selected", plural(self.not_selected, "frame")));
         }
     }
 }

@@ -54,8 +54,7 @@ pub(crate) fn print(
 /// The buses and the kinds of their links.
 fn links(session: &Session) -> Result<Vec<(String, Link)>, CliError> {
     let link = |bus: BusState| {
-        let kind = devices::BUS_KINDS.iter().find(|kind| kind.name == bus.kind);
-        let link = match kind.map(|kind| kind.speech) {
+        let link = match devices::speech_of(&bus.kind) {
             Some(Speech::Telegrams) => Link::Profibus,
             Some(Speech::Frames) | None => Link::Can,
         };

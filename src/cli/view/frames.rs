@@ -95,7 +95,7 @@ impl Frames {
         for record in pending {
             self.add_edges(record);
             let last = last_of(record, &mut text, names, scene);
-            self.counting.extend(last.map(|last| (*record, last)));
+            self.counting.extend(last.map(|last| (record.clone(), last)));
         }
         self.text = Some(text);
         if self.held.is_some() {
@@ -238,7 +238,7 @@ fn last_of(record: &Record, text: &mut Text, names: &Names, scene: &[BusScene]) 
         return None;
     }
     // A record with a single frame, to format the text of one frame.
-    let single = Record { seq: 0, count: 1, period_us: 0, ..*record };
+    let single = Record { seq: 0, count: 1, period_us: 0, ..record.clone() };
     let mut line = String::new();
     text.record(&single, &mut line);
     let name = names.source(source);

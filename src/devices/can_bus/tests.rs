@@ -152,7 +152,7 @@ impl Bench {
 
     /// Times, frames and senders in the journal.
     pub(super) fn frames(&self) -> Vec<(u64, Frame, u16)> {
-        let told = |record: &crate::journal::Record| {
+        let told = |record: crate::journal::Record| {
             let it: Transmitted = record.event.get()?;
             Some((record.time_us, it.frame, it.sender.plc.0))
         };
@@ -161,7 +161,7 @@ impl Bench {
 
     pub(super) fn lost(&self) -> Vec<(u64, (Frame, Fate))> {
         let told =
-            |record: &crate::journal::Record| record.event.get().map(|it: Lost| (record.time_us, it.frame));
+            |record: crate::journal::Record| record.event.get().map(|it: Lost| (record.time_us, it.frame));
         self.journal.records().filter_map(told).collect()
     }
 }

@@ -248,13 +248,19 @@ impl ProfibusBus {
             self.guests.send_to_guests(sending, now);
         }
         match &telegram {
-            Some(Telegram::Frame(frame)) => journal.push(now, DpTelegram::new(bus, origin, frame)),
+            Some(Telegram::Frame(frame)) => {
+                let told = DpTelegram::new(bus, origin, frame);
+                journal.push_octets(now, told, told.lacks(octets).then_some(octets));
+            }
             Some(other) => {
                 if let Some(told) = short(bus, origin, other) {
                     journal.push(now, told);
                 }
             }
-            None => journal.push(now, DpGarbled { bus, sender: origin, octets: octets.len() as u32 }),
+            None => {
+                let told = DpGarbled { bus, sender: origin, octets: octets.len() as u32 };
+                journal.push_octets(now, told, Some(octets));
+            }
         }
         for (participant, end) in self.ends.iter_mut().enumerate().filter(|(_, end)| end.is_on) {
             if participant == sender {

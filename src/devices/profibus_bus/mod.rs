@@ -5,6 +5,7 @@ mod config;
 mod guests;
 mod port;
 pub mod records;
+mod services;
 
 pub use bus::ProfibusBus;
 pub use config::ProfibusConfig;

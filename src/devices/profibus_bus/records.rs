@@ -1,5 +1,7 @@
-//! Journal events of PROFIBUS: its telegrams.
+//! Journal events of PROFIBUS: its telegrams. An event has five numbers, so the octets of a longer telegram are in its
+//! record ([`Reader::octets`]).
 
+use super::services;
 use crate::event_kinds;
 use crate::identity::BusIndex;
 use crate::journal::{EventCodec, EventText, Fields, Kind, Octets, Origin, Reader};
@@ -67,6 +69,21 @@ impl DpTelegram {
         (self.unit >> 16) as usize
     }
 
+    /// Whether the telegram has octets that the event does not have, or another form than [`Telegram::octets`] gives it.
+    pub(super) fn lacks(&self, octets: &[u8]) -> bool {
+        self.octets() > self.first.to_le_bytes().len() || self.octets_on_line() != octets.len()
+    }
+
+    /// The telegram, with the octets of its record, or with the data that the event has.
+    fn frame(&self, octets: Option<&[u8]>) -> Frame {
+        if let Some(Ok(Telegram::Frame(frame))) = octets.map(Telegram::parse) {
+            return frame;
+        }
+        let ([da, sa, fc, _], [dsap, ssap]) = (self.head.to_le_bytes(), self.saps());
+        let data = self.first.to_le_bytes().into_iter().take(self.octets()).collect();
+        Frame { da, sa, fc, dsap, ssap, data }
+    }
+
     /// Number of octets on the line, including header and trailer, which are shorter in a telegram without data.
     pub(super) fn octets_on_line(&self) -> usize {
         match self.octets() + self.saps().into_iter().flatten().count() {
@@ -75,18 +92,17 @@ impl DpTelegram {
         }
     }
 
-    /// Returns the first octets in hexadecimal, each with the prefix `before`.
-    fn data(&self, before: &str) -> String {
-        let shown = self.first.to_le_bytes().into_iter().take(self.octets());
-        shown.map(|octet| format!("{before}{octet:02X}")).collect()
-    }
-
     /// Returns the service access points of destination and source.
     fn saps(&self) -> [Option<u8>; 2] {
         let [.., flags] = self.head.to_le_bytes();
         let [there, here, ..] = self.unit.to_le_bytes();
         [(flags & 1 != 0).then_some(there), (flags & 2 != 0).then_some(here)]
     }
+}
+
+/// Returns octets in hexadecimal, each with the prefix `before`.
+fn hex(octets: &[u8], before: &str) -> String {
+    octets.iter().map(|octet| format!("{before}{octet:02X}")).collect()
 }
 
 /// Returns the event of a token or receipt; `None` for a frame, which is a [`DpTelegram`].
@@ -101,11 +117,20 @@ pub(super) fn short(bus: BusIndex, sender: Origin, telegram: &Telegram) -> Optio
 
 impl EventText for DpTelegram {
     fn text(&self, reader: &mut Reader) -> String {
-        let [da, sa, fc, _] = self.head.to_le_bytes();
+        let frame = self.frame(reader.octets().as_deref());
         let [there, here] = self.saps().map(|sap| sap.map_or_else(String::new, |sap| format!("/{sap}")));
-        let (octets, more) = (self.octets(), if self.octets() > 4 { " .." } else { "" });
-        let from = reader.port(self.sender);
-        format!("{sa}{here} to {da}{there}, 16#{fc:02X}, {octets} octets{}{more} from {from}", self.data(" "))
+        let (octets, more) = (self.octets(), if frame.data.len() < self.octets() { " .." } else { "" });
+        let (from, &Frame { da, sa, fc, ref data, .. }) = (reader.port(self.sender), &frame);
+        let service = services::name(&frame).map_or_else(String::new, |name| format!(", {name}"));
+        let meaning = services::text(&frame).map_or_else(String::new, |text| format!(": {text}"));
+        let data = hex(data, " ");
+        format!(
+            "{sa}{here} to {da}{there}, 16#{fc:02X}, {octets} octets{data}{more} from {from}{service}{meaning}"
+        )
+    }
+
+    fn guest(&self) -> Option<u8> {
+        self.sender.guest()
     }
 
     fn telegram(&self) -> Option<Octets> {
@@ -129,9 +154,14 @@ impl EventText for DpTelegram {
         let fields = Fields::new().with("da", da).with("sa", sa).with("fc", fc);
         let fields = dsap.into_iter().fold(fields, |fields, sap| fields.with("dsap", sap));
         let fields = ssap.into_iter().fold(fields, |fields, sap| fields.with("ssap", sap));
-        let fields =
-            fields.with("octets", self.octets() as u32).with("first", self.data("")).with("sum", self.sum);
-        fields.with("from", reader.port(self.sender))
+        let frame = self.frame(reader.octets().as_deref());
+        let first = hex(&frame.data[..frame.data.len().min(4)], "");
+        let fields = fields.with("octets", self.octets() as u32).with("first", first);
+        // Without the octets of the record it has no data rather than a part of them.
+        let whole = (frame.data.len() == self.octets()).then(|| hex(&frame.data, ""));
+        let fields = fields.with_any("data", whole);
+        let fields = fields.with("sum", self.sum);
+        fields.with_any("service", services::name(&frame)).with("from", reader.port(self.sender))
     }
 }
 
@@ -156,6 +186,10 @@ impl EventText for DpShort {
         }
     }
 
+    fn guest(&self) -> Option<u8> {
+        self.sender.guest()
+    }
+
     fn telegram(&self) -> Option<Octets> {
         let telegram = self.stations().map_or(Telegram::ShortAck, |(da, sa)| Telegram::Token { da, sa });
         let known = telegram.octets().ok()?;
@@ -172,11 +206,18 @@ impl EventText for DpShort {
 
 impl EventText for DpGarbled {
     fn text(&self, reader: &mut Reader) -> String {
-        format!("{} garbled octets from {}", self.octets, reader.port(self.sender))
+        let octets = reader.octets().map(|octets| hex(&octets, " ")).unwrap_or_default();
+        format!("{} garbled octets{octets} from {}", self.octets, reader.port(self.sender))
+    }
+
+    fn guest(&self) -> Option<u8> {
+        self.sender.guest()
     }
 
     fn fields(&self, reader: &mut Reader) -> Fields {
-        Fields::new().with("octets", self.octets).with("from", reader.port(self.sender))
+        let fields = Fields::new().with("octets", self.octets);
+        let octets = reader.octets().map(|octets| hex(&octets, ""));
+        fields.with_any("data", octets).with("from", reader.port(self.sender))
     }
 }
 
@@ -190,9 +231,11 @@ mod tests {
         let frame = Frame { da: 5, sa: 2, fc: 0x6D, dsap: Some(61), ssap: None, data: vec![1, 2, 3, 4, 5] };
         let told = DpTelegram::new(BusIndex(0), Origin { plc: DeviceIndex(0), node: 1 }, &frame);
         assert_eq!(
-            (told.saps(), told.octets(), told.data(" ").as_str()),
+            (told.saps(), told.octets(), hex(&told.frame(None).data, " ").as_str()),
             ([Some(61), None], 5, " 01 02 03 04")
         );
+        let line = Telegram::Frame(frame.clone()).octets().unwrap();
+        assert_eq!((told.frame(Some(&line)), told.lacks(&line)), (frame.clone(), true));
         assert_eq!(DpTelegram::read(told.words()), Some(told));
         let Octets { known, length } = told.telegram().unwrap();
         let octets = Telegram::Frame(frame.clone()).octets().unwrap();
@@ -200,8 +243,14 @@ mod tests {
         let short = Frame { data: vec![1, 2, 3, 4], ..frame.clone() };
         let whole =
             DpTelegram::new(BusIndex(0), Origin { plc: DeviceIndex(0), node: 1 }, &short).telegram().unwrap();
-        let octets = Telegram::Frame(short).octets().unwrap();
+        let octets = Telegram::Frame(short.clone()).octets().unwrap();
         assert_eq!(whole, Octets { length: octets.len(), known: octets });
+        let fixed = Frame { fc: 0x5D, dsap: None, ..short.clone() };
+        let told = DpTelegram::new(BusIndex(0), Origin { plc: DeviceIndex(0), node: 1 }, &fixed);
+        assert!(
+            !told.lacks(&Telegram::Frame(fixed).octets().unwrap()) && told.lacks(&[0; 14]),
+            "another form"
+        );
         let other = Frame { data: vec![1, 2, 3, 4, 6], ..frame };
         assert_ne!(DpTelegram::new(BusIndex(0), Origin { plc: DeviceIndex(0), node: 1 }, &other), told);
     }

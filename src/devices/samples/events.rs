@@ -49,14 +49,16 @@ mod tests {
     fn record(event: Event) -> impl Strategy<Value = Record> {
         let seq = prop_oneof![any::<u64>(), Just(Record::PENDING)];
         let repeated = prop_oneof![Just((1, 0)), (2..=u32::MAX, any::<u32>())];
-        (seq, any::<u64>(), repeated, any::<Option<u32>>()).prop_map(
-            move |(seq, time_us, (count, period_us), latency_us)| Record {
+        let octets = prop::option::of(prop::collection::vec(any::<u8>(), 0..=255));
+        (seq, any::<u64>(), repeated, any::<Option<u32>>(), octets).prop_map(
+            move |(seq, time_us, (count, period_us), latency_us, octets)| Record {
                 seq,
                 time_us,
                 event,
                 count,
                 period_us,
                 latency_us,
+                octets: octets.map(Into::into),
             },
         )
     }
@@ -117,7 +119,7 @@ mod tests {
 
         #[test]
         fn every_event_reads(event in event()) {
-            let record = Record { seq: 7, time_us: 8, event, count: 1, period_us: 0, latency_us: None };
+            let record = Record { seq: 7, time_us: 8, event, count: 1, period_us: 0, latency_us: None, octets: None };
             let (mut text, mut json) = (String::new(), String::new());
             Text::new(Names::default(), catalogue()).record(&record, &mut text);
             Jsonl::new(Names::default(), catalogue()).record(&record, &mut json);

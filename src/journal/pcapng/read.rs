@@ -6,6 +6,7 @@ use super::{
 };
 use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
 use crate::journal::recording::{Direction, Entry, Logged, Recording};
+use crate::profibus::MAX_OCTETS;
 
 /// An error in a part of a log.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -26,7 +27,8 @@ pub fn is_one(log: &[u8]) -> bool {
 }
 
 /// Reads a log. Blocks of other kinds, as names and statistics, are passed over. Packets that are no frames of Classical
-/// CAN are [`Recording::skipped`]: telegrams of PROFIBUS, error messages of SocketCAN, CAN FD, and other link types.
+/// CAN and no telegrams of PROFIBUS are [`Recording::skipped`]: error messages of SocketCAN, CAN FD, other link types, and
+/// telegrams that a capture has cut off.
 ///
 /// # Errors
 /// [`BadLog`]: it is cut off or no pcapng, or has a frame that is not possible on a CAN bus.
@@ -46,6 +48,7 @@ pub fn read(log: &[u8]) -> Result<Recording, BadLog> {
             section.block(rest).ok_or_else(|| bad("the block is cut off, or its length is wrong".into()))?;
         match section.take(kind, body).map_err(bad)? {
             Some(Entry::Frame(frame)) => recording.add(at, Entry::Frame(Logged { at, ..frame })),
+            Some(Entry::Telegram(it)) => recording.add(at, Entry::Telegram(Logged { at, ..it })),
             Some(skipped) => recording.add(at, skipped),
             None => {}
         }
@@ -145,13 +148,11 @@ impl Section {
         let interface =
             self.interfaces.get(number).ok_or("a packet of an interface that was not named before")?;
         let name = interface.name.clone().unwrap_or_else(|| format!("can{number}"));
-        if interface.link == PROFIBUS_DL {
-            return Ok(Entry::Skipped(format!("a telegram of PROFIBUS, of interface '{name}'")));
-        }
-        if interface.link != SOCKETCAN {
+        if interface.link != SOCKETCAN && interface.link != PROFIBUS_DL {
             let link = interface.link;
             return Ok(Entry::Skipped(format!(
-                "a packet of interface '{name}' with link type {link}; those of CAN have {SOCKETCAN} (SocketCAN)"
+                "a packet of interface '{name}' with link type {link}; those of CAN have {SOCKETCAN} (SocketCAN), \
+                 those of PROFIBUS {PROFIBUS_DL}"
             )));
         }
         let ticks = u64::from(word(4)?) << 32 | u64::from(word(8)?);
@@ -160,6 +161,14 @@ impl Section {
         let data = body.get(20..).and_then(|rest| rest.get(..length)).ok_or(CUT_OFF)?;
         let options = body.get(20 + length.next_multiple_of(4)..).unwrap_or_default();
         let direction = self.direction(options);
+        if interface.link == PROFIBUS_DL {
+            return Ok(if word(16)? as usize != length || data.is_empty() || length > MAX_OCTETS {
+                Entry::Skipped(format!("a telegram of interface '{name}' without all its octets"))
+            } else {
+                let frame = data.to_vec();
+                Entry::Telegram(Logged { at: 0, time_us, interface: name, direction, frame })
+            });
+        }
         let of = |frame| Entry::Frame(Logged { at: 0, time_us, interface: name, direction, frame });
         Ok(match frame(data)? {
             Ok(frame) => of(frame),

@@ -84,9 +84,8 @@ fn foreign_packets_are_skipped_and_damaged_ones_refused() {
         (SOCKETCAN, &[0, 0, 1, 0x23, 12, 4, 0, 0, 1][..], "CAN FD"),
         (SOCKETCAN, &[0x20, 0, 0, 1, 8, 0, 0, 0], "error message"),
         (1, &FRAME, "'eth0' with link type 1"),
-        (PROFIBUS_DL, &[0xE5], "a telegram of PROFIBUS"),
     ] {
-        let Recording { frames, skipped } = recorded(link, &[(NAME, b"eth0")], packet).unwrap();
+        let Recording { frames, skipped, .. } = recorded(link, &[(NAME, b"eth0")], packet).unwrap();
         assert!(frames.is_empty() && skipped.len() == 1 && skipped[0].at > 0, "{skipped:?}");
         assert!(skipped[0].reason.contains(text), "{skipped:?}");
     }
@@ -106,6 +105,22 @@ fn foreign_packets_are_skipped_and_damaged_ones_refused() {
     let mut old = log(false, SOCKETCAN, &[], 0, &FRAME);
     block(TIMELESS_PACKET, &[0; 4], false, &mut old);
     assert!(read(&old).unwrap_err().to_string().contains("old kind"));
+}
+
+#[test]
+fn telegrams_are_read_unless_a_capture_has_cut_them_off() {
+    let telegram = [0x10, 5, 2, 0x49, 0x50, 0x16];
+    let recording = read(&log(false, PROFIBUS_DL, &[], 7, &telegram)).unwrap();
+    let [Logged { time_us, frame, .. }] = &recording.telegrams[..] else { panic!("{recording:?}") };
+    assert_eq!((*time_us, frame.as_slice()), (7, &telegram[..]));
+    let mut short = log(false, PROFIBUS_DL, &[], 7, &telegram);
+    // The original length follows the captured one; the packet ends with options and its length.
+    let at = short.len() - 4 - 8;
+    short[at - 4..at].copy_from_slice(&20_u32.to_le_bytes());
+    let recording = read(&short).unwrap();
+    assert!(recording.telegrams.is_empty() && recording.skipped[0].reason.contains("without all its octets"));
+    let long = read(&log(false, PROFIBUS_DL, &[], 7, &[0; 256])).unwrap();
+    assert_eq!((long.telegrams.len(), long.skipped.len()), (0, 1));
 }
 
 #[test]

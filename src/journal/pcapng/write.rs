@@ -92,7 +92,7 @@ impl Format<Vec<u8>> for Pcapng {
             let known = packet(&carried.frame).to_vec();
             Octets { length: known.len(), known }
         });
-        let Some(Octets { mut known, length }) = frame.or_else(|| record.event.telegram()) else { return };
+        let Some(Octets { mut known, length }) = frame.or_else(|| record.telegram()) else { return };
         let (high, low) = ((record.time_us >> 32) as u32, record.time_us as u32);
         let words = [bus.0, high, low, known.len() as u32, length as u32];
         let mut body: Vec<_> = words.into_iter().flat_map(u32::to_le_bytes).collect();

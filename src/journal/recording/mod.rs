@@ -1,9 +1,10 @@
-//! Recordings of CAN buses: logs of this program and of other loggers, read for playing and comparing.
+//! Recordings of buses: logs of this program and of other loggers, read for playing and comparing.
 //!
 //! [`read_text`] reads texts, [`pcapng::read`](super::pcapng::read) the files of Wireshark.
 
 mod candump;
 mod gvret;
+mod jsonl;
 
 use crate::can::Frame;
 
@@ -16,22 +17,22 @@ pub enum Direction {
     Transmitted,
 }
 
-/// A frame of a recording.
+/// A frame of a recording, or the octets of a telegram.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Logged {
+pub struct Logged<T = Frame> {
     /// Position in the file: the line of a text, counted from 1; the first byte of the block in a pcapng log.
     pub at: usize,
-    /// Time in microseconds.
+    /// Time in microseconds. A telegram of this program ends at its time.
     pub time_us: u64,
     /// The interface: the bus, in a log of this program.
     pub interface: String,
     /// The direction, if the logger wrote it.
     pub direction: Option<Direction>,
-    /// The frame.
-    pub frame: Frame,
+    /// The frame, or the telegram from its start delimiter to its end delimiter.
+    pub frame: T,
 }
 
-/// An entry of a recording that is no frame of Classical CAN.
+/// An entry of a recording that is no frame of Classical CAN and no telegram of PROFIBUS.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Skipped {
     /// Position in the file, as [`Logged::at`].
@@ -45,20 +46,28 @@ pub struct Skipped {
 pub struct Recording {
     /// The frames in the order of the file.
     pub frames: Vec<Logged>,
+    /// The telegrams of PROFIBUS in the order of the file.
+    pub telegrams: Vec<Logged<Vec<u8>>>,
     /// The other entries in the order of the file.
     pub skipped: Vec<Skipped>,
 }
 
-/// An entry of a recording: a frame, or the reason why it is skipped.
+/// An entry of a recording: a frame, a telegram, or the reason why it is skipped.
 pub(super) enum Entry {
     Frame(Logged),
+    Telegram(Logged<Vec<u8>>),
     Skipped(String),
 }
 
 impl Recording {
+    fn is_empty(&self) -> bool {
+        self.frames.is_empty() && self.telegrams.is_empty()
+    }
+
     pub(super) fn add(&mut self, at: usize, entry: Entry) {
         match entry {
             Entry::Frame(logged) => self.frames.push(logged),
+            Entry::Telegram(logged) => self.telegrams.push(logged),
             Entry::Skipped(reason) => self.skipped.push(Skipped { at, reason }),
         }
     }
@@ -74,7 +83,8 @@ pub struct BadLine {
     pub right: &'static str,
 }
 
-/// Reads a text: a log of `candump -L` or `candump -ta` (can-utils), of python-can, or a file of GVRET or SavvyCAN in CSV.
+/// Reads a text: a log of `candump -L` or `candump -ta` (can-utils), of python-can, a file of GVRET or SavvyCAN in CSV, or
+/// lines of `commram trace --format json`.
 /// Empty lines and comments (`#`, `;`, `//`) are passed over. Error frames and frames of CAN FD and CAN XL are
 /// [`Recording::skipped`], as is a last line that was cut off.
 ///
@@ -87,6 +97,7 @@ pub fn read_text(text: &str) -> Result<Recording, BadLine> {
     let lines = text.lines().enumerate().map(|(index, line)| (index + 1, line.trim()));
     let mut lines = lines.filter(|(_, line)| !line.is_empty() && !is_comment(line)).peekable();
     let table = lines.peek().and_then(|(_, line)| gvret::Columns::of_head(line));
+    let is_json = lines.peek().is_some_and(|(_, line)| jsonl::is_one(line));
     if table.is_some() {
         lines.next();
     }
@@ -94,13 +105,16 @@ pub fn read_text(text: &str) -> Result<Recording, BadLine> {
     let mut recording = Recording::default();
     while let Some((at, line)) = lines.next() {
         let entry = match &table {
-            Some(columns) => columns.entry(at, line),
-            None => candump::entry(at, line),
+            Some(columns) => columns.entry(at, line).map(Some),
+            None if is_json => jsonl::entry(at, line),
+            None => candump::entry(at, line).map(Some),
         };
         match entry {
-            Ok(entry) => recording.add(at, entry),
+            Ok(Some(entry)) => recording.add(at, entry),
+            // A record that is no frame.
+            Ok(None) => {}
             // A logger that was ended leaves part of a line.
-            Err(_) if !last_is_whole && lines.peek().is_none() && !recording.frames.is_empty() => {
+            Err(_) if !last_is_whole && lines.peek().is_none() && !recording.is_empty() => {
                 recording.add(at, Entry::Skipped("the last line, which is cut off".to_owned()));
             }
             Err(right) => return Err(BadLine { line: at, right }),

@@ -13,7 +13,7 @@ fn shown(it: &Logged) -> String {
 }
 
 fn read(text: &str) -> (Vec<String>, Vec<(usize, String)>) {
-    let Recording { frames, skipped } = read_text(text).unwrap_or_else(|error| panic!("{error}"));
+    let Recording { frames, skipped, .. } = read_text(text).unwrap_or_else(|error| panic!("{error}"));
     (frames.iter().map(shown).collect(), skipped.into_iter().map(|it| (it.at, it.reason)).collect())
 }
 
@@ -108,6 +108,29 @@ fn an_invalid_log_is_refused_with_its_line() {
     ] {
         let error = read_text(&format!("(0000000000.000000) a 000#\n{line}\n")).unwrap_err();
         assert!(error.line == 2 && error.to_string().contains(text), "{line}: {error}");
+    }
+}
+
+#[test]
+fn records_of_a_trace_are_frames_and_telegrams() {
+    let text = r#"{"v":1,"seq":0,"time_us":5,"kind":"state","plc":"gw","node":1}
+{"v":1,"seq":1,"time_us":10,"kind":"dp_telegram","bus":"dp","da":5,"sa":2,"fc":73,"octets":0,"first":"","data":"","sum":1,"from":"gw:dp"}
+{"v":1,"seq":2,"time_us":20,"kind":"dp_short","bus":"dp","is_token":false,"from":"gw:dp"}
+{"v":1,"seq":3,"time_us":30,"kind":"dp_short","bus":"dp","is_token":true,"da":3,"sa":2,"from":"gw:dp"}
+{"v":1,"seq":4,"time_us":40,"kind":"dp_telegram","bus":"dp","da":5,"sa":2,"fc":125,"octets":5,"first":"01020304","sum":1}
+{"v":1,"seq":5,"time_us":50,"kind":"can_frame","bus":"open","id":291,"extended":false,"remote":false,"length":1,"data":"AB"}
+{"v":1,"kind":"gap","lost":7}
+"#;
+    let recording = read_text(text).unwrap();
+    let telegrams: Vec<_> =
+        recording.telegrams.iter().map(|it| (it.at, it.time_us, it.frame.clone())).collect();
+    let request = vec![0x10, 5, 2, 0x49, 0x50, 0x16];
+    assert_eq!(telegrams, [(2, 10, request), (3, 20, vec![0xE5]), (4, 30, vec![0xDC, 3, 2])]);
+    let frames: Vec<_> = recording.frames.iter().map(|it| FrameText(&it.frame).to_string()).collect();
+    assert_eq!((frames, recording.skipped.len()), (vec!["123#AB".to_owned()], 1));
+    assert_eq!(recording.skipped[0].at, 5);
+    for wrong in ["{\"kind\":\"dp_telegram\",\"bus\":\"dp\",\"data\":\"\"}", "{\"kind\":3}", "{\"v\":1"] {
+        assert_eq!(read_text(&format!("{wrong}\n")).unwrap_err().line, 1, "{wrong}");
     }
 }
 

@@ -5,7 +5,7 @@ use crate::journal::{By, ChangeDetails, Event};
 use crate::layout::RegisterPhase;
 
 fn record(seq: u64, time_us: u64, event: impl Into<Event>) -> Record {
-    Record { seq, time_us, event: event.into(), count: 1, period_us: 0, latency_us: None }
+    Record { seq, time_us, event: event.into(), count: 1, period_us: 0, latency_us: None, octets: None }
 }
 
 fn changed(offset: u32, from: u32, to: u32) -> Changed {
@@ -22,7 +22,8 @@ fn waves(records: &[Record]) -> Waves {
 fn counted_events_appear_at_all_their_times_and_repetitions_are_no_changes() {
     let edges = Record { count: 3, period_us: 10, ..record(0, 120, Edge { bus: BusIndex(0) }) };
     let packets = [105, 115, 125].map(|time| record(time, time, Packet { bus: BusIndex(0), data: 7 }));
-    let waves = waves(&[packets[0], packets[1], edges, packets[2]]);
+    let [first, second, third] = packets;
+    let waves = waves(&[first, second, edges, third]);
     assert_eq!(waves.edges(), [100, 110, 120]);
     let times = |name: &str| {
         let path = vec!["a_bus_1".to_owned(), name.to_owned()];

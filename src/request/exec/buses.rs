@@ -7,7 +7,8 @@ use crate::devices::{Bus, GuestRefusal, ParticipantId, StationState};
 use crate::door::{DoorSpec, Doors};
 use crate::identity::BusIndex;
 use crate::journal::Source;
-use crate::request::{BusState, Code, Host, Refused, Reply, Station, Stranger};
+use crate::profibus::MAX_OCTETS;
+use crate::request::{BusState, Code, FilePart, Host, Refused, Reply, Station, Stranger};
 
 /// Period over which the load of a bus is measured, in emulated microseconds.
 const LOAD_US: u64 = 100_000;
@@ -72,31 +73,57 @@ impl Work<'_> {
         let host = &mut *self.host;
         known(host, bus)?;
         let taken = host.plant_mut().take_part(bus, frame.as_ref());
-        taken.map(|()| Reply::Written).map_err(|refusal| {
-            let found = host.plant().buses().get(bus.index());
-            let (name, family) = found.map_or(("", ""), |bus| (bus.name(), bus.family()));
-            let (code, text) = match refusal {
-                GuestRefusal::Full => (
-                    Code::QUEUE_FULL,
-                    format!("bus '{name}': as many frames as a controller holds wait to be sent already"),
-                ),
-                GuestRefusal::TooFarAhead { seconds } => (
-                    Code::FRAME,
-                    format!(
-                        "bus '{name}': the time of the telegram lies {seconds} s ahead; it may be 60 s at most"
-                    ),
-                ),
-                GuestRefusal::NotHere => (
-                    Code::FRAME,
-                    format!(
-                        "bus '{name}' does not take this frame: it is a {family} bus, which may not have such \
-                         frames, or no master runs it"
-                    ),
-                ),
-            };
-            Refused::new(code, text)
-        })
+        taken.map(|()| Reply::Written).map_err(|refusal| refused(host, bus, refusal))
     }
+
+    pub(super) fn telegram_send(
+        &mut self,
+        bus: BusIndex,
+        is_last: bool,
+        part: FilePart,
+    ) -> Result<Reply, Refused> {
+        let host = &mut *self.host;
+        known(host, bus)?;
+        let octets = &mut self.execution.octets;
+        octets.extend_from_slice(part.bytes());
+        if octets.len() > MAX_OCTETS || is_last && octets.is_empty() {
+            let text =
+                format_args!("a telegram has 1 to {MAX_OCTETS} octets, and these are {}", octets.len());
+            let refused = Refused::new(Code::FRAME, text);
+            octets.clear();
+            return Err(refused);
+        }
+        if is_last {
+            let octets = core::mem::take(octets);
+            let taken = host.plant_mut().send_telegram(bus, octets);
+            taken.map_err(|refusal| refused(host, bus, refusal))?;
+        }
+        Ok(Reply::Written)
+    }
+}
+
+/// The error for a frame or telegram that a bus does not take.
+fn refused(host: &dyn Host, bus: BusIndex, refusal: GuestRefusal) -> Refused {
+    let found = host.plant().buses().get(bus.index());
+    let (name, family) = found.map_or(("", ""), |bus| (bus.name(), bus.family()));
+    let (code, text) = match refusal {
+        GuestRefusal::Full => (
+            Code::QUEUE_FULL,
+            format!("bus '{name}': as many frames as a controller holds wait to be sent already"),
+        ),
+        GuestRefusal::TooFarAhead { seconds } => (
+            Code::FRAME,
+            format!("bus '{name}': the time of the telegram lies {seconds} s ahead; it may be 60 s at most"),
+        ),
+        GuestRefusal::NotHere => (
+            Code::FRAME,
+            format!(
+                "bus '{name}' does not take this frame: it is a {family} bus, which may not have such frames, or no \
+                 master runs it"
+            ),
+        ),
+    };
+    Refused::new(code, text)
 }
 
 fn known(host: &dyn Host, bus: BusIndex) -> Result<(), Refused> {

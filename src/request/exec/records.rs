@@ -3,18 +3,27 @@
 use super::Work;
 use super::range::not_followed;
 use crate::identity::DeviceIndex;
-use crate::journal::Keep;
+use crate::journal::{Keep, Record};
 use crate::request::register::known_plc;
 use crate::request::{MAX_RECORDS, Refused, Reply};
+
+/// Most bytes of telegrams in a reply: half of what the replies of a request may have.
+const MAX_OCTETS: usize = 131_072;
 
 impl Work<'_> {
     /// If the records reach the end of the journal, those that are still being counted follow.
     pub(super) fn journal(&mut self, from: u64, max: u32) -> Result<Reply, Refused> {
         let (journal, max) = (self.host.plant().journal(), max.min(MAX_RECORDS) as usize);
-        let records = journal.read(from);
-        let pending = if records.len() <= max { journal.pending() } else { Vec::new() };
+        let mut octets = 0;
+        let fits = |record: &Record| {
+            octets += record.octets.as_ref().map_or(0, |octets| octets.len());
+            octets <= MAX_OCTETS
+        };
+        let (left, records) = (journal.read(from).len(), journal.read(from).take(max).take_while(fits));
+        let records: Vec<Record> = records.collect();
+        let pending = if records.len() == left { journal.pending() } else { Vec::new() };
         let pending = pending.into_iter().map(|record| record.judged_at(self.host.plant().now()));
-        let records = records.take(max).copied().chain(pending).collect();
+        let records = records.into_iter().chain(pending).collect();
         Ok(Reply::Journal { records, end: journal.end(), turn: journal.turn() })
     }
 

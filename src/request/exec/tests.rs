@@ -398,7 +398,7 @@ fn pending_records_follow_the_end_of_the_journal() {
     let end = host.plant.journal().end();
     let mut read = |from, max| host.request(&[Op::Journal { from, max }]).remove(0).journal().unwrap().0;
     let part = read(end - 2, 1);
-    assert!(matches!(part[..], [record] if record.seq == end - 2), "{part:?}");
+    assert!(matches!(&part[..], [record] if record.seq == end - 2), "{part:?}");
     assert_eq!(read(end - 1, 9)[1..], pending);
 }
 
@@ -462,7 +462,7 @@ fn an_operation_that_pauses_does_the_same() {
             }
         };
         let replies: Vec<_> = ops.iter().map(&mut run).collect();
-        let records: Vec<_> = host.plant.journal().records().copied().collect();
+        let records: Vec<_> = host.plant.journal().records().collect();
         ((replies, records, host.steps - parts), pauses)
     };
     let (whole, pauses) = outcome(false, 0);

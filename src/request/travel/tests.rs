@@ -45,10 +45,10 @@ fn until(value: u32) -> [Op; 2] {
 fn going_back_by_a_time_restores_the_state_and_continues_from_it() {
     let mut host = host();
     let (hash, end) = (host.plant.journal().hash(), host.plant.journal().end());
-    let records: Vec<_> = host.plant.journal().records().copied().collect();
+    let records: Vec<_> = host.plant.journal().records().collect();
     assert_eq!(host.request(&[back(5_500)]), [Reply::Time(3_500)]);
     assert_eq!(held(&mut host), Reply::Value(1));
-    let kept: Vec<_> = host.plant.journal().records().copied().collect();
+    let kept: Vec<_> = host.plant.journal().records().collect();
     assert!(kept.len() < records.len() && records.starts_with(&kept), "{kept:?}");
     // The same stores are repeated: the same journal.
     host.request(&[Op::Advance { us: 1_500 }, poke(2), Op::Advance { us: 4_000 }]);

@@ -9,7 +9,7 @@ fn journal_text(bench: &Bench) -> String {
     let mut text = Text::new(bench.plant.names(), commram::devices::catalogue());
     let mut out = String::new();
     for record in bench.plant.journal().records() {
-        text.record(record, &mut out);
+        text.record(&record, &mut out);
     }
     out
 }

@@ -41,7 +41,7 @@ fn news(rig: &Rig) -> Vec<(u64, u16, News)> {
     let pending = rig.plant.journal().pending();
     let mut all: Vec<_> = rig
         .records()
-        .chain(&pending)
+        .chain(pending)
         .filter_map(|record| {
             let FaultNews { id, news, .. } = record.event.get()?;
             Some(record.times().map(move |time| (time, id, news)))

@@ -10,7 +10,7 @@ use commram::identity::DeviceIndex;
 fn edges(rig: &Rig) -> Vec<u64> {
     let (noted, pending) = (rig.records(), rig.plant.journal().pending());
     let mut times: Vec<u64> =
-        noted.chain(&pending).filter(|r| r.event.is::<SyncEdge>()).flat_map(|r| r.times()).collect();
+        noted.chain(pending).filter(|r| r.event.is::<SyncEdge>()).flat_map(|r| r.times()).collect();
     times.sort_unstable();
     times
 }

@@ -3,17 +3,16 @@
 use super::super::super::error::CliError;
 use super::super::super::session::Session;
 use super::super::super::{Instance, output, time};
+use super::message::{Message, Senders};
 use super::select::Select;
-use super::{AddressedFrame, nothing, read};
-use crate::can::Frame;
+use super::{AddressedMessage, Buses, nothing, read};
 use crate::identity::BusIndex;
-use crate::journal::candump::FrameText;
-use crate::journal::{Record, Source};
+use crate::journal::Source;
 use crate::plural::plural;
-use crate::request::Op;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// Compare the frames of the journal with the frames of a log.
+/// Compare the frames and telegrams of the journal with those of a log.
 ///
 /// On each bus the frames must be the same in the same order. Their times since the first frame of the bus must be
 /// the same within the tolerance. Every difference is a line: `missing` is only in the log, `extra` only in the
@@ -24,7 +23,8 @@ use std::path::PathBuf;
 Examples:
   commram bus compare open.log
   commram bus compare can0.log --bus open --tolerance 100us --since 2s
-  commram bus compare can0.log --id 180:780")]
+  commram bus compare can0.log --id 180:780
+  commram bus compare dp.jsonl --station 5")]
 pub(in super::super) struct Compare {
     /// The log
     log: PathBuf,
@@ -46,8 +46,8 @@ pub(in super::super) struct Compare {
     instance: Instance,
 }
 
-/// A frame and its time in microseconds.
-type TimedFrame = (u64, Frame);
+/// A frame or telegram and its time in microseconds.
+type TimedFrame = (u64, Message);
 
 /// How many missing or extra frames the comparison skips to find a match again.
 const WINDOW: usize = 64;
@@ -58,8 +58,8 @@ fn differences(bus: &str, wanted: &[TimedFrame], found: &[TimedFrame], tolerance
         (Some(wanted), Some(found)) => (wanted.0, found.0),
         _ => (0, 0),
     };
-    let show = |what: &str, &(time_us, ref frame): &TimedFrame| {
-        format!("{what:7}  {}  {bus} {}", time::seconds(time_us), FrameText(frame))
+    let show = |what: &str, (time_us, message): &TimedFrame| {
+        format!("{what:7}  {}  {bus} {message}", time::seconds(*time_us))
     };
     let ahead = |frame: &TimedFrame, list: &[TimedFrame]| {
         list.iter().take(WINDOW).position(|other| other.1 == frame.1)
@@ -105,8 +105,8 @@ fn differences(bus: &str, wanted: &[TimedFrame], found: &[TimedFrame], tolerance
 pub(in super::super) fn compare(args: &Compare) -> Result<(), CliError> {
     let log = read(&args.log)?;
     let session = Session::open(&args.instance, 0)?;
-    let info = session.ask(Op::Info)?.info()?;
-    let log = log.aim(&args.select, args.bus.as_deref(), &info)?;
+    let known = Buses::of(&session)?;
+    let log = log.aim(&args.select, args.bus.as_deref(), &known)?;
     if log.is_empty() && !args.allow_empty {
         return Err(nothing(&args.log, "it has no frame to compare; --allow-empty accepts that"));
     }
@@ -116,10 +116,11 @@ pub(in super::super) fn compare(args: &Compare) -> Result<(), CliError> {
     buses.dedup();
     let mut lines = Vec::new();
     for bus in buses {
-        let of_bus = |it: &&AddressedFrame| it.bus == bus;
-        let wanted: Vec<TimedFrame> = log.iter().filter(of_bus).map(|it| (it.time_us, it.frame)).collect();
-        let found: Vec<TimedFrame> = journal.iter().filter(|it| it.0 == bus).map(|it| it.1).collect();
-        let name = info.names.buses.get(bus.index()).map_or("", String::as_str);
+        let of_bus = |it: &&AddressedMessage| it.bus == bus;
+        let wanted: Vec<TimedFrame> =
+            log.iter().filter(of_bus).map(|it| (it.time_us, it.message.clone())).collect();
+        let found: Vec<TimedFrame> = journal.iter().filter(|it| it.0 == bus).map(|it| it.1.clone()).collect();
+        let name = known.info.names.buses.get(bus.index()).map_or("", String::as_str);
         lines.extend(differences(name, &wanted, &found, args.tolerance));
     }
     if lines.is_empty() {
@@ -130,24 +131,35 @@ pub(in super::super) fn compare(args: &Compare) -> Result<(), CliError> {
     Err(CliError::Reported)
 }
 
-/// Reads the selected frames of the journal with their buses.
+/// Reads the selected frames and telegrams of the journal with their buses.
 fn frames(session: &Session, args: &Compare) -> Result<Vec<(BusIndex, TimedFrame)>, CliError> {
-    let frame = |record: &Record| {
-        let (carried, source) = (record.event.frame()?, record.event.source());
-        let Source::Bus(bus) = source else { return None };
-        let is_one = record.time_us >= args.since && args.select.takes_id(&carried.frame);
-        is_one.then_some((bus, (record.time_us, carried.frame)))
-    };
-    Ok(session.records(0)?.iter().filter_map(frame).collect())
+    let mut senders: BTreeMap<BusIndex, Senders> = BTreeMap::new();
+    let mut found = Vec::new();
+    for record in session.records(0)? {
+        let (Some(message), Source::Bus(bus)) = (Message::of_record(&record), record.event.source()) else {
+            continue;
+        };
+        let is_selected = match &message {
+            Message::Frame(frame) => args.select.takes_id(frame),
+            Message::Telegram(octets) => {
+                let sender = senders.entry(bus).or_default().of_next(octets);
+                args.select.takes_sender(sender)
+            }
+        };
+        if is_selected && record.time_us >= args.since {
+            found.push((bus, (record.time_us, message)));
+        }
+    }
+    Ok(found)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::can::Payload;
+    use crate::can::{Frame, Payload};
 
     fn at(time_us: u64, mark: u8) -> TimedFrame {
-        (time_us, Frame::standard(0x100, Payload::from_padded([mark; 8], 1)))
+        (time_us, Message::Frame(Frame::standard(0x100, Payload::from_padded([mark; 8], 1))))
     }
 
     fn kinds(wanted: &[TimedFrame], found: &[TimedFrame], tolerance_us: u64) -> Vec<String> {

@@ -4,19 +4,20 @@ use super::super::super::demo::Interrupts;
 use super::super::super::error::CliError;
 use super::super::super::session::Session;
 use super::super::super::{Instance, output, time};
+use super::message::Message;
 use super::select::Select;
-use super::{AddressedFrame, nothing, read};
+use super::{AddressedMessage, Buses, nothing, read};
 use crate::channel::ClientError;
 use crate::plural::plural;
-use crate::request::{Code, MAX_ADVANCE_US, MAX_OPS, Op, Refused, Reply, read_journal};
+use crate::request::{Code, FilePart, MAX_ADVANCE_US, MAX_OPS, Op, Refused, Reply, read_journal};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Send the frames of a log to buses, with the time intervals of the log.
 ///
 /// LOG is a text of `candump -L` or `candump -ta`, of python-can, of GVRET or SavvyCAN (CSV), of `commram trace
-/// --format candump`, or a pcapng file of Wireshark or `commram trace`. Error frames and other entries that are no
-/// frames of classical CAN are skipped with a note. The first frame is sent at once. With the stepped clock the
+/// --format candump` or `json`, or a pcapng file of Wireshark or `commram trace`. Telegrams of PROFIBUS are in `json` and
+/// pcapng. Error frames and other entries that are no frames of classical CAN are skipped with a note. The first frame is sent at once. With the stepped clock the
 /// command advances the clock from one frame to the next, with the real-time clock it waits. Other stations on the
 /// bus take part in the arbitration; a frame for which there is no room waits. The command ends when the last frame
 /// has ended on its bus. An interface of the log means the bus of the same name, or the only bus of the instance.
@@ -26,6 +27,7 @@ Examples:
   commram bus play open.log
   commram bus play open.pcapng
   commram bus play can0.log --bus open --without-node 32
+  commram bus play dp.jsonl --without-station 5
   commram bus play machine.csv --interface can1 --id 180:780 --bus open")]
 pub(in super::super) struct Play {
     /// The log
@@ -57,7 +59,7 @@ const PAUSE: Duration = Duration::from_millis(1);
 
 /// Checks that the times of the frames can be played. A frame with an earlier time than the preceding frame is accepted:
 /// it is sent at once, with a note on the standard error output.
-fn check_times(log: &[AddressedFrame], unit: &str, path: &Path) -> Result<(), CliError> {
+fn check_times(log: &[AddressedMessage], unit: &str, path: &Path) -> Result<(), CliError> {
     let mut latest = log.first().map_or(0, |first| first.time_us);
     let mut earlier = Vec::new();
     for frame in log {
@@ -89,12 +91,27 @@ fn check_times(log: &[AddressedFrame], unit: &str, path: &Path) -> Result<(), Cl
     Ok(())
 }
 
+/// Changes the time of each telegram from its end to its begin, at which it is sent. The first one begins at the earliest
+/// time in the log.
+fn begin_telegrams(log: &mut [AddressedMessage], buses: &Buses) {
+    let duration = |it: &AddressedMessage| match &it.message {
+        Message::Frame(_) => 0,
+        Message::Telegram(octets) => buses.telegram_us(it.bus, octets),
+    };
+    // Times of a log may begin at 0, before which nothing can begin.
+    let longest = log.iter().map(duration).max().unwrap_or(0);
+    for it in log {
+        it.time_us = it.time_us.saturating_add(longest).saturating_sub(duration(it));
+    }
+}
+
 /// Plays a log.
 pub(in super::super) fn play(args: &Play) -> Result<(), CliError> {
     let log = read(&args.log)?;
     let unit = log.unit;
-    let info = Session::open(&args.instance, 0)?.ask(Op::Info)?.info()?;
-    let log = log.aim(&args.select, args.bus.as_deref(), &info)?;
+    let buses = Buses::of(&Session::open(&args.instance, 0)?)?;
+    let mut log = log.aim(&args.select, args.bus.as_deref(), &buses)?;
+    begin_telegrams(&mut log, &buses);
     check_times(&log, unit, &args.log)?;
     let Some(first) = log.first() else {
         if args.allow_empty {
@@ -107,7 +124,7 @@ pub(in super::super) fn play(args: &Play) -> Result<(), CliError> {
     let session = Session::open(&args.instance, length_us)?;
     let next = session.ask(Op::Journal { from: u64::MAX, max: 1 })?.journal_part()?.end;
     let mut player = Player::new(&session, &log, next);
-    let played = match info.is_stepped {
+    let played = match buses.info.is_stepped {
         true => player.stepped().map(|()| String::new()),
         false => player.in_real_time().map(|timing| timing.text()),
     };
@@ -133,7 +150,7 @@ impl Timing {
 /// Plays the frames of a log.
 struct Player<'a> {
     session: &'a Session,
-    log: &'a [AddressedFrame],
+    log: &'a [AddressedMessage],
     /// Time of the first frame.
     start_us: u64,
     /// Count of frames that the buses have accepted.
@@ -151,7 +168,7 @@ struct Player<'a> {
 
 impl<'a> Player<'a> {
     /// A player of a log with at least one frame. `next` is the number of the next record of the journal.
-    fn new(session: &'a Session, log: &'a [AddressedFrame], next: u64) -> Self {
+    fn new(session: &'a Session, log: &'a [AddressedMessage], next: u64) -> Self {
         let start_us = log.first().map_or(0, |first| first.time_us);
         Player {
             session,
@@ -211,20 +228,23 @@ impl<'a> Player<'a> {
         let part = &self.log[self.accepted..];
         let mut ops = Vec::with_capacity(MAX_OPS);
         let mut then_us = *now_us;
-        for it in part.iter().take(MAX_OPS / 2) {
+        for it in part {
             let us = it.time_us.saturating_sub(then_us);
-            if !ops.is_empty() && then_us + us - *now_us > COUNT_US {
+            let sends = sends(it);
+            let is_full = ops.len() + 1 + sends.len() > MAX_OPS;
+            if is_full || !ops.is_empty() && then_us + us - *now_us > COUNT_US {
                 break;
             }
             ops.extend((us > 0).then_some(Op::Advance { us }));
             then_us += us;
-            ops.push(Op::BusSend { bus: it.bus, frame: Some(it.frame) });
+            ops.extend(sends);
         }
         for (op, reply) in ops.iter().zip(self.session.replies(&ops)?) {
             match (op, reply) {
                 (_, Reply::Error(refused)) if refused.code == Code::QUEUE_FULL => return Ok(true),
                 (_, Reply::Error(refused)) => return Err(ClientError::Refused(refused).into()),
                 (Op::Advance { us }, _) => *now_us += us,
+                (Op::TelegramSend { is_last: false, .. }, _) => {}
                 _ => self.accepted += 1,
             }
         }
@@ -275,8 +295,8 @@ impl<'a> Player<'a> {
     }
 
     /// Sends a frame; returns the refusal, if any.
-    fn send(&self, it: &AddressedFrame) -> Result<Option<Refused>, CliError> {
-        let replies = self.session.replies(&[Op::BusSend { bus: it.bus, frame: Some(it.frame) }])?;
+    fn send(&self, it: &AddressedMessage) -> Result<Option<Refused>, CliError> {
+        let replies = self.session.replies(&sends(it))?;
         Ok(replies.into_iter().find_map(|reply| match reply {
             Reply::Error(refused) => Some(refused),
             _ => None,
@@ -302,7 +322,7 @@ impl<'a> Player<'a> {
     fn count_left(&mut self) -> Result<(), CliError> {
         if self.left < self.accepted {
             let part = read_journal(self.next, |op| self.session.ask(op))?;
-            let guests = part.records.iter().filter_map(|record| record.event.frame()?.guest);
+            let guests = part.records.iter().filter_map(|record| record.event.guest());
             self.left += guests.filter(|guest| *guest == 0).count();
             self.next = part.end;
         }
@@ -329,6 +349,20 @@ impl<'a> Player<'a> {
             PATIENCE.as_secs()
         ));
         Err(CliError::Reported)
+    }
+}
+
+/// Returns the operations that send a message.
+fn sends(it: &AddressedMessage) -> Vec<Op> {
+    let bus = it.bus;
+    match &it.message {
+        Message::Frame(frame) => vec![Op::BusSend { bus, frame: Some(*frame) }],
+        Message::Telegram(octets) => {
+            let parts: Vec<_> = octets.chunks(FilePart::MAX).filter_map(FilePart::new).collect();
+            let last = parts.len().saturating_sub(1);
+            let op = |(at, part)| Op::TelegramSend { bus, is_last: at == last, part };
+            parts.into_iter().enumerate().map(op).collect()
+        }
     }
 }
 

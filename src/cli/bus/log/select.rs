@@ -5,7 +5,7 @@ use crate::devices::node_sends;
 use crate::journal::recording::Direction;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
-/// Which frames of a log are taken.
+/// Which frames and telegrams of a log are taken.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Frames of the log")]
 pub(super) struct Select {
@@ -23,6 +23,13 @@ pub(super) struct Select {
     /// instance has; can be given several times
     #[arg(long, value_name = "NODE-ID", value_parser = crate::cli::number::within::<u8>(1..=127))]
     without_node: Vec<u8>,
+    /// Take only telegrams of PROFIBUS from the station with this address; can be given several times
+    #[arg(long, value_name = "ADDRESS", value_parser = crate::cli::number::within::<u8>(0..=126))]
+    station: Vec<u8>,
+    /// Leave out the telegrams of PROFIBUS from the station with this address: for a log of a device that the instance has;
+    /// can be given several times
+    #[arg(long, value_name = "ADDRESS", value_parser = crate::cli::number::within::<u8>(0..=126))]
+    without_station: Vec<u8>,
 }
 
 /// Accepts the words of loggers.
@@ -75,9 +82,31 @@ impl IdFilter {
 impl Select {
     /// Whether a frame of the log is taken.
     pub(super) fn takes(&self, interface: &str, direction: Option<Direction>, frame: &Frame) -> bool {
+        self.takes_from(interface, direction) && self.takes_id(frame)
+    }
+
+    /// Whether a telegram of the log is taken, with the address of its sender.
+    pub(super) fn takes_telegram(
+        &self,
+        interface: &str,
+        direction: Option<Direction>,
+        sender: Option<u8>,
+    ) -> bool {
+        self.takes_from(interface, direction) && self.takes_sender(sender)
+    }
+
+    fn takes_from(&self, interface: &str, direction: Option<Direction>) -> bool {
         self.direction.is_none_or(|wanted| direction == Some(wanted))
             && (self.interface.is_empty() || self.interface.iter().any(|name| name == interface))
-            && self.takes_id(frame)
+    }
+
+    /// Whether a telegram is taken, by its sender only.
+    pub(super) fn takes_sender(&self, sender: Option<u8>) -> bool {
+        let is_in = |list: &[u8]| sender.is_some_and(|sender| list.contains(&sender));
+        // A telegram has no identifier.
+        self.id.iter().all(|filter| filter.is_inverted)
+            && (self.station.is_empty() || is_in(&self.station))
+            && !is_in(&self.without_station)
     }
 
     /// Whether a frame is taken, by its identifier only.
@@ -85,7 +114,9 @@ impl Select {
         let field = frame.arbitration();
         let filters = |is_inverted| self.id.iter().filter(move |filter| filter.is_inverted == is_inverted);
         let is_one_of = |is_inverted| filters(is_inverted).any(|filter| filter.matches(field.id()));
-        (filters(false).next().is_none() || is_one_of(false))
+        // A frame is from no station of PROFIBUS.
+        self.station.is_empty()
+            && (filters(false).next().is_none() || is_one_of(false))
             && !is_one_of(true)
             // The guarding request of a master has the identifier of the answer.
             && (field.is_remote() || !self.without_node.iter().any(|node| node_sends(*node, field.id())))
@@ -139,6 +170,24 @@ mod tests {
             takes(&["--direction", "tx"], "a", sent, &frame)
                 && !takes(&["--direction", "tx"], "a", None, &frame)
         );
+    }
+
+    #[test]
+    fn telegrams_are_selected_by_their_sender() {
+        for (arguments, wanted) in [
+            (&[][..], [true, true, true]),
+            (&["--station", "5"], [true, false, false]),
+            (&["--station", "5", "--station", "2"], [true, true, false]),
+            (&["--without-station", "5"], [false, true, true]),
+            (&["--interface", "other"], [false; 3]),
+            (&["--id", "1A0"], [false; 3]),
+            (&["--id", "!1A0"], [true; 3]),
+        ] {
+            let line = Line::parse_from(std::iter::once(&"x").chain(arguments));
+            let takes = |sender| line.select.takes_telegram("dp", None, sender);
+            assert_eq!([Some(5), Some(2), None].map(takes), wanted, "{arguments:?}");
+        }
+        assert!(!takes(&["--station", "5"], "a", None, &Frame::standard(1, Payload::EMPTY)));
     }
 
     /// The guarding request of a master has the identifier of the node's answer.

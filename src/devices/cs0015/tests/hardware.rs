@@ -191,7 +191,7 @@ fn without_an_operating_system_only_a_download_helps() {
     bench.command(4);
     bench.run(250 * MS);
     assert_eq!((bench.state(), bench.stat()), ("run".to_owned(), "green 0.5 Hz".to_owned()));
-    let why = |record: &Record| record.event.get::<CommandRefused>().map(|it| it.why);
+    let why = |record: Record| record.event.get::<CommandRefused>().map(|it| it.why);
     let told: Vec<_> = bench.journal.records().filter_map(why).collect();
     let expected = [RefusalReason::Locked, RefusalReason::NeedsReset, RefusalReason::State];
     assert_eq!(told, expected.map(|why| why as u8));

@@ -147,7 +147,7 @@ fn an_unknown_function_is_refused_and_reported() {
         assert_eq!(bench.job(function, &[]).0, job_error::FUNCTION);
         let record = bench.journal.records().next_back().unwrap();
         let mut line = String::new();
-        Text::new(Names::default(), catalogue()).record(record, &mut line);
+        Text::new(Names::default(), catalogue()).record(&record, &mut line);
         assert!(line.contains(&format!("job refused: {text}: no such function")), "{line}");
     }
 }

@@ -119,7 +119,7 @@ fn a_controller_stopped_by_the_programming_system_is_not_started_by_the_master()
     let mut bench = Bench::operational("");
     bench.set(FRONT_PROGRAM, program::STOP);
     assert_eq!(bench.state(), "run", "S1 is at LOCK");
-    let refused = |record: &crate::journal::Record| record.event.get::<CommandRefused>();
+    let refused = |record: crate::journal::Record| record.event.get::<CommandRefused>();
     assert_eq!(bench.journal.records().filter_map(refused).count(), 1);
     assert_eq!(bench.registers.flags.UNLOCK.load(), 0);
     bench.command(program::STOP);
