@@ -18,6 +18,8 @@ pub mod cr201x;
 pub mod cs0015;
 #[cfg(feature = "emulator")]
 pub mod demo;
+#[cfg(feature = "emulator")]
+mod ears;
 #[cfg(all(test, feature = "channel"))]
 mod event_text_tests;
 #[cfg(feature = "emulator")]

@@ -70,10 +70,10 @@ impl Plant {
         self.guests_seen(bus).map_or_else(ErrorState::default, |guests| guests.guest_errors(guest))
     }
 
-    /// Frames for the guest go to `ear` if the journal does not keep them whole.
-    pub fn guest_hears(&mut self, bus: BusIndex, guest: u8, ear: &Arc<Guest>) {
-        if let Some(guests) = self.guests_of(bus) {
-            guests.guest_hears(guest, Arc::clone(ear));
+    /// The traffic of the bus goes to `ear` from now on, except what this guest sends; with `None` it hears no more.
+    pub fn guest_hears(&mut self, bus: BusIndex, guest: u8, ear: Option<Arc<Guest>>) {
+        if let Some(guests) = self.guests_seen(bus) {
+            guests.guest_hears(guest, ear);
         }
     }
 

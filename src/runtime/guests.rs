@@ -1,12 +1,11 @@
-//! Connects guests with the plant: the frames that they send, and the frames of the journal that they receive.
+//! Connects guests with the plant: the frames that they send, and the buses that they hear.
 //!
 //! In real time this happens after every firmware step. With a stepped clock, frames enter at the beginning of a step
 //! and guests receive frames at its end, unless a guest has a seat in lockstep: see [`super::turns`].
 
 use crate::devices::{Attendance, GuestRefusal};
-use crate::door::{BusMessage, DoorError, DoorState, Doors, Guest, GuestRequests, GuestTurn, Rate};
+use crate::door::{DoorError, DoorState, Doors, Guest, GuestRequests, GuestTurn, Rate};
 use crate::identity::BusIndex;
-use crate::journal::Source;
 use crate::plant::{Plant, PlantConfig};
 use std::sync::Arc;
 
@@ -14,8 +13,6 @@ use std::sync::Arc;
 pub(super) struct Guests {
     doors: Doors,
     present: Vec<GuestEntry>,
-    /// First record of the journal that was not sent to guests yet.
-    next: u64,
 }
 
 /// A connected guest; the plant may know it.
@@ -28,6 +25,8 @@ struct GuestEntry {
     fits: bool,
     /// The guest takes part in the bus.
     is_in: bool,
+    /// The bus sends its traffic to the guest.
+    has_ear: bool,
     /// With a stepped clock, the emulated time waits for this guest.
     has_seat: bool,
     /// The bit rates of guest and bus, in bit/s, that a finding has reported as different.
@@ -51,7 +50,7 @@ impl Guests {
                 doors.open(index, *door)?;
             }
         }
-        Ok(Guests { doors, present: Vec::new(), next: 0 })
+        Ok(Guests { doors, present: Vec::new() })
     }
 
     /// The doors.
@@ -91,12 +90,8 @@ impl Guests {
         }
         // Events of one moment happen in this order, independent of the order of arrival.
         self.present.sort_by_key(|it| (it.guest.bus, it.guest.number));
-        let was_heard = self.present.iter().any(GuestEntry::hears);
         learn_all(&mut self.present, |_| true, plant);
         self.forget_departed();
-        if !was_heard {
-            self.next = plant.journal().end();
-        }
     }
 
     /// Connects and disconnects guests and passes their frames to the plant. Guests that asked for a seat get one, and
@@ -143,8 +138,7 @@ impl Guests {
         self.present.iter().find(|it| it.has_turn()).map(|it| it.label(plant))
     }
 
-    /// Call after the plant has moved to another moment, with other guests: connects the present guests again, and
-    /// skips the earlier part of the journal.
+    /// Call after the plant has moved to another moment, with other guests: connects the present guests again.
     pub(super) fn reconnect_all(&mut self, plant: &mut Plant) {
         for (bus, guest) in plant.guests() {
             if !self.present.iter().any(|it| it.is_in && (it.guest.bus, it.guest.number) == (bus, guest)) {
@@ -153,9 +147,10 @@ impl Guests {
         }
         for it in self.present.iter().filter(|it| it.is_in) {
             plant.guest_joins(it.guest.bus, it.guest.number, true);
-            plant.guest_hears(it.guest.bus, it.guest.number, &it.guest);
         }
-        self.next = plant.journal().end();
+        for it in self.present.iter().filter(|it| it.has_ear) {
+            plant.guest_hears(it.guest.bus, it.guest.number, Some(Arc::clone(&it.guest)));
+        }
     }
 
     /// True if the emulated time waits for a guest.
@@ -197,8 +192,8 @@ impl Guests {
         }
     }
 
-    /// Sends guests the frames of others that have arrived since the last call, and the state of their bus. Their buses
-    /// have already sent them everything else.
+    /// Sends guests the state of their bus, and wakes the doors if guests have heard something: the buses themselves send
+    /// them their traffic.
     pub(super) fn send_heard(&mut self, plant: &mut Plant) {
         if !self.present.iter().any(GuestEntry::hears) {
             return;
@@ -206,20 +201,7 @@ impl Guests {
         for it in self.present.iter().filter(|it| it.is_in) {
             it.guest.note_errors(plant.guest_errors(it.guest.bus, it.guest.number));
         }
-        let journal = plant.journal();
-        let mut is_news = false;
-        for record in journal.read(self.next) {
-            let (Some(carried), Source::Bus(bus)) = (record.event.frame(), record.event.source()) else {
-                continue;
-            };
-            let others = |it: &&GuestEntry| it.guest.bus == bus && carried.guest != Some(it.guest.number);
-            for it in self.present.iter().filter(|it| it.hears()).filter(others) {
-                it.guest.hear(record.time_us, BusMessage::Frame(carried.frame));
-                is_news = true;
-            }
-        }
-        self.next = journal.end();
-        if is_news || self.present.iter().any(|it| it.guest.is_told()) {
+        if self.present.iter().any(|it| it.guest.is_told()) {
             self.doors.announce();
         }
     }
@@ -245,7 +227,6 @@ fn bring_in_all(
         // Messages sent before a guest left are still valid.
         if it.fits && (it.requests.takes_part || it.waiting > 0) && !it.is_in {
             plant.guest_joins(it.guest.bus, it.guest.number, is_stepped);
-            plant.guest_hears(it.guest.bus, it.guest.number, &it.guest);
             it.is_in = true;
         }
     }
@@ -275,6 +256,7 @@ impl GuestEntry {
             waiting: 0,
             fits: true,
             is_in: false,
+            has_ear: false,
             has_seat: false,
             deaf: None,
             is_nonsense: false,
@@ -298,6 +280,11 @@ impl GuestEntry {
             plant.guest_is_deaf(self.guest.bus, self.guest.number, rate.code());
         }
         self.deaf = deaf;
+        let hears = self.hears();
+        if core::mem::replace(&mut self.has_ear, hears) != hears {
+            let ear = hears.then(|| Arc::clone(&self.guest));
+            plant.guest_hears(self.guest.bus, self.guest.number, ear);
+        }
         if let Some(octets) = self.requests.bad_length.filter(|_| !self.is_nonsense) {
             plant.guest_talks_nonsense(self.guest.bus, self.guest.number, octets);
             self.is_nonsense = true;

@@ -12,16 +12,18 @@ use super::stations::Stations;
 use crate::can;
 use crate::can::ErrorState;
 use crate::devices::can_faults;
+use crate::devices::ears::Ears;
 use crate::devices::{
     BuildError, Bus, BusGuests, BusView, Faulty, GuestRefusal, PortWatch, StationState, SyncSignal, World,
 };
-use crate::door::BusMessage;
+use crate::door::{BusMessage, Guest};
 use crate::due_queue::NEVER;
 use crate::fault::{Effect, Hit, Target};
 use crate::identity::BusIndex;
 use crate::journal::{Journal, Origin};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use core::any::Any;
+use std::sync::Arc;
 
 /// A CAN bus with the ports at it.
 pub struct CanBus {
@@ -40,6 +42,8 @@ pub struct CanBus {
     pub(super) has_state_changes: bool,
     /// Buffer for the receivers of a frame.
     pub(super) receivers: Vec<u16>,
+    /// Guests that hear the traffic.
+    pub(super) ears: Ears,
     next: u64,
 }
 
@@ -57,6 +61,7 @@ impl CanBus {
             is_lost: false,
             has_state_changes: false,
             receivers: Vec::new(),
+            ears: Ears::default(),
             next: NEVER,
         }
     }
@@ -101,6 +106,7 @@ impl SnapshotFields for CanBus {
             has_state_changes,
             // The buffer is empty between two events.
             receivers: _,
+            ears: _,
             next,
         } = self;
         wire.save(to);
@@ -109,6 +115,7 @@ impl SnapshotFields for CanBus {
     }
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        self.ears.clear();
         self.wire.restore(from)?;
         self.stations.restore(from)?;
         let count = self.stations.all().len();
@@ -245,6 +252,10 @@ impl BusGuests for CanBus {
 
     fn guest_errors(&self, guest: u8) -> ErrorState {
         self.errors_of_guest(guest)
+    }
+
+    fn guest_hears(&mut self, guest: u8, ear: Option<Arc<Guest>>) {
+        self.ears.set(guest, ear);
     }
 
     fn guest_sends(

@@ -4,6 +4,7 @@ use super::records::{Lost, StateChange, Transmitted};
 use super::{CanBus, CanPort, Controller};
 use crate::can::{ErrorCounters, ErrorState, Event, Fate, OnWire, Participants};
 use crate::devices::{Context, World};
+use crate::door::BusMessage;
 use crate::journal::Journal;
 
 impl CanBus {
@@ -75,6 +76,7 @@ impl CanBus {
         let (bus, frame, sender) = (self.index, it.frame, self.stations.all()[it.sender].origin);
         self.stations.get_mut(it.sender).controller.is_sending = false;
         if !self.is_lost {
+            self.ears.send(world.now, sender.guest(), || BusMessage::Frame(frame));
             world.journal.push(world.now, Transmitted { bus, frame, sender });
         }
         if self.stations.has_errors() {

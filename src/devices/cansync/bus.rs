@@ -30,6 +30,7 @@ use crate::devices::cansync::BaudRate;
 use crate::devices::cansync::drive::{Drive, DriveError};
 use crate::devices::cansync::firmware::{Built, Master, Slave};
 use crate::devices::cansync::frames::{Channel, Frame, FrameLength};
+use crate::devices::ears::Ears;
 use crate::devices::{Bus, Context, SyncSignal, World};
 use crate::fault::{Faults, Owner};
 use crate::identity::BusIndex;
@@ -109,6 +110,8 @@ pub struct SimBus {
     response: Option<Frame>,
     disturbance: Disturbance,
     own_clock: OwnClock,
+    /// Guests that hear the traffic.
+    ears: Ears,
 }
 
 impl SimBus {
@@ -158,6 +161,7 @@ impl SimBus {
             response: None,
             disturbance: Disturbance::default(),
             own_clock: OwnClock::default(),
+            ears: Ears::default(),
         }
     }
 

@@ -11,6 +11,7 @@ use super::port::{Intent, ProfibusPort, ProfibusSocket, Station};
 use super::records::{DpGarbled, DpShort, DpTelegram, short};
 use crate::can::ErrorCounters;
 use crate::check::{OwnedWatch, rules};
+use crate::devices::ears::Ears;
 use crate::devices::{
     BuildError, Bus, BusGuests, BusView, Context, Faulty, GuestRefusal, PortWatch, StationState, SyncSignal,
     World,
@@ -19,7 +20,7 @@ use crate::door::{BusMessage, Guest};
 use crate::fault::{Effect, Hit, Target};
 use crate::identity::BusIndex;
 use crate::journal::{Event, Finding, Journal, Origin};
-use crate::profibus::{BusRate, FunctionCode, Line, MIN_TSDR_BITS, SYN_BITS, Sending, Telegram};
+use crate::profibus::{Burst, BusRate, FunctionCode, Line, MIN_TSDR_BITS, SYN_BITS, Sending, Telegram};
 use crate::snapshot_fields;
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use core::any::Any;
@@ -87,6 +88,8 @@ pub struct ProfibusBus {
     line: Line,
     ends: Vec<BusPort>,
     guests: Guests,
+    /// Guests that hear the traffic.
+    ears: Ears,
     asked: Option<PendingAnswer>,
     next: u64,
 }
@@ -105,6 +108,7 @@ impl ProfibusBus {
             line: Line::default(),
             ends: Vec::new(),
             guests: Guests::default(),
+            ears: Ears::default(),
             asked: None,
             next: NEVER,
         }
@@ -245,7 +249,8 @@ impl ProfibusBus {
         }
         // Guests do not receive octets from a collision.
         if !is_garbled {
-            self.guests.send_to_guests(sending, now);
+            let burst = || BusMessage::Burst(Burst { begin: sending.begin, octets: sending.octets.clone() });
+            self.ears.send(now, guest_of(sender), burst);
         }
         match &telegram {
             Some(Telegram::Frame(frame)) => {
@@ -274,14 +279,26 @@ impl ProfibusBus {
 
 impl SnapshotFields for ProfibusBus {
     fn save(&self, to: &mut Saving) {
-        let Self { index: _, name: _, rate: _, slot_bits: _, is_plugged: _, line, ends, guests, asked, next } =
-            self;
+        let Self {
+            index: _,
+            name: _,
+            rate: _,
+            slot_bits: _,
+            is_plugged: _,
+            line,
+            ends,
+            guests,
+            ears: _,
+            asked,
+            next,
+        } = self;
         ends.save(to);
         guests.save(to);
         to.value(&(line, asked, next));
     }
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        self.ears.clear();
         self.ends.restore(from)?;
         self.guests.restore(from)?;
         (self.line, self.asked, self.next) = from.value()?;
@@ -437,8 +454,8 @@ impl BusGuests for ProfibusBus {
         self.plan(now);
     }
 
-    fn guest_hears(&mut self, guest: u8, ear: Arc<Guest>) {
-        self.guests.listen(guest, ear);
+    fn guest_hears(&mut self, guest: u8, ear: Option<Arc<Guest>>) {
+        self.ears.set(guest, ear);
     }
 
     fn guest_sends(

@@ -5,13 +5,12 @@
 //! (decision D-357).
 
 use crate::devices::GuestRefusal;
-use crate::door::{BusMessage, Guest};
+use crate::door::BusMessage;
 use crate::journal::Origin;
-use crate::profibus::{Burst, BusRate, FunctionCode, MIN_TSDR_BITS, SYN_BITS, Sending, Telegram};
+use crate::profibus::{Burst, BusRate, FunctionCode, MIN_TSDR_BITS, SYN_BITS, Telegram};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
-use std::sync::Arc;
 
 /// Most waiting telegrams of a guest; further telegrams wait at its door.
 const ROOM: usize = 64;
@@ -70,7 +69,6 @@ struct BusGuest {
     number: u8,
     /// The address that it last sent from.
     address: Option<u8>,
-    ear: Option<Arc<Guest>>,
     /// The guest has gone, but its waiting telegrams are still sent.
     is_leaving: bool,
     to_say: VecDeque<WaitingTelegram>,
@@ -82,21 +80,16 @@ pub(super) struct Guests(Vec<BusGuest>);
 
 impl SnapshotFields for Guests {
     fn save(&self, to: &mut Saving) {
-        let kept = self.0.iter().map(|BusGuest { number, address, ear: _, is_leaving, to_say }| {
-            (number, address, is_leaving, to_say)
-        });
+        let kept = self
+            .0
+            .iter()
+            .map(|BusGuest { number, address, is_leaving, to_say }| (number, address, is_leaving, to_say));
         to.value(&kept.collect::<Vec<_>>());
     }
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         let guests: Vec<(u8, Option<u8>, bool, VecDeque<WaitingTelegram>)> = from.value()?;
-        let guest = |(number, address, is_leaving, to_say)| BusGuest {
-            number,
-            address,
-            ear: None,
-            is_leaving,
-            to_say,
-        };
+        let guest = |(number, address, is_leaving, to_say)| BusGuest { number, address, is_leaving, to_say };
         self.0 = guests.into_iter().map(guest).collect();
         Ok(())
     }
@@ -112,23 +105,16 @@ impl Guests {
         let is_new = self.get(number).is_none();
         if is_new {
             let to_say = VecDeque::new();
-            self.0.push(BusGuest { number, address: None, ear: None, is_leaving: false, to_say });
+            self.0.push(BusGuest { number, address: None, is_leaving: false, to_say });
         }
         is_new
-    }
-
-    /// Sets the receiver of the telegrams that the guest hears.
-    pub(super) fn listen(&mut self, number: u8, ear: Arc<Guest>) {
-        if let Some(guest) = self.get(number) {
-            guest.ear = Some(ear);
-        }
     }
 
     /// Removes a guest, and its telegrams for a time later than bit time `now`.
     pub(super) fn leave(&mut self, number: u8, now: u64) {
         self.give_up_later(number, now);
         if let Some(guest) = self.get(number) {
-            (guest.is_leaving, guest.ear) = (true, None);
+            guest.is_leaving = true;
         }
         self.0.retain(|it| !it.is_leaving || !it.to_say.is_empty());
     }
@@ -203,15 +189,6 @@ impl Guests {
         let said = guest.to_say.pop_front();
         self.0.retain(|it| !it.is_leaving || !it.to_say.is_empty());
         said.map(|waiting| waiting.octets)
-    }
-
-    /// Sends the octets to all guests except their sender.
-    pub(super) fn send_to_guests(&self, sending: &Sending, time_us: u64) {
-        let others = self.0.iter().filter(|it| sender_of(it.number) != sending.sender);
-        for ear in others.filter_map(|it| it.ear.as_ref()) {
-            let burst = Burst { begin: sending.begin, octets: sending.octets.clone() };
-            ear.hear(time_us, BusMessage::Burst(burst));
-        }
     }
 }
 

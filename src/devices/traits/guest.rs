@@ -53,8 +53,9 @@ pub trait BusGuests {
         ErrorState::Active
     }
 
-    /// Frames for a guest that takes part go to `ear` if the journal does not keep them whole.
-    fn guest_hears(&mut self, guest: u8, ear: Arc<Guest>) {
+    /// The traffic of the bus goes to `ear` from now on, except what this guest sends; with `None` it hears no more.
+    /// A guest can hear without taking part. Snapshots contain no receivers.
+    fn guest_hears(&mut self, guest: u8, ear: Option<Arc<Guest>>) {
         let _ = (guest, ear);
     }
 

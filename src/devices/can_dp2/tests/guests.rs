@@ -25,7 +25,7 @@ impl Foreign {
     fn come(bench: &mut Bench, number: u8) -> Self {
         let ear = Guest::of_a_test(BusIndex(0), number);
         assert!(bench.buses[0].guests().unwrap().guest_joins(number, bench.now));
-        bench.buses[0].guests().unwrap().guest_hears(number, ear.clone());
+        bench.buses[0].guests().unwrap().guest_hears(number, Some(ear.clone()));
         Foreign { number, address: number, ear, fcb: None }
     }
 

@@ -13,6 +13,7 @@ use crate::devices::cansync::frames::codec::{
 use crate::devices::cansync::frames::wire::Airtime;
 use crate::devices::cansync::frames::{Frame, FrameKind};
 use crate::devices::cansync::records::ForeignFrame;
+use crate::door::BusMessage;
 use crate::fault::{Hit, Target};
 use crate::journal::Origin;
 
@@ -83,6 +84,7 @@ impl Run<'_> {
                 None => self.note_frame(frame),
                 Some(guest) => {
                     let bus = self.bus.index;
+                    self.bus.ears.send(now, Some(guest), || BusMessage::Frame(frame.into()));
                     self.journal.push(now, ForeignFrame { bus, guest, frame });
                 }
             }

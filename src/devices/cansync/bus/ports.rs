@@ -19,11 +19,12 @@ use crate::devices::{
     BuildError, Bus, BusGuests, BusView, Context, DriveDetails, DriveState, Drives, Faulty, GuestRefusal,
     Interval, ParameterRefusal, PortWatch, Shaft, Stranger, SyncLine, SyncOrigin, SyncSignal, World,
 };
-use crate::door::BusMessage;
+use crate::door::{BusMessage, Guest};
 use crate::fault::{self, Faults, Hit, Target};
 use crate::journal::{Journal, Origin};
 use core::any::Any;
 use core::mem::offset_of;
+use std::sync::Arc;
 
 impl BusView for SimBus {
     fn name(&self) -> &str {
@@ -274,6 +275,10 @@ impl Bus for SimBus {
 }
 
 impl BusGuests for SimBus {
+    fn guest_hears(&mut self, guest: u8, ear: Option<Arc<Guest>>) {
+        self.ears.set(guest, ear);
+    }
+
     fn guest_sends(
         &mut self,
         guest: u8,

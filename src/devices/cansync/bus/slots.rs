@@ -6,6 +6,7 @@ use super::{Run, Sender, SimBus, Station};
 use crate::devices::cansync::firmware::Slave;
 use crate::devices::cansync::frames::{Frame, wire};
 use crate::devices::cansync::records::Transmitted;
+use crate::door::BusMessage;
 use serde::{Deserialize, Serialize};
 
 /// Number of frame places in an interval.
@@ -86,6 +87,7 @@ impl Run<'_> {
 
     pub(super) fn note_frame(&mut self, frame: Frame) {
         if self.bus.is_wired {
+            self.bus.ears.send(self.now, None, || BusMessage::Frame(frame.into()));
             self.journal.push(self.now, Transmitted { bus: self.bus.index, frame });
         }
         self.show_received(&frame);
