@@ -24,7 +24,7 @@ fn resolve(text: &str) -> Result<Fault, FaultError> {
 }
 
 /// For each kind a description with all its fields, and its text in a list.
-const EACH_KIND: [(&str, &str); 26] = [
+const EACH_KIND: [(&str, &str); 33] = [
     (
         "kind = 'lose_frame'\nbus = 'drives'\nslot = 'WRC1'\nid = 0x101\nmask = 0x70F\nat_us = 5\ncount = 3",
         "lose_frame bus=drives slot=WRC1 id=16#101 mask=16#70F at_us=5 count=3",
@@ -70,6 +70,19 @@ const EACH_KIND: [(&str, &str); 26] = [
         "kind = 'lost_arbitration'\nbus = 'upper'\nid = 0x18FF0000\nmask = 0x1FFF0000",
         "lost_arbitration bus=upper id=16#18FF0000 mask=16#1FFF0000",
     ),
+    (
+        "kind = 'lose_telegram'\nbus = 'upper'\nstation = 5\nwhat = 'answer'\nsap = 60\ncount = 2",
+        "lose_telegram bus=upper station=5 what=answer sap=60 count=2",
+    ),
+    (
+        "kind = 'delay_telegram'\nbus = 'upper'\ndelay_us = 700\nwhat = 'request'",
+        "delay_telegram bus=upper what=request delay_us=700",
+    ),
+    ("kind = 'repeat_telegram'\nbus = 'upper'\nstation = 0", "repeat_telegram bus=upper station=0"),
+    ("kind = 'garble_telegram'\nbus = 'upper'\nsap = 61", "garble_telegram bus=upper sap=61"),
+    ("kind = 'wrong_frame_count'\nbus = 'upper'\nstation = 2", "wrong_frame_count bus=upper station=2"),
+    ("kind = 'silent_station'\nbus = 'upper'\nstation = 126", "silent_station bus=upper station=126"),
+    ("kind = 'noise'\nbus = 'upper'\noctets = 255", "noise bus=upper octets=255 count=1"),
     (
         "kind = 'short_circuit'\nplc = 'saw'\noutput = 15\nduration_us = 7",
         "short_circuit plc=saw output=15 duration_us=7",
@@ -192,8 +205,9 @@ fn each_mistake_names_the_field_and_a_correct_value() {
             "kind = \"explode\": there is no such fault; the kinds are: lose_frame, delay_frame, \
              duplicate_frame, lose_sync, jitter_sync, slave_off, slave_late, slave_busy, slave_error, \
              wrong_offset, bus_off, overrun, drive_fault, baps_drive_fault, baps_silent, baps_slow, \
-             error_frame, lost_arbitration, short_circuit, wire_break, supply, temperature, memory, fatal, can_init, \
-             hang",
+             error_frame, lost_arbitration, lose_telegram, delay_telegram, repeat_telegram, garble_telegram, \
+             wrong_frame_count, silent_station, noise, short_circuit, wire_break, supply, temperature, memory, \
+             fatal, can_init, hang",
         ),
         (
             "kind = 'baps_drive_fault'\nplc = 'saw'\nerror = 0",

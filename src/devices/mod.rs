@@ -130,7 +130,7 @@ pub static BUS_KINDS: &[BusKind] = &[
         schema: profibus_bus::ProfibusConfig::schema,
         records: profibus_bus::records::KINDS,
         rules: &[],
-        faults: &[],
+        faults: profibus_bus::faults::KINDS,
         fits: |_| Ok(()),
         speech: Speech::Telegrams,
         says: |_| String::new(),

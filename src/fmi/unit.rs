@@ -15,7 +15,7 @@ const MAGIC: [u8; 8] = *b"cmrmunit";
 /// Number of the format of a state. A change of [`UnitFields`] counts it up; the snapshot within has its own number. Format 1 had
 /// neither the magic nor a number. Every later format begins with the magic, the number and the version of commram, and
 /// ends with the checksum of [`seal`].
-pub(super) const FORMAT: u16 = 2;
+pub(super) const FORMAT: u16 = 3;
 /// Highest number of a phase that format 1 could hold, in its first byte.
 const LAST_PHASE_OF_FORMAT_1: u8 = 3;
 

@@ -3,6 +3,18 @@
 use super::Telegram;
 use serde::{Deserialize, Serialize};
 
+/// What becomes of a transmission.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Passage {
+    /// All other stations receive it.
+    #[default]
+    Normal,
+    /// No station receives it.
+    Lost,
+    /// All stations receive a copy of an earlier transmission, which its sender does not send.
+    Copy,
+}
+
 /// A transmission in progress.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Sending {
@@ -16,6 +28,8 @@ pub struct Sending {
     pub octets: Vec<u8>,
     /// Another station was sending at the same time, so that no station can decode it.
     pub is_garbled: bool,
+    /// What becomes of it.
+    pub passage: Passage,
 }
 
 /// The line.
@@ -29,6 +43,11 @@ pub struct Line {
 impl Line {
     /// `sender` begins to send. A transmission at the same time as another one garbles both.
     pub fn begin(&mut self, sender: usize, at: u64, octets: Vec<u8>) {
+        self.begin_with(sender, at, octets, Passage::Normal);
+    }
+
+    /// As [`Line::begin`], with another passage.
+    pub fn begin_with(&mut self, sender: usize, at: u64, octets: Vec<u8>, passage: Passage) {
         let end = at.saturating_add(Telegram::bits(octets.len()));
         let mut is_garbled = false;
         for other in self.sendings.iter_mut().filter(|other| at < other.end) {
@@ -36,7 +55,7 @@ impl Line {
             is_garbled = true;
         }
         let place = self.sendings.partition_point(|other| other.end <= end);
-        self.sendings.insert(place, Sending { sender, begin: at, end, octets, is_garbled });
+        self.sendings.insert(place, Sending { sender, begin: at, end, octets, is_garbled, passage });
     }
 
     /// End of the next transmission to end, in bit times; `None` if the line is idle.

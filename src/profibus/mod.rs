@@ -13,7 +13,7 @@ mod responder;
 
 pub use frame::{Burst, Frame, MAX_DATA, MAX_OCTETS, Telegram, TelegramError};
 pub use function::{Answer, FunctionCode, Request};
-pub use line::{Line, Sending};
+pub use line::{Line, Passage, Sending};
 pub use rate::BusRate;
 pub use responder::{Reaction, Responder};
 

@@ -6,6 +6,7 @@ mod any;
 mod blocks;
 mod canopen;
 mod diagnosis;
+mod disturbed;
 mod exchange;
 mod foreign;
 mod guests;

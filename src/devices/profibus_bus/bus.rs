@@ -5,6 +5,8 @@
 
 use super::FAMILY;
 use super::config::ProfibusConfig;
+use super::disturbance::{HeldTelegram, NOISE};
+use super::faults;
 use super::guests;
 use super::guests::{Guests, guest_of};
 use super::port::{Intent, ProfibusPort, ProfibusSocket, Station};
@@ -20,7 +22,9 @@ use crate::door::{BusMessage, Guest};
 use crate::fault::{Effect, Hit, Target};
 use crate::identity::BusIndex;
 use crate::journal::{Event, Finding, Journal, Origin};
-use crate::profibus::{Burst, BusRate, FunctionCode, Line, MIN_TSDR_BITS, SYN_BITS, Sending, Telegram};
+use crate::profibus::{
+    Burst, BusRate, FunctionCode, Line, MIN_TSDR_BITS, Passage, SYN_BITS, Sending, Telegram,
+};
 use crate::snapshot_fields;
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use core::any::Any;
@@ -31,10 +35,10 @@ use std::sync::Arc;
 const NEVER: u64 = u64::MAX;
 
 /// A port at the segment.
-struct BusPort {
+pub(super) struct BusPort {
     origin: Origin,
     base: usize,
-    port: Box<dyn ProfibusPort>,
+    pub(super) port: Box<dyn ProfibusPort>,
     station: Station,
     watch: OwnedWatch,
     is_on: bool,
@@ -74,22 +78,26 @@ enum LineStep {
     Alarm(usize),
     /// The sender with this index begins to send.
     Begin(usize),
+    /// The telegram with this index, which a fault has held back, begins.
+    Held(usize),
 }
 
 /// A PROFIBUS segment with the ports at it.
 pub struct ProfibusBus {
-    index: BusIndex,
+    pub(super) index: BusIndex,
     name: String,
-    rate: BusRate,
+    pub(super) rate: BusRate,
     /// Time within which an answer must begin, in bit times.
     slot_bits: u64,
     /// False for the placeholder of ports that are not plugged in at a segment.
     is_plugged: bool,
-    line: Line,
-    ends: Vec<BusPort>,
-    guests: Guests,
+    pub(super) line: Line,
+    pub(super) ends: Vec<BusPort>,
+    pub(super) guests: Guests,
     /// Guests that hear the traffic.
     ears: Ears,
+    /// Telegrams that faults hold back.
+    pub(super) held: Vec<HeldTelegram>,
     asked: Option<PendingAnswer>,
     next: u64,
 }
@@ -109,6 +117,7 @@ impl ProfibusBus {
             ends: Vec::new(),
             guests: Guests::default(),
             ears: Ears::default(),
+            held: Vec::new(),
             asked: None,
             next: NEVER,
         }
@@ -137,7 +146,8 @@ impl ProfibusBus {
             _ => None,
         });
         let exact = self.guests.next_exact().map(|(at, participant)| (at, LineStep::Begin(participant)));
-        let step = ends.into_iter().chain(alarms).chain(answers).chain(exact).min();
+        let held = self.next_held().map(|(at, index)| (at, LineStep::Held(index)));
+        let step = ends.into_iter().chain(alarms).chain(answers).chain(exact).chain(held).min();
         // A request waits while a station sends or is about to answer.
         let is_quiet = on().all(|(_, end)| !matches!(end.station.intent, Some(Intent::At(..))));
         let Some(since) = self.line.idle_since().filter(|_| is_quiet) else { return step };
@@ -175,7 +185,7 @@ impl ProfibusBus {
     }
 
     /// Plans the next event, after a change at `now`.
-    fn plan(&mut self, now: u64) {
+    pub(super) fn plan(&mut self, now: u64) {
         let of_ports = self.ends.iter().filter(|end| end.is_on).map(|end| end.port.next_time());
         let of_ports = of_ports.fold(NEVER, u64::min);
         let of_line = match self.next_step() {
@@ -186,7 +196,8 @@ impl ProfibusBus {
     }
 
     /// Performs one due step on the line; returns whether there was one.
-    fn line_event(&mut self, now: u64, journal: &mut Journal) -> bool {
+    fn line_event(&mut self, world: &mut World) -> bool {
+        let now = world.now;
         let due = |at: &u64| *at <= self.rate.bits_at(now);
         let Some((at, step)) = self.next_step().filter(|(at, _)| self.is_plugged && due(at)) else {
             return false;
@@ -194,12 +205,13 @@ impl ProfibusBus {
         match step {
             LineStep::End => {
                 if let Some(sending) = self.line.end(at) {
-                    self.deliver(now, &sending, journal);
+                    self.deliver(now, &sending, world.journal);
                 }
             }
             LineStep::Alarm(participant) => {
                 self.ends[participant].station.alarm = None;
-                self.ends[participant].run(now, at, journal, |port, ctx, station| port.alarm(ctx, station));
+                let end = &mut self.ends[participant];
+                end.run(now, at, world.journal, |port, ctx, station| port.alarm(ctx, station));
             }
             LineStep::Begin(participant) => {
                 let octets = match self.ends.get_mut(participant) {
@@ -207,11 +219,12 @@ impl ProfibusBus {
                     None => self.guests.take(participant),
                 };
                 if let Some(octets) = octets {
-                    self.judge_pause(participant, at, &octets, now, journal);
+                    self.judge_pause(participant, at, &octets, now, world.journal);
                     self.asked = None;
-                    self.line.begin(participant, at, octets);
+                    self.begin(participant, at, octets, world);
                 }
             }
+            LineStep::Held(index) => self.begin_held(index),
         }
         true
     }
@@ -234,10 +247,26 @@ impl ProfibusBus {
 
     /// Gives the telegram that has ended to the journal, the guests and the ports.
     fn deliver(&mut self, now: u64, sending: &Sending, journal: &mut Journal) {
-        let Sending { sender, end: at, ref octets, is_garbled, .. } = *sending;
-        let (bus, origin) = (self.index, self.origin_of(sender));
+        let Sending { sender, end: at, ref octets, is_garbled, passage, .. } = *sending;
         let telegram = Telegram::parse(octets).ok().filter(|_| !is_garbled);
-        match &telegram {
+        if passage != Passage::Lost {
+            self.record(now, sending, telegram.as_ref(), journal);
+        }
+        for (participant, end) in self.ends.iter_mut().enumerate().filter(|(_, end)| end.is_on) {
+            if participant == sender {
+                if passage != Passage::Copy {
+                    end.run(now, at, journal, |port, ctx, station| port.sent(ctx, station));
+                }
+            } else if let Some(telegram) = telegram.as_ref().filter(|_| passage != Passage::Lost) {
+                end.run(now, at, journal, |port, ctx, station| port.heard(ctx, station, telegram));
+            }
+        }
+    }
+
+    /// Gives a telegram that has ended to the guests and to the journal.
+    fn record(&mut self, now: u64, sending: &Sending, telegram: Option<&Telegram>, journal: &mut Journal) {
+        let Sending { sender, end: at, ref octets, is_garbled, .. } = *sending;
+        match telegram {
             Some(Telegram::Frame(frame)) => {
                 self.guests.note_address(sender, frame.sa);
                 if FunctionCode::wants_answer(frame.fc) {
@@ -252,7 +281,12 @@ impl ProfibusBus {
             let burst = || BusMessage::Burst(Burst { begin: sending.begin, octets: sending.octets.clone() });
             self.ears.send(now, guest_of(sender), burst);
         }
-        match &telegram {
+        // The journal has the hit of the fault that makes the noise.
+        if sender == NOISE {
+            return;
+        }
+        let (bus, origin) = (self.index, self.origin_of(sender));
+        match telegram {
             Some(Telegram::Frame(frame)) => {
                 let told = DpTelegram::new(bus, origin, frame);
                 journal.push_octets(now, told, told.lacks(octets).then_some(octets));
@@ -265,13 +299,6 @@ impl ProfibusBus {
             None => {
                 let told = DpGarbled { bus, sender: origin, octets: octets.len() as u32 };
                 journal.push_octets(now, told, Some(octets));
-            }
-        }
-        for (participant, end) in self.ends.iter_mut().enumerate().filter(|(_, end)| end.is_on) {
-            if participant == sender {
-                end.run(now, at, journal, |port, ctx, station| port.sent(ctx, station));
-            } else if let Some(telegram) = &telegram {
-                end.run(now, at, journal, |port, ctx, station| port.heard(ctx, station, telegram));
             }
         }
     }
@@ -289,20 +316,23 @@ impl SnapshotFields for ProfibusBus {
             ends,
             guests,
             ears: _,
+            held,
             asked,
             next,
         } = self;
         ends.save(to);
         guests.save(to);
-        to.value(&(line, asked, next));
+        to.value(&(line, held, asked, next));
     }
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         self.ears.clear();
         self.ends.restore(from)?;
         self.guests.restore(from)?;
-        (self.line, self.asked, self.next) = from.value()?;
-        let is_there = |sender: usize| sender < self.ends.len() || guest_of(sender).is_some();
+        (self.line, self.held, self.asked, self.next) = from.value()?;
+        let is_there =
+            |sender: usize| sender < self.ends.len() || guest_of(sender).is_some() || sender == NOISE;
+        from.check(self.held.iter().all(|held| is_there(held.sender)), "sender of a delayed telegram")?;
         from.check(self.line.senders().all(is_there), "sender")?;
         from.check(self.asked.is_none_or(|asked| is_there(asked.sender)), "sender of the last request")
     }
@@ -381,6 +411,7 @@ impl Bus for ProfibusBus {
         end.station.clear();
         end.port.power_off();
         self.line.cut_off(place);
+        self.held.retain(|held| held.sender != place);
         self.plan(now);
     }
 
@@ -402,7 +433,7 @@ impl Bus for ProfibusBus {
     fn event(&mut self, world: &mut World) -> Option<SyncSignal> {
         let now = world.now;
         // Events on the line come first: they were due before the end of the microsecond.
-        if !self.line_event(now, world.journal) {
+        if !self.line_event(world) {
             let bits = self.rate.bits_at(now);
             for end in self.ends.iter_mut().filter(|end| end.is_on && end.port.next_time() <= now) {
                 end.run(now, bits, world.journal, |port, ctx, station| port.due(ctx, station));
@@ -445,6 +476,7 @@ impl BusGuests for ProfibusBus {
     }
 
     fn guest_leaves(&mut self, guest: u8, now: u64) {
+        self.ears.set(guest, None);
         self.guests.leave(guest, self.rate.bits_at(now));
         self.plan(now);
     }
@@ -476,8 +508,12 @@ impl BusGuests for ProfibusBus {
 }
 
 impl Faulty for ProfibusBus {
-    /// The segment has no own faults; the faults of its ports belong to their devices.
+    /// Makes noise. Faults of telegrams act when a telegram begins; the faults of ports belong to their devices.
     fn fire(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
+        if let (Target::Bus(_), Some(faults::Effect::Noise(octets))) = (target, effect.get()) {
+            self.make_noise(*octets, now);
+            return Some(Hit::Plain);
+        }
         let Target::Port { device: plc, port: node } = target else { return None };
         let end = self.ends.iter_mut().find(|end| end.origin == Origin { plc, node })?;
         let hit = end.port.fire(now, effect);

@@ -2,6 +2,8 @@
 
 mod bus;
 mod config;
+mod disturbance;
+pub(super) mod faults;
 mod guests;
 mod port;
 pub mod records;
