@@ -58,15 +58,16 @@ struct List {
 /// Open a door to a bus and print its name.
 ///
 /// Doors are `slcan-tcp:127.0.0.1:0` (SLCAN over TCP; port 0 selects any free port) and `slcan-pty` (SLCAN over a
-/// pseudo-terminal), on a PROFIBUS `profibus-tcp:127.0.0.1:0` (telegrams over TCP). Any user of this machine can
-/// connect to a TCP port; other machines can connect only to a door named `slcan-tcp-anybody:ADDRESS:PORT` or
+/// pseudo-terminal), on a PROFIBUS `profibus-tcp:127.0.0.1:0` (telegrams over TCP) and `profibus-pty` (octets over a
+/// pseudo-terminal, as a serial adapter has them). Any user of this machine can connect to a TCP port; other machines can connect only to a door named `slcan-tcp-anybody:ADDRESS:PORT` or
 /// `profibus-tcp-anybody:ADDRESS:PORT`.
 #[derive(ClapArgs)]
 #[command(after_help = "\
 Examples:
   commram bus open open slcan-tcp:127.0.0.1:0
   commram bus open open slcan-pty
-  commram bus open dp profibus-tcp:127.0.0.1:0")]
+  commram bus open dp profibus-tcp:127.0.0.1:0
+  commram bus open dp profibus-pty")]
 struct Open {
     /// Name of the bus
     #[arg(add = super::complete::buses())]

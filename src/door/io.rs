@@ -242,7 +242,13 @@ impl Visit {
             match self.line.write(&self.unwritten) {
                 Ok(0) => return Presence::Leaves,
                 Ok(count) => drop(self.unwritten.drain(..count)),
-                Err(error) if error.kind() == ErrorKind::WouldBlock => return Presence::Stays,
+                Err(error) if error.kind() == ErrorKind::WouldBlock => {
+                    if self.session.loses_unread() {
+                        self.unwritten.clear();
+                        continue;
+                    }
+                    return Presence::Stays;
+                }
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(_) => return Presence::Leaves,
             }
@@ -424,7 +430,7 @@ impl Io {
             admitted => admitted,
         };
         let guest = guest.map_err(io::Error::other)?;
-        let session = spec.protocol().begin(&mut &*guest);
+        let session = spec.protocol().begin(spec.carrier(), &mut &*guest);
         let unwritten = Vec::new();
         let visit = Visit { line, door, guest, session, has_more: true, has_spoken: false, unwritten };
         self.stations.insert(token, Station::Guest(Box::new(visit)));

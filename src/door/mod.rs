@@ -13,6 +13,7 @@ mod io;
 mod protocol;
 mod pty;
 mod seat;
+mod serial;
 mod slcan;
 mod sparing;
 mod spec;

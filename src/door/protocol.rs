@@ -1,5 +1,6 @@
 //! Protocols of doors: a file for each, and a line in [`PROTOCOLS`].
 
+use super::spec::Carrier;
 use super::wire::{Adapter, BadLength, BusMessage};
 use super::{slcan, telegrams};
 use core::fmt;
@@ -38,8 +39,8 @@ pub(super) trait Protocol: Sync {
         None
     }
 
-    /// Begins the session of a guest.
-    fn begin(&self, adapter: &mut dyn Adapter) -> Box<dyn GuestSession>;
+    /// Begins the session of a guest over this carrier.
+    fn begin(&self, carrier: Carrier, adapter: &mut dyn Adapter) -> Box<dyn GuestSession>;
 }
 
 /// A guest's end of the protocol of its door.
@@ -61,6 +62,11 @@ pub(super) trait GuestSession: fmt::Debug + Send {
     /// Appends the bytes for a message that has arrived at this emulated time. A message of another kind of bus has no
     /// bytes; a bus with such messages has no such door.
     fn tell(&self, time_us: u64, said: &BusMessage, to: &mut Vec<u8>);
+
+    /// Whether bytes that the guest does not read in time are lost, as in the receiver of a serial adapter.
+    fn loses_unread(&self) -> bool {
+        false
+    }
 }
 
 /// All protocols, in the order in which messages name them.
@@ -107,6 +113,6 @@ mod tests {
     #[test]
     fn messages_name_the_doors_of_a_bus() {
         assert_eq!(doors_of(Speech::Frames), "slcan-tcp or slcan-pty");
-        assert_eq!(doors_of(Speech::Telegrams), "profibus-tcp");
+        assert_eq!(doors_of(Speech::Telegrams), "profibus-tcp or profibus-pty");
     }
 }

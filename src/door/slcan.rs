@@ -10,6 +10,7 @@
 //! hexadecimal digits. The answer follows when it has.
 
 use super::protocol::{GuestSession, Protocol, Speech};
+use super::spec::Carrier;
 use super::wire::{Adapter, BadLength, BusMessage};
 use crate::can::{ErrorState, ExtendedId, Frame, Id, Payload, StandardId};
 use core::fmt::Write;
@@ -110,7 +111,7 @@ impl Protocol for Slcan {
         Some(2)
     }
 
-    fn begin(&self, _: &mut dyn Adapter) -> Box<dyn GuestSession> {
+    fn begin(&self, _: Carrier, _: &mut dyn Adapter) -> Box<dyn GuestSession> {
         Box::new(Session::default())
     }
 }

@@ -1,4 +1,4 @@
-//! Specifications of doors: `slcan-tcp:127.0.0.1:0`, `slcan-pty`, `profibus-tcp:127.0.0.1:0`.
+//! Specifications of doors: `slcan-tcp:127.0.0.1:0`, `slcan-pty`, `profibus-tcp:127.0.0.1:0`, `profibus-pty`.
 
 use super::protocol::{PROTOCOLS, Protocol, Speech, known_doors};
 use core::fmt;
@@ -203,6 +203,8 @@ mod tests {
             "slcan-pty:/dev/pts/7",
             "profibus-tcp:127.0.0.2:0",
             "profibus-tcp-anybody:0.0.0.0:4000",
+            "profibus-pty",
+            "profibus-pty:/dev/pts/9",
         ] {
             let door: DoorSpec = text.parse().unwrap();
             assert_eq!(door.to_string(), text);
@@ -226,7 +228,7 @@ mod tests {
     #[test]
     fn invalid_doors_are_refused() {
         for text in
-            ["", "slcan", "slcan-udp:1.2.3.4:5", "slcan-pty:7", "slcan-pty:/dev/pts/x", "profibus-pty"]
+            ["", "slcan", "slcan-udp:1.2.3.4:5", "slcan-pty:7", "slcan-pty:/dev/pts/x", "profibus-udp"]
         {
             let refusal = text.parse::<DoorSpec>().unwrap_err();
             assert!(matches!(refusal, BadDoor::Unknown { .. }), "{text}: {refusal}");

@@ -3,6 +3,8 @@
 //! bit time, or answers such a request. This module only converts bytes; the bus interprets them.
 
 use super::protocol::{GuestSession, Protocol, Speech};
+use super::serial;
+use super::spec::Carrier;
 use super::wire::{Adapter, BadLength, BusMessage};
 use crate::profibus::{Burst, MAX_OCTETS};
 
@@ -25,10 +27,17 @@ impl Protocol for Telegrams {
         3
     }
 
-    /// The guest takes part at once.
-    fn begin(&self, adapter: &mut dyn Adapter) -> Box<dyn GuestSession> {
+    fn pty_number(&self) -> Option<u16> {
+        Some(4)
+    }
+
+    /// The guest takes part at once. A pseudo-terminal is a serial line.
+    fn begin(&self, carrier: Carrier, adapter: &mut dyn Adapter) -> Box<dyn GuestSession> {
         adapter.open(false);
-        Box::new(Session::default())
+        match carrier {
+            Carrier::Tcp(_) => Box::new(Session::default()),
+            Carrier::Pty(_) => Box::new(serial::Session::default()),
+        }
     }
 }
 

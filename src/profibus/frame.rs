@@ -215,6 +215,26 @@ impl Telegram {
     }
 }
 
+/// Returns the number of octets of the first telegram in a stream of octets; `None` if more octets are needed. Octets that
+/// begin no telegram are taken together with all following ones.
+#[must_use]
+pub fn octets_of_first(stream: &[u8]) -> Option<usize> {
+    let expected = match *stream.first()? {
+        SD1 => 6,
+        SD2 => match *stream {
+            [_, one, other, ..] if one == other && (4..=249).contains(&one) => usize::from(one) + 6,
+            [_, one, ..] if stream.len() == 2 && (4..=249).contains(&one) => return None,
+            [_] => return None,
+            _ => stream.len(),
+        },
+        SD3 => 14,
+        SD4 => 3,
+        SC => 1,
+        _ => stream.len(),
+    };
+    (expected <= stream.len()).then_some(expected.min(MAX_OCTETS))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -237,6 +257,31 @@ mod tests {
         assert_eq!(Telegram::parse(&fixed), Ok(Telegram::Frame(Frame { fc: 0x5D, data, ..status })));
         assert_eq!(Telegram::parse(&[0xDC, 3, 2]), Ok(Telegram::Token { da: 3, sa: 2 }));
         assert_eq!(Telegram::parse(&[0xE5]), Ok(Telegram::ShortAck));
+    }
+
+    #[test]
+    fn a_stream_is_divided_into_telegrams() {
+        let telegrams = [
+            Telegram::Frame(diagnosis()).octets().unwrap(),
+            vec![SC],
+            vec![SD4, 3, 2],
+            vec![0x10, 5, 2, 0x49, 0x50, 0x16],
+            vec![0xA2, 5, 2, 0x5D, 1, 2, 3, 4, 5, 6, 7, 8, 0x88, 0x16],
+        ];
+        let stream = telegrams.concat();
+        let mut rest = stream.as_slice();
+        for telegram in &telegrams {
+            for cut in 0..telegram.len() {
+                assert_eq!(octets_of_first(&rest[..cut]), None, "{telegram:02X?} {cut}");
+            }
+            assert_eq!(octets_of_first(rest), Some(telegram.len()));
+            rest = &rest[telegram.len()..];
+        }
+        // Octets that are no telegram.
+        assert_eq!(octets_of_first(&[0x17, 1, 2]), Some(3));
+        assert_eq!(octets_of_first(&[0x68, 5, 6]), Some(3));
+        assert_eq!(octets_of_first(&[0x68, 3]), Some(2));
+        assert_eq!(octets_of_first(&[0; 600]), Some(MAX_OCTETS));
     }
 
     #[test]

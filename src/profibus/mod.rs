@@ -11,7 +11,7 @@ mod line;
 mod rate;
 mod responder;
 
-pub use frame::{Burst, Frame, MAX_DATA, MAX_OCTETS, Telegram, TelegramError};
+pub use frame::{Burst, Frame, MAX_DATA, MAX_OCTETS, Telegram, TelegramError, octets_of_first};
 pub use function::{Answer, FunctionCode, Request};
 pub use line::{Line, Passage, Sending};
 pub use rate::BusRate;

@@ -47,7 +47,7 @@ plant_keys! {
         /// Doors for foreign programs that are open from the start
         doors: Option<Vec<DoorSpec>> = {
             "type": "array",
-            "items": { "type": "string", "pattern": "^profibus-tcp(-anybody)?:[0-9.]+:[0-9]+$" },
+            "items": { "type": "string", "pattern": "^profibus-(pty|tcp(-anybody)?:[0-9.]+:[0-9]+)$" },
         }, r#"["profibus-tcp:127.0.0.1:0"]"#,
             "ways in for foreign masters and slaves, see can-dp2.md (default: none)";
     }

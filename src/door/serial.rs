@@ -1,0 +1,37 @@
+//! PROFIBUS telegrams over a serial line, as an RS-485 adapter has it: octets without times and lengths. A telegram begins
+//! with a start delimiter, and its first octets say where it ends.
+
+use super::protocol::GuestSession;
+use super::wire::{Adapter, BadLength, BusMessage};
+use crate::profibus::{self, Burst};
+
+/// A guest's end of a serial line. A guest on such a line cannot ask for emulated time.
+#[derive(Debug, Default)]
+pub(super) struct Session {
+    /// An incomplete telegram.
+    begun: Vec<u8>,
+}
+
+impl GuestSession for Session {
+    fn hear(&mut self, bytes: &[u8], adapter: &mut dyn Adapter, _: &mut Vec<u8>) -> Result<(), BadLength> {
+        self.begun.extend_from_slice(bytes);
+        while let Some(count) = profibus::octets_of_first(&self.begun) {
+            let octets: Vec<u8> = self.begun.drain(..count).collect();
+            // A telegram without room counts as refused.
+            adapter.send(BusMessage::Burst(Burst { begin: 0, octets }));
+        }
+        Ok(())
+    }
+
+    fn grant(&self, _: u64, _: u64, _: &mut Vec<u8>) {}
+
+    fn tell(&self, _: u64, said: &BusMessage, to: &mut Vec<u8>) {
+        if let BusMessage::Burst(burst) = said {
+            to.extend_from_slice(&burst.octets);
+        }
+    }
+
+    fn loses_unread(&self) -> bool {
+        true
+    }
+}
