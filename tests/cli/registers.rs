@@ -1,6 +1,7 @@
 //! `peek`, `poke`, `wait`, `step`, `dump` on a running emulator.
 
 use crate::common::{Emulator, run};
+use commram::memory::{AttachMode, Image};
 
 /// Enters set-up mode with two values mapped in each direction of drive 1.
 fn set_up(emulator: &Emulator) {
@@ -31,6 +32,22 @@ fn a_reference_value_comes_back_as_actual_value_of_a_drive() {
     emulator.step(&["--to-sync"]);
     assert_eq!(emulator.peek(&["node2.b_CTRLREG_WRC1"]), "16#04", "the firmware has taken the frame over");
     assert_eq!(emulator.peek(&["node2.a_RD_BMARRAY[1][0]"]), "16#11223344");
+}
+
+/// Each reply of the channel rings a bell of the header page. The names come from there, too.
+#[test]
+fn a_poke_is_one_exchange_for_any_number_of_registers() {
+    let emulator = Emulator::stepped();
+    let replies = || {
+        let image = Image::attach(&emulator.name, "line", AttachMode::HeaderOnly, None).unwrap();
+        image.header_snapshot().channel_reply.rings()
+    };
+    for count in [1, 9] {
+        let writes: Vec<_> = (0..count).map(|value| format!("node2.b_MAX_SL_NR={value}")).collect();
+        let before = replies();
+        emulator.poke(&writes.iter().map(String::as_str).collect::<Vec<_>>());
+        assert_eq!(replies().wrapping_sub(before), 1, "{count} registers");
+    }
 }
 
 #[test]

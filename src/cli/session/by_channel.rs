@@ -36,8 +36,13 @@ impl Session {
     }
 
     fn connect_to(instance: &str, images: &[ImageInfo], waits_us: u64) -> Result<Self, CliError> {
-        let attached = attach_live(instance, images)?;
+        let (attached, layout) = attach_live(instance, images)?;
         let slowed = slowdown(&attached);
+        // The header page of the only PLC has the names too, which saves an exchange.
+        let only = match images {
+            [image] => Some((vec![image.plc.clone()], vec![attached.header_snapshot().fitted(layout)])),
+            _ => None,
+        };
         let patience = Patience { reply: patience(waits_us, slowed), ..Patience::default() };
         let bells = Box::new(HeaderBells::of_client(attached)?);
         let client = Client::connect(instance, &channel_root(instance)?, bells, patience);
@@ -45,7 +50,13 @@ impl Session {
             ClientError::NotRunning { .. } => without_channel(instance).unwrap_or_else(|| error.into()),
             other => other.into(),
         })?);
-        let Names { plcs, devices: fitted, .. } = client.info()?.names;
+        let (plcs, fitted) = match only {
+            Some(only) => only,
+            None => {
+                let Names { plcs, devices, .. } = client.info()?.names;
+                (plcs, devices)
+            }
+        };
         Ok(Self { instance: instance.to_owned(), plcs, fitted, door: Access::Channel(client), slowed })
     }
 
@@ -173,12 +184,12 @@ pub(crate) fn continues(begin: u64) -> String {
     format!("the instance continues from a snapshot; its journal begins with record {begin}")
 }
 
-/// Attaches to the first image.
-fn attach_live(instance: &str, images: &[ImageInfo]) -> Result<Attached, CliError> {
+/// Attaches to the first image; returns its layout, too.
+fn attach_live(instance: &str, images: &[ImageInfo]) -> Result<(Attached, &'static DeviceLayout), CliError> {
     let Some(image) = images.iter().find(|image| is_alive(image)) else {
         return Err(no_channel(instance));
     };
-    Ok(devices::attach(instance, &image.plc, AttachMode::HeaderOnly)?.0)
+    Ok(devices::attach(instance, &image.plc, AttachMode::HeaderOnly)?)
 }
 
 /// Process id of a killed emulator, if another emulator is taking over its images. Between locking the images and writing its own
