@@ -135,6 +135,73 @@ fn pyprofibus_reaches_a_controller_through_the_gateway() {
     assert!(ended && is_answered, "{}", emulator.run("trace", &["--bus", "dp"]).out);
 }
 
+/// Returns the path of the pseudo-terminal at the first bus.
+fn terminal(emulator: &Emulator) -> String {
+    let buses = buses(emulator);
+    let doors = buses[0]["doors"].as_array().unwrap().iter().filter_map(Value::as_str);
+    doors.filter_map(|door| door.strip_prefix("profibus-pty:")).next().unwrap().to_owned()
+}
+
+/// The same over a serial line in real time, with the phy that pyprofibus makes for `type=serial`.
+#[test]
+fn pyprofibus_runs_unchanged_on_a_serial_line() {
+    let Some(mut python) = python(&["pyprofibus", "serial"]) else { return };
+    let plant = include_str!("../../tools/plants/can-dp2-door.toml");
+    let emulator = start_with(&plant.replace("profibus-tcp:127.0.0.1:0", "profibus-pty"), &[]);
+    emulator.run("wait", &["--within", "60s", "panel:flags.CAN_OPEN==1"]).ok();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/check_profibus.py");
+    let mut child = python
+        .args([script.to_str().unwrap(), &terminal(&emulator)])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut is_answered = false;
+    let ended = eventually(|| {
+        if !is_answered && emulator.peek(&["panel:%MW2000"]) == "16#1234" {
+            emulator.poke(&["panel:%MW2032=16#ABCD"]);
+            is_answered = true;
+        }
+        child.try_wait().unwrap().is_some()
+    });
+    if !ended {
+        child.kill().unwrap();
+    }
+    let outcome = child.wait_with_output().unwrap();
+    let error = String::from_utf8_lossy(&outcome.stderr);
+    assert_eq!(String::from_utf8_lossy(&outcome.stdout), "pyprofibus exchanges data\n", "{error}");
+    assert!(ended && is_answered, "{}", emulator.run("trace", &["--bus", "dp"]).out);
+}
+
+/// A program on a serial line that is two slaves; a master at another door asks both.
+#[test]
+fn several_slaves_at_one_serial_line() {
+    let emulator = start();
+    emulator.run("bus", &["open", "dp", "profibus-pty"]).ok();
+    let path = terminal(&emulator);
+    let mut line = std::fs::OpenOptions::new().read(true).write(true).open(path).unwrap();
+    let slaves = std::thread::spawn(move || {
+        let mut octets = [0; 6];
+        for station in [7, 8] {
+            // Octets without a gap between telegrams; here one at a time.
+            line.read_exact(&mut octets).unwrap();
+            assert_eq!(octets[..4], [0x10, station, 2, 0x49]);
+            line.write_all(&[0x10, 2]).unwrap();
+            line.write_all(&[station, 0, station + 2, 0x16]).unwrap();
+        }
+        line
+    });
+    let mut master = Guest::come(&emulator);
+    for station in [7_u8, 8] {
+        master.say(&[0x10, station, 2, 0x49, 0x49 + 2 + station, 0x16]);
+        assert_eq!(master.hear().1, [0x10, 2, station, 0, station + 2, 0x16]);
+    }
+    let mut line = slaves.join().unwrap();
+    // Octets that are no telegram go out as they come, and are garbled for all.
+    line.write_all(&[0x55, 0x16]).unwrap();
+    assert_eq!(master.hear().1, [0x55, 0x16]);
+}
+
 #[test]
 fn foreign_masters_ask_a_slave_and_hear_each_other() {
     let emulator = start();
@@ -259,7 +326,9 @@ fn a_bus_accepts_only_doors_of_its_kind() {
     let emulator = start();
     let refused = emulator.run("bus", &["open", "dp", "slcan-tcp:127.0.0.1:0"]).err;
     assert!(
-        refused.contains("a profibus bus has no door slcan-tcp:127.0.0.1:0; open one of kind profibus-tcp"),
+        refused.contains(
+            "a profibus bus has no door slcan-tcp:127.0.0.1:0; open one of kind profibus-tcp or profibus-pty"
+        ),
         "{refused}"
     );
     let opened = emulator.run("bus", &["open", "dp", "profibus-tcp:127.0.0.1:0"]);
@@ -271,7 +340,8 @@ fn a_bus_accepts_only_doors_of_its_kind() {
     std::fs::write(file.path(), PLANT.replace("profibus-tcp:127.0.0.1:0", "slcan-pty")).unwrap();
     let refused = crate::common::run(&["run", file.path().to_str().unwrap()]).err;
     assert!(
-        refused.contains("line 11") && refused.contains("no door slcan-pty; open one of kind profibus-tcp"),
+        refused.contains("line 11")
+            && refused.contains("no door slcan-pty; open one of kind profibus-tcp or profibus-pty"),
         "{refused}"
     );
 }

@@ -28,6 +28,13 @@ name = 'panel'
 bus = 'open'
 node_id = 32
 kbit_s = 125
+[[device]]
+kind = 'can-dp2'
+name = 'gw'
+profibus = 'dp'
+[[bus]]
+name = 'dp'
+kind = 'profibus'
 [[bus]]
 name = 'fast'
 kbit_s = 1000
@@ -40,7 +47,7 @@ kbit_s = 125
 ";
 
 /// A command that contains one of these texts runs at that plant.
-const OF_OTHERS: &[&str] = &["line:", "line2", "maxx", "panel", "open"];
+const OF_OTHERS: &[&str] = &["line:", "line2", "maxx", "panel", "open", "bus=dp"];
 
 /// Commands that contain one of these texts are not run here, with the reason.
 const ELSEWHERE: &[(&str, &str)] = &[

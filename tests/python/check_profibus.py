@@ -1,6 +1,7 @@
-"""pyprofibus as DP master of the gateway, with a seat in lockstep at the door of its PROFIBUS (docs/devices/can-dp2/overview.md).
+"""pyprofibus as DP master of the gateway, with a seat in lockstep at the door of its PROFIBUS (docs/devices/can-dp2/overview.md),
+or over a serial line in real time.
 
-Usage: check_profibus.py PORT
+Usage: check_profibus.py PORT|/dev/pts/NUMBER
 It exchanges data until its outputs have come back as inputs.
 """
 
@@ -69,10 +70,14 @@ def slave():
 
 
 def main():
-    phy = Door(int(sys.argv[1]))
-    # Its timeouts use the time of the bus, which does not advance between steps of the plant's clock.
-    for module in (dp_master, phy_module, util):
-        module.monotonic_time = lambda: phy.now / 500000
+    if sys.argv[1].startswith("/"):
+        from pyprofibus.phy_serial import CpPhySerial
+        phy = CpPhySerial(port=sys.argv[1])
+    else:
+        phy = Door(int(sys.argv[1]))
+        # Its timeouts use the time of the bus, which does not advance between steps of the plant's clock.
+        for module in (dp_master, phy_module, util):
+            module.monotonic_time = lambda: phy.now / 500000
     phy.setConfig(baudrate=500000)
     master, description = DPM1(phy, MASTER), slave()
     master.addSlave(description)
