@@ -1,8 +1,9 @@
 """Drives the page of `commram web` in a headless Chromium. Each page must show what the channel says, and each control must act.
 
-    check_web.py CHROMIUM COMMRAM [--axe FILE] [--pictures DIRECTORY] [--load]
+    check_web.py CHROMIUM COMMRAM [--axe axe.min.js] [--pictures DIRECTORY] [--load]
 
-With `--axe` each page is checked with axe-core, with `--pictures` its pictures are written, with `--load` its speed is measured."""
+With `--axe` each page is checked with axe-core, light and dark; with `--pictures` the pictures of the documentation are
+made; with `--load` the speed is measured."""
 
 import argparse
 import json
@@ -17,6 +18,9 @@ from browser import PATIENCE, Browser, Page
 
 PAGES = ["plant", "registers", "followed", "bus", "panel", "drives", "canopen", "faults", "findings", "journal"]
 EXAMPLE = Path(__file__).parents[2] / "tools" / "examples" / "wrong-order"
+# Finds the violations of axe-core, each with its first elements.
+AXE = """axe.run(document, { resultTypes: ["violations"] }).then((found) =>
+    found.violations.map((it) => [it.id, it.help, it.nodes.slice(0, 3).map((node) => node.html.slice(0, 200))]))"""
 
 
 class Emulator:
@@ -68,7 +72,6 @@ class Check:
             step()
             assert not (wrong := self.page.complaints()), (step.__name__, wrong)
         self.sizes()
-        print(json.dumps({"passed": True}))
 
     def sign_in(self):
         self.page.open(self.origin)
@@ -245,22 +248,143 @@ class Check:
             assert not (wrong := self.page.complaints()), (name, wrong)
 
 
+    def wrong_order(self):
+        """The changes of the two registers show that the request precedes its data (docs/guide/debugging.md)."""
+        names = ["node2.a_CONTROLWORD_SL[1]", "node2.a_STEUREG_CONTROLWORD[1]"]
+        for name in names:
+            self.go("registers")
+            self.choose_register(name)
+            self.page.key("Escape")
+            self.page.click(".star", f"Follow {name}")
+        self.go("followed")
+        self.page.until("document.querySelectorAll('.changes .rows-body .row').length >= 9")
+        rows = self.page.value("[...document.querySelectorAll('.changes .rows-body .row')].map((it) => [it.parts[2].textContent, it.parts[4].textContent])")
+        first = next(at for at, (name, value) in enumerate(rows) if name == names[1] and "16#5" in value)
+        assert rows[first + 1][0] == names[1] and rows[first + 2][0] == names[0], rows
+
+    def axe(self, source):
+        """Checks each page, light and dark."""
+        self.page.value(f"{source}; true")
+        for scheme in ["light", "dark"]:
+            self.page.colours(scheme)
+            for name in PAGES:
+                self.go(name)
+                if name == "registers":
+                    self.choose_register("node2.w_CPU_CONTROL")
+                # A change of colours fades.
+                time.sleep(0.5)
+                assert not (wrong := self.page.value(AXE)), (scheme, name, wrong)
+
+    def pictures(self, directory):
+        self.page.size(1280, 800)
+        self.page.colours("light")
+        self.go("registers")
+        self.page.enter(".searchbar input", "control sl")
+        self.choose_register("node2.w_CPU_CONTROL")
+        self.page.click("[data-block='line:node2:CANsync_MA_CTRL_BMSTRUCT']")
+        for name in ["registers", "followed", "bus", "panel"]:
+            self.go(name)
+            time.sleep(1)
+            self.page.picture(Path(directory) / f"browser-{name}.png")
+
+
+# Counts the updates of the clock on the screen for five seconds.
+LOAD = """new Promise((done) => {
+    let updates = 0;
+    const begin = performance.now();
+    const observer = new MutationObserver(() => (updates += 1));
+    observer.observe(document.querySelector(".time"), { subtree: true, characterData: true, childList: true });
+    setTimeout(() => done(updates / ((performance.now() - begin) / 1000)), 5_000);
+})"""
+FOLLOWED = [f"line:node2.a_RD_BMARRAY[{slave}][{word}]" for slave in range(4) for word in range(15)]
+FIRST_PAINT = "performance.getEntriesByName('first-contentful-paint')[0]?.startTime"
+
+
+def load(program, browser):
+    """With 60 followed registers of a plant in real time: updates of the screen per second; and the first paint."""
+    emulator = Emulator(program, str(EXAMPLE.with_suffix(".toml")))
+    try:
+        page = Page(browser)
+        page.size(1280, 2200)
+        page.open("about:blank")
+        page.open(emulator.address)
+        page.until("document.querySelectorAll('#nav a').length > 5")
+        first_paint = page.until(FIRST_PAINT)
+        page.value(f"localStorage.setItem('commram.followed.{emulator.name}', {json.dumps(json.dumps(FOLLOWED))})")
+        page.value(f"location.hash = '#/{emulator.name}/registers/followed'")
+        page.value("location.reload()")
+        page.until("document.querySelectorAll('.rows-body .row').length >= 60")
+        time.sleep(1)
+        return {"first_paint_ms": round(first_paint), "updates_per_second": round(page.value(LOAD), 1)}
+    finally:
+        emulator.stop()
+
+
+def read_only(program, browser):
+    """The page of a server that only reads disables its controls and says why."""
+    emulator = Emulator(program, "--clock", "stepped", web=["--read-only"])
+    try:
+        page = Page(browser)
+        page.open("about:blank")
+        page.open(emulator.address)
+        page.until("document.querySelectorAll('[data-acts]').length > 5")
+        page.until("[...document.querySelectorAll('[data-acts]')].every((it) => it.disabled && it.title.includes('--read-only'))")
+        page.until("document.getElementById('notice').textContent.includes('Read-only')")
+        assert not (wrong := page.complaints()), wrong
+    finally:
+        emulator.stop()
+
+
+def debugging(program, browser, given):
+    """The faulty program of the debugging page, found on the page alone."""
+    emulator = Emulator(program, str(EXAMPLE.with_suffix(".toml")), "--clock", "stepped", "--record", "node2")
+    try:
+        command = [program, "test", str(EXAMPLE.with_suffix(".rhai")), "--attach", emulator.name]
+        assert subprocess.run(command, capture_output=True, check=False, timeout=PATIENCE).returncode == 1
+        page = Page(browser)
+        page.size(1280, 800)
+        check = Check(emulator, page)
+        page.open("about:blank")
+        page.open(emulator.address)
+        page.until("document.querySelectorAll('#nav a').length > 5")
+        check.wrong_order()
+        if given.axe:
+            check.axe(Path(given.axe).read_text())
+        if given.pictures:
+            check.pictures(given.pictures)
+        assert not (wrong := page.complaints()), wrong
+    finally:
+        emulator.stop()
+
+
 def main():
     arguments = argparse.ArgumentParser()
     arguments.add_argument("chromium")
     arguments.add_argument("commram")
+    arguments.add_argument("--axe")
+    arguments.add_argument("--pictures")
+    arguments.add_argument("--load", action="store_true")
     given = arguments.parse_args()
-    emulator = Emulator(os.path.abspath(given.commram), "--clock", "stepped")
+    program = os.path.abspath(given.commram)
     with tempfile.TemporaryDirectory() as profile:
         browser = Browser(given.chromium, profile)
+        result = {"passed": True}
         try:
-            page = Page(browser)
-            page.size(1280, 800)
-            Check(emulator, page).all()
+            emulator = Emulator(program, "--clock", "stepped")
+            try:
+                page = Page(browser)
+                page.size(1280, 800)
+                Check(emulator, page).all()
+            finally:
+                emulator.stop()
+            read_only(program, browser)
+            debugging(program, browser, given)
+            if given.load:
+                result |= load(program, browser)
         finally:
             browser.process.terminate()
             browser.process.wait(PATIENCE)
-            emulator.stop()
+    print(json.dumps(result))
 
 
 if __name__ == "__main__":

@@ -28,7 +28,7 @@ class Registers {
   constructor(root, context) {
     this.context = context;
     this.search = h("input", { type: "search", placeholder: "Search names, meanings, values, addresses", "aria-label": "Search registers", "aria-keyshortcuts": "/", spellcheck: false });
-    this.search.addEventListener("input", later(120, () => this.list()));
+    this.search.addEventListener("input", later(120, () => this.maps && this.list()));
     this.tree = h("nav", { class: "blocks", "aria-label": "Blocks" });
     this.count = h("span", { class: "muted", role: "status" });
     this.detail = h("aside", { class: "detail", "aria-label": "Register" });
@@ -54,7 +54,13 @@ class Registers {
     const first = this.maps[0]?.entries[0];
     const known = [...this.tree.querySelectorAll("[data-block]")].map((it) => it.dataset.block);
     const usual = pinned().length ? "followed" : first && blockOf(first);
+    const typed = this.search.value;
     this.show(known.includes(block) ? block : usual);
+    // What the user has typed meanwhile counts.
+    if (typed) {
+      this.search.value = typed;
+      this.list();
+    }
   }
 
   end() {
@@ -135,7 +141,7 @@ class Registers {
     if (/\[\d/.test(text)) {
       const form = text.replace(/\[[^\]]*\]?/g, "[]");
       const arrays = entries.filter((entry) => entry.ranges.length && entry.form.toLowerCase().includes(form));
-      return arrays.flatMap((entry) => elements(entry)).filter((item) => item.name.toLowerCase().includes(text)).slice(0, MOST);
+      return arrays.flatMap((entry) => elements(entry)).filter((item) => item.name.toLowerCase().includes(text)).slice(0, MOST).map((item) => ({ ...item, isFull: true }));
     }
     const words = text.split(/\s+/);
     const hits = entries.filter((entry) => words.every((word) => entry.search.includes(word)));
