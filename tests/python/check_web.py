@@ -278,14 +278,15 @@ class Check:
     def pictures(self, directory):
         self.page.size(1280, 800)
         self.page.colours("light")
-        self.go("registers")
-        self.page.enter(".searchbar input", "control sl")
-        self.choose_register("node2.w_CPU_CONTROL")
-        self.page.click("[data-block='line:node2:CANsync_MA_CTRL_BMSTRUCT']")
-        for name in ["registers", "followed", "bus", "panel"]:
+        for name in ["followed", "bus", "panel"]:
             self.go(name)
             time.sleep(1)
             self.page.picture(Path(directory) / f"browser-{name}.png")
+        self.go("registers")
+        self.choose_register("node2.w_CPU_CONTROL")
+        self.page.click("[data-block='line:node2:CANsync_MA_CTRL_BMSTRUCT']")
+        time.sleep(1)
+        self.page.picture(Path(directory) / "browser-registers.png")
 
 
 # Counts the updates of the clock on the screen for five seconds.

@@ -46,7 +46,9 @@ const endOf = (reply) => reply?.time ?? reply?.waited?.time_us;
 
 /** Adds an action that the emulator has executed. `register`: the name that the scenario uses. */
 export function addToRecord({ operation, operations, fields, register, words, reply, replies, beforeUs }) {
-  if (!recorder.isOn || IGNORED.has(operation)) return;
+  if (!recorder.isOn) return;
+  if (operation === "set_parameter") return queueMicrotask(() => showNote("Not recorded: scenarios have no verb for parameters of drives"));
+  if (IGNORED.has(operation)) return;
   if (operation === "advance" && mergeSteps(fields.us, reply.time)) return changed();
   const forms = operations ?? [fields && Object.keys(fields).length ? { [operation]: { ...fields } } : operation];
   const all = replies ?? [reply];
