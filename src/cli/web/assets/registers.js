@@ -211,6 +211,7 @@ class Registers {
     row.hasValue = !item.isArray && isScalar(entry.type);
     const prefix = item.isFull && this.maps.length > 1 ? `${entry.plc}:` : "";
     setText(parts.name, prefix + (item.isFull ? item.name : item.name.slice(entry.area.length + 1) || item.name));
+    setAttribute(parts.name, "title", item.name);
     setAttribute(row, "class", `row${item.isArray ? " array" : ""}${item.isElement ? " element" : ""}`);
     setText(parts.value, "");
     setText(parts.age, "");
