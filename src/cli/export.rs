@@ -7,7 +7,7 @@ use super::device::DeviceArg;
 use super::error::CliError;
 use super::output;
 use crate::devices;
-use crate::export::{self, Format, StForm};
+use crate::export::{self, Format, StCompiler, StForm};
 use crate::output_file;
 use crate::plant::PlantConfig;
 use clap::ValueEnum;
@@ -23,7 +23,9 @@ Examples:
   commram export st --elementary --block node2
   commram export st --matiec --output commram.st
   commram export st --blocks --output commram.st
+  commram export st --strucpp --output registers.st
   commram export matiec --main --output main.c
+  commram export strucpp --main --output main.cpp
   commram export openplc --main --output hardware_layer.cpp
   commram export md > registers.md
   commram export dbc --plant plant.toml --bus open --output open.dbc
@@ -49,10 +51,13 @@ pub(crate) struct Args {
     /// With `st`: a file that matiec compiles, which includes `program.st` and its configuration
     #[arg(long = "matiec")]
     for_matiec: bool,
+    /// With `st`: a configuration that STruC++ compiles together with your program
+    #[arg(long = "strucpp", conflicts_with_all = ["for_matiec", "blocks"])]
+    for_strucpp: bool,
     /// With `st`: the file for matiec, including the function blocks of the device in Structured Text
     #[arg(long)]
     blocks: bool,
-    /// With `matiec`: the C program around the compiled one instead of the header; with `openplc`: its hardware layer
+    /// With `matiec` and `strucpp`: the program around the compiled one instead of the header; with `openplc`: its hardware layer
     #[arg(long)]
     main: bool,
     /// With `dbc`: the plant that contains the bus
@@ -138,22 +143,35 @@ fn of_map(args: &Args, format: Format) -> Result<String, CliError> {
         return with_blocks(args, format);
     }
     let format = match format {
-        Format::St(_) => Format::St(StForm { elementary: args.elementary, matiec: args.for_matiec }),
+        Format::St(_) => Format::St(StForm { elementary: args.elementary, compiler: compiler(args) }),
         other if args.elementary => {
             return Err(wrong(format!("{other} --elementary"), "only `st` has elementary variables"));
         }
         other if args.for_matiec => {
             return Err(wrong(format!("{other} --matiec"), "only `st` has a form for matiec"));
         }
+        other if args.for_strucpp => {
+            return Err(wrong(format!("{other} --strucpp"), "only `st` has a form for STruC++"));
+        }
         Format::Matiec if args.main => Format::MatiecMain,
+        Format::StruCpp if args.main => Format::StruCppMain,
         Format::OpenPlc if args.main => Format::OpenPlcLayer,
         other => other,
     };
-    if args.main && !matches!(format, Format::MatiecMain | Format::OpenPlcLayer) {
-        let right = "only `matiec` and `openplc` have a C program around the compiled one";
+    if args.main && !matches!(format, Format::MatiecMain | Format::StruCppMain | Format::OpenPlcLayer) {
+        let right = "only `matiec`, `strucpp` and `openplc` have a program around the compiled one";
         return Err(wrong(format!("{format} --main"), right));
     }
     Ok(export::export(args.device.device, format, args.block.as_deref())?)
+}
+
+/// The compiler that declarations are for.
+fn compiler(args: &Args) -> StCompiler {
+    match (args.for_matiec, args.for_strucpp) {
+        (true, _) => StCompiler::Matiec,
+        (_, true) => StCompiler::StruCpp,
+        _ => StCompiler::Any,
+    }
 }
 
 /// Exports the function blocks. They use the structures of several areas.
@@ -178,18 +196,27 @@ fn with_blocks(args: &Args, format: Format) -> Result<String, CliError> {
 
 fn of_plant(args: &Args) -> Result<(), CliError> {
     let of_others = args.plant.is_some() || args.bus.is_some() || args.block.is_some();
-    if of_others || args.elementary || args.for_matiec || args.blocks || args.main {
+    if of_others || args.elementary || args.for_matiec || args.for_strucpp || args.blocks || args.main {
         let right = "write the plant file after it; the options are --output, --registers and --library";
-        return Err(wrong("fmu --plant --bus --block --elementary --matiec --blocks --main", right));
+        return Err(wrong(
+            "fmu --plant --bus --block --elementary --matiec --strucpp --blocks --main",
+            right,
+        ));
     }
     let to = args.output.as_deref().ok_or_else(|| wrong("fmu", "give the file, --output plant.fmu"))?;
     fmu::run(args.model.as_deref(), &args.registers, args.library.as_deref(), to)
 }
 
 fn of_bus(args: &Args) -> Result<String, CliError> {
-    if args.elementary || args.for_matiec || args.blocks || args.main || args.block.is_some() {
+    if args.elementary
+        || args.for_matiec
+        || args.for_strucpp
+        || args.blocks
+        || args.main
+        || args.block.is_some()
+    {
         return Err(wrong(
-            "dbc --block --elementary --matiec --blocks --main",
+            "dbc --block --elementary --matiec --strucpp --blocks --main",
             "a CAN database has no registers",
         ));
     }

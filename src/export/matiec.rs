@@ -1,10 +1,9 @@
 //! Glue for IEC 61131-3 programs compiled by matiec: binds their located variables to an image, in every space of
-//! addresses that the device has. The C header comes first, then tables of the device, then the templates in `matiec/`. The
-//! program around it is `matiec/main.c`.
+//! addresses that the device has. The C header comes first, then tables of the device, then the templates in `matiec/`.
 
 use super::c;
+use super::runner::{self, Compiler};
 use super::scope::Scope;
-use super::text;
 use crate::layout::{Area, DeviceFit, Space, Unit};
 use std::fmt::Write;
 
@@ -16,7 +15,8 @@ const NAMES: &str = include_str!("matiec/names.h");
 const REFERENCES: &str = include_str!("matiec/references.h");
 /// Functions through which blocks in Structured Text access the board.
 const BLOCKS: &str = include_str!("matiec/blocks.h");
-const MAIN: &str = include_str!("matiec/main.c");
+const MATIEC: Compiler =
+    Compiler { name: "matiec", format: "matiec --main", head: include_str!("runner/matiec.c") };
 /// A multiple of every page size: the mapping over the storage of variables consists of whole pages.
 const ALIGNMENT: usize = 0x10000;
 
@@ -50,6 +50,11 @@ pub(crate) fn storage() -> &'static str {
 /// Access of generated C to located variables without a list of them, after [`tables`]; it includes no system header.
 pub(crate) fn by_name() -> String {
     format!("{RULES}{ACCESS}{NAMES}")
+}
+
+/// The rules of located variables, for compilers that pass their addresses as numbers.
+pub(crate) fn rules() -> &'static str {
+    RULES
 }
 
 /// The device, as macros.
@@ -150,7 +155,7 @@ fn bits<'a>(areas: impl Iterator<Item = &'a Area>) -> String {
 
 /// The C program around a program that matiec compiled with the glue.
 pub(crate) fn main(scope: &Scope) -> String {
-    text::template(scope, "matiec --main", MAIN)
+    runner::generate(scope, &MATIEC)
 }
 
 /// C expression: whether an address with the numbers `a` and `b` belongs to this space. With a segment, the number of

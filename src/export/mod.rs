@@ -18,8 +18,10 @@ mod members;
 mod openplc;
 mod python;
 mod rows;
+mod runner;
 mod scope;
 mod st;
+mod strucpp;
 mod svd;
 mod systemrdl;
 mod text;
@@ -37,7 +39,7 @@ pub use csv::line as csv_line;
 pub use dbc::dbc;
 pub use md::table as md_table;
 pub use scope::Scope;
-pub use st::StForm;
+pub use st::{StCompiler, StForm};
 
 /// Output formats of the register map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,6 +54,10 @@ pub enum Format {
     OpenPlc,
     /// OpenPLC's hardware layer.
     OpenPlcLayer,
+    /// The header that binds located variables of programs compiled by STruC++.
+    StruCpp,
+    /// The C++ program that runs a program compiled by STruC++.
+    StruCppMain,
     /// IEC 61131-3 declarations.
     St(StForm),
     /// A Python module.
@@ -74,11 +80,12 @@ pub enum Format {
 
 impl Format {
     /// One of each name.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::C,
         Self::Matiec,
         Self::OpenPlc,
-        Self::St(StForm { elementary: false, matiec: false }),
+        Self::StruCpp,
+        Self::St(StForm { elementary: false, compiler: StCompiler::Any }),
         Self::Python,
         Self::Svd,
         Self::SystemRdl,
@@ -96,6 +103,7 @@ impl Format {
             Self::C => "c",
             Self::Matiec | Self::MatiecMain => "matiec",
             Self::OpenPlc | Self::OpenPlcLayer => "openplc",
+            Self::StruCpp | Self::StruCppMain => "strucpp",
             Self::St(_) => "st",
             Self::Python => "python",
             Self::Svd => "svd",
@@ -117,6 +125,8 @@ impl Format {
             Self::MatiecMain => "C program that runs a program compiled by matiec",
             Self::OpenPlc => "C++ header that binds located variables of OpenPLC's programs",
             Self::OpenPlcLayer => "hardware layer for OpenPLC",
+            Self::StruCpp => "C++ header that binds located variables of programs compiled by STruC++",
+            Self::StruCppMain => "C++ program that runs a program compiled by STruC++",
             Self::St(_) => "IEC 61131-3 types and variables, as in the manual",
             Self::Python => "Python module without dependencies",
             Self::Svd => "CMSIS-SVD for debuggers and viewers",
@@ -171,7 +181,7 @@ pub fn export(
     block: Option<&str>,
 ) -> Result<String, ExportError> {
     let mut scope = Scope::new(device, block)?;
-    if matches!(format, Format::Matiec | Format::OpenPlc | Format::St(_) | Format::Svd) {
+    if matches!(format, Format::Matiec | Format::OpenPlc | Format::StruCpp | Format::St(_) | Format::Svd) {
         scope = scope.without_front();
         if let (true, Some(block)) = (scope.areas.is_empty(), scope.block) {
             return Err(ExportError::NoAddresses { device: device.name, block, format });
@@ -186,6 +196,8 @@ pub fn export(
         Format::MatiecMain => matiec::main(&scope),
         Format::OpenPlc => openplc::generate(&scope),
         Format::OpenPlcLayer => openplc::hardware_layer(&scope),
+        Format::StruCpp => strucpp::generate(&scope),
+        Format::StruCppMain => strucpp::main(&scope),
         Format::St(form) => st::generate(&scope, form, None),
         Format::Python => python::generate(&scope),
         Format::Svd => svd::generate(&scope),
@@ -206,5 +218,5 @@ pub fn export(
 #[must_use]
 pub fn st_with_blocks(device: &'static DeviceLayout, blocks: &str) -> String {
     let scope = Scope { device, areas: device.named_areas().collect(), block: None }.without_front();
-    st::generate(&scope, StForm { elementary: false, matiec: true }, Some(blocks))
+    st::generate(&scope, StForm { elementary: false, compiler: StCompiler::Matiec }, Some(blocks))
 }

@@ -1,7 +1,7 @@
 //! IEC 61131-3 declarations: the structures as types and the variables at their addresses; or one elementary variable
 //! per register. Each type has a separate `TYPE`, which the standard allows and some compilers want.
 //!
-//! matiec, the compiler of Beremiz and OpenPLC, has other requirements: see [`StForm::matiec`].
+//! matiec, the compiler of Beremiz and OpenPLC 3, and STruC++, that of OpenPLC 4, have other requirements: see [`StCompiler`].
 
 use super::members::{self, Member};
 use super::rows;
@@ -16,43 +16,69 @@ use std::fmt::Write;
 pub struct StForm {
     /// An elementary variable per register instead of structures.
     pub elementary: bool,
+    /// The compiler that the declarations are for.
+    pub compiler: StCompiler,
+}
+
+/// A compiler with requirements beyond the standard.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum StCompiler {
+    /// Declarations as the standard has them.
+    #[default]
+    Any,
     /// A whole file for matiec, which includes the program and has its configuration. matiec takes each spelling of
     /// an address only once. Its C code for an array of arrays does not compile: such arrays have two dimensions
     /// here.
-    pub matiec: bool,
+    Matiec,
+    /// A configuration for STruC++, which gets the program as another file. STruC++ binds only variables of elementary
+    /// types in a configuration, takes each address only once, and knows no further levels (decision D-755).
+    StruCpp,
 }
 
 impl StForm {
     fn command(self) -> &'static str {
-        match (self.elementary, self.matiec) {
-            (false, false) => "st",
-            (true, false) => "st --elementary",
-            (false, true) => "st --matiec",
-            (true, true) => "st --elementary --matiec",
+        match (self.elementary, self.compiler) {
+            (false, StCompiler::Any) => "st",
+            (true, StCompiler::Any) => "st --elementary",
+            (false, StCompiler::Matiec) => "st --matiec",
+            (true, StCompiler::Matiec) => "st --elementary --matiec",
+            (_, StCompiler::StruCpp) => "st --strucpp",
         }
+    }
+
+    /// Whether there is a variable per register.
+    fn is_elementary(self) -> bool {
+        self.elementary || self.compiler == StCompiler::StruCpp
+    }
+
+    fn is_matiec(self) -> bool {
+        self.compiler == StCompiler::Matiec
     }
 }
 
 /// The declarations, with these function blocks after the types.
 pub(crate) fn generate(scope: &Scope, form: StForm, blocks: Option<&str>) -> String {
     let mut out = head(scope, form, blocks.map_or(form.command(), |_| "st --blocks"));
-    let variables = if form.elementary {
-        elementary(scope)
+    let variables = if form.is_elementary() {
+        elementary(scope, form.compiler)
     } else {
         out += &types(scope, form);
         out += blocks.unwrap_or_default();
         structures(scope, form)
     };
     let variables = format!("VAR_GLOBAL\n{variables}END_VAR\n");
-    if form.matiec { out + &whole(&variables) } else { out + &variables }
+    match form.compiler {
+        StCompiler::Any => out + &variables,
+        StCompiler::StruCpp => out + &configuration(&variables),
+        // Between types and variables, since matiec takes an include only before a configuration.
+        StCompiler::Matiec => out + "{#include \"program.st\"}\n\n" + &configuration(&variables),
+    }
 }
 
-/// A program that matiec compiles, between types and variables, since matiec takes an include only before a
-/// configuration. Configuration and resource have the names that OpenPLC builds.
-fn whole(variables: &str) -> String {
+/// A configuration that runs `MAIN`. Configuration and resource have the names that OpenPLC builds.
+fn configuration(variables: &str) -> String {
     format!(
-        "{{#include \"program.st\"}}\n\n\
-         (* Tasks and programs as yours are; a register that a program uses stands in its VAR_EXTERNAL. *)\n\
+        "(* Tasks and programs as yours are; a register that a program uses stands in its VAR_EXTERNAL. *)\n\
          CONFIGURATION Config0\n{variables}\n\
          RESOURCE Res0 ON PLC\n    TASK scan(INTERVAL := T#2ms, PRIORITY := 0);\n    \
          PROGRAM instance1 WITH scan : MAIN;\nEND_RESOURCE\nEND_CONFIGURATION\n"
@@ -62,7 +88,7 @@ fn whole(variables: &str) -> String {
 /// The types, each after the types that it needs.
 fn types(scope: &Scope, form: StForm) -> String {
     let structures = scope.structures();
-    let mut arrays = Arrays { flat: form.matiec, all: BTreeSet::new() };
+    let mut arrays = Arrays { flat: form.is_matiec(), all: BTreeSet::new() };
     let (mut small, mut large) = (String::new(), String::new());
     for group in members::groups(&structures) {
         record(&mut small, &mut arrays, group.type_name(), &group.about(), &group.members());
@@ -72,7 +98,7 @@ fn types(scope: &Scope, form: StForm) -> String {
     }
     let declare = |of_records: bool| -> String {
         let wanted = arrays.all.iter().filter(|array| array.of_records == of_records);
-        wanted.map(|array| array.declaration(form.matiec)).collect()
+        wanted.map(|array| array.declaration(form.is_matiec())).collect()
     };
     format!("{}{small}{}{large}", declare(false), declare(true))
 }
@@ -85,26 +111,34 @@ fn structures(scope: &Scope, form: StForm) -> String {
         let (variable, structure) = (placed.variable, placed.structure.name);
         let remark = text::made_up(placed).map(|made_up| format!(" (* {made_up} *)")).unwrap_or_default();
         let begin = area.begin();
-        let address = if form.matiec { spellings.next(begin) } else { begin };
+        let address = if form.is_matiec() { spellings.next(begin, form.compiler) } else { begin };
         let _ = writeln!(out, "    {variable} AT {address} : {structure};{remark}");
     }
     out
 }
 
-/// Spellings of addresses for places with more than one variable: an appended level of 0 names the same place.
+/// Spellings of addresses for places with more than one variable: an appended level of 0 names the same place, for
+/// STruC++ a thousand more in the number of the segment.
 #[derive(Default)]
 struct Spellings(BTreeMap<String, usize>);
 
 impl Spellings {
-    fn next(&mut self, address: String) -> String {
+    fn next(&mut self, address: String, compiler: StCompiler) -> String {
         let used = self.0.entry(address.clone()).or_default();
         *used += 1;
-        address + &".0".repeat(*used - 1)
+        let more = *used - 1;
+        match (compiler, address.split_once('.')) {
+            (StCompiler::StruCpp, Some((segment, number))) if more > 0 => {
+                let (letters, segment) = segment.split_at(3);
+                format!("{letters}{more}{segment:0>3}.{number}")
+            }
+            _ => address + &".0".repeat(more),
+        }
     }
 }
 
 /// A variable for each register that the node in this area uses.
-fn elementary(scope: &Scope) -> String {
+fn elementary(scope: &Scope, compiler: StCompiler) -> String {
     let mut out = String::new();
     let mut spellings = Spellings::default();
     let mut seen: BTreeSet<(String, u32)> = BTreeSet::new();
@@ -116,7 +150,7 @@ fn elementary(scope: &Scope) -> String {
         // Structures that overlay each other share some registers.
         if seen.insert((name.clone(), found.offset())) {
             let remark = text::remark(found.register);
-            let address = spellings.next(found.address().to_string());
+            let address = spellings.next(found.address().to_string(), compiler);
             let _ = writeln!(out, "    {name} AT {address} : {}; (* {remark} *)", found.ty());
         }
     }
@@ -125,7 +159,11 @@ fn elementary(scope: &Scope) -> String {
 
 fn head(scope: &Scope, form: StForm, command: &str) -> String {
     let mut lines = text::banner(scope, command);
-    if form.matiec || form.elementary {
+    if form.compiler == StCompiler::StruCpp {
+        lines.push(
+            "Each address occurs once: its second name has 1003 for the segment 3, its third 2003.".into(),
+        );
+    } else if form.is_matiec() || form.elementary {
         lines.push(
             "Each spelling of an address occurs once: the second name of an address has an additional level of 0."
                 .into(),
@@ -241,7 +279,7 @@ mod tests {
     /// Identifiers do not distinguish upper and lower case and have no `__`.
     #[test]
     fn elementary_variables_have_names_of_their_own() {
-        let text = elementary(&Scope::new(&DEVICE, None).unwrap());
+        let text = elementary(&Scope::new(&DEVICE, None).unwrap(), StCompiler::Any);
         assert!(!text.contains("node1_a_SL_TYP_0 "));
         let (mut names, mut addresses) = (BTreeSet::new(), BTreeSet::new());
         for line in text.lines().filter(|line| line.contains(" AT ")) {
@@ -255,5 +293,8 @@ mod tests {
         assert!(text.contains("    node2_a_DATA_PARAMETER_3_w_PAR_NR AT %MW3.203104 : WORD; (* PLC: "));
         assert!(text.contains("    node2_b_MA_SL_MODE AT %MB3.200012 : BYTE;"));
         assert!(text.contains("    node2_b_CTRLREG_WRC1 AT %MB3.200012.0 : BYTE;"));
+        let strucpp = elementary(&Scope::new(&DEVICE, None).unwrap(), StCompiler::StruCpp);
+        assert_eq!(strucpp.lines().count(), text.lines().count());
+        assert!(strucpp.contains("    node2_b_CTRLREG_WRC1 AT %MB1003.200012 : BYTE;"));
     }
 }

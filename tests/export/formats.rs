@@ -84,7 +84,8 @@ fn matiec_has_separate_declarations() {
     assert!(elementary.ok().contains("    node2_b_CTRLREG_WRC1 AT %MB3.200012.0 : BYTE;"));
     for (args, why) in [
         (["c", "--matiec"], "only `st` has a form for matiec"),
-        (["st", "--main"], "only `matiec` and `openplc` have a C program around the compiled one"),
+        (["c", "--strucpp"], "only `st` has a form for STruC++"),
+        (["st", "--main"], "only `matiec`, `strucpp` and `openplc` have a program around the compiled one"),
     ] {
         assert!(run(&["export", args[0], args[1]]).fails(2).contains(why), "{args:?}");
     }

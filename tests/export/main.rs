@@ -10,4 +10,5 @@ mod matiec;
 mod openplc;
 mod st_blocks;
 mod starts;
+mod strucpp;
 mod tools;

@@ -149,7 +149,7 @@ fn addresses_that_are_no_registers_are_refused_in_cpp() {
 }
 
 /// Returns the fenced block of `page` after the paragraph with `marker`.
-fn block(page: &str, marker: &str) -> String {
+pub(crate) fn block(page: &str, marker: &str) -> String {
     let text = fs::read_to_string(Path::new(ROOT).join("docs").join(page)).unwrap();
     let behind = text.split_once(marker).unwrap_or_else(|| panic!("{page}: {marker}")).1;
     let fenced = behind.split_once("```").unwrap().1.split_once('\n').unwrap().1;
@@ -271,7 +271,7 @@ fn beremiz_receives_the_reason_of_a_refusal() {
 }
 
 /// Runs the commands of a page, without the prompts, with this crate's `commram`.
-fn type_in(lines: &str, directory: &Path) {
+pub(crate) fn type_in(lines: &str, directory: &Path) {
     let path = commram().get_program().to_owned();
     let bin = Path::new(&path).parent().unwrap();
     let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap());
@@ -281,7 +281,7 @@ fn type_in(lines: &str, directory: &Path) {
     }
 }
 
-const ARRIVED: &str = "16#00001267";
+pub(crate) const ARRIVED: &str = "16#00001267";
 
 #[test]
 fn the_page_on_openplc_works_with_openplc() {

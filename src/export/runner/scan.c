@@ -1,40 +1,8 @@
- *
- * The program around a program that matiec compiled: it maps the registers under the located variables, and scans.
- *
- *     plc IMAGE [EVENT [I_PAR1]]
- *
- * IMAGE    for example /dev/shm/commram.default.line
- * EVENT    number of the event that each scan waits for; without it a scan comes each time the interval of the
- *          program's task is over, by the clock of this computer, which suits an emulator in real time
- * I_PAR1   enables the event with INTR_SET first: of a CPU timer, events 0 and 2, the factor of 50 us
- *
- * In stepped mode emulated time waits for each scan of an event, and for what the board orders (lockstep). TON and the like count
- * emulated time. The device starts and stops the program: a cold start gives all variables their initial values, a warm
- * start all but those declared RETAIN and the retain flags, a hot start none. It ends by SIGINT and SIGTERM.
- *
- * Exit code: 0 ended by a signal, 1 the emulator is gone or has refused something, 2 wrong use or not attached.
- */
-#include <signal.h>
-
-#include "iec_std_lib.h"
-#include "commram_matiec.h"
-#include "POUS.h"
-
-COMMRAM_MATIEC_STORAGE
-#include "commram_located.h"
-
 /* How long the emulator may really take for an answer, and how often a wait looks for signals. */
 #define ANSWER_MS 5000u
 #define SLICE_MS 100u
 /* How long a program is stopped before it says why. */
 #define STOPPED_SECONDS 2
-
-/* What matiec's code wants of its runtime, and gives to it. */
-TIME __CURRENT_TIME;
-BOOL __DEBUG = 0;
-extern unsigned long long common_ticktime__;
-void config_init__(void);
-void config_run__(unsigned long tick);
 
 static volatile sig_atomic_t ended;
 
