@@ -7,6 +7,7 @@ use crate::journal::Changed;
 use crate::layout::{DeviceFit, RegisterRef};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 
 /// Returns the register of a reported change, with the name valid at that time; `None` if no register of this width
 /// begins there.
@@ -16,8 +17,8 @@ pub(super) fn register(fitted: &DeviceFit, what: &Changed) -> Option<RegisterRef
     found.into_iter().find(|register| register.address() == address)
 }
 
-/// Value of a register for comparison; also an entry of a dump in JSON.
-#[derive(Clone, Debug, Deserialize, PartialEq, Eq)]
+/// Value of a register for comparison.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct RegisterValue {
     pub plc: String,
     /// Name of the register, with the PLC if the instance has several; the address if there is no register.
@@ -87,7 +88,6 @@ pub(crate) fn values(change: &Change) -> String {
 pub(crate) struct RegisterValues(BTreeMap<(String, String), RegisterValue>);
 
 impl RegisterValues {
-    /// If several entries have the same name, the last one is kept.
     pub(crate) fn new(registers: impl IntoIterator<Item = RegisterValue>) -> Self {
         RegisterValues(
             registers.into_iter().map(|held| ((held.plc.clone(), held.register.clone()), held)).collect(),
@@ -130,13 +130,72 @@ impl RegisterValues {
     }
 }
 
+/// An entry of a dump in JSON, as far as it is compared.
+#[derive(Deserialize)]
+struct DumpEntry {
+    plc: String,
+    register: String,
+    address: String,
+    /// The number; a dump that another program has written may omit it.
+    value: Option<i64>,
+    hex: String,
+    meaning: String,
+}
+
+impl DumpEntry {
+    /// Converts the entry.
+    ///
+    /// # Errors
+    /// The bit pattern is malformed, or belongs to another number than `value`.
+    fn checked(self) -> Result<RegisterValue, String> {
+        let DumpEntry { plc, register, address, value, hex, meaning } = self;
+        let digits = hex.strip_prefix("16#").filter(|digits| [2, 4, 8].contains(&digits.len()));
+        let bits = digits.and_then(|digits| Some((4 * digits.len(), i64::from_str_radix(digits, 16).ok()?)));
+        let Some((width, bits)) = bits.filter(|(_, bits)| *bits >= 0) else {
+            return Err(format!("{register}: hex `{hex}`: write 16# and 2, 4 or 8 digits, such as 16#0043"));
+        };
+        // A signed register with its highest bit set has a negative number.
+        if value.is_some_and(|value| value != bits && value != bits - (1 << width)) {
+            let value = value.unwrap_or_default();
+            return Err(format!("{register}: value {value} and hex {hex} are different values"));
+        }
+        Ok(RegisterValue { plc, register, address, hex: hex.to_ascii_uppercase(), meaning })
+    }
+}
+
 /// Parses a dump in JSON.
 ///
 /// # Errors
-/// `text` is not a dump; `name` identifies it in the message.
+/// `text` is not a dump, or contradicts itself; `name` identifies it in the message.
 pub(crate) fn parse(name: &str, text: &str) -> Result<Vec<RegisterValue>, CliError> {
-    serde_json::from_str(text)
-        .map_err(|error| CliError::NoDump { name: name.to_owned(), reason: error.to_string() })
+    let refuse = |reason| CliError::NoDump { name: name.to_owned(), reason };
+    let entries: Vec<DumpEntry> = serde_json::from_str(text).map_err(|error| refuse(error.to_string()))?;
+    let entries = entries.into_iter().map(DumpEntry::checked).collect::<Result<Vec<_>, _>>();
+    let entries = entries.map_err(refuse)?;
+    check_consistency(&entries).map_err(refuse)?;
+    Ok(entries)
+}
+
+/// Refuses a register with two values or addresses, and an address with two values.
+fn check_consistency(entries: &[RegisterValue]) -> Result<(), String> {
+    let mut seen: BTreeMap<(&str, &str), &RegisterValue> = BTreeMap::new();
+    for entry in entries {
+        for key in [&entry.register, &entry.address] {
+            let earlier = match seen.entry((&entry.plc, key)) {
+                Entry::Vacant(place) => *place.insert(entry),
+                Entry::Occupied(place) => *place.get(),
+            };
+            if earlier.hex != entry.hex {
+                let (first, second) = (&earlier.hex, &entry.hex);
+                return Err(format!("{key} has two values, {first} and {second}"));
+            }
+            if earlier.register == entry.register && earlier.address != entry.address {
+                let (first, second) = (&earlier.address, &entry.address);
+                return Err(format!("{key} has two addresses, {first} and {second}"));
+            }
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -175,6 +234,40 @@ mod tests {
     fn one_name_at_two_plcs_means_two_registers() {
         let other = RegisterValue { plc: "other".to_owned(), ..held("a", "16#02") };
         assert_eq!(RegisterValues::new([held("a", "16#01")]).changed([&other]).len(), 1);
+    }
+
+    #[test]
+    fn contradictory_entries_are_refused() {
+        let entry = |register: &str, address: &str, value: &str, hex: &str| {
+            format!(
+                r#"{{"plc":"line","register":"{register}","address":"{address}",{value}"hex":"{hex}","meaning":""}}"#
+            )
+        };
+        let parsed =
+            |entries: &[String]| parse("x.json", &format!("[{}]", entries.join(","))).map(|it| it.len());
+        let one = entry("a", "%MB3.1", "\"value\":67,", "16#43");
+        let same = entry("b", "%MB3.1", "", "16#43");
+        assert_eq!(parsed(&[one.clone(), one.clone(), same.clone()]).unwrap(), 3);
+        assert!(parsed(&[entry("a", "%MW3.2", "\"value\":-2,", "16#fffe")]).is_ok());
+        assert!(parsed(&[entry("a", "%MW3.2", "\"value\":65534,", "16#FFFE")]).is_ok());
+        for (entries, reason) in [
+            (
+                &[entry("a", "%MB3.1", "\"value\":68,", "16#43")][..],
+                "a: value 68 and hex 16#43 are different values",
+            ),
+            (
+                &[entry("a", "%MB3.1", "\"value\":323,", "16#43")],
+                "a: value 323 and hex 16#43 are different values",
+            ),
+            (&[entry("a", "%MB3.1", "", "43")], "a: hex `43`: write 16# and 2, 4 or 8 digits"),
+            (&[entry("a", "%MB3.1", "", "16#-1")], "a: hex `16#-1`: write 16#"),
+            (&[one.clone(), entry("a", "%MB3.1", "", "16#44")], "a has two values, 16#43 and 16#44"),
+            (&[one.clone(), entry("b", "%MB3.1", "", "16#44")], "%MB3.1 has two values, 16#43 and 16#44"),
+            (&[one.clone(), entry("a", "%MB3.2", "", "16#43")], "a has two addresses, %MB3.1 and %MB3.2"),
+        ] {
+            let refused = parsed(entries).unwrap_err().to_string();
+            assert!(refused.contains("x.json") && refused.contains(reason), "{refused}");
+        }
     }
 
     #[test]

@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 /// their reset value. A register that is missing in a file is shown as `-`, since the file does not contain its
 /// value. A dump made with `dump --full` contains all registers. With one file, the blocks that occur in it are
 /// compared with the running instance (all blocks, if the file is empty). Registers that are no longer live are
-/// only counted.
+/// only counted. A dump that contradicts itself is refused.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
