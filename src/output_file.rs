@@ -1,9 +1,12 @@
 //! Output files for users: exports, reports, pictures, snapshots. The previous file of the same name stays until all of
-//! the new content is written, so no reader finds half a file, and a full disk does not destroy the old one.
+//! the new content is written, so no reader finds half a file, and a full disk does not destroy the old one. A process
+//! that is killed meanwhile leaves the new file; the next write of the same file removes it.
 
 use crate::input_file;
-use std::fs::{self, File, Metadata};
+use std::ffi::OsStr;
+use std::fs::{self, File, Metadata, TryLockError};
 use std::io::{ErrorKind, Result, Write};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 /// Number of names that are tried: killed processes may have left files with the names that this process would use.
@@ -120,8 +123,9 @@ pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     fs::rename(&begin(path, bytes, None)?.0, path)
 }
 
-/// The name of a new file, which is removed when this value is dropped, unless it was renamed.
-struct Unfinished(PathBuf);
+/// The name of a new file, which is removed when this value is dropped, unless it was renamed. The open file holds a
+/// lock: without it the file counts as one that a killed process has left.
+struct Unfinished(PathBuf, #[expect(dead_code, reason = "holds the lock")] File);
 
 impl Drop for Unfinished {
     fn drop(&mut self) {
@@ -132,11 +136,46 @@ impl Drop for Unfinished {
 
 /// Writes a new file beside this one, with the permissions of an existing file.
 fn begin(path: &Path, bytes: &[u8], like: Option<&Metadata>) -> Result<Unfinished> {
+    remove_leftovers(path);
     let (mut file, begun) = create_beside(path)?;
-    let unfinished = Unfinished(begun);
+    let unfinished = Unfinished(begun, file.try_clone()?);
     like.map_or(Ok(()), |like| file.set_permissions(like.permissions()))?;
     file.write_all(bytes)?;
     Ok(unfinished)
+}
+
+/// Removes files that killed processes have left when they wrote this file. Errors are ignored: the file can be written
+/// beside such files.
+fn remove_leftovers(path: &Path) {
+    let Some(directory) = path.parent() else { return };
+    let directory = if directory.as_os_str().is_empty() { Path::new(".") } else { directory };
+    for entry in fs::read_dir(directory).into_iter().flatten().flatten() {
+        if is_part_of(path, &entry.file_name()) {
+            let _ = remove_if_left(&entry.path());
+        }
+    }
+}
+
+/// True if [`create_beside`] gives this name to a new file beside `path`.
+fn is_part_of(path: &Path, name: &OsStr) -> bool {
+    let own = path.file_name().unwrap_or_default().as_encoded_bytes();
+    let rest = name.as_encoded_bytes().strip_prefix(own).and_then(|rest| rest.strip_prefix(b"."));
+    let numbers = rest.and_then(|rest| rest.strip_suffix(b".part"));
+    let numbers = numbers.and_then(|numbers| core::str::from_utf8(numbers).ok()?.split_once('-'));
+    numbers.is_some_and(|(process, tried)| process.parse::<u32>().is_ok() && tried.parse::<u32>().is_ok())
+}
+
+/// Removes a file that no process is writing: its writer holds a lock.
+fn remove_if_left(path: &Path) -> Result<()> {
+    use rustix::fs::OFlags;
+    let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK;
+    let flags = i32::try_from(flags.bits()).unwrap_or_default();
+    let file = File::options().read(true).custom_flags(flags).open(path)?;
+    if !file.metadata()?.is_file() {
+        return Ok(());
+    }
+    file.try_lock()?;
+    fs::remove_file(path)
 }
 
 /// Creates a new file beside this one.
@@ -148,9 +187,21 @@ fn create_beside(path: &Path) -> Result<(File, PathBuf)> {
         let begun = path.with_file_name(name);
         match File::create_new(&begun) {
             // In a container every process may have the same process id.
-            Err(reason) if reason.kind() == ErrorKind::AlreadyExists && tried < TRIES => tried += 1,
+            Err(reason) if reason.kind() == ErrorKind::AlreadyExists && tried < TRIES => {}
+            // Another process may have taken the file for a leftover before it was locked.
+            Ok(file) if !is_kept(&file) && tried < TRIES => {}
             made => return Ok((made?, begun)),
         }
+        tried += 1;
+    }
+}
+
+/// Locks a new file, and returns whether it still has its name. On a file system without locks no file is removed.
+fn is_kept(file: &File) -> bool {
+    match file.try_lock() {
+        Err(TryLockError::WouldBlock) => false,
+        Err(TryLockError::Error(_)) => true,
+        Ok(()) => file.metadata().is_ok_and(|data| data.nlink() > 0),
     }
 }
 
@@ -273,14 +324,27 @@ mod tests {
     }
 
     #[test]
-    fn leftover_files_of_the_same_name_do_not_block_the_write() {
+    fn files_of_killed_processes_are_removed_and_no_others() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.h");
-        let left = directory.path().join(format!("a.h.{}-0.part", std::process::id()));
-        fs::write(&left, "left").unwrap();
+        let own = format!("a.h.{}-0.part", std::process::id());
+        // The first one is being written, the second one was left; the others have similar names.
+        let all = [own.as_str(), "a.h.4711-3.part", "a.h.4711.part", "a.h.x-0.part", "b.h.4711-0.part"];
+        for name in all {
+            fs::write(directory.path().join(name), "left").unwrap();
+        }
+        symlink("b.h.4711-0.part", directory.path().join("a.h.4712-0.part")).unwrap();
+        let written = File::open(directory.path().join(&own)).unwrap();
+        written.lock().unwrap();
         write(&path, b"new").unwrap();
-        assert_eq!(fs::read(&left).unwrap(), b"left");
-        assert_eq!(names(directory.path()).len(), 2);
+        let mut kept =
+            vec!["a.h", "a.h.4711.part", "a.h.4712-0.part", "a.h.x-0.part", "b.h.4711-0.part", &own];
+        kept.sort_unstable();
+        assert_eq!(names(directory.path()), kept);
+        drop(written);
+        write(&path, b"newer").unwrap();
+        assert!(!names(directory.path()).contains(&own));
+        assert_eq!(fs::read(&path).unwrap(), b"newer");
         assert!(write(&directory.path().join("missing/a.h"), b"").is_err());
         assert!(write(directory.path(), b"").is_err());
     }
