@@ -45,6 +45,7 @@ use crate::memory::{MemoryError, RegisterWidths, Segment};
 use core::num::NonZero;
 use force::Forces;
 use ports::Ports;
+use std::collections::HashMap;
 use std::sync::Arc;
 use worker_pool::WorkerPool;
 
@@ -112,14 +113,17 @@ impl Plant {
         for (index, bus) in BusIndex::enumerate(&config.buses) {
             buses.push(bus.build(index).map_err(refused::<E>)?);
         }
-        let named_buses = buses.len();
+        // `check` refuses two buses of one name.
+        let named: HashMap<_, _> =
+            buses.iter().enumerate().map(|(at, bus)| (bus.name().to_owned(), at)).collect();
+        let named_buses = named.len();
         buses.extend(BUS_KINDS.iter().map(|kind| (kind.unplugged)()));
         let mut devices: Vec<Box<dyn Device>> = Vec::with_capacity(config.devices.len());
         let mut ports = Ports::default();
         for (index, device) in DeviceIndex::enumerate(&config.devices) {
             let (mut device, plugs) =
                 device.build(index, segment(device.name(), device.layout())?).map_err(refused::<E>)?;
-            ports.plug_in(&mut *device, plugs, &mut buses, named_buses).map_err(refused::<E>)?;
+            ports.plug_in(&mut *device, plugs, &mut buses, &named).map_err(refused::<E>)?;
             devices.push(device);
         }
         let cycle_us = u64::from(config.processor_cycle_us.max(1));

@@ -7,6 +7,7 @@ use crate::devices::{
 use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::{Origin, Source};
 use crate::snapshot_fields;
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// A port of a device, plugged in.
@@ -45,14 +46,14 @@ pub(super) struct Ports {
 }
 
 impl Ports {
-    /// Plugs the ports of the next device in; the `named` buses are followed by the placeholders for ports without a bus:
-    /// one for each kind, then one for each port that runs alone.
+    /// Plugs the ports of the next device in. The buses of the plant file, with their indices by name in `named`, are
+    /// followed by the placeholders for ports without a bus: one for each kind, then one for each port that runs alone.
     pub(super) fn plug_in(
         &mut self,
         device: &mut dyn Device,
         plugs: Vec<Plug>,
         buses: &mut Vec<Box<dyn Bus>>,
-        named: usize,
+        named: &HashMap<String, usize>,
     ) -> Result<(), BuildError> {
         let mut ports = Vec::with_capacity(plugs.len());
         let seats = Arc::make_mut(&mut self.seats);
@@ -60,14 +61,13 @@ impl Ports {
         for Plug { number, family, bus, socket } in plugs {
             let kind =
                 BUS_KINDS.iter().position(|kind| kind.name == family).ok_or(BuildError::OtherFamily)?;
-            let at = |name: &String| buses[..named].iter().position(|bus| bus.name() == name);
-            let index = match bus.as_ref().and_then(at) {
-                Some(index) => index,
+            let index = match bus.as_ref().and_then(|name| named.get(name)) {
+                Some(index) => *index,
                 None if (BUS_KINDS[kind].runs_alone)(&*socket) => {
                     buses.push((BUS_KINDS[kind].unplugged)());
                     buses.len() - 1
                 }
-                None => named + kind,
+                None => named.len() + kind,
             };
             seats.resize(buses.len(), Vec::new());
             let place = buses[index].attach(socket)?;
