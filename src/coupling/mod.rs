@@ -59,6 +59,11 @@ pub trait Simulators: Send {
     /// The connection failed; the text gives the reason.
     fn take(&mut self) -> Result<Option<SimulatorOutput>, String>;
 
+    /// Describes what the connection lacks if it was not made yet.
+    fn missing(&self) -> Option<String> {
+        None
+    }
+
     /// Closes the connection.
     fn leave(&mut self);
 }
@@ -159,11 +164,11 @@ impl Coupling {
         let Some(taken) = simulators.take().map_err(CouplingError::Broken)? else {
             let (at_us, limit) = (self.due_us - self.start_us, self.limit);
             let since = *self.waits_since.get_or_insert_with(Instant::now);
-            return if since.elapsed() < limit {
-                Ok(Progress::Waits)
-            } else {
-                Err(CouplingError::Silent { at_us, limit })
-            };
+            if since.elapsed() < limit {
+                return Ok(Progress::Waits);
+            }
+            let silent = CouplingError::Silent { at_us, limit };
+            return Err(simulators.missing().map_or(silent, CouplingError::Broken));
         };
         self.waits_since = None;
         if taken.have_gone {

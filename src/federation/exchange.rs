@@ -14,6 +14,11 @@ pub trait Exchange: Send {
     /// As [`Exchange::send`].
     fn receive(&mut self) -> Result<Option<(u8, Vec<u8>)>, String>;
 
+    /// Describes what the connection lacks if it was not made yet.
+    fn missing(&self) -> Option<String> {
+        None
+    }
+
     /// Sends the last message to the federates that still receive, then closes the connection.
     fn leave(&mut self, message: &[u8]);
 }

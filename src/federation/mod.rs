@@ -29,7 +29,7 @@ use std::time::Instant;
 
 /// Largest number of federates.
 pub const MOST: u8 = 64;
-/// Interval at which a federate that waits in its turn sends a sign of life.
+/// Interval at which a federate sends a sign of life.
 const ALIVE: Duration = Duration::from_secs(1);
 
 /// Configuration of this federate.
@@ -83,7 +83,8 @@ pub struct Federation {
     asked: Option<u64>,
     /// Target that the clock has reached.
     arrived: Option<u64>,
-    heard: Instant,
+    /// For each federate, the arrival of its last message.
+    heard: Vec<Instant>,
     spoken: Instant,
 }
 
@@ -122,7 +123,7 @@ impl Federation {
             start: plant.now(),
             asked: None,
             arrived: None,
-            heard: Instant::now(),
+            heard: vec![Instant::now(); part.count.into()],
             spoken: Instant::now(),
         })
     }
@@ -229,23 +230,27 @@ impl Federation {
         let inputs = core::mem::take(&mut self.inputs);
         let (now, hash) = (plant.now(), plant.journal().hash());
         self.say(&Message::Turn(Turn { now, inputs, hash, want, watched: watched.clone() }))?;
-        self.heard = Instant::now();
         self.turn_over(plant, want, watched);
         Ok(())
     }
 
-    /// Processes the messages of the others in their turns, and advances the clock when all turns are over.
+    /// Processes the messages of the others in their turns, and advances the clock when all turns are over. In the own
+    /// turn notices that another federate has ended.
     ///
     /// # Errors
     /// [`FederationError`].
     pub fn look(&mut self, host: &mut dyn Host) -> Result<FederationEvent, FederationError> {
         let mut news = FederationEvent::Nothing;
-        while !self.is_own_turn() {
+        self.show_life()?;
+        // A client whose request has reached its time gets the answer before later messages count.
+        while !(news == FederationEvent::Moved && self.is_own_turn()) {
             let Some((from, bytes)) = self.exchange.receive().map_err(FederationError::Exchange)? else {
                 self.is_in_time()?;
                 return Ok(news);
             };
-            self.heard = Instant::now();
+            if let Some(heard) = self.heard.get_mut(usize::from(from)) {
+                *heard = Instant::now();
+            }
             match Message::of_bytes(&bytes).ok_or(FederationError::Nonsense { federate: from })? {
                 Message::Bye(None) => return Ok(FederationEvent::Left(from)),
                 Message::Bye(Some(reason)) => return Err(FederationError::Failed { federate: from, reason }),
@@ -257,17 +262,21 @@ impl Federation {
                 },
                 Message::Hello(_) => return Err(FederationError::Nonsense { federate: from }),
             }
-            news = FederationEvent::Moved;
+            if !self.is_own_turn() {
+                news = FederationEvent::Moved;
+            }
             while self.is_complete
                 && let Some(turn) = self.pending[usize::from(self.turn)].pop_front()
             {
                 self.take_in(host, turn)?;
             }
         }
-        if self.spoken.elapsed() >= ALIVE {
-            self.say(&Message::Alive)?;
-        }
         Ok(news)
+    }
+
+    /// Sends the others a sign of life if they have received nothing for a while.
+    fn show_life(&mut self) -> Result<(), FederationError> {
+        if self.is_complete && self.spoken.elapsed() >= ALIVE { self.say(&Message::Alive) } else { Ok(()) }
     }
 
     /// Sends the others the end of this federate, with the reason if it failed.
@@ -281,12 +290,21 @@ impl Federation {
     }
 
     fn is_in_time(&self) -> Result<(), FederationError> {
-        let FederateConfig { limit, .. } = self.part;
-        if self.heard.elapsed() < limit {
+        let FederateConfig { limit, own, .. } = self.part;
+        let mut others = (0..).zip(&self.heard).filter(|(federate, _)| *federate != own);
+        let federate = if self.is_complete {
+            let silent = others.find(|(_, heard)| heard.elapsed() >= limit);
+            let Some((federate, _)) = silent else { return Ok(()) };
+            federate.to_string()
+        } else if others.any(|(_, heard)| heard.elapsed() < limit) {
             return Ok(());
+        } else {
+            self.missing()
+        };
+        match self.exchange.missing() {
+            Some(missing) => Err(FederationError::Exchange(missing)),
+            None => Err(FederationError::Silent { federate, limit }),
         }
-        let federate = if self.is_complete { self.turn.to_string() } else { self.missing() };
-        Err(FederationError::Silent { federate, limit })
     }
 
     fn welcome(&mut self, plant: &Plant, federate: u8, hello: Hello) -> Result<(), FederationError> {

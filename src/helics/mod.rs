@@ -13,7 +13,9 @@ pub use simulators::HelicsSimulators;
 use crate::federation::Exchange;
 use federate::CommandFederate;
 use library::{Functions, VARIABLE};
+use std::net::{TcpStream, ToSocketAddrs};
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, TryRecvError};
 use std::thread::Builder;
@@ -21,6 +23,8 @@ use std::time::Duration;
 
 /// Longest time for the last message to the others.
 const FAREWELL: Duration = Duration::from_secs(3);
+/// Longest time for the check whether a broker runs.
+const CONNECT: Duration = Duration::from_millis(500);
 
 /// Reasons why HELICS cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -47,6 +51,28 @@ pub enum HelicsError {
     NotJoined {
         /// Error of HELICS.
         reason: String,
+    },
+    /// No broker answers.
+    #[error(
+        "no HELICS broker answers at {broker} within {} s: start `helics_broker`, or give its address by \
+            --broker", .limit.as_secs_f64()
+    )]
+    NoBroker {
+        /// Address of the broker.
+        broker: String,
+        /// How long this federate waited.
+        limit: Duration,
+    },
+    /// The broker runs, but other federates are missing.
+    #[error(
+        "the HELICS broker at {broker} has waited for more federates for {} s: start the missing ones, or a broker for \
+            fewer federates", .limit.as_secs_f64()
+    )]
+    Incomplete {
+        /// Address of the broker.
+        broker: String,
+        /// How long this federate waited.
+        limit: Duration,
     },
     /// The thread cannot be started.
     #[error("cannot start a thread: {0}")]
@@ -80,6 +106,50 @@ impl HelicsConfig {
     }
 }
 
+/// The joining of a federation, as the emulator sees it. Joining blocks a thread of the library.
+#[derive(Clone)]
+struct Joining {
+    is_done: Arc<AtomicBool>,
+    broker: String,
+    limit: Duration,
+}
+
+impl Joining {
+    fn of(place: &HelicsConfig) -> Self {
+        Joining { is_done: Arc::default(), broker: place.broker.clone(), limit: place.limit }
+    }
+
+    fn set_done(&self) {
+        self.is_done.store(true, Ordering::Release);
+    }
+
+    /// Description of the missing part after the limit, if the federation was not joined yet.
+    fn missing(&self) -> Option<String> {
+        if self.is_done.load(Ordering::Acquire) {
+            return None;
+        }
+        let (broker, limit) = (self.broker.clone(), self.limit);
+        let missing = match self.has_broker() {
+            true => HelicsError::Incomplete { broker, limit },
+            false => HelicsError::NoBroker { broker, limit },
+        };
+        Some(missing.to_string())
+    }
+
+    /// True if a program accepts connections at the address of the broker, and if the address has another form than
+    /// `tcp://HOST:PORT`.
+    fn has_broker(&self) -> bool {
+        let address = self.broker.rsplit("//").next().unwrap_or_default();
+        let Ok(mut addresses) = address.to_socket_addrs() else { return address.rsplit_once(':').is_none() };
+        addresses.any(|address| TcpStream::connect_timeout(&address, CONNECT).is_ok())
+    }
+
+    /// Longest wait for the end of the thread. A thread that still joins has no message to the others.
+    fn farewell(&self) -> Duration {
+        if self.is_done.load(Ordering::Acquire) { FAREWELL } else { Duration::ZERO }
+    }
+}
+
 /// Request of the emulator to the sending thread.
 enum Command {
     Send(Vec<u8>),
@@ -94,6 +164,7 @@ pub struct HelicsExchange {
     commands: Sender<Command>,
     messages: Receiver<Received>,
     has_left: Receiver<()>,
+    joining: Joining,
 }
 
 impl HelicsExchange {
@@ -107,19 +178,21 @@ impl HelicsExchange {
         let (sender, messages) = mpsc::channel();
         let (left, has_left) = mpsc::channel();
         let thread = Builder::new().name("helics".to_owned());
+        let joining = Joining::of(&place);
+        let joined = joining.clone();
         let run = move || {
             let report = |news: Received| {
                 // The emulator may have ended; then the message is lost on purpose.
                 let _ = sender.send(news);
                 wake();
             };
-            if let Err(reason) = talk(functions, &place, &asked, &report) {
+            if let Err(reason) = talk(functions, &place, &joined, &asked, &report) {
                 report(Err(reason));
             }
             drop(left);
         };
         thread.spawn(run).map_err(HelicsError::Thread)?;
-        Ok(HelicsExchange { commands, messages, has_left })
+        Ok(HelicsExchange { commands, messages, has_left, joining })
     }
 }
 
@@ -138,10 +211,14 @@ impl Exchange for HelicsExchange {
         }
     }
 
+    fn missing(&self) -> Option<String> {
+        self.joining.missing()
+    }
+
     fn leave(&mut self, message: &[u8]) {
         let _ = self.commands.send(Command::Leave(message.to_vec()));
         // No message is ever sent on this channel; it closes when the thread ends.
-        if self.has_left.recv_timeout(FAREWELL) == Err(RecvTimeoutError::Timeout) {
+        if self.has_left.recv_timeout(self.joining.farewell()) == Err(RecvTimeoutError::Timeout) {
             library::end_without_it();
         }
     }
@@ -151,12 +228,14 @@ impl Exchange for HelicsExchange {
 fn talk(
     functions: Functions,
     place: &HelicsConfig,
+    joining: &Joining,
     asked: &Receiver<Command>,
     report: &(impl Fn(Received) + Sync),
 ) -> Result<(), String> {
     let init = place.of_core();
     let own = place.name_of(place.own);
     let federate = CommandFederate::join(functions, &own, &init).map_err(|error| error.to_string())?;
+    joining.set_done();
     let others: Vec<_> = (0..place.count).filter(|number| *number != place.own).collect();
     let ends = AtomicBool::new(false);
     let said = std::thread::scope(|scope| {

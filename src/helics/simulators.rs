@@ -5,7 +5,7 @@
 
 use super::combination::ValueFederate;
 use super::library::{self, Functions};
-use super::{FAREWELL, HelicsConfig, HelicsError};
+use super::{HelicsConfig, HelicsError, Joining};
 use crate::coupling::{Interface, PlantOutput, SimulatorOutput, Simulators};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, TryRecvError};
 use std::thread::Builder;
@@ -21,6 +21,7 @@ pub struct HelicsSimulators {
     given: Option<Sender<PlantOutput>>,
     taken: Receiver<Result<SimulatorOutput, String>>,
     has_left: Receiver<()>,
+    joining: Joining,
 }
 
 impl HelicsSimulators {
@@ -38,8 +39,11 @@ impl HelicsSimulators {
         let (give, given) = mpsc::channel();
         let (outputs, taken) = mpsc::channel();
         let (left, has_left) = mpsc::channel();
+        let joining = Joining::of(&place);
+        let joined = joining.clone();
         let run = move || {
-            if let Err(reason) = talk(functions, &place, &interface, first, &given, &outputs, &wake) {
+            let queues = (&given, &outputs);
+            if let Err(reason) = talk(functions, &place, &joined, &interface, first, queues, &wake) {
                 // The emulator may have ended; then the reason is lost on purpose.
                 let _ = outputs.send(Err(reason));
                 wake();
@@ -47,7 +51,7 @@ impl HelicsSimulators {
             drop(left);
         };
         Builder::new().name("simulators".to_owned()).spawn(run).map_err(HelicsError::Thread)?;
-        Ok(HelicsSimulators { given: Some(give), taken, has_left })
+        Ok(HelicsSimulators { given: Some(give), taken, has_left, joining })
     }
 }
 
@@ -65,10 +69,14 @@ impl Simulators for HelicsSimulators {
         }
     }
 
+    fn missing(&self) -> Option<String> {
+        self.joining.missing()
+    }
+
     fn leave(&mut self) {
         self.given = None;
         // No message is ever sent on this channel; it closes when the thread ends.
-        if self.has_left.recv_timeout(FAREWELL) == Err(RecvTimeoutError::Timeout) {
+        if self.has_left.recv_timeout(self.joining.farewell()) == Err(RecvTimeoutError::Timeout) {
             library::end_without_it();
         }
     }
@@ -78,10 +86,10 @@ impl Simulators for HelicsSimulators {
 fn talk(
     functions: Functions,
     place: &HelicsConfig,
+    joining: &Joining,
     interface: &Interface,
     first: PlantOutput,
-    given: &Receiver<PlantOutput>,
-    outputs: &Sender<Result<SimulatorOutput, String>>,
+    (given, outputs): (&Receiver<PlantOutput>, &Sender<Result<SimulatorOutput, String>>),
     wake: &impl Fn(),
 ) -> Result<(), String> {
     let Interface { name, publications, subscriptions, endpoints } = interface;
@@ -93,6 +101,7 @@ fn talk(
     federate.enter_initializing().map_err(not_joined)?;
     publish(&federate, interface, &first)?;
     federate.enter_executing().map_err(not_joined)?;
+    joining.set_done();
     for (subscription, ty) in subscriptions.iter().zip(federate.types()) {
         if !TAKEN.contains(&ty.as_str()) {
             return Err(format!(
