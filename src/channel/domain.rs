@@ -16,6 +16,7 @@ use crate::memory::MemoryError;
 use crate::memory::names::CHANNEL_PREFIX;
 use crate::memory::private::{DirectoryLock, PrivateDir};
 use crate::memory::process::ProcessId;
+use crate::memory::room;
 use iceoryx2::identifiers::UniqueNodeId;
 use iceoryx2::node::{NodeCreationFailure, NodeView};
 use iceoryx2::prelude::*;
@@ -55,7 +56,7 @@ const MOVE_IN: Duration = Duration::from_secs(2);
 #[non_exhaustive]
 pub enum RootError {
     /// The directory cannot be created or found.
-    #[error("channel directory {}: {source}", .path.display())]
+    #[error("channel directory {}: {source}{}", .path.display(), room::named(.path, .source))]
     Io {
         /// The directory.
         path: PathBuf,

@@ -31,6 +31,11 @@ impl Run {
         self.replies.clear();
     }
 
+    /// Sets the process of the client, for the reason of the emulator's end.
+    pub(crate) fn set_process(&mut self, process: Option<u32>) {
+        self.execution.set_process(process);
+    }
+
     /// Executes `ops` from where the last call stopped. Each operation is read only once, so changes by
     /// a hostile client have no effect.
     pub(crate) fn go(&mut self, host: &mut dyn Host, ops: &[WireOp]) -> Progress {
@@ -66,8 +71,14 @@ impl Run {
     }
 
     /// Ends a waiting request with an error, because the emulator ends.
-    pub(crate) fn abort(&mut self) {
-        self.replies.error(&Refused::shutting_down());
+    pub(crate) fn abort(&mut self, ending: &Refused) {
+        self.replies.error(ending);
+    }
+
+    /// True if an operation asks the emulator to end.
+    pub(crate) fn asks_to_end(ops: &[WireOp]) -> bool {
+        let stop = WireOp::from(&Op::Stop).kind;
+        ops.iter().any(|op| op.kind == stop)
     }
 
     /// True if all operations only read the plant.

@@ -18,7 +18,7 @@ use super::passage::ChannelSite;
 use super::run::{Progress, Run};
 use super::wire::{Block, WireOp};
 use super::{Bells, EventNotifier, limit};
-use crate::request::Host;
+use crate::request::{Host, Refused};
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::identifiers::{UniqueClientId, UniqueNodeId};
 use iceoryx2::prelude::{CallbackProgression, Node, PortFactory};
@@ -182,6 +182,18 @@ impl Server {
         clients
     }
 
+    /// Number of the process of a client; `None` if it has left.
+    fn process_of(&self, client: UniqueClientId) -> Option<u32> {
+        let mut process = None;
+        self.service.as_ref()?.dynamic_config().list_clients(|it| {
+            if it.client_id == client {
+                process = it.node_id.pid::<Ipc>().ok().and_then(|pid| u32::try_from(pid.value()).ok());
+            }
+            CallbackProgression::Continue
+        });
+        process
+    }
+
     /// With a stepped clock: continues the first request until it pauses again, then its successors.
     fn resume(&mut self, host: &mut dyn Host) -> usize {
         let mut answered = 0;
@@ -220,6 +232,9 @@ impl Server {
             let Some(request) = self.next_request() else { break };
             let mut run = self.spare.pop().unwrap_or_default();
             run.reset(request.origin().value());
+            if Run::asks_to_end(request.payload()) {
+                run.set_process(self.process_of(request.origin()));
+            }
             let progress = if !host.is_stepped() || self.waiting.is_empty() && host.may_act() {
                 run.go(host, request.payload())
             } else if Run::only_looks(request.payload()) {
@@ -251,19 +266,20 @@ impl Server {
         }
     }
 
-    /// Ends the channel: answers all requests under way with
+    /// Ends the channel of `host`: answers all requests under way with
     /// [`Code::SHUTTING_DOWN`](crate::request::Code::SHUTTING_DOWN) and removes the domain's files, unless clients are
     /// still connected.
-    pub fn close(mut self) {
+    pub fn close(mut self, host: &dyn Host) {
         self.domain.withdraw();
+        let ending = Refused::ending(host);
         for (request, mut run) in std::mem::take(&mut self.waiting) {
-            run.abort();
+            run.abort(&ending);
             answer(request, &run, &*self.bells);
         }
         for _ in 0..MAX_PER_POLL {
             let Some(request) = self.next_request() else { break };
             let mut run = Run::default();
-            run.abort();
+            run.abort(&ending);
             answer(request, &run, &*self.bells);
         }
     }

@@ -8,7 +8,7 @@ use crate::fault::FaultError;
 use crate::layout::LayoutError;
 use crate::layout::place::BadValue;
 use crate::memory::header::BoardWordError;
-use crate::memory::{MemoryError, limits};
+use crate::memory::{MemoryError, limits, room};
 use crate::plant::PlantError;
 use crate::runtime::RuntimeError;
 use commram_layoutc::import::ImportError;
@@ -285,6 +285,17 @@ errors! {
     /// A process cannot be started or watched.
     #[error("cannot handle a process: {reason}{}", limits::named(.reason))]
     Process { reason: io::Error } => Exit::NotThere,
+    /// The limit of the stack is too low.
+    #[error(
+        "this process may have {} KiB of stack, commram needs {} KiB: raise that limit (`ulimit -s`)", .most / 1024,
+        .needed / 1024
+    )]
+    Stack {
+        /// Needed number of bytes.
+        needed: u64,
+        /// Allowed number of bytes.
+        most: u64,
+    } => Exit::NotThere,
     /// Signals cannot be caught.
     #[error("cannot catch signals: {reason}{}", limits::named(.reason))]
     Signals { reason: io::Error } => Exit::NotThere,
@@ -295,7 +306,7 @@ errors! {
     #[error("cannot write the output: {reason}{}; everything else is done", limits::named(.reason))]
     Output { reason: io::Error } => Exit::NoOutput,
     /// A file cannot be written.
-    #[error("cannot write {}: {reason}{}", .path.display(), limits::named(.reason))]
+    #[error("cannot write {}: {reason}{}{}", .path.display(), limits::named(.reason), room::named(.path, .reason))]
     File { path: PathBuf, reason: io::Error } => Exit::NotThere,
     /// An input file that cannot be read, or does not have the expected format.
     #[error("cannot read {}: {reason}", .path.display())]

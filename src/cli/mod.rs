@@ -58,6 +58,7 @@ mod web;
 mod with;
 
 use crate::layout::place;
+use crate::memory::limits;
 use crate::time;
 use clap::{ColorChoice, Parser, Subcommand};
 use error::CliError;
@@ -168,6 +169,15 @@ enum Command {
 /// Parses the command line, runs the command and returns the exit code of the process. A program with own devices
 /// calls [`devices::register`](crate::devices::register) first, then this function.
 pub fn main() -> ExitCode {
+    match limits::allow_stack() {
+        Ok(()) => answer_command_line(),
+        Err((needed, most)) => finish(Err(CliError::Stack { needed, most })),
+    }
+}
+
+/// Does the work of [`main`]. Not inlined: `main` needs little stack.
+#[inline(never)]
+fn answer_command_line() -> ExitCode {
     completions::answer();
     style::set(std::env::args_os());
     let result = match parse::parse(std::env::args_os()) {

@@ -42,20 +42,16 @@ impl<T> PollResult<T> {
             Err(CliError::Client(ClientError::Timeout { .. }) | CliError::Busy { .. }) => {
                 Ok(PollResult::Later)
             }
-            Err(CliError::Client(error)) if has_ended(&error) => {
+            Err(CliError::Client(ClientError::EmulatorGone { .. })) => {
                 output::note(&format!("instance '{instance}' has ended"));
+                Ok(PollResult::Ended)
+            }
+            Err(CliError::Client(ClientError::Refused(refused))) if refused.code == Code::SHUTTING_DOWN => {
+                output::note(&refused.text);
                 Ok(PollResult::Ended)
             }
             Err(error) => Err(error),
         }
-    }
-}
-
-fn has_ended(error: &ClientError) -> bool {
-    match error {
-        ClientError::EmulatorGone { .. } => true,
-        ClientError::Refused(refused) => refused.code == Code::SHUTTING_DOWN,
-        _ => false,
     }
 }
 

@@ -115,12 +115,12 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     }
     let by_ctrl_c = Arc::new(AtomicBool::new(false));
     let (stop, interrupted) = (emulator.stop_handle(), Arc::clone(&by_ctrl_c));
-    let mut is_ending = false;
+    let (mut is_ending, parent) = (false, args.parent);
     // The first signal starts an orderly end; further signals have no effect.
     let _ = started.send(Box::new(move |signal| {
         if !core::mem::replace(&mut is_ending, true) {
             interrupted.store(signal.number == SIGINT, Ordering::Relaxed);
-            stop.stop();
+            stop.stop_because(signal.reason(parent));
         }
     }));
     emulator.run()?;

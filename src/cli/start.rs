@@ -3,6 +3,7 @@
 use super::error::CliError;
 use super::{dump, number, output, plant_check, snapshot};
 use crate::devices;
+use crate::memory::describe_process;
 use crate::plant::PlantConfig;
 use crate::runtime::{Clock, Emulator, Options};
 use clap::ValueEnum;
@@ -183,6 +184,31 @@ pub(crate) struct TerminationSignal {
     pub(crate) number: i32,
     /// True if `commram stop` has sent the signal, which concerns the emulator only.
     pub(crate) is_from_stop: bool,
+    /// Number of the process that has sent the signal; `None`: the kernel, or a process that is not visible.
+    sender: Option<u32>,
+}
+
+impl TerminationSignal {
+    /// The reason for the end of the emulator, as clients get it. `parent` is the process with which it ends.
+    pub(crate) fn reason(&self, parent: Option<u32>) -> String {
+        let has_parent = |number| {
+            rustix::process::getppid()
+                .is_some_and(|found| found.as_raw_nonzero().get().cast_unsigned() == number)
+        };
+        let name = match self.number {
+            SIGINT => "SIGINT",
+            SIGHUP => "SIGHUP",
+            _ => "SIGTERM",
+        };
+        match (parent, self.sender) {
+            (Some(parent), _) if !has_parent(parent) => format!("its parent, process {parent}, has ended"),
+            (_, Some(sender)) if self.is_from_stop => format!("{} has asked it to", describe_process(sender)),
+            (_, Some(sender)) => format!("{} has sent {name}", describe_process(sender)),
+            (_, None) if self.number == SIGINT => "Ctrl-C at its terminal".to_owned(),
+            (_, None) if self.number == SIGHUP => "its terminal was closed".to_owned(),
+            (_, None) => format!("it has received {name}"),
+        }
+    }
 }
 
 /// Handler of a signal.
@@ -207,6 +233,7 @@ impl TerminationSignals {
         let mut pending = self.0.forever().map(|signal| TerminationSignal {
             number: signal.si_signo,
             is_from_stop: crate::memory::is_from_stop(&signal),
+            sender: crate::memory::sender_of(&signal),
         });
         let Some(first) = pending.next() else { return };
         match starting.recv_timeout(START_PATIENCE) {

@@ -128,7 +128,8 @@ enum TestCommand {
 /// Limits of a scenario.
 #[derive(clap::Args, Clone, Copy)]
 pub(crate) struct LimitArgs {
-    /// Number of script steps after which a scenario counts as endless
+    /// Number of steps of the interpreter after which a scenario counts as endless. A statement takes several steps, a
+    /// call of a built-in function takes one
     #[arg(long, value_name = "N", default_value_t = Limits::default().operations, value_parser = super::number::positive::<u64>())]
     max_operations: u64,
     /// Emulated time after which a scenario counts as endless

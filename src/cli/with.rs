@@ -76,7 +76,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let command = std::thread::spawn(move || {
         let ended = child.and_then(|mut child| child.wait());
         done.store(true, Ordering::Release);
-        stop.stop();
+        stop.stop_because("the command of `commram with` has ended");
         ended
     });
     let outcome = emulator.run();
@@ -114,7 +114,7 @@ fn pass_on(child: &Child, emulator: StopHandle) -> io::Result<OnSignal> {
     let process = rustix::process::pidfd_open(number, PidfdFlags::empty())?;
     Ok(Box::new(move |signal| {
         if signal.is_from_stop {
-            emulator.stop();
+            emulator.stop_because(signal.reason(None));
         } else if let Some(named) = Signal::from_named_raw(signal.number)
             && !(signal.number == SIGINT && is_ours_in_the_terminal())
         {

@@ -1,6 +1,6 @@
 //! Errors of the emulated RAM.
 
-use super::{Address, HEADER_SIZE, State, header::EVENT_SLOTS, limits, names::IMAGE_DIRECTORY};
+use super::{Address, HEADER_SIZE, State, header::EVENT_SLOTS, limits, names::IMAGE_DIRECTORY, room};
 use rustix::io::Errno;
 use std::{io, path::PathBuf, time::Duration};
 
@@ -81,7 +81,10 @@ pub enum MemoryError {
         name: String,
     },
     /// Another emulator holds the image.
-    #[error("'{instance}.{plc}' is already running{}; stop it first or choose another instance name", process(*.pid))]
+    #[error(
+        "instance '{instance}' is already running{}, it serves the image of PLC '{plc}'; stop it first or choose another \
+            instance name", process(*.pid)
+    )]
     AlreadyRunning {
         /// Name of the instance.
         instance: String,
@@ -322,7 +325,7 @@ pub enum MemoryError {
         event: usize,
     },
     /// The operating system refused.
-    #[error("{}: cannot {doing}: {reason}{}", .path.display(), limits::named(.reason))]
+    #[error("{}: cannot {doing}: {reason}{}{}", .path.display(), limits::named(.reason), room::named(.path, .reason))]
     System {
         /// The file.
         path: PathBuf,

@@ -17,7 +17,7 @@ pub(crate) fn named(reason: &io::Error) -> String {
             format!("; this process may have {most} open files (`ulimit -n`)")
         }),
         Some(Errno::FBIG) => describe_file_limit(),
-        Some(Errno::AGAIN) if address_space().is_none() => {
+        Some(Errno::AGAIN) if describe_space_limit().is_empty() => {
             getrlimit(Resource::Nproc).current.map_or_else(String::new, |most| {
                 format!("; this user may have {most} processes and threads (`ulimit -u`)")
             })
@@ -27,11 +27,34 @@ pub(crate) fn named(reason: &io::Error) -> String {
     }
 }
 
-/// The same for an error that may come from a lack of memory, if the address space is limited.
+/// The same for an error that may come from a lack of memory, if the address space or the data segment is limited.
 pub(crate) fn describe_space_limit() -> String {
-    address_space().map_or_else(String::new, |most| {
-        format!("; this process may have {} KiB of address space (`ulimit -v`)", most / 1024)
-    })
+    let named = |most: Option<u64>, what, option| {
+        most.map_or_else(String::new, |most| {
+            format!("; this process may have {} KiB of {what} (`ulimit {option}`)", most / 1024)
+        })
+    };
+    let data = named(getrlimit(Resource::Data).current, "data", "-d");
+    named(address_space(), "address space", "-v") + &data
+}
+
+/// Stack that the main thread needs, in bytes.
+#[cfg(feature = "cli")]
+const STACK: u64 = 1 << 20;
+
+/// Makes sure that the main thread can have the stack that it needs; raises its soft limit if necessary.
+///
+/// # Errors
+/// The needed and the allowed number of bytes.
+#[cfg(feature = "cli")]
+pub(crate) fn allow_stack() -> Result<(), (u64, u64)> {
+    let Rlimit { current, maximum } = getrlimit(Resource::Stack);
+    let Some(most) = current.filter(|current| *current < STACK) else { return Ok(()) };
+    let can_be_raised = maximum.is_none_or(|maximum| maximum >= STACK);
+    if can_be_raised && setrlimit(Resource::Stack, Rlimit { current: Some(STACK), maximum }).is_ok() {
+        return Ok(());
+    }
+    Err((STACK, most))
 }
 
 /// The same for an error that may come from a limit of file sizes, if there is one.
@@ -105,9 +128,9 @@ mod tests {
         assert_eq!(of(Errno::MFILE), format!("; this process may have {most} open files (`ulimit -n`)"));
         assert_eq!(of(Errno::NOENT), "");
         assert_eq!(of(Errno::FBIG).is_empty(), getrlimit(Resource::Fsize).current.is_none());
-        let has_limit = address_space().or(getrlimit(Resource::Nproc).current).is_some();
+        let has_limit = !describe_space_limit().is_empty() || getrlimit(Resource::Nproc).current.is_some();
         assert_eq!(of(Errno::AGAIN).is_empty(), !has_limit);
-        assert_eq!(of(Errno::NOMEM).is_empty(), address_space().is_none());
+        assert_eq!(of(Errno::NOMEM), describe_space_limit());
     }
 
     #[test]

@@ -50,7 +50,7 @@ pub use bell::Bell;
 pub use cell::{Cell8, Cell16, Cell32, Cell64, SharedRegs};
 pub use emulator_process::EmulatorProcess;
 #[cfg(feature = "cli")]
-pub(crate) use emulator_process::is_from_stop;
+pub(crate) use emulator_process::{is_from_stop, sender_of};
 pub use error::MemoryError;
 #[cfg(feature = "emulator")]
 pub use face::Face;
@@ -69,6 +69,8 @@ pub use running::RunningInstance;
 pub use segment::Segment;
 pub use view::View;
 pub use widths::{RegisterWidths, Unmapped};
+#[cfg(feature = "emulator")]
+pub(crate) use writers::describe_process;
 
 #[cfg(test)]
 mod testing;

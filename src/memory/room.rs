@@ -8,11 +8,45 @@ use super::MemoryError;
 #[cfg(feature = "emulator")]
 use super::names;
 use super::names::IMAGE_DIRECTORY;
+use rustix::io::Errno;
+use std::io;
+use std::path::Path;
 
 /// Free bytes in the memory file system; `None` if unknown.
 pub(crate) fn free() -> Option<u64> {
     let stat = rustix::fs::statvfs(IMAGE_DIRECTORY).ok()?;
     Some(stat.f_bavail.saturating_mul(stat.f_frsize))
+}
+
+/// Number of free inodes below which they can be the reason for a missing file: those of a channel and some clients.
+const FEW_INODES: u64 = 32;
+
+/// Text about free inodes, to append to the error of a system call at `path`; empty if they do not explain it.
+pub(crate) fn named(path: &Path, reason: &io::Error) -> String {
+    if Errno::from_io_error(reason) != Some(Errno::NOSPC) {
+        return String::new();
+    }
+    // The directory of a failed start has been removed.
+    let is_there = |directory: &&Path| directory.is_dir();
+    describe_inodes(path.ancestors().skip(1).find(is_there).unwrap_or(Path::new(".")))
+}
+
+/// The same for an error in the memory file system that may come from a lack of inodes.
+#[cfg(feature = "channel")]
+pub(crate) fn describe_lack() -> String {
+    describe_inodes(Path::new(IMAGE_DIRECTORY))
+}
+
+fn describe_inodes(directory: &Path) -> String {
+    match rustix::fs::statvfs(directory) {
+        // Some file systems have no fixed number of inodes, and report 0 of 0.
+        Ok(stat) if stat.f_files > 0 && stat.f_favail < FEW_INODES => format!(
+            "; {} has {} free inodes: remove files from it, or mount it with more (`nr_inodes` of tmpfs)",
+            directory.display(),
+            stat.f_favail
+        ),
+        _ => String::new(),
+    }
 }
 
 /// Refuses images of `instance` that do not fit into the free memory together: PLC and length in bytes. The images of a

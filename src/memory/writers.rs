@@ -18,12 +18,16 @@ pub(crate) fn writers_of(file: &Path) -> Vec<String> {
         let device = (rustix::fs::major(file.dev()), rustix::fs::minor(file.dev()));
         maps.lines().any(|line| is_of(line, device, file.ino()).unwrap_or(false))
     };
-    others.filter(has_mapped).map(named).collect()
+    others.filter(has_mapped).map(describe_process).collect()
 }
 
-fn named(number: u32) -> String {
+/// Name and number of a process, as in messages: `NAME (process NUMBER)`, or `process NUMBER` if the process has ended.
+pub(crate) fn describe_process(number: u32) -> String {
     let name = fs::read_to_string(format!("/proc/{number}/comm")).unwrap_or_default();
-    format!("{} (process {number})", name.trim_end())
+    match name.trim_end() {
+        "" => format!("process {number}"),
+        name => format!("{name} (process {number})"),
+    }
 }
 
 /// True if a line of `/proc/PID/maps` maps more than the header page of this file for writing.

@@ -40,6 +40,8 @@ pub struct Execution {
     octets: Vec<u8>,
     /// Number of the client: clients send files in several requests. 0 for operations of the same process.
     client: u128,
+    /// Number of the client's process, if it is known; only of a client that asks the host to end.
+    process: Option<u32>,
 }
 
 impl Execution {
@@ -47,6 +49,12 @@ impl Execution {
     #[cfg(feature = "channel")]
     pub(crate) fn of_client(client: u128) -> Self {
         Execution { client, ..Self::default() }
+    }
+
+    /// Sets the process that asks the host to end.
+    #[cfg(feature = "channel")]
+    pub(crate) fn set_process(&mut self, process: Option<u32>) {
+        self.process = process;
     }
 
     /// Executes or continues the operation; `None` while it waits or pauses.

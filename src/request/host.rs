@@ -83,8 +83,13 @@ pub trait Host {
     /// Description of the instance.
     fn info(&self) -> InstanceInfo;
 
-    /// Asks the host to end; [`Host::should_stop`] is true from then on.
-    fn request_stop(&mut self);
+    /// Asks the host to end, for the process of this number if it is known; [`Host::should_stop`] is true from then on.
+    fn request_stop(&mut self, by: Option<u32>);
+
+    /// The reason why the host ends, in words, if it is known.
+    fn end_reason(&self) -> Option<&str> {
+        None
+    }
 
     /// Whether the host is to end (a signal came in, or a client asked). Called during long advances.
     fn should_stop(&self) -> bool;

@@ -1,6 +1,6 @@
 //! Refusal of an operation: a code for programs, a text for people.
 
-use super::Waited;
+use super::{Host, Waited};
 use crate::fault;
 use crate::layout::DeviceLayout;
 use crate::memory::header::BoardSetting;
@@ -150,8 +150,10 @@ impl Refused {
     }
 
     /// The emulator ends before the operation is done.
-    pub(crate) fn shutting_down() -> Self {
-        Self::new(Code::SHUTTING_DOWN, "the emulator is shutting down")
+    pub(crate) fn ending(host: &dyn Host) -> Self {
+        let instance = host.info().name;
+        let reason = host.end_reason().map_or_else(String::new, |reason| format!(": {reason}"));
+        Self::new(Code::SHUTTING_DOWN, format_args!("instance '{instance}' is ending{reason}"))
     }
 
     /// A fault, refused with this text.

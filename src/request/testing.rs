@@ -208,7 +208,7 @@ impl Host for TestHost {
         }
     }
 
-    fn request_stop(&mut self) {
+    fn request_stop(&mut self, _by: Option<u32>) {
         self.stop.store(true, Ordering::Relaxed);
     }
 

@@ -199,7 +199,10 @@ pub(super) fn save(host: &mut dyn Host) -> Result<u32, Refused> {
     stepped(host)?;
     let (plant, travel) = host.plant_and_travel();
     if travel.saved.len() >= MAX_SAVED {
-        let text = format_args!("{MAX_SAVED} snapshots are kept, which is the maximum; forget one first");
+        let text = format_args!(
+            "{MAX_SAVED} snapshots are kept, which is the maximum: in a scenario, keep the number of an earlier save() and \
+             go back to that, or split the scenario; another client can forget one (operation `forget`)"
+        );
         return Err(Refused::new(Code::SNAPSHOT, text));
     }
     travel.last = travel.last.wrapping_add(1).max(1);

@@ -3,7 +3,6 @@
 use super::emulator::Emulator;
 use crate::coupling::{Coupling, Progress};
 use crate::federation::FederationError;
-use std::sync::atomic::Ordering;
 
 impl Emulator {
     /// Exchanges values with other simulators from now on. This federate must have [joined](Emulator::join) with the
@@ -40,7 +39,7 @@ impl Emulator {
             }
             Ok(Progress::HaveGone) => {
                 tracing::warn!("the other simulators have ended; the plant ends here as well");
-                self.stop.store(true, Ordering::Release);
+                self.stop.make(Some("the other simulators have ended".to_owned()));
             }
             Ok(Progress::Nothing | Progress::Waits) | Err(_) => {}
         }

@@ -8,6 +8,7 @@ mod rounds;
 pub(super) use rounds::LONGEST_SLEEP;
 
 use super::clock::{Clock, WallClock};
+use super::end::EndRequest;
 use super::error::RuntimeError;
 use super::guests::Guests;
 use super::lockstep::Lockstep;
@@ -24,7 +25,6 @@ use core::num::NonZero;
 use std::cell::Cell;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 /// Settings of an emulator.
@@ -45,14 +45,23 @@ pub struct Options {
 /// Ends a running emulator from another thread.
 #[derive(Clone)]
 pub struct StopHandle {
-    stop: Arc<AtomicBool>,
+    stop: Arc<EndRequest>,
     header: View<Header>,
 }
 
 impl StopHandle {
     /// Asks the emulator to end; it does so within its present step.
     pub fn stop(&self) {
-        self.stop.store(true, Ordering::Release);
+        self.end(None);
+    }
+
+    /// As [`StopHandle::stop`], with the reason that clients get: a part of a sentence after the name of the instance.
+    pub fn stop_because(&self, reason: impl Into<String>) {
+        self.end(Some(reason.into()));
+    }
+
+    fn end(&self, reason: Option<String>) {
+        self.stop.make(reason);
         self.wake();
     }
 
@@ -67,7 +76,7 @@ pub struct Emulator {
     pub(super) plant: Plant,
     pub(super) travel: Travel,
     pub(super) options: Options,
-    pub(super) stop: Arc<AtomicBool>,
+    pub(super) stop: Arc<EndRequest>,
     pub(super) lockstep: Lockstep,
     pub(super) guests: Guests,
     /// Start of the present turns of guests, if there are any.
@@ -267,7 +276,7 @@ impl Emulator {
 
     /// True if the emulator must end.
     pub(super) fn is_stopping(&self) -> bool {
-        self.stop.load(Ordering::Acquire) || self.shortened().is_some()
+        self.stop.is_made() || self.shortened().is_some()
     }
 
     /// The first image that another process has shortened.

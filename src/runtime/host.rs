@@ -2,11 +2,11 @@
 
 use super::emulator::Emulator;
 use crate::door::Doors;
+use crate::memory::describe_process;
 use crate::plant::Plant;
 use crate::request::{Host, InstanceInfo, Travel};
 #[cfg(feature = "channel")]
 use crate::request::{Op, Refused};
-use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 /// Real time of an operation before other clients are served.
@@ -131,8 +131,12 @@ impl Host for Emulator {
         }
     }
 
-    fn request_stop(&mut self) {
-        self.stop.store(true, Ordering::Release);
+    fn request_stop(&mut self, by: Option<u32>) {
+        self.stop.make(by.map(|pid| format!("{} has asked it to", describe_process(pid))));
+    }
+
+    fn end_reason(&self) -> Option<&str> {
+        self.stop.reason()
     }
 
     fn should_stop(&self) -> bool {

@@ -12,7 +12,6 @@ use crate::identity::DeviceIndex;
 use crate::memory::header::SeatState;
 use crate::plant::Plant;
 use crate::request::Travel;
-use std::sync::atomic::Ordering;
 
 /// Result of a turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,7 +104,7 @@ impl Emulator {
             }
             if let Ok(FederationEvent::Left(federate)) = news {
                 tracing::warn!("federate {federate} has left; the plant ends here as well");
-                self.stop.store(true, Ordering::Release);
+                self.stop.make(Some(format!("federate {federate} has left")));
                 break;
             }
             let mut has_news = matches!(news, Ok(FederationEvent::Moved));
@@ -175,7 +174,7 @@ impl Emulator {
         let Emulator { plant, lockstep, membership, stop, .. } = self;
         let Some(federation) = &mut membership.federation else { return TurnOutcome::Continues };
         federation.look_at_boards(plant);
-        let is_over = lockstep.take_turns(plant, || stop.load(Ordering::Acquire), federation);
+        let is_over = lockstep.take_turns(plant, || stop.is_made(), federation);
         if !is_over {
             return TurnOutcome::Continues;
         }

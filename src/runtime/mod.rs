@@ -4,6 +4,7 @@ mod clock;
 #[cfg(feature = "channel")]
 mod coupling;
 mod emulator;
+mod end;
 mod error;
 mod guests;
 mod host;

@@ -8,7 +8,6 @@
 
 use super::Emulator;
 use crate::request::Host;
-use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 /// Interval at which the emulator checks whether it must stop during a guest's turn.
@@ -36,9 +35,9 @@ impl Emulator {
             }
             let until = if self.guests.have_seats() { self.next_event().min(target) } else { target };
             let stop = &self.stop;
-            self.lockstep.advance(&mut self.plant, until, || stop.load(Ordering::Acquire));
+            self.lockstep.advance(&mut self.plant, until, || stop.is_made());
             self.guests.send_heard(&mut self.plant);
-            if self.lockstep.is_in_turn() || self.stop.load(Ordering::Acquire) {
+            if self.lockstep.is_in_turn() || self.stop.is_made() {
                 return false;
             }
             let is_due = self.guests.next_turn() <= self.plant.now();
@@ -76,7 +75,7 @@ impl Emulator {
             if self.note_rings() && self.plant.look_at_boards() {
                 self.announce();
             }
-            if self.stop.load(Ordering::Acquire) {
+            if self.stop.is_made() {
                 return false;
             }
             if since.elapsed() >= PATIENCE {

@@ -88,7 +88,7 @@ fn watch(onlookers: &Onlookers, look: impl Fn(), stop: &StopHandle, ended: &Owne
                 say(file, state);
             }
             if state == FileState::Shortened {
-                stop.stop();
+                stop.stop_because(format!("another program has shortened {}", file.path().display()));
             }
         }
         look();

@@ -144,7 +144,7 @@ impl Host for Federate {
         }
     }
 
-    fn request_stop(&mut self) {}
+    fn request_stop(&mut self, _by: Option<u32>) {}
 
     fn should_stop(&self) -> bool {
         false

@@ -102,7 +102,7 @@ impl Host for Local {
         }
     }
 
-    fn request_stop(&mut self) {
+    fn request_stop(&mut self, _by: Option<u32>) {
         self.is_stopping = true;
     }
 

@@ -10,7 +10,7 @@ use super::report::{Mistake, Outcome, Report};
 use super::{Bench, ScenarioError};
 use crate::input_file;
 use crate::time::short;
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
 use rhai::{Dynamic, Engine, EvalAltResult, ParseError, Scope};
 use std::path::Path;
 use std::rc::Rc;
@@ -122,9 +122,19 @@ fn run_text(
     }
 }
 
+/// Reason for the end of a script that has taken too many steps.
+#[derive(Clone, Copy)]
+struct TooManySteps;
+
 pub(super) fn limit(engine: &mut Engine, limits: Limits, start: Instant) {
-    engine.set_max_operations(limits.operations);
-    engine.on_progress(move |operations| {
+    // Counted here: the engine forgets the steps of a closure when a function such as `for_each` has called it.
+    let count = Cell::new(0_u64);
+    engine.on_progress(move |_| {
+        let operations = count.get().saturating_add(1);
+        count.set(operations);
+        if limits.operations > 0 && operations > limits.operations {
+            return Some(Dynamic::from(TooManySteps));
+        }
         let look = operations.is_multiple_of(OPERATIONS_PER_LOOK);
         (look && start.elapsed() >= limits.real).then_some(Dynamic::UNIT)
     });
@@ -151,9 +161,9 @@ pub(super) fn ended(
                 failed(FailureKind::Throw, &in_words(&format!("the script throws {thrown}")), place, stage)
             }
         },
-        EvalAltResult::ErrorTooManyOperations(_) => {
+        EvalAltResult::ErrorTerminated(reason, _) if reason.is::<TooManySteps>() => {
             let text = format!(
-                "the script does not end: stopped after {} operations (--max-operations)",
+                "the script does not end: stopped after {} steps (--max-operations)",
                 limits.operations
             );
             failed(FailureKind::Endless, &text, place, stage)

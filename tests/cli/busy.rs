@@ -1,7 +1,10 @@
 //! A stepped emulator still answers while it advances a long emulated time.
 
-use crate::common::{Emulator, eventually, finish, in_mount_namespace, promised, run, wait_for};
-use std::process::{Child, Stdio};
+use crate::common::{
+    Emulator, commram, eventually, finish, in_mount_namespace, promised, run, unique_name, wait_for,
+};
+use std::io::Read;
+use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 /// A running command that advances the clock by a day. Dropping this value kills it.
@@ -10,7 +13,7 @@ struct Busy(Child);
 impl Busy {
     fn start(emulator: &Emulator, command: &str, args: &[&str]) -> Self {
         let mut command = emulator.command(command, args);
-        let busy = Self(command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap());
+        let busy = Self(command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap());
         assert!(eventually(|| time(emulator) > 0));
         busy
     }
@@ -42,6 +45,56 @@ fn other_clients_are_served_during_a_step_of_a_day() {
         promised(Duration::from_secs(2), || emulator.run("stop", &[])).ok();
         assert_eq!(emulator.wait().code(), Some(0));
         assert_eq!(wait_for(&mut busy.0, command).code(), Some(3), "{command}");
+    }
+}
+
+/// A client that waits gets the name of the instance and the reason when the emulator ends.
+#[test]
+fn a_waiting_client_learns_why_the_emulator_ends() {
+    let ends_with = |emulator: &Emulator, end: &dyn Fn() -> String| {
+        let mut busy = Busy::start(emulator, "step", &["24h"]);
+        let reason = end();
+        assert_eq!(wait_for(&mut busy.0, "step").code(), Some(3));
+        let mut message = String::new();
+        busy.0.stderr.take().unwrap().read_to_string(&mut message).unwrap();
+        let begin = format!("commram: instance '{}' is ending: ", emulator.name);
+        assert!(message.starts_with(&begin) && message.trim_end().ends_with(&reason), "{message} {reason}");
+    };
+    let emulator = Emulator::stepped();
+    ends_with(&emulator, &|| {
+        let mut stop = emulator.command("stop", &[]).spawn().unwrap();
+        wait_for(&mut stop, "stop");
+        format!("process {}) has asked it to", stop.id())
+    });
+    let emulator = Emulator::stepped();
+    ends_with(&emulator, &|| {
+        let pid = rustix::process::Pid::from_raw(emulator.pid() as i32).unwrap();
+        rustix::process::kill_process(pid, rustix::process::Signal::TERM).unwrap();
+        format!("(process {}) has sent SIGTERM", std::process::id())
+    });
+}
+
+/// As above, with an emulator that ends with its parent or with a command.
+#[test]
+fn a_waiting_client_learns_that_the_parent_has_ended() {
+    const BEGIN: &str = "$COMMRAM step 24h -i $NAME 2>&1 & step=$!
+        while $COMMRAM status -i $NAME | grep -q \"at 0.000000 s\"; do :; done";
+    let name = unique_name();
+    let with_parent = format!(
+        "sh -c '$COMMRAM run --parent $$ -i $NAME --clock stepped; :' >/dev/null & parent=$!
+        until $COMMRAM status -i $NAME >/dev/null 2>&1; do sleep 0.01; done
+        {BEGIN}
+        kill -KILL $parent; wait $step; [ $? = 3 ] && echo parent is $parent"
+    );
+    let with_command = format!("$COMMRAM with --clock stepped -i $NAME -- sh -c '{BEGIN}'; wait");
+    for (script, reason) in
+        [(with_parent, "its parent, process "), (with_command, "the command of `commram with` has ended")]
+    {
+        let mut shell = Command::new("sh");
+        shell.args(["-c", &script]).env("COMMRAM", commram().get_program()).env("NAME", &name);
+        let outcome = finish(&mut shell);
+        let begin = format!("commram: instance '{name}' is ending: {reason}");
+        assert!(outcome.out.contains(&begin), "{outcome:?}");
     }
 }
 

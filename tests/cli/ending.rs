@@ -55,6 +55,18 @@ fn many_stops_at_once_are_one_orderly_end() {
     }
 }
 
+/// The lock of the instance's name is lost with the directory; the images are still held.
+#[test]
+fn a_start_beside_an_emulator_without_its_directory_names_the_instance() {
+    let emulator = Emulator::stepped();
+    fs::remove_dir_all(format!("/dev/shm/commram.{}.iox.d", emulator.name)).unwrap();
+    let refused = finish(commram().args(["run", "-i", &emulator.name]));
+    let begin =
+        format!("commram: instance '{}' is already running (process {}), ", emulator.name, emulator.pid());
+    assert!(refused.fails(1).starts_with(&begin) && refused.err.contains("PLC 'line'"), "{}", refused.err);
+    assert_eq!(emulator.run("stop", &[]).code, Some(0));
+}
+
 #[test]
 fn signals_of_other_processes_never_cut_the_end_short() {
     for (first, code) in [("-TERM", 0), ("-INT", 130), ("-HUP", 0)] {

@@ -21,7 +21,7 @@ fn endless_output_of_a_scenario_is_cut_and_ended() {
     assert!(printed.len() < 1_100_000, "{}", printed.len());
     assert_eq!(
         reports[0]["message"],
-        "the script does not end: stopped after 10000 operations (--max-operations)"
+        "the script does not end: stopped after 10000 steps (--max-operations)"
     );
 }
 
@@ -173,6 +173,16 @@ fn a_loop_ends_after_its_real_time() {
     let expected = "the script does not end: stopped after 100 ms of real time (--max-real-time)\n    line      loop.rhai:2: ";
     let plain = outcome.out.replace("  ", " ");
     assert!(plain.contains(&expected.replace("  ", " ")), "{}", outcome.out);
+}
+
+/// The engine counts each call of a closure from the same number on.
+#[test]
+fn steps_of_closures_are_counted() {
+    let text = "let a = []; a.pad(100000, 1); let sum = 0; a.for_each(|x| sum += x);";
+    let scripts = Scripts::new(&[("closures.rhai", text)]);
+    let outcome = scripts.run(&["closures.rhai", "--max-operations", "10000"]);
+    let expected = "the script does not end: stopped after 10000 steps (--max-operations)";
+    assert!(outcome.code == Some(1) && outcome.out.contains(expected), "{outcome:?}");
 }
 
 #[test]

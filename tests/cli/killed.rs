@@ -1,7 +1,8 @@
 //! Emulators and clients that are killed, stopped or damaged, and the files that they leave.
 
 use crate::common::{
-    Emulator, Outcome, eventually, files_of, finish, promised, remove_remains, run, stat, unique_name,
+    Emulator, Outcome, eventually, files_of, finish, in_mount_namespace, promised, remove_remains, run, stat,
+    unique_name,
 };
 use std::process::{ExitStatus, Stdio};
 use std::time::Duration;
@@ -179,6 +180,27 @@ fn clean_removes_the_directory_with_foreign_entries() {
     assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
     assert!(!directory.exists());
     assert_eq!(std::fs::read_to_string(kept).unwrap(), "mine");
+}
+
+/// A mounted file system is an entry that even root cannot remove.
+#[test]
+fn clean_reports_entries_that_it_cannot_remove() {
+    let script = "mount -t tmpfs -o mode=1777 tmpfs /dev/shm || exit 77
+        directory=/dev/shm/commram.left.iox.d
+        $COMMRAM run --clock stepped -i left >/dev/null 2>&1 & emulator=$!
+        until $COMMRAM status -i left >/dev/null 2>&1; do sleep 0.05; done
+        kill -KILL $emulator; wait $emulator 2>/dev/null
+        mkdir $directory/kept; mount -t tmpfs tmpfs $directory/kept || exit 77
+        $COMMRAM stop --clean -i left; echo code $?
+        umount $directory/kept
+        $COMMRAM stop --clean -i left; echo code $?; ls /dev/shm";
+    let Some(outcome) = in_mount_namespace(script, None) else { return };
+    assert_eq!(
+        outcome.out, "code 3\ninstance 'left' was dead, its files are removed\ncode 0\n",
+        "{outcome:?}"
+    );
+    let stays = "commram: instance 'left' was dead, but /dev/shm/commram.left.iox.d stays: these entries cannot be removed: kept";
+    assert!(outcome.err.contains(stays), "{outcome:?}");
 }
 
 #[test]

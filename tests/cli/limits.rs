@@ -174,6 +174,36 @@ fn a_start_without_enough_open_files_leaves_nothing() {
     assert_eq!(outcome.ok(), "");
 }
 
+#[test]
+fn a_file_system_without_inodes_is_named() {
+    let script = "log=$(mktemp); for n in 2 3 4 8 12 16; do
+            mount -t tmpfs -o nr_inodes=$n,size=200m tmpfs /dev/shm || exit 77
+            $COMMRAM run --clock stepped --detach --log $log -i few; cat $log
+            $COMMRAM stop -i few >/dev/null 2>&1
+            umount /dev/shm
+            echo end of $n
+        done 2>&1; rm $log";
+    let Some(outcome) = crate::common::in_mount_namespace(script, None) else { return };
+    for part in outcome.out.split_inclusive("end of ").filter(|part| part.contains("commram")) {
+        assert!(part.contains("/dev/shm has ") || part.contains("iox.d has "), "{part}");
+        assert!(part.contains(" free inodes: remove files"), "{part}");
+    }
+    assert!(outcome.out.contains("end of 16"), "{outcome:?}");
+}
+
+#[test]
+fn a_limit_of_the_stack_or_of_data_is_named() {
+    for few in [64, 128, 256] {
+        let refused = limited(&format!("-s {few}"), &["list"]);
+        assert!(refused.fails(3).contains(&format!("{few} KiB of stack")), "{}", refused.err);
+        assert!(refused.err.contains("`ulimit -s`"), "{}", refused.err);
+        // The soft limit alone is raised.
+        assert_eq!(limited(&format!("-S -s {few}"), &["list"]).code, Some(0));
+    }
+    let refused = limited("-d 5000", &["run", "--clock", "stepped", "-i", &unique_name()]);
+    assert!(refused.err.contains("(`ulimit -d`)") && !refused.err.contains("ulimit -u"), "{}", refused.err);
+}
+
 /// Data segments of the channel are files.
 #[test]
 fn a_limit_of_file_sizes_that_keeps_a_client_out_is_named() {

@@ -325,7 +325,7 @@ fn endless_scenarios_are_ended() {
         Scripts::new(&[("loop.rhai", "let n = 0;\nloop { n += 1 }"), ("time.rhai", "loop { step(\"1s\") }")]);
     let outcome = scripts.run(&["loop.rhai", "time.rhai", "--max-operations", "10000", "--max-time", "5s"]);
     assert_eq!(outcome.code, Some(1), "{}", outcome.out);
-    let expected = "the script does not end: stopped after 10000 operations (--max-operations)";
+    let expected = "the script does not end: stopped after 10000 steps (--max-operations)";
     assert!(outcome.out.contains(expected), "{}", outcome.out);
     let expected = "1 s of emulated time at 5.000000 s would go beyond the 5 s that a scenario may take";
     assert!(outcome.out.contains(expected), "{}", outcome.out);

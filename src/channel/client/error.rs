@@ -3,7 +3,7 @@
 use super::ROOM;
 use crate::channel::domain::{MAX_CLIENTS, RootError};
 use crate::channel::wire::{DecodeError, WIRE_VERSION};
-use crate::memory::limits;
+use crate::memory::{limits, room};
 use crate::request::{MAX_OPS, Refused};
 use iceoryx2::service::builder::request_response::RequestResponseOpenError as OpenError;
 use std::path::PathBuf;
@@ -112,8 +112,9 @@ pub enum ClientError {
     },
     /// iceoryx2 cannot connect.
     #[error(
-        "instance '{instance}': no connection to the channel ({reason}){}",
-        limits::describe_file_limit()
+        "instance '{instance}': no connection to the channel ({reason}){}{}",
+        limits::describe_file_limit(),
+        room::describe_lack()
     )]
     Connect {
         /// Name of the instance.

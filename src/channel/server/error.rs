@@ -2,7 +2,7 @@
 
 use super::ROOM;
 use crate::channel::domain::RootError;
-use crate::memory::limits;
+use crate::memory::{limits, room};
 use iceoryx2::node::NodeCreationFailure;
 use iceoryx2::service::builder::request_response::RequestResponseOpenError as OpenError;
 
@@ -41,8 +41,9 @@ pub enum ServerError {
     },
     /// iceoryx2 cannot create a node.
     #[error(
-        "instance '{instance}': no iceoryx2 node ({reason:?}); is /dev/shm full or not writable?{}",
-        limits::describe_file_limit()
+        "instance '{instance}': no iceoryx2 node ({reason:?}); is /dev/shm full or not writable?{}{}",
+        limits::describe_file_limit(),
+        room::describe_lack()
     )]
     Node {
         /// Name of the instance.
@@ -52,9 +53,10 @@ pub enum ServerError {
     },
     /// iceoryx2 cannot create the service or its server port.
     #[error(
-        "instance '{instance}': no iceoryx2 service ({reason}); is /dev/shm full or not writable?{}{}",
+        "instance '{instance}': no iceoryx2 service ({reason}); is /dev/shm full or not writable?{}{}{}",
         limits::describe_space_limit(),
-        limits::describe_file_limit()
+        limits::describe_file_limit(),
+        room::describe_lack()
     )]
     Service {
         /// Name of the instance.

@@ -84,7 +84,7 @@ fn with_frozen_server(client: impl FnOnce(&InstanceFiles) + Send) -> (usize, usi
     });
     server.poll(&mut host);
     let left = server.waiting();
-    server.close();
+    server.close(&host);
     assert!(place.remains().is_empty(), "{:?}", place.remains());
     (most_waiting, left)
 }

@@ -72,12 +72,7 @@ fn print_waveforms(
 ) -> Result<(), CliError> {
     let records = session.records(args.from)?;
     let wanted = records.iter().filter(|record| selection.takes(record));
-    let events: u64 = wanted.map(|record| u64::from(record.count)).sum();
-    if events > MOST_EVENTS {
-        let right =
-            format!("the records have {events} events, a waveform has at most {MOST_EVENTS}; select fewer");
-        return Err(CliError::Argument { text: "--format".to_owned(), right });
-    }
+    check_length(wanted.map(|record| u64::from(record.count)).sum())?;
     let waves = Waves::of(&records, selection, names, devices::catalogue());
     let mut bytes = Vec::new();
     match args.format {
@@ -85,6 +80,16 @@ fn print_waveforms(
         _ => vcd::write(&waves, &mut bytes).map_err(|reason| CliError::Output { reason })?,
     }
     output::print_while_read(&bytes)
+}
+
+/// Refuses a waveform with more events than fit in memory.
+fn check_length(events: u64) -> Result<(), CliError> {
+    if events <= MOST_EVENTS {
+        return Ok(());
+    }
+    let right =
+        format!("the records have {events} events, a waveform has at most {MOST_EVENTS}; select fewer");
+    Err(CliError::Argument { text: "--format".to_owned(), right })
 }
 
 fn fst(waves: &Waves) -> Result<Vec<u8>, CliError> {
@@ -270,5 +275,22 @@ impl<T: AsRef<[u8]>> LineBuffer<T> {
         let Some(page) = &mut self.page else { return output::print_while_read(bytes) };
         page.extend_from_slice(bytes);
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// So many events take hours of emulated time, so no test has such a journal.
+    #[test]
+    fn a_waveform_with_too_many_events_is_refused() {
+        assert!(check_length(MOST_EVENTS).is_ok());
+        let refused = check_length(MOST_EVENTS + 1).unwrap_err();
+        assert_eq!(refused.exit_code(), 2);
+        assert!(
+            refused.to_string().contains("20000001 events, a waveform has at most 20000000"),
+            "{refused}"
+        );
     }
 }

@@ -78,9 +78,11 @@ impl Source for Running {
             ClientError::Timeout { .. } => RequestError::Busy,
             gone => RequestError::Gone(gone.to_string()),
         })?;
-        let ends =
-            |reply: &Reply| matches!(reply, Reply::Error(refused) if refused.code == Code::SHUTTING_DOWN);
-        if replies.iter().any(ends) { Err(RequestError::Gone("it ends".to_owned())) } else { Ok(replies) }
+        let ending = replies.iter().find_map(|reply| match reply {
+            Reply::Error(refused) if refused.code == Code::SHUTTING_DOWN => Some(refused.text.clone()),
+            _ => None,
+        });
+        ending.map_or(Ok(replies), |reason| Err(RequestError::Gone(reason)))
     }
 
     fn header(&mut self, plc: DeviceIndex) -> Option<Box<Header>> {

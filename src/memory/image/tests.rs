@@ -74,7 +74,8 @@ fn a_running_emulator_is_not_disturbed() {
     assert_eq!(
         create(&instance).unwrap_err().to_string(),
         format!(
-            "'{}.plc' is already running (process {}); stop it first or choose another instance name",
+            "instance '{}' is already running (process {}), it serves the image of PLC 'plc'; stop it first or \
+             choose another instance name",
             &*instance,
             emulator.pid()
         )

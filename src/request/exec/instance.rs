@@ -40,7 +40,7 @@ impl Work<'_> {
     }
 
     pub(super) fn stop(&mut self) -> Result<Reply, Refused> {
-        self.host.request_stop();
+        self.host.request_stop(self.execution.process);
         Ok(Reply::Stopping)
     }
 }

@@ -40,7 +40,7 @@ impl Execution {
                 return Ok(true);
             }
             if host.should_stop() {
-                return Err(Refused::shutting_down());
+                return Err(Refused::ending(host));
             }
             if host.should_pause() {
                 return Ok(false);
@@ -106,7 +106,7 @@ impl Execution {
                 return Err(not_in_time(host, waited));
             }
             if host.should_stop() {
-                return Err(Refused::shutting_down());
+                return Err(Refused::ending(host));
             }
             if !host.is_stepped() {
                 return Ok(None);

@@ -276,5 +276,10 @@ fn the_history_is_bounded() {
     for _ in 0..MAX_SAVED {
         assert!(matches!(host.request(&[Op::Save])[..], [Reply::Value(_)]));
     }
-    assert_eq!(host.refusal(Op::Save).0, Code::SNAPSHOT);
+    let (code, text) = host.refusal(Op::Save);
+    assert_eq!(code, Code::SNAPSHOT);
+    assert!(
+        text.starts_with("64 snapshots are kept, which is the maximum: in a scenario, keep the number"),
+        "{text}"
+    );
 }

@@ -60,7 +60,7 @@ impl Emulator {
         }
         self.events = None;
         if let Some(server) = self.server.take() {
-            server.close();
+            server.close(self);
         }
     }
 

@@ -8,7 +8,6 @@ use super::Emulator;
 use crate::memory::bell;
 use crate::runtime::clock::WallClock;
 use crate::runtime::lockstep::NoWitness;
-use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 /// Longest sleep; the limit for everything that does not ring.
@@ -95,7 +94,7 @@ impl Emulator {
             return;
         }
         let Emulator { plant, lockstep, stop, .. } = self;
-        lockstep.take_turns(plant, || stop.load(Ordering::Acquire), &mut NoWitness);
+        lockstep.take_turns(plant, || stop.is_made(), &mut NoWitness);
         self.travel.touch();
         self.announce();
     }
