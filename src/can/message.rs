@@ -22,17 +22,44 @@ pub struct Message {
     pub about: String,
 }
 
-/// A number in a message, its lowest byte first.
+/// A number in a message.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Signal {
     /// Name of the signal, unique in its message.
     pub name: String,
-    /// Lowest bit of the signal, counted from the lowest bit of the first byte.
+    /// Lowest bit of the signal, counted from the lowest bit of the first byte; with [`BitOrder::HighFirst`] its
+    /// highest bit.
     pub first_bit: u8,
     /// Count of bits.
     pub bits: u8,
+    /// Order of its bytes.
+    pub order: BitOrder,
+    /// Frames that contain it.
+    pub presence: Presence,
     /// Description; empty if the name is sufficient.
     pub about: String,
+}
+
+/// Order of the bytes of a signal.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BitOrder {
+    /// The lowest byte comes first.
+    #[default]
+    LowFirst,
+    /// The highest byte comes first.
+    HighFirst,
+}
+
+/// Frames of a message that contain a signal.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Presence {
+    /// All frames.
+    #[default]
+    Always,
+    /// All frames; its value selects further signals. A message has at most one such signal.
+    Selector,
+    /// Frames in which the selector has this value.
+    If(u8),
 }
 
 /// Frames of one identifier are one message, with the name and the content that its first sender knows, or else its first

@@ -23,6 +23,6 @@ pub use embedded_can::{ExtendedId, Id, StandardId};
 pub use filter::Filter;
 pub use frame::Frame;
 pub use line::{Event, Fate, Line, OnWire, Participants};
-pub use message::{Message, Signal, merged};
+pub use message::{BitOrder, Message, Presence, Signal, merged};
 pub use payload::Payload;
 pub use rate::BitRate;

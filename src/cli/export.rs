@@ -7,7 +7,8 @@ use super::device::DeviceArg;
 use super::error::CliError;
 use super::output;
 use crate::devices;
-use crate::export::{self, Format, StCompiler, StForm};
+use crate::door::Speech;
+use crate::export::{self, DissectedBus, Format, StCompiler, StForm};
 use crate::output_file;
 use crate::plant::PlantConfig;
 use clap::ValueEnum;
@@ -29,6 +30,7 @@ Examples:
   commram export openplc --main --output hardware_layer.cpp
   commram export md > registers.md
   commram export dbc --plant plant.toml --bus open --output open.dbc
+  commram export wireshark --plant plant.toml --output plant.lua
   commram export fmu plant.toml --output plant.fmu
 
 docs/reference/export.md describes the use of each format.")]
@@ -60,10 +62,10 @@ pub(crate) struct Args {
     /// With `matiec` and `strucpp`: the program around the compiled one instead of the header; with `openplc`: its hardware layer
     #[arg(long)]
     main: bool,
-    /// With `dbc`: the plant that contains the bus
+    /// With `dbc` and `wireshark`: the plant that contains the buses
     #[arg(long, value_name = "FILE")]
     plant: Option<PathBuf>,
-    /// With `dbc`: the bus; can be omitted if the plant has only one
+    /// With `dbc`: the bus; can be omitted if the plant has only one. With `wireshark`: only this bus
     #[arg(long, value_name = "NAME")]
     bus: Option<String>,
     /// With `fmu`: only these registers become variables, by name or pattern; can be given several times
@@ -82,6 +84,8 @@ enum FormatArg {
     Map(Format),
     /// An export of one bus of a plant.
     Dbc,
+    /// An export of the buses of a plant.
+    Wireshark,
     /// An export of a whole plant.
     Fmu,
 }
@@ -90,12 +94,15 @@ enum FormatArg {
 const ABOUT_FMU: &str = "unit for co-simulation by FMI 3.0, for Modelica, Simulink and other simulators";
 /// Short description of `dbc`.
 const ABOUT_DBC: &str = "CAN database of the messages on a plant's bus, for analysis tools";
+/// Short description of `wireshark`.
+const ABOUT_WIRESHARK: &str = "dissector in Lua for the buses of a plant, for Wireshark and tshark";
 
 impl ValueEnum for FormatArg {
     fn value_variants<'a>() -> &'a [Self] {
-        const ALL: [FormatArg; Format::ALL.len() + 2] = {
-            let mut all = [FormatArg::Dbc; Format::ALL.len() + 2];
-            all[Format::ALL.len() + 1] = FormatArg::Fmu;
+        const ALL: [FormatArg; Format::ALL.len() + 3] = {
+            let mut all = [FormatArg::Dbc; Format::ALL.len() + 3];
+            all[Format::ALL.len() + 1] = FormatArg::Wireshark;
+            all[Format::ALL.len() + 2] = FormatArg::Fmu;
             let mut i = 0;
             while i < Format::ALL.len() {
                 all[i] = FormatArg::Map(Format::ALL[i]);
@@ -111,6 +118,7 @@ impl ValueEnum for FormatArg {
             FormatArg::Map(format) => PossibleValue::new(format.name()).help(format.about()),
             FormatArg::Fmu => PossibleValue::new("fmu").help(ABOUT_FMU),
             FormatArg::Dbc => PossibleValue::new("dbc").help(ABOUT_DBC),
+            FormatArg::Wireshark => PossibleValue::new("wireshark").help(ABOUT_WIRESHARK),
         })
     }
 }
@@ -123,6 +131,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let text = match args.format {
         FormatArg::Map(format) => of_map(args, format)?,
         FormatArg::Dbc => of_bus(args)?,
+        FormatArg::Wireshark => of_buses(args)?,
         FormatArg::Fmu => return of_plant(args),
     };
     let Some(path) = &args.output else {
@@ -137,7 +146,10 @@ fn wrong(text: impl Into<String>, right: impl Into<String>) -> CliError {
 
 fn of_map(args: &Args, format: Format) -> Result<String, CliError> {
     if args.plant.is_some() || args.bus.is_some() {
-        return Err(wrong(format!("{format} --plant --bus"), "only `dbc` exports a bus of a plant"));
+        return Err(wrong(
+            format!("{format} --plant --bus"),
+            "only `dbc` and `wireshark` export buses of a plant",
+        ));
     }
     if args.blocks {
         return with_blocks(args, format);
@@ -207,7 +219,8 @@ fn of_plant(args: &Args) -> Result<(), CliError> {
     fmu::run(args.model.as_deref(), &args.registers, args.library.as_deref(), to)
 }
 
-fn of_bus(args: &Args) -> Result<String, CliError> {
+/// Loads the plant of an export of buses; `noun` names the export in a message.
+fn plant_of<'a>(args: &'a Args, format: &str, noun: &str) -> Result<(&'a Path, PlantConfig), CliError> {
     if args.elementary
         || args.for_matiec
         || args.for_strucpp
@@ -216,18 +229,44 @@ fn of_bus(args: &Args) -> Result<String, CliError> {
         || args.block.is_some()
     {
         return Err(wrong(
-            "dbc --block --elementary --matiec --strucpp --blocks --main",
-            "a CAN database has no registers",
+            format!("{format} --block --elementary --matiec --strucpp --blocks --main"),
+            format!("{noun} has no registers"),
         ));
     }
-    let path = args.plant.as_deref().ok_or_else(|| wrong("dbc", "give the plant, --plant plant.toml"))?;
-    let plant = PlantConfig::load(path)?;
+    let path = args.plant.as_deref().ok_or_else(|| wrong(format, "give the plant, --plant plant.toml"))?;
+    Ok((path, PlantConfig::load(path)?))
+}
+
+/// Returns the wanted bus of the plant; `None` if no name is given.
+fn wanted<'a>(args: &'a Args, plant: &PlantConfig) -> Result<Option<&'a str>, CliError> {
+    let Some(name) = args.bus.as_deref() else { return Ok(None) };
     let buses = plant.buses.iter().map(|bus| bus.name()).collect::<Vec<_>>();
-    let bus = match (&args.bus, &buses[..]) {
-        (Some(bus), _) if buses.contains(&bus.as_str()) => bus.as_str(),
-        (Some(bus), _) => {
-            return Err(wrong(format!("--bus {bus}"), format!("its buses are: {}", buses.join(", "))));
-        }
+    if buses.contains(&name) {
+        return Ok(Some(name));
+    }
+    Err(wrong(format!("--bus {name}"), format!("its buses are: {}", buses.join(", "))))
+}
+
+fn of_buses(args: &Args) -> Result<String, CliError> {
+    let (path, plant) = plant_of(args, "wireshark", "a dissector")?;
+    let wanted = wanted(args, &plant)?;
+    let buses = plant.buses.iter().filter(|bus| wanted.is_none_or(|name| name == bus.name()));
+    let buses = buses.map(|bus| DissectedBus {
+        name: bus.name(),
+        kind: bus.family(),
+        is_can: devices::BUS_KINDS.iter().any(|it| it.name == bus.family() && it.speech == Speech::Frames),
+        messages: plant.messages(bus.name()),
+    });
+    let file = path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
+    let about = format!("Wireshark's dissector of the buses of {file}; made by commram export wireshark");
+    Ok(export::wireshark(&buses.collect::<Vec<_>>(), &devices::dissectors(), &about))
+}
+
+fn of_bus(args: &Args) -> Result<String, CliError> {
+    let (path, plant) = plant_of(args, "dbc", "a CAN database")?;
+    let buses = plant.buses.iter().map(|bus| bus.name()).collect::<Vec<_>>();
+    let bus = match (wanted(args, &plant)?, &buses[..]) {
+        (Some(bus), _) => bus,
         (None, [bus]) => bus,
         (None, _) => return Err(wrong("dbc", format!("give one of its buses, --bus: {}", buses.join(", ")))),
     };

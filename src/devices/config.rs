@@ -147,6 +147,11 @@ pub trait BusSection: fmt::Debug + Send + Sync {
         Vec::new()
     }
 
+    /// Frames on the bus that do not depend on its devices.
+    fn messages(&self) -> Vec<Message> {
+        Vec::new()
+    }
+
     /// The doors to it that are open from the start.
     fn doors(&self) -> &[DoorSpec] {
         &[]

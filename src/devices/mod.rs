@@ -19,6 +19,8 @@ pub mod cs0015;
 #[cfg(feature = "emulator")]
 pub mod demo;
 #[cfg(feature = "emulator")]
+mod dissectors;
+#[cfg(feature = "emulator")]
 mod ears;
 #[cfg(all(test, feature = "channel"))]
 mod event_text_tests;
@@ -65,6 +67,8 @@ pub use canopen::node_sends;
 pub use catalogue::{bus_site, catalogue, door_fits, fault_kinds, faults_of_device};
 #[cfg(feature = "emulator")]
 pub use config::{BusKind, BusSection, DeviceConfig, Doubt, MasterConfig, PortConfig, Read};
+#[cfg(feature = "emulator")]
+pub use dissectors::dissectors;
 #[cfg(feature = "emulator")]
 pub use exercise::{Exercise, Move, Wrong};
 #[cfg(feature = "emulator")]

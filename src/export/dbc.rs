@@ -1,6 +1,6 @@
 //! A CAN database (DBC) of messages, as analysis tools and `cantools` read it.
 
-use crate::can::{Id, Message, Signal};
+use crate::can::{BitOrder, Id, Message, Presence, Signal};
 use std::collections::HashSet;
 use std::fmt::Write;
 
@@ -29,7 +29,19 @@ pub fn dbc(messages: &[Message], about: &str) -> String {
         for (signal, name) in message.signals.iter().zip(signal_names(message)) {
             let most = (1_u128 << signal.bits) - 1;
             let Signal { first_bit, bits, .. } = signal;
-            let _ = writeln!(text, " SG_ {name} : {first_bit}|{bits}@1+ (1,0) [0|{most}] \"\" {receivers}");
+            let order = match signal.order {
+                BitOrder::LowFirst => 1,
+                BitOrder::HighFirst => 0,
+            };
+            let presence = match signal.presence {
+                Presence::Always => String::new(),
+                Presence::Selector => " M".to_owned(),
+                Presence::If(value) => format!(" m{value}"),
+            };
+            let _ = writeln!(
+                text,
+                " SG_ {name}{presence} : {first_bit}|{bits}@{order}+ (1,0) [0|{most}] \"\" {receivers}"
+            );
         }
     }
     text.push('\n');
@@ -109,6 +121,8 @@ mod tests {
             name: name.to_owned(),
             first_bit,
             bits: 16,
+            order: BitOrder::LowFirst,
+            presence: Presence::Always,
             about: "a \"word\"".to_owned(),
         };
         let message = |id: Id, senders: &[&str]| Message {

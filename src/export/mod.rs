@@ -25,6 +25,8 @@ mod strucpp;
 mod svd;
 mod systemrdl;
 mod text;
+#[cfg(feature = "emulator")]
+mod wireshark;
 mod xml;
 
 use crate::layout::{DeviceLayout, LayoutError};
@@ -40,6 +42,8 @@ pub use dbc::dbc;
 pub use md::table as md_table;
 pub use scope::Scope;
 pub use st::{StCompiler, StForm};
+#[cfg(feature = "emulator")]
+pub use wireshark::{DissectedBus, wireshark};
 
 /// Output formats of the register map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

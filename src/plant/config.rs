@@ -175,7 +175,8 @@ impl PlantConfig {
 
     /// The messages of a bus, as far as its devices know them before they run.
     pub fn messages(&self, bus: &str) -> Vec<Message> {
-        let mut messages = Vec::new();
+        let of_bus = self.buses.iter().find(|it| it.name() == bus);
+        let mut messages = of_bus.map(|it| it.messages()).unwrap_or_default();
         for device in &self.devices {
             for port in device.ports().iter().filter(|port| port.bus == Some(bus)) {
                 messages.extend(device.messages(port.number));

@@ -246,15 +246,19 @@ fn wrong_use_is_explained() {
     assert!(run(&["export"]).fails(2).contains("<FORMAT>"));
 }
 
-/// `tests/cli/cs0015.rs` tests the programs that read the data sheet.
+/// `tools.rs` and `tests/cli/cs0015.rs` test the programs that read the data sheet.
 #[test]
 fn a_data_sheet_contains_the_devices_object_dictionary() {
     let export = run(&["export", "eds", "--device", "cs0015"]);
     for section in [
-        "[1800sub1]\n; CAN identifier of transmit PDO 1; bit 31 = 0: valid (p. 160)\nParameterName=COB ID\nObjectType=0x7\n\
+        "=1800h sub 1: CAN identifier of transmit PDO 1, bit 31 is 0: valid (p. 160)\n",
+        "\n[1800sub1]\nParameterName=COB ID\nObjectType=0x7\n\
          DataType=0x0007\nAccessType=rw\nDefaultValue=$NODEID+0x180\nPDOMapping=0\n",
         "NrOfRXPDO=8\nNrOfTXPDO=8\n",
-        "[MandatoryObjects]\nSupportedObjects=2\n1=0x1000\n2=0x1001\n",
+        "[MandatoryObjects]\nSupportedObjects=3\n1=0x1000\n2=0x1001\n3=0x1018\n",
+        "=1600h sub 0: Number of objects mapped, receive PDO 1 (p. 158), the device answers with 4 octets, 16#4 (D-770)\n",
+        "\n[1600sub0]\nParameterName=Highest sub-index\n",
+        "[20F1]\nParameterName=Einstellung Node ID (20F1h)\n",
         "(p. 156, inferred: default D-406)",
     ] {
         assert!(export.ok().contains(section), "{section}");

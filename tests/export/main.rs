@@ -4,11 +4,14 @@
 mod common;
 
 mod c;
+mod dbc;
 mod formats;
 mod layout_moves;
 mod matiec;
 mod openplc;
+mod played;
 mod st_blocks;
 mod starts;
 mod strucpp;
 mod tools;
+mod wireshark;

@@ -92,6 +92,23 @@ fn declarations_are_structured_text() {
     }
 }
 
+#[test]
+fn readers_of_electronic_data_sheets_accept_all_of_ours() {
+    let packages = &["canopen", "dcf", "dcfgen", "eds_utils"];
+    for (device, node, expected) in [
+        ("cs0015", "5", "canopen 68 64\nlely 8 8\neds-utils 68\n"),
+        ("cr201x", "3", "canopen 22 10\nlely 2 2\neds-utils 22\n"),
+    ] {
+        let export = ["eds", "--device", device];
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("device.eds");
+        run(&[&["export"], &export[..], &["--output", path.to_str().unwrap()]].concat()).ok();
+        let Some(mut command) = python(packages) else { return };
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/check_eds.py");
+        assert_eq!(finish(command.arg(script).arg(&path).arg(node)).ok(), expected, "{device}");
+    }
+}
+
 /// A master of the PDOs of two panels. One panel takes the PDO that the other one sends.
 const PANELS: &str = "
 [[device]]
@@ -138,7 +155,9 @@ fn cantools_reads_the_messages_of_a_bus() {
     ] {
         assert!(dbc(args).fails(2).contains(why), "{args:?}");
     }
-    assert!(run(&["export", "c", "--bus", "open"]).fails(2).contains("only `dbc` exports a bus"));
+    assert!(
+        run(&["export", "c", "--bus", "open"]).fails(2).contains("only `dbc` and `wireshark` export buses")
+    );
     let Some(mut command) = python(&["cantools"]) else { return };
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/check_dbc.py");
     let outcome = finish(command.arg(script).arg(&database));

@@ -1,6 +1,6 @@
 //! Messages that a node sends and receives, for bus databases.
 
-use crate::can::{Message, Signal};
+use crate::can::{BitOrder, Message, Presence, Signal};
 use embedded_can::{Id, StandardId};
 
 /// Bit 31 of a COB-ID: the message is not used, or only sent on request.
@@ -45,7 +45,14 @@ impl NodeMessages<'_> {
         let id: Id = StandardId::new((id? & ID) as u16)?.into();
         let mut first_bit = 0;
         let one = |(name, bits): &(&str, u8)| {
-            let signal = Signal { name: (*name).to_owned(), first_bit, bits: *bits, about: String::new() };
+            let signal = Signal {
+                name: (*name).to_owned(),
+                first_bit,
+                bits: *bits,
+                order: BitOrder::LowFirst,
+                presence: Presence::Always,
+                about: String::new(),
+            };
             first_bit += bits;
             signal
         };
@@ -54,6 +61,32 @@ impl NodeMessages<'_> {
         let (senders, receivers) = if about.is_sender { (me(), Vec::new()) } else { (Vec::new(), me()) };
         let (name, text) = (format!("{}_{}", self.node, about.name), about.text.to_owned());
         Some(Message { name, id, length: first_bit.div_ceil(8), senders, receivers, signals, about: text })
+    }
+
+    /// Returns the messages of network management and SYNC, of their sender or of a receiver.
+    pub fn broadcasts(self, sync: u32, is_sender: bool) -> impl Iterator<Item = Option<Message>> {
+        let of = if is_sender { MessageInfo::sent } else { MessageInfo::received };
+        let nmt = [("command", 8), ("node", 8)];
+        let all = [
+            ("NMT", self.message(0, of("", "Network management: command, and node or 0 for all"), &nmt)),
+            ("SYNC", self.message(sync & ID, of("", "SYNC object (1005h)"), &[])),
+        ];
+        // One sender and many receivers: no prefix.
+        all.into_iter().map(|(name, message)| message.map(|it| Message { name: name.to_owned(), ..it }))
+    }
+
+    /// Returns the messages between a master and one of its nodes, with the identifiers of the predefined connection
+    /// set; the master's names end in the node's number.
+    pub fn of_master(self, node: u8) -> impl Iterator<Item = Option<Message>> {
+        let id = |first: u32| first + u32::from(node);
+        let named = move |message: Option<Message>| {
+            message.map(|mut it| {
+                it.name = format!("{}_{node}", it.name);
+                core::mem::swap(&mut it.senders, &mut it.receivers);
+                it
+            })
+        };
+        self.services(id(0x080), id(0x700), id(0x600), id(0x580)).map(named)
     }
 
     /// Returns the messages for emergencies, guarding, and SDO requests and answers, with these COB-IDs.

@@ -17,6 +17,8 @@ pub mod faults;
 pub mod firmware;
 #[cfg(feature = "emulator")]
 pub mod frames;
+#[cfg(feature = "emulator")]
+mod messages;
 mod rate;
 #[cfg(feature = "emulator")]
 pub mod records;

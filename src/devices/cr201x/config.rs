@@ -114,7 +114,8 @@ impl DeviceConfig for Cr201xConfig {
             (id(0x300), MessageInfo::received("RX_PDO2", "Analog outputs"), &words),
         ];
         let pdos = all.into_iter().map(|(cob_id, about, signals)| of.message(cob_id, about, signals));
-        of.services(id(0x080), id(0x700), id(0x600), id(0x580)).chain(pdos).flatten().collect()
+        let services = of.services(id(0x080), id(0x700), id(0x600), id(0x580));
+        of.broadcasts(0x080, false).chain(services).chain(pdos).flatten().collect()
     }
 
     fn build(

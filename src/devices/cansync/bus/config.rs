@@ -1,8 +1,10 @@
 //! Configuration of a CANsync bus in the plant file.
 
 use super::{FAMILY, SimBus};
+use crate::can::Message;
 use crate::devices::cansync::drive::{Drive, DriveConfig};
 use crate::devices::cansync::frames::FrameLength;
+use crate::devices::cansync::messages;
 use crate::devices::settings::{range, time, time_or_none};
 use crate::devices::{BuildError, Bus, BusSection, Doubt, MasterConfig, SettingError};
 use crate::door::DoorSpec;
@@ -68,6 +70,10 @@ impl BusConfig {
 impl BusSection for BusConfig {
     fn name(&self) -> &str {
         &self.name
+    }
+
+    fn messages(&self) -> Vec<Message> {
+        messages::all()
     }
 
     fn check(&self) -> Result<(), BuildError> {

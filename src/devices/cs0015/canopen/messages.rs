@@ -21,7 +21,13 @@ pub(crate) fn of(config: &Cs0015Config) -> Vec<Message> {
     let default = |index| DEVICE.object(index, 0).map_or(0, |object| object.default.at_node(config.node_id));
     let sdo = |sub| communication.sdo_cob_id(sub);
     let of = NodeMessages { node: &config.name };
-    let mut all: Vec<_> = of.services(default(0x1014), default(0x100E), sdo(1), sdo(2)).collect();
+    let nodes = match &config.program {
+        Program::BuiltIn { master: Some(master), .. } => Some(&master.nodes),
+        _ => None,
+    };
+    let mut all: Vec<_> = of.broadcasts(default(0x1005), nodes.is_some()).collect();
+    all.extend(nodes.into_iter().flatten().flat_map(|node| of.of_master(*node)));
+    all.extend(of.services(default(0x1014), default(0x100E), sdo(1), sdo(2)));
     for (way, area) in [(PdoDirection::Receive, "rx_pdo"), (PdoDirection::Transmit, "tx_pdo")] {
         let first = DEVICE.area(area).map_or(0, |area| area.first);
         for pdo in 0..PDOS {

@@ -1,0 +1,95 @@
+//! A dissector for Wireshark in Lua: decoders of the buses, and the messages of each bus of a plant.
+
+use crate::can::{Arbitration, BitOrder, Message, Presence, Signal};
+use std::fmt::Write;
+
+/// A bus of the plant.
+#[derive(Debug)]
+pub struct DissectedBus<'a> {
+    /// Name of the bus, and of its interface in a capture.
+    pub name: &'a str,
+    /// Name of the decoder.
+    pub kind: &'a str,
+    /// Whether packets are frames of CAN; otherwise they are telegrams of PROFIBUS.
+    pub is_can: bool,
+    /// The messages that the devices of the bus know.
+    pub messages: Vec<Message>,
+}
+
+/// The text of a dissector of these buses; `decoders` fills the table `decoders`, by the kinds of buses, and `about`
+/// describes the file.
+#[must_use]
+pub fn wireshark(buses: &[DissectedBus<'_>], decoders: &str, about: &str) -> String {
+    let mut text =
+        format!("-- {about}.\n\n{}{decoders}\nlocal buses = {{\n", include_str!("wireshark/begin.lua"));
+    for (bus, number) in buses.iter().zip(1..) {
+        let DissectedBus { name, kind, is_can, messages } = bus;
+        // Into a text, writing cannot fail. Keys of preferences have lower-case letters and digits only.
+        let _ = writeln!(
+            text,
+            "    {{\n        name = {}, key = \"bus{number}\", kind = {}, is_can = {is_can},\n        messages = {{",
+            quoted(name),
+            quoted(kind)
+        );
+        messages.iter().for_each(|message| text += &row(message));
+        text += "        },\n    },\n";
+    }
+    text + "}\n\n" + include_str!("wireshark/end.lua")
+}
+
+/// The row of a message, with its signals.
+fn row(message: &Message) -> String {
+    let field = Arbitration::new(message.id, false);
+    let extended = if field.is_extended() { "x" } else { "" };
+    let mut text = format!(
+        "            [\"{extended}{}\"] = {{ name = {}, about = {}, signals = {{",
+        field.number(),
+        quoted(&message.name),
+        quoted(&message.about)
+    );
+    message.signals.iter().for_each(|it| text += &signal(it));
+    text + "} },\n"
+}
+
+fn signal(signal: &Signal) -> String {
+    let order = match signal.order {
+        BitOrder::LowFirst => "",
+        BitOrder::HighFirst => ", high = true",
+    };
+    let presence = match signal.presence {
+        Presence::Always => String::new(),
+        Presence::Selector => ", selects = true".to_owned(),
+        Presence::If(value) => format!(", only = {value}"),
+    };
+    let Signal { name, first_bit, bits, about, .. } = signal;
+    format!(
+        "{{ name = {}, first = {first_bit}, bits = {bits}{order}{presence}, about = {} }}, ",
+        quoted(name),
+        quoted(about)
+    )
+}
+
+/// A text of Lua. Every character that is not printable in ASCII is written as its bytes.
+fn quoted(text: &str) -> String {
+    let mut quoted = String::from("\"");
+    for byte in text.bytes() {
+        match byte {
+            b'"' | b'\\' => quoted.extend(['\\', char::from(byte)]),
+            b' '..=b'~' => quoted.push(char::from(byte)),
+            other => {
+                let _ = write!(quoted, "\\{other:03}");
+            }
+        }
+    }
+    quoted + "\""
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_are_texts_of_lua() {
+        assert_eq!(quoted("a \"b\"\\\n\u{e4}"), "\"a \\\"b\\\"\\\\\\010\\195\\164\"");
+    }
+}
