@@ -72,7 +72,8 @@ pub(crate) fn tables(scope: &Scope) -> String {
             "/* Bytes of {what}, as many as there can be. */\n#define COMMRAM_MATIEC_{name}_BYTES {bytes}u\n\n"
         );
     }
-    out.push_str(&bits(retain.into_iter().chain(flags(scope))));
+    let memory = program_memory(scope, retain);
+    out.push_str(&bits(&memory));
     let spaces = || scope.device.spaces.iter().filter(|space| !scope.device.is_front(space.offset));
     out.push_str(
         "/* Whether the numbers of a located variable stand for a place of the device; other variables are the program's own. */\n\
@@ -111,11 +112,14 @@ pub(crate) fn tables(scope: &Scope) -> String {
         let _ = write!(out, " \\\n    + ((n) >= {first}u && (n) < {end}u ? {width}u : 0u)");
     }
     out.push_str(
-        ")\n\n/* Whether a structure of so many bytes begins at byte n of the image. */\n\
+        ")\n\n/* Whether a structure of so many bytes begins at byte n of the image. In memory of programs any array or structure can lie. */\n\
          #define COMMRAM_STRUCTURE_AT(n, bytes) (0",
     );
     for (area, placed) in scope.placed() {
         let _ = write!(out, " \\\n    || ((n) == {}u && (bytes) == {}u)", area.first, placed.structure.bytes);
+    }
+    for (first, end) in stretches(&memory) {
+        let _ = write!(out, " \\\n    || ((bytes) > 8u && (n) >= {first}u && (n) + (bytes) <= {end}u)");
     }
     out.push_str(")\n\n");
     out
@@ -129,9 +133,43 @@ fn flags(scope: &Scope) -> Option<&'static Area> {
     })
 }
 
+/// The areas that are memory of programs: retain flags, other flags, then all others.
+fn program_memory(scope: &Scope, retain: Option<&'static Area>) -> Vec<&'static Area> {
+    let mut memory: Vec<_> = retain.into_iter().chain(flags(scope)).collect();
+    for area in scope.areas.iter().copied().filter(|area| is_programs(scope, area)) {
+        if memory.iter().all(|known| known.first != area.first) {
+            memory.push(area);
+        }
+    }
+    memory
+}
+
+/// The ranges of bytes without gaps that the areas cover: first byte and end.
+fn stretches(areas: &[&Area]) -> Vec<(u32, u32)> {
+    let mut areas: Vec<_> = areas.iter().map(|area| (area.first, area.first + area.bytes)).collect();
+    areas.sort_unstable();
+    areas.dedup_by(|(first, end), (_, last)| {
+        let follows = first == last;
+        if follows {
+            *last = *end;
+        }
+        follows
+    });
+    areas
+}
+
+/// Whether the area is memory that programs reach by bits and by any width, where the registers are only names for parts of
+/// it: inputs, outputs, and the flags beside the retain flags or other flags (D-772).
+fn is_programs(scope: &Scope, area: &Area) -> bool {
+    let space = area.space;
+    let has = |other: Option<&Area>| other.is_some_and(|other| other.space.offset == space.offset);
+    let retain = scope.device.retain.map(|retain| &retain.area);
+    space.segment.is_empty() && (matches!(space.letter, 'I' | 'Q') || has(retain) || has(flags(scope)))
+}
+
 /// Bits of flags, counted through all `areas` of flags, in C: from a place in the image to the number of a bit, and back to the place of
 /// its byte.
-fn bits<'a>(areas: impl Iterator<Item = &'a Area>) -> String {
+fn bits(areas: &[&Area]) -> String {
     let (mut bit, mut byte, mut bytes) = (String::new(), "0u".to_owned(), 0);
     for area in areas {
         let (first, end, unit) = (area.first, area.first + area.bytes, 8 * area.space.unit.width().bytes());
@@ -198,7 +236,7 @@ fn first_byte(space: &Space) -> u32 {
 /// there.
 fn widths(scope: &Scope) -> Vec<(u32, u32, u32)> {
     let mut stretches: Vec<(u32, u32, u32)> = Vec::new();
-    for area in &scope.areas {
+    for area in scope.areas.iter().filter(|area| !is_programs(scope, area)) {
         let mut bytes = vec![0; area.bytes as usize];
         for found in DeviceFit::unknown(scope.device).used_registers(area) {
             let first = found.offset_in_structure() as usize;

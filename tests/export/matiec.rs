@@ -176,6 +176,35 @@ fn addresses_that_are_no_registers_are_refused_by_the_compiler() {
     }
 }
 
+/// Inputs, outputs and flags as bits, bytes and words, in several spellings, of one memory (D-772).
+#[test]
+fn bits_and_bytes_of_inputs_outputs_and_flags_are_one_memory() {
+    let directory = tempfile::tempdir().unwrap();
+    prepare(directory.path());
+    let header = directory.path().join("commram_matiec.h");
+    run(&["export", "matiec", "--device", "cs0015", "--output", header.to_str().unwrap()]).ok();
+    fs::copy(Path::new(SOURCES).join("bits.h"), directory.path().join("LOCATED_VARIABLES.h")).unwrap();
+    fs::copy(Path::new(SOURCES).join("bits.c"), directory.path().join("bits.c")).unwrap();
+    filter(directory.path());
+    for how in ["-DCOMMRAM_MATIEC_ACCESS", "-DCOMMRAM_MATIEC_BY_NAME"] {
+        let mut command = Command::new("cc");
+        command.current_dir(directory.path()).args(["-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", how]);
+        finish(command.args(["-include", "commram_matiec.h", "bits.c", "-o", "plc"])).ok();
+        let plant = directory.path().join("plant.toml");
+        fs::write(&plant, "[[device]]\nkind = 'cs0015'\nname = 'panel'\n").unwrap();
+        let emulator = Emulator::start(&[plant.to_str().unwrap(), "--clock", "stepped"]);
+        emulator.breaks(&["owner"]);
+        emulator.run("poke", &["%IX0.0=1", "%IB0=16#A5", "%IX1.8=TRUE", "%MX1013.15=1"]);
+        let outcome = finish(Command::new(directory.path().join("plc")).arg(image_of(&emulator, "panel")));
+        assert_eq!(
+            outcome.ok(),
+            "outputs 0108 01 1 1\nother spelling 0100\ninputs A5 1 1\nslave 8001 -2147483648 8001\n",
+            "{how}"
+        );
+        assert_eq!(emulator.peek(&["%QX0.08", "%QB1", "%MW1010"]), "1 16#01 16#8001");
+    }
+}
+
 /// A device without flags has only its registers as memory: variables of the program at `%MW100`, `%MB100` and
 /// `%MX100.2` would silently not overlay each other (D-740). Segments that a device does not have are refused in the
 /// same way.

@@ -41,10 +41,20 @@
 
 /* commram_located.h: one of these per address, with one to six numbers: %MB3.200012, %QX0.1, %MW7. */
 #define __LOCATED_VAR(type, name, area, size, ...)                                                               \
-    COMMRAM_LOCATED(type, name, COMMRAM_LETTER_##area, COMMRAM_IS_BIT_##size, COMMRAM_SIZE_##size, __VA_ARGS__,  \
-                    COMMRAM_NO_NUMBER, COMMRAM_NO_NUMBER, COMMRAM_NO_NUMBER, COMMRAM_NO_NUMBER,                  \
-                    COMMRAM_NO_NUMBER, COMMRAM_NO_NUMBER, )
-#define COMMRAM_LOCATED(type, name, letter, is_bit, size, a, b, c, d, e, f, ...)                                 \
+    COMMRAM_SPELLED(type, name, COMMRAM_LETTER_##area, COMMRAM_IS_BIT_##size, COMMRAM_SIZE_##size, __VA_ARGS__,  \
+                    4294967295, 4294967295, 4294967295, 4294967295, 4294967295, 4294967295, )
+/* A number with a leading 0, %QX0.08, is decimal, although it would be octal in C. 4294967295 is COMMRAM_NO_NUMBER. */
+#define COMMRAM_SPELLED(type, name, letter, is_bit, size, a, b, c, d, e, f, ...)                                 \
+    COMMRAM_LOCATED(type, name, letter, is_bit, size, COMMRAM_DECIMAL(0x##a##ull), COMMRAM_DECIMAL(0x##b##ull),  \
+                    COMMRAM_DECIMAL(0x##c##ull), COMMRAM_DECIMAL(0x##d##ull), COMMRAM_DECIMAL(0x##e##ull),       \
+                    COMMRAM_DECIMAL(0x##f##ull))
+#define COMMRAM_DIGIT(n, at) ((unsigned)((n) >> 4u * (at)) & 15u)
+#define COMMRAM_DECIMAL(n)                                                                                       \
+    (COMMRAM_DIGIT(n, 0u) + COMMRAM_DIGIT(n, 1u) * 10u + COMMRAM_DIGIT(n, 2u) * 100u                             \
+     + COMMRAM_DIGIT(n, 3u) * 1000u + COMMRAM_DIGIT(n, 4u) * 10000u + COMMRAM_DIGIT(n, 5u) * 100000u             \
+     + COMMRAM_DIGIT(n, 6u) * 1000000u + COMMRAM_DIGIT(n, 7u) * 10000000u + COMMRAM_DIGIT(n, 8u) * 100000000u    \
+     + COMMRAM_DIGIT(n, 9u) * 1000000000u)
+#define COMMRAM_LOCATED(type, name, letter, is_bit, size, a, b, c, d, e, f)                                      \
     enum {                                                                                                       \
         commram_bound_##name = COMMRAM_IN_RAM(letter, is_bit, size, a, b),                                       \
         commram_place_##name = COMMRAM_PLACE(letter, is_bit, size, a, b)                                         \

@@ -7,7 +7,8 @@
  * levels; `widths`: of the registers there, added up; `bit`: the number of the bit if it is one of a flag.
  */
 #define COMMRAM_RULES(rule, name, bound, is_bit, size, levels, bytes, whole, place, widths, bit)                 \
-    rule(!(bound) || (is_bit) != 2, name, "an address without a size is that of a bit; write %MB, %MW or %MD")   \
+    rule(!(bound) || (is_bit) != 2 || (bit) != COMMRAM_NO_NUMBER, name,                                          \
+         "an address without a size is that of a bit; write %MB, %MW or %MD")                                    \
     rule(!(bound) || COMMRAM_IN_AREA(place), name, "the address lies in no area of the device")                  \
     rule(!(bound) || !(is_bit) || (bit) != COMMRAM_NO_NUMBER, name,                                              \
          "a single bit has no separate address; locate the byte")                                                \
