@@ -11,12 +11,14 @@ use super::table::FormatArg;
 ///
 /// A forced register keeps its value until it is unforced, even if firmware or PLC write it. All tables mark forced
 /// registers. The firmware always reads the forced value. A PLC with mapped RAM reads back its own write until the
-/// next event of the bus or processor cycle, when the forced value is restored.
+/// next event of the bus or processor cycle, when the forced value is restored. A single bit forces its register:
+/// the other bits keep the values of this moment.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   commram force node2.w_OPTION_STATUS=16#0080
   commram force 'node2.a_RD_BMARRAY[1][0]=-1000'
+  commram force %IX1.8=1
   commram force                                      list all forced registers
   commram force --format json")]
 pub(crate) struct Args {
@@ -50,8 +52,8 @@ pub(crate) struct UnforceArgs {
 
 /// Forces registers, or lists them.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    use super::writes::RegisterWrite;
     use super::{poke, session::Session};
-    use crate::request::Op;
 
     if args.writes.is_empty() {
         return list(args);
@@ -61,12 +63,16 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let session = Session::open(&args.instance, 0)?;
     let parse = |text: &String| poke::parse(text, |name| session.place(name));
     let writes = args.writes.iter().map(parse).collect::<Result<Vec<_>, _>>()?;
-    let op = |(place, value): &(NamedLocation, u32)| {
-        let (offset, width) = (place.offset(), place.width());
-        Ok(Op::Force { plc: session.plc_of(place)?, offset, width, value: *value })
-    };
-    let ops = writes.iter().map(op).collect::<Result<Vec<_>, CliError>>()?;
-    session.request(&ops).map(drop)
+    let ops: Vec<_> = RegisterWrite::of(&session, &writes)?.iter().map(RegisterWrite::force).collect();
+    session.request(&ops)?;
+    for (place, _) in &writes {
+        if let Some((register, _)) = place.bit_in() {
+            let text =
+                format!("{} is forced as a whole: its other bits keep their present values", register.name());
+            super::output::note(&text);
+        }
+    }
+    Ok(())
 }
 
 fn list(args: &Args) -> Result<(), CliError> {
@@ -108,7 +114,9 @@ pub(crate) fn unforce(args: &UnforceArgs) -> Result<(), CliError> {
     } else {
         let op = |text: &String| {
             let place = session.place(text)?;
-            Ok(Op::Unforce { plc: session.plc_of(&place)?, offset: place.offset(), width: place.width() })
+            let whole = place.bit_access().map(|bit| (bit.offset, bit.width));
+            let (offset, width) = whole.unwrap_or((place.offset(), place.width()));
+            Ok(Op::Unforce { plc: session.plc_of(&place)?, offset, width })
         };
         args.registers.iter().map(op).collect::<Result<Vec<_>, CliError>>()?
     };

@@ -56,6 +56,7 @@ mod wait;
 mod watch;
 mod web;
 mod with;
+mod writes;
 
 use crate::layout::place;
 use crate::memory::limits;

@@ -6,6 +6,7 @@ use super::device::of_any_device_but_told_by;
 use super::error::CliError;
 use super::place::NamedLocation;
 use super::session::Session;
+use super::writes::RegisterWrite;
 use crate::request::{MAX_OPS, Op, Reply};
 
 /// Write registers.
@@ -13,7 +14,7 @@ use crate::request::{MAX_OPS, Op, Reply};
 /// All writes go to the emulator in one message and are done in the given order, without interruption. Values are
 /// decimal (67, for signed types also -5), hexadecimal (16#43, 0x43), octal (8#103), binary (2#100_0011), or the
 /// names that `commram map REG` shows (restart, start-synchronous). A register that only the firmware writes can be
-/// written too, as in the real RAM. A note says so: the firmware does not read it, and the value remains until the
+/// written too, as in the real RAM. A single bit is written with its register: the other bits stay. A note says so: the firmware does not read it, and the value remains until the
 /// firmware next writes the register.
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -23,6 +24,7 @@ Examples:
   commram poke 'node2.w_CPU_CONTROL := 16#0001;'
   commram poke 'node2.a_WR_VALUE[0]=-1000' node2.b_CTRLREG_WRC1=16#05
   commram poke %MW3.200000=0x20
+  commram poke %MX3.200000.5=1 node2.w_CPU_CONTROL.6=FALSE
   commram poke line2:node2.w_CPU_CONTROL=0")]
 pub(crate) struct Args {
     /// Registers by name or address, and their new values
@@ -52,9 +54,6 @@ pub(crate) fn parse(
     let value = value.trim_end();
     let value = value.strip_suffix(';').unwrap_or(value);
     let place = place(register.trim())?;
-    if place.bit().is_some() {
-        return Err(wrong("a single bit cannot be written, only its whole register"));
-    }
     let value = place.parse_value(value)?;
     Ok((place, value))
 }
@@ -66,11 +65,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let session = Session::open(&args.instance, 0)?;
     let parse = |text: &String| parse(text, |name| session.place(name));
     let writes = args.writes.iter().map(parse).collect::<Result<Vec<_>, _>>()?;
-    let op = |(place, value): &(NamedLocation, u32)| {
-        let (offset, width) = (place.offset(), place.width());
-        Ok(Op::Poke { plc: session.plc_of(place)?, offset, width, value: *value })
-    };
-    let mut ops = writes.iter().map(op).collect::<Result<Vec<_>, CliError>>()?;
+    let stores = RegisterWrite::of(&session, &writes)?;
+    let mut ops: Vec<_> = stores.iter().map(RegisterWrite::store).collect();
     // What the notes need is read in the message that writes, so that they cost no further exchange.
     let statuses =
         writes.iter().map(|(place, _)| peek_status(&session, place)).collect::<Result<Vec<_>, _>>()?;
@@ -82,7 +78,10 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         replies.extend(session.request(rest)?);
     }
     writes.iter().for_each(|(place, _)| note_if_not_whole(place));
-    let mut replies = replies.into_iter().skip(writes.len());
+    let mut replies = replies.into_iter();
+    for (store, reply) in stores.iter().zip(replies.by_ref()) {
+        store.complete(&session, reply)?;
+    }
     for ((place, _), status) in writes.iter().zip(statuses) {
         let status = status.and_then(|_| replies.next()).map(Reply::value).transpose()?;
         note_if_firmwares(place, status);
@@ -102,7 +101,8 @@ fn note_if_firmwares(place: &NamedLocation, status: Option<u32>) {
     use crate::layout::Owner;
 
     let live = place.phase(status);
-    if place.owner(live) == Some(Owner::Firmware) {
+    let owner = place.owner(live).or_else(|| place.bit_in().map(|(register, _)| register.owner()));
+    if owner == Some(Owner::Firmware) {
         let place = place.label(live);
         super::output::note(&format!(
             "only the firmware writes {place}: the value was written and remains until the firmware writes the register \
@@ -113,7 +113,7 @@ fn note_if_firmwares(place: &NamedLocation, status: Option<u32>) {
 
 /// Prints a note if a write does not match one register.
 fn note_if_not_whole(place: &NamedLocation) {
-    if !place.is_whole() {
+    if place.bit().is_none() && !place.is_whole() {
         let (address, what) = (place.address(), place.meaning(place.last_phase(), 0));
         super::output::note(&format!("{address} is not a whole register: {what}; the value was written"));
     }
@@ -146,7 +146,7 @@ mod tests {
             "`node2.w_CPU_CONTROL`: write REG=VALUE, for example node2.w_CPU_CONTROL=16#0001"
         );
         assert!(message("node2.w_CPU_CONTROL==1").contains("`commram wait`"));
-        assert!(message("%MX3.200000.1=1").contains("whole register"));
+        assert!(message("%MX3.200000.1=2").contains("is no number"));
         assert!(message("node2.w_CPU_CONTRL=1").contains("w_CPU_CONTROL"));
         assert!(message("node2.w_CPU_CONTROL=").contains("is no number"));
     }

@@ -52,7 +52,7 @@ pub use name::{Named, plc_prefix, split_plc};
 pub use nearest::{did_you_mean, nearest};
 pub use object::Object;
 pub use pattern::is_pattern;
-pub use place::NamedLocation;
+pub use place::{BitAccess, NamedLocation};
 pub use register::RegisterRef;
 pub use space::{Retain, Space, Unit};
 pub use width::Width;

@@ -17,6 +17,26 @@ pub struct BadValue {
     pub source: ValueError,
 }
 
+/// Access to a single bit by the register that contains it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BitAccess {
+    /// First byte of the register in the image.
+    pub offset: u32,
+    /// Width of the register.
+    pub width: Width,
+    /// Number of the bit in the register.
+    pub bit: u32,
+}
+
+impl BitAccess {
+    /// Returns `value` with this bit 0, or 1 for any other `state`.
+    #[must_use]
+    pub const fn set(self, value: u32, state: u32) -> u32 {
+        let cleared = value & !(1 << self.bit);
+        if state == 0 { cleared } else { cleared | 1 << self.bit }
+    }
+}
+
 /// A register or an address that the user has named. It exists; whether its PLC does, others know.
 #[derive(Clone, Debug)]
 pub struct NamedLocation {
@@ -123,6 +143,17 @@ impl NamedLocation {
         Some((*register, self.bit_of(register)?))
     }
 
+    /// How a program writes the single bit; `None` if the place is no single bit. A bit outside of all registers is
+    /// written with its byte.
+    pub fn bit_access(&self) -> Option<BitAccess> {
+        let bit = self.bit()?;
+        let of_register = self.bit_in().map(|(register, bit)| {
+            let address = register.address();
+            BitAccess { offset: address.offset(), width: address.width(), bit }
+        });
+        Some(of_register.unwrap_or(BitAccess { offset: self.offset(), width: self.width(), bit: bit.into() }))
+    }
+
     /// The register's name, with the number of the bit if it was given that way, else the address.
     pub fn name(&self, live: RegisterPhase) -> String {
         if let Some((register, bit)) = self.named_bit() {
@@ -162,7 +193,14 @@ impl NamedLocation {
             (None, Some(register)) => value::named(text, register.register.meaning, error),
             _ => Err(error),
         };
-        let value = value::parse(text, ty).or_else(named).and_then(|value| match self.bit() {
+        let truth = match text.trim() {
+            truth if self.bit().is_none() => Err(truth),
+            truth if truth.eq_ignore_ascii_case("true") => Ok(1),
+            truth if truth.eq_ignore_ascii_case("false") => Ok(0),
+            other => Err(other),
+        };
+        let number = |_| value::parse(text, ty).or_else(named);
+        let value = truth.or_else(number).and_then(|value| match self.bit() {
             Some(_) if value > 1 => Err(ValueError::Notation { text: text.to_owned() }),
             _ => Ok(value),
         });

@@ -48,7 +48,7 @@ pub enum PinValue {
     Int(i64),
     /// TIME, of emulated time.
     Time(Duration),
-    /// A text, which only a TIME takes: `2ms`.
+    /// A text, for a TIME, `2ms`, or for a STRING.
     Text(String),
     /// ARRAY.
     Array(Vec<PinValue>),
@@ -106,6 +106,15 @@ pub trait PinType {
     /// # Errors
     /// The value has another type or is out of range; the error names a correct value.
     fn set(&mut self, given: &PinValue) -> Result<(), PinError>;
+
+    /// The elements of a STRING with this text; `None` if this is not the type of characters.
+    fn characters(text: &str) -> Option<Vec<Self>>
+    where
+        Self: Sized,
+    {
+        let _ = text;
+        None
+    }
 }
 
 impl PinType for bool {
@@ -121,8 +130,10 @@ impl PinType for bool {
 }
 
 macro_rules! integers {
-    ($($type:ty)*) => {$(
+    ($($type:ty $({ $characters:item })?)*) => {$(
         impl PinType for $type {
+            $($characters)?
+
             fn get(&self) -> PinValue {
                 PinValue::Int(i64::from(*self))
             }
@@ -140,7 +151,11 @@ macro_rules! integers {
     )*};
 }
 
-integers!(u8 i8 u16 i16 u32 i32);
+integers!(u8 {
+    fn characters(text: &str) -> Option<Vec<u8>> {
+        Some(text.bytes().collect())
+    }
+} i8 u16 i16 u32 i32);
 
 /// Taken from a number of microseconds or a text with a unit, too.
 impl PinType for Duration {
@@ -177,6 +192,18 @@ impl<T: PinType, const N: usize> PinType for [T; N] {
             PinValue::Array(items) if items.len() == N => {
                 self.iter_mut().zip(items).try_for_each(|(element, item)| element.set(item))
             }
+            PinValue::Text(text) => {
+                let Some(characters) = T::characters(text) else {
+                    return Err(wrong(given, format!("an array of {N} elements")));
+                };
+                if characters.len() > N || text.contains('\0') {
+                    return Err(wrong(given, format!("a text of at most {N} characters")));
+                }
+                // 0 follows the last character.
+                let zeros = core::iter::repeat(PinValue::Int(0));
+                let items = characters.iter().map(PinType::get).chain(zeros);
+                self.iter_mut().zip(items).try_for_each(|(element, item)| element.set(&item))
+            }
             _ => Err(wrong(given, format!("an array of {N} elements"))),
         }
     }
@@ -198,6 +225,19 @@ mod tests {
             same.set(&time.get()).unwrap();
             assert_eq!([time, same], [Duration::from_micros(2500); 2]);
         }
+    }
+
+    #[test]
+    fn a_string_takes_a_text_and_ends_with_zeros() {
+        let mut string = [b'x'; 4];
+        string.set(&PinValue::Text("%d".into())).unwrap();
+        assert_eq!(string, *b"%d\0\0");
+        string.set(&PinValue::Text("full".into())).unwrap();
+        assert_eq!(string, *b"full");
+        let refused = string.set(&PinValue::Text("longer".into())).unwrap_err().to_string();
+        assert_eq!(refused, "`longer` is not a text of at most 4 characters");
+        let refused = [1_u16; 2].set(&PinValue::Text("a".into())).unwrap_err().to_string();
+        assert_eq!(refused, "`a` is not an array of 2 elements");
     }
 
     #[test]

@@ -249,7 +249,7 @@ impl Bench {
     /// Writes a register.
     ///
     /// # Errors
-    /// There is no such register, it cannot hold the value, or it is a single bit.
+    /// There is no such register, or it cannot hold the value.
     pub fn poke(&mut self, register: &str, value: impl Into<Value>) -> Result<(), ScenarioError> {
         self.poke_at(&self.find(register)?, value)
     }
@@ -257,11 +257,13 @@ impl Bench {
     /// Does the same as [`Bench::poke`] for a register from [`Bench::find`].
     ///
     /// # Errors
-    /// It cannot hold the value, or it is a single bit.
+    /// It cannot hold the value.
     pub fn poke_at(&mut self, register: &Register, value: impl Into<Value>) -> Result<(), ScenarioError> {
-        register.is_whole()?;
         let bits = value.into().bits(&register.place)?;
-        self.store(register.spot, bits)
+        match register.place.bit_access() {
+            None => self.store(register.spot, bits),
+            Some(bit) => self.store_bit(register.spot.plc, bit, bits),
+        }
     }
 
     /// Writes `new` if the register holds `current`; returns whether it did.

@@ -348,6 +348,39 @@ fn a_step_beyond_a_day_is_refused() {
     assert!(emulator.run("step", &["25h"]).fails(2).contains("24 h"));
 }
 
+/// More than a request carries are read in several ones, at one moment as long as the clock stands still.
+#[test]
+fn any_number_of_registers_is_read() {
+    let emulator = Emulator::stepped();
+    emulator.poke(&["%MB3.1000299=16#2A"]);
+    let registers: Vec<_> = (0..600).map(|byte| format!("%MB3.{}", 1_000_000 + byte)).collect();
+    let mut peeked = vec!["--raw"];
+    peeked.extend(registers.iter().map(String::as_str));
+    let outcome = emulator.run("peek", &peeked);
+    let values: Vec<_> = outcome.ok().lines().collect();
+    assert_eq!((values.len(), values[299], values[599]), (600, "16#2A", "16#00"));
+}
+
+/// The manual's addresses of bits, several of one register, and registers that only the firmware writes.
+#[test]
+fn single_bits_are_written_and_forced() {
+    let emulator = Emulator::stepped();
+    emulator.poke(&[
+        "node2.a_WR_VALUE[0]=16#0100",
+        "%MX3.200052.1=1",
+        "node2.a_WR_VALUE[0].9=TRUE",
+        "%MX3.200053.0=0",
+    ]);
+    assert_eq!(emulator.peek(&["node2.a_WR_VALUE[0]"]), "16#00000202");
+    let forced = emulator.run("force", &["node2.b_BT_0.3=1"]);
+    assert_eq!(forced.code, Some(0));
+    assert!(forced.err.contains("node2.b_BT_0 is forced as a whole"), "{}", forced.err);
+    assert_eq!(emulator.peek(&["node2.b_BT_0"]), "16#08");
+    emulator.run("unforce", &["node2.b_BT_0.3"]).ok();
+    assert_eq!(emulator.run("force", &[]).ok(), "no register is forced\n");
+    assert!(emulator.run("poke", &["node2.b_BT_0.3=2"]).fails(2).contains("is no number"));
+}
+
 #[test]
 fn pokes_beyond_the_message_size_are_refused() {
     let emulator = Emulator::stepped();

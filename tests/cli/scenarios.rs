@@ -172,7 +172,8 @@ fn wrong_use_of_a_verb_says_what_would_be_right() {
         ("poke(\"node2.w_CPU_CONTROL\", 0x10000)", "a WORD holds 0 to 65535"),
         ("poke(\"node2.w_CPU_CONTROL\", \"16#\")", "is no number; write it decimal"),
         ("poke(\"node2.w_CPU_CONTROL\", 1.5)", "`1.5`: a value is an integer"),
-        ("poke(\"%MX3.200000.1\", 1)", "a single bit cannot be written"),
+        ("poke(\"%MX3.200000.1\", 2)", "`2` is no number"),
+        ("compare_exchange(\"%MX3.200000.1\", 0, 1)", "a single bit cannot be written"),
         ("step(\"2\")", "a time needs a unit"),
         ("step(-1)", "`-1`: the time must not be negative"),
         ("step(1.5)", "a time is a text with a unit"),
@@ -185,7 +186,6 @@ fn wrong_use_of_a_verb_says_what_would_be_right() {
         ("expect_frame(\"drives\", 1, [256], \"1ms\")", "data are an array of bytes"),
         ("expect_near(\"node2.b_BT_0\", 0, -1)", "the tolerance must not be negative"),
         ("snapshot(\"node3\")", "there is no area 'node3'; there are: "),
-        ("force(\"%MX3.200000.1\", 1)", "a single bit cannot be written"),
         ("force(\"%MB3.200000\", 1)", "only a whole register can be forced, here %MW3.200000"),
         ("unforce(\"node2.b_BT_0\")", "`node2.b_BT_0`: node2.b_BT_0 (%MB3.200015) is not forced"),
         (
@@ -459,4 +459,82 @@ fn a_scenario_fails_if_a_required_fault_never_fired() {
     assert!(report.contains("fault 1 has not taken effect: lose_frame slot=WRC1 required"), "{report}");
     let refused = run(&["fault", "add", "lose_frame", "required"]);
     assert!(refused.fails(2).contains("only a scenario"), "{}", refused.err);
+}
+
+/// Bits in the spelling of the CS0015's manual (p. 152-154), and a STRING of a block.
+#[test]
+fn single_bits_and_strings_are_written() {
+    let script = r#"
+        plant(`[[device]]
+            kind = 'cs0015'
+            name = 'panel'`);
+        step("1s");
+        poke("%QX0.03", true);
+        poke("outputs.Q0.5", 1);
+        expect("%QW0", 0x28);
+        poke("%QX0.3", "FALSE");
+        expect("outputs.Q0", 0x20);
+        poke("%MX1010.15", 1);
+        expect("slaves.a_SLAVE[0][0]", 0x8000);
+        force("%MX1010.00", 1);
+        poke("%MW1010", 0);
+        step("20ms");
+        expect("%MW1010", 0x8001);
+        force("%MX1010.15", 0);
+        step("20ms");
+        expect("%MW1010", 1);
+        unforce("%MX1010.4");
+        poke("%MW1010", 0);
+        step("20ms");
+        expect("%MW1010", 0);
+        force("%IX1.8", 1);
+        step("50ms");
+        expect("inputs.S3", 1);
+        let text = block("STR", "panel");
+        text.F = "n = %d";
+        cycle(text);
+    "#;
+    let directory = tempfile::tempdir().unwrap();
+    let file = directory.path().join("bits.rhai");
+    std::fs::write(&file, script).unwrap();
+    let outcome = run(&["test", file.to_str().unwrap()]);
+    assert_eq!(outcome.code, Some(0), "{}{}", outcome.out, outcome.err);
+}
+
+/// The page lists the function blocks of each device, and the fields of `board()`.
+#[test]
+fn the_page_lists_blocks_and_fields() {
+    let page =
+        std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/reference/scenarios.md")).unwrap();
+    let directory = tempfile::tempdir().unwrap();
+    let file = directory.path().join("lists.rhai");
+    for (title, device) in [
+        ("Omega Drive-Line II", "kind = 'omega-drive-line-2'"),
+        ("b maXX PLC", "kind = 'bm4-plc'"),
+        ("CS0015", "kind = 'cs0015'"),
+        ("CAN-DP/2", "kind = 'can-dp2'"),
+        ("CR2010", "kind = 'cr201x'\nmodule = 'cr2010'\nnode_id = 3"),
+        ("CR2011", "kind = 'cr201x'\nmodule = 'cr2011'\nnode_id = 3"),
+    ] {
+        let script = format!(
+            "plant(`\n[[device]]\n{device}\nname = 'a'`);\n\
+             for key in board().keys() {{ print(`field ${{key}}`); }}\n\
+             try {{ block(\"nonesuch\", \"\"); }} catch (error) {{ print(`${{error}}`); }}\n"
+        );
+        std::fs::write(&file, script).unwrap();
+        let outcome = run(&["test", file.to_str().unwrap(), "--allow-empty"]);
+        let lines = outcome.ok().lines().filter_map(|line| line.strip_prefix("  | ")).collect::<Vec<_>>();
+        let row = |names: &[&str]| {
+            let names: Vec<_> = names.iter().map(|name| format!("`{name}`")).collect();
+            format!("| {title} | {} |", names.join(", "))
+        };
+        let mut fields: Vec<_> = lines.iter().filter_map(|line| line.strip_prefix("field ")).collect();
+        fields.sort_unstable();
+        let known = lines.last().and_then(|line| line.rsplit_once(" has ")).unwrap().1;
+        let blocks: Vec<_> = known.split(", ").filter(|name| !name.contains(' ')).collect();
+        let rows = [row(&fields), row(&blocks)];
+        for row in rows.iter().filter(|row| row.contains('`')) {
+            assert!(page.lines().any(|line| line == row), "{row}");
+        }
+    }
 }

@@ -3,14 +3,18 @@
 use super::*;
 use crate::channel::client::Patience;
 use crate::channel::{Client, ClientError, HeaderBells};
-use crate::cli::progress;
+use crate::cli::{output, progress};
 use crate::identity::DeviceIndex;
 use crate::journal::{Names, Record};
 use crate::memory::names::channel_root;
 use crate::memory::{InstanceLock, State};
 use crate::request::InstanceInfo;
-use crate::request::{Op, Reply, WrongReply, read_journal};
+use crate::request::{MAX_OPS, Op, Reply, WrongReply, read_journal};
+use crate::time;
 use std::time::Duration;
+
+/// Most registers that a request reads, beside the time and the forces.
+const MAX_READS: usize = MAX_OPS - 2;
 
 impl Session {
     /// Opens a running instance. `waits_us` is the longest emulated time that the next request can wait.
@@ -158,7 +162,26 @@ impl Session {
         self.request(&ops)?.into_iter().map(|reply| Ok(reply.board()?)).collect()
     }
 
+    /// Reads in as many requests as necessary. Prints a note if the clock has advanced between them.
     pub(super) fn read_by_channel(&self, reads: &[Read]) -> Result<Snapshot, CliError> {
+        let (first, rest) = reads.split_at(reads.len().min(MAX_READS));
+        let mut snapshot = self.read_in_one_request(first)?;
+        let mut until_us = snapshot.time_us;
+        for part in rest.chunks(MAX_READS) {
+            let next = self.read_in_one_request(part)?;
+            snapshot.data.extend(next.data);
+            until_us = next.time_us;
+        }
+        if until_us != snapshot.time_us {
+            let (from, until) = (time::seconds(snapshot.time_us), time::seconds(until_us));
+            output::note(&format!(
+                "more than {MAX_READS} registers need several requests: they were read from {from} to {until}"
+            ));
+        }
+        Ok(snapshot)
+    }
+
+    fn read_in_one_request(&self, reads: &[Read]) -> Result<Snapshot, CliError> {
         let op = |read: &Read| match *read {
             Read::Register { plc, offset, width } => Op::Peek { plc, offset, width },
             Read::Block { plc, offset, len } => Op::ReadRange { plc, offset, len },

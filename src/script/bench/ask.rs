@@ -3,6 +3,7 @@
 use super::Bench;
 use crate::identity::DeviceIndex;
 use crate::journal::{Entry, Record};
+use crate::layout::BitAccess;
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Address, Width};
 use crate::plant::Forced;
@@ -45,6 +46,24 @@ impl Bench {
     pub(super) fn store(&mut self, spot: Spot, value: u32) -> Result<(), ScenarioError> {
         let Spot { plc, offset, width } = spot;
         Ok(self.ask(Op::Poke { plc, offset, width, value })?.written()?)
+    }
+
+    /// Writes a single bit and leaves the other bits of its register, whoever writes them.
+    pub(super) fn store_bit(
+        &mut self,
+        plc: DeviceIndex,
+        bit: BitAccess,
+        state: u32,
+    ) -> Result<(), ScenarioError> {
+        let BitAccess { offset, width, .. } = bit;
+        let mut current = self.load(Spot { plc, offset, width })?;
+        loop {
+            let new = bit.set(current, state);
+            match self.ask(Op::CompareExchange { plc, offset, width, current, new })?.exchanged()? {
+                Ok(_) => return Ok(()),
+                Err(found) => current = found,
+            }
+        }
     }
 
     /// Advances the clock.

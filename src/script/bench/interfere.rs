@@ -15,11 +15,16 @@ impl Bench {
     /// Makes a register keep the value against firmware and PLC, until [`Bench::unforce`].
     ///
     /// # Errors
-    /// There is no such register, it cannot hold the value, it is a single bit, or too many are forced.
+    /// There is no such register, it cannot hold the value, or too many are forced.
     pub fn force(&mut self, register: &str, value: impl Into<Value>) -> Result<(), ScenarioError> {
-        let register = self.whole_register(register)?;
+        let register = self.find(register)?;
         let value = value.into().bits(&register.place)?;
-        let Spot { plc, offset, width } = register.spot;
+        let Spot { plc, offset, width } = register.written_spot();
+        // A single bit forces its register with the present values of the other bits (D-105).
+        let value = match register.place.bit_access() {
+            None => value,
+            Some(bit) => bit.set(self.load(register.written_spot())?, value),
+        };
         Ok(self.ask(Op::Force { plc, offset, width, value })?.written()?)
     }
 
@@ -28,8 +33,7 @@ impl Bench {
     /// # Errors
     /// There is no such register, or it is not forced.
     pub fn unforce(&mut self, text: &str) -> Result<(), ScenarioError> {
-        let register = self.whole_register(text)?;
-        let Spot { plc, offset, width } = register.spot;
+        let Spot { plc, offset, width } = self.find(text)?.written_spot();
         match self.ask(Op::Unforce { plc, offset, width }) {
             Err(ScenarioError::Refused(refused)) if refused.code == Code::NOT_FORCED => {
                 Err(ScenarioError::argument(text, &refused.text))

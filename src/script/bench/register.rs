@@ -37,6 +37,15 @@ impl Register {
         }
     }
 
+    /// The register that a write accesses: for a single bit the register that contains it.
+    pub(super) fn written_spot(&self) -> Spot {
+        self.place.bit_access().map_or(self.spot, |bit| Spot {
+            plc: self.spot.plc,
+            offset: bit.offset,
+            width: bit.width,
+        })
+    }
+
     /// `node2.w_CPU_CONTROL`, with the PLC in front where there are several.
     pub(super) fn name(&self, live: RegisterPhase) -> String {
         format!("{}{}", self.prefix, self.place.name(live))

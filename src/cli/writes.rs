@@ -1,0 +1,87 @@
+//! Writes of registers and of single bits in them.
+
+use super::error::CliError;
+use super::place::NamedLocation;
+use super::session::Session;
+use crate::identity::DeviceIndex;
+use crate::layout::{BitAccess, Width};
+use crate::request::{MAX_OPS, Op, Reply};
+use std::collections::HashMap;
+
+/// A write of a register, or of one bit of it.
+pub(crate) struct RegisterWrite {
+    plc: DeviceIndex,
+    offset: u32,
+    width: Width,
+    value: u32,
+    /// For a bit: its place, its new state, and the register before the write.
+    bit: Option<(BitAccess, u32, u32)>,
+}
+
+impl RegisterWrite {
+    /// Prepares writes. Reads the registers of single bits.
+    ///
+    /// # Errors
+    /// There is no such PLC, or the emulator has gone.
+    pub(crate) fn of(session: &Session, writes: &[(NamedLocation, u32)]) -> Result<Vec<Self>, CliError> {
+        let mut registers = Vec::new();
+        for (place, _) in writes {
+            if let Some(BitAccess { offset, width, .. }) = place.bit_access() {
+                registers.push(Op::Peek { plc: session.plc_of(place)?, offset, width });
+            }
+        }
+        let mut replies = Vec::new();
+        for part in registers.chunks(MAX_OPS) {
+            replies.extend(session.request(part)?);
+        }
+        let mut replies = replies.into_iter();
+        // An earlier write of the same register changes what a later one finds.
+        let mut known: HashMap<(DeviceIndex, u32), u32> = HashMap::new();
+        let mut prepared = Vec::with_capacity(writes.len());
+        for (place, value) in writes {
+            let plc = session.plc_of(place)?;
+            let write = match place.bit_access() {
+                None => Self { plc, offset: place.offset(), width: place.width(), value: *value, bit: None },
+                Some(access) => {
+                    let read = replies.next().map(Reply::value).transpose()?.unwrap_or_default();
+                    let current = known.get(&(plc, access.offset)).copied().unwrap_or(read);
+                    let (offset, width, new) = (access.offset, access.width, access.set(current, *value));
+                    Self { plc, offset, width, value: new, bit: Some((access, *value, current)) }
+                }
+            };
+            known.insert((plc, write.offset), write.value);
+            prepared.push(write);
+        }
+        Ok(prepared)
+    }
+
+    /// The operation that stores the value. A bit is only stored if its register has not changed meanwhile.
+    pub(crate) fn store(&self) -> Op {
+        let Self { plc, offset, width, value, bit } = *self;
+        match bit {
+            None => Op::Poke { plc, offset, width, value },
+            Some((_, _, current)) => Op::CompareExchange { plc, offset, width, current, new: value },
+        }
+    }
+
+    /// The operation that makes the register keep the value.
+    pub(crate) fn force(&self) -> Op {
+        let Self { plc, offset, width, value, .. } = *self;
+        Op::Force { plc, offset, width, value }
+    }
+
+    /// Repeats the store of a bit until no other write of its register comes between.
+    ///
+    /// # Errors
+    /// The emulator has gone or refuses.
+    pub(crate) fn complete(&self, session: &Session, mut reply: Reply) -> Result<(), CliError> {
+        let Self { plc, offset, width, bit: Some((access, state, _)), .. } = *self else { return Ok(()) };
+        while let Reply::Exchanged { ok: false, found: current } = reply {
+            let new = access.set(current, state);
+            let again = session.request(&[Op::CompareExchange { plc, offset, width, current, new }])?;
+            let Some(next) = again.into_iter().next() else { break };
+            reply = next;
+        }
+        Ok(())
+    }
+}
