@@ -311,16 +311,10 @@ pub(crate) fn entries(session: &super::session::Session, plc: Option<&str>) -> R
 fn set(instance: &Instance, words: &[BoardWord<'_>]) -> Result<(), CliError> {
     use super::session::Session;
     use crate::channel::ClientError;
-    use crate::request::{Op, Reply};
+    use crate::request::Reply;
     let session = Session::open(instance, 0)?;
-    let op = |word: &BoardWord<'_>| {
-        let plc = session.plc(word.plc, word.text)?;
-        let setting = word.at(session.device(plc))?;
-        // Checks all settings before the first one is set.
-        has_switch(&session, plc, setting)?;
-        Ok(Op::SetBoard { plc, setting })
-    };
-    let ops = words.iter().map(op).collect::<Result<Vec<_>, CliError>>()?;
+    // Checks all settings before the first one is set.
+    let ops = words.iter().map(|word| operation(&session, word)).collect::<Result<Vec<_>, CliError>>()?;
     // A setting can depend on an earlier one, so the emulator may refuse it after earlier settings took effect.
     for (done, reply) in session.replies(&ops)?.into_iter().enumerate() {
         let Reply::Error(refused) = reply else { continue };
@@ -331,6 +325,20 @@ fn set(instance: &Instance, words: &[BoardWord<'_>]) -> Result<(), CliError> {
         return Err(ClientError::Refused(refused).into());
     }
     Ok(())
+}
+
+/// The operation for a setting.
+///
+/// # Errors
+/// The instance has no such PLC, or the PLC no such switch.
+pub(crate) fn operation(
+    session: &super::session::Session,
+    word: &BoardWord<'_>,
+) -> Result<crate::request::Op, CliError> {
+    let plc = session.plc(word.plc, word.text)?;
+    let setting = word.at(session.device(plc))?;
+    has_switch(session, plc, setting)?;
+    Ok(crate::request::Op::SetBoard { plc, setting })
 }
 
 /// Refuses a switch that the PLC, or the module in the slot, does not have.

@@ -40,8 +40,7 @@ pub(crate) struct Args {
 /// Prints findings or rules.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if args.rules {
-        let rules: Vec<_> = devices::catalogue().rules.iter().copied().map(RuleRow::new).collect();
-        return table::print(args.format.format, &rules, rules_text);
+        return table::print(args.format.format, &rules(), rules_text);
     }
     let checked = findings(args)?;
     let rows: Vec<_> = checked.entries.iter().map(|entry| FindingRow::new(entry, &checked.names)).collect();
@@ -141,9 +140,14 @@ fn text(rows: &[FindingRow], checked: &InstanceFindings) -> String {
     text
 }
 
+/// All rules.
+pub(crate) fn rules() -> Vec<RuleRow> {
+    devices::catalogue().rules.iter().copied().map(RuleRow::new).collect()
+}
+
 /// A rule.
 #[derive(Serialize)]
-struct RuleRow {
+pub(crate) struct RuleRow {
     rule: &'static str,
     severity: &'static str,
     text: &'static str,

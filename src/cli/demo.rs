@@ -12,7 +12,7 @@ use crate::devices::{self, demo::Demo};
 use crate::plant::PlantConfig;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use processes::{Emulator, POLL, SoftPlc};
-pub(crate) use processes::{Interrupts, command, end_with};
+pub(crate) use processes::{Interrupts, command, end_with, terminate};
 use std::io::{self, Write};
 use std::time::{Duration, Instant};
 

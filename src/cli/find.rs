@@ -6,7 +6,6 @@ use super::map::entry::{self, Entry};
 use super::session::Session;
 use super::table::{self, FormatArg};
 use super::{Instance, instance_name};
-use crate::identity::DeviceIndex;
 use crate::layout::{DeviceFit, Fit, did_you_mean};
 
 /// Find registers by name, meaning, values, bits or address.
@@ -42,21 +41,10 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let devices = match &args.instance {
         None => vec![DeviceFit::unknown(args.device.device)],
-        Some(instance) => {
-            let session = Session::open_for_reading(&Instance::starting(instance))?;
-            let mut all = Vec::new();
-            for plc in DeviceIndex::first(session.plcs().len()) {
-                let fitted = session.fitted(plc);
-                if !all.contains(&fitted) {
-                    all.push(fitted);
-                }
-            }
-            all
-        }
+        Some(instance) => distinct(Session::open_for_reading(&Instance::starting(instance))?.all_fitted()),
     };
-    let words: Vec<_> = args.text.iter().flat_map(|text| text.split_whitespace()).map(folded).collect();
-    let candidates = devices.iter().flat_map(entries).filter(|entry| args.all || !entry.reserved);
-    let mut found: Vec<_> = candidates.filter_map(|entry| Some((rank(&entry, &words)?, entry))).collect();
+    let words = words(args.text.iter().map(String::as_str));
+    let found = entries_with(&devices, &words, args.all);
     if found.is_empty() {
         let names: Vec<_> = devices.iter().flat_map(entries).map(|entry| entry.name).collect();
         // Without the area and the indices, which are rarely misspelt.
@@ -70,10 +58,32 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         let device = devices.first().map_or("", |fitted| fitted.device().title);
         return Err(CliError::NotFound { text, device, hint });
     }
+    table::print(args.format.format, &found, |found| text(found, &words))
+}
+
+/// The devices without repetitions.
+pub(crate) fn distinct(devices: &[DeviceFit]) -> Vec<DeviceFit> {
+    let mut all = Vec::new();
+    for fitted in devices {
+        if !all.contains(fitted) {
+            all.push(*fitted);
+        }
+    }
+    all
+}
+
+/// The words of texts to find, folded.
+pub(crate) fn words<'a>(texts: impl IntoIterator<Item = &'a str>) -> Vec<String> {
+    texts.into_iter().flat_map(str::split_whitespace).map(folded).collect()
+}
+
+/// The entries that contain all words, the best match first; `all`: also reserved registers.
+pub(crate) fn entries_with(devices: &[DeviceFit], words: &[String], all: bool) -> Vec<Entry> {
+    let candidates = devices.iter().flat_map(entries).filter(|entry| all || !entry.reserved);
+    let mut found: Vec<_> = candidates.filter_map(|entry| Some((rank(&entry, words)?, entry))).collect();
     // Entries of equal rank keep the order of the map.
     found.sort_by_key(|(rank, _)| *rank);
-    let found: Vec<_> = found.into_iter().map(|(_, entry)| entry).collect();
-    table::print(args.format.format, &found, |found| text(found, &words))
+    found.into_iter().map(|(_, entry)| entry).collect()
 }
 
 fn entries(fitted: &DeviceFit) -> impl Iterator<Item = Entry> + use<> {

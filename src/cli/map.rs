@@ -61,11 +61,28 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         None => DeviceFit::unknown(args.device.device),
     };
     let device = fitted.device();
-    let of_area = |area| entry::of_area(&fitted, area);
-    let (entries, single) = match what {
-        _ if let Some(bit) = bit(&fitted, what)? => (vec![bit], true),
+    let (entries, single) = entries_of(&fitted, what)?;
+    let entries: Vec<_> = entries.into_iter().filter(|entry| args.all || single || !entry.reserved).collect();
+    if single && args.format.format == Format::Text {
+        return output::print(
+            &entries.iter().map(|entry| detail::text(device, entry)).collect::<Vec<_>>().join("\n"),
+        );
+    }
+    table::print(args.format.format, &entries, text)
+}
+
+/// The entries of what a user has named, everything for an empty text; and whether it is a single register, address or
+/// bit.
+///
+/// # Errors
+/// The device has no such register, block or address.
+pub(crate) fn entries_of(fitted: &DeviceFit, what: &str) -> Result<(Vec<Entry>, bool), CliError> {
+    let device = fitted.device();
+    let of_area = |area| entry::of_area(fitted, area);
+    Ok(match what {
+        _ if let Some(bit) = bit(fitted, what)? => (vec![bit], true),
         "" => (device.named_areas().flat_map(of_area).collect::<Vec<_>>(), false),
-        address if address.starts_with('%') => (at_address(&fitted, device.address(address)?)?, true),
+        address if address.starts_with('%') => (at_address(fitted, device.address(address)?)?, true),
         name => match fitted.area_or_registers(name)? {
             Named::Area(area) => {
                 if fitted.area(area) == Fit::Empty {
@@ -80,14 +97,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
                 (entries, single)
             }
         },
-    };
-    let entries: Vec<_> = entries.into_iter().filter(|entry| args.all || single || !entry.reserved).collect();
-    if single && args.format.format == Format::Text {
-        return output::print(
-            &entries.iter().map(|entry| detail::text(device, entry)).collect::<Vec<_>>().join("\n"),
-        );
-    }
-    table::print(args.format.format, &entries, text)
+    })
 }
 
 /// Returns the entry of a single bit, if `what` names a bit.

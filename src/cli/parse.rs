@@ -13,7 +13,7 @@ const GROUPS: &[(&str, &[&str])] = &[
     ("Registers", &["peek", "poke", "force", "unforce", "wait", "watch", "dump", "diff"]),
     ("Time", &["step", "snapshot", "restore"]),
     ("Plants", &["new", "plant", "bus", "drive", "board", "fault"]),
-    ("Analysis", &["view", "shell", "trace", "plot", "check"]),
+    ("Analysis", &["view", "web", "shell", "trace", "plot", "check"]),
     ("Tests", &["test", "soak"]),
     ("Register map", &["map", "find", "export", "layout"]),
     ("Setup", &["completions", "man", "help"]),

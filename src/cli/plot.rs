@@ -64,14 +64,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         if input_file::is_standard(&args.output) { Path::new("plot.svg") } else { &args.output };
     let picture =
         Picture::of(name).map_err(|_| wrong(&args.output, &"the file name must end in .svg or .png"))?;
-    if args.registers.len() > MOST {
-        let right = format!("a plot has at most {MOST} registers");
-        return Err(CliError::Argument { text: format!("{} registers", args.registers.len()), right });
-    }
-    if args.to.is_some_and(|to| to <= args.from) {
-        let right = "the end must be later than --since".to_owned();
-        return Err(CliError::Argument { text: "--until".to_owned(), right });
-    }
+    check(args.registers.len(), args.from, args.to)?;
     let plot = match &args.journal {
         Some(path) => of_file(args, &RecordedRegisters::read(path)?)?,
         None => of_instance(args)?,
@@ -88,19 +81,45 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     Ok(())
 }
 
+/// Refuses too many registers, and a window without a length.
+fn check(registers: usize, from: u64, to: Option<u64>) -> Result<(), CliError> {
+    if registers > MOST {
+        let right = format!("a plot has at most {MOST} registers");
+        return Err(CliError::Argument { text: format!("{registers} registers"), right });
+    }
+    if to.is_some_and(|to| to <= from) {
+        let right = "the end must be later than --since".to_owned();
+        return Err(CliError::Argument { text: "--until".to_owned(), right });
+    }
+    Ok(())
+}
+
 fn of_instance(args: &Args) -> Result<Plot, CliError> {
     for text in &args.registers {
         super::device::of_any_device_but_told_by(&args.instance)(text)?;
     }
-    let session = Session::open(&args.instance, 0)?;
-    let places = args.registers.iter().map(|text| {
+    of_session(&Session::open(&args.instance, 0)?, &args.registers, args.from, args.to)
+}
+
+/// The plot of registers of an instance between two emulated times in microseconds; without an end until now.
+///
+/// # Errors
+/// A register cannot be drawn, the window has no length, or the emulator has gone.
+pub(crate) fn of_session(
+    session: &Session,
+    registers: &[String],
+    from: u64,
+    to: Option<u64>,
+) -> Result<Plot, CliError> {
+    check(registers.len(), from, to)?;
+    let places = registers.iter().map(|text| {
         let place = whole(session.place(text)?)?;
         Ok((session.plc_of(&place)?, place))
     });
     let places = places.collect::<Result<Vec<_>, CliError>>()?;
     let info = session.info()?;
-    let to_us = args.to.unwrap_or(info.time_us);
-    let window = Window::of_picture(args.from, to_us);
+    let to_us = to.unwrap_or(info.time_us);
+    let window = Window::of_picture(from, to_us);
     let records = session.records(0)?;
     let waves = Waves::within(window, &records, &Selection::default(), info.names, devices::catalogue());
     let reads: Vec<_> = places.iter().map(|(plc, place)| Read::place(*plc, place)).collect();
@@ -117,7 +136,7 @@ fn of_instance(args: &Args) -> Result<Plot, CliError> {
         word.iter_mut().zip(held).for_each(|(to, from)| *to = from);
         row.or_holds(&place.format(place.last_phase(), u32::from_le_bytes(word)), is_recorded)
     });
-    Ok(Plot::new(args.from, to_us, waves.edges(), rows.collect()))
+    Ok(Plot::new(from, to_us, waves.edges(), rows.collect()))
 }
 
 fn of_file(args: &Args, journal_data: &RecordedRegisters) -> Result<Plot, CliError> {

@@ -6,10 +6,12 @@ use super::error::CliError;
 use super::exit::Exit;
 use super::start::{InitialState, Settings, TerminationSignals, end_at_second_ctrl_c};
 use super::table::Format;
+use super::web::WebProcess;
 use super::{InstanceName, output, plant_check};
 use crate::input_file;
 use crate::runtime::{Clock, Emulator};
 use signal_hook::consts::SIGINT;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -32,6 +34,7 @@ Examples:
   commram run --check plant.toml
   commram run --novram ~/.local/state/commram
   commram run --from active.snap --clock stepped
+  commram run --web
   commram run --record node2.w_CPU_CONTROL,node1   # every change in the journal
   commram run --layout layouts/DEVICE")]
 pub(crate) struct Args {
@@ -53,6 +56,9 @@ pub(crate) struct Args {
     /// File for the messages of the background process [default: messages are discarded]
     #[arg(long, value_name = "FILE", requires = "detach")]
     log: Option<PathBuf>,
+    /// Serve a page and an HTTP interface, as `commram web` does, at this address
+    #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, require_equals = true, default_missing_value = super::web::USUAL_ADDRESS)]
+    web: Option<SocketAddr>,
     /// Internal option: this process was started by `--detach`
     #[arg(long, hide = true)]
     detached: bool,
@@ -103,16 +109,27 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let is_federate = args.federate.is_federate();
     let (mut emulator, started) = args.settings.start(args.begin(), name, signals, is_federate)?;
     args.federate.join(&mut emulator)?;
-    // If the reader has gone or the output is full, the emulator continues.
-    let printed = output::print(&ready_line(name, &emulator, clock));
-    let printed = printed.inspect_err(|error| {
-        if !error.is_reported() {
-            output::note(&format!("instance '{name}' is ready, but its output cannot be written"));
+    let ready = ready_line(name, &emulator, clock);
+    let let_go = move || detached.map_or(Ok(()), Detached::let_go);
+    let (web, printed) = match args.web {
+        Some(listen) => {
+            let (stop, instance) = (emulator.stop_handle(), name.clone());
+            let then = move |address: Option<String>| {
+                match address {
+                    // The exit code of a detached process has no reader.
+                    Some(address) => drop(announce(&instance, &(ready + &address))),
+                    None => stop.stop(),
+                }
+                let _ = let_go();
+            };
+            (Some(WebProcess::start(name, listen, then)?), Ok(()))
         }
-    });
-    if let Some(detached) = detached {
-        detached.let_go()?;
-    }
+        None => {
+            let printed = announce(name, &ready);
+            let_go()?;
+            (None, printed)
+        }
+    };
     let by_ctrl_c = Arc::new(AtomicBool::new(false));
     let (stop, interrupted) = (emulator.stop_handle(), Arc::clone(&by_ctrl_c));
     let (mut is_ending, parent) = (false, args.parent);
@@ -124,6 +141,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         }
     }));
     emulator.run()?;
+    web.map_or(Ok(()), WebProcess::end)?;
     if by_ctrl_c.load(Ordering::Relaxed) {
         return Err(CliError::Ended(Exit::Interrupted.code()));
     }
@@ -131,6 +149,15 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         Err(error @ CliError::Output { .. }) => Err(error),
         _ => Ok(()),
     }
+}
+
+/// Prints the line of a ready emulator. If the reader has gone or the output is full, the emulator continues.
+fn announce(instance: &str, line: &str) -> Result<(), CliError> {
+    output::print(line).inspect_err(|error| {
+        if !error.is_reported() {
+            output::note(&format!("instance '{instance}' is ready, but its output cannot be written"));
+        }
+    })
 }
 
 fn ready_line(instance: &str, emulator: &Emulator, clock: Clock) -> String {

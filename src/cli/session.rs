@@ -135,6 +135,11 @@ impl Session {
         Self::map(instance, &images_of(instance).ok()?).ok()
     }
 
+    /// Name of the instance.
+    pub(crate) fn instance(&self) -> &str {
+        &self.instance
+    }
+
     /// The names of its PLCs.
     pub(crate) fn plcs(&self) -> &[String] {
         &self.plcs

@@ -62,7 +62,6 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::session::Session;
     use super::{output, time};
     use crate::output_file;
-    use crate::request::{MAX_RANGE, Op};
 
     let is_standard = input_file::is_standard(&args.file);
     if !is_standard && std::fs::metadata(&args.file).is_ok_and(|found| !found.is_file()) {
@@ -70,6 +69,24 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         return Err(CliError::Snapshot { path: args.file.clone(), reason });
     }
     let session = Session::open(&args.instance, 0)?;
+    let bytes = take(&session)?;
+    output_file::write(&args.file, &bytes)
+        .map_err(|reason| CliError::File { path: args.file.clone(), reason })?;
+    let time_us = SnapshotFile::of_bytes(&bytes).map(|file| file.snapshot.time_us()).unwrap_or_default();
+    let (file, at) = (args.file.display(), time::seconds(time_us));
+    if is_standard {
+        return Ok(());
+    }
+    output::print(&output::harmless(&format!("{file}: the state at {at}, {} bytes\n", bytes.len())))
+}
+
+/// Takes a snapshot, as the bytes of a file.
+///
+/// # Errors
+/// The clock is not stepped, or the emulator has gone.
+pub(crate) fn take(session: &super::session::Session) -> Result<Vec<u8>, CliError> {
+    use crate::request::{MAX_RANGE, Op};
+
     let number = session.ask(Op::Save)?.value()?;
     let mut bytes = Vec::new();
     loop {
@@ -80,14 +97,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         }
     }
     session.ask(Op::Forget { number })?.written()?;
-    output_file::write(&args.file, &bytes)
-        .map_err(|reason| CliError::File { path: args.file.clone(), reason })?;
-    let time_us = SnapshotFile::of_bytes(&bytes).map(|file| file.snapshot.time_us()).unwrap_or_default();
-    let (file, at) = (args.file.display(), time::seconds(time_us));
-    if is_standard {
-        return Ok(());
-    }
-    output::print(&output::harmless(&format!("{file}: the state at {at}, {} bytes\n", bytes.len())))
+    Ok(bytes)
 }
 
 /// Restores a snapshot.

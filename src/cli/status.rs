@@ -20,7 +20,7 @@ pub(crate) struct Args {
     instance: Instance,
 }
 
-pub(crate) use by_channel::ClockJson;
+pub(crate) use by_channel::{ClockJson, Status};
 
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     by_channel::show(args.format.format, &args.instance)

@@ -27,6 +27,7 @@ use super::error::CliError;
 use super::session::Session;
 use crate::identity::DeviceIndex;
 use crate::layout::{Named, NamedLocation, is_pattern, split_plc};
+pub(crate) use frames::{Frames, WindowFrames};
 use model::Model;
 use std::io::{self, IsTerminal};
 

@@ -1,6 +1,7 @@
 //! `commram web`: a page and an HTTP interface for running instances.
 
 mod assets;
+mod beside;
 mod connections;
 mod ending;
 mod events;
@@ -11,10 +12,13 @@ mod openapi;
 mod operations;
 mod problem;
 mod router;
+mod scenario;
 mod secret;
 mod server;
 mod session;
 mod show;
+
+pub(crate) use beside::WebProcess;
 
 use super::error::CliError;
 use super::{Instance, demo, output};
@@ -47,9 +51,9 @@ pub(crate) struct Args {
     #[arg(long, conflicts_with = "name")]
     all: bool,
     /// Address and port to listen at; port 0 selects a free port
-    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8080")]
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = USUAL_ADDRESS)]
     listen: SocketAddr,
-    /// Refuse all operations that change something
+    /// Refuse all actions that change something in the plant
     #[arg(long)]
     read_only: bool,
     /// Allow an address that other machines reach; token and values are not encrypted
@@ -68,6 +72,9 @@ pub(crate) struct Args {
     #[command(flatten)]
     instance: Instance,
 }
+
+/// Address at which the server listens if no other one is given.
+pub(crate) const USUAL_ADDRESS: &str = "127.0.0.1:8080";
 
 /// State of the server.
 struct App {
@@ -121,7 +128,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         Some(path) => TokenFile::write(path, &token)?,
         None => TokenFile::usual(&name, &token)?,
     };
-    let printed = output::print(&format!("{}\n", first_line(args, &served, address, &token)));
+    let printed = output::print(&first_lines(args, &served, address, &token));
     output::note(&format!("the token for programs is in {}", file.path().display()));
     let guard = Guard { token, key, cookie: format!("commram-{name}"), origins: args.origin.clone() };
     let streams = Arc::new(Semaphore::new(events::MAX_STREAMS));
@@ -132,8 +139,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     ending.result()
 }
 
-/// `commram: page of instance 'default': http://127.0.0.1:8080/#token=...`
-fn first_line(args: &Args, served: &Served, mut address: SocketAddr, token: &Secret) -> String {
+/// `commram: page of instance 'default': http://127.0.0.1:8080/#token=...`, and a line for each further address.
+fn first_lines(args: &Args, served: &Served, mut address: SocketAddr, token: &Secret) -> String {
     if address.ip().is_unspecified() {
         address.set_ip(Ipv4Addr::LOCALHOST.into());
     }
@@ -141,7 +148,7 @@ fn first_line(args: &Args, served: &Served, mut address: SocketAddr, token: &Sec
         Served::One(name) => format!("page of instance '{name}'"),
         Served::All => "page of all instances".to_owned(),
     };
-    let place =
-        args.origin.first().map_or_else(|| format!("http://{address}"), |origin| origin.text().to_owned());
-    format!("commram: {what}: {place}/#token={}", token.digits())
+    let own = format!("http://{address}");
+    let places = std::iter::once(own.as_str()).chain(args.origin.iter().map(Origin::text));
+    places.map(|place| format!("commram: {what}: {place}/#token={}\n", token.digits())).collect()
 }

@@ -115,6 +115,12 @@ impl Field {
         }
     }
 
+    /// Whether the field may not be left out.
+    #[cfg(feature = "cli")]
+    pub(crate) const fn is_required(&self) -> bool {
+        self.missing().is_some()
+    }
+
     /// Default value of the field.
     pub(super) const fn default_value(&self) -> Option<u32> {
         match self.need {

@@ -64,6 +64,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("commram bus play", "it needs the user's log; tests/cli/doors.rs plays logs"),
     ("commram bus compare", "it needs the user's log; tests/cli/doors.rs compares logs"),
     ("commram view", "it needs a terminal; src/cli/view/tests makes one"),
+    ("commram web", "it ends with the emulator; tests/web serves"),
     ("commram run", "an emulator runs already; tests/cli/instances.rs starts them"),
 ];
 

@@ -192,8 +192,11 @@ impl Drop for SoftPlc {
     }
 }
 
-/// Sends SIGTERM to a process; kills it if it does not end.
-fn terminate(child: &mut Child) -> Result<(), CliError> {
+/// Sends SIGTERM to a process, and waits for its end; kills it if it does not end.
+///
+/// # Errors
+/// The system refuses.
+pub(crate) fn terminate(child: &mut Child) -> Result<(), CliError> {
     let start = Instant::now();
     let mut asked = false;
     while child.try_wait().map_err(process_error)?.is_none() {

@@ -7,6 +7,7 @@ use crate::identity::BusIndex;
 use crate::journal::text::Text;
 use crate::journal::{Format, Names, Record, Ring, Source};
 use crate::request::{BusScene, InstanceInfo};
+use serde::Serialize;
 use std::collections::VecDeque;
 
 /// Number of frames that are kept.
@@ -19,9 +20,10 @@ const HELD: usize = 2;
 const PART_US: u64 = 10_000;
 
 /// A frame, or an entry for a missing frame.
-#[derive(Clone, Debug)]
-pub(super) struct BusFrame {
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct BusFrame {
     /// Number of the bus.
+    #[serde(skip)]
     bus: BusIndex,
     /// Begin of the frame, in microseconds.
     pub from_us: u64,
@@ -47,8 +49,8 @@ impl BusFrame {
 }
 
 /// A time window of a bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Window {
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub(crate) struct Window {
     /// Begin of the window: the SYNC edge, if the bus has SYNC.
     pub begin_us: u64,
     /// Length of the window.
@@ -57,9 +59,16 @@ pub(super) struct Window {
     pub is_interval: bool,
 }
 
+/// A time window with its frames.
+#[derive(Debug, Serialize)]
+pub(crate) struct WindowFrames {
+    window: Window,
+    frames: Vec<BusFrame>,
+}
+
 /// Frames and SYNC edges of all buses.
 #[derive(Default)]
-pub(super) struct Frames {
+pub(crate) struct Frames {
     wires: VecDeque<BusFrame>,
     /// Records that are still being counted, each with its last frame.
     counting: Vec<(Record, BusFrame)>,
@@ -67,18 +76,18 @@ pub(super) struct Frames {
     edges: Vec<VecDeque<u64>>,
     text: Option<Text>,
     /// The displayed bus.
-    pub bus: BusIndex,
+    pub(super) bus: BusIndex,
     /// Begin of the held window, in microseconds; `None`: the latest window is displayed.
     held: Option<u64>,
     /// True if new records were dropped because the memory was full while a window was held.
     has_dropped_records: bool,
     /// The chosen frame.
-    pub list: List,
+    pub(super) list: List,
 }
 
 impl Frames {
     /// Adds new records of the journal and the records that are still being counted.
-    pub(super) fn take(&mut self, records: &[Record], pending: &[Record], names: &Names, scene: &[BusScene]) {
+    pub(crate) fn take(&mut self, records: &[Record], pending: &[Record], names: &Names, scene: &[BusScene]) {
         self.edges.resize_with(names.buses.len(), VecDeque::new);
         if self.held.is_some() && self.is_full() {
             self.has_dropped_records = true;
@@ -217,6 +226,29 @@ impl Frames {
             Some(next) => self.held = Some(next),
             None => self.follow(),
         }
+    }
+
+    /// The last complete windows of a bus, at most `count`, the oldest first.
+    pub(crate) fn latest_windows(
+        &mut self,
+        bus: BusIndex,
+        info: &InstanceInfo,
+        scene: &[BusScene],
+        count: usize,
+    ) -> Vec<WindowFrames> {
+        self.bus = bus;
+        self.follow();
+        let mut windows: Vec<WindowFrames> = Vec::new();
+        while windows.len() < count {
+            let window = self.window(info, scene);
+            if windows.last().is_some_and(|last| last.window.begin_us <= window.begin_us) {
+                break;
+            }
+            windows.push(WindowFrames { window, frames: self.within(window) });
+            self.turn(true, info, scene);
+        }
+        windows.reverse();
+        windows
     }
 
     /// Displays the latest window from now on.

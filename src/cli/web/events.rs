@@ -30,6 +30,9 @@ use tokio::sync::{OwnedSemaphorePermit, mpsc};
 
 /// Maximum number of event streams.
 pub(super) const MAX_STREAMS: usize = 64;
+/// Fields of the query.
+pub(super) const FIELDS: [&str; 10] =
+    ["follow", "journal", "clock", "boards", "buses", "drives", "faults", "findings", "forces", "scene"];
 /// Parts of a stream that wait for the connection.
 const WAITING: usize = 4;
 /// Pause after which a comment shows that the stream still lives.

@@ -1,7 +1,7 @@
 //! The OpenAPI description, made from the tables of operations and replies.
 
-use super::operations;
 use super::router::json_response;
+use super::{events, operations, show};
 use crate::request::{Answer, MAX_OPS, Operation, answers, operations as table};
 use axum::response::Response;
 use serde_json::{Map, Value, json};
@@ -98,8 +98,12 @@ fn json_body(schema: Value) -> Value {
 }
 
 fn responses(schema: Value) -> Value {
+    responses_of("application/json", schema)
+}
+
+fn responses_of(media_type: &str, schema: Value) -> Value {
     json!({
-        "200": {"description": "The operation is done.", "content": {"application/json": {"schema": schema}}},
+        "200": {"description": "The operation is done.", "content": {media_type: {"schema": schema}}},
         "default": {
             "description": "The operation was refused.",
             "content": {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}},
@@ -109,10 +113,46 @@ fn responses(schema: Value) -> Value {
 
 /// The paths that are not operations of the table.
 fn fixed_paths() -> Map<String, Value> {
-    let object = json!({"type": "object"});
-    let request = json!({
+    let of_instance = |rest: &str| format!("/api/v1/instances/{{instance}}/{rest}");
+    let mut paths = Map::new();
+    paths.insert(
+        "/api/v1/instances".to_owned(),
+        json!({"get": {
+            "operationId": "instances", "summary": "Lists the instances", "tags": ["server"],
+            "responses": responses(json!({"type": "object"})),
+        }}),
+    );
+    paths.insert(of_instance("request"), json!({ "post": request() }));
+    paths.insert(of_instance("scenario"), json!({ "post": scenario() }));
+    paths.insert(of_instance("events"), json!({"get": {
+        "operationId": "events", "summary": "Streams events", "tags": ["server"],
+        "parameters": std::iter::once(instance()).chain(events::FIELDS.map(query_field)).collect::<Vec<_>>(),
+        "responses": {"200": {"description": "Server-sent events.", "content": {"text/event-stream": {}}}},
+    }}));
+    for (name, fields, text) in show::described() {
+        let id = format!("show_{}", name.replace(['-', '.'], "_"));
+        let fields = fields.iter().map(|field| query_field(field));
+        let media = if name.ends_with(".svg") { "image/svg+xml" } else { "application/json" };
+        let item = json!({"get": {
+            "operationId": id, "summary": summary(text), "description": text, "tags": ["show"],
+            "parameters": std::iter::once(instance()).chain(fields).collect::<Vec<_>>(),
+            "responses": responses_of(media, if media == "application/json" { json!({"type": "object"}) } else { json!({}) }),
+        }});
+        paths.insert(of_instance(&format!("show/{name}")), item);
+    }
+    paths
+}
+
+/// A field of a query that may be left out or repeated.
+fn query_field(name: &str) -> Value {
+    json!({"name": name, "in": "query", "schema": {"type": "array", "items": {"type": "string"}}})
+}
+
+fn request() -> Value {
+    json!({
         "operationId": "request",
         "summary": "Executes several operations as one request, at one moment",
+        "tags": ["server"],
         "parameters": [instance()],
         "requestBody": json_body(json!({
             "type": "object",
@@ -126,15 +166,40 @@ fn fixed_paths() -> Map<String, Value> {
         "responses": responses(json!({
             "type": "object", "properties": {"replies": {"type": "array", "items": {}}}, "required": ["replies"],
         })),
+    })
+}
+
+fn scenario() -> Value {
+    let action = json!({
+        "type": "object",
+        "properties": {
+            "time_us": {"type": "integer", "description": "Emulated time of its begin."},
+            "end_us": {"type": "integer", "description": "Emulated time of its end, if it moved the clock."},
+            "operation": {"description": "The operation, as in a request."},
+            "register": {"type": "string", "description": "Name of the operation's register."},
+            "expect": {"type": "object", "description": "`register` and `value`, or `no_findings`."},
+            "section": {"type": "string"},
+        },
+        "required": ["time_us"],
     });
-    let list = json!({
-        "operationId": "instances", "summary": "Lists the instances", "responses": responses(object),
-    });
-    let paths = [
-        ("/api/v1/instances", json!({ "get": list })),
-        ("/api/v1/instances/{instance}/request", json!({ "post": request })),
-    ];
-    paths.into_iter().map(|(path, item)| (path.to_owned(), item)).collect()
+    json!({
+        "operationId": "scenario",
+        "summary": "Turns recorded actions into a scenario for `commram test`",
+        "tags": ["server"],
+        "parameters": [instance()],
+        "requestBody": json_body(json!({
+            "type": "object",
+            "properties": {
+                "name": {"type": "string"},
+                "plant": {"type": "string", "description": "Plant file that the scenario names."},
+                "actions": {"type": "array", "items": action},
+            },
+            "required": ["actions"],
+        })),
+        "responses": responses(json!({
+            "type": "object", "properties": {"scenario": {"type": "string"}}, "required": ["scenario"],
+        })),
+    })
 }
 
 /// Name of the schema of a reply.

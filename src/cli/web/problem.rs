@@ -3,7 +3,7 @@
 use crate::channel::ClientError;
 use crate::cli::error::CliError;
 use crate::cli::exit::Exit;
-use crate::request::Refused;
+use crate::request::{Code, Refused};
 use axum::body::Body;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -65,6 +65,12 @@ impl Problem {
             problem = problem.with("waited", json!(waited));
         }
         problem
+    }
+
+    /// Code of the refusal, if the emulator has refused the operation.
+    pub(super) fn code(&self) -> Option<Code> {
+        let code = self.members.get("code").and_then(Value::as_u64);
+        code.and_then(|code| u16::try_from(code).ok()).map(Code)
     }
 
     /// True if the emulator has gone.
@@ -143,7 +149,6 @@ impl IntoResponse for Problem {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::request::Code;
 
     fn problem(code: Code) -> Problem {
         Problem::refused(&Refused::new(code, "node2.w_X: text"))

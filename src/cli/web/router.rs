@@ -2,7 +2,7 @@
 
 use super::App;
 use super::problem::Problem;
-use super::{assets, events, guard, openapi, operations, session, show};
+use super::{assets, events, guard, openapi, operations, scenario, session, show};
 use axum::Router;
 use axum::body::{Body, to_bytes};
 use axum::extract::rejection::QueryRejection;
@@ -32,6 +32,8 @@ pub(super) fn router(app: Arc<App>) -> Router {
         .route("/api/v1/instances", get(show::instances))
         .route("/api/v1/instances/{instance}/request", post(request))
         .route("/api/v1/instances/{instance}/events", get(events::answer))
+        .route("/api/v1/instances/{instance}/show/{what}", get(show::answer))
+        .route("/api/v1/instances/{instance}/scenario", post(scenario::answer))
         .route("/api/v1/instances/{instance}/{operation}", any(operation))
         .fallback(asset)
         .method_not_allowed_fallback(wrong_method)

@@ -1,18 +1,270 @@
-//! Data for the pages: what the commands print with `--format json`.
+//! Data for the pages: what the commands print with `--format json`, made by the same functions.
+
+mod map;
+mod words;
 
 use super::App;
+use super::link::Connection;
 use super::problem::Problem;
-use super::router::json_response;
-use crate::cli::list;
-use axum::extract::State;
+use super::router::{Pairs, json_response, pairs};
+use crate::cli::error::CliError;
+use crate::cli::peek::{self, ReadTarget};
+use crate::cli::status::Status;
+use crate::cli::view::{Frames, WindowFrames};
+use crate::cli::{board, check, find, list, plot, snapshot, time};
+use crate::devices;
+use crate::fault::{Form, Kind};
+use crate::identity::BusIndex;
+use crate::plant::SnapshotFile;
+use crate::plot::Picture;
+use crate::request::{MAX_RECORDS, Op, read_journal};
+use axum::body::Body;
+use axum::extract::rejection::QueryRejection;
+use axum::extract::{Path, Query, State};
+use axum::http::{HeaderValue, header};
 use axum::response::Response;
-use serde_json::json;
+use serde::Serialize;
+use serde_json::{Value, json};
 use std::sync::Arc;
 
+/// Number of records of the journal from which frames are shown.
+const FRAME_RECORDS: u64 = 4 * MAX_RECORDS as u64;
+/// Maximum number of intervals in an answer.
+const MAX_INTERVALS: usize = 64;
+
 /// The instances that this server serves.
+///
+/// # Errors
+/// The directory of the images cannot be read.
 pub(super) async fn instances(State(app): State<Arc<App>>) -> Result<Response, Problem> {
     let mut entries = list::all()?;
     entries.retain(|entry| app.hub.serves(entry.name()));
     let version = env!("CARGO_PKG_VERSION");
     Ok(json_response(&json!({"instances": entries, "read_only": app.read_only, "version": version})))
+}
+
+/// The content of an answer.
+enum Shown {
+    Json(Value),
+    /// A picture.
+    Svg(Vec<u8>),
+}
+
+/// The fields of a query.
+struct Fields<'a> {
+    what: &'a str,
+    pairs: &'a [(String, String)],
+}
+
+impl Fields<'_> {
+    fn text(&self, name: &str) -> Option<&str> {
+        self.pairs.iter().find(|(known, _)| known == name).map(|(_, text)| text.as_str())
+    }
+
+    /// A field that may be repeated.
+    fn all<'b>(&'b self, name: &'b str) -> impl Iterator<Item = &'b str> {
+        self.pairs.iter().filter(move |(known, _)| known == name).map(|(_, text)| text.as_str())
+    }
+
+    fn needed(&self, name: &str) -> Result<&str, Problem> {
+        let missing = || {
+            Problem::wrong_use(format!("{}: the field `{name}` is missing", self.what)).with("field", name)
+        };
+        self.text(name).ok_or_else(missing)
+    }
+
+    fn is_on(&self, name: &str) -> bool {
+        self.text(name).is_some_and(|text| matches!(text, "1" | "true"))
+    }
+
+    /// Refuses other fields than these.
+    fn check(&self, known: &[&str]) -> Result<(), Problem> {
+        match self.pairs.iter().find(|(name, _)| !known.contains(&name.as_str())) {
+            Some((name, _)) => {
+                let detail = format!("{}: unknown field `{name}`, known are {}", self.what, known.join(", "));
+                Err(Problem::wrong_use(detail).with("field", name.as_str()))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+type Show = fn(&mut Connection, &Fields<'_>) -> Result<Shown, Problem>;
+
+/// What can be shown: name, fields, description, function.
+const SHOWN: &[(&str, &[&str], &str, Show)] = &[
+    ("status", &[], "The plant, as `commram status` shows it.", status),
+    (
+        "registers",
+        &["name"],
+        "Values of registers with their meaning, as `commram peek`. `name` may be repeated.",
+        registers,
+    ),
+    (
+        "map",
+        &["plc", "what", "full"],
+        "The register map of a PLC as `commram map`, with positions in the image.",
+        map::show,
+    ),
+    ("find", &["text", "full"], "Search in the register maps, as `commram find`.", search),
+    ("boards", &["plc"], "Front panel, supply and program, as `commram board get`.", boards),
+    ("devices", &[], "Devices of the PLCs with their ports, switches and displays.", map::devices),
+    ("objects", &["plc"], "Object dictionary of a PLC's device.", map::objects),
+    ("frames", &["bus", "count"], "The last intervals of a bus with their frames.", frames),
+    ("rules", &[], "Rules of the access checker, as `commram check --rules`.", rules),
+    ("fault-kinds", &[], "Kinds of faults with their fields.", fault_kinds),
+    (
+        "operations",
+        &["poke", "force", "unforce", "condition", "board", "fault", "sync"],
+        "Operations for words of the command line: `poke=REG=VALUE`, `fault=KIND FIELD=VALUE`. Fields may be repeated.",
+        words::show,
+    ),
+    ("plant", &[], "The plant file; with a stepped clock only.", plant),
+    ("plot.svg", &["name", "since", "until"], "Values of registers over time, as `commram plot`.", picture),
+];
+
+/// What can be shown, for the description: name, fields, text.
+pub(super) fn described() -> impl Iterator<Item = (&'static str, &'static [&'static str], &'static str)> {
+    SHOWN.iter().map(|(name, fields, text, _)| (*name, *fields, *text))
+}
+
+/// Shows something.
+///
+/// # Errors
+/// There is no such thing, a field is wrong, or the emulator has gone.
+pub(super) async fn answer(
+    State(app): State<Arc<App>>,
+    Path((instance, what)): Path<(String, String)>,
+    query: Result<Query<Pairs>, QueryRejection>,
+) -> Result<Response, Problem> {
+    let pairs = pairs(query)?;
+    let found = SHOWN.iter().find(|(name, ..)| *name == what);
+    let unknown = || {
+        let names: Vec<_> = SHOWN.iter().map(|(name, ..)| *name).collect();
+        Problem::not_found(format!("there is no `{what}` to show, but {}", names.join(", ")))
+    };
+    let &(what, known, _, show) = found.ok_or_else(unknown)?;
+    let links = app.hub.find(&instance)?;
+    let shown = links.looks.run(move |connection| {
+        let fields = Fields { what, pairs: &pairs };
+        fields.check(known)?;
+        show(connection, &fields)
+    });
+    match shown.await.inspect_err(|problem| app.notice(&instance, problem))? {
+        Shown::Json(value) => Ok(json_response(&value)),
+        Shown::Svg(bytes) => {
+            let mut response = Response::new(Body::from(bytes));
+            response.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static("image/svg+xml"));
+            Ok(response)
+        }
+    }
+}
+
+/// An object with one field.
+fn named(name: &str, value: impl Serialize) -> Result<Shown, Problem> {
+    let value = serde_json::to_value(value).map_err(|reason| Problem::wrong_use(reason.to_string()))?;
+    Ok(Shown::Json(json!({ name: value })))
+}
+
+fn status(connection: &mut Connection, _: &Fields<'_>) -> Result<Shown, Problem> {
+    named("status", Status::of(&connection.session)?)
+}
+
+fn registers(connection: &mut Connection, fields: &Fields<'_>) -> Result<Shown, Problem> {
+    let targets = fields.all("name").map(|name| ReadTarget::find(&connection.session, name));
+    let targets = targets.collect::<Result<Vec<_>, CliError>>()?;
+    named("registers", peek::read(&connection.session, &targets)?)
+}
+
+fn search(connection: &mut Connection, fields: &Fields<'_>) -> Result<Shown, Problem> {
+    let fitted = find::distinct(connection.session.all_fitted());
+    let words = find::words([fields.needed("text")?]);
+    named("entries", find::entries_with(&fitted, &words, fields.is_on("full")))
+}
+
+fn boards(connection: &mut Connection, fields: &Fields<'_>) -> Result<Shown, Problem> {
+    named("boards", board::entries(&connection.session, fields.text("plc"))?)
+}
+
+fn rules(_: &mut Connection, _: &Fields<'_>) -> Result<Shown, Problem> {
+    named("rules", check::rules())
+}
+
+fn fault_kinds(_: &mut Connection, _: &Fields<'_>) -> Result<Shown, Problem> {
+    named("kinds", devices::fault_kinds().iter().map(|kind| kind_of_fault(kind)).collect::<Vec<_>>())
+}
+
+fn kind_of_fault(kind: &'static Kind) -> Value {
+    let fields = kind.all_fields().map(|field| {
+        let (least, most) = field.range();
+        let (form, words): (_, &[&str]) = match field.form() {
+            Form::Name => ("name", &[]),
+            Form::Port => ("port", &[]),
+            Form::Word(words) => ("word", words),
+            Form::Number { .. } => ("number", &[]),
+            Form::Hex { .. } => ("hex", &[]),
+            Form::Time { .. } => ("time", &[]),
+        };
+        json!({
+            "name": field.name(), "about": field.about(), "form": form, "words": words,
+            "least": least, "most": most, "required": field.is_required(),
+        })
+    });
+    json!({
+        "kind": kind.name(), "about": kind.about(), "example": kind.example(), "once": kind.happens_once(),
+        "fields": fields.collect::<Vec<_>>(),
+    })
+}
+
+fn frames(connection: &mut Connection, fields: &Fields<'_>) -> Result<Shown, Problem> {
+    let name = fields.needed("bus")?;
+    let bus = connection.names.buses.iter().position(|known| known == name).map(BusIndex::at);
+    let unknown = || CliError::UnknownBus {
+        bus: name.to_owned(),
+        instance: connection.session.instance().to_owned(),
+        buses: connection.names.buses.join(", "),
+    };
+    let bus = bus.ok_or_else(unknown)?;
+    let count = fields
+        .text("count")
+        .map_or(Ok(1), str::parse)
+        .ok()
+        .filter(|count| (1..=MAX_INTERVALS).contains(count));
+    let count = count.ok_or_else(|| {
+        Problem::wrong_use(format!("frames: `count` is a number from 1 to {MAX_INTERVALS}"))
+    })?;
+    named("intervals", latest_frames(connection, bus, count)?)
+}
+
+fn latest_frames(
+    connection: &Connection,
+    bus: BusIndex,
+    count: usize,
+) -> Result<Vec<WindowFrames>, CliError> {
+    let session = &connection.session;
+    let end = session.ask(Op::Journal { from: u64::MAX, max: 0 })?.journal_part()?.end;
+    let info = session.info()?;
+    let scene = session.ask(Op::Scene)?.scene()?;
+    let part = read_journal(end.saturating_sub(FRAME_RECORDS), |op| session.ask(op))?;
+    let mut frames = Frames::default();
+    frames.take(&part.records, &part.pending, &connection.names, &scene);
+    Ok(frames.latest_windows(bus, &info, &scene, count))
+}
+
+fn plant(connection: &mut Connection, _: &Fields<'_>) -> Result<Shown, Problem> {
+    let bytes = snapshot::take(&connection.session)?;
+    let file = SnapshotFile::of_bytes(&bytes).map_err(|reason| Problem::wrong_use(reason.to_string()))?;
+    named("plant", file.plant)
+}
+
+fn picture(connection: &mut Connection, fields: &Fields<'_>) -> Result<Shown, Problem> {
+    let names: Vec<String> = fields.all("name").map(str::to_owned).collect();
+    let moment = |name: &str| {
+        let wrong = |reason: time::TimeError| Problem::wrong_use(format!("plot.svg: `{name}`: {reason}"));
+        fields.text(name).map(time::parse).transpose().map_err(wrong)
+    };
+    let (since, until) = (moment("since")?.unwrap_or(0), moment("until")?);
+    let plot = plot::of_session(&connection.session, &names, since, until)?;
+    let bytes = plot.render(Picture::Svg).map_err(|reason| Problem::wrong_use(reason.to_string()))?;
+    Ok(Shown::Svg(bytes))
 }

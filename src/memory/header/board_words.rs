@@ -38,6 +38,22 @@ enum BoardWordKind<'a> {
     },
 }
 
+/// Settings that have a word for each of their values.
+const WORDS: [(&str, &str, BoardSetting); 12] = [
+    ("switch", "run", BoardSetting::Switch(RunSwitch::Run)),
+    ("switch", "stop", BoardSetting::Switch(RunSwitch::Stop)),
+    ("switch", "reset", BoardSetting::Switch(RunSwitch::Reset)),
+    ("power", "on", BoardSetting::Power(Power::On)),
+    ("power", "off", BoardSetting::Power(Power::Off)),
+    ("start", "cold", BoardSetting::Start(Start::Cold)),
+    ("start", "warm", BoardSetting::Start(Start::Warm)),
+    ("start", "hot", BoardSetting::Start(Start::Hot)),
+    ("start", "stop", BoardSetting::Start(Start::Stop)),
+    ("project", "none", BoardSetting::Project(Project::None)),
+    ("project", "boot", BoardSetting::Project(Project::Boot)),
+    ("project", "sent", BoardSetting::Project(Project::Sent)),
+];
+
 impl<'a> BoardWord<'a> {
     /// Parses PLC and setting, for example `line2:dip=5`: dip (0 to 31), leds (0 to 15), switch (run, stop, reset),
     /// power (on, off), start (cold, warm, hot, stop), project (none, boot, sent). `maxx:slotH.dip=7` sets the DIP
@@ -62,24 +78,14 @@ impl<'a> BoardWord<'a> {
                 _ => Err(wrong("a module has dip, its DIP switches")),
             };
         }
-        let setting = match (name, value) {
+        let word = WORDS.iter().find(|(known, word, _)| (*known, *word) == (name, value));
+        let setting = match (name, word) {
+            (_, Some((.., setting))) => *setting,
             ("dip", _) => BoardSetting::Dip(number(31)?),
             ("leds", _) => BoardSetting::Leds(number(15)?),
-            ("switch", "run") => BoardSetting::Switch(RunSwitch::Run),
-            ("switch", "stop") => BoardSetting::Switch(RunSwitch::Stop),
-            ("switch", "reset") => BoardSetting::Switch(RunSwitch::Reset),
             ("switch", _) => return Err(wrong("the switch has the positions run, stop, reset")),
-            ("power", "on") => BoardSetting::Power(Power::On),
-            ("power", "off") => BoardSetting::Power(Power::Off),
             ("power", _) => return Err(wrong("power is on or off")),
-            ("start", "cold") => BoardSetting::Start(Start::Cold),
-            ("start", "warm") => BoardSetting::Start(Start::Warm),
-            ("start", "hot") => BoardSetting::Start(Start::Hot),
-            ("start", "stop") => BoardSetting::Start(Start::Stop),
             ("start", _) => return Err(wrong("starts are cold, warm, hot; stop ends the program")),
-            ("project", "none") => BoardSetting::Project(Project::None),
-            ("project", "boot") => BoardSetting::Project(Project::Boot),
-            ("project", "sent") => BoardSetting::Project(Project::Sent),
             ("project", _) => {
                 return Err(wrong("projects are boot and sent; none deletes the loaded one"));
             }
@@ -137,6 +143,27 @@ impl BoardSetting {
             BoardSetting::PowerCycle => "power-cycle",
             BoardSetting::Front { .. } => "front",
         }
+    }
+
+    /// The text from which [`BoardWord`] makes this setting of a device, without the PLC. `None` for RESET and an
+    /// interruption of the supply, which have no such text, and for a setting that the device does not have.
+    #[cfg(feature = "cli")]
+    pub(crate) fn word(self, device: &DeviceLayout) -> Option<String> {
+        Some(match self {
+            BoardSetting::Dip(number) => format!("dip={number}"),
+            BoardSetting::Leds(leds) => format!("leds={leds}"),
+            BoardSetting::ModuleDip { port, dip } => {
+                format!("{}.dip={dip}", device.port_numbered(port)?.name)
+            }
+            BoardSetting::Front { word, value } => {
+                let word = device.front.iter().find(|known| known.index() == usize::from(word))?;
+                format!("{}={}", word.name, word.called(value))
+            }
+            other => {
+                let (name, value, _) = WORDS.iter().find(|(.., setting)| *setting == other)?;
+                format!("{name}={value}")
+            }
+        })
     }
 }
 

@@ -1,0 +1,82 @@
+//! The server beside an emulator: `commram run --web`.
+
+use crate::cli::error::CliError;
+use crate::cli::with::ended_like;
+use crate::cli::{demo, output};
+use std::io::{BufRead, BufReader, Read};
+use std::net::SocketAddr;
+use std::process::{Child, ChildStderr, ChildStdout, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// The process of the server. It ends when this value is dropped.
+pub(crate) struct WebProcess {
+    child: Child,
+    has_failed: Arc<AtomicBool>,
+}
+
+impl WebProcess {
+    /// Starts the server of an instance that is about to serve. When the server is ready or has failed, `then` gets
+    /// the line with its address, or `None`.
+    ///
+    /// # Errors
+    /// The process cannot be started.
+    pub(crate) fn start(
+        instance: &str,
+        listen: SocketAddr,
+        then: impl FnOnce(Option<String>) + Send + 'static,
+    ) -> Result<Self, CliError> {
+        let mut command = demo::command("web")?;
+        command.args(["-i", instance, "--listen", &listen.to_string()]);
+        // An emulator that starts in a moment is waited for.
+        command.env_remove("COMMRAM_CONNECT_TIMEOUT").stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().map_err(|reason| CliError::Process { reason })?;
+        let outputs = child.stdout.take().zip(child.stderr.take());
+        let has_failed = Arc::new(AtomicBool::new(false));
+        let failed = Arc::clone(&has_failed);
+        std::thread::spawn(move || {
+            if let Some((out, err)) = outputs {
+                pass_on(out, err, &failed, then);
+            }
+        });
+        Ok(Self { child, has_failed })
+    }
+
+    /// Ends the server.
+    ///
+    /// # Errors
+    /// It had not started; its exit code is passed on.
+    pub(crate) fn end(mut self) -> Result<(), CliError> {
+        let failed = |reason| CliError::Process { reason };
+        match self.has_failed.load(Ordering::Relaxed) {
+            true => Err(ended_like(self.child.wait().map_err(failed)?)),
+            false => Ok(()),
+        }
+    }
+}
+
+impl Drop for WebProcess {
+    fn drop(&mut self) {
+        // It also ends with the emulator, by itself.
+        let _ = demo::terminate(&mut self.child);
+    }
+}
+
+/// Passes on the address and the errors of the server.
+fn pass_on(out: ChildStdout, err: ChildStderr, has_failed: &AtomicBool, then: impl FnOnce(Option<String>)) {
+    let mut line = String::new();
+    let serves = BufReader::new(out).read_line(&mut line).is_ok_and(|length| length > 0);
+    let mut err = BufReader::new(err);
+    if !serves {
+        let mut complaint = Vec::new();
+        let _ = err.read_to_end(&mut complaint);
+        output::relay(&complaint);
+        has_failed.store(true, Ordering::Relaxed);
+    }
+    then(serves.then_some(line));
+    let mut note = Vec::new();
+    while matches!(err.read_until(b'\n', &mut note), Ok(1..)) {
+        output::relay(&note);
+        note.clear();
+    }
+}

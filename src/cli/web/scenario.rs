@@ -1,0 +1,122 @@
+//! Recorded actions as a scenario for `commram test`.
+
+mod lines;
+
+use super::App;
+use super::link::Connection;
+use super::problem::Problem;
+use super::router::{body_of, json_response};
+use crate::cli::snapshot;
+use crate::plant::{PlantConfig, SnapshotFile};
+use crate::request::{Code, Op};
+use axum::extract::{Path, Request, State};
+use axum::response::Response;
+use lines::Line;
+use serde::Deserialize;
+use serde_json::{Value, json};
+use std::sync::Arc;
+
+/// Maximum number of recorded actions.
+const MAX_ACTIONS: usize = 10_000;
+
+/// What a client has recorded.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Recording {
+    /// The plant file that the scenario names; without it the scenario contains the plant.
+    plant: Option<String>,
+    /// A comment for the first line.
+    #[serde(default)]
+    name: String,
+    /// In the order in which they were done.
+    actions: Vec<Action>,
+}
+
+/// A recorded action.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Action {
+    /// Emulated time of its begin, in microseconds.
+    time_us: u64,
+    /// Emulated time of its end, if the action advanced the clock or went back.
+    end_us: Option<u64>,
+    /// The operation, in its JSON form.
+    operation: Option<Op>,
+    /// Name of the operation's register, if it is to be another one than that of the last phase.
+    register: Option<String>,
+    /// An expectation.
+    expect: Option<Expectation>,
+    /// Begins a part of the scenario.
+    section: Option<String>,
+}
+
+/// An expectation on a register, or on the access checker.
+#[derive(Deserialize)]
+#[serde(untagged, deny_unknown_fields)]
+enum Expectation {
+    Register { register: String, value: Value },
+    Findings { no_findings: bool },
+}
+
+/// Turns recorded actions into a scenario.
+///
+/// # Errors
+/// An action cannot be repeated by a scenario; the problem has its `index`.
+pub(super) async fn answer(
+    State(app): State<Arc<App>>,
+    Path(instance): Path<String>,
+    request: Request,
+) -> Result<Response, Problem> {
+    let form = Value::Object(body_of(request).await?);
+    let recording: Recording = serde_json::from_value(form)
+        .map_err(|reason| Problem::wrong_use(format!("this is no recording: {reason}")))?;
+    if recording.actions.len() > MAX_ACTIONS {
+        return Err(Problem::wrong_use(format!("a recording has at most {MAX_ACTIONS} actions")));
+    }
+    let links = app.hub.find(&instance)?;
+    // A snapshot contains the plant; taking one changes nothing in it.
+    let text = links.acts.run(move |connection| scenario(connection, &recording)).await;
+    let text = text.inspect_err(|problem| app.notice(&instance, problem))?;
+    Ok(json_response(&json!({ "scenario": text })))
+}
+
+fn scenario(connection: &mut Connection, recording: &Recording) -> Result<String, Problem> {
+    let mut lines: Vec<Line> = Vec::new();
+    for (index, action) in recording.actions.iter().enumerate() {
+        let added = lines::add(&mut lines, connection, action);
+        added.map_err(|right| {
+            Problem::wrong_use(format!("action {index} cannot be recorded: {right}")).with("index", index)
+        })?;
+    }
+    let mut text = String::new();
+    if !recording.name.is_empty() {
+        text += &format!("// {}\n", recording.name.replace(['\n', '\r'], " "));
+    }
+    text += &plant(connection, recording)?;
+    text += &lines::text(&lines);
+    Ok(text)
+}
+
+/// The line that builds the plant; none for the built-in plant.
+fn plant(connection: &Connection, recording: &Recording) -> Result<String, Problem> {
+    if let Some(file) = &recording.plant {
+        return Ok(format!("plant({});\n", lines::quoted(file)));
+    }
+    let bytes = snapshot::take(&connection.session).map_err(|error| {
+        let problem = Problem::from(error);
+        match problem.code() == Some(Code::CLOCK_IS_REAL_TIME) {
+            true => Problem::wrong_use(
+                "the plant of an instance in real time is not known; name its plant file in `plant`",
+            )
+            .with("field", "plant"),
+            false => problem,
+        }
+    })?;
+    let wrong =
+        |reason: &dyn std::fmt::Display| Problem::wrong_use(format!("the plant cannot be read: {reason}"));
+    let file = SnapshotFile::of_bytes(&bytes).map_err(|reason| wrong(&reason))?;
+    if PlantConfig::built_in().is_ok_and(|built_in| **built_in.text() == *file.plant) {
+        return Ok(String::new());
+    }
+    Ok(format!("plant({});\n", lines::quoted(&file.plant)))
+}

@@ -1,0 +1,287 @@
+//! The lines of a scenario, each with its time.
+
+use super::{Action, Connection, Expectation};
+use crate::identity::DeviceIndex;
+use crate::layout::{NamedLocation, Width, format_value};
+use crate::request::{Class, Op};
+use serde_json::Value;
+use std::fmt::Write as _;
+
+/// A line of the scenario.
+pub(super) struct Line {
+    text: String,
+    begin_us: u64,
+    end_us: u64,
+    /// True if the line itself advances the clock to its end.
+    advances: bool,
+}
+
+/// The text of a Rhai string literal.
+pub(super) fn quoted(text: &str) -> String {
+    let mut quoted = String::from("\"");
+    for sign in text.chars() {
+        match sign {
+            '"' | '\\' => quoted.extend(['\\', sign]),
+            '\n' => quoted += "\\n",
+            '\r' => quoted += "\\r",
+            '\t' => quoted += "\\t",
+            sign if sign.is_control() => {
+                // Writing to a string cannot fail.
+                let _ = write!(quoted, "\\u{:04x}", u32::from(sign));
+            }
+            sign => quoted.push(sign),
+        }
+    }
+    quoted + "\""
+}
+
+/// All lines, with a step before each that begins later than the line before it ends.
+pub(super) fn text(lines: &[Line]) -> String {
+    let mut text = String::new();
+    let mut now = 0;
+    for line in lines {
+        now = step(&mut text, now, line.begin_us);
+        if !line.text.is_empty() {
+            text += &line.text;
+            text.push('\n');
+        }
+        now = if line.advances { now.max(line.end_us) } else { step(&mut text, now, line.end_us) };
+    }
+    text
+}
+
+/// Adds a step from one time to another, if it is later; returns the time after it.
+fn step(text: &mut String, now: u64, until: u64) -> u64 {
+    if until > now {
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "step(\"{}us\");", until - now);
+    }
+    now.max(until)
+}
+
+/// Adds the lines of an action.
+///
+/// # Errors
+/// Why a scenario cannot repeat it.
+pub(super) fn add(lines: &mut Vec<Line>, connection: &Connection, action: &Action) -> Result<(), String> {
+    let begin_us = action.time_us;
+    let end_us = action.end_us.unwrap_or(begin_us);
+    let mut push = |text: String, advances: bool| lines.push(Line { text, begin_us, end_us, advances });
+    match (&action.operation, &action.expect, &action.section) {
+        (None, None, Some(section)) => push(format!("section({});", quoted(section)), false),
+        (None, Some(expectation), None) => push(expected(connection, expectation)?, false),
+        (Some(Op::Back { .. } | Op::BackUntil { .. }), None, None) => go_back(lines, end_us),
+        (Some(op), None, None) if op.class() == Class::Travels => {
+            return Err("only `back` and `back_until` can be recorded of the ways back".to_owned());
+        }
+        (Some(op), None, None) => {
+            let is_known = end_us > begin_us || op.class() != Class::Advances;
+            let verb = verb(connection, op, action.register.as_deref())?;
+            if !is_known && !matches!(verb, Verb::Nothing) {
+                return Err("`end_us` is missing: the emulated time after it".to_owned());
+            }
+            match verb {
+                Verb::Nothing => {}
+                Verb::Call(text) => push(text, false),
+                Verb::Advance(text) => push(text, true),
+                Verb::Step => push(String::new(), false),
+            }
+        }
+        _ => return Err("it needs exactly one of `operation`, `expect` and `section`".to_owned()),
+    }
+    Ok(())
+}
+
+/// Removes what was done after this moment: the plant has gone back to it, and keeps what was done at it.
+fn go_back(lines: &mut Vec<Line>, to_us: u64) {
+    lines.retain(|line| line.begin_us <= to_us);
+    for line in lines.iter_mut().filter(|line| line.end_us > to_us) {
+        // The wait did not end in this history; only its time passes.
+        line.text.clear();
+        (line.end_us, line.advances) = (to_us, false);
+    }
+    lines.push(Line { text: String::new(), begin_us: to_us, end_us: to_us, advances: false });
+}
+
+fn expected(connection: &Connection, expectation: &Expectation) -> Result<String, String> {
+    match expectation {
+        Expectation::Findings { no_findings: true } => Ok("expect_no_findings();".to_owned()),
+        Expectation::Findings { no_findings: false } => Err("`no_findings` can only be true".to_owned()),
+        Expectation::Register { register, value } => {
+            let place = connection.session.place(register).map_err(|error| error.to_string())?;
+            connection.session.plc_of(&place).map_err(|error| error.to_string())?;
+            let value = match value {
+                Value::String(text) => {
+                    place.parse_value(text).map_err(|error| error.to_string())?;
+                    quoted(text)
+                }
+                Value::Number(number) if number.is_i64() => number.to_string(),
+                Value::Bool(value) => value.to_string(),
+                other => return Err(format!("{other} is no value: write a text, an integer, true or false")),
+            };
+            Ok(format!("expect({}, {value});", quoted(register)))
+        }
+    }
+}
+
+/// What a scenario does for an operation.
+enum Verb {
+    /// The operation only looks, or concerns something beside the plant.
+    Nothing,
+    Call(String),
+    /// A verb that advances the clock.
+    Advance(String),
+    /// The clock advances without a verb of this kind.
+    Step,
+}
+
+fn verb(connection: &Connection, op: &Op, register: Option<&str>) -> Result<Verb, String> {
+    let name = |plc, offset, width| {
+        register_of(connection, register, plc, offset, width).map(|(name, _)| quoted(&name))
+    };
+    let value = |plc, offset, width, value| {
+        let (_, place) = register_of(connection, register, plc, offset, width)?;
+        Ok::<_, String>(quoted(&format_value(place.ty(place.last_phase()), value)))
+    };
+    Ok(Verb::Call(match *op {
+        Op::Poke { plc, offset, width, value: bits } => {
+            format!("poke({}, {});", name(plc, offset, width)?, value(plc, offset, width, bits)?)
+        }
+        Op::CompareExchange { plc, offset, width, current, new } => {
+            let (current, new) = (value(plc, offset, width, current)?, value(plc, offset, width, new)?);
+            format!("compare_exchange({}, {current}, {new});", name(plc, offset, width)?)
+        }
+        Op::Force { plc, offset, width, value: bits } => {
+            format!("force({}, {});", name(plc, offset, width)?, value(plc, offset, width, bits)?)
+        }
+        Op::Unforce { plc, offset, width } => format!("unforce({});", name(plc, offset, width)?),
+        Op::FaultAdd { fault } => format!("fault({});", quoted(&fault.text(&connection.names))),
+        Op::FaultClear { id: Some(id) } => format!("clear_fault({id});"),
+        Op::FaultClear { id: None } => "clear_faults();".to_owned(),
+        Op::ClearFindings => "clear_findings();".to_owned(),
+        Op::SetBoard { plc, setting } => board(connection, plc, setting)?,
+        Op::BusSend { bus, frame: Some(frame) } => send(&connection.names.bus(bus), frame),
+        Op::Wait { plc, offset, width, mask, value: bits, within_us } => {
+            let is_whole = mask == u32::MAX >> (32 - 8 * width.bytes());
+            let name = name(plc, offset, width)?;
+            return Ok(Verb::Advance(match is_whole {
+                true => format!("wait({name}, {}, \"{within_us}us\");", value(plc, offset, width, bits)?),
+                false => format!("wait_bits({name}, {mask}, {bits}, \"{within_us}us\");"),
+            }));
+        }
+        Op::AdvanceToSync { plc, node } => {
+            let port = connection.session.device(plc).port_numbered(node).ok_or("there is no such port")?;
+            let prefix = connection.session.prefix(plc);
+            return Ok(Verb::Advance(format!(
+                "step_to_sync({});",
+                quoted(&format!("{prefix}{}", port.name))
+            )));
+        }
+        // A condition belongs to the wait that follows it, which is recorded by its duration.
+        Op::Condition { .. } => return Ok(Verb::Nothing),
+        Op::SetParameter { .. } => return Err("scenarios have no verb for parameters of a drive".to_owned()),
+        ref other => match other.class() {
+            Class::Advances => return Ok(Verb::Step),
+            Class::Stores | Class::Acts => match other {
+                Op::Follow { .. } | Op::BusSend { .. } => return Ok(Verb::Nothing),
+                _ => return Err("scenarios have no verb for it".to_owned()),
+            },
+            Class::Looks | Class::Manages | Class::Travels | Class::Ends => return Ok(Verb::Nothing),
+        },
+    }))
+}
+
+/// The name of a register, with the PLC if the instance has several; the given one if it is the same register.
+fn register_of(
+    connection: &Connection,
+    given: Option<&str>,
+    plc: DeviceIndex,
+    offset: u32,
+    width: Width,
+) -> Result<(String, NamedLocation), String> {
+    let session = &connection.session;
+    if let Some(given) = given {
+        let place = session.place(given).map_err(|error| error.to_string())?;
+        let of = session.plc_of(&place).map_err(|error| error.to_string())?;
+        if (of, place.offset(), place.width()) == (plc, offset, width) && place.bit().is_none() {
+            return Ok((given.to_owned(), place));
+        }
+        return Err(format!("`{given}` is not the register of the operation"));
+    }
+    let fitted = session.fitted(plc);
+    let address = fitted.device().at(width, offset).to_string();
+    let place = NamedLocation::parse(&fitted, &address).map_err(|error| error.to_string())?;
+    let name = place.name(place.last_phase());
+    Ok((session.prefix(plc) + &name, place))
+}
+
+fn board(
+    connection: &Connection,
+    plc: DeviceIndex,
+    setting: crate::memory::header::BoardSetting,
+) -> Result<String, String> {
+    use crate::memory::header::BoardSetting;
+
+    let session = &connection.session;
+    let name = session.plcs().get(plc.index()).map_or("", String::as_str);
+    Ok(match setting {
+        BoardSetting::Reset => format!("reset({});", quoted(name)),
+        BoardSetting::PowerCycle => format!("power_cycle({});", quoted(name)),
+        setting => {
+            let word = setting.word(session.device(plc)).ok_or("the device has no such switch")?;
+            format!("set_board({});", quoted(&format!("{name}:{word}")))
+        }
+    })
+}
+
+/// A frame, sent by a station of its own.
+fn send(bus: &str, frame: crate::can::Frame) -> String {
+    let (id, length, data) = frame.numbers();
+    let extended = if id >> 31 == 1 { ", extended" } else { "" };
+    let number = id & 0x1FFF_FFFF;
+    if id >> 30 & 1 == 1 {
+        return format!("rtr({}, 0x{number:X}{extended});", quoted(bus));
+    }
+    let bytes = data.to_le_bytes();
+    let bytes: Vec<_> = bytes.iter().take(length.into()).map(|byte| format!("{byte:02X}")).collect();
+    format!("send_frame({}, 0x{number:X}, {}{extended});", quoted(bus), quoted(&bytes.join(" ")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(text: &str, begin_us: u64, end_us: u64, advances: bool) -> Line {
+        Line { text: text.to_owned(), begin_us, end_us, advances }
+    }
+
+    #[test]
+    fn steps_fill_the_time_between_lines() {
+        let lines = [
+            line("a();", 0, 0, false),
+            line("wait();", 1000, 2500, true),
+            line("", 2500, 3000, false),
+            line("b();", 4000, 4000, false),
+        ];
+        assert_eq!(
+            text(&lines),
+            "a();\nstep(\"1000us\");\nwait();\nstep(\"500us\");\nstep(\"1000us\");\nb();\n"
+        );
+    }
+
+    #[test]
+    fn going_back_removes_what_came_later() {
+        let mut lines = vec![
+            line("a();", 0, 0, false),
+            line("wait();", 500, 2500, true),
+            line("b();", 3000, 3000, false),
+        ];
+        go_back(&mut lines, 1000);
+        assert_eq!(text(&lines), "a();\nstep(\"500us\");\nstep(\"500us\");\n");
+    }
+
+    #[test]
+    fn texts_are_quoted_for_rhai() {
+        assert_eq!(quoted("a\"b\\c\nd\u{1b}"), "\"a\\\"b\\\\c\\nd\\u001b\"");
+    }
+}

@@ -1,0 +1,187 @@
+//! Attacks: floods, half-open connections, hostile requests.
+
+use crate::common::Emulator;
+use crate::server::Server;
+use serde_json::json;
+use std::io::Write;
+use std::time::{Duration, Instant};
+
+/// An answer to a client with the token takes less time than this, whatever other clients do.
+const SOON: Duration = Duration::from_secs(20);
+
+#[track_caller]
+fn answers(server: &Server) {
+    let start = Instant::now();
+    server.get(&server.path("time")).ok();
+    assert!(start.elapsed() < SOON, "{:?}", start.elapsed());
+}
+
+#[test]
+fn connections_without_a_token_take_no_place_from_others() {
+    let emulator = Emulator::stepped();
+    let server = Server::of(&emulator, &[]);
+    let mut open = Vec::new();
+    for number in 0..600 {
+        let mut stream = server.connect();
+        // Some say nothing, some begin a request and do not end it.
+        if number % 2 == 0 {
+            let _ = stream.write_all(b"GET /api/v1/instances HTTP/1.1\r\nhost: 127.0.0.1\r\nx-slow: ");
+        }
+        open.push(stream);
+        if number % 100 == 99 {
+            answers(&server);
+        }
+    }
+    let mut events = server.events("clock=1");
+    assert_eq!(events.status(), 200);
+    for _ in 0..300 {
+        open.push(server.connect());
+    }
+    events.until("clock", |_| true);
+    emulator.step(&["5us"]);
+    events.until("clock", |clock| clock["time_us"] == 5);
+}
+
+#[test]
+fn a_thousand_event_streams_are_bounded() {
+    let emulator = Emulator::stepped();
+    let server = Server::of(&emulator, &[]);
+    let mut open = Vec::new();
+    let mut refused = 0;
+    for _ in 0..1000 {
+        let mut stream = server.events("clock=1&journal=1&scene=1");
+        match stream.status() {
+            200 => open.push(stream),
+            503 => refused += 1,
+            other => panic!("{other}"),
+        }
+    }
+    assert_eq!((open.len(), refused), (64, 936));
+    answers(&server);
+    emulator.step(&["1ms"]);
+    for stream in &mut open {
+        stream.until("clock", |clock| clock["time_us"] == 1000);
+    }
+    drop(open);
+    let place = || server.events("clock=1").status() == 200;
+    assert!(crate::common::eventually(place), "readers that have gone make room");
+}
+
+#[test]
+fn hostile_bodies_and_queries_are_refused_with_a_problem() {
+    let emulator = Emulator::stepped();
+    let server = Server::of(&emulator, &[]);
+    let (bearer, path) = (server.bearer(), server.path("advance"));
+    let headers = [("authorization", bearer.as_str()), ("content-type", "application/json")];
+    let deep = "[".repeat(100_000);
+    let deep_object = "{\"us\":".repeat(50_000);
+    for body in [
+        "nothing",
+        "[]",
+        "5",
+        "null",
+        "\"us\"",
+        "{",
+        r#"{"us":}"#,
+        r#"{"us":-1}"#,
+        r#"{"us":1e99}"#,
+        r#"{"us":1.5}"#,
+        r#"{"us":NaN}"#,
+        r#"{"us":99999999999999999999999999}"#,
+        r#"{"us":[1]}"#,
+        r#"{"us":1,"us":2,"them":3}"#,
+        r#"{"us":"\ud800"}"#,
+        r#"{"":1}"#,
+        "{\"us\":1}trailing",
+        &deep,
+        &deep_object,
+    ] {
+        let answer = server.request("POST", &path, &headers, body);
+        assert_eq!(answer.problem(400)["exit_code"], 2, "{body:.80}");
+    }
+    let bytes = [
+        b"POST ",
+        path.as_bytes(),
+        b" HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\nauthorization: ",
+        bearer.as_bytes(),
+        b"\r\ncontent-type: application/json\r\ncontent-length: 4\r\n\r\n\xFF\xFE\x00\x01",
+    ]
+    .concat();
+    server.raw(&bytes).problem(400);
+    let large = format!("{{\"us\":\"{}\"}}", "x".repeat(2 << 20));
+    server.request("POST", &path, &headers, &large).problem(413);
+    for query in
+        ["plc=x&offset=0&width=Word", "plc=0", "plc=0&offset=0&width=Word&more=1", "%", "plc=%FF", "=", "&&&"]
+    {
+        server.get(&server.path(&format!("peek?{query}"))).problem(400);
+    }
+    let many = format!("peek?{}", "plc=0&".repeat(10_000));
+    let answer = server.get(&server.path(&many));
+    assert!(matches!(answer.status, 0 | 400 | 414 | 431), "{}", answer.status);
+    for what in [
+        "operations?fault=x",
+        "operations?poke=node2.w_CPU_CONTROL",
+        "registers?name=%00",
+        "map?plc=../x",
+        "frames?bus=x",
+        "frames?bus=drives&count=1000000",
+        "find?text=",
+        "plot.svg?name=x",
+        "status?x=1",
+    ] {
+        let answer = server.get(&server.path(&format!("show/{what}")));
+        assert!((200..500).contains(&answer.status), "{what}: {answer:?}");
+    }
+    let events: String = (0..300).map(|number| format!("node2.a_STAT_SL[{}],", number % 4)).collect();
+    server.get(&server.path(&format!("events?follow={events}"))).problem(400);
+    answers(&server);
+    assert_eq!(server.get(&server.path("time")).ok(), json!({"time": 0}), "nothing has happened");
+}
+
+#[test]
+fn paths_lead_nowhere_else() {
+    let emulator = Emulator::stepped();
+    let server = Server::of(&emulator, &[]);
+    for path in [
+        "/../../../../etc/passwd",
+        "/..%2f..%2fetc/passwd",
+        "/%2e%2e/%2e%2e/etc/passwd",
+        "//etc/passwd",
+        "/./index.html",
+        "/assets/app.js",
+        "/index.html/",
+        "/index.html%00",
+        "/src/cli/web.rs",
+        "/proc/self/environ",
+        "/%",
+    ] {
+        let answer = server.get(path);
+        assert!(matches!(answer.status, 400 | 404), "{path}: {answer:?}");
+    }
+    for path in [
+        "/api/v1/instances/../info",
+        "/api/v1/instances/..%2f..%2f/info",
+        "/api/v1/instances//info",
+        "/api/v1/instances/other/info",
+        "/api/v2/instances",
+        "/api/v1/instances/x/y/z",
+        &format!("/api/v1/instances/{}%2e%2e/info", server.instance),
+        &server.path("nothing"),
+        &server.path("show/nothing"),
+        &server.path("show/../info"),
+    ] {
+        server.get(path).problem(404);
+    }
+    for bytes in
+        [&b"\x16\x03\x01\x02\x00"[..], b"GET\r\n\r\n", b"GET / HTTP/9.9\r\n\r\n", b"\r\n\r\n\r\n", &[0; 5000]]
+    {
+        let answer = server.raw(bytes);
+        assert!(matches!(answer.status, 0 | 400 | 505), "{answer:?}");
+    }
+    let headers: String = (0..1000).map(|number| format!("x-{number}: y\r\n")).collect();
+    let answer = server.raw(format!("GET / HTTP/1.1\r\nhost: localhost\r\n{headers}\r\n").as_bytes());
+    assert!(matches!(answer.status, 0 | 431), "{answer:?}");
+    server.raw(b"GET / HTTP/1.1\r\nconnection: close\r\n\r\n").problem(400);
+    server.raw(b"GET / HTTP/1.1\r\nhost: localhost\r\nhost: evil\r\nconnection: close\r\n\r\n").problem(400);
+    answers(&server);
+}

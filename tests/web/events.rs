@@ -1,0 +1,101 @@
+//! Server-sent events.
+
+use crate::common::Emulator;
+use crate::server::Server;
+use serde_json::{Value, json};
+use std::time::{Duration, Instant};
+
+#[test]
+fn values_changes_records_and_the_clock_come_as_events() {
+    let emulator = Emulator::stepped();
+    let server = Server::of(&emulator, &[]);
+    let register = "node2.w_CPU_CONTROL";
+    let mut events = server
+        .events(&format!("follow={register},node2.w_OPTION_STATUS&journal=1&clock=1&findings=1&boards=1"));
+    let clock = events.until("clock", |_| true);
+    assert_eq!((&clock["time_us"], &clock["clock"]), (&json!(0), &json!("stepped")));
+    let findings = events.until("findings", |_| true);
+    assert_eq!(findings, json!({"findings": []}));
+    let values = events.until("values", |_| true);
+    let names: Vec<_> =
+        values["values"].as_array().unwrap().iter().map(|it| it["register"].as_str().unwrap()).collect();
+    assert_eq!(names, [register, "node2.w_OPTION_STATUS"]);
+    emulator.poke(&["node2.w_CPU_CONTROL=16#0001"]);
+    emulator.step(&["1ms"]);
+    let (mut seen, mut status) = (Vec::new(), Value::Null);
+    while !(["changes", "journal", "clock"].iter().all(|name| seen.iter().any(|it| it == name))
+        && status == "16#0002")
+    {
+        let (name, data) = events.next().expect("an event");
+        if name == "values" {
+            let of_status = |it: &&Value| it["register"] == "node2.w_OPTION_STATUS";
+            status = data["values"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .find(of_status)
+                .map_or(status, |it| it["hex"].clone());
+        }
+        if name == "changes" {
+            let change = &data["changes"][0];
+            assert!(
+                change["register"].as_str().unwrap().starts_with("node2.w_") && change["by"].is_string(),
+                "{data}"
+            );
+        }
+        if name == "journal" {
+            assert!(data["records"][0]["kind"].is_string(), "{data}");
+        }
+        seen.push(name);
+    }
+    emulator.step(&["--back", "500us"]);
+    assert_eq!(events.until("turned", |_| true)["time_us"], 500);
+}
+
+#[test]
+fn kinds_of_records_can_be_selected() {
+    let emulator = Emulator::stepped();
+    let server = Server::of(&emulator, &[]);
+    let mut events = server.events("journal=channel_write&clock=1");
+    events.until("clock", |_| true);
+    emulator.poke(&["node2.w_CPU_CONTROL=16#0001"]);
+    emulator.step(&["1ms"]);
+    let records = events.until("journal", |_| true);
+    let kinds: Vec<_> = records["records"].as_array().unwrap().iter().map(|it| &it["kind"]).collect();
+    assert_eq!(kinds, ["channel_write"]);
+}
+
+/// The reader does not read until its connection is full.
+#[test]
+fn a_slow_reader_is_told_what_it_has_lost_and_delays_no_client() {
+    let emulator = Emulator::stepped();
+    let server = Server::of(&emulator, &[]);
+    let mut slow = server.events("follow=node2.b_BT_0&journal=1&clock=1");
+    slow.take_little();
+    slow.until("clock", |_| true);
+    let mut quick = server.events("clock=1");
+    quick.until("clock", |_| true);
+    let offset = register_offset(&server);
+    let start = Instant::now();
+    for round in 0..20_usize {
+        let pokes: Vec<_> = (0..250)
+            .map(|number| json!({"poke": {"plc": 0, "offset": offset, "width": "Byte", "value": (round + number) % 256}}))
+            .chain([json!({"advance": {"us": 1}})])
+            .collect();
+        server.post(&server.path("request"), &json!({ "operations": pokes })).ok();
+    }
+    quick.until("clock", |clock| clock["time_us"] == 20);
+    assert!(start.elapsed() < Duration::from_secs(50), "{:?}", start.elapsed());
+    // The connection is full; more polls follow than the server keeps.
+    std::thread::sleep(Duration::from_secs(3));
+    let lost = slow.until("lost", |_| true);
+    assert!(lost["rounds"].as_u64().unwrap() > 0 || lost["records"].as_u64().unwrap() > 0, "{lost}");
+    emulator.step(&["1us"]);
+    slow.until("clock", |clock| clock["time_us"] == 21);
+}
+
+/// Byte offset of a register that programs write at any time.
+fn register_offset(server: &Server) -> Value {
+    let answer = server.get(&server.path("show/operations?poke=node2.b_BT_0%3D1")).ok();
+    answer["operations"][0]["poke"]["offset"].clone()
+}

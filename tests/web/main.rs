@@ -1,0 +1,13 @@
+//! `commram web` as a process, driven through real sockets.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod access;
+mod attack;
+mod ending;
+mod events;
+mod operations;
+mod pages;
+mod scenario;
+mod server;
