@@ -24,9 +24,8 @@ const FEATURES: &[(&str, bool)] = &[
 /// Returns the text that follows the name of the program.
 pub(super) fn long() -> String {
     let features: Vec<_> = FEATURES.iter().filter(|(_, is_on)| *is_on).map(|(name, _)| *name).collect();
-    let linked = if cfg!(target_feature = "crt-static") { "static" } else { "dynamic" };
     let mut text = format!(
-        "{}\ncommit    {}\nbuilt     for {ARCH} {OS}, {linked}\nfeatures  {}\nABI       {ABI_VERSION}\nlayouts\n",
+        "{}\ncommit    {}\nbuilt     for {ARCH} {OS}\nfeatures  {}\nABI       {ABI_VERSION}\nlayouts\n",
         env!("CARGO_PKG_VERSION"),
         COMMIT.unwrap_or("unknown, not built by tools/package"),
         features.join(", "),

@@ -1,70 +1,78 @@
-//! Follows docs/guide/ci.md word by word: creates the files of the page and runs its shell lines.
+//! Follows docs/guide/ci.md: creates the files of the page and of `tools/ci`, and runs their scripts.
 
-use crate::common::{commram, finish, python, python_for};
-use std::os::unix::fs::{PermissionsExt, symlink};
+use crate::common::{Outcome, commram, finish, python, python_for};
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::Command;
 use tempfile::TempDir;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
-/// Programs of the servers that are not tested here: `cargo install` would build commram again. The stub checks
-/// the path of commram's sources and installs the existing build.
-const SERVER: [(&str, &str); 3] = [
-    ("rustup", "exit 0"),
-    ("git", "[ \"$*\" = '-C commram rev-parse HEAD' ] && echo 0123456789"),
-    (
-        "cargo",
-        "while [ $# -gt 0 ]; do case $1 in --path) from=$2;; --root) to=$2;; esac; shift; done
-         grep -q 'name = \"commram\"' \"$from/Cargo.toml\" && mkdir -p \"$to/bin\" && cp \"$COMMRAM_BUILT\" \"$to/bin/commram\"",
-    ),
-];
+/// The package of the jobs, in the repository.
+const PACKAGE: &str = "packages/commram.tar.gz";
 
-/// Returns the files of the page: each block after a line that contains only a path.
-fn files() -> Vec<(String, String)> {
+/// Returns a file of the page: the block after a line that ends with its path.
+fn file(name: &str) -> String {
     let page = std::fs::read_to_string(Path::new(ROOT).join("docs/guide/ci.md")).unwrap();
-    let file = |(at, mark): (usize, &str)| {
-        let (before, after) = (&page[..at], &page[at + mark.len()..]);
-        let name = before.rsplit('`').next()?;
-        let (_, block) = after.split_once('\n')?;
-        Some((name.to_owned(), block.split_once("\n```")?.0.to_owned() + "\n"))
-    };
-    page.match_indices("`:\n\n```").filter_map(file).collect()
+    let (_, rest) = page.split_once(&format!("`{name}`:\n\n```yaml\n")).unwrap();
+    rest.split_once("\n```").unwrap().0.to_owned() + "\n"
 }
 
-fn text<'a>(files: &'a [(String, String)], name: &str) -> &'a str {
-    &files.iter().find(|(known, _)| known == name).unwrap().1
-}
-
-/// Creates a repository as the page describes it, on a server.
-fn repository() -> TempDir {
+/// Creates a project with the files of the page, and a package in the form of the tarball. Returns the package's checksum too.
+fn repository() -> (TempDir, String) {
     let directory = TempDir::new().unwrap();
-    for (name, text) in files() {
-        let path = directory.path().join(name);
-        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        std::fs::write(path, text).unwrap();
+    let at = |name: &str| directory.path().join(name);
+    let project = directory.path().to_str().unwrap();
+    finish(commram().args(["new", project])).ok();
+    for name in [".github/workflows/scenarios.yml", ".gitlab-ci.yml"] {
+        std::fs::write(at(name), file(name)).unwrap();
     }
-    symlink(ROOT, directory.path().join("commram")).unwrap();
-    std::fs::create_dir(directory.path().join("server")).unwrap();
-    for (name, script) in SERVER {
-        let path = directory.path().join("server").join(name);
-        std::fs::write(&path, format!("#!/bin/sh\n{script}\n")).unwrap();
-        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
-    }
-    directory
+    let program = at("commram-0.1.0-x86_64-linux/bin/commram");
+    std::fs::create_dir_all(program.parent().unwrap()).unwrap();
+    std::fs::create_dir(at("packages")).unwrap();
+    std::fs::write(&program, format!("#!/bin/sh\nexec {} \"$@\"\n", commram().get_program().display()))
+        .unwrap();
+    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let script = format!("tar czf {PACKAGE} commram-0.1.0-x86_64-linux && sha256sum {PACKAGE}");
+    let sum = finish(Command::new("sh").args(["-c", &script]).current_dir(directory.path())).ok().to_owned();
+    std::fs::remove_dir_all(at("commram-0.1.0-x86_64-linux")).unwrap();
+    (directory, sum.split(' ').next().unwrap().to_owned())
 }
 
-/// Runs the lines one after the other, like a server. Returns the report.
-fn follow(directory: &Path, lines: &[String], environment: &[(&str, &str)]) -> String {
-    let path = format!("{}:{}", directory.join("server").display(), std::env::var("PATH").unwrap());
-    let _ = std::fs::remove_file(directory.join("report.xml"));
-    for line in lines {
-        let mut command = Command::new("bash");
-        command.args(["-e", "-c", line]).current_dir(directory).env("PATH", &path);
-        command.env("COMMRAM_BUILT", env!("CARGO_BIN_EXE_commram")).envs(environment.iter().copied());
-        let outcome = finish(&mut command);
-        assert_eq!(outcome.code, Some(0), "{line}\n{}{}", outcome.out, outcome.err);
+/// The scripts of a file: blocks after a line that ends with ` |`, without their indentation.
+fn scripts(text: &str) -> Vec<String> {
+    let mut scripts = Vec::new();
+    let mut lines = text.lines().peekable();
+    while let Some(line) = lines.next() {
+        if line.trim_start() != "run: |" && line.trim_start() != "- |" {
+            continue;
+        }
+        let indent = |line: &str| line.len() - line.trim_start().len();
+        let depth = lines.peek().map_or(0, |first| indent(first));
+        let mut script = String::new();
+        while let Some(line) = lines.next_if(|line| line.is_empty() || indent(line) >= depth) {
+            script += line.get(depth..).unwrap_or_default();
+            script.push('\n');
+        }
+        scripts.push(script);
     }
-    std::fs::read_to_string(directory.join("report.xml")).unwrap()
+    scripts
+}
+
+/// Runs a script as a server does. Its environment has no commram.
+fn run_script(directory: &Path, script: &str, path: &str, environment: &[(&str, &str)]) -> Outcome {
+    let mut command = Command::new("bash");
+    command.args(["-eo", "pipefail", "-c", script]).current_dir(directory).env("PATH", path);
+    finish(command.envs(environment.iter().copied()))
+}
+
+/// Returns both reports, and removes them.
+fn take_reports(directory: &Path) -> String {
+    let reports = directory.join("commram-reports");
+    let page = std::fs::read_to_string(reports.join("report.html")).unwrap();
+    assert!(page.starts_with("<!DOCTYPE html>"), "{page}");
+    let junit = std::fs::read_to_string(reports.join("report.xml")).unwrap();
+    std::fs::remove_dir_all(reports).unwrap();
+    junit
 }
 
 /// The scenario is in the first of two shards. The second shard has no scenario and passes.
@@ -74,44 +82,120 @@ fn assert_shared([first, second]: [String; 2]) {
     assert!(second.contains("tests=\"0\""), "{second}");
 }
 
+/// Runs the steps of the action with the inputs of the workflow. `GITHUB_PATH` names a file with directories for the next
+/// steps.
 #[test]
-fn the_page_for_github_works_as_printed() {
-    let (directory, files) = (repository(), files());
-    let workflow = text(&files, ".github/workflows/scenarios.yml");
-    let lines: Vec<_> = workflow.lines().filter_map(|line| line.trim().strip_prefix("- run: ")).collect();
-    assert_eq!(lines.len(), 3, "{workflow}");
-    assert_shared(["1", "2"].map(|shard| {
-        let lines: Vec<_> = lines.iter().map(|line| line.replace("${{ matrix.shard }}", shard)).collect();
-        follow(directory.path(), &lines, &[])
+fn the_action_for_github_installs_a_package_and_runs_the_scenarios() {
+    let (directory, sum) = repository();
+    let action =
+        std::fs::read_to_string(directory.path().join(".github/actions/commram/action.yml")).unwrap();
+    let [install, test] = &scripts(&action)[..] else { panic!("two scripts: {action}") };
+    assert!(file(".github/workflows/scenarios.yml").contains("arguments: --shard ${{ matrix.shard }}/2\n"));
+    let paths = directory.path().join("paths");
+    let environment = |sum: &str| -> Vec<(&'static str, String)> {
+        vec![
+            ("COMMRAM_PACKAGE", PACKAGE.to_owned()),
+            ("COMMRAM_SHA256", sum.to_owned()),
+            ("COMMRAM_SCENARIOS", "scenarios".to_owned()),
+            ("GITHUB_PATH", paths.display().to_string()),
+        ]
+    };
+    let run = |script: &str, path: &str, sum: &str, arguments: &str| {
+        let environment = environment(sum);
+        let mut environment: Vec<_> = environment.iter().map(|(name, text)| (*name, text.as_str())).collect();
+        environment.push(("COMMRAM_ARGUMENTS", arguments));
+        run_script(directory.path(), script, path, &environment)
+    };
+    let system = "/usr/local/bin:/usr/bin:/bin";
+    let wrong = run(install, system, &"0".repeat(64), "");
+    assert_eq!(wrong.code, Some(1), "a wrong checksum ends the job: {}", wrong.err);
+    let installed = run(install, system, &sum, "");
+    assert_eq!(installed.code, Some(0), "{}", installed.err);
+    let path = format!("{}:{system}", std::fs::read_to_string(&paths).unwrap().trim());
+    assert_shared(["1/2", "2/2"].map(|shard| {
+        let outcome = run(test, &path, &sum, &format!("--shard {shard}"));
+        assert_eq!(outcome.code, Some(0), "{}{}", outcome.out, outcome.err);
+        take_reports(directory.path())
     }));
 }
 
 #[test]
-fn the_page_for_gitlab_works_as_printed() {
-    let (directory, files) = (repository(), files());
-    let (_, rest) = text(&files, ".gitlab-ci.yml").split_once("  script:\n").unwrap();
-    let lines = rest.lines().map_while(|line| line.strip_prefix("    - ")).map(str::to_owned);
-    let lines: Vec<_> = lines.collect();
-    assert_eq!(lines.len(), 5, "{rest}");
-    assert_shared(
-        ["1", "2"].map(|index| {
-            follow(directory.path(), &lines, &[("CI_NODE_INDEX", index), ("CI_NODE_TOTAL", "2")])
-        }),
-    );
+fn the_job_for_gitlab_installs_a_package_and_runs_the_scenarios() {
+    let (directory, sum) = repository();
+    let template = std::fs::read_to_string(directory.path().join(".gitlab/commram.yml")).unwrap();
+    let parts = scripts(&template);
+    assert_eq!(parts.len(), 2, "before_script, script: {template}");
+    assert!(file(".gitlab-ci.yml").contains("COMMRAM_ARGUMENTS: --shard $CI_NODE_INDEX/$CI_NODE_TOTAL\n"));
+    // GitLab runs both parts in one shell.
+    let script = parts.concat();
+    assert_shared(["1/2", "2/2"].map(|shard| {
+        let arguments = format!("--shard {shard}");
+        let environment = [
+            ("COMMRAM_PACKAGE", PACKAGE),
+            ("COMMRAM_SHA256", sum.as_str()),
+            ("COMMRAM_SCENARIOS", "scenarios"),
+            ("COMMRAM_ARGUMENTS", arguments.as_str()),
+        ];
+        let outcome = run_script(directory.path(), &script, "/usr/local/bin:/usr/bin:/bin", &environment);
+        assert_eq!(outcome.code, Some(0), "{}{}", outcome.out, outcome.err);
+        take_reports(directory.path())
+    }));
+}
+
+/// Both servers install the package in the same way.
+#[test]
+fn the_servers_share_their_steps() {
+    let text = |name: &str| std::fs::read_to_string(Path::new(ROOT).join("tools/ci").join(name)).unwrap();
+    let (github, gitlab) = (scripts(&text("action.yml")), scripts(&text("gitlab.yml")));
+    assert_eq!(github[1], gitlab[1]);
+    let without_path =
+        |script: &str| script.lines().filter(|line| !line.contains("PATH")).collect::<Vec<_>>().join("\n");
+    assert_eq!(without_path(&github[0]), without_path(&gitlab[0]));
 }
 
 #[test]
 fn the_servers_accept_their_files() {
-    let directory = repository();
-    for (name, schema) in [
-        (".github/workflows/scenarios.yml", "vendor.github-workflows"),
-        (".gitlab-ci.yml", "vendor.gitlab-ci"),
-    ] {
+    let (directory, _) = repository();
+    let release = format!("{ROOT}/.github/workflows/release.yml");
+    let mut files = vec![
+        (".github/workflows/scenarios.yml".to_owned(), "vendor.github-workflows"),
+        (".github/actions/commram/action.yml".to_owned(), "vendor.github-actions"),
+        (".gitlab-ci.yml".to_owned(), "vendor.gitlab-ci"),
+        (".gitlab/commram.yml".to_owned(), "vendor.gitlab-ci"),
+        (release, "vendor.github-workflows"),
+    ];
+    for template in ["minimal", "soft-plc-c", "soft-plc-rust", "pytest"] {
+        let project = directory.path().join(template);
+        finish(commram().args(["new", "--template", template]).arg(&project)).ok();
+        files.push((format!("{template}/.github/workflows/commram.yml"), "vendor.github-workflows"));
+        files.push((format!("{template}/.gitlab-ci.yml"), "vendor.gitlab-ci"));
+    }
+    for (name, schema) in files {
         let Some(mut command) = python(&["check_jsonschema"]) else { return };
-        command.args(["-m", "check_jsonschema", "--builtin-schema", schema, name]);
-        let outcome = finish(command.current_dir(directory.path()));
+        command.args(["-m", "check_jsonschema", "--builtin-schema", schema]);
+        if schema.ends_with("gitlab-ci") {
+            // It knows `!reference`.
+            command.args(["--data-transform", "gitlab-ci"]);
+        }
+        let outcome = finish(command.arg(&name).current_dir(directory.path()));
         assert_eq!(outcome.code, Some(0), "{name}: {}{}", outcome.out, outcome.err);
     }
+}
+
+/// `tools/package` knows each package that the page names, and the release publishes what it makes.
+#[test]
+fn the_release_makes_the_packages_of_the_page() {
+    let read = |name: &str| std::fs::read_to_string(Path::new(ROOT).join(name)).unwrap();
+    let (page, script, release) =
+        (read("docs/guide/ci.md"), read("tools/package"), read(".github/workflows/release.yml"));
+    for word in ["deb", "tarball", "image", "wheel", "sbom"] {
+        assert!(page.contains(&format!("tools/package {word}")), "{word}");
+        assert!(script.contains(&format!("\n{word}() {{\n")), "{word}");
+    }
+    assert!(
+        release.contains("run: tools/package\n") && release.contains("target/dist/SHA256SUMS\n"),
+        "{release}"
+    );
 }
 
 /// The machines of the farm are processes here, as on the page.
