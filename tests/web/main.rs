@@ -5,6 +5,7 @@ mod common;
 
 mod access;
 mod attack;
+mod browser;
 mod ending;
 mod events;
 mod operations;

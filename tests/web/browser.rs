@@ -1,0 +1,21 @@
+//! The page in a real browser.
+
+use crate::common::{commram, finish, is_there, python};
+use serde_json::{Value, json};
+use std::process::Command;
+
+/// Each page shows what the commands print, each control acts, a recording is a scenario that passes, and the wrong order
+/// of two stores is visible. Neither the console nor a window of 390, 1280 or 2560 pixels has a complaint.
+#[test]
+fn the_pages_work_in_a_browser() {
+    if !is_there("chromium") {
+        return;
+    }
+    let Some(python) = python(&["websocket"]) else { return };
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/check_web.py");
+    let mut browser = Command::new(python.get_program());
+    browser.env("PYTHONDONTWRITEBYTECODE", "1");
+    let outcome = finish(browser.arg(script).arg("chromium").arg(commram().get_program()));
+    let result: Value = serde_json::from_str(outcome.ok()).unwrap();
+    assert_eq!(result, json!({ "passed": true }));
+}
