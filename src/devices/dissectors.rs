@@ -10,9 +10,6 @@ use crate::layout::Meaning;
 use crate::profibus::{Answer, FunctionCode, Request};
 use std::fmt::Write;
 
-/// Octets of data of a telegram that the text of a trace shows.
-const SHOWN: usize = 4;
-
 /// The decoders of all kinds of buses: statements in Lua that fill a table `decoders`.
 #[must_use]
 pub fn dissectors() -> String {
@@ -30,7 +27,7 @@ pub fn dissectors() -> String {
     let codes = (0..=u8::MAX).filter_map(|octet| Some((octet.into(), octet.into(), code(octet)?)));
     let _ = write!(
         text,
-        "\nlocal SHOWN = {SHOWN}\n{}{}{}",
+        "\n{}{}{}",
         table("CODES", codes),
         table("SERVICES", texts(&MEANING_MST_DSAP)),
         include_str!("dissectors/profibus.lua")

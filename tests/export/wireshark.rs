@@ -32,7 +32,10 @@ fn traced(emulator: &Emulator) -> Vec<String> {
         let text = line.trim_start().splitn(4, ' ').nth(3).unwrap_or_default();
         let text = text.trim_start().split_once(' ').map_or("", |(_, text)| text).trim_start();
         let text = text.strip_suffix(", outside of the slots").unwrap_or(text);
-        let Some((text, _)) = text.rsplit_once(" from ") else { return text.to_owned() };
+        // The sender of a telegram is followed by its service and its meaning.
+        let is_telegram = text.starts_with(|c: char| c.is_ascii_digit()) && !text.starts_with("16#");
+        let sender = if is_telegram { text.split_once(" from ") } else { text.rsplit_once(" from ") };
+        let Some((text, _)) = sender else { return text.to_owned() };
         text.trim_end_matches(',').to_owned()
     };
     lines.ok().lines().map(text).collect()

@@ -30,10 +30,10 @@ do
         show("function", meaning(CODES, code) or "unknown")
         local service = code < 0x80 and meaning(SERVICES, (code >= 0x40 and dsap or ssap) or -1)
         if service then show("service", service) end
-        local more = count > SHOWN and " .." or ""
+        local more = #data < frame.length and " .." or ""
         return string.format(
             "%s to %s, 16#%02X, %d octets%s%s",
-            station(here, ssap), station(there, dsap), code, count, bytes(data, first, first + math.min(count, SHOWN) - 1), more
+            station(here, ssap), station(there, dsap), code, count, bytes(data, first, first + count - 1), more
         )
     end
 end
