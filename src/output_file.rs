@@ -1,6 +1,6 @@
 //! Output files for users: exports, reports, pictures, snapshots. The previous file of the same name stays until all of
 //! the new content is written, so no reader finds half a file, and a full disk does not destroy the old one. A process
-//! that is killed meanwhile leaves the new file; the next write of the same file removes it.
+//! killed meanwhile leaves the new file; the next write of the same file removes it.
 
 use crate::input_file;
 use std::ffi::OsStr;

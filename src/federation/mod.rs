@@ -242,7 +242,7 @@ impl Federation {
     pub fn look(&mut self, host: &mut dyn Host) -> Result<FederationEvent, FederationError> {
         let mut news = FederationEvent::Nothing;
         self.show_life()?;
-        // A client whose request has reached its time gets the answer before later messages count.
+        // A client gets the answer to a request that has reached its time before later messages count.
         while !(news == FederationEvent::Moved && self.is_own_turn()) {
             let Some((from, bytes)) = self.exchange.receive().map_err(FederationError::Exchange)? else {
                 self.is_in_time()?;

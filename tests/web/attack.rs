@@ -6,7 +6,7 @@ use serde_json::json;
 use std::io::Write;
 use std::time::{Duration, Instant};
 
-/// An answer to a client with the token takes less time than this, whatever other clients do.
+/// An answer to a client with the token takes less time than this, independently of other clients.
 const SOON: Duration = Duration::from_secs(20);
 
 #[track_caller]

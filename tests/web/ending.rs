@@ -25,7 +25,7 @@ fn a_signal_ends_the_server_and_nothing_remains() {
 }
 
 #[test]
-fn the_server_ends_with_its_emulator_and_tells_its_readers() {
+fn the_server_ends_with_its_emulator_and_informs_its_readers() {
     let emulator = Emulator::stepped();
     let mut server = Server::of(&emulator, &[]);
     let mut events = server.events("clock=1");
@@ -74,7 +74,7 @@ fn a_server_beside_an_emulator_starts_and_ends_with_it() {
 }
 
 #[test]
-fn an_emulator_whose_server_cannot_start_does_not_start() {
+fn an_emulator_does_not_start_without_its_server() {
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap();
     for detach in [&[][..], &["--detach"]] {

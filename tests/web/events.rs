@@ -67,7 +67,7 @@ fn kinds_of_records_can_be_selected() {
 
 /// The reader does not read until its connection is full.
 #[test]
-fn a_slow_reader_is_told_what_it_has_lost_and_delays_no_client() {
+fn a_slow_reader_learns_its_losses_and_delays_no_client() {
     let emulator = Emulator::stepped();
     let server = Server::of(&emulator, &[]);
     let mut slow = server.events("follow=node2.b_BT_0&journal=1&clock=1");

@@ -15,7 +15,7 @@ const MOST_COUNTED: u64 = 1_000_000;
 /// Why a text is no journal that can be read.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 enum JournalFileError {
-    /// A line that is no record.
+    /// A line without a record.
     #[error("line {line}: {reason}; such a journal is written by `commram trace --format jsonl`")]
     NoRecord {
         /// Number of the line, from 1.

@@ -49,7 +49,7 @@ impl Connections {
     }
 }
 
-/// A connection that is counted until it is dropped.
+/// A connection, counted until it is dropped.
 pub(super) struct OpenConnection {
     pub peer: Arc<Peer>,
     all: Connections,

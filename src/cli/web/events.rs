@@ -1,7 +1,7 @@
 //! Server-sent events: values, changes, records and states of an instance, as they come.
 //!
 //! One thread for each instance polls the emulator for all readers, and puts each round into a ring. A reader that is
-//! slower than the ring loses rounds and is told how many; it delays neither the emulator nor other readers.
+//! slower than the ring loses rounds and gets their number; it delays neither the emulator nor other readers.
 
 mod feed;
 mod reader;

@@ -1,4 +1,4 @@
-//! A connection to an emulator in a thread of its own: requests wait for replies, and the server must not.
+//! A connection to an emulator in a separate thread: requests wait for replies, and the server must not.
 
 use super::problem::Problem;
 use crate::cli::Instance;
@@ -64,7 +64,7 @@ impl Link {
         let job: Job = Box::new(move |connection| {
             let result = connection.and_then(work);
             let is_usable = !matches!(&result, Err(problem) if problem.is_gone());
-            // Nobody waits any more if the client has gone.
+            // Fails if the client has gone; then no task waits for the reply.
             let _ = answer.send(result);
             is_usable
         });

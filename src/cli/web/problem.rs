@@ -35,7 +35,7 @@ impl Problem {
         Self { status, kind, title, detail: detail.into(), members: Map::new(), is_gone: false }
     }
 
-    /// A request that is not valid.
+    /// An invalid request.
     pub(super) fn wrong_use(detail: impl Into<String>) -> Self {
         Self::new(StatusCode::BAD_REQUEST, "wrong-use", detail).with("exit_code", Exit::WrongUse.code())
     }

@@ -147,7 +147,7 @@ pub(super) fn json_response(value: &impl Serialize) -> Response {
     }
 }
 
-/// A response with a text that is JSON.
+/// A response with JSON.
 pub(super) fn json_text(text: String) -> Response {
     let mut response = Response::new(Body::from(text));
     response.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static("application/json"));

@@ -18,7 +18,7 @@ use tokio::sync::watch;
 
 /// Maximum time to receive the head of a request, also between two requests of a connection.
 const HEAD_TIME: Duration = Duration::from_secs(30);
-/// Time after which a connection is closed whose peer takes none of the sent data, in milliseconds.
+/// Time in milliseconds after which a connection is closed if its peer takes none of the sent data.
 const UNREAD_MS: u32 = 30_000;
 /// Maximum size of the head of a request, in bytes.
 const MAX_HEAD: usize = 16 << 10;

@@ -32,7 +32,7 @@ pub struct Logged<T = Frame> {
     pub frame: T,
 }
 
-/// An entry of a recording that is no frame of Classical CAN and no telegram of PROFIBUS.
+/// An entry of a recording with neither a frame of Classical CAN nor a telegram of PROFIBUS.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Skipped {
     /// Position in the file, as [`Logged::at`].
@@ -111,7 +111,7 @@ pub fn read_text(text: &str) -> Result<Recording, BadLine> {
         };
         match entry {
             Ok(Some(entry)) => recording.add(at, entry),
-            // A record that is no frame.
+            // A record without a frame.
             Ok(None) => {}
             // A logger that was ended leaves part of a line.
             Err(_) if !last_is_whole && lines.peek().is_none() && !recording.is_empty() => {

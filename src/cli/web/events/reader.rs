@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-/// What a reader knows already, so that it gets only what is new.
+/// The data that a reader has already, so that it gets only new data.
 pub(super) struct Reader {
     wish: Wish,
     clock: String,
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slow_reader_is_told_what_it_has_lost() {
+    fn a_slow_reader_learns_its_losses() {
         let mut reader = reader();
         reader.events(&round(0, 2));
         reader.miss(3);

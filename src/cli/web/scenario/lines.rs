@@ -92,7 +92,7 @@ pub(super) fn add(lines: &mut Vec<Line>, connection: &Connection, action: &Actio
     Ok(())
 }
 
-/// Removes what was done after this moment: the plant has gone back to it, and keeps what was done at it.
+/// Removes the actions after this moment, to which the plant has gone back.
 fn go_back(lines: &mut Vec<Line>, to_us: u64) {
     lines.retain(|line| line.begin_us <= to_us);
     for line in lines.iter_mut().filter(|line| line.end_us > to_us) {
@@ -234,7 +234,7 @@ fn board(
     })
 }
 
-/// A frame, sent by a station of its own.
+/// A frame, sent by a separate station.
 fn send(bus: &str, frame: crate::can::Frame) -> String {
     let (id, length, data) = frame.numbers();
     let extended = if id >> 31 == 1 { ", extended" } else { "" };
