@@ -149,7 +149,21 @@ impl Server {
 
     /// Starts a stream of events.
     pub(crate) fn events(&self, query: &str) -> EventStream {
-        let mut stream = self.connect();
+        self.events_at(self.connect(), query)
+    }
+
+    /// Starts a stream of events for a reader whose system keeps little of what it does not read.
+    pub(crate) fn events_for_a_small_buffer(&self, query: &str) -> EventStream {
+        use rustix::net::{AddressFamily, SocketType, sockopt};
+        let socket = rustix::net::socket(AddressFamily::INET, SocketType::STREAM, None).unwrap();
+        sockopt::set_socket_recv_buffer_size(&socket, 64 << 10).unwrap();
+        rustix::net::connect(&socket, &self.address).unwrap();
+        let stream = TcpStream::from(socket);
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        self.events_at(stream, query)
+    }
+
+    fn events_at(&self, mut stream: TcpStream, query: &str) -> EventStream {
         let path = self.path(&format!("events?{query}"));
         let headers = [("authorization", self.bearer())];
         let headers = headers.each_ref().map(|(name, value)| (*name, value.as_str()));
@@ -193,11 +207,6 @@ pub(crate) struct EventStream {
 }
 
 impl EventStream {
-    /// From now on the system keeps little of what this reader does not read.
-    pub(crate) fn take_little(&self) {
-        rustix::net::sockopt::set_socket_recv_buffer_size(self.lines.get_ref(), 4096).unwrap();
-    }
-
     /// The status line of the answer.
     pub(crate) fn status(&mut self) -> u16 {
         let mut line = String::new();

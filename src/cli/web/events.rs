@@ -35,6 +35,8 @@ pub(super) const FIELDS: [&str; 10] =
     ["follow", "journal", "clock", "boards", "buses", "drives", "faults", "findings", "forces", "scene"];
 /// Parts of a stream that wait for the connection.
 const WAITING: usize = 4;
+/// Longest wait for the first poll; a busy emulator answers later.
+const FIRST: Duration = Duration::from_secs(5);
 /// Pause after which a comment shows that the stream still lives.
 const ALIVE: Duration = Duration::from_secs(10);
 
@@ -54,9 +56,14 @@ pub(super) async fn answer(
     let links = app.hub.find(&instance)?;
     let wish = links.looks.run(move |connection| Wish::of_query(connection, &pairs)).await;
     let wish = wish.inspect_err(|problem| app.notice(&instance, problem))?;
-    let reader = Reader::new(wish.clone());
-    let subscription = links.feed.subscribe(wish)?;
+    let mut reader = Reader::new(wish.clone());
+    let mut subscription = links.feed.subscribe(wish)?;
     let (sender, body) = mpsc::channel(WAITING);
+    // Whatever happens after the begin of the answer is an event.
+    if let Ok(Ok(round)) = tokio::time::timeout(FIRST, subscription.rounds.recv()).await {
+        // There is room for the first part.
+        let _ = sender.try_send(reader.events(&round).into());
+    }
     tokio::spawn(send(subscription, reader, sender, permit));
     let mut response = Response::new(Body::new(EventBody(body)));
     response.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static("text/event-stream"));
@@ -70,7 +77,7 @@ async fn send(
     sender: mpsc::Sender<Bytes>,
     _permit: OwnedSemaphorePermit,
 ) {
-    loop {
+    while !reader.is_at_end() {
         let text = tokio::select! {
             () = sender.closed() => return,
             round = tokio::time::timeout(ALIVE, subscription.rounds.recv()) => match round {
@@ -85,9 +92,6 @@ async fn send(
         };
         // The reader has gone.
         if !text.is_empty() && sender.send(text.into()).await.is_err() {
-            return;
-        }
-        if reader.is_at_end() {
             return;
         }
     }
