@@ -1,7 +1,7 @@
 // The pages in the order of the navigation. `open(root, rest, context)` draws a page and returns the function that ends it.
 
 import { busPage } from "./bus.js";
-import { canopenPage } from "./canopen.js";
+import { canopenPage } from "./objects.js";
 import { drivesPage } from "./drives.js";
 import { faultsPage } from "./faults.js";
 import { findingsPage } from "./findings.js";
