@@ -76,21 +76,21 @@ fn a_slow_reader_learns_its_losses_and_delays_no_client() {
     quick.until("clock", |_| true);
     let offset = register_offset(&server);
     let start = Instant::now();
-    for round in 0..120_usize {
+    for round in 0..25_usize {
         let pokes: Vec<_> = (0..250)
             .map(|number| json!({"poke": {"plc": 0, "offset": offset, "width": "Byte", "value": (round + number) % 256}}))
             .chain([json!({"advance": {"us": 1}})])
             .collect();
         server.post(&server.path("request"), &json!({ "operations": pokes })).ok();
     }
-    quick.until("clock", |clock| clock["time_us"] == 120);
+    quick.until("clock", |clock| clock["time_us"] == 25);
     assert!(start.elapsed() < Duration::from_secs(50), "{:?}", start.elapsed());
     // The connection is full; more polls follow than the server keeps.
     std::thread::sleep(Duration::from_secs(3));
     let lost = slow.until("lost", |_| true);
     assert!(lost["rounds"].as_u64().unwrap() > 0 || lost["records"].as_u64().unwrap() > 0, "{lost}");
     emulator.step(&["1us"]);
-    slow.until("clock", |clock| clock["time_us"] == 121);
+    slow.until("clock", |clock| clock["time_us"] == 26);
 }
 
 /// Byte offset of a register that programs write at any time.

@@ -20,6 +20,8 @@ use tokio::sync::watch;
 const HEAD_TIME: Duration = Duration::from_secs(30);
 /// Time in milliseconds after which a connection is closed if its peer takes none of the sent data.
 const UNREAD_MS: u32 = 30_000;
+/// Sent bytes that the system keeps for a connection until its peer takes them.
+const SEND_BUFFER: usize = 256 << 10;
 /// Maximum size of the head of a request, in bytes.
 const MAX_HEAD: usize = 16 << 10;
 /// Maximum number of headers of a request.
@@ -73,8 +75,9 @@ async fn accept(listener: &TcpListener, router: &Router) {
 
 /// Serves a connection until one of its ends closes it.
 async fn converse(stream: TcpStream, connection: OpenConnection, router: Router) {
-    // Without these options a connection only lasts longer, or its answers are late.
+    // Without these options a connection only lasts longer, takes more memory, or its answers are late.
     let _ = rustix::net::sockopt::set_tcp_user_timeout(&stream, UNREAD_MS);
+    let _ = rustix::net::sockopt::set_socket_send_buffer_size(&stream, SEND_BUFFER);
     let _ = stream.set_nodelay(true);
     let peer = Arc::clone(&connection.peer);
     let handler = TowerToHyperService::new(router);
