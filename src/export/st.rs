@@ -161,7 +161,7 @@ fn head(scope: &Scope, form: StForm, command: &str) -> String {
     let mut lines = text::banner(scope, command);
     if form.compiler == StCompiler::StruCpp {
         lines.push(
-            "Each address occurs once: its second name has 1003 for the segment 3, its third 2003.".into(),
+            "Each address occurs once: the second name of an address has a thousand more in the number of its segment.".into(),
         );
     } else if form.is_matiec() || form.elementary {
         lines.push(
