@@ -13,7 +13,7 @@ const PAGE: &str = include_str!("../../docs/reference/journal.md");
 /// Fields of every line.
 const ALWAYS: [&str; 4] = ["v", "seq", "time_us", "kind"];
 /// Latency, and words with more meaning than numbers: they depend on the event, not on its kind.
-const NOT_OF_THE_KIND: [&str; 2] = ["latency_us", "text"];
+const NOT_OF_THE_KIND: [&str; 3] = ["latency_us", "text", "service"];
 
 /// Row of the table for one kind.
 struct Row {

@@ -41,6 +41,7 @@ const AT_AN_INSTANCE: &[&[&str]] = &[
     &["status"],
     &["plot", "node2.w_CPU_CONTROL", "-o", "never.svg"],
     &["shell"],
+    &["web", "--listen", "127.0.0.1:0"],
 ];
 
 /// Returns the commands that `commram help` lists.

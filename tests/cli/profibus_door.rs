@@ -169,7 +169,9 @@ fn pyprofibus_runs_unchanged_on_a_serial_line() {
     }
     let outcome = child.wait_with_output().unwrap();
     let error = String::from_utf8_lossy(&outcome.stderr);
-    assert_eq!(String::from_utf8_lossy(&outcome.stdout), "pyprofibus exchanges data\n", "{error}");
+    // pyprofibus warns of rates that serial ports seldom have.
+    let output = String::from_utf8_lossy(&outcome.stdout);
+    assert_eq!(output.lines().last(), Some("pyprofibus exchanges data"), "{output}{error}");
     assert!(ended && is_answered, "{}", emulator.run("trace", &["--bus", "dp"]).out);
 }
 

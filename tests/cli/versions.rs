@@ -176,7 +176,7 @@ fn a_python_program_of_another_version_learns_both_versions() {
 fn a_snapshot_of_another_format_is_refused_by_its_versions() {
     let directory = tempfile::tempdir().unwrap();
     let file = directory.path().join("plant.snapshot");
-    for (format, version) in [(1_u16, "0.0.1"), (2, "0.0.9"), (4, "0.2.0")] {
+    for (format, version) in [(1_u16, "0.0.1"), (2, "0.0.9"), (3, "0.1.0"), (5, "0.2.0")] {
         let mut bytes = b"cmrmsnap".to_vec();
         bytes.extend(format.to_le_bytes());
         bytes.push(version.len() as u8);
@@ -193,7 +193,7 @@ fn a_snapshot_of_another_format_is_refused_by_its_versions() {
             &crate::common::unique_name(),
         ]);
         let words = format!(
-            "it was made by commram {version} (format {format}), this is commram {} (format 3); use that version",
+            "it was made by commram {version} (format {format}), this is commram {} (format 4); use that version",
             env!("CARGO_PKG_VERSION")
         );
         assert!(outcome.fails(2).contains(&words), "{}", outcome.err);

@@ -193,7 +193,8 @@ impl Master {
 
     /// Handles the deadline of a reference value frame. Builds the frame if the PLC has released it with 16#05.
     /// Otherwise the frame is left out in this interval, together with its actual value request. The journal reports
-    /// this if the PLC has released the frame since active operation began.
+    /// this unless the frame is unused: no word is assigned, and the PLC has not released it since active operation
+    /// began.
     pub fn build_reference(&mut self, ctx: &mut Context, channel: Channel) -> Option<Built> {
         if !self.is_exchanging() {
             return None;
@@ -202,7 +203,7 @@ impl Master {
         let deadline = &mut self.deadlines[channel.index()];
         deadline.deadline(ctx.now, released);
         if !released {
-            if deadline.is_used() {
+            if deadline.is_used() || self.config[channel.index()].used_words() > 0 {
                 let origin = ctx.origin;
                 ctx.report(Missed { origin, what: OmittedFrame::ReferenceValue(channel.number()) });
             }
