@@ -68,6 +68,9 @@ fn kinds_of_records_can_be_selected() {
 /// The reader does not read until its connection is full.
 #[test]
 fn a_slow_reader_learns_its_losses_and_delays_no_client() {
+    // Rounds that fill the connection, and more rounds than the server keeps for a reader.
+    const FULL: usize = 10;
+    const ROUNDS: usize = 60;
     let emulator = Emulator::stepped();
     let server = Server::of(&emulator, &[]);
     let mut slow = server.events_for_a_small_buffer("follow=node2.b_BT_0&journal=1&clock=1");
@@ -76,21 +79,20 @@ fn a_slow_reader_learns_its_losses_and_delays_no_client() {
     quick.until("clock", |_| true);
     let offset = register_offset(&server);
     let start = Instant::now();
-    for round in 0..25_usize {
-        let pokes: Vec<_> = (0..250)
+    for round in 1..=ROUNDS {
+        let pokes = if round <= FULL { 250 } else { 0 };
+        let operations: Vec<_> = (0..pokes)
             .map(|number| json!({"poke": {"plc": 0, "offset": offset, "width": "Byte", "value": (round + number) % 256}}))
             .chain([json!({"advance": {"us": 1}})])
             .collect();
-        server.post(&server.path("request"), &json!({ "operations": pokes })).ok();
+        server.post(&server.path("request"), &json!({ "operations": operations })).ok();
+        quick.until("clock", |clock| clock["time_us"] == round);
     }
-    quick.until("clock", |clock| clock["time_us"] == 25);
     assert!(start.elapsed() < Duration::from_secs(50), "{:?}", start.elapsed());
-    // The connection is full; more polls follow than the server keeps.
-    std::thread::sleep(Duration::from_secs(3));
     let lost = slow.until("lost", |_| true);
     assert!(lost["rounds"].as_u64().unwrap() > 0 || lost["records"].as_u64().unwrap() > 0, "{lost}");
     emulator.step(&["1us"]);
-    slow.until("clock", |clock| clock["time_us"] == 26);
+    slow.until("clock", |clock| clock["time_us"] == ROUNDS + 1);
 }
 
 /// Byte offset of a register that programs write at any time.
