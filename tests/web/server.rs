@@ -152,7 +152,7 @@ impl Server {
         self.events_at(self.connect(), query)
     }
 
-    /// Starts a stream of events for a reader whose system keeps little of what it does not read.
+    /// Starts a stream of events for a reader with a small receive buffer.
     pub(crate) fn events_for_a_small_buffer(&self, query: &str) -> EventStream {
         use rustix::net::{AddressFamily, SocketType, sockopt};
         let socket = rustix::net::socket(AddressFamily::INET, SocketType::STREAM, None).unwrap();
