@@ -94,7 +94,7 @@ pub use traits::{
 use crate::door::Speech;
 
 /// Returns the messages that a kind of bus carries.
-#[cfg(feature = "emulator")]
+#[cfg(feature = "cli")]
 pub(crate) fn speech_of(kind: &str) -> Option<Speech> {
     BUS_KINDS.iter().find(|it| it.name == kind).map(|it| it.speech)
 }

@@ -183,6 +183,7 @@ fn assert_size(out: &mut String, name: &str, bytes: u32) {
 
 /// Returns the expression for a register of the image `ram`: the function of its structure, `(&ram)->`, the register.
 /// `name` has an area in front; none if the device has no such register.
+#[cfg(feature = "cli")]
 pub(crate) fn register_expression(device: &'static DeviceLayout, name: &str) -> Option<String> {
     let (area, register) = name.split_once('.')?;
     let area = device.area(area).ok()?;

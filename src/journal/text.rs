@@ -20,8 +20,7 @@ impl Text {
 
     /// The event of a record that follows the records so far: its line without time and source.
     pub(crate) fn description(&mut self, record: &Record) -> String {
-        self.reader.observe(record);
-        let mut text = record.event.text(&mut self.reader);
+        let mut text = self.event(record);
         // Writing to a String cannot fail.
         if let Some(latency) = record.latency_us {
             let _ = write!(text, ", answered after {latency} us");
