@@ -5,7 +5,9 @@ use super::constants;
 use super::members::{self, Member};
 use super::scope::Scope;
 use super::text;
-use crate::layout::{AreaStructure, DeviceLayout, RegType, Structure, format_value};
+#[cfg(feature = "cli")]
+use crate::layout::DeviceLayout;
+use crate::layout::{AreaStructure, RegType, Structure, format_value};
 use crate::memory::HEADER_SIZE;
 use crate::memory::contract::{self, FieldKind, HeaderStruct};
 use crate::memory::header::{ABI_VERSION, MAGIC};
