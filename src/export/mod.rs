@@ -217,7 +217,7 @@ pub fn export(
     })
 }
 
-/// A whole file for matiec, as [`StForm::matiec`], with these function blocks in Structured Text between types and
+/// A whole file for matiec, see [`StCompiler::Matiec`], with these function blocks in Structured Text between types and
 /// program.
 #[must_use]
 pub fn st_with_blocks(device: &'static DeviceLayout, blocks: &str) -> String {

@@ -1,5 +1,5 @@
 //! Journal events of PROFIBUS: its telegrams. An event has five numbers, so the octets of a longer telegram are in its
-//! record ([`Reader::octets`]).
+//! record (`Reader::octets`).
 
 use super::services;
 use crate::event_kinds;
