@@ -424,7 +424,7 @@ mod tests {
         assert!(Domain::find("a", root.path()).unwrap().is_none());
     }
 
-    /// The path of a domain whose owner has ended, and the domain as a client has found it before.
+    /// The path of a domain without its owner, and the domain as a client found it before the owner ended.
     fn found_before_the_end() -> (TempDir, PathBuf, Domain) {
         let parent = TempDir::new().unwrap();
         let path = parent.path().join("iox.d");

@@ -106,7 +106,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 }
 
 mod by_channel {
-    use super::super::session::Session;
+    use super::super::session::{Session, number_of_bus};
     use super::super::table::{self, Format, Row};
     use super::super::{Instance, error::CliError, output};
     use crate::door::DoorSpec;
@@ -188,12 +188,7 @@ mod by_channel {
     /// Returns the number of the bus with this name.
     fn number(session: &Session, bus: &str, instance: &Instance) -> Result<BusIndex, CliError> {
         let buses = session.ask(Op::Info)?.info()?.names.buses;
-        let found = buses.iter().position(|name| name == bus).map(BusIndex::at);
-        found.ok_or_else(|| CliError::UnknownBus {
-            bus: bus.to_owned(),
-            instance: instance.name().to_owned(),
-            buses: buses.join(", "),
-        })
+        number_of_bus(instance.name(), &buses, bus)
     }
 
     pub(super) fn open(bus: &str, door: DoorSpec, instance: &Instance) -> Result<(), CliError> {

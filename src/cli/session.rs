@@ -10,7 +10,7 @@ use super::output;
 use super::place::NamedLocation;
 use crate::devices;
 use crate::devices::ModuleFront;
-use crate::identity::DeviceIndex;
+use crate::identity::{BusIndex, DeviceIndex};
 use crate::layout::{DeviceFit, DeviceLayout, FrontWord, RegisterRef, plc_prefix, split_plc};
 use crate::memory::header::BoardState;
 use crate::memory::{
@@ -307,6 +307,19 @@ pub(crate) fn number_of_plc(
         plc: plc.to_owned(),
         instance: instance(),
         plcs: plcs.join(", "),
+    })
+}
+
+/// Number of the bus `bus` of an instance with these buses.
+///
+/// # Errors
+/// There is no such bus.
+pub(crate) fn number_of_bus(instance: &str, buses: &[String], bus: &str) -> Result<BusIndex, CliError> {
+    let number = buses.iter().position(|name| name == bus);
+    number.map(BusIndex::at).ok_or_else(|| CliError::UnknownBus {
+        bus: bus.to_owned(),
+        instance: instance.to_owned(),
+        buses: buses.join(", "),
     })
 }
 

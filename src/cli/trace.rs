@@ -7,7 +7,6 @@ use super::Instance;
 use super::error::CliError;
 use super::{number, time};
 use crate::devices;
-use crate::identity::BusIndex;
 use crate::journal::{Kind, Ring};
 use clap::ValueEnum;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -144,7 +143,7 @@ fn kinds(args: &Args) -> Result<Vec<&'static Kind>, CliError> {
 
 /// Prints the journal.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    use super::session::Session;
+    use super::session::{Session, number_of_bus};
     use crate::request::{InstanceInfo, Op};
     use std::io::IsTerminal;
 
@@ -161,14 +160,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     }
     let session = Session::open(&args.instance, 0)?;
     let InstanceInfo { name: instance, names, .. } = session.ask(Op::Info)?.info()?;
-    let number = |names: &[String], name: &String| names.iter().position(|other| other == name);
-    let bus = |name: &String| {
-        number(&names.buses, name).map(BusIndex::at).ok_or_else(|| CliError::UnknownBus {
-            bus: name.clone(),
-            instance: instance.clone(),
-            buses: names.buses.join(", "),
-        })
-    };
+    let bus = |name: &String| number_of_bus(&instance, &names.buses, name);
     let selection = crate::journal::Selection {
         kinds,
         buses: args.bus.iter().map(bus).collect::<Result<_, _>>()?,

@@ -3,6 +3,11 @@
 use serde::{Serialize, Serializer};
 use serde_json::Value;
 
+/// Octets as pairs of hexadecimal digits, each with the prefix `before`.
+pub(crate) fn hex(octets: &[u8], before: &str) -> String {
+    octets.iter().map(|octet| format!("{before}{octet:02X}")).collect()
+}
+
 /// Names and values.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Fields(Vec<(&'static str, Value)>);

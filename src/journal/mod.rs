@@ -62,6 +62,7 @@ pub use changed::{By, ChangeDetails, Changed};
 pub use coded::{EventCodec, EventSource, Packer, Part, Unpacker, Words};
 pub use event::{Event, Keeping, Origin, Source};
 pub use fields::Fields;
+pub(crate) use fields::hex;
 pub use finding::{Finding, Found};
 pub use findings::{Entry, Findings, MAX_ENTRIES};
 pub(crate) use history::Rams;

@@ -116,10 +116,17 @@ fn pyprofibus_reaches_a_controller_through_the_gateway() {
     // Time for the controller to receive the start frame.
     emulator.step(&["1s"]);
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/check_profibus.py");
-    let mut child = seat(&emulator, python.arg(script));
+    let child = seat(&emulator, python.arg(script));
+    let (output, error) = exchange(&emulator, child, || drop(emulator.step(&["50ms"])));
+    assert_eq!(output, "pyprofibus exchanges data\n", "{error}");
+}
+
+/// Answers the outputs of pyprofibus as the controller does, until the process ends; `advance` is called before each
+/// look. Returns both outputs of the process.
+fn exchange(emulator: &Emulator, mut child: Child, advance: impl Fn()) -> (String, String) {
     let mut is_answered = false;
     let ended = eventually(|| {
-        emulator.step(&["50ms"]);
+        advance();
         if !is_answered && emulator.peek(&["panel:%MW2000"]) == "16#1234" {
             emulator.poke(&["panel:%MW2032=16#ABCD"]);
             is_answered = true;
@@ -130,9 +137,11 @@ fn pyprofibus_reaches_a_controller_through_the_gateway() {
         child.kill().unwrap();
     }
     let outcome = child.wait_with_output().unwrap();
-    let error = String::from_utf8_lossy(&outcome.stderr);
-    assert_eq!(String::from_utf8_lossy(&outcome.stdout), "pyprofibus exchanges data\n", "{error}");
-    assert!(ended && is_answered, "{}", emulator.run("trace", &["--bus", "dp"]).out);
+    let [output, error] =
+        [outcome.stdout, outcome.stderr].map(|it| String::from_utf8_lossy(&it).into_owned());
+    let trace = || emulator.run("trace", &["--bus", "dp"]).out;
+    assert!(ended && is_answered, "{output}{error}{}", trace());
+    (output, error)
 }
 
 /// Returns the path of the pseudo-terminal at the first bus.
@@ -150,29 +159,15 @@ fn pyprofibus_runs_unchanged_on_a_serial_line() {
     let emulator = start_with(&plant.replace("profibus-tcp:127.0.0.1:0", "profibus-pty"), &[]);
     emulator.run("wait", &["--within", "60s", "panel:flags.CAN_OPEN==1"]).ok();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/check_profibus.py");
-    let mut child = python
+    let child = python
         .args([script.to_str().unwrap(), &terminal(&emulator)])
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    let mut is_answered = false;
-    let ended = eventually(|| {
-        if !is_answered && emulator.peek(&["panel:%MW2000"]) == "16#1234" {
-            emulator.poke(&["panel:%MW2032=16#ABCD"]);
-            is_answered = true;
-        }
-        child.try_wait().unwrap().is_some()
-    });
-    if !ended {
-        child.kill().unwrap();
-    }
-    let outcome = child.wait_with_output().unwrap();
-    let error = String::from_utf8_lossy(&outcome.stderr);
+    let (output, error) = exchange(&emulator, child, || {});
     // pyprofibus warns of rates that serial ports seldom have.
-    let output = String::from_utf8_lossy(&outcome.stdout);
     assert_eq!(output.lines().last(), Some("pyprofibus exchanges data"), "{output}{error}");
-    assert!(ended && is_answered, "{}", emulator.run("trace", &["--bus", "dp"]).out);
 }
 
 /// A program on a serial line that is two slaves; a master at another door asks both.

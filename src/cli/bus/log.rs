@@ -10,7 +10,7 @@ pub(super) use play::{Play, play};
 
 use super::super::error::CliError;
 use super::super::output;
-use super::super::session::Session;
+use super::super::session::{Session, number_of_bus};
 use crate::devices;
 use crate::door::Speech;
 use crate::identity::BusIndex;
@@ -100,13 +100,8 @@ impl Log {
         self.note_skipped();
         let names = &buses.info.names.buses;
         let number = |name: &str| names.iter().position(|bus| bus == name);
-        let unknown = |bus: &str| CliError::UnknownBus {
-            bus: bus.to_owned(),
-            instance: buses.info.name.clone(),
-            buses: names.join(", "),
-        };
-        let for_all = only.map(|name| number(name).ok_or_else(|| unknown(name))).transpose()?;
-        let for_all = for_all.or((names.len() == 1).then_some(0));
+        let for_all = only.map(|name| number_of_bus(&buses.info.name, names, name)).transpose()?;
+        let for_all = for_all.map(BusIndex::index).or((names.len() == 1).then_some(0));
         let mut aimed = Vec::new();
         let mut passed = PassedOver::default();
         for (interface, is_selected, at, time_us, message) in self.take_messages(select) {

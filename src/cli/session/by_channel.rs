@@ -137,6 +137,14 @@ impl Session {
         Ok(self.ask(Op::Info)?.info()?)
     }
 
+    /// Number of the next record of the journal.
+    ///
+    /// # Errors
+    /// The emulator has gone.
+    pub(crate) fn journal_end(&self) -> Result<u64, CliError> {
+        Ok(self.ask(Op::Journal { from: u64::MAX, max: 0 })?.journal_part()?.end)
+    }
+
     /// The journal from record number `from` on; records that are still being counted come last. Prints a note
     /// about lost records.
     ///

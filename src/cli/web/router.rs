@@ -113,6 +113,11 @@ async fn request(
     Ok(json_response(&json!({ "replies": replies })))
 }
 
+/// Whether the text of a field in a query switches something on.
+pub(super) fn is_on(text: &str) -> bool {
+    matches!(text, "1" | "true")
+}
+
 /// The fields of a query string.
 ///
 /// # Errors

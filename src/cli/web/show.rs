@@ -6,9 +6,10 @@ mod words;
 use super::App;
 use super::link::Connection;
 use super::problem::Problem;
-use super::router::{Pairs, json_response, pairs};
+use super::router::{Pairs, is_on, json_response, pairs};
 use crate::cli::error::CliError;
 use crate::cli::peek::{self, ReadTarget};
+use crate::cli::session::number_of_bus;
 use crate::cli::status::Status;
 use crate::cli::view::{Frames, WindowFrames};
 use crate::cli::{board, check, find, list, plot, snapshot, time};
@@ -74,7 +75,7 @@ impl Fields<'_> {
     }
 
     fn is_on(&self, name: &str) -> bool {
-        self.text(name).is_some_and(|text| matches!(text, "1" | "true"))
+        self.text(name).is_some_and(is_on)
     }
 
     /// Refuses other fields than these.
@@ -218,13 +219,7 @@ fn kind_of_fault(kind: &'static Kind) -> Value {
 
 fn frames(connection: &mut Connection, fields: &Fields<'_>) -> Result<Shown, Problem> {
     let name = fields.needed("bus")?;
-    let bus = connection.names.buses.iter().position(|known| known == name).map(BusIndex::at);
-    let unknown = || CliError::UnknownBus {
-        bus: name.to_owned(),
-        instance: connection.session.instance().to_owned(),
-        buses: connection.names.buses.join(", "),
-    };
-    let bus = bus.ok_or_else(unknown)?;
+    let bus = number_of_bus(connection.session.instance(), &connection.names.buses, name)?;
     let count = fields
         .text("count")
         .map_or(Ok(1), str::parse)
@@ -242,7 +237,7 @@ fn latest_frames(
     count: usize,
 ) -> Result<Vec<WindowFrames>, CliError> {
     let session = &connection.session;
-    let end = session.ask(Op::Journal { from: u64::MAX, max: 0 })?.journal_part()?.end;
+    let end = session.journal_end()?;
     let info = session.info()?;
     let scene = session.ask(Op::Scene)?.scene()?;
     let part = read_journal(end.saturating_sub(FRAME_RECORDS), |op| session.ask(op))?;

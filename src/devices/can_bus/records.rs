@@ -2,7 +2,9 @@
 
 use crate::can::{ErrorState, Fate, Frame};
 use crate::event_kinds;
-use crate::journal::{Carried, EventCodec, EventText, Fields, Kind, Origin, Packer, Part, Reader, Unpacker};
+use crate::journal::{
+    Carried, EventCodec, EventText, Fields, Kind, Origin, Packer, Part, Reader, Unpacker, hex,
+};
 
 /// All event kinds of this module.
 pub static KINDS: &[&Kind] = &[Transmitted::KIND, Lost::KIND, StateChange::KIND];
@@ -96,17 +98,12 @@ impl Part for Frame {
     }
 }
 
-/// Returns the data bytes in hexadecimal, each with the prefix `before`.
-fn bytes(frame: &Frame, before: &str) -> String {
-    frame.payload().data().iter().map(|byte| format!("{before}{byte:02X}")).collect()
-}
-
 /// `16#123 01 02`, `16#00000123 remote, length 2`
 fn text(frame: &Frame) -> String {
     let rest = if frame.arbitration().is_remote() {
         format!(" remote, length {}", frame.length())
     } else {
-        bytes(frame, " ")
+        hex(frame.payload().data(), " ")
     };
     let id = frame.arbitration().number();
     if frame.arbitration().is_extended() {
@@ -124,7 +121,7 @@ fn fields(frame: &Frame, sender: Origin, reader: &Reader) -> Fields {
         .with("extended", field.is_extended())
         .with("remote", field.is_remote())
         .with("length", frame.length())
-        .with("data", bytes(frame, ""))
+        .with("data", hex(frame.payload().data(), ""))
         .with("from", reader.port(sender))
 }
 

@@ -6,6 +6,7 @@ use super::registers::values::mst_dsap::{CHK_CFG, DATA_EXCHANGE, SET_PRM, SLAVE_
 use super::registers::values::{mst_control, mst_result};
 use super::registers::{CAN_DP2_MST, DEVICE, MST};
 use crate::devices::demo::{Actor, Demo, DemoError, Show};
+use crate::journal::hex;
 use crate::memory::{Attached, Cell8, View};
 
 pub(crate) static DEMO: Demo = Demo {
@@ -24,14 +25,10 @@ const CFG: [u8; 10] = [0x83, 0x87, 0x02, 0x20, 0xAA, 0x43, 0x87, 0x01, 0xA0, 0xA
 /// The DP master.
 struct Master<'a>(Actor<'a>);
 
-fn hex(octets: &[u8]) -> String {
-    octets.iter().map(|octet| format!(" {octet:02X}")).collect()
-}
-
 impl Master<'_> {
     /// Sends a request to the slave; returns the octets of its answer.
     fn ask(&self, called: &str, dsap: u8, octets: &[u8]) -> Result<Vec<u8>, DemoError> {
-        self.0.tell(&format!("asks {called}{}", hex(octets)))?;
+        self.0.tell(&format!("asks {called}{}", hex(octets, " ")))?;
         let mst: View<CAN_DP2_MST> = self.0.attached.segment().view(MST)?;
         mst.mst_dsap.store(dsap);
         mst.mst_request_len.store(octets.len() as u8);
@@ -42,7 +39,7 @@ impl Master<'_> {
         let reply: Vec<u8> = mst.mst_reply.iter().take(length).map(Cell8::load).collect();
         match mst.mst_result.load() {
             mst_result::RECEIPT => self.0.tell("gets a receipt")?,
-            _ => self.0.tell(&format!("is answered{}", hex(&reply)))?,
+            _ => self.0.tell(&format!("is answered{}", hex(&reply, " ")))?,
         }
         Ok(reply)
     }

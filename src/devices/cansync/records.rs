@@ -6,7 +6,9 @@ use super::frames::{Frame, FrameKind};
 use crate::can;
 use crate::can::Id;
 use crate::event_kinds;
-use crate::journal::{Carried, EventCodec, EventText, Fields, Keeping, Kind, Packer, Part, Reader, Unpacker};
+use crate::journal::{
+    Carried, EventCodec, EventText, Fields, Keeping, Kind, Packer, Part, Reader, Unpacker, hex,
+};
 
 /// All event kinds of this module.
 pub static KINDS: &[&Kind] = &[
@@ -238,10 +240,6 @@ pub(crate) fn describe(frame: &can::Frame) -> String {
     Frame::new(id.as_raw(), frame.payload().data()).map_or_else(String::new, |frame| frame_text(&frame))
 }
 
-fn hex(frame: &Frame) -> String {
-    frame.data().iter().map(|byte| format!("{byte:02X}")).collect()
-}
-
 impl EventText for Transmitted {
     fn text(&self, _: &mut Reader) -> String {
         frame_text(&self.frame)
@@ -249,7 +247,7 @@ impl EventText for Transmitted {
 
     fn fields(&self, _: &mut Reader) -> Fields {
         let text = codec::decode(&self.frame).map_or_else(|error| error.to_string(), |it| it.to_string());
-        Fields::new().with("id", self.frame.id()).with("data", hex(&self.frame)).with("text", text)
+        Fields::new().with("id", self.frame.id()).with("data", hex(self.frame.data(), "")).with("text", text)
     }
 
     fn frame(&self) -> Option<Carried> {
@@ -267,7 +265,10 @@ impl EventText for ForeignFrame {
     }
 
     fn fields(&self, _: &mut Reader) -> Fields {
-        Fields::new().with("id", self.frame.id()).with("data", hex(&self.frame)).with("guest", self.guest)
+        Fields::new()
+            .with("id", self.frame.id())
+            .with("data", hex(self.frame.data(), ""))
+            .with("guest", self.guest)
     }
 
     fn frame(&self) -> Option<Carried> {

@@ -4,7 +4,7 @@
 use super::services;
 use crate::event_kinds;
 use crate::identity::BusIndex;
-use crate::journal::{EventCodec, EventText, Fields, Kind, Octets, Origin, Reader};
+use crate::journal::{EventCodec, EventText, Fields, Kind, Octets, Origin, Reader, hex};
 use crate::profibus::{Frame, Telegram};
 
 /// All event kinds of this module.
@@ -101,10 +101,6 @@ impl DpTelegram {
 }
 
 /// Returns octets in hexadecimal, each with the prefix `before`.
-fn hex(octets: &[u8], before: &str) -> String {
-    octets.iter().map(|octet| format!("{before}{octet:02X}")).collect()
-}
-
 /// Returns the event of a token or receipt; `None` for a frame, which is a [`DpTelegram`].
 pub(super) fn short(bus: BusIndex, sender: Origin, telegram: &Telegram) -> Option<DpShort> {
     let token = match telegram {

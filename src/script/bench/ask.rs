@@ -48,7 +48,7 @@ impl Bench {
         Ok(self.ask(Op::Poke { plc, offset, width, value })?.written()?)
     }
 
-    /// Writes a single bit and leaves the other bits of its register, whoever writes them.
+    /// Writes a single bit and leaves the other bits of its register, also if other programs write them at the same time.
     pub(super) fn store_bit(
         &mut self,
         plc: DeviceIndex,

@@ -6,6 +6,7 @@ use crate::cli::error::CliError;
 use crate::cli::peek::ReadTarget;
 use crate::cli::web::link::Connection;
 use crate::cli::web::problem::Problem;
+use crate::cli::web::router::is_on;
 use crate::identity::DeviceIndex;
 use crate::request::Op;
 use std::collections::{BTreeMap, BTreeSet};
@@ -90,7 +91,7 @@ impl Wish {
     pub(super) fn of_query(connection: &mut Connection, query: &[(String, String)]) -> Result<Self, Problem> {
         let mut wish = Self::default();
         for (name, text) in query {
-            let is_on = matches!(text.as_str(), "1" | "true");
+            let is_on = is_on(text);
             let state = StateKind::ALL.into_iter().find(|state| state.name() == name);
             match (name.as_str(), state) {
                 ("follow", _) => wish.follow(connection, text)?,

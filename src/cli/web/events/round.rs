@@ -83,7 +83,7 @@ impl Poller {
     pub(super) fn new(connection: Connection) -> Result<Self, CliError> {
         let (_, next_change, turn) =
             connection.session.ask(Op::Changes { from: 0, max: 0 })?.turned_changes()?;
-        let next_record = connection.session.ask(Op::Journal { from: u64::MAX, max: 0 })?.journal_part()?.end;
+        let next_record = connection.session.journal_end()?;
         let asked = Instant::now();
         let (asked_for_buses, buses, sent) = (None, None, Counts::default());
         Ok(Self {
