@@ -42,9 +42,12 @@ impl Session {
     fn connect_to(instance: &str, images: &[ImageInfo], waits_us: u64) -> Result<Self, CliError> {
         let (attached, layout) = attach_live(instance, images)?;
         let slowed = slowdown(&attached);
-        // The header page of the only PLC has the names too, which saves an exchange.
+        // The header page of the only PLC has the names too, which saves an exchange. If a successor is taking over the
+        // image of a killed emulator, only the exchange shows that the old channel has no server.
         let only = match images {
-            [image] => Some((vec![image.plc.clone()], vec![attached.header_snapshot().fitted(layout)])),
+            [image] if taken_from(instance, images).is_none() => {
+                Some((vec![image.plc.clone()], vec![attached.header_snapshot().fitted(layout)]))
+            }
             _ => None,
         };
         let patience = Patience { reply: patience(waits_us, slowed), ..Patience::default() };
