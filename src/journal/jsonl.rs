@@ -18,6 +18,12 @@ impl Jsonl {
         Jsonl { reader: Reader::new(names, catalogue) }
     }
 
+    /// Records are missing: the states of ports may have changed.
+    #[cfg(feature = "cli")]
+    pub(crate) fn forget_states(&mut self) {
+        self.reader.gap();
+    }
+
     /// The object of a record that follows the records so far.
     pub(crate) fn line(&mut self, record: &Record) -> impl Serialize + use<> {
         self.reader.observe(record);

@@ -70,6 +70,8 @@ pub(super) struct Poller {
     buses: Option<Arc<str>>,
     next_change: u64,
     next_record: u64,
+    /// Writes records; names of overlaid registers follow from the states in the records before.
+    lines: Jsonl,
     /// Number of the history that was read last.
     turn: u16,
     sent: Counts,
@@ -85,6 +87,7 @@ impl Poller {
             connection.session.ask(Op::Changes { from: 0, max: 0 })?.turned_changes()?;
         let next_record = connection.session.journal_end()?;
         let asked = Instant::now();
+        let lines = Jsonl::new(connection.names.clone(), devices::catalogue());
         let (asked_for_buses, buses, sent) = (None, None, Counts::default());
         Ok(Self {
             connection,
@@ -93,6 +96,7 @@ impl Poller {
             buses,
             next_change,
             next_record,
+            lines,
             turn: turn.number,
             sent,
         })
@@ -202,7 +206,6 @@ impl Poller {
     }
 
     fn journal(&mut self, round: &mut Round) -> Result<(), CliError> {
-        let mut lines = Jsonl::new(self.connection.names.clone(), devices::catalogue());
         for _ in 0..PARTS {
             let op = Op::Journal { from: self.next_record, max: MAX_RECORDS };
             let part = self.connection.session.ask(op)?.journal_part()?;
@@ -218,12 +221,16 @@ impl Poller {
                 }
             }
             if let Some(first) = part.records.first() {
-                round.lost.records += first.seq.saturating_sub(self.next_record);
+                let lost = first.seq.saturating_sub(self.next_record);
+                round.lost.records += lost;
+                if lost > 0 || round.is_turned {
+                    self.lines.forget_states();
+                }
             }
             let is_last = part.is_last();
             self.next_record = part.next();
             for record in &part.records {
-                round.records.push(line(&mut lines, record)?);
+                round.records.push(line(&mut self.lines, record)?);
             }
             if is_last {
                 break;
