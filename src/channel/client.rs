@@ -19,6 +19,10 @@ use iceoryx2::prelude::{BackpressureStrategy, Node, PortFactory};
 use iceoryx2::service::builder::request_response::RequestResponseOpenError as OpenError;
 use iceoryx2::service::port_factory::client::ClientCreateError;
 use std::path::Path;
+#[cfg(feature = "cli")]
+use std::sync::Arc;
+#[cfg(feature = "cli")]
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 type Port = iceoryx2::port::client::Client<Threads, [WireOp], (), [Block], ()>;
@@ -68,6 +72,9 @@ pub struct Client {
     bells: Box<dyn Bells + Send>,
     patience: Patience,
     instance: String,
+    /// Set when nobody waits for the reply any more.
+    #[cfg(feature = "cli")]
+    cancel: Option<Arc<AtomicBool>>,
 }
 
 impl Client {
@@ -86,7 +93,16 @@ impl Client {
             let failure = match ports(instance, root, &*bells, patience.enter) {
                 Ok((port, service, guest)) => {
                     let instance = instance.to_owned();
-                    return Ok(Self { port, service, guest, bells, patience, instance });
+                    return Ok(Self {
+                        port,
+                        service,
+                        guest,
+                        bells,
+                        patience,
+                        instance,
+                        #[cfg(feature = "cli")]
+                        cancel: None,
+                    });
                 }
                 Err(failure) => failure,
             };
@@ -101,6 +117,23 @@ impl Client {
     #[cfg(feature = "cli")]
     pub(crate) fn set_patience(&mut self, reply: Duration) {
         self.patience.reply = reply;
+    }
+
+    /// Withdraws requests from now on when `cancel` becomes true: the emulator ends them as those of a client that was
+    /// killed, and the request fails like one that is late.
+    #[cfg(feature = "cli")]
+    pub(crate) fn set_cancel(&mut self, cancel: Arc<AtomicBool>) {
+        self.cancel = Some(cancel);
+    }
+
+    #[cfg(feature = "cli")]
+    fn is_cancelled(&self) -> bool {
+        self.cancel.as_ref().is_some_and(|cancel| cancel.load(Ordering::Relaxed))
+    }
+
+    #[cfg(not(feature = "cli"))]
+    fn is_cancelled(&self) -> bool {
+        false
     }
 
     /// Sends the operations as one request and waits for the replies, one per operation in the same order.
@@ -173,6 +206,9 @@ impl Client {
             if elapsed < self.patience.spin {
                 std::hint::spin_loop();
                 continue;
+            }
+            if self.is_cancelled() {
+                return Err(self.late(elapsed));
             }
             let Some(rest) = limit.checked_sub(elapsed).filter(|rest| !rest.is_zero()) else {
                 return Err(self.late(limit));

@@ -30,8 +30,8 @@ enum Command {
 
 /// List the drives and their states.
 ///
-/// `reference` and `speed` are in increments of the drive's speed format, `fault` is P308. An unsynchronized drive
-/// takes no reference values.
+/// `reference` and `speed` are in increments of the drive's speed format, `fault` is P308. Position reference
+/// values (P258) reach a drive only while it is synchronized.
 #[derive(ClapArgs)]
 #[command(after_help = "\
 Examples:

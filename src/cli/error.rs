@@ -61,6 +61,14 @@ errors! {
     /// A value that the register cannot hold.
     #[error("{0}")]
     Value(#[from] BadValue) => Exit::WrongUse,
+    /// Another user owns the directory for the token of `commram web`.
+    #[error("{} belongs to user {owner}, so the token cannot be kept there; set XDG_RUNTIME_DIR to a directory of your \
+        own, or name a file with `commram web --token-file`", .path.display())]
+    TokenDirectory {
+        path: PathBuf,
+        /// User id of the directory's owner.
+        owner: u32,
+    } => Exit::NotThere,
     /// A wrong argument with a reason specific to its command.
     #[error("`{text}`: {right}")]
     Argument {

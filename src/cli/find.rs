@@ -46,7 +46,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let words = words(args.text.iter().map(String::as_str));
     let found = entries_with(&devices, &words, args.all);
     if found.is_empty() {
-        let names: Vec<_> = devices.iter().flat_map(entries).map(|entry| entry.name).collect();
+        let searched = devices.iter().flat_map(entries).filter(|entry| args.all || !entry.reserved);
+        let names: Vec<_> = searched.map(|entry| entry.name).collect();
         // Without the area and the indices, which are rarely misspelt.
         let bare = |name: &String| {
             let name = name.split('[').next().unwrap_or_default();

@@ -150,7 +150,15 @@ impl Session {
     /// # Errors
     /// There is no such PLC, or no PLC is named and the instance has several.
     pub(crate) fn plc(&self, plc: Option<&str>, text: &str) -> Result<DeviceIndex, CliError> {
-        number_of_plc(&self.instance, &self.plcs, plc, text)
+        number_of_plc(&self.instance, &self.plcs, plc, text).map_err(|error| match error {
+            CliError::WhichPlc { text, instance, plcs, example } => {
+                // The example names a PLC that has the register or address.
+                let fits = self.fitted.iter().map(|fitted| NamedLocation::parse(fitted, &text).is_ok());
+                let first = self.plcs.iter().zip(fits).find_map(|(plc, fits)| fits.then(|| plc.clone()));
+                CliError::WhichPlc { text, instance, plcs, example: first.unwrap_or(example) }
+            }
+            other => other,
+        })
     }
 
     /// Device type of PLC `plc`.

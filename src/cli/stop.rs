@@ -47,6 +47,9 @@ const CLEANING_TRIES: u32 = 5;
 /// Ends the emulator, or all of them.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let name = &args.instance.name;
+    if args.clean {
+        super::web::remove_left_files()?;
+    }
     if args.all {
         // An explicit name cannot be distinguished from the default if both are equal.
         if *name != InstanceName::usual() {

@@ -19,6 +19,7 @@ mod session;
 mod show;
 
 pub(crate) use beside::WebProcess;
+pub(crate) use secret::remove_left_files;
 
 use super::error::CliError;
 use super::{Instance, demo, output};
@@ -118,7 +119,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let listener = TcpListener::bind(args.listen).map_err(refused)?;
     let address = listener.local_addr().map_err(refused)?;
     let random = || Secret::random().map_err(|reason| CliError::Process { reason });
-    let (token, key) = (random()?, random()?);
+    let token = random()?;
     let name = match &served {
         Served::One(name) => format!("{name}-{}", address.port()),
         // No instance has this name.
@@ -130,7 +131,12 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     };
     let printed = output::print(&first_lines(args, &served, address, &token));
     output::note(&format!("the token for programs is in {}", file.path().display()));
-    let guard = Guard { token, key, cookie: format!("commram-{name}"), origins: args.origin.clone() };
+    let guard = Guard {
+        token,
+        sessions: session::Sessions::default(),
+        cookie: format!("commram-{name}"),
+        origins: args.origin.clone(),
+    };
     let streams = Arc::new(Semaphore::new(events::MAX_STREAMS));
     let app = App { hub: Hub::new(served), guard, streams, read_only: args.read_only };
     server::serve(Arc::new(app), listener, ending.receiver())?;

@@ -3,7 +3,7 @@
 use crate::common::Emulator;
 use crate::server::Server;
 use serde_json::json;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::time::{Duration, Instant};
 
 /// An answer to a client with the token takes less time than this, independently of other clients.
@@ -136,6 +136,103 @@ fn hostile_bodies_and_queries_are_refused_with_a_problem() {
     server.get(&server.path(&format!("events?follow={events}"))).problem(400);
     answers(&server);
     assert_eq!(server.get(&server.path("time")).ok(), json!({"time": 0}), "nothing has happened");
+}
+
+#[test]
+fn requests_of_another_form_get_problems_that_name_what_is_wrong() {
+    let emulator = Emulator::stepped();
+    let server = Server::of(&emulator, &[]);
+    let (bearer, time) = (server.bearer(), server.path("time"));
+    let token = [("authorization", bearer.as_str())];
+    for method in ["PUT", "OPTIONS", "DELETE", "FOO"] {
+        let answer = server.request(method, &time, &token, "");
+        answer.problem(405);
+        assert_eq!(answer.header("allow"), "GET", "{method}");
+    }
+    let head = server.request("HEAD", &time, &token, "");
+    assert_eq!((head.status, head.body.as_str()), (200, ""));
+    let unknown = server.get(&format!("{time}?x=1")).problem(400);
+    assert_eq!(unknown["detail"], "time: it has no fields, so no `x`");
+    let other = server.post(&server.path("advance"), &json!({"us": 1, "ms": 1})).problem(400);
+    assert_eq!(other["detail"], "advance: it has no field `ms`, only `us`");
+    let setting = server.post(&server.path("set_board"), &json!({"plc": 0, "setting": "reset"})).problem(400);
+    assert!(
+        setting["detail"].as_str().unwrap().contains("field `setting` is \"reset\", not an object"),
+        "{setting}"
+    );
+    server.get("/api/v1/instances/%FF/time").problem(400);
+    let record = server.get(&server.path("events?journal=nope")).problem(400);
+    assert!(record["detail"].as_str().unwrap().contains("no kind of record `nope`, only "), "{record}");
+    let post = |rest: &str| {
+        let path = server.path("advance");
+        let head = format!(
+            "POST {path} HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\nauthorization: {bearer}\r\n\
+             content-type: application/json\r\n{rest}"
+        );
+        server.raw(head.as_bytes())
+    };
+    post("content-length: 2000000\r\n\r\n").problem(413);
+    post("transfer-encoding: chunked\r\n\r\n-8\r\n").problem(400);
+    let sign_in = format!("{{\"token\": \"{}\"}}", "0".repeat(2000));
+    server.request("POST", "/api/v1/session", &[("content-type", "application/json")], &sign_in).problem(413);
+}
+
+#[test]
+fn an_operation_ends_with_the_connection_of_its_client() {
+    let emulator = Emulator::stepped();
+    let server = Server::of(&emulator, &[]);
+    let day = |us: u64| {
+        let body = json!({ "us": us }).to_string();
+        let mut stream = server.connect();
+        let (path, length) = (server.path("advance"), body.len());
+        let head = format!(
+            "POST {path} HTTP/1.1\r\nhost: localhost\r\nauthorization: {}\r\n\
+             content-type: application/json\r\ncontent-length: {length}\r\n\r\n{body}",
+            server.bearer()
+        );
+        stream.write_all(head.as_bytes()).unwrap();
+        stream
+    };
+    // Twenty operations of a day each, whose clients close their connections while the first one is in progress.
+    let clients: Vec<_> = (0..20).map(|_| day(86_400_000_000)).collect();
+    let begun = || server.get(&server.path("time")).ok()["time"].as_u64() > Some(0);
+    assert!(crate::common::eventually(begun));
+    drop(clients);
+    let start = Instant::now();
+    server.post(&server.path("advance"), &json!({"us": 1})).ok();
+    assert!(start.elapsed() < SOON, "{:?}", start.elapsed());
+}
+
+#[test]
+fn a_connection_without_room_is_refused_with_a_problem() {
+    let emulator = Emulator::stepped();
+    let server = Server::of(&emulator, &[]);
+    let head = format!(
+        "GET {} HTTP/1.1\r\nhost: localhost\r\nauthorization: {}\r\n\r\n",
+        server.path("time"),
+        server.bearer()
+    );
+    let mut open = Vec::new();
+    for _ in 0..256 {
+        let mut stream = server.connect();
+        stream.write_all(head.as_bytes()).unwrap();
+        // The connection has shown its token before the next one comes.
+        stream.read_exact(&mut [0; 12]).unwrap();
+        open.push(stream);
+    }
+    let refused = server.get(&server.path("time")).problem(503);
+    assert!(refused["detail"].as_str().unwrap().starts_with("all connections"), "{refused}");
+    drop(open.pop());
+    assert!(crate::common::eventually(|| server.get(&server.path("time")).status == 200));
+}
+
+#[test]
+fn few_descriptors_leave_room_for_the_connection_to_the_emulator() {
+    let emulator = Emulator::stepped();
+    let limited = Server::with_files(&emulator, 100);
+    let idle: Vec<_> = (0..100).map(|_| limited.connect()).collect();
+    answers(&limited);
+    drop(idle);
 }
 
 #[test]

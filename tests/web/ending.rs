@@ -73,6 +73,88 @@ fn a_server_beside_an_emulator_starts_and_ends_with_it() {
     assert_eq!(std::fs::read_dir(runtime.path()).unwrap().count(), 0);
 }
 
+fn signal(name: &str, pid: u32) {
+    assert!(Command::new("kill").args([name, &pid.to_string()]).status().unwrap().success());
+}
+
+/// The only child of a process.
+fn child_of(pid: u32) -> u32 {
+    let children = std::fs::read_dir(format!("/proc/{pid}/task")).unwrap().find_map(|task| {
+        let children = std::fs::read_to_string(task.unwrap().path().join("children")).unwrap();
+        children.split_whitespace().next().map(str::to_owned)
+    });
+    children.unwrap().parse().unwrap()
+}
+
+#[test]
+fn several_signals_at_once_leave_no_file() {
+    let emulator = Emulator::stepped();
+    for names in [["-TERM", "-TERM"], ["-INT", "-INT"], ["-TERM", "-HUP"]] {
+        let mut server = Server::of(&emulator, &[]);
+        names.iter().for_each(|name| signal(name, server.child.id()));
+        assert_eq!(server.wait().code(), Some(130), "{names:?}");
+        assert_eq!(std::fs::read_dir(server.runtime()).unwrap().count(), 0, "{names:?}");
+    }
+}
+
+#[test]
+fn files_of_killed_servers_are_removed_by_the_next_one_and_by_stop_clean() {
+    let emulator = Emulator::stepped();
+    let mut killed = Server::of(&emulator, &[]);
+    killed.child.kill().unwrap();
+    killed.wait();
+    let file = killed.token_file();
+    let clean = || {
+        finish(
+            commram()
+                .args(["stop", "--clean", "-i", "no-such-instance"])
+                .env("XDG_RUNTIME_DIR", killed.runtime()),
+        )
+    };
+    let living = |name: &str| killed.runtime_directory().join(name);
+    // The file of a living server stays.
+    let held = std::fs::File::create(living("held-1")).unwrap();
+    std::fs::write(living("held-1"), "0\n").unwrap();
+    held.lock().unwrap();
+    clean();
+    assert!(!file.exists() && living("held-1").exists());
+    drop(held);
+    clean();
+    assert_eq!(std::fs::read_dir(killed.runtime()).unwrap().count(), 0);
+}
+
+#[test]
+fn a_stopped_server_does_not_hold_up_the_end_of_its_emulator() {
+    let (name, runtime) = (unique_name(), tempfile::tempdir().unwrap());
+    let mut command = commram();
+    command.args(["run", "--clock", "stepped", "-i", &name, "--web=127.0.0.1:0"]);
+    command.env("XDG_RUNTIME_DIR", runtime.path()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+    assert!(lines.by_ref().take(2).all(|line| line.is_ok()));
+    signal("-STOP", child_of(child.id()));
+    assert_eq!(finish(commram().args(["stop", "-i", &name])).code, Some(0));
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert_eq!(std::fs::read_dir(runtime.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn an_emulator_reports_the_end_of_its_server_and_goes_on() {
+    let (name, runtime) = (unique_name(), tempfile::tempdir().unwrap());
+    let mut command = commram();
+    command.args(["run", "--clock", "stepped", "-i", &name, "--web=127.0.0.1:0"]);
+    command.env("XDG_RUNTIME_DIR", runtime.path()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+    assert!(lines.by_ref().take(2).all(|line| line.is_ok()));
+    let mut notes = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
+    signal("-KILL", child_of(child.id()));
+    assert!(notes.any(|note| note.contains("`commram web` has ended (signal: 9")), "the note is missing");
+    assert_eq!(finish(commram().args(["step", "1us", "-i", &name])).code, Some(0));
+    assert_eq!(finish(commram().args(["stop", "-i", &name])).code, Some(0));
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+}
+
 #[test]
 fn an_emulator_does_not_start_without_its_server() {
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();

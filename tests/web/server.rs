@@ -76,8 +76,19 @@ impl Server {
     }
 
     pub(crate) fn start(instance: &str, args: &[&str]) -> Self {
+        Self::start_by(commram(), instance, args)
+    }
+
+    /// Starts a server that may have at most `files` open files.
+    pub(crate) fn with_files(emulator: &Emulator, files: u32) -> Self {
+        let mut shell = std::process::Command::new("sh");
+        let program = commram();
+        shell.args(["-c", &format!("ulimit -n {files}; exec \"$0\" \"$@\"")]).arg(program.get_program());
+        Self::start_by(shell, &emulator.name, &["-i", &emulator.name])
+    }
+
+    fn start_by(mut command: std::process::Command, instance: &str, args: &[&str]) -> Self {
         let runtime = tempfile::tempdir().unwrap();
-        let mut command = commram();
         command.args(["web", "--listen", "127.0.0.1:0"]).args(args).env("XDG_RUNTIME_DIR", runtime.path());
         let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let mut line = String::new();

@@ -141,7 +141,7 @@ impl Emulator {
     /// # Errors
     /// The emulator does not end, or ends with an error.
     pub(crate) fn stop(mut self) -> Result<(), CliError> {
-        terminate(&mut self.child)?;
+        terminate(&mut self.child, PATIENCE)?;
         let status = self.child.wait().map_err(process_error)?;
         if status.success() {
             return Ok(());
@@ -153,7 +153,7 @@ impl Emulator {
 impl Drop for Emulator {
     fn drop(&mut self) {
         // Only needed after an error, which is reported elsewhere.
-        let _ = terminate(&mut self.child);
+        let _ = terminate(&mut self.child, PATIENCE);
         let _ = stop::remove_remains(&self.instance);
     }
 }
@@ -188,15 +188,16 @@ impl SoftPlc {
 
 impl Drop for SoftPlc {
     fn drop(&mut self) {
-        let _ = terminate(&mut self.child);
+        let _ = terminate(&mut self.child, PATIENCE);
     }
 }
 
-/// Sends SIGTERM to a process, and waits for its end; kills it if it does not end.
+/// Sends SIGTERM to a process, lets it continue if it was stopped, and waits for its end; kills it if it does not end in
+/// time.
 ///
 /// # Errors
 /// The system refuses.
-pub(crate) fn terminate(child: &mut Child) -> Result<(), CliError> {
+pub(crate) fn terminate(child: &mut Child, patience: Duration) -> Result<(), CliError> {
     let start = Instant::now();
     let mut asked = false;
     while child.try_wait().map_err(process_error)?.is_none() {
@@ -205,11 +206,13 @@ pub(crate) fn terminate(child: &mut Child) -> Result<(), CliError> {
             // The child has not been reaped, so the process id is still valid.
             let pid = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
             if let Some(pid) = pid {
-                rustix::process::kill_process(pid, Signal::TERM)
-                    .map_err(|errno| process_error(errno.into()))?;
+                for signal in [Signal::TERM, Signal::CONT] {
+                    rustix::process::kill_process(pid, signal)
+                        .map_err(|errno| process_error(errno.into()))?;
+                }
             }
         }
-        if start.elapsed() > PATIENCE {
+        if start.elapsed() > patience {
             child.kill().and_then(|()| child.wait()).map_err(process_error)?;
         }
         std::thread::sleep(POLL);

@@ -11,6 +11,8 @@ use crate::memory::{InstanceLock, State};
 use crate::request::InstanceInfo;
 use crate::request::{MAX_OPS, Op, Reply, WrongReply, read_journal};
 use crate::time;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 /// Most registers that a request reads, beside the time and the forces.
@@ -72,6 +74,13 @@ impl Session {
         let patience = patience(waits_us, self.slowed);
         if let Access::Channel(client) = &mut self.door {
             client.set_patience(patience);
+        }
+    }
+
+    /// Withdraws requests from now on when `cancel` becomes true.
+    pub(crate) fn set_cancel(&mut self, cancel: Arc<AtomicBool>) {
+        if let Access::Channel(client) = &mut self.door {
+            client.set_cancel(cancel);
         }
     }
 

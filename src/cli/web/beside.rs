@@ -6,13 +6,19 @@ use crate::cli::{demo, output};
 use std::io::{BufRead, BufReader, Read};
 use std::net::SocketAddr;
 use std::process::{Child, ChildStderr, ChildStdout, Stdio};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+/// Longest wait for the end of the server, which has nothing to save, before it is killed.
+const PATIENCE: Duration = Duration::from_secs(3);
 
 /// The process of the server. It ends when this value is dropped.
 pub(crate) struct WebProcess {
-    child: Child,
+    child: Arc<Mutex<Child>>,
     has_failed: Arc<AtomicBool>,
+    /// True from the end of the emulator on.
+    is_ending: Arc<AtomicBool>,
 }
 
 impl WebProcess {
@@ -33,23 +39,26 @@ impl WebProcess {
         let mut child = command.spawn().map_err(|reason| CliError::Process { reason })?;
         let outputs = child.stdout.take().zip(child.stderr.take());
         let has_failed = Arc::new(AtomicBool::new(false));
-        let failed = Arc::clone(&has_failed);
+        let (child, is_ending) = (Arc::new(Mutex::new(child)), Arc::<AtomicBool>::default());
+        let (failed, ending, process) = (Arc::clone(&has_failed), Arc::clone(&is_ending), Arc::clone(&child));
         std::thread::spawn(move || {
             if let Some((out, err)) = outputs {
                 pass_on(out, err, &failed, then);
             }
+            report_end(&process, &ending);
         });
-        Ok(Self { child, has_failed })
+        Ok(Self { child, has_failed, is_ending })
     }
 
     /// Ends the server.
     ///
     /// # Errors
     /// It had not started; its exit code is passed on.
-    pub(crate) fn end(mut self) -> Result<(), CliError> {
+    pub(crate) fn end(self) -> Result<(), CliError> {
         let failed = |reason| CliError::Process { reason };
+        self.is_ending.store(true, Ordering::Relaxed);
         match self.has_failed.load(Ordering::Relaxed) {
-            true => Err(ended_like(self.child.wait().map_err(failed)?)),
+            true => Err(ended_like(locked(&self.child).wait().map_err(failed)?)),
             false => Ok(()),
         }
     }
@@ -57,8 +66,25 @@ impl WebProcess {
 
 impl Drop for WebProcess {
     fn drop(&mut self) {
+        self.is_ending.store(true, Ordering::Relaxed);
         // It also ends with the emulator, by itself.
-        let _ = demo::terminate(&mut self.child);
+        let _ = demo::terminate(&mut locked(&self.child), PATIENCE);
+    }
+}
+
+fn locked(child: &Mutex<Child>) -> MutexGuard<'_, Child> {
+    child.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Reports a server that has closed its outputs while the emulator goes on. A server that has seen the end of its
+/// emulator ends with code 0.
+fn report_end(child: &Mutex<Child>, is_ending: &AtomicBool) {
+    let ended = locked(child).wait();
+    if let Ok(status) = ended
+        && !status.success()
+        && !is_ending.load(Ordering::Relaxed)
+    {
+        output::note(&format!("`commram web` has ended ({status}); the emulator continues without a page"));
     }
 }
 

@@ -3,11 +3,23 @@
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::Notify;
 
 /// Maximum number of open connections.
 const MAX_OPEN: usize = 256;
+/// File descriptors that the server needs besides its connections.
+const OTHER_FILES: u64 = 64;
+/// Least number of connections, whatever the limit of descriptors is.
+const LEAST_OPEN: usize = 8;
+
+/// Maximum number of connections with the process's limit of open files: an accepted connection must not take the
+/// descriptors that a connection to an emulator needs.
+pub(super) fn max_open() -> usize {
+    let limit = rustix::process::getrlimit(rustix::process::Resource::Nofile).current.unwrap_or(u64::MAX);
+    let room = usize::try_from(limit.saturating_sub(OTHER_FILES)).unwrap_or(MAX_OPEN);
+    room.clamp(LEAST_OPEN, MAX_OPEN)
+}
 
 /// The other end of a connection.
 #[derive(Default)]
@@ -31,15 +43,27 @@ impl Peer {
 }
 
 /// All open connections, the oldest first.
-#[derive(Clone, Default)]
-pub(super) struct Connections(Arc<Mutex<VecDeque<Arc<Peer>>>>);
+#[derive(Clone)]
+pub(super) struct Connections {
+    open: Arc<Mutex<VecDeque<Arc<Peer>>>>,
+    max: usize,
+}
 
 impl Connections {
+    /// Room for `max` connections.
+    pub(super) fn new(max: usize) -> Self {
+        Self { open: Arc::default(), max }
+    }
+
+    fn open(&self) -> MutexGuard<'_, VecDeque<Arc<Peer>>> {
+        self.open.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Enters a new connection, and closes the oldest one without a token if there are too many. `None` if all others
     /// have shown a token.
     pub(super) fn enter(&self) -> Option<OpenConnection> {
-        let mut open = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if open.len() >= MAX_OPEN {
+        let mut open = self.open();
+        if open.len() >= self.max {
             let oldest = open.iter().position(|peer| !peer.is_trusted.load(Ordering::Relaxed))?;
             open.remove(oldest)?.close.notify_one();
         }
@@ -57,8 +81,7 @@ pub(super) struct OpenConnection {
 
 impl Drop for OpenConnection {
     fn drop(&mut self) {
-        let mut open = self.all.0.lock().unwrap_or_else(PoisonError::into_inner);
-        open.retain(|peer| !Arc::ptr_eq(peer, &self.peer));
+        self.all.open().retain(|peer| !Arc::ptr_eq(peer, &self.peer));
     }
 }
 
@@ -68,17 +91,17 @@ mod tests {
 
     #[test]
     fn strangers_make_room_and_trusted_connections_stay() {
-        let all = Connections::default();
+        let all = Connections::new(MAX_OPEN);
         let mut open: Vec<_> = (0..MAX_OPEN).map(|_| all.enter().unwrap()).collect();
         open[0].peer.trust();
         let new = all.enter().unwrap();
-        let listed = |peer: &Arc<Peer>| all.0.lock().unwrap().iter().any(|known| Arc::ptr_eq(known, peer));
+        let listed = |peer: &Arc<Peer>| all.open().iter().any(|known| Arc::ptr_eq(known, peer));
         assert!(listed(&open[0].peer) && !listed(&open[1].peer) && listed(&new.peer));
         open.iter().for_each(|connection| connection.peer.trust());
         new.peer.trust();
         assert!(all.enter().is_none());
         open.clear();
         drop(new);
-        assert!(all.0.lock().unwrap().is_empty());
+        assert!(all.open().is_empty());
     }
 }

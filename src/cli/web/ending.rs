@@ -6,6 +6,7 @@ use crate::cli::error::CliError;
 use crate::cli::exit::Exit;
 use crate::cli::output;
 use crate::cli::session::Session;
+use crate::cli::start::end_at_second_ctrl_c;
 use crate::memory::RunningInstance;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
@@ -58,12 +59,11 @@ impl Ending {
     }
 }
 
-/// The first signal ends the server in good order, the second one at once.
+/// The first signal ends the server in good order, the second Ctrl-C at once. Other signals may come several times: a
+/// killed emulator sends one for each of its threads.
 fn watch_signals(sender: Arc<watch::Sender<bool>>, by_signal: Arc<AtomicBool>) -> Result<(), CliError> {
     let refused = |reason: io::Error| CliError::Signals { reason };
-    for signal in [SIGINT, SIGTERM, SIGHUP] {
-        signal_hook::flag::register_conditional_default(signal, Arc::clone(&by_signal)).map_err(refused)?;
-    }
+    end_at_second_ctrl_c()?;
     let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(refused)?;
     std::thread::spawn(move || {
         for _ in signals.forever() {

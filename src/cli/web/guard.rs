@@ -3,6 +3,7 @@
 use super::connections::Peer;
 use super::problem::Problem;
 use super::secret::Secret;
+use super::session::Sessions;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Request, StatusCode, Uri, header};
 use std::net::IpAddr;
 use std::sync::Arc;
@@ -40,7 +41,11 @@ impl Origin {
         let authority =
             uri.authority().map(|authority| authority.as_str().to_ascii_lowercase()).ok_or(RIGHT)?;
         let scheme = uri.scheme_str().filter(|scheme| ["http", "https"].contains(scheme)).ok_or(RIGHT)?;
-        if authority.contains('@') || uri.path() != "/" || uri.query().is_some() {
+        let host = uri.host().unwrap_or_default();
+        let is_host = !host.is_empty()
+            && host.bytes().all(|byte| byte.is_ascii_alphanumeric() || b".-_[]:".contains(&byte));
+        let has_port = authority.len() == host.len() || uri.port_u16().is_some();
+        if !is_host || !has_port || authority.contains('@') || uri.path() != "/" || uri.query().is_some() {
             return Err(RIGHT);
         }
         Ok(Self { text: format!("{scheme}://{authority}"), authority })
@@ -55,8 +60,8 @@ impl Origin {
 pub(super) struct Guard {
     /// For programs, and to get the cookie.
     pub token: Secret,
-    /// Value of the cookie.
-    pub key: Secret,
+    /// Keys of the browsers that are signed in.
+    pub sessions: Sessions,
     /// Name of the cookie: a browser sends the cookies of all ports of a host.
     pub cookie: String,
     pub origins: Vec<Origin>,
@@ -125,16 +130,20 @@ impl Guard {
         if bearer.is_some_and(|(_, token)| self.token.is(token)) {
             return true;
         }
+        self.keys_in(headers).any(|key| self.sessions.contains(key))
+    }
+
+    /// The keys that a request brings as cookie.
+    pub(super) fn keys_in<'a>(&'a self, headers: &'a HeaderMap) -> impl Iterator<Item = &'a str> {
         let cookies = headers.get_all(header::COOKIE).iter().filter_map(|cookie| cookie.to_str().ok());
-        let mut values =
-            cookies.flat_map(|all| all.split(';')).filter_map(|cookie| cookie.trim().split_once('='));
-        values.any(|(name, value)| name == self.cookie && self.key.is(value.as_bytes()))
+        let pairs = cookies.flat_map(|all| all.split(';')).filter_map(|cookie| cookie.trim().split_once('='));
+        pairs.filter(|(name, _)| *name == self.cookie).map(|(_, key)| key)
     }
 }
 
-/// A form of another site can send other content types without asking first.
+/// A form of another site can send a POST with other content types without asking first.
 fn check_content_type(method: &Method, headers: &HeaderMap) -> Result<(), Problem> {
-    if matches!(*method, Method::GET | Method::HEAD) {
+    if *method != Method::POST {
         return Ok(());
     }
     let found = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
@@ -142,7 +151,7 @@ fn check_content_type(method: &Method, headers: &HeaderMap) -> Result<(), Proble
     if media_type.eq_ignore_ascii_case("application/json") {
         return Ok(());
     }
-    let detail = "the request needs `Content-Type: application/json`";
+    let detail = "a POST needs `Content-Type: application/json`";
     Err(Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "media-type", detail))
 }
 
@@ -176,7 +185,7 @@ mod tests {
     fn guard() -> Guard {
         Guard {
             token: Secret::random().unwrap(),
-            key: Secret::random().unwrap(),
+            sessions: Sessions::default(),
             cookie: "commram-x-1".to_owned(),
             origins: vec![Origin::parse("https://plant.example/").unwrap()],
         }
@@ -232,9 +241,12 @@ mod tests {
     fn the_token_or_the_cookie_signs_in() {
         let guard = guard();
         let bearer = format!("Bearer {}", guard.token.digits());
-        let cookie = format!("a=b; commram-x-1={}", guard.key.digits());
+        let key = guard.sessions.open().unwrap();
+        let cookie = format!("a=b; commram-x-1={key}");
         assert!(guard.is_signed_in(&headers(&[("authorization", &bearer)])));
         assert!(guard.is_signed_in(&headers(&[("cookie", &cookie)])));
+        guard.sessions.close(&key);
+        assert!(!guard.is_signed_in(&headers(&[("cookie", &cookie)])));
         let crossed = format!("commram-x-1={}", guard.token.digits());
         for pair in [
             ("authorization", "Bearer "),
@@ -250,7 +262,16 @@ mod tests {
     #[test]
     fn an_origin_is_a_scheme_and_a_host() {
         assert_eq!(Origin::parse("http://Plant:8080").unwrap().text(), "http://plant:8080");
-        for text in ["plant", "ftp://plant", "http://plant/path", "http://u@plant", "http://plant?x", ""] {
+        for text in [
+            "plant",
+            "ftp://plant",
+            "http://plant/path",
+            "http://u@plant",
+            "http://plant?x",
+            "https://a.b:99999",
+            "https://*",
+            "",
+        ] {
             assert!(Origin::parse(text).is_err(), "{text}");
         }
     }

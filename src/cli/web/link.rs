@@ -5,6 +5,8 @@ use crate::cli::Instance;
 use crate::cli::error::CliError;
 use crate::cli::session::Session;
 use crate::journal::Names;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, SyncSender};
 use tokio::sync::oneshot;
 
@@ -33,6 +35,18 @@ impl Connection {
 /// Work with the connection, or with the reason why there is none. Returns whether the connection can be used again.
 type Job = Box<dyn FnOnce(Result<&mut Connection, Problem>) -> bool + Send>;
 
+/// A client that waits for the result of a job. Its end is noticed when this value is dropped.
+#[derive(Default)]
+struct Waiter {
+    has_gone: Arc<AtomicBool>,
+}
+
+impl Drop for Waiter {
+    fn drop(&mut self) {
+        self.has_gone.store(true, Ordering::Relaxed);
+    }
+}
+
 /// The way to the thread. The thread ends when the last link is dropped.
 #[derive(Clone)]
 pub(super) struct Link(SyncSender<Job>);
@@ -52,7 +66,8 @@ impl Link {
         Ok(Self(sender))
     }
 
-    /// Does `work` in the thread.
+    /// Does `work` in the thread. If the returned future is dropped, because the client has closed its connection, the
+    /// request to the emulator is withdrawn.
     ///
     /// # Errors
     /// The errors of `work`; the emulator cannot be reached; or too many jobs wait.
@@ -61,16 +76,26 @@ impl Link {
         work: impl FnOnce(&mut Connection) -> Result<T, Problem> + Send + 'static,
     ) -> Result<T, Problem> {
         let (answer, result) = oneshot::channel();
+        let waiter = Waiter::default();
+        let has_gone = Arc::clone(&waiter.has_gone);
         let job: Job = Box::new(move |connection| {
-            let result = connection.and_then(work);
+            if has_gone.load(Ordering::Relaxed) {
+                return true;
+            }
+            let result = connection.and_then(|connection| {
+                connection.session.set_cancel(has_gone);
+                work(connection)
+            });
             let is_usable = !matches!(&result, Err(problem) if problem.is_gone());
-            // Fails if the client has gone; then no task waits for the reply.
+            // Fails if the client has gone.
             let _ = answer.send(result);
             is_usable
         });
         let busy = || Problem::too_many("too many requests wait for the emulator");
         self.0.try_send(job).map_err(|_| busy())?;
-        result.await.map_err(|_| busy())?
+        let result = result.await.map_err(|_| busy())?;
+        drop(waiter);
+        result
     }
 }
 

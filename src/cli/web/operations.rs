@@ -27,6 +27,10 @@ pub(super) fn method(operation: &Operation) -> Method {
 /// # Errors
 /// A field is missing, unknown or out of its range.
 pub(super) fn with_fields(operation: &Operation, fields: Map<String, Value>) -> Result<Op, Problem> {
+    if let Some(unknown) = fields.keys().find(|name| operation.fields.iter().all(|field| field.name != *name))
+    {
+        return Err(Problem::wrong_use(format!("{}: {}", operation.name, unknown_field(operation, unknown))));
+    }
     for field in &operation.fields {
         if let Some(value) = fields.get(field.name) {
             check(&field.schema, value).map_err(|right| {
@@ -41,6 +45,14 @@ pub(super) fn with_fields(operation: &Operation, fields: Map<String, Value>) -> 
     serde_json::from_value(form).map_err(|reason| Problem::wrong_use(format!("{name}: {reason}")))
 }
 
+fn unknown_field(operation: &Operation, name: &str) -> String {
+    let known: Vec<_> = operation.fields.iter().map(|field| format!("`{}`", field.name)).collect();
+    match &known[..] {
+        [] => format!("it has no fields, so no `{name}`"),
+        known => format!("it has no field `{name}`, only {}", known.join(", ")),
+    }
+}
+
 /// Checks a value against the type and range of its schema, as far as the message of serde would not name the field.
 fn check(schema: &Value, value: &Value) -> Result<(), String> {
     if let Some(known) = schema["enum"].as_array() {
@@ -52,6 +64,9 @@ fn check(schema: &Value, value: &Value) -> Result<(), String> {
     let is_right = match schema["type"].as_str() {
         Some("integer") => is_within(schema, value),
         Some("boolean") => value.is_boolean(),
+        Some("object") => value.is_object(),
+        Some("array") => value.is_array(),
+        Some("string") => value.is_string(),
         _ => true,
     };
     match (is_right, schema["type"].as_str()) {
@@ -59,7 +74,10 @@ fn check(schema: &Value, value: &Value) -> Result<(), String> {
         (false, Some("integer")) => {
             Err(format!("not an integer from {} to {}", schema["minimum"], schema["maximum"]))
         }
-        (false, _) => Err("not true or false".to_owned()),
+        (false, Some("boolean")) => Err("not true or false".to_owned()),
+        (false, kind) => {
+            Err(format!("not an {}; GET /api/v1/openapi.json describes it", kind.unwrap_or("object")))
+        }
     }
 }
 

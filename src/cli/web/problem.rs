@@ -73,6 +73,16 @@ impl Problem {
         code.and_then(|code| u16::try_from(code).ok()).map(Code)
     }
 
+    /// The document.
+    pub(super) fn text(&self) -> String {
+        let mut members = self.members.clone();
+        members.insert("type".to_owned(), format!("{TYPE}{}", self.kind).into());
+        members.insert("title".to_owned(), self.title.into());
+        members.insert("status".to_owned(), self.status.as_u16().into());
+        members.insert("detail".to_owned(), self.detail.clone().into());
+        Value::Object(members).to_string()
+    }
+
     /// True if the emulator has gone.
     pub(super) fn is_gone(&self) -> bool {
         self.is_gone
@@ -126,14 +136,9 @@ impl From<CliError> for Problem {
 
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
-        let mut members = self.members;
-        let allowed =
-            members.get("allow").and_then(Value::as_str).and_then(|it| HeaderValue::from_str(it).ok());
-        members.insert("type".to_owned(), format!("{TYPE}{}", self.kind).into());
-        members.insert("title".to_owned(), self.title.into());
-        members.insert("status".to_owned(), self.status.as_u16().into());
-        members.insert("detail".to_owned(), self.detail.into());
-        let mut response = Response::new(Body::from(Value::Object(members).to_string()));
+        let allowed = self.members.get("allow").and_then(Value::as_str);
+        let allowed = allowed.and_then(|it| HeaderValue::from_str(it).ok());
+        let mut response = Response::new(Body::from(self.text()));
         *response.status_mut() = self.status;
         response.headers_mut().insert(header::CONTENT_TYPE, MEDIA_TYPE);
         if let Some(allowed) = allowed {

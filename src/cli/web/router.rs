@@ -3,10 +3,11 @@
 use super::App;
 use super::problem::Problem;
 use super::{assets, events, guard, openapi, operations, scenario, session, show};
+use axum::RequestExt as _;
 use axum::Router;
-use axum::body::{Body, to_bytes};
+use axum::body::{Body, Bytes, HttpBody as _, to_bytes};
 use axum::extract::rejection::QueryRejection;
-use axum::extract::{Path, Query, Request, State};
+use axum::extract::{DefaultBodyLimit, Path, Query, Request, State};
 use axum::http::{HeaderValue, Method, StatusCode, header};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
@@ -46,8 +47,24 @@ async fn check(State(app): State<Arc<App>>, request: Request, next: Next) -> Res
         Ok(()) => next.run(request).await,
         Err(problem) => problem.into_response(),
     };
+    if is_plain_error(&response) {
+        response = plain_problem(response).await.into_response();
+    }
     guard::protect(response.headers_mut());
     response
+}
+
+/// True for an error of axum itself, such as a name in a path that is not UTF-8.
+fn is_plain_error(response: &Response) -> bool {
+    let kind = response.headers().get(header::CONTENT_TYPE).map(HeaderValue::as_bytes).unwrap_or_default();
+    (response.status().is_client_error() || response.status().is_server_error())
+        && kind.starts_with(b"text/plain")
+}
+
+async fn plain_problem(response: Response) -> Problem {
+    let status = response.status();
+    let text = to_bytes(response.into_body(), MAX_BODY).await.unwrap_or_default();
+    Problem::new(status, "wrong-use", String::from_utf8_lossy(&text))
 }
 
 async fn asset(request: Request) -> Result<Response, Problem> {
@@ -81,7 +98,8 @@ async fn operation(
     let found = operations::find(&name);
     let operation = found.ok_or_else(|| Problem::not_found(format!("there is no operation `{name}`")))?;
     let method = operations::method(operation);
-    if *request.method() != method {
+    let is_right = *request.method() == method || method == Method::GET && request.method() == Method::HEAD;
+    if !is_right {
         return Err(needs(&method));
     }
     let fields = match method {
@@ -131,11 +149,30 @@ pub(super) fn pairs(query: Result<Query<Pairs>, QueryRejection>) -> Result<Pairs
 /// # Errors
 /// The body is too large, too slow, or something else.
 pub(super) async fn body_of(request: Request) -> Result<Map<String, Value>, Problem> {
-    let read = tokio::time::timeout(BODY_TIME, to_bytes(request.into_body(), MAX_BODY));
+    body_within(request, MAX_BODY).await
+}
+
+/// Same as [`body_of`], with another limit than the usual one, in bytes.
+///
+/// # Errors
+/// As [`body_of`].
+pub(super) async fn body_within(mut request: Request, max: usize) -> Result<Map<String, Value>, Problem> {
+    let too_large = || {
+        Problem::new(
+            StatusCode::PAYLOAD_TOO_LARGE,
+            "too-large",
+            format!("the body has more than {max} bytes"),
+        )
+    };
+    if request.body().size_hint().lower() > max as u64 {
+        return Err(too_large());
+    }
+    DefaultBodyLimit::max(max).apply(&mut request);
+    let read = tokio::time::timeout(BODY_TIME, request.extract::<Bytes, _>());
     let late = |_| Problem::new(StatusCode::REQUEST_TIMEOUT, "slow", "the body did not arrive in time");
-    let bytes = read.await.map_err(late)?.map_err(|_| {
-        let detail = format!("the body has more than {MAX_BODY} bytes, or was cut off");
-        Problem::new(StatusCode::PAYLOAD_TOO_LARGE, "too-large", detail)
+    let bytes = read.await.map_err(late)?.map_err(|rejection| match rejection.status() {
+        StatusCode::PAYLOAD_TOO_LARGE => too_large(),
+        _ => Problem::wrong_use("the body was cut off, or its chunks are malformed"),
     })?;
     if bytes.is_empty() {
         return Ok(Map::new());

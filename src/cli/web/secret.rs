@@ -1,6 +1,7 @@
 //! The token and the key of the cookie: random, compared in constant time, kept in a file of this user only.
 
 use crate::cli::error::CliError;
+use crate::memory::MemoryError;
 use crate::memory::private::PrivateDir;
 use rustix::rand::{GetRandomFlags, getrandom};
 use std::fmt::Write as _;
@@ -63,19 +64,27 @@ impl TokenFile {
         let failed = |reason| CliError::File { path: path.to_owned(), reason };
         let mut options = OpenOptions::new();
         let mut file = options.write(true).create_new(true).mode(0o600).open(path).map_err(failed)?;
+        // A file of a living server is locked; an empty one is being written.
+        file.lock().map_err(failed)?;
         let this = Self { path: path.to_owned(), file: file.try_clone().map_err(failed)?, directory: None };
         file.write_all(format!("{}\n", token.digits()).as_bytes()).map_err(failed)?;
         Ok(this)
     }
 
-    /// Writes the token to the file `name` of the user's directory for tokens, in place of a file that a killed server
-    /// has left.
+    /// Writes the token to the file `name` of the user's directory for tokens. Files that killed servers have left there
+    /// are removed.
     ///
     /// # Errors
     /// The directory does not belong to this user, or the file cannot be written.
     pub(super) fn usual(name: &str, token: &Secret) -> Result<Self, CliError> {
+        remove_left_files()?;
         let path = directory();
-        let directory = PrivateDir::create(&path)?;
+        let directory = PrivateDir::create(&path).map_err(|error| match error {
+            MemoryError::ForeignDirectory { owner, .. } => {
+                CliError::TokenDirectory { path: path.clone(), owner }
+            }
+            other => other.into(),
+        })?;
         directory.remove(name);
         let mut file = Self::write(&path.join(name), token)?;
         file.directory = Some(directory);
@@ -98,6 +107,32 @@ impl Drop for TokenFile {
             directory.remove_if_empty();
         }
     }
+}
+
+/// Removes the files with tokens that killed servers have left.
+///
+/// # Errors
+/// The directory for tokens does not belong to this user, or cannot be read.
+pub(crate) fn remove_left_files() -> Result<(), CliError> {
+    let path = directory();
+    let directory = match PrivateDir::open(&path) {
+        Ok(Some(directory)) => directory,
+        // Nothing in a directory of another user is ours.
+        Ok(None) | Err(MemoryError::ForeignDirectory { .. }) => return Ok(()),
+        Err(error) => return Err(error.into()),
+    };
+    let failed = |reason| CliError::File { path: path.clone(), reason };
+    for entry in std::fs::read_dir(&path).map_err(failed)? {
+        let name = entry.map_err(failed)?.file_name();
+        let Some(name) = name.to_str() else { continue };
+        let Some(file) = directory.find_file(name)? else { continue };
+        let is_written = file.metadata().is_ok_and(|it| it.is_file() && it.len() > 0);
+        if is_written && file.try_lock().is_ok() && directory.names(name, &file) {
+            directory.remove(name);
+        }
+    }
+    directory.remove_if_empty();
+    Ok(())
 }
 
 /// The directory for tokens: of the session manager, or of this user in the file system of the images.
@@ -132,6 +167,8 @@ mod tests {
         assert_eq!(path.metadata().unwrap().mode() & 0o7777, 0o600);
         assert_eq!(std::fs::read_to_string(&path).unwrap().trim(), token.digits());
         assert!(TokenFile::write(&path, &token).is_err(), "an existing file is not overwritten");
+        let other = File::open(&path).unwrap();
+        assert!(other.try_lock().is_err(), "other servers see that this one lives");
         drop(file);
         assert!(!path.exists());
     }

@@ -1,7 +1,8 @@
 //! Accepts connections and serves them until the end.
 
 use super::App;
-use super::connections::{Connections, OpenConnection};
+use super::connections::{Connections, OpenConnection, max_open};
+use super::problem::Problem;
 use super::router::router;
 use crate::cli::error::CliError;
 use axum::Router;
@@ -14,7 +15,7 @@ use std::net::TcpListener as StdListener;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::watch;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 
 /// Maximum time to receive the head of a request, also between two requests of a connection.
 const HEAD_TIME: Duration = Duration::from_secs(30);
@@ -28,6 +29,10 @@ const MAX_HEAD: usize = 16 << 10;
 const MAX_HEADERS: usize = 64;
 /// Pause after an error of accept: all file descriptors are in use.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
+/// Maximum number of connections that are refused at the same time; further ones are closed without an answer.
+const MAX_REFUSALS: usize = 32;
+/// Maximum time to refuse a connection.
+const REFUSAL_TIME: Duration = Duration::from_secs(1);
 /// Time in which connections can send their last data at the end of the server.
 const LAST_WORDS: Duration = Duration::from_millis(300);
 
@@ -60,17 +65,37 @@ pub(super) fn serve(
 }
 
 async fn accept(listener: &TcpListener, router: &Router) {
-    let connections = Connections::default();
+    let connections = Connections::new(max_open());
+    let refusals = Arc::new(Semaphore::new(MAX_REFUSALS));
     loop {
         match listener.accept().await {
             Ok((stream, _)) => {
                 if let Some(connection) = connections.enter() {
                     tokio::spawn(converse(stream, connection, router.clone()));
+                } else if let Ok(permit) = Arc::clone(&refusals).try_acquire_owned() {
+                    tokio::spawn(refuse(stream, permit));
                 }
             }
             Err(_) => tokio::time::sleep(ACCEPT_PAUSE).await,
         }
     }
+}
+
+/// Answers a connection for which there is no room. The answer waits for the request: closing a connection with unread
+/// data would discard it.
+async fn refuse(stream: TcpStream, _permit: OwnedSemaphorePermit) {
+    let problem = Problem::too_many("all connections of this server are in use by clients with a token");
+    let body = problem.text();
+    let response = format!(
+        "HTTP/1.1 503 Service Unavailable\r\ncontent-type: application/problem+json\r\ncontent-length: {}\r\n\
+         cache-control: no-store\r\nconnection: close\r\n\r\n{body}",
+        body.len()
+    );
+    let _ = tokio::time::timeout(REFUSAL_TIME, stream.readable()).await;
+    let _ = stream.try_read(&mut [0; MAX_HEAD]);
+    // The empty buffer of a new connection takes the whole response.
+    let _ = stream.try_write(response.as_bytes());
+    let _ = rustix::net::shutdown(&stream, rustix::net::Shutdown::Write);
 }
 
 /// Serves a connection until one of its ends closes it.

@@ -2,13 +2,58 @@
 
 use super::App;
 use super::problem::Problem;
-use super::router::{body_of, json_response};
+use super::router::{body_within, json_response};
+use super::secret::Secret;
+use crate::cli::error::CliError;
 use axum::body::Body;
 use axum::extract::{Request, State};
-use axum::http::{HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::json;
-use std::sync::Arc;
+use std::collections::VecDeque;
+use std::io;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Maximum number of browsers that are signed in; one more signs out the oldest.
+const MAX_SESSIONS: usize = 64;
+
+/// Maximum size of the body with the token, in bytes: clients that have shown none yet can send it.
+const MAX_TOKEN_BODY: usize = 1 << 10;
+
+/// The keys of the cookies of all browsers that are signed in, the oldest first.
+#[derive(Default)]
+pub(super) struct Sessions(Mutex<VecDeque<Secret>>);
+
+impl Sessions {
+    /// Signs a browser in, and returns its key.
+    ///
+    /// # Errors
+    /// The kernel has no random numbers.
+    pub(super) fn open(&self) -> io::Result<String> {
+        let key = Secret::random()?;
+        let digits = key.digits().to_owned();
+        let mut keys = self.keys();
+        if keys.len() >= MAX_SESSIONS {
+            keys.pop_front();
+        }
+        keys.push_back(key);
+        Ok(digits)
+    }
+
+    /// Whether a browser with this key is signed in.
+    pub(super) fn contains(&self, key: &str) -> bool {
+        self.keys().iter().any(|known| known.is(key.as_bytes()))
+    }
+
+    /// Signs the browser with this key out.
+    pub(super) fn close(&self, key: &str) {
+        self.keys().retain(|known| !known.is(key.as_bytes()));
+    }
+
+    fn keys(&self) -> MutexGuard<'_, VecDeque<Secret>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
 
 /// Its path.
 pub(super) const PATH: &str = "/api/v1/session";
@@ -21,24 +66,22 @@ pub(super) async fn check(State(app): State<Arc<App>>) -> Response {
 /// Sets the cookie for the right token.
 ///
 /// # Errors
-/// The body is not an object with the token.
+/// The body is not an object with the token, or the kernel has no random numbers.
 pub(super) async fn open(State(app): State<Arc<App>>, request: Request<Body>) -> Result<Response, Problem> {
-    let fields = body_of(request).await?;
+    let fields = body_within(request, MAX_TOKEN_BODY).await?;
     let token = fields.get("token").and_then(|token| token.as_str()).unwrap_or_default();
     if !app.guard.token.is(token.as_bytes()) {
         let detail =
             "this is not the token of this server; its address, as `commram web` printed it, has the token";
         return Err(Problem::new(StatusCode::UNAUTHORIZED, "unauthorized", detail));
     }
-    Ok(with_cookie(&format!(
-        "{}={}; Path=/; HttpOnly; SameSite=Strict",
-        app.guard.cookie,
-        app.guard.key.digits()
-    )))
+    let key = app.guard.sessions.open().map_err(|reason| CliError::Process { reason })?;
+    Ok(with_cookie(&format!("{}={key}; Path=/; HttpOnly; SameSite=Strict", app.guard.cookie)))
 }
 
-/// Deletes the cookie.
-pub(super) async fn close(State(app): State<Arc<App>>) -> Response {
+/// Signs out: the cookie is deleted, and its key is no longer valid.
+pub(super) async fn close(State(app): State<Arc<App>>, headers: HeaderMap) -> Response {
+    app.guard.keys_in(&headers).for_each(|key| app.guard.sessions.close(key));
     with_cookie(&format!("{}=; Path=/; HttpOnly; SameSite=Strict; Max-Age=0", app.guard.cookie))
 }
 

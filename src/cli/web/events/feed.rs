@@ -7,6 +7,7 @@ use crate::cli::peek::ReadTarget;
 use crate::cli::web::link::Connection;
 use crate::cli::web::problem::Problem;
 use crate::cli::web::router::is_on;
+use crate::devices;
 use crate::identity::DeviceIndex;
 use crate::request::Op;
 use std::collections::{BTreeMap, BTreeSet};
@@ -97,7 +98,8 @@ impl Wish {
                 ("follow", _) => wish.follow(connection, text)?,
                 ("journal", _) if text != "0" && text != "false" => {
                     let kinds = text.split(',').filter(|kind| !is_on && !kind.is_empty());
-                    wish.journal = Some(kinds.map(str::to_owned).collect());
+                    let kinds = kinds.map(known_kind).collect::<Result<_, _>>()?;
+                    wish.journal = Some(kinds);
                 }
                 ("journal", _) => wish.journal = None,
                 ("clock", _) => wish.clock = is_on,
@@ -133,6 +135,17 @@ impl Wish {
         let mut stretches = self.followed.iter().flat_map(|followed| &followed.stretches);
         stretches.any(|&(of, first, len)| of == plc && (first..first + len).contains(&offset))
     }
+}
+
+/// Checks the name of a kind of journal record.
+fn known_kind(name: &str) -> Result<String, Problem> {
+    let kinds = &devices::catalogue().kinds;
+    if kinds.iter().any(|kind| kind.name() == name) {
+        return Ok(name.to_owned());
+    }
+    let known: Vec<_> = kinds.iter().map(|kind| kind.name()).collect();
+    let text = format!("events: there is no kind of record `{name}`, only {}", known.join(", "));
+    Err(Problem::wrong_use(text).with("field", "journal"))
 }
 
 /// Lets the emulator record changes of these registers.
