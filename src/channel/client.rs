@@ -47,7 +47,7 @@ pub struct Patience {
     /// How long [`Client::connect`] waits for an instance that does not run yet. Zero by default.
     pub connect: Duration,
     /// Longest time to enter the channel, parts of which may be damaged. 5 s by default.
-    pub enter: Duration,
+    pub enter_limit: Duration,
     /// Longest wait for a reply, in wall time. The time limits of waits in the request are added, as if the clock ran
     /// in real time. 5 s by default.
     pub reply: Duration,
@@ -59,7 +59,7 @@ pub struct Patience {
 impl Default for Patience {
     fn default() -> Self {
         let long = Duration::from_secs(5);
-        Self { connect: Duration::ZERO, enter: long, reply: long, spin: Duration::ZERO }
+        Self { connect: Duration::ZERO, enter_limit: long, reply: long, spin: Duration::ZERO }
     }
 }
 
@@ -90,7 +90,7 @@ impl Client {
     ) -> Result<Self, ClientError> {
         let start = Instant::now();
         loop {
-            let failure = match ports(instance, root, &*bells, patience.enter) {
+            let failure = match ports(instance, root, &*bells, patience.enter_limit) {
                 Ok((port, service, guest)) => {
                     let instance = instance.to_owned();
                     return Ok(Self {
@@ -370,7 +370,7 @@ fn ports(
     check_limits(instance)?;
     let domain = domain_of(instance, root, bells)?;
     let (name, place) = (instance.to_owned(), root.to_owned());
-    let ends = guest::within(limit, instance, move || enter(&name, &place, domain))?;
+    let ends = guest::enter_within(limit, instance, move || enter(&name, &place, domain))?;
     // If the emulator was replaced meanwhile, this may be a connection to objects that the new one has removed.
     if !ends.2.domain().is_announced(bells.emulator_pid()) {
         return Err(not_running());

@@ -90,9 +90,10 @@ impl EventListener {
         bells: Box<dyn Bells>,
     ) -> Result<Self, ClientError> {
         let domain = domain_of(instance, root, &*bells)?;
-        let (name, of) = (instance.to_owned(), plc.to_owned());
-        let limit = Patience::default().enter;
-        let (listener, service, guest) = guest::within(limit, instance, move || enter(&name, &of, domain))?;
+        let (name, plc) = (instance.to_owned(), plc.to_owned());
+        let limit = Patience::default().enter_limit;
+        let (listener, service, guest) =
+            guest::enter_within(limit, instance, move || enter(&name, &plc, domain))?;
         Ok(EventListener { listener, service, _guest: guest, bells, instance: instance.to_owned() })
     }
 

@@ -19,7 +19,7 @@ pub(super) struct Guest {
 }
 
 impl Guest {
-    /// Enters a domain. May never return: see [`within`].
+    /// Enters a domain. May never return: see [`enter_within`].
     pub(crate) fn enter(domain: Domain) -> Result<Self, NodeCreationFailure> {
         // Before the node: a failed attempt also leaves files.
         let mut guest = Guest { node: None, domain };
@@ -50,11 +50,11 @@ impl Drop for Guest {
     }
 }
 
-/// Enters the channel of `instance` in a separate thread, for at most `limit`.
+/// Calls `enter`, which enters the channel of `instance`, in a separate thread, and waits at most `limit` for its result.
 ///
 /// # Errors
 /// As `enter`, or [`ClientError::Stuck`].
-pub(super) fn within<R: Send + 'static>(
+pub(super) fn enter_within<R: Send + 'static>(
     limit: Duration,
     instance: &str,
     enter: impl FnOnce() -> Result<R, ClientError> + Send + 'static,

@@ -313,7 +313,7 @@ fn ask(name: &str, running: &RunningInstance) -> Result<(), CliError> {
         other => other?,
     };
     let bells = Box::new(HeaderBells::of_client(attached)?);
-    let patience = Patience { enter: ANSWER, reply: ANSWER, ..Patience::default() };
+    let patience = Patience { enter_limit: ANSWER, reply: ANSWER, ..Patience::default() };
     // The client is dropped at the end of this function, so that the emulator can remove its channel.
     let client = Client::connect(name, &channel_root(name)?, bells, patience)?;
     // The next emulator opens its channel only after this one has released its locks.

@@ -52,7 +52,7 @@ fn the_role_decides_between_different_meanings() {
     assert_eq!(register.name(), "slotG.b_STATREG_RDC1");
     assert_eq!(
         known.register(&format!("{slave}.b_STATREG_RDC1")).unwrap_err().to_string(),
-        format!("`{slave}` is a slave's, but `slotG` is a master")
+        format!("`{slave}` belongs to a slave, but `slotG` is a master")
     );
     assert!(known.register("slotG.a_WR_VALUE_RECEIVE[0]").is_err());
     let both = SLOTS.registers("slotG.b_STATREG_RDC1").unwrap();

@@ -68,12 +68,10 @@ struct Present {
 /// Reason for the rejection of further guests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 enum NoPlace {
-    #[error(
-        "{MAX_GUESTS} guests are there already, which is all that an instance has places for; let one leave"
-    )]
+    #[error("an instance has places for {MAX_GUESTS} guests, and all are taken; let a guest leave")]
     Taken,
     #[error(
-        "the places are free again at the next step of the clock: frames of guests that have left are still to enter the plant"
+        "no place is free until the next step of the clock: the plant has not yet received the last frames of departed guests"
     )]
     Kept,
 }

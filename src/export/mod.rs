@@ -162,7 +162,7 @@ pub enum ExportError {
     Layout(#[from] LayoutError),
     /// The front of a device, in a format for its own programs or its processor.
     #[error(
-        "`{block}` of {device} lies in the header page, for which {format} has no addresses; take c, python or a table"
+        "`{block}` of {device} is in the header page, for which {format} has no addresses; take c, python or a table"
     )]
     NoAddresses {
         /// The device.

@@ -78,7 +78,7 @@ pub(crate) fn generate(scope: &Scope, form: StForm, blocks: Option<&str>) -> Str
 /// A configuration that runs `MAIN`. Configuration and resource have the names that OpenPLC builds.
 fn configuration(variables: &str) -> String {
     format!(
-        "(* Tasks and programs as yours are; a register that a program uses stands in its VAR_EXTERNAL. *)\n\
+        "(* Replace task and program by your own. Declare each register that a program uses in its VAR_EXTERNAL. *)\n\
          CONFIGURATION Config0\n{variables}\n\
          RESOURCE Res0 ON PLC\n    TASK scan(INTERVAL := T#2ms, PRIORITY := 0);\n    \
          PROGRAM instance1 WITH scan : MAIN;\nEND_RESOURCE\nEND_CONFIGURATION\n"

@@ -7,7 +7,8 @@
 //! polls of the firmware is not known; they are reported in the order of their addresses.
 //!
 //! A comparison changes nothing in the plant. Changes for the journal become records ([`Changed`]). Other changes go
-//! to a bounded list with separate numbers, so that an onlooker leaves the journal as it is.
+//! to a bounded list with separate numbers. Clients that only observe ("onlookers", for example a view) read that list, so
+//! they do not change the journal.
 
 use super::changed::{By, ChangeDetails, Changed};
 use crate::identity::DeviceIndex;
@@ -18,7 +19,7 @@ use std::time::{Duration, Instant};
 
 /// Most registers followed at a time.
 pub const MAX_FOLLOWED: usize = 65_536;
-/// Maximum count of changes that are kept for onlookers.
+/// Maximum count of changes in the list for onlookers.
 pub const KEPT_CHANGES: usize = 65_536;
 /// An onlooker that has asked for no changes for this real time counts as gone.
 const GONE: Duration = Duration::from_secs(10);
@@ -30,7 +31,7 @@ const LOOKS: u32 = 4096;
 pub enum Keep {
     /// Into the journal, until the end.
     InJournal,
-    /// Into the list for onlookers, as long as any of them asks for changes.
+    /// Into the list for onlookers (clients that only observe), as long as one of them requests changes.
     ForOnlookers,
 }
 

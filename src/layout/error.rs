@@ -44,7 +44,7 @@ pub enum LayoutError {
         rule: &'static str,
     },
     /// An address in no area.
-    #[error("{address} lies in no area; {hint}")]
+    #[error("{address} is not in any area; {hint}")]
     NoArea {
         /// The address.
         address: String,
@@ -126,16 +126,16 @@ pub enum LayoutError {
         names: String,
     },
     /// A variable of another role than the port has.
-    #[error("`{variable}` is a {of}'s, but `{area}` is a {is}")]
+    #[error("`{variable}` belongs to a {variable_role}, but `{area}` is a {port_role}")]
     WrongRole {
         /// The variable.
         variable: &'static str,
         /// The role that the variable belongs to.
-        of: Role,
+        variable_role: Role,
         /// The area of its registers.
         area: &'static str,
         /// The role of the port.
-        is: Role,
+        port_role: Role,
     },
     /// A register that the area does not have.
     #[error("area `{area}` has no register `{name}`{hint}")]

@@ -250,15 +250,15 @@ mod tests {
         let first = DEVICE.areas.first().unwrap().name;
         assert_eq!(
             error("%MB3.0"),
-            format!("%MB3.0 lies in no area; the first one, `{first}`, starts at %MB3.80000")
+            format!("%MB3.0 is not in any area; the first one, `{first}`, starts at %MB3.80000")
         );
         assert_eq!(
             error("%MW3.150000"),
-            "%MW3.150000 lies in no area; `node1` ends at %MB3.132767, `ethernet_config` starts at %MB3.180016"
+            "%MW3.150000 is not in any area; `node1` ends at %MB3.132767, `ethernet_config` starts at %MB3.180016"
         );
         assert_eq!(
             error("%MB3.4000000"),
-            "%MB3.4000000 lies in no area; the last one, `option3`, ends at %MB3.3262143"
+            "%MB3.4000000 is not in any area; the last one, `option3`, ends at %MB3.3262143"
         );
         assert!(error("%MB3.1000000").ends_with("area `option1` has no register there (plain RAM)"));
         assert!(error("%MB3.232767").contains("the last register is `a_STAT_SL[31]` at %MB3.203995"));

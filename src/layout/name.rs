@@ -258,9 +258,9 @@ impl DeviceFit {
         if let Some((area, placed)) = variables().find(|(_, placed)| placed.variable == front) {
             let fit = self.area(area);
             return match (fit, placed.role) {
-                (Fit::As(is), Some(of)) if is != of => {
+                (Fit::As(port_role), Some(variable_role)) if port_role != variable_role => {
                     let (variable, area) = (placed.variable, area.name);
-                    Err(LayoutError::WrongRole { variable, of, area, is })
+                    Err(LayoutError::WrongRole { variable, variable_role, area, port_role })
                 }
                 _ => Ok(Block { area, fit, only: Some(placed) }),
             };

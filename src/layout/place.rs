@@ -1,4 +1,4 @@
-//! Registers and addresses as people name them.
+//! Registers and addresses as users name them.
 
 use super::value::{self, ValueError};
 use super::{
@@ -37,7 +37,7 @@ impl BitAccess {
     }
 }
 
-/// A register or an address that the user has named. It exists; whether its PLC does, others know.
+/// A register or an address that the user has named. It exists in the layout; its PLC may not exist in the plant.
 #[derive(Clone, Debug)]
 pub struct NamedLocation {
     /// The text as given, without the PLC.
@@ -225,31 +225,33 @@ impl NamedLocation {
         }
     }
 
-    /// The meaning of the value.
-    pub fn meaning(&self, live: RegisterPhase, value: u32) -> String {
+    /// The meaning of the value, as the layout describes it. For a place that is no complete register: the register that
+    /// it is a part of, the registers that it contains, or the meaning of its bit. Special texts for a place without
+    /// register and for an empty slot.
+    pub fn meaning(&self, phase: RegisterPhase, value: u32) -> String {
         if self.is_empty {
             return "nothing is plugged in".to_owned();
         }
-        if let Some(register) = self.exact(live) {
-            return meaning_in(&register, live, value);
+        if let Some(register) = self.exact(phase) {
+            return meaning_in(&register, phase, value);
         }
-        let live_ones = || self.registers.iter().filter(|found| is_live(found, live));
-        let parts = without_twins(live_ones().copied().collect());
+        let valid = || self.registers.iter().filter(|found| is_live(found, phase));
+        let parts = without_twins(valid().copied().collect());
         let names: Vec<_> = parts.iter().map(RegisterRef::name).collect();
         match (names.as_slice(), self.bit()) {
             ([], _) => "no register".to_owned(),
-            ([one], Some(own)) => {
-                let is_set = value >> own & 1 != 0;
+            ([name], Some(bit_in_byte)) => {
+                let is_set = value >> bit_in_byte & 1 != 0;
                 let bit = parts.first().and_then(|register| Some((register, self.bit_of(register)?)));
                 let (number, meaning) =
                     bit.map_or((0, String::new()), |(register, bit)| (bit, register.decode_bit(bit, is_set)));
                 match (meaning.as_str(), self.named_bit()) {
-                    ("", _) => format!("bit {number} of {one}"),
+                    ("", _) => format!("bit {number} of {name}"),
                     (meaning, Some(_)) => meaning.to_owned(),
-                    (meaning, None) => format!("bit {number} of {one}: {meaning}"),
+                    (meaning, None) => format!("bit {number} of {name}: {meaning}"),
                 }
             }
-            ([one], None) => format!("part of {one}"),
+            ([name], None) => format!("part of {name}"),
             (several, _) => several.join(", "),
         }
     }

@@ -53,7 +53,7 @@ impl Row {
         let texts = past.values.iter().map(|(_, value)| text(*value)).collect();
         let note = match (past.values.is_empty(), past.is_recorded) {
             (true, _) => Some("nothing in the journal".to_owned()),
-            (false, false) => Some("not recorded: what the journal tells".to_owned()),
+            (false, false) => Some("not recorded: only values from the journal".to_owned()),
             (false, true) => None,
         };
         let meaning = place.meanings(live).filter(|_| bit.is_none());
@@ -66,8 +66,8 @@ impl Row {
     pub fn or_holds(mut self, text: &str, is_recorded: bool) -> Self {
         self.is_recorded = is_recorded;
         if self.points.is_empty() {
-            let why = if is_recorded { "has not changed" } else { "no change told" };
-            self.note = Some(format!("{why}, holds {text} now"));
+            let why = if is_recorded { "has not changed" } else { "no change recorded" };
+            self.note = Some(format!("{why}, present value {text}"));
         } else if is_recorded {
             self.note = None;
         }

@@ -119,7 +119,7 @@ macro_rules! ops {
                 /// Most records wanted; more than 1024 are never sent.
                 max: u32 => value,
             },
-            /// Records all changes from now on of the registers in a range. The plant runs as it would without it.
+            /// Records all changes from now on of the registers in a range. Does not influence the plant.
             Follow = 70, follow, Acts -> Written {
                 /// Number of the PLC.
                 plc: DeviceIndex => plc,
@@ -138,15 +138,15 @@ macro_rules! ops {
                 /// Byte offset of the register.
                 offset: u32 => offset,
             },
-            /// Reads the changes that are kept for onlookers, from number `from` on. Changes are no longer collected for
-            /// an onlooker after ten seconds of real time without a request.
+            /// Reads the changes of registers followed with `for_onlookers`, from number `from` on. The emulator stops
+            /// collecting these changes if it gets no such request for ten seconds of real time.
             Changes = 71, changes, Looks -> Changes {
                 /// Number of the first change wanted; changes that are no longer kept are left out.
                 from: u64 => time_us,
                 /// Most changes wanted; more than 1024 are never sent.
                 max: u32 => value,
             },
-            /// Forces a register: it keeps the value against firmware and PLC.
+            /// Forces a register: it keeps the value, also if firmware or PLC write another one.
             Force = 30, force, Acts -> Written {
                 /// Number of the PLC.
                 plc: DeviceIndex => plc,

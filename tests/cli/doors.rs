@@ -330,7 +330,7 @@ fn repeated_rejections_of_guests_are_logged_once() {
     emulator.wait();
     let complaints = emulator.complaints();
     assert_eq!(
-        complaints.matches("a guest was sent away: 64 guests are there already").count(),
+        complaints.matches("a guest was sent away: an instance has places for 64 guests").count(),
         1,
         "{complaints}"
     );
@@ -651,7 +651,7 @@ fn a_door_without_a_place_for_its_guest_does_not_open() {
     let port = port(&emulator);
     let mut guests: Vec<_> = (0..64).map(|_| Guest::open(port)).collect();
     let refused = emulator.run("bus", &["open", "open", "slcan-pty"]);
-    assert!(refused.fails(2).contains("64 guests are there already"), "{}", refused.err);
+    assert!(refused.fails(2).contains("an instance has places for 64 guests"), "{}", refused.err);
     assert_eq!(buses(&emulator)[0]["doors"].as_array().unwrap().len(), 1);
     guests.pop();
     assert!(eventually(|| emulator.run("bus", &["open", "open", "slcan-pty"]).code == Some(0)));
@@ -661,7 +661,7 @@ fn a_door_without_a_place_for_its_guest_does_not_open() {
     std::fs::write(many.path(), OPEN.replace("doors = [", &doors)).unwrap();
     let started =
         crate::common::run(&["run", many.path().to_str().unwrap(), "-i", &crate::common::unique_name()]);
-    assert!(started.fails(1).contains("64 guests are there already"), "{}", started.err);
+    assert!(started.fails(1).contains("an instance has places for 64 guests"), "{}", started.err);
 }
 
 /// Returns whether a new guest gets an answer.

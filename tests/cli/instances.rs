@@ -219,7 +219,7 @@ fn an_address_error_uses_the_words_of_the_devices_of_the_instance() {
     // Two devices of the same kind use the same words.
     let emulator = start_with_plant(TWO_PLCS);
     for (text, expected) in [
-        ("%MB3.5", "lies in no area; the first one, `baps`, starts at %MB3.80000"),
+        ("%MB3.5", "is not in any area; the first one, `baps`, starts at %MB3.80000"),
         ("node2.w_CPU_CONTRL", "w_CPU_CONTROL"),
         ("%MW3.200001", "even address"),
     ] {

@@ -45,7 +45,7 @@ fn an_instance_and_its_journal_give_the_same_plot() {
     assert!(std::fs::read(&png).unwrap().starts_with(b"\x89PNG\r\n"));
     // A register without recorded values has no curve, and the plot contains a note.
     let unknown = emulator.run("plot", &["node1.w_CPU_CONTROL", "-o", &live]);
-    let said = "node1.w_CPU_CONTROL: no change told, holds 16#0000";
+    let said = "node1.w_CPU_CONTROL: no change recorded, present value 16#0000";
     assert!(unknown.code == Some(0) && unknown.err.contains(said), "{}", unknown.err);
     let hint = "(run --record, record)";
     assert!(unknown.err.contains(hint), "{}", unknown.err);

@@ -97,7 +97,7 @@ fn retain_flags_are_read_and_written_by_their_addresses() {
         emulator.run("dump", &["%MB10000064"]).fails(2),
         "commram: %MB10000064, 1 bytes: no register area covers %MB10000064; read each area for itself\n"
     );
-    assert!(emulator.run("peek", &["%MB3.8192"]).fails(2).contains("lies in no area"));
+    assert!(emulator.run("peek", &["%MB3.8192"]).fails(2).contains("is not in any area"));
     emulator.run("force", &["%MB10000063=1"]).ok();
     emulator.run("force", &["%MD10000004=5"]).ok();
     emulator.run("board", &["set", "project=boot"]).ok();
@@ -329,10 +329,10 @@ fn an_unknown_register_is_refused_without_an_emulator() {
     assert!(fails(&["peek", "node3.w_CPU_CONTROL"]).contains("node1, ethernet_config, node2"));
     assert!(fails(&["peek", "node2.w_cpu_control"]).contains("is spelled `w_CPU_CONTROL`"));
     assert_eq!(fails(&["peek", "%MW3.200001"]), "commram: %MW3.200001: a WORD needs an even address\n");
-    assert!(fails(&["peek", "%MB3.79999"]).contains("lies in no area"));
+    assert!(fails(&["peek", "%MB3.79999"]).contains("is not in any area"));
     assert!(fails(&["peek", "node2.a_RD_BMARRAY[32][0]"]).contains("index 32 is out of range"));
     assert!(fails(&["dump", "node7"]).contains("unknown area `node7`"));
-    assert!(fails(&["dump", "%MB3.79999"]).contains("lies in no area"));
+    assert!(fails(&["dump", "%MB3.79999"]).contains("is not in any area"));
     assert!(fails(&["wait", "node2.w_CPU_CONTROL=1"]).contains("write REG==VALUE"));
     assert!(fails(&["wait", "node2.w_CPU_CONTROL==1", "--within", "5"]).contains("5us, 5ms or 5s"));
     assert!(fails(&["poke", "node2.w_CPU_CONTROL"]).contains("write REG=VALUE"));

@@ -96,7 +96,7 @@ fn a_refused_force_gives_its_reason() {
         let wide = word(w_cpu_control, 0x1_0000);
         let expected = format!("%MW3.{w_cpu_control}: 16#10000 does not fit, a WORD holds at most 16#FFFF");
         assert_eq!(message(wide), expected);
-        assert!(message(word(8, 0)).contains("lies in no area"));
+        assert!(message(word(8, 0)).contains("is not in any area"));
         assert_eq!(message(Forced { plc: DeviceIndex(7), ..word(w_cpu_control, 0) }), "there is no such PLC");
         assert!(rig.plant.forces().is_empty());
     }

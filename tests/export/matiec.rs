@@ -162,7 +162,7 @@ fn addresses_that_are_no_registers_are_refused_by_the_compiler() {
         ("WORD,__MW3_200012,M,W,3,200012", "__MW3_200012: the register there has another width"),
         ("BYTE,__MB3_200000,M,B,3,200000", "__MB3_200000: the register there has another width"),
         ("WORD,__MB3_200012,M,B,3,200012", "__MB3_200012: the type has another width than the address"),
-        ("WORD,__MW3_128,M,W,3,128", "__MW3_128: the address lies in no area of the device"),
+        ("WORD,__MW3_128,M,W,3,128", "__MW3_128: the address is not in any area of the device"),
         ("BOOL,__MX3_200012_7,M,X,3,200012,7", "__MX3_200012_7: a single bit has no separate address"),
         ("BOOL,__M3_200012,M,S,3,200012", "__M3_200012: an address without a size is that of a bit"),
         ("BYTE,__MB3_200012_1,M,B,3,200012,1", "__MB3_200012_1: the address has levels too many"),
@@ -226,7 +226,7 @@ fn flags_that_a_device_does_not_have_are_refused_by_the_compiler() {
         filter(directory.path());
         let refused = compile(directory.path(), &["-std=gnu11", "-fsyntax-only"], &["main.c"]);
         let name = located.split(',').nth(1).unwrap();
-        let why = format!("{name}: the address lies in no area of the device");
+        let why = format!("{name}: the address is not in any area of the device");
         assert!(refused.code != Some(0) && refused.err.contains(&why), "{device}, {why}: {}", refused.err);
     }
 }

@@ -129,7 +129,7 @@ fn addresses_that_are_no_registers_are_refused_in_cpp() {
         ("WORD,__MW3_200001", "__MW3_200001: the address is not divisible by the width"),
         ("WORD,__MW3_200012", "__MW3_200012: the register there has another width"),
         ("WORD,__MB3_200012", "__MB3_200012: the type has another width than the address"),
-        ("WORD,__MW3_128", "__MW3_128: the address lies in no area of the device"),
+        ("WORD,__MW3_128", "__MW3_128: the address is not in any area of the device"),
         ("BOOL,__MX3_200012_7", "__MX3_200012_7: a single bit has no separate address"),
         ("BOOL,__M3_200012", "__M3_200012: an address without a size is that of a bit"),
         ("BYTE,__MB3_200012_1", "__MB3_200012_1: the address has levels too many"),
@@ -258,7 +258,7 @@ fn beremiz_receives_the_reason_of_a_refusal() {
         ("__MW3_200012", "the register there has another width"),
         ("__MB3_200012", "the type has another width than the address"),
         ("__M3_200012", "an address without a size is that of a bit; write %MB, %MW or %MD"),
-        ("__MW3_128", "the address lies in no area of the device"),
+        ("__MW3_128", "the address is not in any area of the device"),
         ("__QW7", "the device has no such address, and no library has it"),
     ] {
         fs::write(directory.join("Config0.c"), config.replace("__MW3_200000", address)).unwrap();

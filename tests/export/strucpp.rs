@@ -73,7 +73,7 @@ fn addresses_that_are_no_registers_are_refused_at_the_start() {
     for (from, to, why) in [
         ("Word, 3, 200002", "Word, 3, 200001", "%MW3.200001: the address is not divisible by the width"),
         ("Word, 3, 200002", "Word, 3, 200012", "%MW3.200012: the register there has another width"),
-        ("Word, 3, 200002", "Word, 3, 128", "%MW3.128: the address lies in no area of the device"),
+        ("Word, 3, 200002", "Word, 3, 128", "%MW3.128: the address is not in any area of the device"),
         ("STATUS.value.raw_ptr()", "nullptr", "%MW3.200002: a register needs a variable in VAR_GLOBAL"),
     ] {
         compile(directory.path(), from, to).ok();

@@ -39,20 +39,20 @@ pub(super) enum LinkReport {
     Failed(String),
 }
 
-/// Polls and executes tasks until the other end of a channel is closed.
+/// Polls and executes tasks, until the screen's end of `commands` or `reports` is closed.
 pub(super) fn serve<S: Source>(
     mut connect: impl FnMut() -> Result<S, String>,
-    orders: &Receiver<LinkCommand>,
-    news: &Sender<LinkReport>,
+    commands: &Receiver<LinkCommand>,
+    reports: &Sender<LinkReport>,
 ) {
     let mut queue = TaskQueue::default();
     let mut link: Option<(S, Poller)> = None;
     loop {
         let pause = if link.is_none() { RETRY } else { INTERVAL };
-        if !queue.wait(orders, pause) {
+        if !queue.wait(commands, pause) {
             return;
         }
-        let reports = match &mut link {
+        let new_reports = match &mut link {
             Some((source, poller)) => queue.turn(source, poller),
             None => match connect() {
                 Ok(source) => {
@@ -62,10 +62,10 @@ pub(super) fn serve<S: Source>(
                 Err(why) => vec![LinkReport::Absent(why)],
             },
         };
-        if reports.iter().any(|news| matches!(news, LinkReport::Absent(_))) {
+        if new_reports.iter().any(|report| matches!(report, LinkReport::Absent(_))) {
             link = None;
         }
-        if reports.into_iter().any(|report| news.send(report).is_err()) {
+        if new_reports.into_iter().any(|report| reports.send(report).is_err()) {
             return;
         }
     }
@@ -82,20 +82,20 @@ pub(super) struct TaskQueue {
 
 impl TaskQueue {
     /// Waits for a command at most for `pause` and takes all commands; returns false if the channel is closed.
-    fn wait(&mut self, orders: &Receiver<LinkCommand>, pause: Duration) -> bool {
+    fn wait(&mut self, commands: &Receiver<LinkCommand>, pause: Duration) -> bool {
         let pause = if self.tasks.is_empty() { pause } else { Duration::ZERO };
-        match orders.recv_timeout(pause) {
-            Ok(order) => self.take(order),
+        match commands.recv_timeout(pause) {
+            Ok(command) => self.take(command),
             Err(RecvTimeoutError::Timeout) => return true,
             Err(RecvTimeoutError::Disconnected) => return false,
         }
-        orders.try_iter().for_each(|order| self.take(order));
+        commands.try_iter().for_each(|command| self.take(command));
         true
     }
 
     /// Takes a command.
-    pub(super) fn take(&mut self, order: LinkCommand) {
-        match order {
+    pub(super) fn take(&mut self, command: LinkCommand) {
+        match command {
             LinkCommand::Show(query) => self.query = query,
             LinkCommand::Do(task) => self.tasks.push(task),
             LinkCommand::Cancel => self.cancelled = self.tasks.drain(..).next(),
@@ -115,17 +115,18 @@ impl TaskQueue {
                 }
                 Ok(Outcome::Done(text)) => reports.push(LinkReport::Done(text)),
                 Ok(Outcome::Refused(why)) => reports.push(LinkReport::Failed(why)),
-                Err(trouble) => reports.push(self.tell(trouble)),
+                Err(trouble) => reports.push(self.report_of(trouble)),
             }
         }
         match poller.poll(source, &self.query) {
             Ok(seen) => reports.push(LinkReport::Data(Box::new(seen))),
-            Err(trouble) => reports.push(self.tell(trouble)),
+            Err(trouble) => reports.push(self.report_of(trouble)),
         }
         reports
     }
 
-    fn tell(&mut self, trouble: RequestError) -> LinkReport {
+    /// Returns the report of a failed request, and drops the tasks if the emulator is gone.
+    fn report_of(&mut self, trouble: RequestError) -> LinkReport {
         match trouble {
             RequestError::Busy => LinkReport::Busy,
             RequestError::Gone(why) => {

@@ -21,11 +21,11 @@ rules! {
          never asked. Set b_MAX_SL_NR to the highest slave number.";
     COMMAND: 10, "command", Error, "5.00005.03a p. 149-150, 174-175; 5.02066.01a p. 50, 79; D-05",
         "w_CPU_CONTROL was given a command that does not exist or is not possible in this state. Wait for the \
-         value of w_OPTION_STATUS that comes before it.";
+         value of w_OPTION_STATUS that must precede the command.";
     LEFT_BEHIND: 11, "left-behind", Warning, "5.00005.03a p. 149-150, 174-175; 5.02066.01a p. 50, 79; D-29",
-        "Bit 7 was written to w_CPU_CONTROL with no other bit, and clearing it leaves 16#0000. That is no restart, \
-         but one stored over it in the RAM cannot be seen. Write bit 7 together with the bits already set in the \
-         register: 16#00C0 in active operation.";
+        "Bit 7 was written to w_CPU_CONTROL with no other bit, and clearing it leaves 16#0000. The remaining \
+         16#0000 is no restart. A restart that a program stores over it in the RAM cannot be detected. Write bit 7 \
+         together with the bits already set in the register: 16#00C0 in active operation.";
     ORDER: 12, "order", Error, "5.00005.03a p. 165, 167, 189, 191; 5.02066.01a p. 67, 69, 94, 96",
         "The control register of a job was written before its status register. Write the status register first, \
          then the control register, both with the same value.";
@@ -42,7 +42,7 @@ rules! {
         "Own actual values were released with 16#05 after their deadline, so their frame was left out in this \
          interval. Release them earlier in the event task, or one interval ahead.";
     INIT_MODE: 17, "init-mode", Error, "5.00005.03a p. 149, 174; 5.02066.01a p. 49-51, 80; D-12",
-        "b_MA_SL_MODE is not that of a master, or not that of a slave. Write 16#00 (or 16#02 to pass SYNC on) at a master, 16#01 at a slave.";
+        "b_MA_SL_MODE does not suit the role of the node. Write 16#00 (or 16#02 to pass SYNC on) at a master, 16#01 at a slave.";
     INIT_BAUD_RATE: 18, "init-baud-rate", Error, "5.00005.03a p. 125, 149; 5.02066.01a p. 51, 80, 126-127",
         "b_BT_0 and b_BT_1 give no baud rate of the device. On an Omega Drive-Line II write 16#00, 16#1C for 500 kbit/s, \
          16#01, 16#1C for 250 or 16#03, 16#1C for 125; on a BM4-O-CAN 16#40, 16#34 for 1000, 16#41, 16#34 for 500, \

@@ -198,14 +198,14 @@ static inline commram_result commram_ring(commram *ram)
 }
 
 /*
- * Sleeps until `bell` has rung more often than `seen` times, at most 100 ms. Read `seen` from bell->word before
- * you look whether what you wait for is already there. A spurious return is possible.
+ * Sleeps until `bell` has rung more often than `seen` times, at most 100 ms. Read `seen` from bell->word first,
+ * then check whether the awaited value is already present. A spurious return is possible.
  */
 static inline void commram_sleep(const commram *ram, commram_bell *bell, uint32_t seen)
 {
     commram_timespec slice = { 0, 100000000 };
     if (!ram->writable) {
-        /* Nobody can sign in on a read-only map, so look once in a while. */
+        /* A reader of a read-only map cannot count itself in `waiters`, so it polls. */
         slice.nanoseconds = 1000000;
         commram_system(SYS_nanosleep, &slice, NULL);
         return;

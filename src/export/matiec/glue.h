@@ -7,13 +7,14 @@
  *     COMMRAM_MATIEC_STORAGE
  *     #include "commram_located.h"
  *
- * where commram_located.h is what is in matiec's LOCATED_VARIABLES.h without the names of other variables that matiec
- * writes in between, without line ends and some lines twice:
+ * where commram_located.h has the entries of matiec's LOCATED_VARIABLES.h. It omits the names of other variables that
+ * matiec writes between the entries, line ends, and repeated lines:
  *
  *     grep -o '__LOCATED_VAR([^)]*)' LOCATED_VARIABLES.h | sort -u > commram_located.h
  *
- * All files are compiled with -DCOMMRAM_MATIEC_ACCESS -include commram_matiec.h. Where nobody can make commram_located.h
- * in between, as in Beremiz, it is -DCOMMRAM_MATIEC_BY_NAME -include commram_matiec.h, and commram_located.h is left out.
+ * All files are compiled with -DCOMMRAM_MATIEC_ACCESS -include commram_matiec.h. If no step can make commram_located.h
+ * between matiec and the C compiler, as in Beremiz, use -DCOMMRAM_MATIEC_BY_NAME -include commram_matiec.h and leave out
+ * commram_located.h.
  */
 
 /* unistd.h has macros of these names for access(); x_OK is a pin of most function blocks, which matiec writes in capitals. */

@@ -9,7 +9,7 @@
 #define COMMRAM_RULES(rule, name, bound, is_bit, size, levels, bytes, whole, place, widths, bit)                 \
     rule(!(bound) || (is_bit) != 2 || (bit) != COMMRAM_NO_NUMBER, name,                                          \
          "an address without a size is that of a bit; write %MB, %MW or %MD")                                    \
-    rule(!(bound) || COMMRAM_IN_AREA(place), name, "the address lies in no area of the device")                  \
+    rule(!(bound) || COMMRAM_IN_AREA(place), name, "the address is not in any area of the device")                  \
     rule(!(bound) || !(is_bit) || (bit) != COMMRAM_NO_NUMBER, name,                                              \
          "a single bit has no separate address; locate the byte")                                                \
     rule(!(bound) || (is_bit) || (levels), name, "the address has levels too many; only 0 is allowed there")     \

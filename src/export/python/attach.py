@@ -346,7 +346,7 @@ class Ram:
     def wait(self, name: str, wanted: Union[int, Callable[[int], bool]], timeout: float = 5.0) -> int:
         """Waits until the register has the wanted value, or until `wanted(value)` is true; returns the value.
 
-        `timeout` is in seconds of real time. In stepped mode somebody else has to move the time on.
+        `timeout` is in seconds of real time. In stepped mode another program must advance the clock.
         """
         found = register(name)
         expected = None if callable(wanted) else _integer(name, wanted) & _mask(found.width)

@@ -78,7 +78,7 @@ fn other_spaces_are_refused_and_the_devices_own_are_named() {
     assert_eq!(
         parse("%MB3.0").unwrap_err().to_string(),
         format!(
-            "%MB3.0 lies in no area; the first one, `{}`, starts at %MB3.80000",
+            "%MB3.0 is not in any area; the first one, `{}`, starts at %MB3.80000",
             DEVICE.areas.first().unwrap().name
         )
     );

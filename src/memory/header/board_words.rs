@@ -57,7 +57,7 @@ const WORDS: [(&str, &str, BoardSetting); 12] = [
 impl<'a> BoardWord<'a> {
     /// Parses PLC and setting, for example `line2:dip=5`: dip (0 to 31), leds (0 to 15), switch (run, stop, reset),
     /// power (on, off), start (cold, warm, hot, stop), project (none, boot, sent). `maxx:slotH.dip=7` sets the DIP
-    /// switches of a module. Other words that clients write have their names on the device's front, for example
+    /// switches of a module. Any other NAME=VALUE is an element of the front of a specific device, for example
     /// `panel:s1=unlock`.
     ///
     /// # Errors

@@ -250,7 +250,7 @@ fn it_is_exported() {
         assert_eq!(export.out.contains("Counts values"), has_front, "{format}: {}", export.out);
     }
     let front = run(&["export", "st", "--device", "gate", "--block", "front"]);
-    assert!(front.fails(2).contains("`front` of gate lies in the header page"), "{}", front.err);
+    assert!(front.fails(2).contains("`front` of gate is in the header page"), "{}", front.err);
 }
 
 #[test]

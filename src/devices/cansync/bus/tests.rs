@@ -197,11 +197,13 @@ fn the_command_channel_has_the_times_of_every_rate() {
     }
 }
 
-/// Manuals 5.02066.01a p. 54, 86-87, 5.00005.03a p. 153, 181-182; D-351, D-354.
+/// The firmware sends values that are released before the earliest time of their deadline (answer 16#04), and leaves
+/// out values released at its latest time (16#05 stays). Manuals 5.02066.01a p. 54, 86-87, 5.00005.03a p. 153,
+/// 181-182; D-351, D-354.
 #[test]
 fn values_are_in_time_until_the_deadline_of_every_rate() {
     for rate in &FOUR {
-        let released = |after: u32, control: fn(&Bench) -> &Cell8| {
+        let answer_to_release = |after: u32, control: fn(&Bench) -> &Cell8| {
             let mut bench = Bench::active(rate);
             let start = bench.now;
             bench.run_to(start + u64::from(after));
@@ -209,14 +211,14 @@ fn values_are_in_time_until_the_deadline_of_every_rate() {
             bench.run_to(start + interval_us(rate) - 1);
             control(&bench).load()
         };
-        let reference: fn(&Bench) -> &Cell8 = |it| &it.master.b_CTRLREG_WRC1;
-        let first: fn(&Bench) -> &Cell8 = |it| &it.slave.b_CTRLREG_RD_RDC1;
-        let second: fn(&Bench) -> &Cell8 = |it| &it.slave.b_CTRLREG_RD_RDC2;
+        let wrc1: fn(&Bench) -> &Cell8 = |it| &it.master.b_CTRLREG_WRC1;
+        let rdc1: fn(&Bench) -> &Cell8 = |it| &it.slave.b_CTRLREG_RD_RDC1;
+        let rdc2: fn(&Bench) -> &Cell8 = |it| &it.slave.b_CTRLREG_RD_RDC2;
         for (deadline, control) in
-            [(rate.deadline_WRC, reference), (rate.deadline_RDC1, first), (rate.deadline_RDC2, second)]
+            [(rate.deadline_WRC, wrc1), (rate.deadline_RDC1, rdc1), (rate.deadline_RDC2, rdc2)]
         {
-            assert_eq!(released(deadline.earliest - 1, control), 0x04, "{deadline:?} of {rate:?}");
-            assert_eq!(released(deadline.latest, control), 0x05, "{deadline:?} of {rate:?}");
+            assert_eq!(answer_to_release(deadline.earliest - 1, control), 0x04, "{deadline:?} of {rate:?}");
+            assert_eq!(answer_to_release(deadline.latest, control), 0x05, "{deadline:?} of {rate:?}");
         }
     }
 }

@@ -184,17 +184,17 @@ impl Card {
         Ok(card)
     }
 
-    /// Calculates the lengths of the actual value frames, and finds words with two values.
+    /// Calculates the lengths of the actual value frames. Fails if two values would share a word of a frame.
     fn lay_out(&mut self, zk: &ZkParameters) -> Result<(), ZkFault> {
-        let names = [(20, zk.zk_20), (21, zk.zk_21), (25, zk.zk_25)];
+        let assignments = [(20, zk.zk_20), (21, zk.zk_21), (25, zk.zk_25)];
         let mut owners: [[Option<u8>; 4]; 2] = [[None; 4]; 2];
-        for (slot, (name, value)) in self.actuals.iter().zip(names) {
+        for (slot, (zk_number, value)) in self.actuals.iter().zip(assignments) {
             let Some(slot) = slot else { continue };
             let channel = slot.channel.index();
             let (first, words) = (usize::from(slot.shift) / 16, slot.format.bytes() / 2);
             for owner in owners[channel].iter_mut().skip(first).take(words) {
-                if let Some(other) = owner.replace(name) {
-                    return Err((name, value, ZkError::Overlap(other)));
+                if let Some(other) = owner.replace(zk_number) {
+                    return Err((zk_number, value, ZkError::Overlap(other)));
                 }
             }
             self.lens[channel] = self.lens[channel].max(2 * (first + words) as u8); // at most 8

@@ -8,7 +8,7 @@ function_block! {
     /// Switches segments of the display (p. 101).
     pub struct LCD_SEGMENTS(jobs: Jobs) {
         in {
-            /// Gives the order.
+            /// TRUE: the call gives the order; FALSE: the other inputs have no effect.
             CHANGE: bool;
             /// Segments of digit 1 to 5.
             DIGITS: [u8; 5];
@@ -16,7 +16,7 @@ function_block! {
             LETTERS: [u16; 3];
             /// Places that blink: digit 1 in bit 0, letter 1 in bit 5.
             BLINK: u8;
-            /// Fixed texts: CH1 in bit 0, KEY in bit 7.
+            /// Fixed texts, from bit 0: CH1, CH2, CH3, CH4, RUN, PRG, TST, KEY.
             STATES: u8;
             /// Decimal points: the point of digit 1 in bit 0.
             POINTS: u8;
@@ -44,13 +44,13 @@ function_block! {
     /// Shows a text (p. 103).
     pub struct LCD_TEXT(jobs: Jobs) {
         in {
-            /// Gives the order.
+            /// TRUE: the call gives the order; FALSE: the other inputs have no effect.
             CHANGE: bool;
             /// Characters of the text, with 0 after the last one.
             TEXT: [u8; 8];
             /// Places that blink: digit 1 in bit 0, letter 1 in bit 5.
             BLINK: u8;
-            /// Fixed texts: CH1 in bit 0, KEY in bit 7.
+            /// Fixed texts, from bit 0: CH1, CH2, CH3, CH4, RUN, PRG, TST, KEY.
             STATES: u8;
             /// Decimal points: the point of digit 1 in bit 0.
             POINTS: u8;

@@ -13,7 +13,7 @@ Tree = dict[Any, Any]
 
 
 class Owner(Protocol):
-    """Whoever has registers."""
+    """An object with registers: a plant, or a PLC of it."""
 
     def peek(self, register: str) -> int: ...
 
