@@ -8,7 +8,7 @@ use crate::devices;
 use crate::devices::{Led, ModuleFront, Switch};
 use crate::identity::DeviceIndex;
 use crate::layout::{FrontWord, shown_text};
-use crate::memory::header::{BoardSetting, BoardWord, BoardWords};
+use crate::memory::header::{BoardAssignment, BoardSetting, BoardWords};
 use clap::Subcommand;
 use serde::{Serialize, Serializer};
 use serde_json::{Map, Value};
@@ -271,7 +271,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     match &args.command {
         Command::Get { plc, format, instance } => get(plc.as_deref(), format, instance),
         Command::Set { settings, instance } => {
-            let words = settings.iter().map(|text| BoardWord::parse(text));
+            let words = settings.iter().map(|text| BoardAssignment::parse(text));
             set(instance, &words.collect::<Result<Vec<_>, _>>()?)
         }
         Command::Reset { plc, instance } => one(plc.as_deref(), BoardSetting::Reset, instance),
@@ -280,7 +280,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 }
 
 fn one(plc: Option<&str>, setting: BoardSetting, instance: &Instance) -> Result<(), CliError> {
-    set(instance, &[BoardWord::of("the board", plc, setting)])
+    set(instance, &[BoardAssignment::of("the board", plc, setting)])
 }
 
 fn get(plc: Option<&str>, format: &FormatArg, instance: &Instance) -> Result<(), CliError> {
@@ -308,7 +308,7 @@ pub(crate) fn entries(session: &super::session::Session, plc: Option<&str>) -> R
 }
 
 /// Sends all settings in one message.
-fn set(instance: &Instance, words: &[BoardWord<'_>]) -> Result<(), CliError> {
+fn set(instance: &Instance, words: &[BoardAssignment<'_>]) -> Result<(), CliError> {
     use super::session::Session;
     use crate::channel::ClientError;
     use crate::request::Reply;
@@ -333,7 +333,7 @@ fn set(instance: &Instance, words: &[BoardWord<'_>]) -> Result<(), CliError> {
 /// The instance has no such PLC, or the PLC no such switch.
 pub(crate) fn operation(
     session: &super::session::Session,
-    word: &BoardWord<'_>,
+    word: &BoardAssignment<'_>,
 ) -> Result<crate::request::Op, CliError> {
     let plc = session.plc(word.plc, word.text)?;
     let setting = word.at(session.device(plc))?;

@@ -14,9 +14,9 @@ use running::{known_buses, known_drives, known_faults, known_parameters};
 
 use super::session::Session;
 use crate::devices;
-use crate::fault::{Field, Form, Kind};
+use crate::fault::{FaultKind, Field, Form};
 use crate::identity::DeviceIndex;
-use crate::layout::{DeviceFit, DeviceLayout, Fit, Named, RegisterRef, split_plc, value};
+use crate::layout::{AreaOrRegisters, DeviceFit, DeviceLayout, Fit, RegisterRef, split_plc, value};
 use clap_complete::engine::CompletionCandidate as Candidate;
 use clap_complete::engine::{ArgValueCompleter, PathCompleter, ValueCompleter};
 use std::collections::BTreeMap;
@@ -125,7 +125,7 @@ pub(crate) fn fault_fields() -> ArgValueCompleter {
             devices::fault_kinds()
                 .iter()
                 .copied()
-                .find(|kind: &&'static Kind| kind.name() == word.replace('-', "_"))
+                .find(|kind: &&'static FaultKind| kind.name() == word.replace('-', "_"))
         });
         let Some(kind) = kind else { return Vec::new() };
         let field_of = |name: &str| {
@@ -301,8 +301,10 @@ pub(crate) fn register_names(current: &str) -> Vec<String> {
 
 fn registers_of(fitted: &DeviceFit, front: &str) -> Vec<RegisterRef> {
     match fitted.area_or_registers(front) {
-        Ok(Named::Area(area)) => fitted.placed(area).flat_map(|placed| area.registers_of(placed)).collect(),
-        Ok(Named::Registers(registers)) => registers,
+        Ok(AreaOrRegisters::Area(area)) => {
+            fitted.placed(area).flat_map(|placed| area.registers_of(placed)).collect()
+        }
+        Ok(AreaOrRegisters::Registers(registers)) => registers,
         Err(_) => Vec::new(),
     }
 }

@@ -12,8 +12,8 @@ use super::time;
 use crate::identity::DeviceIndex;
 use crate::journal::Names;
 use crate::layout::{
-    Address, Area, DeviceFit, Fit, LayoutError, Named, RegisterPhase, RegisterRef, Width, format_value,
-    split_plc,
+    Address, Area, AreaOrRegisters, DeviceFit, Fit, LayoutError, RegisterPhase, RegisterRef, Width,
+    format_value, split_plc,
 };
 use core::ops::Range;
 
@@ -260,8 +260,8 @@ fn select(fitted: &DeviceFit, name: &str) -> Result<Vec<Selection>, LayoutError>
         Selection::whole(&retain.area)
     } else {
         match fitted.area_or_registers(name)? {
-            Named::Area(area) => Selection::whole(area),
-            Named::Registers(registers) => {
+            AreaOrRegisters::Area(area) => Selection::whole(area),
+            AreaOrRegisters::Registers(registers) => {
                 let same_area = |one: &RegisterRef, other: &RegisterRef| core::ptr::eq(one.area, other.area);
                 let areas = registers.chunk_by(same_area).filter_map(|registers| {
                     let area = registers.first()?.area;

@@ -7,7 +7,7 @@ use crate::export::ExportError;
 use crate::fault::FaultError;
 use crate::layout::LayoutError;
 use crate::layout::place::BadValue;
-use crate::memory::header::BoardWordError;
+use crate::memory::header::BoardAssignmentError;
 use crate::memory::{MemoryError, limits, room};
 use crate::plant::PlantError;
 use crate::runtime::RuntimeError;
@@ -82,7 +82,7 @@ errors! {
     Snapshot { path: PathBuf, reason: String } => Exit::WrongUse,
     /// An invalid setting of a board.
     #[error("{0}")]
-    Board(#[from] BoardWordError) => Exit::WrongUse,
+    Board(#[from] BoardAssignmentError) => Exit::WrongUse,
     /// A register without a PLC in front, although the instance has several PLCs.
     #[error("{text}: instance '{instance}' has several PLCs ({plcs}); write for example {example}:{text}")]
     WhichPlc {

@@ -5,7 +5,7 @@ use super::error::CliError;
 use super::number::{NumberError, within};
 use super::table::FormatArg;
 use crate::devices;
-use crate::fault::Kind;
+use crate::fault::FaultKind;
 use clap::builder::{PossibleValue, StringValueParser, TypedValueParser};
 use clap::{Args as ClapArgs, Subcommand};
 use core::fmt::Write as _;
@@ -90,7 +90,7 @@ impl TypedValueParser for KindParser {
     }
 
     fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
-        let value = |kind: &&Kind| PossibleValue::new(kind.name()).help(kind.about());
+        let value = |kind: &&FaultKind| PossibleValue::new(kind.name()).help(kind.about());
         Some(Box::new(devices::fault_kinds().iter().map(value)))
     }
 }

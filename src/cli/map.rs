@@ -13,7 +13,7 @@ use super::style;
 use super::table::{self, Format, FormatArg};
 use super::{Instance, instance_name};
 use crate::layout::{
-    Address, Area, AreaStructure, DeviceFit, Fit, LayoutError, Named, Role, Width, split_plc,
+    Address, Area, AreaOrRegisters, AreaStructure, DeviceFit, Fit, LayoutError, Role, Width, split_plc,
 };
 use entry::Entry;
 
@@ -84,13 +84,13 @@ pub(crate) fn entries_of(fitted: &DeviceFit, what: &str) -> Result<(Vec<Entry>, 
         "" => (device.named_areas().flat_map(of_area).collect::<Vec<_>>(), false),
         address if address.starts_with('%') => (at_address(fitted, device.address(address)?)?, true),
         name => match fitted.area_or_registers(name)? {
-            Named::Area(area) => {
+            AreaOrRegisters::Area(area) => {
                 if fitted.area(area) == Fit::Empty {
                     fitted.registers_at(fitted.device().at(Width::Byte, area.first), None)?;
                 }
                 (of_area(area), false)
             }
-            Named::Registers(registers) => {
+            AreaOrRegisters::Registers(registers) => {
                 let entries = entry::of_registers(&registers);
                 // A reserved register is shown if it is named explicitly.
                 let single = entries.len() == 1;

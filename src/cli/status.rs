@@ -139,7 +139,7 @@ mod by_channel {
     impl Bus {
         fn of(state: &BusState) -> Self {
             let stranger =
-                |it: &crate::request::Stranger| format!("{} ({})", it.name, Rate::of(it.bit_s).text());
+                |it: &crate::request::RateMismatch| format!("{} ({})", it.name, Rate::of(it.bit_s).text());
             Bus {
                 bus: state.name.clone(),
                 kind: state.kind.clone(),

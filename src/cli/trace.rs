@@ -7,7 +7,7 @@ use super::Instance;
 use super::error::CliError;
 use super::{number, time};
 use crate::devices;
-use crate::journal::{Kind, Ring};
+use crate::journal::{EventKind, Ring};
 use clap::ValueEnum;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
@@ -52,7 +52,7 @@ pub(crate) struct Args {
         value_parser = PossibleValuesParser::new(devices::catalogue().kinds.iter().map(|kind| kind.name()))
             .try_map(|name| devices::catalogue().kind(&name).ok_or("no such kind"))
     )]
-    kind: Vec<&'static Kind>,
+    kind: Vec<&'static EventKind>,
     /// Only events on this bus; can be given several times
     #[arg(add = super::complete::buses(), long, value_name = "NAME")]
     bus: Vec<String>,
@@ -122,14 +122,14 @@ impl FormatArg {
 }
 
 /// The selected kinds of records that the format supports.
-fn kinds(args: &Args) -> Result<Vec<&'static Kind>, CliError> {
+fn kinds(args: &Args) -> Result<Vec<&'static EventKind>, CliError> {
     match args.format {
         FormatArg::Text | FormatArg::Jsonl | FormatArg::Csv | FormatArg::Vcd | FormatArg::Fst => {
             Ok(args.kind.clone())
         }
         FormatArg::Candump | FormatArg::Pcapng => {
-            let frames = |kind: &&Kind| kind.ring() == Ring::Traffic;
-            let wanted = |kind: &&Kind| args.kind.is_empty() || args.kind.contains(kind);
+            let frames = |kind: &&EventKind| kind.ring() == Ring::Traffic;
+            let wanted = |kind: &&EventKind| args.kind.is_empty() || args.kind.contains(kind);
             let kinds: Vec<_> =
                 devices::catalogue().kinds.iter().copied().filter(frames).filter(wanted).collect();
             if !kinds.is_empty() {

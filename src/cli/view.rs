@@ -26,7 +26,7 @@ use super::device::of_any_device_but_told_by;
 use super::error::CliError;
 use super::session::Session;
 use crate::identity::DeviceIndex;
-use crate::layout::{Named, NamedLocation, is_pattern, split_plc};
+use crate::layout::{AreaOrRegisters, NamedLocation, is_pattern, split_plc};
 pub(crate) use frames::{Frames, WindowFrames};
 use model::Model;
 use std::io::{self, IsTerminal};
@@ -83,11 +83,11 @@ fn places(session: &Session, text: &str) -> Result<Vec<(DeviceIndex, NamedLocati
     let plc = session.plc(plc, name)?;
     let fitted = session.fitted(plc);
     match fitted.area_or_registers(name)? {
-        Named::Registers(registers) => {
+        AreaOrRegisters::Registers(registers) => {
             let place = |name: String| Ok((plc, NamedLocation::parse(&fitted, &name)?));
             registers.iter().map(|register| place(register.name())).collect()
         }
-        Named::Area(_) => {
+        AreaOrRegisters::Area(_) => {
             let right = "a block has too many registers to pin; name single registers".to_owned();
             Err(CliError::Argument { text: text.to_owned(), right })
         }

@@ -1,7 +1,7 @@
 //! Looks up the names of the file in a plant.
 
 use super::{CouplingConfig, CouplingError, ValueEntry};
-use crate::fmi::{Causality, Kind, Quantity, Variable, named};
+use crate::fmi::{Causality, Quantity, Variable, VariableType, named};
 use crate::identity::BusIndex;
 use crate::plant::Plant;
 use std::collections::BTreeSet;
@@ -25,7 +25,7 @@ pub struct Publication {
     /// Name of the value among the simulators.
     pub key: String,
     /// Type of the value.
-    pub kind: Kind,
+    pub kind: VariableType,
     /// Unit of the value; empty if it has none.
     pub unit: &'static str,
     pub(super) quantity: Quantity,
@@ -39,7 +39,7 @@ pub struct Subscription {
     /// Name of the value among the simulators.
     pub key: String,
     /// Type of the value.
-    pub kind: Kind,
+    pub kind: VariableType,
     /// Unit of the value; empty if it has none.
     pub unit: &'static str,
     pub(super) quantity: Quantity,

@@ -172,7 +172,7 @@ fn a_model_behaves_as_at_a_unit() {
     let at = |name: &str| unit.variables().iter().position(|it| it.name == name).unwrap() as u32;
     let [control, modelled, speed] =
         ["node2.w_CPU_CONTROL", "drive1.is_modelled", "drive1.speed_modelled"].map(at);
-    unit.set(modelled, crate::fmi::Kind::Bool, Value::Boolean(true)).unwrap();
+    unit.set(modelled, crate::fmi::VariableType::Bool, Value::Boolean(true)).unwrap();
     for step in 0..50_u32 {
         let (word, turns) = (u32::from(step > 3), f64::from(step) * 1.7);
         letters.0.lock().unwrap().0.push_back(taken(&[(0, f64::from(word)), (1, turns)]));
@@ -180,8 +180,8 @@ fn a_model_behaves_as_at_a_unit() {
         turned.iter().for_each(|(drive, speed)| assert!(host.plant.turn_shaft(*drive, *speed)));
         coupling.give(&host.plant);
         host.plant.advance_to(u64::from(step + 1) * 1000);
-        unit.set(control, crate::fmi::Kind::U16, Value::Integer(word.into())).unwrap();
-        unit.set(speed, crate::fmi::Kind::F64, Value::Float(turns)).unwrap();
+        unit.set(control, crate::fmi::VariableType::U16, Value::Integer(word.into())).unwrap();
+        unit.set(speed, crate::fmi::VariableType::F64, Value::Float(turns)).unwrap();
         unit.step(unit.time_s(), 0.001).unwrap();
         assert_eq!(
             host.plant.shaft(0).map(|it| (it.speed, it.angle)),

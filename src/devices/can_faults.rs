@@ -2,7 +2,7 @@
 //! ports. The bus family defines their effect on a bus, and refuses a kind that it cannot have.
 
 use crate::can::Arbitration;
-use crate::fault::{self, Fault, Field, Form, Kind, TargetKind};
+use crate::fault::{self, Fault, FaultKind, Field, Form, TargetKind};
 
 /// Longest delay of a frame, in emulated microseconds.
 pub(super) const MAX_DELAY_US: u32 = 1_000_000;
@@ -145,7 +145,7 @@ fn frame(fault: &Fault, what: FrameEffect) -> fault::Effect {
     fault::Effect::new(Effect::Frame(Frames::of(fault), what))
 }
 
-pub(super) static LOSE_FRAME: Kind = Kind::new(
+pub(super) static LOSE_FRAME: FaultKind = FaultKind::new(
     1,
     "lose_frame",
     TargetKind::Bus,
@@ -156,15 +156,15 @@ pub(super) static LOSE_FRAME: Kind = Kind::new(
 .agreeing(agree)
 .shown("slot=WRC1 count=3");
 
-pub(super) static DELAY_FRAME: Kind =
-    Kind::new(2, "delay_frame", TargetKind::Bus, "A frame comes later than it would", |fault| {
+pub(super) static DELAY_FRAME: FaultKind =
+    FaultKind::new(2, "delay_frame", TargetKind::Bus, "A frame comes later than it would", |fault| {
         frame(fault, FrameEffect::Delay(us(fault)))
     })
     .with(const { &[SLOT, ID, MASK, FORMAT, delay(1, "After its time").required(IN_US)] })
     .agreeing(agree)
     .shown("slot=RC delay=500us count=1");
 
-pub(super) static DUPLICATE_FRAME: Kind = Kind::new(
+pub(super) static DUPLICATE_FRAME: FaultKind = FaultKind::new(
     3,
     "duplicate_frame",
     TargetKind::Bus,
@@ -180,31 +180,31 @@ pub(super) static DUPLICATE_FRAME: Kind = Kind::new(
 /// Buses at which ports have a CAN controller.
 const CONTROLLERS: &[&str] = &["cansync", "can"];
 
-pub(super) static BUS_OFF: Kind =
-    Kind::new(11, "bus_off", TargetKind::Port, "A CAN controller switches itself off", |_| {
+pub(super) static BUS_OFF: FaultKind =
+    FaultKind::new(11, "bus_off", TargetKind::Port, "A CAN controller switches itself off", |_| {
         fault::Effect::new(Effect::BusOff)
     })
     .once()
     .at_ports_to(CONTROLLERS)
     .shown("plc=line node=2");
 
-pub(super) static OVERRUN: Kind =
-    Kind::new(12, "overrun", TargetKind::Port, "A CAN controller loses frames that it receives", |_| {
+pub(super) static OVERRUN: FaultKind =
+    FaultKind::new(12, "overrun", TargetKind::Port, "A CAN controller loses frames that it receives", |_| {
         fault::Effect::new(Effect::Overrun)
     })
     .once()
     .at_ports_to(CONTROLLERS)
     .shown("node=2 count=2");
 
-static ERROR_FRAME: Kind =
-    Kind::new(17, "error_frame", TargetKind::Bus, "An error frame destroys a frame", |fault| {
+static ERROR_FRAME: FaultKind =
+    FaultKind::new(17, "error_frame", TargetKind::Bus, "An error frame destroys a frame", |fault| {
         frame(fault, FrameEffect::Disturb)
     })
     .with(const { &[ID, MASK, FORMAT] })
     .agreeing(agree)
     .shown("bus=drives id=16#180 count=16");
 
-static LOST_ARBITRATION: Kind = Kind::new(
+static LOST_ARBITRATION: FaultKind = FaultKind::new(
     18,
     "lost_arbitration",
     TargetKind::Bus,
@@ -216,7 +216,7 @@ static LOST_ARBITRATION: Kind = Kind::new(
 .shown("id=16#180 count=1");
 
 /// Kinds of faults of a CAN bus.
-pub(super) static OF_CAN: &[&Kind] =
+pub(super) static OF_CAN: &[&FaultKind] =
     &[&LOSE_FRAME, &DELAY_FRAME, &DUPLICATE_FRAME, &BUS_OFF, &OVERRUN, &ERROR_FRAME, &LOST_ARBITRATION];
 
 #[cfg(test)]

@@ -7,16 +7,16 @@ use crate::door::{DoorSpec, Speech, doors_of};
 use crate::fault;
 use crate::fault::{BusSite, Fault};
 use crate::journal;
-use crate::journal::{Catalogue, FaultName, Kind, Rule};
+use crate::journal::{Catalogue, EventKind, FaultName, Rule};
 use crate::layout::DeviceLayout;
 use std::sync::LazyLock;
 
 /// Registration that belongs to no device.
 pub(super) struct Generic {
     pub owner: &'static str,
-    pub records: &'static [&'static Kind],
+    pub records: &'static [&'static EventKind],
     pub rules: &'static [&'static Rule],
-    pub faults: &'static [&'static fault::Kind],
+    pub faults: &'static [&'static fault::FaultKind],
 }
 
 /// Returns the registrations that are the same for every device, then the registrations of each kind of bus.
@@ -51,7 +51,7 @@ fn registrations() -> impl Iterator<Item = Generic> {
 /// The sum of all kinds of events, rules and kinds of faults. From now on no device can be added.
 pub fn catalogue() -> &'static Catalogue {
     static SUM: LazyLock<Catalogue> = LazyLock::new(|| {
-        let (mut kinds, mut rules): (Vec<&Kind>, Vec<&Rule>) = Default::default();
+        let (mut kinds, mut rules): (Vec<&EventKind>, Vec<&Rule>) = Default::default();
         for Generic { records, rules: more, .. } in registrations() {
             kinds.extend(records);
             rules.extend(more);
@@ -61,17 +61,17 @@ pub fn catalogue() -> &'static Catalogue {
         kinds.dedup_by(|one, other| core::ptr::eq(*one, *other));
         rules.sort_by_key(|rule| rule.number());
         rules.dedup_by(|one, other| core::ptr::eq(*one, *other));
-        let name = |kind: &&fault::Kind| FaultName { number: kind.number(), name: kind.name() };
+        let name = |kind: &&fault::FaultKind| FaultName { number: kind.number(), name: kind.name() };
         Catalogue { kinds, rules, faults: fault_kinds().iter().map(name).collect() }
     });
     &SUM
 }
 
 /// All kinds of faults, in the order of their numbers. From now on no device can be added.
-pub fn fault_kinds() -> &'static [&'static fault::Kind] {
-    static SUM: LazyLock<Vec<&'static fault::Kind>> = LazyLock::new(|| {
+pub fn fault_kinds() -> &'static [&'static fault::FaultKind] {
+    static SUM: LazyLock<Vec<&'static fault::FaultKind>> = LazyLock::new(|| {
         let own = generic().map(|it| it.faults).chain(all().iter().map(|device| device.emulation.faults));
-        let mut kinds: Vec<&'static fault::Kind> = own.flatten().copied().collect();
+        let mut kinds: Vec<&'static fault::FaultKind> = own.flatten().copied().collect();
         kinds.sort_by_key(|kind| kind.number());
         kinds.dedup_by(|one, other| core::ptr::eq(*one, *other));
         kinds
@@ -80,7 +80,7 @@ pub fn fault_kinds() -> &'static [&'static fault::Kind] {
 }
 
 /// The kinds of faults that a device has itself.
-pub fn faults_of_device(layout: &DeviceLayout) -> &'static [&'static fault::Kind] {
+pub fn faults_of_device(layout: &DeviceLayout) -> &'static [&'static fault::FaultKind] {
     of_hash(layout.layout_hash).map_or(&[], |known| known.emulation.faults)
 }
 

@@ -8,7 +8,7 @@ use crate::door::{DoorSpec, Speech};
 use crate::fault;
 use crate::fault::Fault;
 use crate::identity::{BusIndex, DeviceIndex};
-use crate::journal::{Kind, Rule};
+use crate::journal::{EventKind, Rule};
 use crate::layout;
 use crate::memory::Segment;
 use core::any::Any;
@@ -183,11 +183,11 @@ pub struct BusKind {
     /// Name of the kind, in the plant file and as the family of ports in layouts.
     pub name: &'static str,
     /// Kinds of journal records of the bus.
-    pub records: &'static [&'static Kind],
+    pub records: &'static [&'static EventKind],
     /// Rules of the access checker about the registers of its ports.
     pub rules: &'static [&'static Rule],
     /// Kinds of faults of the bus, of its participants and of its ports.
-    pub faults: &'static [&'static fault::Kind],
+    pub faults: &'static [&'static fault::FaultKind],
     /// Checks that the bus can have a fault of one of these kinds; the error contains the reason.
     pub fits: fn(&Fault) -> Result<(), String>,
     /// Reads a `[[bus]]` of this kind.

@@ -5,7 +5,7 @@ use super::samples::event_at;
 use super::{all, catalogue};
 use crate::journal::jsonl::Jsonl;
 use crate::journal::text::Text;
-use crate::journal::{Format, Kind, Names, Record};
+use crate::journal::{EventKind, Format, Names, Record};
 use crate::layout::DeviceFit;
 use proptest::strategy::{Just, Strategy, ValueTree};
 use proptest::test_runner::TestRunner;
@@ -42,14 +42,14 @@ fn shape(line: &str) -> Vec<&str> {
 }
 
 /// Events of this kind: always the same ones, generated once for all tests.
-pub(super) fn drawn(kind: &'static Kind) -> &'static [Record] {
+pub(super) fn drawn(kind: &'static EventKind) -> &'static [Record] {
     static ALL: LazyLock<Vec<Vec<Record>>> =
         LazyLock::new(|| catalogue().kinds.iter().map(|kind| draw(kind)).collect());
     let place = catalogue().kinds.iter().position(|known| known.name() == kind.name());
     &ALL[place.unwrap()]
 }
 
-fn draw(kind: &'static Kind) -> Vec<Record> {
+fn draw(kind: &'static EventKind) -> Vec<Record> {
     let events = event_at(Just(kind), (0..all().len() as u16, 0..4_u8));
     let mut runner = TestRunner::deterministic();
     let mut event = || events.new_tree(&mut runner).unwrap().current();
@@ -65,7 +65,7 @@ fn draw(kind: &'static Kind) -> Vec<Record> {
     (0..DRAWN).map(|_| record(event())).collect()
 }
 
-fn lines_of(kind: &'static Kind) -> String {
+fn lines_of(kind: &'static EventKind) -> String {
     let (mut shapes, mut out) = (BTreeSet::new(), format!("# {}\n", kind.name()));
     for record in drawn(kind) {
         let text = line(Text::new(names(), catalogue()), record);

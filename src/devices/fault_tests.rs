@@ -2,7 +2,7 @@
 
 use super::{bm4_o_can_06, can_dp2, cs0015, fault_kinds, omega_drive_line_2};
 use crate::fault::{
-    Draft, Fault, FaultError, FaultSpec, FieldValue, Form, Kind, Refusal, Target, TargetKind,
+    Draft, Fault, FaultError, FaultKind, FaultSpec, FieldValue, Form, Refusal, Target, TargetKind,
 };
 use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::Names;
@@ -147,7 +147,7 @@ fn any_fault() -> impl Strategy<Value = Fault> {
     )
 }
 
-fn target(kind: &Kind, place: usize, number: u8) -> Target {
+fn target(kind: &FaultKind, place: usize, number: u8) -> Target {
     let names = names();
     let (bus, device) = ((place % names.buses.len()) as u16, (place % names.plcs.len()) as u16);
     match kind.place() {
@@ -341,7 +341,7 @@ fn each_mistake_names_the_field_and_a_correct_value() {
 }
 
 /// Kinds with each of their fields and a value that suits it.
-fn each_field() -> impl Iterator<Item = (&'static Kind, usize)> {
+fn each_field() -> impl Iterator<Item = (&'static FaultKind, usize)> {
     fault_kinds().iter().flat_map(|kind| (0..kind.fields().len()).map(|index| (*kind, index)))
 }
 
@@ -402,7 +402,7 @@ fn the_documentation_lists_exactly_these_kinds_and_fields() {
 }
 
 /// A kind in the table, a row for each of its fields.
-fn rows_of(kind: &'static Kind) -> Vec<String> {
+fn rows_of(kind: &'static FaultKind) -> Vec<String> {
     let acts_on = match kind.place() {
         TargetKind::Bus => "a bus",
         TargetKind::Participant => "a slave",

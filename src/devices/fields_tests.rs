@@ -3,7 +3,7 @@
 
 use super::catalogue;
 use super::event_text_tests::{drawn, line, names};
-use crate::journal::Kind;
+use crate::journal::EventKind;
 use crate::journal::jsonl::{Jsonl, VERSION};
 use serde_json::{Map, Value};
 use std::collections::{BTreeMap, BTreeSet};
@@ -51,7 +51,7 @@ fn words(cell: &'static str, rows: &BTreeMap<&str, Row>) -> BTreeSet<&'static st
 }
 
 /// The lines of this kind.
-fn lines(kind: &'static Kind) -> impl Iterator<Item = Map<String, Value>> {
+fn lines(kind: &'static EventKind) -> impl Iterator<Item = Map<String, Value>> {
     let records = drawn(kind).iter();
     records.map(|record| serde_json::from_str(&line(Jsonl::new(names(), catalogue()), record)).unwrap())
 }

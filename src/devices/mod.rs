@@ -20,8 +20,6 @@ pub mod cs0015;
 pub mod demo;
 #[cfg(feature = "emulator")]
 mod dissectors;
-#[cfg(feature = "emulator")]
-mod ears;
 #[cfg(all(test, feature = "channel"))]
 mod event_text_tests;
 #[cfg(feature = "emulator")]
@@ -59,6 +57,8 @@ pub mod settings;
 #[cfg(feature = "emulator")]
 mod supply;
 #[cfg(feature = "emulator")]
+mod traffic_receivers;
+#[cfg(feature = "emulator")]
 mod traits;
 
 #[cfg(feature = "emulator")]
@@ -86,8 +86,8 @@ pub use settings::{BuildError, SettingError};
 pub use traits::{
     AddressWrites, Attendance, Bus, BusGuests, BusView, Context, Device, DevicePorts, DeviceView,
     DriveDetails, DriveState, Drives, Events, Faulty, Front, FrontAction, GuestNews, GuestRefusal, Interval,
-    NovramContents, ParameterRefusal, ParameterState, ParticipantId, Plug, PortWatch, Power, Shaft, Slot,
-    StationState, Stranger, SyncLine, SyncOrigin, SyncSignal, World,
+    NovramContents, ParameterRefusal, ParameterState, ParticipantId, Plug, PortWatch, Power, RateMismatch,
+    Shaft, Slot, StationState, SyncLine, SyncOrigin, SyncSignal, World,
 };
 
 #[cfg(feature = "emulator")]

@@ -8,7 +8,7 @@ use crate::identity::DeviceIndex;
 use crate::layout;
 use crate::layout::{Area, DeviceFit};
 use crate::memory::header::BoardSetting;
-use crate::memory::{Face, Header, MemoryError, Segment};
+use crate::memory::{FirmwareHeader, Header, MemoryError, Segment};
 use crate::snapshot_fields;
 use crate::snapshot_fields::SnapshotFields;
 
@@ -111,7 +111,7 @@ pub struct Plain<F> {
     name: String,
     layout: &'static layout::DeviceLayout,
     segment: Segment,
-    face: Face,
+    face: FirmwareHeader,
     /// The firmware.
     pub firmware: F,
     supply: Supply,

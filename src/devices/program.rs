@@ -2,7 +2,7 @@
 
 use super::Context;
 use super::records::{BoardEvent, OnBoard};
-use crate::memory::Face;
+use crate::memory::FirmwareHeader;
 use crate::memory::header::{InitialFlagResult, ProgramState, Project, Start};
 use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
@@ -26,7 +26,7 @@ struct ProgramCells {
 
 impl ProgramCells {
     #[inline]
-    fn now(face: &Face) -> Self {
+    fn now(face: &FirmwareHeader) -> Self {
         let asked = face.asked();
         ProgramCells { requests: asked.board_requests.load(), program: asked.program.state.load() }
     }
@@ -34,18 +34,18 @@ impl ProgramCells {
 
 impl Starts {
     /// No program is loaded.
-    pub(super) fn new(face: &Face) -> Self {
+    pub(super) fn new(face: &FirmwareHeader) -> Self {
         Starts { seen: ProgramCells::now(face), is_loaded: false, is_new: true }
     }
 
     /// Whether a client has entered a request or reported its program state since the last poll.
     #[inline]
-    pub(super) fn has_changed(&self, face: &Face) -> bool {
+    pub(super) fn has_changed(&self, face: &FirmwareHeader) -> bool {
         ProgramCells::now(face) != self.seen
     }
 
     /// Polls the requests and reports of clients. `is_up`: the program may run. Returns the last start or stop ordered.
-    pub(super) fn look(&mut self, ctx: &mut Context, face: &Face, is_up: bool) -> Option<Start> {
+    pub(super) fn look(&mut self, ctx: &mut Context, face: &FirmwareHeader, is_up: bool) -> Option<Start> {
         let seen = ProgramCells::now(face);
         let is_asked = core::mem::replace(&mut self.seen, seen).requests != seen.requests;
         let mut ordered = self.note_program(ctx, face, is_up);
@@ -57,12 +57,12 @@ impl Starts {
     }
 
     /// Power-on: starts a loaded program, with a warm start unless the program is new.
-    pub(super) fn start(&mut self, ctx: &mut Context, face: &Face) -> Option<Start> {
+    pub(super) fn start(&mut self, ctx: &mut Context, face: &FirmwareHeader) -> Option<Start> {
         self.is_loaded.then(|| self.order(ctx, face, if self.is_new { Start::Cold } else { Start::Warm }))
     }
 
     /// A program comes or goes.
-    fn note_program(&mut self, ctx: &mut Context, face: &Face, is_up: bool) -> Option<Start> {
+    fn note_program(&mut self, ctx: &mut Context, face: &FirmwareHeader, is_up: bool) -> Option<Start> {
         let is_loaded = self.seen.program != ProgramState::None.code();
         if core::mem::replace(&mut self.is_loaded, is_loaded) == is_loaded {
             return None;
@@ -73,7 +73,7 @@ impl Starts {
         (is_loaded && is_up).then(|| self.order(ctx, face, Start::Cold))
     }
 
-    fn look_at_request(&mut self, ctx: &mut Context, face: &Face, is_up: bool) -> Option<Start> {
+    fn look_at_request(&mut self, ctx: &mut Context, face: &FirmwareHeader, is_up: bool) -> Option<Start> {
         let code = face.take(|page| &page.program.start_request)?;
         match Start::from_code(code) {
             Some(kind) if self.is_loaded && is_up => Some(self.order(ctx, face, kind)),
@@ -84,7 +84,7 @@ impl Starts {
         }
     }
 
-    fn order(&mut self, ctx: &mut Context, face: &Face, kind: Start) -> Start {
+    fn order(&mut self, ctx: &mut Context, face: &FirmwareHeader, kind: Start) -> Start {
         self.is_new &= kind != Start::Cold;
         order(face, kind);
         report(ctx, BoardEvent::Start { kind });
@@ -93,7 +93,7 @@ impl Starts {
 }
 
 /// Orders a start or stop of the program.
-pub(super) fn order(face: &Face, kind: Start) {
+pub(super) fn order(face: &FirmwareHeader, kind: Start) {
     face.program.start_kind.store(kind.code());
     face.program.start.ring();
 }
@@ -104,7 +104,7 @@ pub(super) fn refuse_start(ctx: &mut Context, code: u32) {
 }
 
 /// Answers a client that gives a retain flag an initial value: the device has no cold start that would write it.
-pub(super) fn refuse_initial_flag(face: &Face) {
+pub(super) fn refuse_initial_flag(face: &FirmwareHeader) {
     let (slot, request) = (&face.initial_flag, face.asked().initial_flag.request.load());
     if request != slot.answer.load() {
         slot.result.store(InitialFlagResult::NoSuchFlag.code());
@@ -124,7 +124,7 @@ mod tests {
     use crate::memory::{Header, Segment};
 
     struct Rig {
-        face: Face,
+        face: FirmwareHeader,
         starts: Starts,
         journal: Journal,
     }
@@ -137,7 +137,7 @@ mod tests {
 
         fn with(
             &mut self,
-            act: impl FnOnce(&mut Starts, &mut Context, &Face) -> Option<Start>,
+            act: impl FnOnce(&mut Starts, &mut Context, &FirmwareHeader) -> Option<Start>,
         ) -> Option<Start> {
             let origin = Origin { plc: DeviceIndex(0), node: 0 };
             let ctx = &mut Context { now: 0, journal: &mut self.journal, origin, base: 0 };

@@ -1,13 +1,13 @@
 //! Journal records about the board of a device: its front, its supply, its program and its events.
 
 use crate::event_kinds;
-use crate::journal::{EventCodec, EventText, Fields, Kind, Origin, Packer, Part, Reader, Unpacker};
+use crate::journal::{EventCodec, EventKind, EventText, Fields, Origin, Packer, Part, Reader, Unpacker};
 use crate::memory::header::{InterruptResult, OptInitResult, Project, RunSwitch, SeatState, Start};
 use std::borrow::Cow;
 use std::net::Ipv4Addr;
 
 /// All kinds.
-pub static KINDS: &[&Kind] = &[OnBoard::KIND];
+pub static KINDS: &[&EventKind] = &[OnBoard::KIND];
 
 event_kinds! {
     /// Something happened on the board of a PLC.

@@ -169,9 +169,9 @@ fn claims(device: &'static Registered) -> Vec<Claim> {
 #[cfg(feature = "emulator")]
 fn claims_of(
     owner: &'static str,
-    records: &'static [&'static crate::journal::Kind],
+    records: &'static [&'static crate::journal::EventKind],
     rules: &'static [&'static crate::journal::Rule],
-    faults: &'static [&'static crate::fault::Kind],
+    faults: &'static [&'static crate::fault::FaultKind],
 ) -> impl Iterator<Item = Claim> {
     let of_records = records.iter().flat_map(move |&kind| {
         let number = Claim::new(owner, "the number of record", kind.number()).of(kind);

@@ -3,7 +3,7 @@
 
 use super::records::{BoardEvent, OnBoard};
 use super::{Context, FrontAction, Power};
-use crate::memory::Face;
+use crate::memory::FirmwareHeader;
 use crate::memory::header;
 use crate::snapshot_fields;
 
@@ -23,7 +23,7 @@ snapshot_fields!(Supply { values: is_powered, is_fed, is_up, is_used, seen });
 
 impl Supply {
     /// On, and the device not started yet.
-    pub(super) fn new(face: &Face) -> Self {
+    pub(super) fn new(face: &FirmwareHeader) -> Self {
         Supply {
             is_powered: true,
             is_fed: true,
@@ -43,19 +43,19 @@ impl Supply {
     }
 
     /// The supply in front of the switch drops or returns.
-    pub(super) fn feed(&mut self, face: &Face, is_fed: bool) -> FrontAction {
+    pub(super) fn feed(&mut self, face: &FirmwareHeader, is_fed: bool) -> FrontAction {
         self.is_fed = is_fed;
         self.look(face)
     }
 
     /// Whether a client has turned the switch since the last poll.
     #[inline]
-    pub(super) fn has_changed(&self, face: &Face) -> bool {
+    pub(super) fn has_changed(&self, face: &FirmwareHeader) -> bool {
         face.asked().program.power.load() != self.seen
     }
 
     /// Switches it, as if a client had turned the switch.
-    pub(super) fn set(&mut self, face: &Face, power: Power) -> FrontAction {
+    pub(super) fn set(&mut self, face: &FirmwareHeader, power: Power) -> FrontAction {
         let on = matches!(power, Power::On | Power::ReleaseReset);
         self.seen = if on { header::Power::On } else { header::Power::Off }.code();
         face.put(|page| &page.program.power, self.seen);
@@ -63,7 +63,7 @@ impl Supply {
     }
 
     /// Polls the switch once.
-    pub(super) fn look(&mut self, face: &Face) -> FrontAction {
+    pub(super) fn look(&mut self, face: &FirmwareHeader) -> FrontAction {
         self.seen = face.asked().program.power.load();
         self.switch(self.seen != header::Power::Off.code())
     }
@@ -77,7 +77,7 @@ impl Supply {
     }
 
     /// The device starts; every start except the first is an event.
-    pub(super) fn start(&mut self, ctx: &mut Context, face: &Face) {
+    pub(super) fn start(&mut self, ctx: &mut Context, face: &FirmwareHeader) {
         self.is_up = true;
         face.program.restarts.increment();
         if core::mem::replace(&mut self.is_used, true) {

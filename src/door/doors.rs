@@ -48,18 +48,18 @@ pub struct Doors {
     guests: Vec<Arc<Guest>>,
     next_key: usize,
     ring: Arc<dyn Fn() + Send + Sync>,
-    io: Option<Running>,
+    io: Option<IoThread>,
 }
 
 /// The thread for all work that could block.
-struct Running {
+struct IoThread {
     commands: Sender<Command>,
     shared: Arc<Shared>,
     waker: mio::Waker,
     thread: Option<JoinHandle<()>>,
 }
 
-impl Running {
+impl IoThread {
     fn tell(&self, command: Command) {
         // If the thread is gone, its guests are gone, too.
         let _ = self.commands.send(command);
@@ -120,13 +120,13 @@ impl Doors {
     }
 
     /// The thread, started when it is first needed.
-    fn io(&mut self) -> io::Result<&Running> {
+    fn io(&mut self) -> io::Result<&IoThread> {
         if self.io.is_none() {
             let (commands, heard) = mpsc::channel();
             let shared = Arc::new(Shared::default());
             let (io, waker) = Io::new(heard, Arc::clone(&shared), Arc::clone(&self.ring))?;
             let thread = std::thread::Builder::new().name("doors".to_owned()).spawn(move || io.run())?;
-            self.io = Some(Running { commands, shared, waker, thread: Some(thread) });
+            self.io = Some(IoThread { commands, shared, waker, thread: Some(thread) });
         }
         self.io.as_ref().ok_or_else(|| io::ErrorKind::NotConnected.into())
     }

@@ -1,8 +1,8 @@
 //! The faults of an installation: pending and active faults, and their hits.
 
 use super::{
-    Draft, Effect, Fault, FaultNews, FaultStatus, Hit, Kind, Limit, MAX_FAULTS, News, Owner, Refusal, Sites,
-    Target, Values,
+    Draft, Effect, Fault, FaultKind, FaultNews, FaultStatus, Hit, Limit, MAX_FAULTS, News, Owner, Refusal,
+    Sites, Target, Values,
 };
 use crate::journal::Journal;
 use crate::snapshot_fields::{Damaged, Saved, Saving};
@@ -70,7 +70,7 @@ impl SavedFault {
         }
     }
 
-    fn entry(&self, kinds: &'static [&'static Kind], sites: &Sites) -> Option<Entry> {
+    fn entry(&self, kinds: &'static [&'static FaultKind], sites: &Sites) -> Option<Entry> {
         let kind = kinds.iter().find(|kind| kind.number() == self.kind)?;
         let target = Target::of_numbers(kind.place(), self.index, self.number);
         let values = self.values.map(|value| value.map(u64::from));
@@ -109,7 +109,7 @@ impl Faults {
     pub(crate) fn restore(
         &mut self,
         from: &mut Saved<'_>,
-        kinds: &'static [&'static Kind],
+        kinds: &'static [&'static FaultKind],
         sites: &Sites,
     ) -> Result<(), Damaged> {
         let (kept, last_id): (Vec<SavedFault>, u16) = from.value()?;

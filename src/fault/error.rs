@@ -1,6 +1,6 @@
 //! Errors in the description of a fault.
 
-use super::{Field, Kind, MAX_FAULTS, TargetKind};
+use super::{FaultKind, Field, MAX_FAULTS, TargetKind};
 use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::Names;
 use crate::layout::{DeviceLayout, did_you_mean};
@@ -42,7 +42,7 @@ pub enum Refusal {
     #[error("count has no meaning for {}; give duration_us, or clear the fault", .kind.name())]
     NotCounted {
         /// The kind.
-        kind: &'static Kind,
+        kind: &'static FaultKind,
     },
     /// Two ways to end.
     #[error("count and duration_us exclude each other; give one of them")]
@@ -99,7 +99,7 @@ pub enum Refusal {
         /// The bus.
         bus: BusIndex,
         /// The faults of its kind of buses.
-        known: &'static [&'static Kind],
+        known: &'static [&'static FaultKind],
     },
     /// The PLC cannot have such a fault.
     #[error("PLC {plc} cannot have it; its faults are: {}", kind_list(.known))]
@@ -107,7 +107,7 @@ pub enum Refusal {
         /// The PLC.
         plc: DeviceIndex,
         /// The faults that it has itself.
-        known: &'static [&'static Kind],
+        known: &'static [&'static FaultKind],
     },
     /// There are too many faults.
     #[error("there are {MAX_FAULTS} faults already; clear one first")]
@@ -137,7 +137,7 @@ pub enum FaultError {
     #[error("{}: unknown field `{field}`{}; its fields are: {}", .kind.name(), did_you_mean(.field, .kind.all_fields().map(Field::name)), field_list(.kind))]
     UnknownField {
         /// The kind.
-        kind: &'static Kind,
+        kind: &'static FaultKind,
         /// Text of the description.
         field: String,
     },
@@ -145,7 +145,7 @@ pub enum FaultError {
     #[error("{}: {field} has no meaning; its fields are: {}", .kind.name(), field_list(.kind))]
     NotForKind {
         /// The kind.
-        kind: &'static Kind,
+        kind: &'static FaultKind,
         /// The field.
         field: &'static Field,
     },
@@ -153,7 +153,7 @@ pub enum FaultError {
     #[error("{}: {field} is given twice", .kind.name())]
     Twice {
         /// The kind.
-        kind: &'static Kind,
+        kind: &'static FaultKind,
         /// The field.
         field: &'static Field,
     },
@@ -161,7 +161,7 @@ pub enum FaultError {
     #[error("{}: {field} = {given}; it must be {right}", .kind.name())]
     Form {
         /// The kind.
-        kind: &'static Kind,
+        kind: &'static FaultKind,
         /// The field.
         field: &'static Field,
         /// Text of the description, with quotation marks for a text.
@@ -173,7 +173,7 @@ pub enum FaultError {
     #[error("{}: bus \"{bus}\" does not exist; buses are: {known}", .kind.name())]
     UnknownBus {
         /// The kind.
-        kind: &'static Kind,
+        kind: &'static FaultKind,
         /// Text of the description.
         bus: String,
         /// The known buses.
@@ -183,7 +183,7 @@ pub enum FaultError {
     #[error("{}: PLC \"{plc}\" does not exist; PLCs are: {known}", .kind.name())]
     UnknownPlc {
         /// The kind.
-        kind: &'static Kind,
+        kind: &'static FaultKind,
         /// Text of the description.
         plc: String,
         /// The known PLCs.
@@ -193,7 +193,7 @@ pub enum FaultError {
     #[error("{}: PLC \"{plc}\" has no port {port}; its ports are: {known}", .kind.name())]
     NoPort {
         /// The kind.
-        kind: &'static Kind,
+        kind: &'static FaultKind,
         /// The PLC.
         plc: String,
         /// Text of the description.
@@ -205,7 +205,7 @@ pub enum FaultError {
     #[error("{}: bus \"{bus}\" has no slave {slave}; its slaves are: {}", .kind.name(), slave_list(*.present))]
     NoSlave {
         /// The kind.
-        kind: &'static Kind,
+        kind: &'static FaultKind,
         /// The bus.
         bus: String,
         /// The slave number.
@@ -217,7 +217,7 @@ pub enum FaultError {
     #[error("{}: {port} of PLC \"{plc}\" is not on a bus; ports on a bus: {}", .kind.name(), list(.plugged))]
     NotPlugged {
         /// The kind.
-        kind: &'static Kind,
+        kind: &'static FaultKind,
         /// The PLC.
         plc: String,
         /// The port.
@@ -229,27 +229,27 @@ pub enum FaultError {
     #[error("{}: bus \"{bus}\" cannot have it; its faults are: {}", .kind.name(), kind_list(.known))]
     NotOfBus {
         /// The kind.
-        kind: &'static Kind,
+        kind: &'static FaultKind,
         /// The bus.
         bus: String,
         /// The faults of its kind of buses.
-        known: &'static [&'static Kind],
+        known: &'static [&'static FaultKind],
     },
     /// The PLC cannot have such a fault.
     #[error("{}: PLC \"{plc}\" cannot have it; its faults are: {}", .kind.name(), kind_list(.known))]
     NotOfPlc {
         /// The kind.
-        kind: &'static Kind,
+        kind: &'static FaultKind,
         /// The PLC.
         plc: String,
         /// The faults that it has itself.
-        known: &'static [&'static Kind],
+        known: &'static [&'static FaultKind],
     },
     /// Refusal that does not depend on names.
     #[error("{}: {refusal}", .kind.name())]
     Refused {
         /// The kind.
-        kind: &'static Kind,
+        kind: &'static FaultKind,
         /// Why.
         refusal: Refusal,
     },
@@ -257,7 +257,7 @@ pub enum FaultError {
 
 impl FaultError {
     /// The refusal of a fault, with the names of its targets.
-    pub fn refused(kind: &'static Kind, refusal: Refusal, names: &Names) -> Self {
+    pub fn refused(kind: &'static FaultKind, refusal: Refusal, names: &Names) -> Self {
         let (bus_name, plc_name) = (|bus| names.bus(bus).into_owned(), |plc| names.plc(plc).into_owned());
         match refusal {
             Refusal::NoSlave { bus, slave, present } => {
@@ -296,7 +296,7 @@ pub(super) fn list<T: AsRef<str>>(names: &[T]) -> String {
 }
 
 /// Names of kinds.
-pub(super) fn kind_list(kinds: &[&Kind]) -> String {
+pub(super) fn kind_list(kinds: &[&FaultKind]) -> String {
     list(&kinds.iter().map(|kind| kind.name()).collect::<Vec<_>>())
 }
 
@@ -305,7 +305,7 @@ pub(super) fn port_list(device: &DeviceLayout) -> String {
     list(&device.ports.iter().map(|port| port.name).collect::<Vec<_>>())
 }
 
-fn field_list(kind: &'static Kind) -> String {
+fn field_list(kind: &'static FaultKind) -> String {
     list(&kind.all_fields().map(Field::name).collect::<Vec<_>>())
 }
 

@@ -14,7 +14,7 @@ pub const MAX_BITS: u32 = 88;
 pub const MAX_PARTICIPANT: u8 = 31;
 
 /// A kind of fault. Kinds are equal if their numbers are.
-pub struct Kind {
+pub struct FaultKind {
     number: u8,
     name: &'static str,
     place: TargetKind,
@@ -80,7 +80,7 @@ impl TargetKind {
     }
 }
 
-impl Kind {
+impl FaultKind {
     /// The fields of every kind for time and limit.
     pub const COMMON: [&'static Field; 3] = [&AT_US, &COUNT, &DURATION_US];
 
@@ -94,7 +94,7 @@ impl Kind {
         about: &'static str,
         effect: fn(&Fault) -> Effect,
     ) -> Self {
-        Kind {
+        FaultKind {
             number,
             name,
             place,
@@ -113,7 +113,7 @@ impl Kind {
     /// be left out.
     #[must_use]
     pub const fn at_ports_to(self, families: &'static [&'static str]) -> Self {
-        Kind { families, ..self }
+        FaultKind { families, ..self }
     }
 
     /// Returns the same kind with fields, [`MAX_FIELDS`] at most. Their values are 32 bits wide.
@@ -131,31 +131,31 @@ impl Kind {
             index += 1;
         }
         assert!(bits <= MAX_BITS, "the values do not fit into an operation of the channel");
-        Kind { fields, ..self }
+        FaultKind { fields, ..self }
     }
 
     /// Returns the same kind with an example for the help.
     #[must_use]
     pub const fn shown(self, example: &'static str) -> Self {
-        Kind { example, ..self }
+        FaultKind { example, ..self }
     }
 
     /// Returns the same kind, which occurs once if no repetition is given.
     #[must_use]
     pub const fn once(self) -> Self {
-        Kind { happens_once: true, ..self }
+        FaultKind { happens_once: true, ..self }
     }
 
     /// Returns the same kind as a condition without hits: it cannot end by `count`.
     #[must_use]
     pub const fn without_hits(self) -> Self {
-        Kind { has_hits: false, ..self }
+        FaultKind { has_hits: false, ..self }
     }
 
     /// Returns the same kind, with a check that the values agree with each other.
     #[must_use]
     pub const fn agreeing(self, agree: fn(&Fault) -> Result<(), String>) -> Self {
-        Kind { agree, ..self }
+        FaultKind { agree, ..self }
     }
 
     /// Its number, which identifies the kind in journal and channel and defines the order of lists.
@@ -227,21 +227,21 @@ impl Kind {
     }
 }
 
-impl PartialEq for Kind {
+impl PartialEq for FaultKind {
     fn eq(&self, other: &Self) -> bool {
         self.number == other.number
     }
 }
 
-impl Eq for Kind {}
+impl Eq for FaultKind {}
 
-impl Hash for Kind {
+impl Hash for FaultKind {
     fn hash<H: Hasher>(&self, state: &mut H) {
         self.number.hash(state);
     }
 }
 
-impl fmt::Debug for Kind {
+impl fmt::Debug for FaultKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name)
     }

@@ -1,6 +1,6 @@
 //! Faults to be injected: kind, target, begin and limit.
 //!
-//! This module knows no kind of fault: the families of devices and buses define theirs ([`Kind`]) and apply them. A
+//! This module knows no kind of fault: the families of devices and buses define theirs ([`FaultKind`]) and apply them. A
 //! [`Fault`] refers to buses and PLCs by index, so it is small and can travel anywhere, and its values are always valid
 //! for its kind. A [`FaultSpec`] is an unchecked fault with names, as in plant files and on the command line.
 //! `docs/reference/faults.md` describes the effects on the plant.
@@ -24,7 +24,7 @@ pub use effect::Effect;
 pub use error::{FaultError, Refusal, slave_list};
 pub use field::{Field, Form};
 pub use field_value::{FaultSpec, FieldValue};
-pub use kind::{Kind, MAX_BITS, MAX_FIELDS, MAX_PARTICIPANT, TargetKind};
+pub use kind::{FaultKind, MAX_BITS, MAX_FIELDS, MAX_PARTICIPANT, TargetKind};
 pub use record::{FaultNews, Hit, KINDS, News};
 pub use sites::{BusSite, DeviceSite, Owner, Sites, Target};
 pub use words::WordError;
@@ -45,7 +45,7 @@ pub type Values = [Option<u32>; MAX_FIELDS];
 /// A fault that is valid for its kind. [`Sites::owner`] checks whether an installation can have it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Fault {
-    kind: &'static Kind,
+    kind: &'static FaultKind,
     target: Target,
     values: Values,
     at_us: u64,
@@ -56,7 +56,7 @@ pub struct Fault {
 #[derive(Clone, Copy, Debug)]
 pub struct Draft {
     /// Its kind.
-    pub kind: &'static Kind,
+    pub kind: &'static FaultKind,
     /// Target of the fault.
     pub target: Target,
     /// Values of the kind's own fields, in their order; none where a field is left out.
@@ -96,7 +96,7 @@ pub enum Limit {
 impl Draft {
     /// Creates a fault without values that begins at once and ends as its kind does.
     #[must_use]
-    pub const fn new(kind: &'static Kind, target: Target) -> Self {
+    pub const fn new(kind: &'static FaultKind, target: Target) -> Self {
         Draft { kind, target, values: [None; MAX_FIELDS], at_us: 0, count: None, duration_us: None }
     }
 
@@ -141,7 +141,7 @@ impl Draft {
 impl Fault {
     /// Kind of the fault.
     #[must_use]
-    pub const fn kind(&self) -> &'static Kind {
+    pub const fn kind(&self) -> &'static FaultKind {
         self.kind
     }
 

@@ -2,12 +2,12 @@
 
 use super::{Target, TargetKind};
 use crate::journal::{
-    Catalogue, EventCodec, EventText, Fields, Keeping, Kind, Origin, Packer, Part, Reader, Ring, Source,
+    Catalogue, EventCodec, EventKind, EventText, Fields, Keeping, Origin, Packer, Part, Reader, Ring, Source,
     Unpacker, Words,
 };
 
 /// All kinds.
-pub static KINDS: &[&Kind] = &[FaultNews::KIND];
+pub static KINDS: &[&EventKind] = &[FaultNews::KIND];
 
 /// News of an injected fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,7 +75,7 @@ impl Part for News {
 }
 
 impl EventCodec for FaultNews {
-    const KIND: &'static Kind = &Kind::new::<Self>(21, "fault", Ring::Missed);
+    const KIND: &'static EventKind = &EventKind::new::<Self>(21, "fault", Ring::Missed);
 
     fn words(&self) -> Words {
         let (index, number) = self.target.numbers();

@@ -1,6 +1,6 @@
 //! Targets of faults, and the targets that an installation has.
 
-use super::{Fault, Kind, Refusal, TargetKind};
+use super::{Fault, FaultKind, Refusal, TargetKind};
 use crate::identity::{BusIndex, DeviceIndex};
 use crate::layout::DeviceLayout;
 
@@ -84,7 +84,7 @@ pub struct Sites {
 #[derive(Clone, Copy, Debug)]
 pub struct BusSite {
     /// The kinds that its family has.
-    pub faults: &'static [&'static Kind],
+    pub faults: &'static [&'static FaultKind],
     /// Checks that the device can have a fault of one of these kinds; the error contains the reason.
     pub fits: fn(&Fault) -> Result<(), String>,
     /// Its participants, bit n for number n.
@@ -97,7 +97,7 @@ pub struct DeviceSite {
     /// Device of the PLC.
     pub layout: &'static DeviceLayout,
     /// The kinds that it has itself, and at its ports.
-    pub faults: &'static [&'static Kind],
+    pub faults: &'static [&'static FaultKind],
     /// The ports that are on a bus: their number, and the bus.
     pub plugged: Vec<(u8, BusIndex)>,
     /// The ports that are drives of their bus: faults name the bus and the drive's number there.

@@ -3,7 +3,7 @@
 use super::error::{kind_list, list, port_list};
 use super::kind::{AT_US, COUNT, DURATION_US, NODE, SLAVE};
 use super::{
-    Draft, Fault, FaultError, FaultSpec, Field, FieldValue, Form, Kind, MAX_FIELDS, Refusal, Target,
+    Draft, Fault, FaultError, FaultKind, FaultSpec, Field, FieldValue, Form, MAX_FIELDS, Refusal, Target,
     TargetKind,
 };
 use crate::identity::{BusIndex, DeviceIndex};
@@ -16,7 +16,7 @@ impl FaultSpec {
     /// # Errors
     /// [`FaultError`] names the field and a correct value. Only the installation can check that the slave
     /// or port exists: [`Sites::owner`](super::Sites::owner).
-    pub fn resolve(&self, kinds: &[&'static Kind], names: &Names) -> Result<Fault, FaultError> {
+    pub fn resolve(&self, kinds: &[&'static FaultKind], names: &Names) -> Result<Fault, FaultError> {
         let Some(kind) = named(&self.kind, kinds) else {
             let hint = did_you_mean(&self.kind, kinds.iter().map(|kind| kind.name()));
             return Err(FaultError::UnknownKind { kind: self.kind.clone(), hint, known: kind_list(kinds) });
@@ -26,7 +26,7 @@ impl FaultSpec {
 }
 
 /// Returns the kind of this name; `-` and `_` are equivalent.
-pub(super) fn named(name: &str, kinds: &[&'static Kind]) -> Option<&'static Kind> {
+pub(super) fn named(name: &str, kinds: &[&'static FaultKind]) -> Option<&'static FaultKind> {
     let name = name.replace('-', "_");
     kinds.iter().copied().find(|kind| kind.name() == name)
 }
@@ -34,15 +34,15 @@ pub(super) fn named(name: &str, kinds: &[&'static Kind]) -> Option<&'static Kind
 /// A description while it is read.
 struct Reader<'a> {
     given: Vec<(&'static Field, &'a FieldValue)>,
-    kind: &'static Kind,
+    kind: &'static FaultKind,
     names: &'a Names,
 }
 
 impl<'a> Reader<'a> {
     fn new(
         spec: &'a FaultSpec,
-        kind: &'static Kind,
-        kinds: &[&'static Kind],
+        kind: &'static FaultKind,
+        kinds: &[&'static FaultKind],
         names: &'a Names,
     ) -> Result<Self, FaultError> {
         let mut given: Vec<(&'static Field, &FieldValue)> = Vec::with_capacity(spec.fields.len());

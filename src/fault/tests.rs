@@ -10,7 +10,7 @@ enum Noise {
     Hum,
 }
 
-static HISS: Kind = Kind::new(201, "hiss", TargetKind::Bus, "It hisses", |fault| {
+static HISS: FaultKind = FaultKind::new(201, "hiss", TargetKind::Bus, "It hisses", |fault| {
     Effect::new(Noise::Hiss(fault.value("volume").unwrap_or(0)))
 })
 .with(
@@ -26,14 +26,14 @@ static HISS: Kind = Kind::new(201, "hiss", TargetKind::Bus, "It hisses", |fault|
     (Some(9), Some(0)) => Err("9 is too loud for a low tone".to_owned()),
     _ => Ok(()),
 });
-static HUM: Kind =
-    Kind::new(202, "hum", TargetKind::Participant, "It hums", |_| Effect::new(Noise::Hum)).once();
-static FOG: Kind =
-    Kind::new(203, "fog", TargetKind::Device, "It sees nothing", |_| Effect::new(())).without_hits();
-static LEAK: Kind = Kind::new(204, "leak", TargetKind::Port, "It leaks", |_| Effect::new(()));
-static OF_BUS: &[&Kind] = &[&HISS, &HUM, &LEAK];
-static OF_DEVICE: &[&Kind] = &[&FOG];
-static KINDS: [&Kind; 4] = [&HISS, &HUM, &FOG, &LEAK];
+static HUM: FaultKind =
+    FaultKind::new(202, "hum", TargetKind::Participant, "It hums", |_| Effect::new(Noise::Hum)).once();
+static FOG: FaultKind =
+    FaultKind::new(203, "fog", TargetKind::Device, "It sees nothing", |_| Effect::new(())).without_hits();
+static LEAK: FaultKind = FaultKind::new(204, "leak", TargetKind::Port, "It leaks", |_| Effect::new(()));
+static OF_BUS: &[&FaultKind] = &[&HISS, &HUM, &LEAK];
+static OF_DEVICE: &[&FaultKind] = &[&FOG];
+static KINDS: [&FaultKind; 4] = [&HISS, &HUM, &FOG, &LEAK];
 
 fn names() -> Names {
     Names { plcs: vec!["saw".into()], buses: vec!["air".into(), "wire".into()], devices: Vec::new() }
@@ -63,7 +63,7 @@ fn left_out_values_are_those_of_the_description() {
 #[test]
 fn values_that_a_kind_does_not_allow_are_refused_from_any_source() {
     let draft = Draft::new(&HISS, Target::Bus(BusIndex(0)));
-    let (volume, at_us) = (&HISS.fields()[0], Kind::COMMON[0]);
+    let (volume, at_us) = (&HISS.fields()[0], FaultKind::COMMON[0]);
     assert_eq!(draft.check(), Err(Refusal::Missing { field: volume, right: "give 1 to 9".to_owned() }));
     let draft = Draft { values: [Some(3), None, None, None, None], ..draft };
     assert!(draft.check().is_ok());
@@ -120,7 +120,7 @@ fn faults_of_missing_targets_are_refused() {
             },
         ],
     };
-    let owner = |kind: &'static Kind, target| {
+    let owner = |kind: &'static FaultKind, target| {
         let values = [(kind == &HISS).then_some(1), None, None, None, None];
         sites.owner(&Draft { values, ..Draft::new(kind, target) }.check().unwrap())
     };

@@ -1,7 +1,7 @@
 //! Lists a fault in the words of its description.
 
 use super::spec::port_given;
-use super::{Fault, FaultSpec, Field, FieldValue, Form, Kind, Limit, Target};
+use super::{Fault, FaultKind, FaultSpec, Field, FieldValue, Form, Limit, Target};
 use crate::journal::Names;
 use core::fmt::Write as _;
 
@@ -47,7 +47,7 @@ impl Fault {
                 },
             ))
         });
-        let [at_us, count, duration_us] = Kind::COMMON;
+        let [at_us, count, duration_us] = FaultKind::COMMON;
         let begin = (self.at_us() > 0).then(|| (at_us, FieldValue::Number(self.at_us())));
         let end = match self.limit() {
             Limit::UntilCleared => None,

@@ -2,7 +2,7 @@
 
 use super::field_value::REQUIRED;
 use super::spec::named;
-use super::{FaultSpec, Field, FieldValue, Form, Kind};
+use super::{FaultKind, FaultSpec, Field, FieldValue, Form};
 use crate::layout::{RegType, did_you_mean, value};
 use crate::time;
 use thiserror::Error;
@@ -25,7 +25,7 @@ impl FaultSpec {
     /// # Errors
     /// [`WordError`] for the first field that cannot be read.
     pub fn from_words(
-        kinds: &[&'static Kind],
+        kinds: &[&'static FaultKind],
         kind: &str,
         fields: &[impl AsRef<str>],
     ) -> Result<Self, WordError> {
@@ -68,14 +68,14 @@ impl FaultSpec {
 
 /// Returns the fields of all kinds, each once: first the fields for the target, then the fields of the kinds, then the
 /// fields for the time. If the kind called `kind` has a field, its definition of the field is used.
-fn known(kind: &str, kinds: &[&'static Kind]) -> Vec<&'static Field> {
+fn known(kind: &str, kinds: &[&'static FaultKind]) -> Vec<&'static Field> {
     let place = kinds.iter().flat_map(|kind| kind.place().fields().iter().copied());
     let (names, numbers): (Vec<_>, Vec<_>) =
         place.partition(|field| !matches!(field.form(), Form::Number { .. }));
     let own = kinds.iter().flat_map(|kind| kind.fields());
     let meant = named(kind, kinds);
     let mut known: Vec<&'static Field> = Vec::new();
-    for field in names.into_iter().chain(numbers).chain(own).chain(Kind::COMMON) {
+    for field in names.into_iter().chain(numbers).chain(own).chain(FaultKind::COMMON) {
         if !known.contains(&field) {
             let meant = meant.and_then(|kind| kind.all_fields().find(|other| *other == field));
             known.push(meant.unwrap_or(field));
@@ -114,17 +114,18 @@ mod tests {
 
     const HEX: Form = Form::Hex { least: 0, most: 0xFFFF, digits: 3 };
 
-    static FRAME: Kind = Kind::new(1, "lose_frame", TargetKind::Participant, "", |_| Effect::new(())).with(
-        const {
-            &[
-                Field::new("slot", Form::Word(&["WRC1"]), ""),
-                Field::new("id", HEX, ""),
-                Field::new("mask", HEX, ""),
-                time("delay_us").or("us"),
-            ]
-        },
-    );
-    static NODE: Kind = Kind::new(2, "node", TargetKind::Port, "", |_| Effect::new(()))
+    static FRAME: FaultKind =
+        FaultKind::new(1, "lose_frame", TargetKind::Participant, "", |_| Effect::new(())).with(
+            const {
+                &[
+                    Field::new("slot", Form::Word(&["WRC1"]), ""),
+                    Field::new("id", HEX, ""),
+                    Field::new("mask", HEX, ""),
+                    time("delay_us").or("us"),
+                ]
+            },
+        );
+    static NODE: FaultKind = FaultKind::new(2, "node", TargetKind::Port, "", |_| Effect::new(()))
         .with(const { &[time("amplitude_us"), Field::new("error", HEX, ""), Field::new("offset", HEX, "")] });
 
     fn parsed(kind: &str, fields: &[&str]) -> Result<FaultSpec, String> {

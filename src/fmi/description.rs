@@ -2,7 +2,7 @@
 
 use super::archive::LIBRARY;
 use super::unit::Unit;
-use super::variables::{Causality, Kind, Variable};
+use super::variables::{Causality, Variable, VariableType};
 use core::fmt::Write;
 
 /// Units of the variables: name, exponent of each SI unit, and a unit to show it in with its factor.
@@ -58,7 +58,7 @@ fn of_variable(xml: &mut String, reference: usize, variable: &Variable) {
     let Variable { name, description, kind, causality, start, unit, .. } = variable;
     let variability = match (causality, kind) {
         (Causality::Parameter, _) => "tunable",
-        (_, Kind::F64) => "continuous",
+        (_, VariableType::F64) => "continuous",
         _ => "discrete",
     };
     let _ = write!(

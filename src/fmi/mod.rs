@@ -27,7 +27,7 @@ pub use unit::{Unit, UnitError, UnitState};
 #[cfg(feature = "channel")]
 pub(crate) use values::Shafts;
 pub use values::Value;
-pub use variables::{Causality, Kind, Variable, VariablesError};
+pub use variables::{Causality, Variable, VariableType, VariablesError};
 #[cfg(feature = "channel")]
 pub(crate) use variables::{Quantity, ShaftValue};
 

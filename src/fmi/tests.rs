@@ -49,17 +49,17 @@ fn a_set_is_a_store_and_one_that_changes_nothing_of_the_plcs_own_is_none() {
     let (own, both) = (at(&unit, "node2.b_BT_1"), at(&unit, "node2.b_CTRLREG_WRC1"));
     let mut stores = |reference, value| {
         let before = unit.plant().journal().hash();
-        unit.set(reference, Kind::U8, Value::Integer(value)).unwrap();
-        assert_eq!(unit.get(reference, Kind::U8), Ok(Value::Integer(value)));
+        unit.set(reference, VariableType::U8, Value::Integer(value)).unwrap();
+        assert_eq!(unit.get(reference, VariableType::U8), Ok(Value::Integer(value)));
         unit.plant().journal().hash() != before
     };
     assert!(stores(own, 0x1C) && !stores(own, 0x1C) && stores(own, 0x1D));
     assert!(stores(both, 5) && stores(both, 5));
     let out = at(&unit, "node2.b_CTRLREG_WRC1.out");
-    assert_eq!(unit.get(out, Kind::U8), Ok(Value::Integer(5)));
-    assert!(matches!(unit.set(out, Kind::U8, Value::Integer(0)), Err(UnitError::Output { .. })));
-    assert!(matches!(unit.get(own, Kind::U16), Err(UnitError::OtherKind { .. })));
-    assert!(matches!(unit.get(u32::MAX, Kind::U16), Err(UnitError::NoVariable { .. })));
+    assert_eq!(unit.get(out, VariableType::U8), Ok(Value::Integer(5)));
+    assert!(matches!(unit.set(out, VariableType::U8, Value::Integer(0)), Err(UnitError::Output { .. })));
+    assert!(matches!(unit.get(own, VariableType::U16), Err(UnitError::OtherKind { .. })));
+    assert!(matches!(unit.get(u32::MAX, VariableType::U16), Err(UnitError::NoVariable { .. })));
 }
 
 #[test]
@@ -86,19 +86,19 @@ fn a_model_turns_the_motor_and_a_state_has_it() {
     let mut unit = unit(&["node2.w_*"]);
     let [actual, angle, modelled, speed] = ["speed_actual", "angle_actual", "is_modelled", "speed_modelled"]
         .map(|it| at(&unit, &format!("drive1.{it}")));
-    unit.set(speed, Kind::F64, Value::Float(TAU)).unwrap();
+    unit.set(speed, VariableType::F64, Value::Float(TAU)).unwrap();
     let near = |unit: &Unit, reference, expected: f64| {
-        let Ok(Value::Float(value)) = unit.get(reference, Kind::F64) else { panic!("{reference}") };
+        let Ok(Value::Float(value)) = unit.get(reference, VariableType::F64) else { panic!("{reference}") };
         assert!((value - expected).abs() < 1e-3, "{value} {expected}");
     };
     unit.step(0.0, 0.01).unwrap();
     near(&unit, actual, 0.0);
-    unit.set(modelled, Kind::Bool, Value::Boolean(true)).unwrap();
+    unit.set(modelled, VariableType::Bool, Value::Boolean(true)).unwrap();
     unit.step(0.01, 0.25).unwrap();
     near(&unit, actual, TAU);
     let state = unit.state();
     let bytes = unit.to_bytes(&state, 2);
-    let Ok(Value::Float(here)) = unit.get(angle, Kind::F64) else { panic!() };
+    let Ok(Value::Float(here)) = unit.get(angle, VariableType::F64) else { panic!() };
     assert!((here - TAU / 4.0).abs() < 0.01, "{here}");
     unit.step(0.26, 0.25).unwrap();
     near(&unit, angle, here + TAU / 4.0);
@@ -108,7 +108,7 @@ fn a_model_turns_the_motor_and_a_state_has_it() {
     near(&unit, angle, here);
     unit.step(0.26, 0.25).unwrap();
     near(&unit, angle, here + TAU / 4.0);
-    assert!(unit.set(speed, Kind::F64, Value::Float(f64::NAN)).is_err());
+    assert!(unit.set(speed, VariableType::F64, Value::Float(f64::NAN)).is_err());
     for length in [0, 1, 8, bytes.len() / 2, bytes.len() - 1] {
         assert!(unit.of_bytes(&bytes[..length]).is_err(), "{length}");
     }
@@ -131,8 +131,8 @@ fn a_sample_of_the_state_format_can_be_read() {
         let [modelled, speed] =
             ["is_modelled", "speed_modelled"].map(|it| at(&unit, &format!("drive1.{it}")));
         unit.begin(1.5).unwrap();
-        unit.set(modelled, Kind::Bool, Value::Boolean(true)).unwrap();
-        unit.set(speed, Kind::F64, Value::Float(2.25)).unwrap();
+        unit.set(modelled, VariableType::Bool, Value::Boolean(true)).unwrap();
+        unit.set(speed, VariableType::F64, Value::Float(2.25)).unwrap();
         unit.step(1.5, 0.02).unwrap();
         unit.to_bytes(&unit.state(), 2)
     });
@@ -148,7 +148,7 @@ fn a_sample_of_the_state_format_can_be_read() {
     unit.restore(&state).unwrap();
     assert_eq!((phase, unit.time_s()), (2, 1.52));
     let speed = at(&unit, "drive1.speed_modelled");
-    assert_eq!(unit.get(speed, Kind::F64), Ok(Value::Float(2.25)));
+    assert_eq!(unit.get(speed, VariableType::F64), Ok(Value::Float(2.25)));
     assert_eq!(unit.to_bytes(&state, phase), bytes);
 }
 
@@ -187,9 +187,9 @@ proptest! {
     fn any_speed_can_be_modelled(speeds in prop::collection::vec(any::<f64>(), 1..6)) {
         let mut unit = unit(&["node2.w_*"]);
         let (modelled, speed) = (at(&unit, "drive1.is_modelled"), at(&unit, "drive1.speed_modelled"));
-        unit.set(modelled, Kind::Bool, Value::Boolean(true)).unwrap();
+        unit.set(modelled, VariableType::Bool, Value::Boolean(true)).unwrap();
         for value in speeds {
-            prop_assert_eq!(unit.set(speed, Kind::F64, Value::Float(value)).is_ok(), value.is_finite());
+            prop_assert_eq!(unit.set(speed, VariableType::F64, Value::Float(value)).is_ok(), value.is_finite());
             unit.step(unit.time_s(), 0.003).unwrap();
         }
     }

@@ -2,7 +2,7 @@
 
 use super::resources::{Resources, ResourcesError};
 use super::values::{Shafts, Value};
-use super::variables::{Kind, Quantity, ShaftValue, Variable, variables};
+use super::variables::{Quantity, ShaftValue, Variable, VariableType, variables};
 use crate::layout::Owner;
 use crate::memory::Segment;
 use crate::plant::{Plant, Snapshot, SnapshotError, SnapshotFile};
@@ -203,7 +203,7 @@ impl Unit {
         Ok(self.time_s())
     }
 
-    fn variable(&self, reference: u32, asked: Kind) -> Result<&Variable, UnitError> {
+    fn variable(&self, reference: u32, asked: VariableType) -> Result<&Variable, UnitError> {
         let last = self.variables.len() - 1;
         let found =
             self.variables.get(reference as usize).ok_or(UnitError::NoVariable { reference, last })?;
@@ -218,7 +218,7 @@ impl Unit {
     ///
     /// # Errors
     /// There is no such variable, or it is of another type.
-    pub fn get(&self, reference: u32, kind: Kind) -> Result<Value, UnitError> {
+    pub fn get(&self, reference: u32, kind: VariableType) -> Result<Value, UnitError> {
         Ok(match self.variable(reference, kind)?.quantity {
             Quantity::Time => Value::Float(self.time_s()),
             quantity => self.own.shafts.value(&self.plant, quantity),
@@ -229,7 +229,7 @@ impl Unit {
     ///
     /// # Errors
     /// There is no such variable, it is of another type or an output, or the value is not finite.
-    pub fn set(&mut self, reference: u32, kind: Kind, value: Value) -> Result<(), UnitError> {
+    pub fn set(&mut self, reference: u32, kind: VariableType, value: Value) -> Result<(), UnitError> {
         let variable = self.variable(reference, kind)?;
         let name = || variable.name.clone();
         if !matches!(variable.causality, super::Causality::Input | super::Causality::Parameter) {

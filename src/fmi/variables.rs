@@ -13,7 +13,7 @@ pub struct Variable {
     /// Description of the variable.
     pub description: String,
     /// Type of the variable.
-    pub kind: Kind,
+    pub kind: VariableType,
     /// Source of the value.
     pub causality: Causality,
     /// Value at the start of the unit; `None` for variables that the unit calculates.
@@ -25,7 +25,7 @@ pub struct Variable {
 
 /// Type of a variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum VariableType {
     /// `UInt8`.
     U8,
     /// `UInt16`.
@@ -44,32 +44,32 @@ pub enum Kind {
     Bool,
 }
 
-impl Kind {
+impl VariableType {
     /// Name in FMI.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
-            Kind::U8 => "UInt8",
-            Kind::U16 => "UInt16",
-            Kind::U32 => "UInt32",
-            Kind::I8 => "Int8",
-            Kind::I16 => "Int16",
-            Kind::I32 => "Int32",
-            Kind::F64 => "Float64",
-            Kind::Bool => "Boolean",
+            VariableType::U8 => "UInt8",
+            VariableType::U16 => "UInt16",
+            VariableType::U32 => "UInt32",
+            VariableType::I8 => "Int8",
+            VariableType::I16 => "Int16",
+            VariableType::I32 => "Int32",
+            VariableType::F64 => "Float64",
+            VariableType::Bool => "Boolean",
         }
     }
 }
 
-impl From<RegType> for Kind {
+impl From<RegType> for VariableType {
     fn from(of: RegType) -> Self {
         match of {
-            RegType::Byte | RegType::Usint => Kind::U8,
-            RegType::Word | RegType::Uint => Kind::U16,
-            RegType::Dword | RegType::Udint => Kind::U32,
-            RegType::Sint => Kind::I8,
-            RegType::Int => Kind::I16,
-            RegType::Dint => Kind::I32,
+            RegType::Byte | RegType::Usint => VariableType::U8,
+            RegType::Word | RegType::Uint => VariableType::U16,
+            RegType::Dword | RegType::Udint => VariableType::U32,
+            RegType::Sint => VariableType::I8,
+            RegType::Int => VariableType::I16,
+            RegType::Dint => VariableType::I32,
         }
     }
 }
@@ -154,7 +154,7 @@ pub(super) fn variables(plant: &Plant, patterns: &[String]) -> Result<Vec<Variab
     let mut all = vec![Variable {
         name: "time".to_owned(),
         description: "Time of the co-simulation".to_owned(),
-        kind: Kind::F64,
+        kind: VariableType::F64,
         causality: Causality::Independent,
         start: None,
         unit: "s",
@@ -276,7 +276,7 @@ pub(super) fn of_drive(drive: usize, name: &str) -> Vec<Variable> {
         unit,
         quantity: Quantity::Shaft { drive, value },
     };
-    let speed = |suffix, value, text| variable(suffix, Kind::F64, Output, None, "rad/s", value, text);
+    let speed = |suffix, value, text| variable(suffix, VariableType::F64, Output, None, "rad/s", value, text);
     vec![
         speed("speed_reference", Reference, "Speed that the drive has been given"),
         speed(
@@ -286,7 +286,7 @@ pub(super) fn of_drive(drive: usize, name: &str) -> Vec<Variable> {
         ),
         variable(
             "is_fed",
-            Kind::Bool,
+            VariableType::Bool,
             Output,
             None,
             "",
@@ -296,7 +296,7 @@ pub(super) fn of_drive(drive: usize, name: &str) -> Vec<Variable> {
         speed("speed_actual", Actual, "Speed of the motor, as the drive tells it its master"),
         variable(
             "angle_actual",
-            Kind::F64,
+            VariableType::F64,
             Output,
             None,
             "rad",
@@ -305,7 +305,7 @@ pub(super) fn of_drive(drive: usize, name: &str) -> Vec<Variable> {
         ),
         variable(
             "is_modelled",
-            Kind::Bool,
+            VariableType::Bool,
             Parameter,
             Some("false"),
             "",
@@ -314,7 +314,7 @@ pub(super) fn of_drive(drive: usize, name: &str) -> Vec<Variable> {
         ),
         variable(
             "speed_modelled",
-            Kind::F64,
+            VariableType::F64,
             Input,
             Some("0"),
             "rad/s",

@@ -2,7 +2,7 @@
 
 use super::library::{Functions, Object, text};
 use crate::coupling::{Endpoint, Publication, Subscription};
-use crate::fmi::{Kind, Value};
+use crate::fmi::{Value, VariableType};
 use core::ffi::{CStr, c_int};
 use serde::Deserialize;
 
@@ -88,8 +88,8 @@ impl ValueFederate {
         };
         for Publication { key, kind, unit, .. } in publications {
             let ty = match kind {
-                Kind::F64 => DOUBLE,
-                Kind::Bool => BOOLEAN,
+                VariableType::F64 => DOUBLE,
+                VariableType::Bool => BOOLEAN,
                 _ => INT,
             };
             self.publications.push(publication(key, ty, unit)?);

@@ -2,7 +2,7 @@
 
 use super::coded::Words;
 use super::event::Event;
-use super::kind::Kind;
+use super::kind::EventKind;
 use super::rule::Rule;
 
 /// A kind of fault as far as records need it.
@@ -18,7 +18,7 @@ pub struct FaultName {
 #[derive(Debug)]
 pub struct Catalogue {
     /// Kinds of events.
-    pub kinds: Vec<&'static Kind>,
+    pub kinds: Vec<&'static EventKind>,
     /// Rules.
     pub rules: Vec<&'static Rule>,
     /// Kinds of faults.
@@ -27,7 +27,7 @@ pub struct Catalogue {
 
 impl Catalogue {
     /// The kind with this name.
-    pub fn kind(&self, name: &str) -> Option<&'static Kind> {
+    pub fn kind(&self, name: &str) -> Option<&'static EventKind> {
         self.kinds.iter().copied().find(|kind| kind.name() == name)
     }
 

@@ -1,11 +1,11 @@
 //! Events as three words: for the running hash, for counting equal ones, and for the channel.
 //!
-//! First word: bits 0-7 number of the [`Kind`], 8-15 number of the port, 16-31 index of the device or bus. The
+//! First word: bits 0-7 number of the [`EventKind`], 8-15 number of the port, 16-31 index of the device or bus. The
 //! upper 32 bits of the first word and the other two words belong to the kind, which puts its [`Part`]s there one after
 //! the other. [`event_kinds!`](crate::event_kinds!) makes the encoder and the decoder from one list of fields.
 
 use super::event::{Origin, Source};
-use super::kind::Kind;
+use super::kind::EventKind;
 use crate::identity::{BusIndex, DeviceIndex};
 use crate::layout::RegisterPhase;
 
@@ -18,7 +18,7 @@ const HALVES: usize = 5;
 /// An event kind that can be encoded as words and decoded.
 pub trait EventCodec: Copy + 'static {
     /// The kind of this event.
-    const KIND: &'static Kind;
+    const KIND: &'static EventKind;
 
     /// Encodes the event as words.
     fn words(&self) -> Words;
@@ -49,7 +49,7 @@ pub struct Packer {
 impl Packer {
     /// Words of a kind; `index` and `number` are the location of the event.
     #[inline]
-    pub fn new(kind: &Kind, index: u16, number: u8) -> Self {
+    pub fn new(kind: &EventKind, index: u16, number: u8) -> Self {
         let first = u64::from(kind.number()) | u64::from(number) << 8 | u64::from(index) << 16;
         Packer { first, halves: [0; HALVES], used: 0 }
     }
@@ -229,7 +229,7 @@ impl EventSource for Origin {
 ///
 /// ```
 /// use commram::event_kinds;
-/// use commram::journal::{EventCodec, Fields, Kind, Reader, EventText};
+/// use commram::journal::{EventCodec, Fields, EventKind, Reader, EventText};
 ///
 /// event_kinds! {
 ///     /// A door was opened.
@@ -249,7 +249,7 @@ impl EventSource for Origin {
 ///     }
 /// }
 ///
-/// static KINDS: &[&Kind] = &[Opened::KIND];
+/// static KINDS: &[&EventKind] = &[Opened::KIND];
 /// assert_eq!(KINDS[0].name(), "opened");
 /// ```
 #[macro_export]
@@ -275,10 +275,10 @@ macro_rules! event_kinds {
         }
 
         impl $crate::journal::EventCodec for $name {
-            const KIND: &'static $crate::journal::Kind = {
+            const KIND: &'static $crate::journal::EventKind = {
                 // A static has one address in all modules, by which a catalogue finds a kind that devices share.
-                static KIND: $crate::journal::Kind =
-                    $crate::journal::Kind::new::<$name>($number, $text, $crate::journal::Ring::$ring);
+                static KIND: $crate::journal::EventKind =
+                    $crate::journal::EventKind::new::<$name>($number, $text, $crate::journal::Ring::$ring);
                 &KIND
             };
 

@@ -3,7 +3,7 @@
 use super::coded::{EventCodec, Words};
 use super::fields::Fields;
 use super::history::Stored;
-use super::kind::{Carried, EventText, Kind, Octets};
+use super::kind::{ArrivedFrame, EventKind, EventText, Octets};
 use super::reader::Reader;
 use crate::identity::{BusIndex, DeviceIndex};
 use core::fmt;
@@ -101,19 +101,19 @@ pub enum Keeping {
 /// A single event. Register offsets are absolute bytes of the device's RAM.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Event {
-    kind: &'static Kind,
+    kind: &'static EventKind,
     words: Words,
 }
 
 impl Event {
     /// `words` must be those of the kind.
-    pub(super) const fn of_words(kind: &'static Kind, words: Words) -> Self {
+    pub(super) const fn of_words(kind: &'static EventKind, words: Words) -> Self {
         Event { kind, words }
     }
 
     /// The kind of the event.
     #[inline]
-    pub const fn kind(&self) -> &'static Kind {
+    pub const fn kind(&self) -> &'static EventKind {
         self.kind
     }
 
@@ -173,7 +173,7 @@ impl Event {
 
     /// The frame, if one has arrived.
     #[must_use]
-    pub fn frame(&self) -> Option<Carried> {
+    pub fn frame(&self) -> Option<ArrivedFrame> {
         self.kind.frame(self.words)
     }
 }

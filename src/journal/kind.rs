@@ -66,7 +66,7 @@ pub trait EventText: EventCodec {
     fn fields(&self, reader: &mut Reader) -> Fields;
 
     /// The frame, if one has arrived.
-    fn frame(&self) -> Option<Carried> {
+    fn frame(&self) -> Option<ArrivedFrame> {
         None
     }
 
@@ -94,7 +94,7 @@ pub trait EventText: EventCodec {
 
 /// A frame that has arrived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Carried {
+pub struct ArrivedFrame {
     /// The frame.
     pub frame: Frame,
     /// The guest of the event, if it belongs to one.
@@ -111,7 +111,7 @@ pub struct Octets {
 }
 
 /// The kind of an event. Kinds are equal if their numbers are.
-pub struct Kind {
+pub struct EventKind {
     number: u8,
     name: &'static str,
     ring: Ring,
@@ -124,7 +124,7 @@ struct KindDecoders {
     source: fn(Words) -> Option<Source>,
     text: fn(Words, &mut Reader) -> Option<String>,
     fields: fn(Words, &mut Reader) -> Option<Fields>,
-    frame: fn(Words) -> Option<Carried>,
+    frame: fn(Words) -> Option<ArrivedFrame>,
     guest: fn(Words) -> Option<u8>,
     telegram: fn(Words) -> Option<Octets>,
     slot: fn(Words) -> Option<&'static str>,
@@ -133,7 +133,7 @@ struct KindDecoders {
     push: fn(Words, &mut super::Journal, u64),
 }
 
-impl Kind {
+impl EventKind {
     /// The kind of `T`. The number is part of the channel's wire format and belongs to this kind alone; `name` is that
     /// in JSON Lines and on the command line.
     pub const fn new<T: EventText>(number: u8, name: &'static str, ring: Ring) -> Self {
@@ -152,7 +152,7 @@ impl Kind {
             #[cfg(test)]
             push: |words, journal, time_us| journal.push(time_us, T::read(words).unwrap()),
         };
-        Kind { number, name, ring, reads }
+        EventKind { number, name, ring, reads }
     }
 
     /// Number of the kind.
@@ -189,7 +189,7 @@ impl Kind {
         (self.reads.fields)(words, reader).unwrap_or_default()
     }
 
-    pub(super) fn frame(&self, words: Words) -> Option<Carried> {
+    pub(super) fn frame(&self, words: Words) -> Option<ArrivedFrame> {
         (self.reads.frame)(words)
     }
 
@@ -215,16 +215,16 @@ impl Kind {
     }
 }
 
-impl PartialEq for Kind {
+impl PartialEq for EventKind {
     #[inline]
     fn eq(&self, other: &Self) -> bool {
         self.number == other.number
     }
 }
 
-impl Eq for Kind {}
+impl Eq for EventKind {}
 
-impl fmt::Debug for Kind {
+impl fmt::Debug for EventKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name)
     }

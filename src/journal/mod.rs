@@ -11,7 +11,7 @@
 //!   counted together.
 //! - Records are numbered without gaps, so a reader can continue at the last number and knows how many it has missed.
 //!
-//! An [`Event`] is a [`Kind`] and words. This module defines the kinds of events in registers of any device; each
+//! An [`Event`] is a [`EventKind`] and words. This module defines the kinds of events in registers of any device; each
 //! family of devices defines its own kinds. Each kind is a structure with an implementation of [`EventText`]; the
 //! [`Catalogue`] contains all of them.
 //!
@@ -34,7 +34,6 @@ pub(crate) mod folded;
 pub mod fst;
 mod history;
 pub mod jsonl;
-mod kept;
 mod kind;
 mod names;
 pub mod pcapng;
@@ -46,6 +45,7 @@ mod registers;
 mod requests;
 mod ring;
 mod rule;
+mod snapshot;
 mod tally;
 #[cfg(test)]
 #[allow(unreachable_pub, reason = "the macro declares what families publish")]
@@ -67,8 +67,7 @@ pub use finding::{Finding, Found};
 pub use findings::{Entry, Findings, MAX_ENTRIES};
 pub(crate) use history::Rams;
 pub use history::{Change, KEPT_CHANGES, Keep, MAX_FOLLOWED, Stored};
-pub use kept::Turn;
-pub use kind::{Carried, EventText, Kind, Octets, Ring};
+pub use kind::{ArrivedFrame, EventKind, EventText, Octets, Ring};
 pub use names::Names;
 pub use printer::{Printer, Selection};
 pub use reader::Reader;
@@ -77,6 +76,7 @@ pub use registers::{ChannelWrite, Force, Handshake, Register, State, Unforce};
 pub use ring::Records;
 pub(crate) use ring::Rings;
 pub use rule::{Rule, Severity};
+pub use snapshot::HistoryId;
 pub use waves::{Past, Waves};
 #[cfg(all(feature = "script", feature = "studio"))]
 pub(crate) use window::Window;
@@ -91,7 +91,7 @@ use std::sync::Arc;
 use tally::{LONGEST_PERIOD_US, Outcome, Tally};
 
 /// Kinds of events that can happen in any device.
-pub static KINDS: &[&Kind] = &[
+pub static KINDS: &[&EventKind] = &[
     State::KIND,
     Handshake::KIND,
     Register::KIND,
@@ -135,7 +135,7 @@ pub struct Journal {
     written: u64,
     fingerprint: Fingerprint,
     history: History,
-    turn: Turn,
+    turn: HistoryId,
     /// Emulated time in microseconds from which on it has records: that of the snapshot from which it continues.
     since_us: u64,
     /// Set for a draft: reports are only stored here.
@@ -158,7 +158,7 @@ impl Journal {
             written: 0,
             fingerprint: Fingerprint::new(),
             history: History::new(),
-            turn: Turn::default(),
+            turn: HistoryId::default(),
             since_us: 0,
             draft: None,
         }

@@ -1,14 +1,14 @@
 //! Prints records from the journal in a format: selects them and reports gaps.
 
 use super::kind::RINGS;
-use super::{Format, Kind, Record, Source};
+use super::{EventKind, Format, Record, Source};
 use crate::identity::{BusIndex, DeviceIndex};
 
 /// Selects records. An empty selection means all.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Selection {
     /// These kinds.
-    pub kinds: Vec<&'static Kind>,
+    pub kinds: Vec<&'static EventKind>,
     /// These buses, by index.
     pub buses: Vec<BusIndex>,
     /// These PLCs with their nodes, by index. With buses as well: both.

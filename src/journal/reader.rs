@@ -142,16 +142,16 @@ impl Reader {
     }
 
     /// The register `name` of a port.
-    pub(crate) fn of_port(&self, origin: Origin, name: &str) -> Named {
+    pub(crate) fn of_port(&self, origin: Origin, name: &str) -> NamedRegister {
         let fitted = self.names.fitted(origin.plc);
-        Named(fitted.register(&format!("{}.{name}", self.names.port(origin))).ok())
+        NamedRegister(fitted.register(&format!("{}.{name}", self.names.port(origin))).ok())
     }
 }
 
 /// A register that a family knows by its name; none if the device has no such register.
-pub(crate) struct Named(Option<RegisterRef>);
+pub(crate) struct NamedRegister(Option<RegisterRef>);
 
-impl Named {
+impl NamedRegister {
     /// `w_CPU_CONTROL (%MW3.200000)`
     pub(crate) fn label(&self) -> String {
         let label = |register: &RegisterRef| format!("{} ({})", register.path(), register.address());

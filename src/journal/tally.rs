@@ -6,7 +6,7 @@
 
 use super::catalogue::Catalogue;
 use super::coded::Words;
-use super::kept::event_of;
+use super::snapshot::event_of;
 use super::{Event, Record};
 use crate::snapshot_fields::{Damaged, Saved, Saving};
 

@@ -1,6 +1,6 @@
 //! Kinds of events to test the journal with, as families of devices have them.
 
-use super::{Carried, Catalogue, EventCodec, EventText, Fields, Keeping, Reader};
+use super::{ArrivedFrame, Catalogue, EventCodec, EventText, Fields, Keeping, Reader};
 use crate::can::{Frame, Payload};
 use crate::event_kinds;
 use std::sync::LazyLock;
@@ -42,8 +42,8 @@ impl EventText for Packet {
         Fields::new().with("data", self.data)
     }
 
-    fn frame(&self) -> Option<Carried> {
-        Some(Carried { frame: Frame::standard(0x100, Payload::new(&[self.data])?), guest: None })
+    fn frame(&self) -> Option<ArrivedFrame> {
+        Some(ArrivedFrame { frame: Frame::standard(0x100, Payload::new(&[self.data])?), guest: None })
     }
 }
 

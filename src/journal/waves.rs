@@ -133,7 +133,7 @@ impl Waves {
         catalogue: &'static Catalogue,
     ) -> Self {
         let changed = records.iter().filter_map(|record| record.event.get::<Changed>());
-        let mut taking = Taking {
+        let mut taking = WaveCollector {
             window,
             reader: Reader::new(names, catalogue),
             waves: Waves {
@@ -208,13 +208,13 @@ impl Waves {
     }
 }
 
-struct Taking {
+struct WaveCollector {
     window: Window,
     reader: Reader,
     waves: Waves,
 }
 
-impl Taking {
+impl WaveCollector {
     fn take(&mut self, record: &Record) {
         let event = record.event;
         let scopes = self.scopes(event.source());

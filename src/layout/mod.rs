@@ -48,7 +48,7 @@ pub use front::{FrontWord, shown_text};
 pub use gsd::Gsd;
 pub use iter::Registers;
 pub use lookup::Target;
-pub use name::{Named, plc_prefix, split_plc};
+pub use name::{AreaOrRegisters, plc_prefix, split_plc};
 pub use nearest::{did_you_mean, nearest};
 pub use object::Object;
 pub use pattern::is_pattern;

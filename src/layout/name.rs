@@ -5,7 +5,7 @@
 mod unqualified;
 
 use crate::identity::DeviceIndex;
-pub use unqualified::Named;
+pub use unqualified::AreaOrRegisters;
 
 use super::descriptor::{Area, AreaStructure, DeviceLayout, Register};
 use super::device_fit::{DeviceFit, Fit};

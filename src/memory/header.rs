@@ -14,7 +14,7 @@ mod lockstep;
 mod table;
 
 pub use board::{Board, BoardSetting, BoardState, Power, Program, ProgramState, Project, RunSwitch, Start};
-pub use board_words::{BoardWord, BoardWordError, BoardWords};
+pub use board_words::{BoardAssignment, BoardAssignmentError, BoardWords};
 pub use events::{EventSlot, Interrupt, InterruptResult, OptInit, OptInitResult, TimerSetup, Trigger};
 pub use initial_flag::{InitialFlag, InitialFlagResult};
 pub use lockstep::{SEAT_ORDERS, Seat, SeatState};

@@ -12,9 +12,9 @@ pub mod contract;
 pub(crate) mod directory;
 mod emulator_process;
 mod error;
-#[cfg(feature = "emulator")]
-mod face;
 mod file;
+#[cfg(feature = "emulator")]
+mod firmware_header;
 mod guard;
 pub mod header;
 mod image;
@@ -53,7 +53,7 @@ pub use emulator_process::EmulatorProcess;
 pub(crate) use emulator_process::{is_from_stop, sender_of};
 pub use error::MemoryError;
 #[cfg(feature = "emulator")]
-pub use face::Face;
+pub use firmware_header::FirmwareHeader;
 #[cfg(feature = "channel")]
 pub(crate) use guard::channel_has_gaps;
 pub use guard::{end_on_shortened_files, survive_shortened_files};

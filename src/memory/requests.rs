@@ -1,6 +1,6 @@
 //! Requests of programs in the header page, which firmware may read in a separate page.
 
-use super::{Cell32, Face, Header, Segment};
+use super::{Cell32, FirmwareHeader, Header, Segment};
 use crate::layout::{FrontWord, Owner};
 use core::iter;
 
@@ -86,7 +86,7 @@ impl Segment {
     }
 
     /// Both pages; `None` if they are one.
-    fn both_pages(&self) -> Option<Face> {
+    fn both_pages(&self) -> Option<FirmwareHeader> {
         self.asked.as_ref().and_then(|_| self.face().ok())
     }
 }

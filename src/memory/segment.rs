@@ -15,7 +15,7 @@
 //!    device's front, [`Header::front`].
 
 #[cfg(feature = "emulator")]
-use super::Face;
+use super::FirmwareHeader;
 use super::header::FRONT;
 use super::{
     Cell8, Cell16, Cell32, Cell64, HEADER_SIZE, Header, MemoryError, View, Width, access::MemoryValue,
@@ -152,13 +152,13 @@ impl Segment {
     /// # Errors
     /// The segment is read-only.
     #[cfg(feature = "emulator")]
-    pub fn face(&self) -> Result<Face, MemoryError> {
+    pub fn face(&self) -> Result<FirmwareHeader, MemoryError> {
         let shown = self.header()?;
         let asked = match &self.asked {
             Some(page) => View::new(Arc::clone(page), 0)?,
             None => shown.clone(),
         };
-        Ok(Face::new(shown, asked))
+        Ok(FirmwareHeader::new(shown, asked))
     }
 
     /// The same memory for firmware that reads requests in a separate page, which has no requests yet.

@@ -1,7 +1,7 @@
 //! The JSON schema of plant files, assembled from the schemas of devices and buses and the table of faults.
 
 use crate::devices::{self, BUS_KINDS};
-use crate::fault::{Field, Form, Kind};
+use crate::fault::{FaultKind, Field, Form};
 use serde_json::{Map, Value, json};
 
 /// Returns the schema, draft 7, for editors and validators. It does not restrict the sections of devices of other
@@ -88,7 +88,7 @@ fn of_kind(mut section: Value, kind: &str, needed: bool) -> Value {
 }
 
 /// A `[[fault]]` of this kind.
-fn fault(kind: &'static Kind) -> Value {
+fn fault(kind: &'static FaultKind) -> Value {
     let mut properties = Map::new();
     for field in kind.all_fields() {
         for name in [Some(field.name()), field.other_name()].into_iter().flatten() {

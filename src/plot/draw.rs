@@ -11,7 +11,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, IntoTextStyle, RGBColor};
 
 type Area<DB> = DrawingArea<DB, Shift>;
-type Drawn<DB> = Result<(), DrawingAreaErrorKind<<DB as DrawingBackend>::ErrorType>>;
+type DrawResult<DB> = Result<(), DrawingAreaErrorKind<<DB as DrawingBackend>::ErrorType>>;
 
 const WIDTH: i32 = 1000;
 /// The column of names.
@@ -62,7 +62,7 @@ pub(super) fn size(plot: &Plot) -> (u32, u32) {
 }
 
 /// Draws the plot.
-pub(super) fn draw<DB: DrawingBackend>(plot: &Plot, area: &Area<DB>) -> Drawn<DB> {
+pub(super) fn draw<DB: DrawingBackend>(plot: &Plot, area: &Area<DB>) -> DrawResult<DB> {
     area.fill(&PAPER)?;
     let sheet = Sheet { plot, area };
     let bottom = size(plot).1 as i32 - SCALE;
@@ -91,18 +91,18 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         NAMES + (part.min(1.0) * f64::from(WIDTH - NAMES - RIGHT)).round() as i32
     }
 
-    fn path(&self, points: &[(i32, i32)], colour: RGBColor, width: u32) -> Drawn<DB> {
+    fn path(&self, points: &[(i32, i32)], colour: RGBColor, width: u32) -> DrawResult<DB> {
         self.area.draw(&PathElement::new(thinned(points), colour.stroke_width(width)))
     }
 
-    fn text(&self, text: &str, at: (i32, i32), colour: RGBColor, anchor: HPos) -> Drawn<DB> {
+    fn text(&self, text: &str, at: (i32, i32), colour: RGBColor, anchor: HPos) -> DrawResult<DB> {
         let style =
             (FONT, LETTERS).into_text_style(self.area).color(&colour).pos(Pos::new(anchor, VPos::Center));
         self.area.draw(&Text::new(text.to_owned(), at, style))
     }
 
     /// The title, and a legend of what the plot contains.
-    fn head(&self) -> Drawn<DB> {
+    fn head(&self) -> DrawResult<DB> {
         let Plot { from_us, to_us, rows, edges, .. } = self.plot;
         let title = format!("Registers from {} to {} of emulated time", short(*from_us), short(*to_us));
         self.text(&title, (4, 14), INK, HPos::Left)?;
@@ -127,7 +127,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
     }
 
     /// A mark at the begin of each section, with its name where there is room for it.
-    fn sections(&self, bottom: i32) -> Drawn<DB> {
+    fn sections(&self, bottom: i32) -> DrawResult<DB> {
         let ends = self.plot.sections.iter().skip(1).map(|(begin, _)| *begin).chain([self.plot.to_us]);
         for ((begin, name), end) in self.plot.sections.iter().zip(ends) {
             let (x, end) = (self.x(*begin), self.x(end));
@@ -142,7 +142,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
     }
 
     /// The SYNC edges, as many as can be distinguished.
-    fn edges(&self, bottom: i32) -> Drawn<DB> {
+    fn edges(&self, bottom: i32) -> DrawResult<DB> {
         let mut last = i32::MIN / 2;
         for edge in &self.plot.edges {
             let x = self.x(*edge);
@@ -154,7 +154,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         Ok(())
     }
 
-    fn row(&self, row: &Row, top: i32) -> Drawn<DB> {
+    fn row(&self, row: &Row, top: i32) -> DrawResult<DB> {
         let (high, low) = (top + GAP, top + height(row) - GAP);
         let lines = if row.note.is_some() { 2 } else { 1 };
         let middle = (high + low) / 2 - (lines - 1) * LETTERS * 2 / 3;
@@ -170,7 +170,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
     }
 
     /// Values hold up to the next one; each value is printed if there is space for it.
-    fn steps(&self, row: &Row, high: i32, low: i32) -> Drawn<DB> {
+    fn steps(&self, row: &Row, high: i32, low: i32) -> DrawResult<DB> {
         let y = scale_of(row, high, low);
         let mut path = Vec::new();
         for (at, (time, value)) in row.points.iter().enumerate() {
@@ -185,7 +185,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
     }
 
     /// A span for each request; other values of the register are printed beside it.
-    fn handshake(&self, row: &Row, high: i32, low: i32) -> Drawn<DB> {
+    fn handshake(&self, row: &Row, high: i32, low: i32) -> DrawResult<DB> {
         if let (Some((first, _)), end) = (row.points.first(), self.plot.to_us) {
             self.path(&[(self.x(*first), low), (self.x(end), low)], FAINT, 1)?;
         }
@@ -212,7 +212,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
     }
 
     /// The value at `at` with its meaning, or the value alone, where there is room for it.
-    fn value(&self, row: &Row, at: usize, y: i32) -> Drawn<DB> {
+    fn value(&self, row: &Row, at: usize, y: i32) -> DrawResult<DB> {
         let (Some((time, _)), Some(text)) = (row.points.get(at), row.texts.get(at)) else { return Ok(()) };
         let (begin, end) = (self.x(*time), self.x(self.end_of(row, at)));
         let forms = [Some(text.as_str()), text.split_once("  ").map(|(value, _)| value)];
@@ -223,7 +223,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         }
     }
 
-    fn numbers(&self, row: &Row, high: i32, low: i32) -> Drawn<DB> {
+    fn numbers(&self, row: &Row, high: i32, low: i32) -> DrawResult<DB> {
         let y = scale_of(row, high, low);
         let values = row.points.iter().map(|(_, value)| *value);
         if let (Some(least), Some(most)) = (values.clone().min(), values.max()) {
@@ -242,7 +242,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
     }
 
     /// The scale of time.
-    fn scale(&self, bottom: i32) -> Drawn<DB> {
+    fn scale(&self, bottom: i32) -> DrawResult<DB> {
         let Plot { from_us, to_us, .. } = *self.plot;
         self.path(&[(NAMES, bottom), (WIDTH - RIGHT, bottom)], INK, 1)?;
         let most = ((WIDTH - NAMES - RIGHT) as u64 / NEAREST_MARKS).max(1);

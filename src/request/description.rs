@@ -11,7 +11,7 @@ use crate::devices::DriveDetails;
 use crate::door::DoorSpec;
 use crate::fault::{Fault, FaultStatus};
 use crate::identity::{BusIndex, DeviceIndex};
-use crate::journal::{Change, Entry, Keep, Record, Turn};
+use crate::journal::{Change, Entry, HistoryId, Keep, Record};
 use crate::layout::Test;
 use crate::memory::Width;
 use crate::memory::header::{BoardSetting, BoardState};

@@ -14,7 +14,7 @@ use super::{BusScene, Refused, Reply, Waited};
 use crate::devices;
 use crate::door::DoorSpec;
 use crate::journal::jsonl::Jsonl;
-use crate::journal::{Change, Names, Record, Turn};
+use crate::journal::{Change, HistoryId, Names, Record};
 use crate::memory::header::BoardState;
 use crate::plant::Forced;
 use serde::ser::SerializeStructVariant;
@@ -37,7 +37,7 @@ macro_rules! as_they_are {
     )+};
 }
 
-as_they_are! { bool u16 u32 u64 Vec<u8> Waited Turn BoardState Vec<Forced> Vec<BusScene> DoorSpec Refused }
+as_they_are! { bool u16 u32 u64 Vec<u8> Waited HistoryId BoardState Vec<Forced> Vec<BusScene> DoorSpec Refused }
 
 /// Records as in JSON Lines.
 impl InJson for Vec<Record> {

@@ -35,5 +35,7 @@ pub(crate) use op::Class;
 pub use op::{FilePart, MAX_ADVANCE_US, MAX_CONDITIONS, MAX_OPS, MAX_RANGE, MAX_RECORDS, Op};
 pub use part::{JournalPart, read_journal};
 pub use refused::{Code, Refused};
-pub use reply::{BusScene, BusState, DriveEntry, InstanceInfo, Reply, Station, Stranger, Waited, WrongReply};
+pub use reply::{
+    BusScene, BusState, DriveEntry, InstanceInfo, RateMismatch, Reply, Station, Waited, WrongReply,
+};
 pub use travel::Travel;

@@ -4,7 +4,7 @@
 //! numbers its records from where the snapshot stopped, and the earlier records are not in the snapshot.
 
 use super::{MAX_RECORDS, Op, Reply, WrongReply};
-use crate::journal::{Record, Turn};
+use crate::journal::{HistoryId, Record};
 
 /// A part of the journal, as one [`Op::Journal`] returns it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -16,11 +16,11 @@ pub struct JournalPart {
     /// Number of the next record that will be written.
     pub end: u64,
     /// The history that the records belong to.
-    pub turn: Turn,
+    pub turn: HistoryId,
 }
 
 impl JournalPart {
-    pub(super) fn new(records: Vec<Record>, end: u64, turn: Turn) -> Self {
+    pub(super) fn new(records: Vec<Record>, end: u64, turn: HistoryId) -> Self {
         let (pending, records) = records.into_iter().partition(Record::is_pending);
         JournalPart { records, pending, end, turn }
     }
@@ -41,7 +41,7 @@ impl JournalPart {
     /// continued from a snapshot: the earlier records were never in this journal, so they are not lost.
     #[must_use]
     pub fn begins_at(&self, from: u64) -> Option<u64> {
-        let Turn { number, begin } = self.turn;
+        let HistoryId { number, begin } = self.turn;
         let has_earlier = self.records.first().is_some_and(|first| first.seq < begin);
         (number > 0 && from < begin && !has_earlier).then_some(begin)
     }
@@ -90,7 +90,7 @@ mod tests {
         Record { seq, time_us: seq, event, count: 1, period_us: 0, latency_us: None, octets: None }
     }
 
-    fn reply(numbers: &[u64], end: u64, turn: Turn) -> Reply {
+    fn reply(numbers: &[u64], end: u64, turn: HistoryId) -> Reply {
         Reply::Journal { records: numbers.iter().map(|seq| record(*seq)).collect(), end, turn }
     }
 
@@ -108,7 +108,7 @@ mod tests {
 
     #[test]
     fn parts_are_read_to_the_end() {
-        let turn = Turn::default();
+        let turn = HistoryId::default();
         let replies = vec![reply(&[3, 4], 9, turn), reply(&[7, 8], 9, turn)];
         assert_eq!(read(3, replies), (Ok(vec![3, 4, 7, 8]), vec![3, 5]));
         assert_eq!(read(9, vec![reply(&[], 9, turn)]), (Ok(vec![]), vec![9]));
@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn a_journal_with_an_end_and_no_records_is_read_at_once() {
-        let turn = Turn { number: 1, begin: 1000 };
+        let turn = HistoryId { number: 1, begin: 1000 };
         let Reply::Journal { records, end, .. } = reply(&[], 1000, turn) else { unreachable!() };
         let part = JournalPart::new(records, end, turn);
         assert_eq!((part.is_last(), part.begins_at(0), part.begins_at(1000)), (true, Some(1000), None));
@@ -126,14 +126,14 @@ mod tests {
 
     #[test]
     fn records_of_two_histories_are_not_mixed() {
-        let (one, other) = (Turn::default(), Turn { number: 1, begin: 2 });
+        let (one, other) = (HistoryId::default(), HistoryId { number: 1, begin: 2 });
         let replies = vec![reply(&[0, 1], 4, one), reply(&[2], 3, other), reply(&[0, 2], 3, other)];
         assert_eq!(read(0, replies), (Ok(vec![0, 2]), vec![0, 2, 0]));
     }
 
     #[test]
     fn a_reply_that_brings_no_progress_is_refused() {
-        let turn = Turn::default();
+        let turn = HistoryId::default();
         assert_eq!(read(5, vec![reply(&[3], 9, turn)]), (Err(WrongReply), vec![5]));
     }
 }

@@ -28,7 +28,7 @@ macro_rules! replies {
             /// A part of the journal.
             Journal = 10, journal {
                 /// History of the records.
-                turn: Turn,
+                turn: HistoryId,
                 /// The number that the next record will have.
                 end: u64,
                 /// Records in the order of their numbers. If they reach the end, the records that are still being
@@ -38,7 +38,7 @@ macro_rules! replies {
             /// Changes of registers that are followed.
             Changes = 71, changes {
                 /// History of the changes.
-                turn: Turn,
+                turn: HistoryId,
                 /// The number that the next change will have.
                 end: u64,
                 /// Changes in the order of their numbers.

@@ -6,7 +6,7 @@ use crate::can::ErrorState;
 use crate::devices::{DriveDetails, DriveState, Interval};
 use crate::door::{DoorSpec, DoorState};
 use crate::fault::FaultStatus;
-use crate::journal::{Change, Entry, Names, Record, Turn};
+use crate::journal::{Change, Entry, HistoryId, Names, Record};
 use crate::memory::header::BoardState;
 use crate::plant::Forced;
 use serde::{Deserialize, Serialize};
@@ -81,12 +81,12 @@ pub struct BusState {
     /// Its stations that have power, at CAN and PROFIBUS.
     pub stations: Vec<Station>,
     /// Stations that are set to another rate and therefore do not take part.
-    pub strangers: Vec<Stranger>,
+    pub strangers: Vec<RateMismatch>,
 }
 
 /// A station with a rate that differs from the rate of the bus.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Stranger {
+pub struct RateMismatch {
     /// Device and port, or the drive: `line:node1`, `winder`.
     pub name: String,
     /// Rate of the station, in bit/s.
@@ -198,7 +198,7 @@ contents! {
     /// A part of the journal, with the number at which the next part begins.
     journal_part: Reply::Journal { records, end, turn } => JournalPart::new(records, end, turn), JournalPart;
     /// Changes of registers, the number of the next change, and their history.
-    turned_changes: Reply::Changes { changes, end, turn } => (changes, end, turn), (Vec<Change>, u64, Turn);
+    turned_changes: Reply::Changes { changes, end, turn } => (changes, end, turn), (Vec<Change>, u64, HistoryId);
     /// The forced registers.
     forces: Reply::Forces(forces) => forces, Vec<Forced>;
     /// The number of a fault that was added.

@@ -6,7 +6,7 @@ use crate::fault::{FaultError, WordError};
 use crate::layout::LayoutError;
 use crate::layout::place::BadValue;
 use crate::memory::MemoryError;
-use crate::memory::header::BoardWordError;
+use crate::memory::header::BoardAssignmentError;
 use crate::plant::PlantError;
 use crate::request::{Refused, WrongReply};
 use crate::time::{TimeError, long, seconds};
@@ -76,7 +76,7 @@ pub enum ScenarioError {
     },
     /// A text that does not name a setting of a board.
     #[error(transparent)]
-    Board(#[from] BoardWordError),
+    Board(#[from] BoardAssignmentError),
     /// A fault with a field that cannot be read.
     #[error(transparent)]
     FaultWord(#[from] WordError),

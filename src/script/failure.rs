@@ -65,16 +65,16 @@ pub struct Failure {
     /// The last records of the journal, oldest first.
     pub journal: Vec<JournalLine>,
     /// The exchanges of program, firmware and bus that may have led to the failure, oldest first.
-    pub exchange: Vec<Exchanged>,
+    pub exchange: Vec<ExchangeStep>,
     /// Location of the expectation.
     pub location: Option<ScriptLocation>,
 }
 
 /// A step of a handshake, or a frame.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Exchanged {
+pub struct ExchangeStep {
     /// Kind of the step: sender and receiver.
-    pub way: ExchangeKind,
+    pub kind: ExchangeKind,
     /// The record of the journal.
     pub line: JournalLine,
 }

@@ -219,7 +219,7 @@ impl Carrier for Federated {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::script::soak::{Kind, Round, exercises};
+    use crate::script::soak::{Round, RoundKind, exercises};
     use crate::script::{Limits, run_file};
 
     /// Hash of the journal that a scenario leaves; `federates` is the count of federates and the number of this one.
@@ -277,7 +277,7 @@ mod tests {
     fn several_hosts_leave_the_journal_of_one() {
         let mut kinds = Vec::new();
         for (number, exercise) in (0_u64..).zip(exercises()) {
-            let kind = [Kind::Disturbed, Kind::Hostile][number as usize % 2];
+            let kind = [RoundKind::Disturbed, RoundKind::Hostile][number as usize % 2];
             let mut rounds = (number * 1000..).map(|seed| Round::draw(seed, &[exercise]).unwrap());
             let round =
                 rounds.find(|round| round.kind == kind && (3..=8).contains(&round.moves.len())).unwrap();

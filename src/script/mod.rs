@@ -31,13 +31,13 @@ mod verb;
 
 pub use bench::{Bench, Change, MemoryCopy, PastChange, Register, SeenFrame};
 pub use error::ScenarioError;
-pub use failure::{ExchangeKind, Exchanged, Failure, FailureKind, JournalLine, Numbers, ScriptLocation};
+pub use failure::{ExchangeKind, ExchangeStep, Failure, FailureKind, JournalLine, Numbers, ScriptLocation};
 pub use junit::{junit, junit_of_shard};
 #[cfg(feature = "cli")]
 pub(crate) use junit::{junit_text, shard_of_junit};
 pub use lines::Lines;
 pub use part::{is_part, needs};
-pub use report::{Drawn, FoundLine, Mistake, Outcome, Report, Step};
+pub use report::{FoundLine, Mistake, Outcome, PlotFile, Report, Step};
 pub use run::{Limits, run_file};
 pub use value::{Span, Value};
 pub use verb::{DEFINITIONS, Verb, verbs};

@@ -88,7 +88,7 @@ pub struct FoundLine {
 
 /// A plot that a scenario has drawn.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Drawn {
+pub struct PlotFile {
     /// The name of its file.
     pub name: String,
     /// The plot as SVG, independent of the format of the file.
@@ -123,7 +123,7 @@ pub struct Report {
     /// The findings of the access checker.
     pub findings: Vec<FoundLine>,
     /// The plots that it has drawn.
-    pub plots: Vec<Drawn>,
+    pub plots: Vec<PlotFile>,
     /// The files that it has read beside itself: imports and the plant, whether they are there or not.
     pub reads: Vec<PathBuf>,
 }

@@ -2,7 +2,7 @@
 
 use crate::common::{Emulator, commram, finish, unique_name};
 use crate::federates::{Broker, Helics, at, helics, journal, mortal, passes, written};
-use commram::fmi::{Kind, Resources, Unit, Value};
+use commram::fmi::{Resources, Unit, Value, VariableType};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
@@ -91,22 +91,22 @@ fn expected(snapshot: &Path) -> Vec<i64> {
     .map(of);
     let kind = |reference: u32| unit.variables()[reference as usize].kind;
     let (given_kind, read_kind) = (kind(given), kind(read));
-    unit.set(modelled, Kind::Bool, Value::Boolean(true)).unwrap();
+    unit.set(modelled, VariableType::Bool, Value::Boolean(true)).unwrap();
     let demanded = |unit: &Unit| {
-        let Ok(Value::Float(demand)) = unit.get(demand, Kind::F64) else { panic!() };
-        if unit.get(is_fed, Kind::Bool) == Ok(Value::Boolean(true)) { 0.98 * demand } else { 0.0 }
+        let Ok(Value::Float(demand)) = unit.get(demand, VariableType::F64) else { panic!() };
+        if unit.get(is_fed, VariableType::Bool) == Ok(Value::Boolean(true)) { 0.98 * demand } else { 0.0 }
     };
     let (mut speed, mut seen) = (0.0, Vec::new());
     let mut wanted = demanded(&unit);
     for step in 0..STEPS {
         speed += 0.001 / 0.02 * (wanted - speed);
-        unit.set(turned, Kind::F64, Value::Float(speed)).unwrap();
+        unit.set(turned, VariableType::F64, Value::Float(speed)).unwrap();
         wanted = demanded(&unit);
         if step == 0 {
             unit.set(given, given_kind, Value::Integer(SPEED)).unwrap();
         }
         if step % 2 == 0 {
-            unit.set(control, Kind::U8, Value::Integer(5)).unwrap();
+            unit.set(control, VariableType::U8, Value::Integer(5)).unwrap();
         }
         unit.step(unit.time_s(), 0.001).unwrap();
         let Ok(Value::Integer(value)) = unit.get(read, read_kind) else { panic!() };

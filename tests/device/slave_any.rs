@@ -3,7 +3,7 @@
 
 use crate::rig::bench::{Bench, NUMBER};
 use crate::rig::{FASTEST, Memory};
-use commram::devices::cansync::frames::codec::{Access, Decoded, ParameterJob, ParameterResult, decode};
+use commram::devices::cansync::frames::codec::{Access, DecodedFrame, ParameterJob, ParameterResult, decode};
 use commram::devices::cansync::frames::{Frame, FrameKind};
 use proptest::prelude::*;
 
@@ -52,7 +52,7 @@ fn take(bench: &mut Bench, step: Step) {
             if let Some(answer) = bench.turn(&frame) {
                 assert_eq!(answer.kind(), Some(FrameKind::Response(NUMBER)));
                 let decoded = decode(&answer).expect("an answer of the grammar");
-                let is_up_download = matches!(decoded, Decoded::UpDownResponse { .. });
+                let is_up_download = matches!(decoded, DecodedFrame::UpDownResponse { .. });
                 assert_eq!(is_up_download, data[0] & 0x80 != 0, "{decoded:?} to {data:02X?}");
             }
         }

@@ -3,7 +3,7 @@
 //! values come up.
 
 use super::bring_up::{Mode, Node, Stage, bring_up_in};
-use super::{Kind, Memory, Rate, segment};
+use super::{Memory, NodeDevice, Rate, segment};
 use commram::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
 use commram::identity::DeviceIndex;
 use commram::memory::{Image, Segment, View};
@@ -74,7 +74,7 @@ impl Cluster {
             plc.configure();
         }
         bring_up_in(&mut self.plant, &nodes, Stage::SetUp..=Stage::SetUp);
-        // All participants lock within this time, see `Kind::plc` and `plant_text`, and have been polled.
+        // All participants lock within this time, see `NodeDevice::plc` and `plant_text`, and have been polled.
         self.plant.advance_to(self.plant.now() + 100 * self.rate.interval_us);
         for plc in &self.plcs {
             let status = &plc.master.a_STAT_SL[..plc.children];
@@ -153,7 +153,7 @@ impl ClusterPlc {
 }
 
 fn plc_of(rate: Rate, segment: &Segment, is_top: bool, children: usize) -> ClusterPlc {
-    let Rate { timing, kind: Kind { master, slave, .. }, .. } = rate;
+    let Rate { timing, kind: NodeDevice { master, slave, .. }, .. } = rate;
     let own = if is_top { Mode::Master } else { Mode::SyncIn };
     let above = || {
         let regs = segment.view(slave.base).expect("the slave is there");

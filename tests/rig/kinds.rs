@@ -6,13 +6,13 @@ use commram::layout::DeviceLayout;
 use core::fmt;
 
 /// A device that has masters and slaves.
-pub(crate) struct Kind {
+pub(crate) struct NodeDevice {
     pub name: &'static str,
     pub layout: &'static DeviceLayout,
     pub rates: &'static [BaudRate],
     pub master: NodePlace,
     pub slave: NodePlace,
-    /// See [`Kind::plc`].
+    /// See [`NodeDevice::plc`].
     plc: fn(&str, u8, [Option<&str>; 2]) -> String,
     /// Value of the master's `w_OMEGA_NR`, or of the device's register for it: a number that differs from its slave's.
     pub master_number: u16,
@@ -26,7 +26,7 @@ pub(crate) struct NodePlace {
     pub base: usize,
 }
 
-static OMEGA: Kind = Kind {
+static OMEGA: NodeDevice = NodeDevice {
     name: "Omega Drive-Line II",
     layout: &omega::DEVICE,
     rates: &omega::BAUD_RATES,
@@ -41,7 +41,7 @@ static OMEGA: Kind = Kind {
 };
 
 /// Slots in the middle, so that no number is right by chance.
-static BM4: Kind = Kind {
+static BM4: NodeDevice = NodeDevice {
     name: "b maXX PLC",
     layout: &bm4::DEVICE,
     rates: &bm4::BAUD_RATES,
@@ -67,7 +67,7 @@ fn text(text: Option<String>) -> String {
     text.unwrap_or_default()
 }
 
-impl Kind {
+impl NodeDevice {
     /// Whether the device has the parts that only the Omega Drive-Line II has.
     pub(crate) fn is_omega(&self) -> bool {
         core::ptr::eq(self, &OMEGA)
@@ -102,7 +102,7 @@ impl Kind {
 /// A baud rate of a device, with the values that its PLC sets.
 #[derive(Clone, Copy)]
 pub(crate) struct Rate {
-    pub kind: &'static Kind,
+    pub kind: &'static NodeDevice,
     pub timing: &'static BaudRate,
     pub kbit_s: u16,
     pub interval_us: u64,
@@ -148,7 +148,7 @@ impl Rate {
     }
 }
 
-const fn rate(kind: &'static Kind, timing: &'static BaudRate) -> Rate {
+const fn rate(kind: &'static NodeDevice, timing: &'static BaudRate) -> Rate {
     Rate { kind, timing, kbit_s: timing.kbit_per_s, interval_us: timing.b_TIME_PATTERN as u64 * 1000 }
 }
 

@@ -20,7 +20,7 @@ use commram::layout::DeviceFit;
 use commram::memory::{ClockMode, Image, ImageSpec, Segment, View};
 use commram::plant::{Plant, PlantConfig, PlantError};
 #[allow(unused_imports, reason = "each test binary uses its own part of the rig")]
-pub(crate) use kinds::{FASTEST, Kind, NodePlace, OMEGA_RATES, RATES, Rate};
+pub(crate) use kinds::{FASTEST, NodeDevice, NodePlace, OMEGA_RATES, RATES, Rate};
 use std::ops::RangeBounds;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -110,7 +110,7 @@ impl Rig {
         let mut images = Vec::new();
         let plant = Plant::new(&config, |plc, device| segment(memory, plc, device, &mut images)).unwrap();
         let segment = |at: NodePlace| plant.devices()[at.plc].segment().clone();
-        let Kind { master, slave, .. } = *rate.kind;
+        let NodeDevice { master, slave, .. } = *rate.kind;
         Rig {
             rate,
             master_at: master,

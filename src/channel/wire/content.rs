@@ -7,7 +7,7 @@ use super::{Block, forces, serde_types};
 use crate::devices::DriveDetails;
 use crate::door::DoorSpec;
 use crate::fault::FaultStatus;
-use crate::journal::{Change, Entry, Record, Turn};
+use crate::journal::{Change, Entry, HistoryId, Record};
 use crate::memory::header::BoardState;
 use crate::plant::Forced;
 use crate::request::{BusScene, BusState, Code, DriveEntry, InstanceInfo, Refused, Waited};
@@ -83,14 +83,14 @@ impl Content for Waited {
 }
 
 /// The number of the history in the code, the number of its first record in the data.
-impl Content for Turn {
+impl Content for HistoryId {
     fn put(&self, head: &mut Block, data: &mut Vec<u8>) {
         head.code = self.number;
         serde_types::append(&self.begin, data);
     }
 
     fn take(head: &Block, data: &mut &[u8]) -> Option<Self> {
-        Some(Turn { number: head.code, begin: serde_types::take(data)? })
+        Some(HistoryId { number: head.code, begin: serde_types::take(data)? })
     }
 }
 

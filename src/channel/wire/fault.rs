@@ -2,7 +2,7 @@
 
 use super::{WireOp, serde_types};
 use crate::devices;
-use crate::fault::{Draft, Fault, FaultStatus, Kind, Limit, MAX_BITS, MAX_FIELDS, Target, Values};
+use crate::fault::{Draft, Fault, FaultKind, FaultStatus, Limit, MAX_BITS, MAX_FIELDS, Target, Values};
 use serde::{Deserialize, Serialize};
 use zerocopy::{FromBytes, IntoBytes};
 
@@ -10,7 +10,7 @@ use zerocopy::{FromBytes, IntoBytes};
 const BYTES: usize = MAX_BITS as usize / 8;
 
 /// The values of a fault of this kind, packed without gaps.
-fn packed(kind: &Kind, values: Values) -> [u8; BYTES] {
+fn packed(kind: &FaultKind, values: Values) -> [u8; BYTES] {
     let (mut bits, mut place) = (0, 0);
     for (field, value) in kind.fields().iter().zip(values) {
         bits |= u128::from(value.unwrap_or(0)) << place;
@@ -22,7 +22,7 @@ fn packed(kind: &Kind, values: Values) -> [u8; BYTES] {
 }
 
 /// Inverse of [`packed`].
-fn unpacked(kind: &Kind, packed: [u8; BYTES]) -> [u64; MAX_FIELDS] {
+fn unpacked(kind: &FaultKind, packed: [u8; BYTES]) -> [u64; MAX_FIELDS] {
     let mut bits = packed.iter().rev().fold(0, |bits, byte| bits << 8 | u128::from(*byte));
     let mut values = [0; MAX_FIELDS];
     for (value, field) in values.iter_mut().zip(kind.fields()) {

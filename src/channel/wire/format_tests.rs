@@ -9,13 +9,14 @@ use crate::fault::{Draft, Fault, FaultStatus, MAX_FIELDS, Target};
 use crate::format_samples::assert_only_added;
 use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::{
-    By, Change, ChangeDetails, Changed, Entry, Finding, Keep, Names, Record, Turn, Unforce,
+    By, Change, ChangeDetails, Changed, Entry, Finding, HistoryId, Keep, Names, Record, Unforce,
 };
 use crate::layout::{Compare, RegisterPhase, Test};
 use crate::memory::header::BoardSetting;
 use crate::plant::Forced;
 use crate::request::{
-    BusScene, BusState, Code, DriveEntry, FilePart, InstanceInfo, Refused, Reply, Station, Stranger, Waited,
+    BusScene, BusState, Code, DriveEntry, FilePart, InstanceInfo, RateMismatch, Refused, Reply, Station,
+    Waited,
 };
 use core::num::NonZeroU16;
 use std::fmt::Write;
@@ -26,7 +27,7 @@ fn tcp() -> DoorSpec {
 
 /// A fault of each kind, under the name of the kind.
 fn faults() -> Vec<(&'static str, Fault)> {
-    let fault = |kind: &'static crate::fault::Kind, is_given: [bool; MAX_FIELDS]| {
+    let fault = |kind: &'static crate::fault::FaultKind, is_given: [bool; MAX_FIELDS]| {
         let mut draft = Draft::new(kind, Target::of_numbers(kind.place(), 1, 2));
         for ((value, field), is_given) in draft.values.iter_mut().zip(kind.fields()).zip(is_given) {
             *value = is_given.then(|| field.range().0);
@@ -36,7 +37,7 @@ fn faults() -> Vec<(&'static str, Fault)> {
     };
     let combinations =
         || (0..1_u32 << MAX_FIELDS).rev().map(|bits| core::array::from_fn(|n| bits >> n & 1 != 0));
-    let of = |kind: &&'static crate::fault::Kind| {
+    let of = |kind: &&'static crate::fault::FaultKind| {
         (
             kind.name(),
             combinations().find_map(|given| fault(kind, given)).unwrap_or_else(|| panic!("{}", kind.name())),
@@ -146,7 +147,7 @@ fn buses() -> Vec<BusState> {
         ports: vec!["line 1".into()],
         doors: vec![DoorState { door: tcp(), guests: vec![guest], refused: 6 }],
         stations: vec![station],
-        strangers: vec![Stranger { name: "x".into(), bit_s: 250_000 }],
+        strangers: vec![RateMismatch { name: "x".into(), bit_s: 250_000 }],
     }]
 }
 
@@ -166,7 +167,7 @@ fn drive() -> DriveState {
 }
 
 pub(super) fn replies() -> Vec<(&'static str, Reply)> {
-    let turn = Turn { number: 2, begin: 5 };
+    let turn = HistoryId { number: 2, begin: 5 };
     let event = Unforce { plc: DeviceIndex(1), offset: 200_002 }.into();
     let record = Record {
         seq: 9,

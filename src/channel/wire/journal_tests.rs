@@ -2,7 +2,7 @@ use super::*;
 use crate::channel::wire::{Block, ReplyBuffer, decode, serde_types};
 use crate::devices::samples::event;
 use crate::identity::DeviceIndex;
-use crate::journal::{Journal, Turn, Unforce};
+use crate::journal::{HistoryId, Journal, Unforce};
 use crate::request::Reply;
 use proptest::prelude::*;
 
@@ -27,7 +27,7 @@ proptest! {
 
     #[test]
     fn records_come_back_as_they_were(records in proptest::collection::vec(record(), 0..60), end in any::<u64>()) {
-        let sent = Reply::Journal { records, end, turn: Turn { number: 2, begin: 5 } };
+        let sent = Reply::Journal { records, end, turn: HistoryId { number: 2, begin: 5 } };
         let mut buffer = ReplyBuffer::default();
         buffer.push(&sent).unwrap();
         let mut replies = Vec::new();
@@ -61,7 +61,7 @@ fn a_record_cut_short_is_refused() {
     journal.push(1, Unforce { plc: DeviceIndex(0), offset: 4 });
     let mut buffer = ReplyBuffer::default();
     let records = journal.read(0).collect();
-    buffer.push(&Reply::Journal { records, end: 0, turn: Turn::default() }).unwrap();
+    buffer.push(&Reply::Journal { records, end: 0, turn: HistoryId::default() }).unwrap();
     let mut blocks: Vec<Block> = buffer.blocks().to_vec();
     blocks[0].data_len -= 1;
     assert!(decode(&blocks, &mut Vec::new()).is_err());

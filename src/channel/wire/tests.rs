@@ -8,13 +8,14 @@ use crate::fault::{
     Draft, Fault, FaultStatus, MAX_AT_US, MAX_DURATION_US, MAX_FIELDS, MAX_PARTICIPANT, Target,
 };
 use crate::identity::{BusIndex, DeviceIndex};
-use crate::journal::{By, Change, ChangeDetails, Changed, Keep, Names, Turn};
+use crate::journal::{By, Change, ChangeDetails, Changed, HistoryId, Keep, Names};
 use crate::layout::{Compare, DeviceFit, Fit, RegisterPhase, Role, Test};
 use crate::memory::header::BoardSetting;
 use crate::plant::Forced;
 use crate::request::testing::TestHost;
 use crate::request::{
-    BusScene, BusState, Code, DriveEntry, FilePart, InstanceInfo, Refused, Reply, Station, Stranger, Waited,
+    BusScene, BusState, Code, DriveEntry, FilePart, InstanceInfo, RateMismatch, Refused, Reply, Station,
+    Waited,
 };
 use core::num::NonZeroU16;
 use proptest::prelude::*;
@@ -156,7 +157,7 @@ fn buses() -> impl Strategy<Value = Vec<BusState>> {
         },
     );
     let load = any::<Option<u16>>();
-    let stranger = (".*", any::<u32>()).prop_map(|(name, bit_s)| Stranger { name, bit_s });
+    let stranger = (".*", any::<u32>()).prop_map(|(name, bit_s)| RateMismatch { name, bit_s });
     let lists = (
         proptest::collection::vec(door, 0..3),
         proptest::collection::vec(station, 0..3),
@@ -319,7 +320,7 @@ fn reply() -> impl Strategy<Value = Reply> {
         information().prop_map(|information| Reply::Info(Box::new(information))),
         proptest::collection::vec(forced(), 0..5).prop_map(Reply::Forces),
         (changes(), any::<u64>()).prop_map(|(changes, end)| {
-            Reply::Changes { changes, end, turn: Turn { number: 3, begin: 7 } }
+            Reply::Changes { changes, end, turn: HistoryId { number: 3, begin: 7 } }
         }),
         Just(Reply::Stopping),
         error().prop_map(Reply::Error),

@@ -6,7 +6,7 @@ use crate::cli::test::LimitArgs;
 use crate::cli::test::process::{self, RunOptions};
 use crate::devices::Exercise;
 use crate::output_file;
-use crate::script::soak::{Kind, Round, shrink};
+use crate::script::soak::{Round, RoundKind, shrink};
 use crate::script::{Outcome, Report};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -65,7 +65,7 @@ impl RoundRunner {
         let begun = Instant::now();
         let round = Round::draw(seed, &self.exercises)?;
         let (exercise, (emulated_us, why)) = match round.kind {
-            Kind::Killed => {
+            RoundKind::Killed => {
                 let number = self.files.fetch_add(1, Ordering::Relaxed);
                 let home = self.directory.join(format!("{number}"));
                 let instance = format!("soak-{}-{number}", std::process::id());
@@ -107,7 +107,7 @@ impl RoundRunner {
 
     /// Shortens a failing round and writes it, if it is a scenario; returns the report.
     pub(super) fn keep(&self, (round, why): &(Round, String), stop: &impl Fn() -> bool) -> String {
-        if round.kind == Kind::Killed {
+        if round.kind == RoundKind::Killed {
             // The result depends on the exact moment, so shortening is not possible.
             return format!(
                 "seed {}, {}: {why}; try `commram soak` with this seed again",

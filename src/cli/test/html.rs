@@ -6,7 +6,7 @@ mod sequence;
 use super::line::summary;
 use super::origin::Origin;
 use crate::cli::output;
-use crate::script::{Drawn, Failure, FoundLine, Outcome, Report, ScriptLocation, Step};
+use crate::script::{Failure, FoundLine, Outcome, PlotFile, Report, ScriptLocation, Step};
 use crate::time::seconds;
 use chrono::{DateTime, SecondsFormat, Utc};
 use std::fmt::{self, Display};
@@ -244,7 +244,7 @@ fn findings(findings: &[FoundLine]) -> String {
 }
 
 /// A plot as an embedded image: its content cannot affect the page.
-fn plot(plot: &Drawn) -> String {
+fn plot(plot: &PlotFile) -> String {
     format!(
         "<figure><img alt=\"plot {0}\" src=\"data:image/svg+xml,{1}\"><figcaption>{0}</figcaption></figure>\n",
         EscapedText(&plot.name),
@@ -273,7 +273,7 @@ fn printed(printed: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::script::{ExchangeKind, Exchanged, FailureKind, JournalLine};
+    use crate::script::{ExchangeKind, ExchangeStep, FailureKind, JournalLine};
 
     const HOSTILE: &str = "<script>alert('1')</script><img src=x onerror=\"x()\">&\u{202E}\u{1}";
 
@@ -307,7 +307,7 @@ mod tests {
             findings: 0,
             first_findings: Vec::new(),
             journal: vec![line.clone()],
-            exchange: exchange.map(|way| Exchanged { way, line: line.clone() }).to_vec(),
+            exchange: exchange.map(|kind| ExchangeStep { kind, line: line.clone() }).to_vec(),
             location: Some(ScriptLocation {
                 file: hostile(),
                 line: Some(1),
@@ -329,7 +329,7 @@ mod tests {
             printed: hostile(),
             steps: vec![Step { name: Some(hostile()), from_us: 0, expectations: 3 }],
             findings: vec![found],
-            plots: vec![Drawn { name: hostile(), svg: format!("<svg>{HOSTILE}</svg>") }],
+            plots: vec![PlotFile { name: hostile(), svg: format!("<svg>{HOSTILE}</svg>") }],
             ..Report::bare(format!("{HOSTILE}.rhai").into(), Outcome::Failed(Box::new(failure)))
         }
     }

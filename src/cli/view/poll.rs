@@ -4,7 +4,7 @@ use super::source::{RequestError, RequestKind, Source};
 use crate::devices;
 use crate::devices::ModuleFront;
 use crate::identity::DeviceIndex;
-use crate::journal::{Change, Changed, Entry, Keep, Record, Turn};
+use crate::journal::{Change, Changed, Entry, HistoryId, Keep, Record};
 use crate::layout::{FrontWord, NamedLocation, RegisterRef, Width};
 use crate::memory::header::BoardState;
 use crate::plant::Forced;
@@ -130,7 +130,7 @@ pub(super) struct Poller {
 #[derive(Debug, Default)]
 struct Cursor {
     /// The history that was read last.
-    turn: Option<Turn>,
+    turn: Option<HistoryId>,
     /// Number of the next record.
     next: u64,
 }

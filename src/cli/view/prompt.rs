@@ -5,7 +5,7 @@ use super::pins::Pins;
 use super::work::{Task, Work};
 use crate::identity::DeviceIndex;
 use crate::layout::{Condition, ConditionError, NamedLocation, split_plc, value};
-use crate::memory::header::BoardWord;
+use crate::memory::header::BoardAssignment;
 use crate::request::Op;
 use crate::time;
 
@@ -143,7 +143,8 @@ impl Model {
             }
             InputPurpose::Turn(BoardSwitch { plc, name, .. }) => {
                 let word = format!("{name}={text}");
-                let setting = BoardWord::parse(&word).and_then(|word| word.at(self.names().device(*plc)));
+                let setting =
+                    BoardAssignment::parse(&word).and_then(|word| word.at(self.names().device(*plc)));
                 let setting = setting.map_err(|error| error.right)?;
                 let description = format!("set {}{word}", Pins::prefix(self.names(), *plc));
                 let work = Work::Ops(vec![Op::SetBoard { plc: *plc, setting }]);

@@ -48,12 +48,12 @@ pub(super) trait Source {
 }
 
 /// A running instance.
-pub(super) struct Running {
+pub(super) struct RunningInstance {
     client: Client,
     images: Vec<Attached>,
 }
 
-impl Running {
+impl RunningInstance {
     /// Connects to the instance.
     ///
     /// # Errors
@@ -68,7 +68,7 @@ impl Running {
     }
 }
 
-impl Source for Running {
+impl Source for RunningInstance {
     fn request(&mut self, ops: &[Op], kind: RequestKind) -> Result<Vec<Reply>, RequestError> {
         self.client.set_patience(match kind {
             RequestKind::Poll => LOOK,

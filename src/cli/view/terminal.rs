@@ -3,7 +3,7 @@
 use super::draw;
 use super::link::{self, LinkCommand, LinkReport};
 use super::model::Model;
-use super::source::Running;
+use super::source::RunningInstance;
 use super::style::Theme;
 use crate::cli::error::CliError;
 use crate::cli::exit::Exit;
@@ -83,7 +83,7 @@ pub(super) fn run(mut model: Model, instance: &str) -> Result<(), CliError> {
     let (to_thread, orders) = mpsc::channel();
     let (to_us, news) = mpsc::channel();
     let instance = Instance::running(instance);
-    let connect = move || Running::connect(&instance).map_err(|error| error.to_string());
+    let connect = move || RunningInstance::connect(&instance).map_err(|error| error.to_string());
     let thread = thread::spawn(move || link::serve(connect, &orders, &to_us));
     let theme = Theme { has_colours: style::is_on(&io::stdout()) };
     let outcome = show(&mut model, theme, &to_thread, &news, &ended);

@@ -6,7 +6,9 @@ use crate::cli::map::entry;
 use crate::identity::DeviceIndex;
 use crate::journal::Names;
 use crate::layout::place::is_live;
-use crate::layout::{Area, DeviceFit, Fit, Named, RegisterPhase, RegisterRef, plc_prefix, split_plc};
+use crate::layout::{
+    Area, AreaOrRegisters, DeviceFit, Fit, RegisterPhase, RegisterRef, plc_prefix, split_plc,
+};
 use std::collections::HashSet;
 
 /// A line.
@@ -315,8 +317,8 @@ impl Tree {
                 found
             } else {
                 match fitted.area_or_registers(name) {
-                    Ok(Named::Registers(registers)) => registers,
-                    Ok(Named::Area(area)) => {
+                    Ok(AreaOrRegisters::Registers(registers)) => registers,
+                    Ok(AreaOrRegisters::Area(area)) => {
                         rows.push(Row::Block(plc, area));
                         Vec::new()
                     }

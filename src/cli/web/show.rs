@@ -14,7 +14,7 @@ use crate::cli::status::Status;
 use crate::cli::view::{Frames, WindowFrames};
 use crate::cli::{board, check, find, list, plot, snapshot, time};
 use crate::devices;
-use crate::fault::{Form, Kind};
+use crate::fault::{FaultKind, Form};
 use crate::identity::BusIndex;
 use crate::plant::SnapshotFile;
 use crate::plot::Picture;
@@ -195,7 +195,7 @@ fn fault_kinds(_: &mut Connection, _: &Fields<'_>) -> Result<Shown, Problem> {
     named("kinds", devices::fault_kinds().iter().map(|kind| kind_of_fault(kind)).collect::<Vec<_>>())
 }
 
-fn kind_of_fault(kind: &'static Kind) -> Value {
+fn kind_of_fault(kind: &'static FaultKind) -> Value {
     let fields = kind.all_fields().map(|field| {
         let (least, most) = field.range();
         let (form, words): (_, &[&str]) = match field.form() {

@@ -5,7 +5,7 @@ use crate::devices::Events;
 use crate::devices::program::Starts;
 use crate::devices::supply::Supply;
 use crate::devices::{Context, FrontAction, Power};
-use crate::memory::Face;
+use crate::memory::FirmwareHeader;
 use crate::memory::header::{Interrupt, InterruptResult, Start};
 use crate::snapshot_fields;
 
@@ -14,7 +14,7 @@ const SYNC_EVENT: usize = 11;
 
 /// Supply, program and events.
 pub(super) struct Front {
-    pub(super) face: Face,
+    pub(super) face: FirmwareHeader,
     pub events: Events,
     supply: Supply,
     starts: Starts,
@@ -25,7 +25,7 @@ pub(super) struct Front {
 snapshot_fields!(Front { values: requests; parts: events, supply, starts; built: face });
 
 impl Front {
-    pub(crate) fn new(face: Face) -> Self {
+    pub(crate) fn new(face: FirmwareHeader) -> Self {
         let (supply, starts) = (Supply::new(&face), Starts::new(&face));
         let requests = face.asked().board_requests.load();
         Front { face, events: Events::default(), supply, starts, requests }

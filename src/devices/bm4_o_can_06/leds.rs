@@ -16,7 +16,7 @@ const IN_TURN: u8 = 0xFE;
 
 /// Conditions that the LEDs show.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Seen {
+pub(super) struct LedConditions {
     /// The module is in set-up mode or active operation.
     pub takes_part: bool,
     /// Interval of the SYNC signal in us; `None` while there is none.
@@ -27,15 +27,15 @@ pub(super) struct Seen {
 
 impl Leds {
     /// The LEDs of a master.
-    pub(super) fn of_master(option: &Cell16, can: &Cell16, seen: Seen) -> Self {
-        let Seen { takes_part, has_traffic, .. } = seen;
+    pub(super) fn of_master(option: &Cell16, can: &Cell16, seen: LedConditions) -> Self {
+        let LedConditions { takes_part, has_traffic, .. } = seen;
         let h1 = green(option, can, takes_part && has_traffic);
         Leds { h: [h1, fault(can, takes_part), Led::Off, Led::Off] }
     }
 
     /// The LEDs of a slave.
-    pub(super) fn of_slave(option: &Cell16, can: &Cell16, seen: Seen) -> Self {
-        let Seen { takes_part, interval_us, has_traffic } = seen;
+    pub(super) fn of_slave(option: &Cell16, can: &Cell16, seen: LedConditions) -> Self {
+        let LedConditions { takes_part, interval_us, has_traffic } = seen;
         let h1 = green(option, can, takes_part && has_traffic);
         let h2 = if takes_part && interval_us.is_none() { Led::On } else { Led::Off };
         let h3 = interval(interval_us.filter(|_| takes_part));
@@ -44,8 +44,8 @@ impl Leds {
 
     /// The LEDs of a slave for the controller (p. 30-31): the slave waits for the master until SYNC has come for the
     /// first time; `has_sync` is true after that.
-    pub(super) fn of_controllers_slave(has_sync: bool, seen: Seen) -> Self {
-        let Seen { interval_us, has_traffic, .. } = seen;
+    pub(super) fn of_controllers_slave(has_sync: bool, seen: LedConditions) -> Self {
+        let LedConditions { interval_us, has_traffic, .. } = seen;
         if !has_sync {
             return Leds { h: [Led::Off, Led::On, Led::Off, Led::On] };
         }
@@ -124,7 +124,8 @@ mod tests {
     fn leds_show_the_state_of_the_module() {
         use Led::{Flashes, Off, On};
         let (option, can) = (Cell16::new_zeroed(), Cell16::new_zeroed());
-        let seen = |takes_part, interval_us, has_traffic| Seen { takes_part, interval_us, has_traffic };
+        let seen =
+            |takes_part, interval_us, has_traffic| LedConditions { takes_part, interval_us, has_traffic };
         let both = |seen| (Leds::of_master(&option, &can, seen).h, Leds::of_slave(&option, &can, seen).h);
         assert_eq!(both(seen(false, None, false)), ([On, Off, Off, Off], [On, Off, Off, Off]));
         option.store(option_status::WAITING_FOR_INIT + 1);

@@ -2,7 +2,7 @@
 
 use super::config::{Bm4Config, CONTROLLER_RATES, ModuleConfig, Work};
 use super::front::{self, Front};
-use super::leds::{Leds, Seen};
+use super::leds::{LedConditions, Leds};
 use super::module::{DIP_9_OFF, DIP_10_ON, DIP_BAUD};
 use super::registers::{BAUD_RATES, CANsync_PLC_INIT_BMSTRUCT, DEVICE, DIP_LAST};
 use crate::devices::cansync::bus::{Socket, SocketRole};
@@ -84,7 +84,8 @@ impl Module {
 
     fn leds(&self, now: u64) -> Leds {
         let has_traffic = self.last_frame.is_some_and(|at| now.saturating_sub(at) <= TRAFFIC_US);
-        let seen = Seen { takes_part: self.takes_part, interval_us: self.interval_us(now), has_traffic };
+        let seen =
+            LedConditions { takes_part: self.takes_part, interval_us: self.interval_us(now), has_traffic };
         let (option, can) = (&self.regs.w_OPTION_STATUS, &self.regs.w_CANsync_STATUS);
         match self.work {
             Work::Master => Leds::of_master(option, can, seen),

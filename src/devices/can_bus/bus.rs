@@ -12,7 +12,7 @@ use super::stations::Stations;
 use crate::can;
 use crate::can::ErrorState;
 use crate::devices::can_faults;
-use crate::devices::ears::Ears;
+use crate::devices::traffic_receivers::TrafficReceivers;
 use crate::devices::{
     BuildError, Bus, BusGuests, BusView, Faulty, GuestRefusal, PortWatch, StationState, SyncSignal, World,
 };
@@ -43,7 +43,7 @@ pub struct CanBus {
     /// Buffer for the receivers of a frame.
     pub(super) receivers: Vec<u16>,
     /// Guests that hear the traffic.
-    pub(super) ears: Ears,
+    pub(super) ears: TrafficReceivers,
     next: u64,
 }
 
@@ -61,7 +61,7 @@ impl CanBus {
             is_lost: false,
             has_state_changes: false,
             receivers: Vec::new(),
-            ears: Ears::default(),
+            ears: TrafficReceivers::default(),
             next: NEVER,
         }
     }

@@ -4,17 +4,17 @@ use super::tests::{Bench, frame};
 use crate::can::{BitRate, Fate, Frame, wire};
 use crate::devices::can_faults::{self, DELAY_FRAME, DUPLICATE_FRAME, LOSE_FRAME, OF_CAN, OVERRUN};
 use crate::devices::{Bus, Faulty};
-use crate::fault::{Draft, Effect, Fault, Hit, Kind, Owner, Target};
+use crate::fault::{Draft, Effect, Fault, FaultKind, Hit, Owner, Target};
 use crate::identity::{BusIndex, DeviceIndex};
 
 const BIT_S: u32 = 1_000_000;
 
-fn kind(name: &str) -> &'static Kind {
+fn kind(name: &str) -> &'static FaultKind {
     OF_CAN.iter().find(|kind| kind.name() == name).unwrap()
 }
 
 /// A fault of frames with this identifier.
-fn of_id(kind: &'static Kind, id: u64, us: Option<u64>, count: Option<u64>) -> Fault {
+fn of_id(kind: &'static FaultKind, id: u64, us: Option<u64>, count: Option<u64>) -> Fault {
     let mut draft = Draft { count, ..Draft::new(kind, Target::Bus(BusIndex(0))) };
     for (value, field) in draft.values.iter_mut().zip(kind.fields()) {
         *value = match field.name() {

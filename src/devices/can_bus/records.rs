@@ -3,11 +3,11 @@
 use crate::can::{ErrorState, Fate, Frame};
 use crate::event_kinds;
 use crate::journal::{
-    Carried, EventCodec, EventText, Fields, Kind, Origin, Packer, Part, Reader, Unpacker, hex,
+    ArrivedFrame, EventCodec, EventKind, EventText, Fields, Origin, Packer, Part, Reader, Unpacker, hex,
 };
 
 /// All event kinds of this module.
-pub static KINDS: &[&Kind] = &[Transmitted::KIND, Lost::KIND, StateChange::KIND];
+pub static KINDS: &[&EventKind] = &[Transmitted::KIND, Lost::KIND, StateChange::KIND];
 
 event_kinds! {
     /// A frame has arrived. The time is the end of the frame, when its receivers have it, in whole microseconds rounded
@@ -134,8 +134,8 @@ impl EventText for Transmitted {
         fields(&self.frame, self.sender, reader)
     }
 
-    fn frame(&self) -> Option<Carried> {
-        Some(Carried { frame: self.frame, guest: self.sender.guest() })
+    fn frame(&self) -> Option<ArrivedFrame> {
+        Some(ArrivedFrame { frame: self.frame, guest: self.sender.guest() })
     }
 }
 

@@ -2,11 +2,11 @@
 
 use super::registers::DEVICE;
 use crate::event_kinds;
-use crate::journal::{EventCodec, EventText, Fields, Kind, Reader};
+use crate::journal::{EventCodec, EventKind, EventText, Fields, Reader};
 use crate::layout::RegisterPhase;
 
 /// All event kinds of this module.
-pub static KINDS: &[&Kind] = &[DpState::KIND, Refused::KIND, WatchdogOut::KIND, CanState::KIND];
+pub static KINDS: &[&EventKind] = &[DpState::KIND, Refused::KIND, WatchdogOut::KIND, CanState::KIND];
 
 event_kinds! {
     /// The state of the DP slave has changed (p. 15).

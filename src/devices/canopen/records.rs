@@ -2,13 +2,13 @@
 
 use super::nmt::State;
 use crate::event_kinds;
-use crate::journal::{EventCodec, EventText, Fields, Kind, Reader};
+use crate::journal::{EventCodec, EventKind, EventText, Fields, Reader};
 
 /// The kind of [`NodeState`], shared by all devices that report states of nodes.
-pub static NODE_STATE: &Kind = NodeState::KIND;
+pub static NODE_STATE: &EventKind = NodeState::KIND;
 
 /// All event kinds of this module.
-pub static KINDS: &[&Kind] = &[NODE_STATE];
+pub static KINDS: &[&EventKind] = &[NODE_STATE];
 
 event_kinds! {
     /// The state of the CANopen node has changed.

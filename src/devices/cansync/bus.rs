@@ -30,7 +30,7 @@ use crate::devices::cansync::BaudRate;
 use crate::devices::cansync::drive::{Drive, DriveError};
 use crate::devices::cansync::firmware::{Built, Master, Slave};
 use crate::devices::cansync::frames::{Channel, Frame, FrameLength};
-use crate::devices::ears::Ears;
+use crate::devices::traffic_receivers::TrafficReceivers;
 use crate::devices::{Bus, Context, SyncSignal, World};
 use crate::fault::{Faults, Owner};
 use crate::identity::BusIndex;
@@ -50,7 +50,7 @@ pub(crate) const FAMILY: &str = "cansync";
 /// The station connected under a slave number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Station {
-    Nobody,
+    Vacant,
     /// Index into the bus's drives.
     Drive(usize),
     /// Index into the bus's slave nodes.
@@ -65,7 +65,7 @@ enum Sender {
 }
 
 /// The running bus: its times and its SYNC signal.
-struct Running {
+struct RunningBus {
     timing: &'static BaudRate,
     /// True if the master generates the SYNC signal itself.
     own_sync: bool,
@@ -95,7 +95,7 @@ pub struct SimBus {
     frame_length: FrameLength,
     /// Length of the processor cycle in microseconds. With 0 each poll reads the status of the controller at once.
     processor_cycle_us: u64,
-    running: Option<Running>,
+    running: Option<RunningBus>,
     schedule: Schedule,
     next: u64,
     /// The last frame of each kind. A frame is noted when its slot is fixed, so several may lie in the future.
@@ -111,7 +111,7 @@ pub struct SimBus {
     disturbance: Disturbance,
     own_clock: OwnClock,
     /// Guests that hear the traffic.
-    ears: Ears,
+    ears: TrafficReceivers,
 }
 
 impl SimBus {
@@ -144,7 +144,7 @@ impl SimBus {
             masters: Vec::new(),
             slaves: Vec::new(),
             drive_ends: Vec::new(),
-            stations: [Station::Nobody; 32],
+            stations: [Station::Vacant; 32],
             drives: Drives::default(),
             kbit_s: config.kbit_s,
             frame_length: config.frame_length,
@@ -161,7 +161,7 @@ impl SimBus {
             response: None,
             disturbance: Disturbance::default(),
             own_clock: OwnClock::default(),
-            ears: Ears::default(),
+            ears: TrafficReceivers::default(),
         }
     }
 
@@ -185,7 +185,7 @@ impl SimBus {
     /// once.
     fn start(&mut self, now: u64, timing: &'static BaudRate, own_sync: bool) {
         self.stop(now);
-        self.running = Some(Running { timing, own_sync, signal: signal_of(timing), start: now });
+        self.running = Some(RunningBus { timing, own_sync, signal: signal_of(timing), start: now });
         if own_sync {
             self.schedule.set(Slot::Sync, now);
         }
@@ -284,8 +284,8 @@ impl Run<'_> {
     }
 
     fn station(&self, number: u8) -> Station {
-        let station = self.bus.stations.get(usize::from(number)).copied().unwrap_or(Station::Nobody);
-        if self.bus.disturbance.is_off(number) { Station::Nobody } else { station }
+        let station = self.bus.stations.get(usize::from(number)).copied().unwrap_or(Station::Vacant);
+        if self.bus.disturbance.is_off(number) { Station::Vacant } else { station }
     }
 
     /// Returns the drive at `index` if it is set to the bus's baud rate. A drive at another rate receives nothing.

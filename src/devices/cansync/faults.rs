@@ -6,7 +6,7 @@ use super::frames::{Channel, Frame, FrameKind};
 use crate::devices::can_faults::{
     BUS_OFF, DELAY_FRAME, DUPLICATE_FRAME, Frames, IN_US, LOSE_FRAME, OVERRUN, delay,
 };
-use crate::fault::{self, Fault, Field, Form, Kind, TargetKind};
+use crate::fault::{self, Fault, FaultKind, Field, Form, TargetKind};
 
 /// Largest jitter of SYNC edges, in microseconds. At most a quarter of the running interval takes effect.
 pub const MAX_JITTER_US: u32 = 2_000;
@@ -77,13 +77,14 @@ fn number(fault: &Fault) -> u16 {
     fault.value("error").unwrap_or(0) as u16
 }
 
-static LOSE_SYNC: Kind = Kind::new(4, "lose_sync", TargetKind::Bus, "The slaves miss SYNC edges", |_| {
-    fault::Effect::new(Effect::LoseSync)
-})
-.shown("bus=drives count=2");
+static LOSE_SYNC: FaultKind =
+    FaultKind::new(4, "lose_sync", TargetKind::Bus, "The slaves miss SYNC edges", |_| {
+        fault::Effect::new(Effect::LoseSync)
+    })
+    .shown("bus=drives count=2");
 
-static JITTER_SYNC: Kind =
-    Kind::new(5, "jitter_sync", TargetKind::Bus, "SYNC edges come late and early in turn", |fault| {
+static JITTER_SYNC: FaultKind =
+    FaultKind::new(5, "jitter_sync", TargetKind::Bus, "SYNC edges come late and early in turn", |fault| {
         fault::Effect::new(Effect::JitterSync(fault.value("amplitude_us").unwrap_or(0)))
     })
     .with(
@@ -98,27 +99,30 @@ static JITTER_SYNC: Kind =
     )
     .shown("amplitude=40us duration=1s");
 
-static SLAVE_OFF: Kind =
-    Kind::new(6, "slave_off", TargetKind::Participant, "A slave has no power, or its plug is pulled", |_| {
-        fault::Effect::new(Effect::SlaveOff)
-    })
-    .without_hits()
-    .shown("slave=2 duration=100ms");
+static SLAVE_OFF: FaultKind = FaultKind::new(
+    6,
+    "slave_off",
+    TargetKind::Participant,
+    "A slave has no power, or its plug is pulled",
+    |_| fault::Effect::new(Effect::SlaveOff),
+)
+.without_hits()
+.shown("slave=2 duration=100ms");
 
-static SLAVE_LATE: Kind =
-    Kind::new(7, "slave_late", TargetKind::Participant, "A slave answers jobs late", |fault| {
+static SLAVE_LATE: FaultKind =
+    FaultKind::new(7, "slave_late", TargetKind::Participant, "A slave answers jobs late", |fault| {
         fault::Effect::new(Effect::SlaveLate(us(fault)))
     })
     .with(const { &[delay(1, "After the slot of the answer").required(IN_US)] })
     .shown("slave=1 delay=700us");
 
-static SLAVE_BUSY: Kind =
-    Kind::new(8, "slave_busy", TargetKind::Participant, "A slave answers jobs BUSY", |_| {
+static SLAVE_BUSY: FaultKind =
+    FaultKind::new(8, "slave_busy", TargetKind::Participant, "A slave answers jobs BUSY", |_| {
         fault::Effect::new(Effect::SlaveBusy)
     })
     .shown("slave=1 count=5");
 
-static SLAVE_ERROR: Kind = Kind::new(
+static SLAVE_ERROR: FaultKind = FaultKind::new(
     9,
     "slave_error",
     TargetKind::Participant,
@@ -128,7 +132,7 @@ static SLAVE_ERROR: Kind = Kind::new(
 .with(const { &[error(0, "Error number").required("give the error number, for example 16#FFFB")] })
 .shown("slave=1 error=16#FFFB count=1");
 
-static WRONG_OFFSET: Kind = Kind::new(
+static WRONG_OFFSET: FaultKind = FaultKind::new(
     10,
     "wrong_offset",
     TargetKind::Participant,
@@ -157,7 +161,7 @@ static WRONG_OFFSET: Kind = Kind::new(
 )
 .shown("slave=5 slot=CC");
 
-static DRIVE_FAULT: Kind = Kind::new(
+static DRIVE_FAULT: FaultKind = FaultKind::new(
     13,
     "drive_fault",
     TargetKind::Participant,
@@ -173,7 +177,7 @@ static DRIVE_FAULT: Kind = Kind::new(
 .shown("slave=1 error=17");
 
 /// All fault kinds of this module.
-pub static KINDS: &[&Kind] = &[
+pub static KINDS: &[&FaultKind] = &[
     &LOSE_FRAME,
     &DELAY_FRAME,
     &DUPLICATE_FRAME,

@@ -7,11 +7,11 @@ use crate::can;
 use crate::can::Id;
 use crate::event_kinds;
 use crate::journal::{
-    Carried, EventCodec, EventText, Fields, Keeping, Kind, Packer, Part, Reader, Unpacker, hex,
+    ArrivedFrame, EventCodec, EventKind, EventText, Fields, Keeping, Packer, Part, Reader, Unpacker, hex,
 };
 
 /// All event kinds of this module.
-pub static KINDS: &[&Kind] = &[
+pub static KINDS: &[&EventKind] = &[
     SyncEdge::KIND,
     Transmitted::KIND,
     Missed::KIND,
@@ -250,8 +250,8 @@ impl EventText for Transmitted {
         Fields::new().with("id", self.frame.id()).with("data", hex(self.frame.data(), "")).with("text", text)
     }
 
-    fn frame(&self) -> Option<Carried> {
-        Some(Carried { frame: self.frame.into(), guest: None })
+    fn frame(&self) -> Option<ArrivedFrame> {
+        Some(ArrivedFrame { frame: self.frame.into(), guest: None })
     }
 
     fn slot(&self) -> Option<&'static str> {
@@ -271,8 +271,8 @@ impl EventText for ForeignFrame {
             .with("guest", self.guest)
     }
 
-    fn frame(&self) -> Option<Carried> {
-        Some(Carried { frame: self.frame.into(), guest: Some(self.guest) })
+    fn frame(&self) -> Option<ArrivedFrame> {
+        Some(ArrivedFrame { frame: self.frame.into(), guest: Some(self.guest) })
     }
 }
 

@@ -12,7 +12,7 @@ const HEAD: &str = "| owner | kinds of records with their numbers |\n|---|---|\n
 const LAST: u8 = 199;
 
 /// Owner and kind of each number.
-fn taken() -> BTreeMap<u8, (&'static str, &'static Kind)> {
+fn taken() -> BTreeMap<u8, (&'static str, &'static EventKind)> {
     let mut taken = BTreeMap::new();
     for Generic { owner, records, .. } in registrations() {
         for kind in records {

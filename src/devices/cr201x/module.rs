@@ -14,7 +14,7 @@ use crate::devices::canopen::guard::NodeGuarding;
 use crate::devices::canopen::nmt::{Command, State};
 use crate::devices::canopen::records::NodeState;
 use crate::devices::canopen::sdo::Server;
-use crate::memory::{Face, MemoryError, Segment, View};
+use crate::memory::{FirmwareHeader, MemoryError, Segment, View};
 use crate::snapshot_fields;
 use embedded_can::{Frame as _, Id, StandardId};
 
@@ -38,7 +38,7 @@ const SYNC: u16 = 0x080;
 pub(super) struct Module {
     node: u8,
     registers: View<CR201X_CHANNELS>,
-    face: Face,
+    face: FirmwareHeader,
     /// Configuration as last written, which is kept without supply.
     written: Channels,
     /// Configuration in force.

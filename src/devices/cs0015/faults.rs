@@ -1,6 +1,6 @@
 //! Fault kinds of a CS0015: the conditions that its operating system checks (p. 18-19, 44).
 
-use crate::fault::{self, Fault, Field, Form, Kind, TargetKind};
+use crate::fault::{self, Fault, FaultKind, Field, Form, TargetKind};
 
 /// Number of outputs.
 pub(super) const OUTPUTS: u8 = 16;
@@ -46,7 +46,7 @@ fn output(fault: &Fault) -> u8 {
     fault.value(OUTPUT.name()).unwrap_or(0) as u8
 }
 
-static SHORT_CIRCUIT: Kind = Kind::new(
+static SHORT_CIRCUIT: FaultKind = FaultKind::new(
     40,
     "short_circuit",
     TargetKind::Device,
@@ -57,7 +57,7 @@ static SHORT_CIRCUIT: Kind = Kind::new(
 .without_hits()
 .shown("output=3 duration=2s");
 
-static WIRE_BREAK: Kind = Kind::new(
+static WIRE_BREAK: FaultKind = FaultKind::new(
     41,
     "wire_break",
     TargetKind::Device,
@@ -68,7 +68,7 @@ static WIRE_BREAK: Kind = Kind::new(
 .without_hits()
 .shown("output=3 duration=2s");
 
-static SUPPLY: Kind = Kind::new(
+static SUPPLY: FaultKind = FaultKind::new(
     42,
     "supply",
     TargetKind::Device,
@@ -87,21 +87,21 @@ static SUPPLY: Kind = Kind::new(
 .without_hits()
 .shown("what=drop duration=100ms");
 
-static TEMPERATURE: Kind =
-    Kind::new(43, "temperature", TargetKind::Device, "A CS0015 is warmer than 85 degrees", |_| {
+static TEMPERATURE: FaultKind =
+    FaultKind::new(43, "temperature", TargetKind::Device, "A CS0015 is warmer than 85 degrees", |_| {
         fault::Effect::new(Effect::Hot)
     })
     .without_hits()
     .shown("duration=10s");
 
-static MEMORY: Kind =
-    Kind::new(44, "memory", TargetKind::Device, "A CS0015 finds an error in its memory", |_| {
+static MEMORY: FaultKind =
+    FaultKind::new(44, "memory", TargetKind::Device, "A CS0015 finds an error in its memory", |_| {
         fault::Effect::new(Effect::Memory)
     })
     .once()
     .shown("at=2s");
 
-static FATAL: Kind = Kind::new(
+static FATAL: FaultKind = FaultKind::new(
     45,
     "fatal",
     TargetKind::Device,
@@ -111,7 +111,7 @@ static FATAL: Kind = Kind::new(
 .once()
 .shown("at=2s");
 
-static CAN_INIT: Kind = Kind::new(
+static CAN_INIT: FaultKind = FaultKind::new(
     46,
     "can_init",
     TargetKind::Device,
@@ -121,7 +121,7 @@ static CAN_INIT: Kind = Kind::new(
 .without_hits()
 .shown("duration=10s");
 
-static HANG: Kind = Kind::new(
+static HANG: FaultKind = FaultKind::new(
     63,
     "hang",
     TargetKind::Device,
@@ -132,5 +132,5 @@ static HANG: Kind = Kind::new(
 .shown("duration=1s");
 
 /// All fault kinds.
-pub static KINDS: &[&Kind] =
+pub static KINDS: &[&FaultKind] =
     &[&SHORT_CIRCUIT, &WIRE_BREAK, &SUPPLY, &TEMPERATURE, &MEMORY, &FATAL, &CAN_INIT, &HANG];

@@ -8,7 +8,7 @@ use super::registers::{
 use crate::devices::program;
 use crate::layout::Width;
 use crate::memory::header::{ProgramState, Project, Start};
-use crate::memory::{Cell16, Cell32, Face, MemoryError, Segment, View};
+use crate::memory::{Cell16, Cell32, FirmwareHeader, MemoryError, Segment, View};
 
 /// Bytes of the retain flags, %MB0 to %MB255 (p. 107).
 pub(super) const RETAIN_BYTES: usize = 256;
@@ -29,7 +29,7 @@ pub(super) struct Registers {
     pub peripherals: View<CS0015_PERIPHERALS>,
     /// Words of I/O modules.
     pub slaves: View<CS0015_SLAVES>,
-    face: Face,
+    face: FirmwareHeader,
     segment: Segment,
 }
 

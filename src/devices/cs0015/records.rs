@@ -3,10 +3,10 @@
 use super::registers::DEVICE;
 use crate::devices::canopen::records::NODE_STATE;
 use crate::event_kinds;
-use crate::journal::{EventCodec, EventText, Fields, Kind, Reader};
+use crate::journal::{EventCodec, EventKind, EventText, Fields, Reader};
 
 /// All event kinds of this module.
-pub static KINDS: &[&Kind] =
+pub static KINDS: &[&EventKind] =
     &[ControllerState::KIND, NODE_STATE, CommandRefused::KIND, JobRefused::KIND, Watchdog::KIND];
 
 event_kinds! {

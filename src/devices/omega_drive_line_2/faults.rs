@@ -1,7 +1,7 @@
 //! Kinds of faults of the drive at the BAPS.
 
 use super::baps::Pace;
-use crate::fault::{self, Fault, Faults, Field, Form, Hit, Kind, Owner, TargetKind};
+use crate::fault::{self, Fault, FaultKind, Faults, Field, Form, Hit, Owner, TargetKind};
 use crate::identity::DeviceIndex;
 use crate::journal::Journal;
 
@@ -19,7 +19,7 @@ pub(super) enum Effect {
     Slow(u32),
 }
 
-static DRIVE_FAULT: Kind = Kind::new(
+static DRIVE_FAULT: FaultKind = FaultKind::new(
     14,
     "baps_drive_fault",
     TargetKind::Device,
@@ -39,31 +39,34 @@ static DRIVE_FAULT: Kind = Kind::new(
 .once()
 .shown("error=17");
 
-static SILENT: Kind =
-    Kind::new(15, "baps_silent", TargetKind::Device, "The drive answers nothing at the BAPS", |_| {
+static SILENT: FaultKind =
+    FaultKind::new(15, "baps_silent", TargetKind::Device, "The drive answers nothing at the BAPS", |_| {
         fault::Effect::new(Effect::Silent)
     })
     .shown("duration=4s");
 
-static SLOW: Kind =
-    Kind::new(16, "baps_slow", TargetKind::Device, "The drive answers late at the BAPS", |fault: &Fault| {
-        fault::Effect::new(Effect::Slow(fault.value("delay_us").unwrap_or(0)))
-    })
-    .with(
-        const {
-            &[Field::new(
-                "delay_us",
-                Form::Time { least: 1, most: MAX_SLOWNESS_US as u64 },
-                "Later than the drive would do it",
-            )
-            .or("us")
-            .required("give it in microseconds")]
-        },
-    )
-    .shown("delay=3.5s count=1");
+static SLOW: FaultKind = FaultKind::new(
+    16,
+    "baps_slow",
+    TargetKind::Device,
+    "The drive answers late at the BAPS",
+    |fault: &Fault| fault::Effect::new(Effect::Slow(fault.value("delay_us").unwrap_or(0))),
+)
+.with(
+    const {
+        &[Field::new(
+            "delay_us",
+            Form::Time { least: 1, most: MAX_SLOWNESS_US as u64 },
+            "Later than the drive would do it",
+        )
+        .or("us")
+        .required("give it in microseconds")]
+    },
+)
+.shown("delay=3.5s count=1");
 
 /// All kinds.
-pub static KINDS: &[&Kind] = &[&DRIVE_FAULT, &SILENT, &SLOW];
+pub static KINDS: &[&FaultKind] = &[&DRIVE_FAULT, &SILENT, &SLOW];
 
 /// Speed of the drive at its BAPS; a silent drive is never slow.
 #[inline]

@@ -22,7 +22,7 @@ use crate::identity::DeviceIndex;
 use crate::journal::{Journal, Origin};
 use crate::layout;
 use crate::memory::header::BoardSetting;
-use crate::memory::{Face, Header, Segment};
+use crate::memory::{FirmwareHeader, Header, Segment};
 use crate::snapshot_fields;
 
 /// Numbers of the two ports.
@@ -41,7 +41,7 @@ pub struct Plc {
     index: DeviceIndex,
     name: String,
     segment: Segment,
-    face: Face,
+    face: FirmwareHeader,
     baps: Baps,
     board: Board,
     ethernet: Ethernet,

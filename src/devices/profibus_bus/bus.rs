@@ -13,7 +13,7 @@ use super::port::{Intent, ProfibusPort, ProfibusSocket, Station};
 use super::records::{DpGarbled, DpShort, DpTelegram, short};
 use crate::can::ErrorCounters;
 use crate::check::{OwnedWatch, rules};
-use crate::devices::ears::Ears;
+use crate::devices::traffic_receivers::TrafficReceivers;
 use crate::devices::{
     BuildError, Bus, BusGuests, BusView, Context, Faulty, GuestRefusal, PortWatch, StationState, SyncSignal,
     World,
@@ -95,7 +95,7 @@ pub struct ProfibusBus {
     pub(super) ends: Vec<BusPort>,
     pub(super) guests: Guests,
     /// Guests that hear the traffic.
-    ears: Ears,
+    ears: TrafficReceivers,
     /// Telegrams that faults hold back.
     pub(super) held: Vec<HeldTelegram>,
     asked: Option<PendingAnswer>,
@@ -116,7 +116,7 @@ impl ProfibusBus {
             line: Line::default(),
             ends: Vec::new(),
             guests: Guests::default(),
-            ears: Ears::default(),
+            ears: TrafficReceivers::default(),
             held: Vec::new(),
             asked: None,
             next: NEVER,

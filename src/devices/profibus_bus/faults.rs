@@ -1,7 +1,7 @@
 //! Kinds of faults of a PROFIBUS: faults of telegrams, a station that cannot send, and noise on the line.
 
 use crate::devices::can_faults::{IN_US, delay};
-use crate::fault::{self, Fault, Field, Form, Kind, TargetKind};
+use crate::fault::{self, Fault, FaultKind, Field, Form, TargetKind};
 use crate::profibus::{FunctionCode, MAX_OCTETS, Telegram};
 
 /// Effect of a fault.
@@ -111,7 +111,7 @@ fn telegram(fault: &Fault, what: TelegramEffect) -> fault::Effect {
     fault::Effect::new(Effect::Telegram(Telegrams::of(fault), what))
 }
 
-static LOSE_TELEGRAM: Kind = Kind::new(
+static LOSE_TELEGRAM: FaultKind = FaultKind::new(
     20,
     "lose_telegram",
     TargetKind::Bus,
@@ -121,15 +121,15 @@ static LOSE_TELEGRAM: Kind = Kind::new(
 .with(const { &[STATION, WHAT, SAP] })
 .shown("what=answer count=1");
 
-static DELAY_TELEGRAM: Kind =
-    Kind::new(21, "delay_telegram", TargetKind::Bus, "A telegram comes later than it would", |fault| {
+static DELAY_TELEGRAM: FaultKind =
+    FaultKind::new(21, "delay_telegram", TargetKind::Bus, "A telegram comes later than it would", |fault| {
         telegram(fault, TelegramEffect::Delay(us(fault)))
     })
     .with(const { &[STATION, WHAT, SAP, delay(1, "After its time").required(IN_US)] })
     .shown("what=answer delay=5ms count=1");
 
-static REPEAT_TELEGRAM: Kind =
-    Kind::new(22, "repeat_telegram", TargetKind::Bus, "A telegram comes once more", |fault| {
+static REPEAT_TELEGRAM: FaultKind =
+    FaultKind::new(22, "repeat_telegram", TargetKind::Bus, "A telegram comes once more", |fault| {
         telegram(fault, TelegramEffect::Repeat(us(fault)))
     })
     .with(
@@ -139,7 +139,7 @@ static REPEAT_TELEGRAM: Kind =
     )
     .shown("what=request delay=2ms");
 
-static GARBLE_TELEGRAM: Kind = Kind::new(
+static GARBLE_TELEGRAM: FaultKind = FaultKind::new(
     23,
     "garble_telegram",
     TargetKind::Bus,
@@ -149,7 +149,7 @@ static GARBLE_TELEGRAM: Kind = Kind::new(
 .with(const { &[STATION, WHAT, SAP] })
 .shown("station=5 count=1");
 
-static WRONG_FRAME_COUNT: Kind = Kind::new(
+static WRONG_FRAME_COUNT: FaultKind = FaultKind::new(
     24,
     "wrong_frame_count",
     TargetKind::Bus,
@@ -159,23 +159,26 @@ static WRONG_FRAME_COUNT: Kind = Kind::new(
 .with(const { &[STATION, SAP] })
 .shown("count=1");
 
-static SILENT_STATION: Kind =
-    Kind::new(25, "silent_station", TargetKind::Bus, "A station receives but cannot send", |fault| {
+static SILENT_STATION: FaultKind =
+    FaultKind::new(25, "silent_station", TargetKind::Bus, "A station receives but cannot send", |fault| {
         telegram(fault, TelegramEffect::Lose)
     })
     .with(const { &[Field::new("station", ADDRESS, "Its address").required("give its address, 0 to 126")] })
     .shown("station=5 for=100ms");
 
-static NOISE: Kind =
-    Kind::new(26, "noise", TargetKind::Bus, "Octets are on the line that no station has sent", |fault| {
-        fault::Effect::new(Effect::Noise(fault.value(OCTETS.name()).unwrap_or(1) as u8))
-    })
-    .with(const { &[OCTETS] })
-    .once()
-    .shown("octets=20");
+static NOISE: FaultKind = FaultKind::new(
+    26,
+    "noise",
+    TargetKind::Bus,
+    "Octets are on the line that no station has sent",
+    |fault| fault::Effect::new(Effect::Noise(fault.value(OCTETS.name()).unwrap_or(1) as u8)),
+)
+.with(const { &[OCTETS] })
+.once()
+.shown("octets=20");
 
 /// All kinds of this module.
-pub(in crate::devices) static KINDS: &[&Kind] = &[
+pub(in crate::devices) static KINDS: &[&FaultKind] = &[
     &LOSE_TELEGRAM,
     &DELAY_TELEGRAM,
     &REPEAT_TELEGRAM,

@@ -4,11 +4,11 @@
 use super::services;
 use crate::event_kinds;
 use crate::identity::BusIndex;
-use crate::journal::{EventCodec, EventText, Fields, Kind, Octets, Origin, Reader, hex};
+use crate::journal::{EventCodec, EventKind, EventText, Fields, Octets, Origin, Reader, hex};
 use crate::profibus::{Frame, Telegram};
 
 /// All event kinds of this module.
-pub static KINDS: &[&Kind] = &[DpTelegram::KIND, DpShort::KIND, DpGarbled::KIND];
+pub static KINDS: &[&EventKind] = &[DpTelegram::KIND, DpShort::KIND, DpGarbled::KIND];
 
 event_kinds! {
     /// A request or an answer was on the line. The time is its end, in whole microseconds rounded up.

@@ -4,7 +4,7 @@ use crate::devices::demo::Demo;
 use crate::devices::exercise::Exercise;
 use crate::devices::{DeviceConfig, FirstExchange, Read, ReadModule};
 use crate::fault;
-use crate::journal::{Kind, Rule};
+use crate::journal::{EventKind, Rule};
 
 /// Firmware of a device, with its journal records, rules and faults. Other properties precede the base in a struct
 /// update: `Emulation { rules: ALL, ..Emulation::of(read) }`.
@@ -19,11 +19,11 @@ pub struct Emulation {
     /// First exchange of a program with the device in the template, for `commram new`; `None` if there is none.
     pub first_exchange: Option<FirstExchange>,
     /// Kinds of journal records that only its firmware writes.
-    pub records: &'static [&'static Kind],
+    pub records: &'static [&'static EventKind],
     /// Rules of the access checker that only hold for it.
     pub rules: &'static [&'static Rule],
     /// Kinds of faults of the device itself, or of its ports on any bus.
-    pub faults: &'static [&'static fault::Kind],
+    pub faults: &'static [&'static fault::FaultKind],
     /// Reads the front of its modules; `None` if the device has no modules.
     pub module: Option<ReadModule>,
     /// Demonstration for `commram demo`; `None` if there is none.

@@ -3,7 +3,7 @@
 use super::*;
 use crate::event_kinds;
 use crate::fault;
-use crate::journal::{EventCodec, EventText, Fields, Kind, Reader, Rule};
+use crate::journal::{EventCodec, EventKind, EventText, Fields, Reader, Rule};
 use crate::rules;
 
 rules! {
@@ -43,7 +43,7 @@ impl EventText for NameOfFrames {
 fn device(
     name: &'static str,
     layout_hash: u64,
-    records: Vec<&'static Kind>,
+    records: Vec<&'static EventKind>,
     rules: Vec<&'static Rule>,
 ) -> &'static Registered {
     let layout = Box::leak(Box::new(Layout { name, layout_hash, ..Layout::UNKNOWN }));
@@ -113,17 +113,24 @@ fn numbers_and_names_of_records_of_commram_are_taken() {
     assert_eq!(registry.register(name), taken("it", "the name of record", "frame", "cansync"));
 }
 
-static OWN_FAULT: fault::Kind =
-    fault::Kind::new(250, "own_fault", fault::TargetKind::Device, "It stops", |_| fault::Effect::new(()));
-static NUMBER_OF_BUS_OFF: fault::Kind =
-    fault::Kind::new(11, "other_fault", fault::TargetKind::Device, "It stops", |_| fault::Effect::new(()));
-static NAME_OF_BUS_OFF: fault::Kind =
-    fault::Kind::new(251, "bus_off", fault::TargetKind::Device, "It stops", |_| fault::Effect::new(()));
+static OWN_FAULT: fault::FaultKind = fault::FaultKind::new(
+    250,
+    "own_fault",
+    fault::TargetKind::Device,
+    "It stops",
+    |_| fault::Effect::new(()),
+);
+static NUMBER_OF_BUS_OFF: fault::FaultKind =
+    fault::FaultKind::new(11, "other_fault", fault::TargetKind::Device, "It stops", |_| {
+        fault::Effect::new(())
+    });
+static NAME_OF_BUS_OFF: fault::FaultKind =
+    fault::FaultKind::new(251, "bus_off", fault::TargetKind::Device, "It stops", |_| fault::Effect::new(()));
 
 #[test]
 fn faults_belong_to_one_family() {
     let registry = Registry::new();
-    let with = |name, hash, kind: &'static fault::Kind| {
+    let with = |name, hash, kind: &'static fault::FaultKind| {
         let Registered { layout, .. } = device(name, hash, vec![], vec![]);
         let emulation = Emulation { faults: vec![kind].leak(), ..Emulation::NONE };
         &*Box::leak(Box::new(Registered { emulation, ..Registered::new(layout) }))

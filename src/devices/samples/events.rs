@@ -1,7 +1,7 @@
 //! Test events of every registered kind.
 
 use crate::devices::catalogue;
-use crate::journal::{Event, Kind, Packer};
+use crate::journal::{Event, EventKind, Packer};
 use proptest::prelude::*;
 
 /// Any event of any kind.
@@ -11,7 +11,7 @@ pub(crate) fn event() -> impl Strategy<Value = Event> {
 
 /// Any event of these kinds, of the bus or the PLC of this index and the port of this number.
 pub(crate) fn event_at(
-    kind: impl Strategy<Value = &'static Kind>,
+    kind: impl Strategy<Value = &'static EventKind>,
     place: impl Strategy<Value = (u16, u8)>,
 ) -> impl Strategy<Value = Event> {
     // Two small numbers in a single one are included, and the place of a guest.
@@ -78,7 +78,7 @@ mod tests {
             let kind = drawn();
             missing.retain(|other| *other != kind);
         }
-        assert_eq!(missing, Vec::<&crate::journal::Kind>::new());
+        assert_eq!(missing, Vec::<&crate::journal::EventKind>::new());
     }
 
     proptest! {

@@ -19,7 +19,7 @@ pub struct StationState {
 
 /// A station with another rate than its bus, which therefore does not take part.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Stranger {
+pub struct RateMismatch {
     /// Identity of the station.
     pub participant: ParticipantId,
     /// Rate of the station, in bit/s.
@@ -55,7 +55,7 @@ pub trait BusView {
     }
 
     /// Stations that are set to another rate and therefore do not take part.
-    fn strangers(&self) -> Vec<Stranger> {
+    fn strangers(&self) -> Vec<RateMismatch> {
         Vec::new()
     }
 

@@ -4,7 +4,7 @@
 use crate::devices::Context;
 use crate::devices::records::{BoardEvent, OnBoard};
 use crate::memory::header::InterruptResult;
-use crate::memory::{Face, Header};
+use crate::memory::{FirmwareHeader, Header};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
 /// Enabled events and their occurrences, bit n for event n.
@@ -77,7 +77,7 @@ impl Events {
     pub fn answer(
         &mut self,
         ctx: &mut Context,
-        face: &Face,
+        face: &FirmwareHeader,
         mut set: impl FnMut(&mut Self, usize, i16, bool) -> InterruptResult,
     ) {
         for (event, (slot, asked)) in face.interrupts.iter().zip(&face.asked().interrupts).enumerate() {

@@ -3,11 +3,11 @@
 use crate::can::ErrorState;
 use crate::door::{BusMessage, Guest};
 use crate::event_kinds;
-use crate::journal::{EventCodec, EventText, Fields, Journal, Kind, Packer, Part, Reader, Unpacker};
+use crate::journal::{EventCodec, EventKind, EventText, Fields, Journal, Packer, Part, Reader, Unpacker};
 use std::sync::Arc;
 
 /// All kinds.
-pub(in crate::devices) static KINDS: &[&Kind] = &[GuestNews::KIND];
+pub(in crate::devices) static KINDS: &[&EventKind] = &[GuestNews::KIND];
 
 /// Reason for which a bus refuses a frame or telegram of a guest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]

@@ -19,7 +19,7 @@ mod sync;
 
 pub use address_writes::AddressWrites;
 pub use bus::{Bus, Plug, World};
-pub use bus_view::{BusView, ParticipantId, StationState, Stranger};
+pub use bus_view::{BusView, ParticipantId, RateMismatch, StationState};
 pub use context::Context;
 pub use device::Device;
 pub use device_ports::DevicePorts;

@@ -2,7 +2,7 @@
 
 use crate::devices::samples::tables::NODES as DEVICE;
 use crate::devices::samples::tables::SLOTS;
-use crate::layout::{DeviceFit, Fit, LayoutError, Named, Role, split_plc};
+use crate::layout::{AreaOrRegisters, DeviceFit, Fit, LayoutError, Role, split_plc};
 
 fn error(name: &str) -> String {
     DEVICE.register(name).unwrap_err().to_string()
@@ -95,9 +95,9 @@ fn a_block_or_a_pattern_is_not_one_register() {
     assert!(error(variable).contains("is a block of registers"));
     assert!(error("node2.a_STAT_SL[0..3]").contains("can mean several registers"));
     let named = |name: &str| DeviceFit::unknown(&DEVICE).area_or_registers(name);
-    assert!(matches!(named("node2"), Ok(Named::Area(area)) if area.name == "node2"));
-    assert!(matches!(named("node2.a_STAT_SL"), Ok(Named::Registers(all)) if all.len() == 32));
-    assert!(matches!(named("a_STAT_SL"), Ok(Named::Registers(all)) if all.len() == 32));
+    assert!(matches!(named("node2"), Ok(AreaOrRegisters::Area(area)) if area.name == "node2"));
+    assert!(matches!(named("node2.a_STAT_SL"), Ok(AreaOrRegisters::Registers(all)) if all.len() == 32));
+    assert!(matches!(named("a_STAT_SL"), Ok(AreaOrRegisters::Registers(all)) if all.len() == 32));
     assert!(matches!(named("node7"), Err(LayoutError::UnknownArea { .. })));
     assert!(matches!(named("w_CPU_CONTRL"), Err(LayoutError::UnknownName { .. })));
 }

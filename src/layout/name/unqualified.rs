@@ -45,7 +45,7 @@ impl<'a> Split<'a> {
 
 /// The target of a text that may name a whole area.
 #[derive(Debug)]
-pub enum Named {
+pub enum AreaOrRegisters {
     /// The area.
     Area(&'static Area),
     /// Registers, as [`DeviceFit::registers`] finds them.
@@ -57,13 +57,13 @@ impl DeviceFit {
     ///
     /// # Errors
     /// The errors of [`DeviceFit::registers`]; [`LayoutError::UnknownArea`] if `name` looks rather like an area's.
-    pub fn area_or_registers(&self, name: &str) -> Result<Named, LayoutError> {
+    pub fn area_or_registers(&self, name: &str) -> Result<AreaOrRegisters, LayoutError> {
         let area = match self.device().area(name) {
-            Ok(area) => return Ok(Named::Area(area)),
+            Ok(area) => return Ok(AreaOrRegisters::Area(area)),
             Err(refusal) => refusal,
         };
         self.registers(name)
-            .map(Named::Registers)
+            .map(AreaOrRegisters::Registers)
             .map_err(|refusal| match (&area, &refusal) {
                 (LayoutError::UnknownArea { hint, .. }, LayoutError::UnknownName { hint: other, .. })
                     if !hint.is_empty() || other.is_empty() =>

@@ -6,7 +6,7 @@ use crate::layout::{DeviceLayout, LayoutError, Owner, RegType, split_plc, value}
 /// The reason why a text is not a [`BoardSetting`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{text}`: {right}")]
-pub struct BoardWordError {
+pub struct BoardAssignmentError {
     /// The refused text.
     pub text: String,
     /// The right values.
@@ -15,16 +15,16 @@ pub struct BoardWordError {
 
 /// A [`BoardSetting`] as text, before its PLC is looked up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BoardWord<'a> {
+pub struct BoardAssignment<'a> {
     /// The parsed text.
     pub text: &'a str,
     /// The PLC, if one is named.
     pub plc: Option<&'a str>,
-    what: BoardWordKind<'a>,
+    what: AssignmentTarget<'a>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum BoardWordKind<'a> {
+enum AssignmentTarget<'a> {
     Setting(BoardSetting),
     /// DIP switches of the module in a port.
     ModuleDip {
@@ -54,7 +54,7 @@ const WORDS: [(&str, &str, BoardSetting); 12] = [
     ("project", "sent", BoardSetting::Project(Project::Sent)),
 ];
 
-impl<'a> BoardWord<'a> {
+impl<'a> BoardAssignment<'a> {
     /// Parses PLC and setting, for example `line2:dip=5`: dip (0 to 31), leds (0 to 15), switch (run, stop, reset),
     /// power (on, off), start (cold, warm, hot, stop), project (none, boot, sent). `maxx:slotH.dip=7` sets the DIP
     /// switches of a module. Any other NAME=VALUE is an element of the front of a specific device, for example
@@ -62,8 +62,8 @@ impl<'a> BoardWord<'a> {
     ///
     /// # Errors
     /// The setting is unknown, or it cannot have this value.
-    pub fn parse(text: &'a str) -> Result<Self, BoardWordError> {
-        let wrong = |right: &str| BoardWordError { text: text.to_owned(), right: right.to_owned() };
+    pub fn parse(text: &'a str) -> Result<Self, BoardAssignmentError> {
+        let wrong = |right: &str| BoardAssignmentError { text: text.to_owned(), right: right.to_owned() };
         let (place, value) =
             text.split_once('=').ok_or_else(|| wrong("write NAME=VALUE, for example dip=5"))?;
         let (plc, name) = split_plc(place);
@@ -74,7 +74,7 @@ impl<'a> BoardWord<'a> {
         };
         if let Some((port, name)) = name.split_once('.') {
             return match name {
-                "dip" => Ok(Self { text, plc, what: BoardWordKind::ModuleDip { port, dip: number(31)? } }),
+                "dip" => Ok(Self { text, plc, what: AssignmentTarget::ModuleDip { port, dip: number(31)? } }),
                 _ => Err(wrong("a module has dip, its DIP switches")),
             };
         }
@@ -89,31 +89,33 @@ impl<'a> BoardWord<'a> {
             ("project", _) => {
                 return Err(wrong("projects are boot and sent; none deletes the loaded one"));
             }
-            _ => return Ok(Self { text, plc, what: BoardWordKind::Front { name, value } }),
+            _ => return Ok(Self { text, plc, what: AssignmentTarget::Front { name, value } }),
         };
-        Ok(Self { text, plc, what: BoardWordKind::Setting(setting) })
+        Ok(Self { text, plc, what: AssignmentTarget::Setting(setting) })
     }
 
     /// This setting of a PLC; messages show `text` for it.
     pub fn of(text: &'a str, plc: Option<&'a str>, setting: BoardSetting) -> Self {
-        Self { text, plc, what: BoardWordKind::Setting(setting) }
+        Self { text, plc, what: AssignmentTarget::Setting(setting) }
     }
 
     /// The setting for a PLC of this device type.
     ///
     /// # Errors
     /// The device has no such port or switch, or it cannot have this value.
-    pub fn at(&self, device: &'static DeviceLayout) -> Result<BoardSetting, BoardWordError> {
-        let wrong =
-            |error: LayoutError| BoardWordError { text: self.text.to_owned(), right: error.to_string() };
+    pub fn at(&self, device: &'static DeviceLayout) -> Result<BoardSetting, BoardAssignmentError> {
+        let wrong = |error: LayoutError| BoardAssignmentError {
+            text: self.text.to_owned(),
+            right: error.to_string(),
+        };
         match self.what {
-            BoardWordKind::Setting(setting) => Ok(setting),
-            BoardWordKind::ModuleDip { port, dip } => {
+            AssignmentTarget::Setting(setting) => Ok(setting),
+            AssignmentTarget::ModuleDip { port, dip } => {
                 let port = device.port_named(port).map_err(wrong)?.number;
                 Ok(BoardSetting::ModuleDip { port, dip })
             }
-            BoardWordKind::Front { name, value } => {
-                let wrong = |right| BoardWordError { text: self.text.to_owned(), right };
+            AssignmentTarget::Front { name, value } => {
+                let wrong = |right| BoardAssignmentError { text: self.text.to_owned(), right };
                 let switches = || device.front.iter().filter(|word| word.owner == Owner::Plc);
                 let Some(word) = switches().find(|word| word.name == name) else {
                     let own: String = switches().map(|word| format!(", {}", word.name)).collect();
@@ -130,7 +132,7 @@ impl<'a> BoardWord<'a> {
 }
 
 impl BoardSetting {
-    /// The word for it in [`BoardWord::parse`].
+    /// The word for it in [`BoardAssignment::parse`].
     pub fn name(self) -> &'static str {
         match self {
             BoardSetting::Dip(_) | BoardSetting::ModuleDip { .. } => "dip",
@@ -145,7 +147,7 @@ impl BoardSetting {
         }
     }
 
-    /// The text from which [`BoardWord`] makes this setting of a device, without the PLC. `None` for RESET and an
+    /// The text from which [`BoardAssignment`] makes this setting of a device, without the PLC. `None` for RESET and an
     /// interruption of the supply, which have no such text, and for a setting that the device does not have.
     #[cfg(feature = "cli")]
     pub(crate) fn word(self, device: &DeviceLayout) -> Option<String> {
@@ -248,7 +250,7 @@ mod tests {
 
     #[test]
     fn settings_are_named() {
-        let parse = |text| BoardWord::parse(text).unwrap();
+        let parse = |text| BoardAssignment::parse(text).unwrap();
         let setting = |text| parse(text).at(&SLOTS).unwrap();
         assert_eq!((parse("dip=31").plc, setting("dip=31")), (None, BoardSetting::Dip(31)));
         assert_eq!(parse("line2:leds=2#1010").plc, Some("line2"));
@@ -259,7 +261,7 @@ mod tests {
         assert_eq!(parse("maxx:slotH.dip=7").plc, Some("maxx"));
         assert_eq!(setting("maxx:slotH.dip=7"), BoardSetting::ModuleDip { port: 2, dip: 7 });
         let message = |text| {
-            let setting = BoardWord::parse(text).and_then(|word| word.at(&SLOTS));
+            let setting = BoardAssignment::parse(text).and_then(|word| word.at(&SLOTS));
             setting.err().unwrap().to_string()
         };
         assert_eq!(message("dip=32"), "`dip=32`: dip is a number from 0 to 31");
@@ -294,7 +296,7 @@ mod tests {
         ];
         let mut numbers = Vec::new();
         for (text, setting) in all {
-            assert_eq!(BoardWord::parse(text).unwrap().at(&SLOTS), Ok(setting), "{text}");
+            assert_eq!(BoardAssignment::parse(text).unwrap().at(&SLOTS), Ok(setting), "{text}");
             let (which, value) = setting.numbers();
             assert_eq!(BoardSetting::from_numbers(which, value), Some(setting), "{text}");
             assert!(!numbers.contains(&(which, value)), "{text}");
@@ -305,13 +307,13 @@ mod tests {
             ("start=slow", "starts are cold, warm, hot; stop ends the program"),
             ("project=old", "projects are boot and sent; none deletes the loaded one"),
         ] {
-            assert_eq!(BoardWord::parse(text).unwrap_err().right, right);
+            assert_eq!(BoardAssignment::parse(text).unwrap_err().right, right);
         }
     }
 
     #[test]
     fn a_device_can_have_own_switches() {
-        let setting = |text| BoardWord::parse(text).and_then(|word| word.at(&PANEL));
+        let setting = |text| BoardAssignment::parse(text).and_then(|word| word.at(&PANEL));
         let front = |word, value| Ok(BoardSetting::Front { word, value });
         assert_eq!(setting("panel:s1=unlock"), front(5, 1));
         assert_eq!(setting("s2=15"), front(6, 15));

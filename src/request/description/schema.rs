@@ -85,7 +85,7 @@ schemas! {
     ]);
     Vec<u8> => list(u8::schema());
     Waited => object(&[("time_us", u64::schema()), ("value", u32::schema())]);
-    Turn => object(&[("number", u16::schema()), ("begin", u64::schema())]);
+    HistoryId => object(&[("number", u16::schema()), ("begin", u64::schema())]);
     Vec<Record> => list(described("A record as in journal.md, JSON Lines"));
     Vec<Change> => list(described("A record of the kind `changed` as in journal.md, JSON Lines"));
     Vec<Forced> => list(object(&[

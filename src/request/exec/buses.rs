@@ -8,7 +8,7 @@ use crate::door::{DoorSpec, Doors};
 use crate::identity::BusIndex;
 use crate::journal::Source;
 use crate::profibus::MAX_OCTETS;
-use crate::request::{BusState, Code, FilePart, Host, Refused, Reply, Station, Stranger};
+use crate::request::{BusState, Code, FilePart, Host, RateMismatch, Refused, Reply, Station};
 
 /// Period over which the load of a bus is measured, in emulated microseconds.
 const LOAD_US: u64 = 100_000;
@@ -25,12 +25,12 @@ impl Work<'_> {
             transmit_errors: it.errors.transmit(),
             receive_errors: it.errors.receive(),
         };
-        let stranger = |it: devices::Stranger| {
+        let stranger = |it: devices::RateMismatch| {
             let name = match it.participant {
                 ParticipantId::Port(origin) => names.source(Source::Node(origin)),
                 ParticipantId::Own(name) => name,
             };
-            Stranger { name, bit_s: it.bit_s }
+            RateMismatch { name, bit_s: it.bit_s }
         };
         let port = |origin| names.source(Source::Node(origin));
         let state = |index: BusIndex, bus: &dyn Bus| BusState {

@@ -3,7 +3,7 @@
 use super::InJson;
 use crate::door::GuestState;
 use crate::journal::Names;
-use crate::request::{BusState, Station, Stranger};
+use crate::request::{BusState, RateMismatch, Station};
 use serde::Serialize;
 
 /// In kbit/s; serialized as an integer if it is a whole number.
@@ -31,8 +31,8 @@ pub(crate) struct StrangerEntry {
     pub kbit_s: Rate,
 }
 
-impl From<&Stranger> for StrangerEntry {
-    fn from(state: &Stranger) -> Self {
+impl From<&RateMismatch> for StrangerEntry {
+    fn from(state: &RateMismatch) -> Self {
         StrangerEntry { name: state.name.clone(), kbit_s: Rate::of(state.bit_s) }
     }
 }

@@ -4,7 +4,7 @@ use super::Bench;
 use crate::devices;
 use crate::devices::ModuleFront;
 use crate::layout::FrontWord;
-use crate::memory::header::{BoardSetting, BoardState, BoardWord, BoardWords, InitialFlagResult};
+use crate::memory::header::{BoardAssignment, BoardSetting, BoardState, BoardWords, InitialFlagResult};
 use crate::script::{ScenarioError, Value};
 
 /// Maximum time for the answer of a board to a request, in microseconds of emulated time.
@@ -50,7 +50,7 @@ impl Bench {
     /// There is no such PLC or setting, or the value is invalid; then no setting is changed.
     pub fn set_board(&mut self, words: &str) -> Result<(), ScenarioError> {
         let setting = |word| {
-            let word = BoardWord::parse(word)?;
+            let word = BoardAssignment::parse(word)?;
             let plc = self.plc(word.plc, word.text)?;
             Ok((plc, word.at(self.names.device(plc))?))
         };

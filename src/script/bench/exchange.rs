@@ -9,7 +9,7 @@ use crate::identity::DeviceIndex;
 use crate::journal::text::Text;
 use crate::journal::{Changed, ChannelWrite, Event, Format, Found, Record};
 use crate::script::ScenarioError;
-use crate::script::failure::{ExchangeKind, Exchanged, JournalLine};
+use crate::script::failure::{ExchangeKind, ExchangeStep, JournalLine};
 use crate::time::seconds;
 use core::ops::Range;
 use std::collections::{HashMap, HashSet};
@@ -45,7 +45,7 @@ enum PictureLine {
 
 impl Bench {
     /// The exchanges of program, firmware and bus up to now, as far as they may have led here, oldest first.
-    pub(super) fn last_exchanges(&mut self) -> Result<Vec<Exchanged>, ScenarioError> {
+    pub(super) fn last_exchanges(&mut self) -> Result<Vec<ExchangeStep>, ScenarioError> {
         let from = self.journal_end()?.saturating_sub(LOOK_BACK);
         let (records, _) = self.records(from)?;
         let mut text = Text::new(self.names.clone(), devices::catalogue());
@@ -58,7 +58,9 @@ impl Bench {
         let mut steps = Vec::new();
         for record in &records {
             match ExchangeKind::of(record).filter(|_| !is_told_twice(record)) {
-                Some(way) => steps.push((record.event, Exchanged { way, line: line(record, &mut text) })),
+                Some(kind) => {
+                    steps.push((record.event, ExchangeStep { kind, line: line(record, &mut text) }))
+                }
                 None => text.skip(record),
             }
         }
@@ -78,11 +80,11 @@ fn register(event: &Event) -> Option<RegisterKey> {
 }
 
 /// The lines of the picture.
-fn picture(steps: &[(Event, Exchanged)]) -> Vec<Exchanged> {
+fn picture(steps: &[(Event, ExchangeStep)]) -> Vec<ExchangeStep> {
     let keys: Vec<_> = steps.iter().map(|(event, _)| *event).collect();
     let pieces = folded(&keys);
     let of = |piece: &PictureLine| match piece {
-        PictureLine::Step(step) => Some((steps[*step].1.way, register(&steps[*step].0))),
+        PictureLine::Step(step) => Some((steps[*step].1.kind, register(&steps[*step].0))),
         PictureLine::Again(..) => None,
     };
     let told: Vec<_> = pieces.iter().map(of).collect();
@@ -109,9 +111,9 @@ fn picture(steps: &[(Event, Exchanged)]) -> Vec<Exchanged> {
 }
 
 /// A line about steps that are not shown one by one.
-fn said(time_us: u64, what: String) -> Exchanged {
+fn said(time_us: u64, what: String) -> ExchangeStep {
     let line = JournalLine { time_us, kind: String::new(), text: format!("{}  {what}", seconds(time_us)) };
-    Exchanged { way: ExchangeKind::More, line }
+    ExchangeStep { kind: ExchangeKind::More, line }
 }
 
 /// Shows repeated patterns once.

@@ -24,7 +24,7 @@ impl Stage {
     fn plot(&mut self, file: &str, registers: &Array, since: Option<u64>) -> Result<(), ScenarioError> {
         use crate::output_file;
         use crate::plot::Picture;
-        use crate::script::Drawn;
+        use crate::script::PlotFile;
         use std::path::{Component, Path};
 
         /// Most plots that a report has, and the most bytes of all together.
@@ -52,7 +52,7 @@ impl Stage {
             return Err(wrong(&right));
         }
         output_file::replace(&self.directory.join(file), &bytes).map_err(|error| wrong(&error))?;
-        self.plots.push(Drawn { name: file.to_owned(), svg });
+        self.plots.push(PlotFile { name: file.to_owned(), svg });
         Ok(())
     }
 }

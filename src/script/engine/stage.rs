@@ -2,7 +2,7 @@
 
 use crate::journal::Entry;
 use crate::plant::PlantConfig;
-use crate::script::{Bench, Drawn, Failure, FoundLine, ScenarioError, ScriptLocation, Step};
+use crate::script::{Bench, Failure, FoundLine, PlotFile, ScenarioError, ScriptLocation, Step};
 use core::panic::Location;
 use std::path::PathBuf;
 
@@ -25,7 +25,7 @@ pub(crate) struct Stage {
     /// The sections so far, including the part before the first section, and the count of expectations at their
     /// beginnings.
     pub(super) steps: Vec<Step>,
-    pub(super) plots: Vec<Drawn>,
+    pub(super) plots: Vec<PlotFile>,
 }
 
 impl Stage {
@@ -110,7 +110,7 @@ impl Stage {
     }
 
     /// The plots that it has drawn.
-    pub(crate) fn plots(&mut self) -> Vec<Drawn> {
+    pub(crate) fn plots(&mut self) -> Vec<PlotFile> {
         core::mem::take(&mut self.plots)
     }
 

@@ -36,7 +36,7 @@ pub fn exercises() -> impl Iterator<Item = &'static Exercise> {
 
 /// The subject of a round.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum RoundKind {
     /// A right program: it behaves as the manual says, and the checker has no findings.
     Right,
     /// A right program on a plant with faults. After the end of the faults the program restarts and behaves as the manual
@@ -51,18 +51,19 @@ pub enum Kind {
     Killed,
 }
 
-impl Kind {
+impl RoundKind {
     /// The kinds of rounds that are scenarios.
-    pub const SCENARIOS: [Kind; 4] = [Kind::Right, Kind::Disturbed, Kind::Hostile, Kind::Wrong];
+    pub const SCENARIOS: [RoundKind; 4] =
+        [RoundKind::Right, RoundKind::Disturbed, RoundKind::Hostile, RoundKind::Wrong];
 
     /// Name in tables.
     pub const fn name(self) -> &'static str {
         match self {
-            Kind::Right => "right",
-            Kind::Disturbed => "disturbed",
-            Kind::Hostile => "hostile",
-            Kind::Wrong => "wrong",
-            Kind::Killed => "killed",
+            RoundKind::Right => "right",
+            RoundKind::Disturbed => "disturbed",
+            RoundKind::Hostile => "hostile",
+            RoundKind::Wrong => "wrong",
+            RoundKind::Killed => "killed",
         }
     }
 }
@@ -75,7 +76,7 @@ pub struct Round {
     /// The exercise that the moves are from.
     pub exercise: &'static Exercise,
     /// The subject of the round.
-    pub kind: Kind,
+    pub kind: RoundKind,
     /// Lines of the scenario between start and end; each may be left out.
     pub moves: Vec<String>,
     setting: &'static [(&'static str, &'static str)],
@@ -103,20 +104,20 @@ impl Round {
         let setting: &'static [_] = rng.choice(exercise.settings).copied().unwrap_or_default();
         let plant = PlantConfig::parse(exercise.name, &filled(exercise.plant, setting))?;
         let keeps_flags = plant.devices.iter().any(|device| device.retain_bytes() > 0);
-        let kind = match Kind::SCENARIOS[rng.usize(..Kind::SCENARIOS.len())] {
-            _ if keeps_flags && rng.u8(..KILLED_OF) == 0 => Kind::Killed,
-            Kind::Wrong if exercise.wrongs.is_empty() => Kind::Right,
+        let kind = match RoundKind::SCENARIOS[rng.usize(..RoundKind::SCENARIOS.len())] {
+            _ if keeps_flags && rng.u8(..KILLED_OF) == 0 => RoundKind::Killed,
+            RoundKind::Wrong if exercise.wrongs.is_empty() => RoundKind::Right,
             kind => kind,
         };
-        let is_right = matches!(kind, Kind::Right | Kind::Wrong);
+        let is_right = matches!(kind, RoundKind::Right | RoundKind::Wrong);
         let moves = (0..rng.usize(1..=MOST_MOVES)).map(|_| match kind {
-            Kind::Disturbed if rng.u8(..4) == 0 => lot::fault(&plant, &mut rng),
-            Kind::Hostile if rng.u8(..6) == 0 => lot::fault(&plant, &mut rng),
-            Kind::Hostile if rng.u8(..2) == 0 => lot::store(&plant, &mut rng),
+            RoundKind::Disturbed if rng.u8(..4) == 0 => lot::fault(&plant, &mut rng),
+            RoundKind::Hostile if rng.u8(..6) == 0 => lot::fault(&plant, &mut rng),
+            RoundKind::Hostile if rng.u8(..2) == 0 => lot::store(&plant, &mut rng),
             _ => lot::made(exercise, is_right, &mut rng),
         });
         let moves = moves.collect();
-        let wrong = if kind == Kind::Wrong { rng.choice(exercise.wrongs) } else { None };
+        let wrong = if kind == RoundKind::Wrong { rng.choice(exercise.wrongs) } else { None };
         let afterwards = if is_right { 0 } else { AFTERWARDS };
         let afterwards = (0..afterwards).map(|_| lot::made(exercise, true, &mut rng)).collect();
         let detour = |rng: &mut Rng| {
@@ -188,18 +189,18 @@ impl Round {
     fn end(&self) -> String {
         let allowed = self.exercise.allowed;
         match (self.kind, self.wrong) {
-            (Kind::Wrong, Some(wrong)) => format!(
+            (RoundKind::Wrong, Some(wrong)) => format!(
                 "\nsection(\"what must not be done\");\nin_bounds();\nexpect_no_findings({allowed:?});\n{}\npass(20_000);\n\
                  let found = findings();\nexpect_that(found.some(|finding| finding.rule == {:?}), `{} among ${{found}}`);\n",
                 wrong.script, wrong.rule, wrong.rule
             ),
-            (Kind::Right | Kind::Wrong, _) => {
+            (RoundKind::Right | RoundKind::Wrong, _) => {
                 format!("\nsection(\"end\");\nin_bounds();\nexpect_no_findings({allowed:?});\n")
             }
-            (Kind::Disturbed | Kind::Hostile | Kind::Killed, _) => {
+            (RoundKind::Disturbed | RoundKind::Hostile | RoundKind::Killed, _) => {
                 let moves: String = self.afterwards.iter().map(|line| format!("{line}\n")).collect();
                 // Non-volatile memory keeps the values that a program has stored there.
-                let bounds = if self.kind == Kind::Hostile { "" } else { "in_bounds();\n" };
+                let bounds = if self.kind == RoundKind::Hostile { "" } else { "in_bounds();\n" };
                 format!(
                     "\nsection(\"recovery\");\nundisturbed();\nrecover();\n\nsection(\"afterwards\");\n{moves}{bounds}"
                 )

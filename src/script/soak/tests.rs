@@ -54,8 +54,8 @@ fn with_all_moves(exercise: &'static Exercise) -> Round {
 fn every_move_is_right_and_every_wrong_thing_is_found() {
     for exercise in exercises() {
         let round = with_all_moves(exercise);
-        let wrongs = exercise.wrongs.iter().map(|wrong| (Kind::Wrong, Some(wrong)));
-        for (kind, wrong) in wrongs.chain([(Kind::Right, None)]) {
+        let wrongs = exercise.wrongs.iter().map(|wrong| (RoundKind::Wrong, Some(wrong)));
+        for (kind, wrong) in wrongs.chain([(RoundKind::Right, None)]) {
             let round = Round { kind, wrong, afterwards: Vec::new(), ..round.clone() };
             let reports = [false, true].map(|in_slices| run(exercise.name, &round.text(in_slices)));
             for report in &reports {
@@ -79,7 +79,7 @@ const KEPT: &str = include_str!("../../../tests/journal/exercises.txt");
 fn journals_of_all_devices_are_those_that_are_kept() {
     let found = exercises().map(|exercise| {
         let setting = exercise.settings.first().copied().unwrap_or_default();
-        let round = Round { kind: Kind::Right, wrong: None, setting, ..with_all_moves(exercise) };
+        let round = Round { kind: RoundKind::Right, wrong: None, setting, ..with_all_moves(exercise) };
         let report = run(exercise.name, &round.text(false));
         assert!(matches!(report.outcome, Outcome::Passed), "{}: {:#?}", exercise.name, report.outcome);
         format!("{}: 16#{:016X}\n", exercise.name, report.journal_hash.unwrap())
@@ -97,7 +97,7 @@ fn a_round_fails_where_a_register_is_out_of_its_bounds() {
     let mut tried = 0;
     for exercise in exercises() {
         let mut round = Round::draw(1, &[exercise]).unwrap();
-        (round.kind, round.moves) = (Kind::Right, Vec::new());
+        (round.kind, round.moves) = (RoundKind::Right, Vec::new());
         assert!(matches!(run("right", &round.text(false)).outcome, Outcome::Passed), "{}", exercise.name);
         let plant = PlantConfig::parse(exercise.name, &round.plant()).unwrap();
         let without = |it: &RegisterRef| {
@@ -144,7 +144,7 @@ fn counters_have_bounds() {
 fn a_round_fails_where_a_device_is_not_as_it_should_be() {
     let exercise = exercises().find(|exercise| !exercise.wrongs.is_empty()).unwrap();
     let mut round = Round::draw(1, &[exercise]).unwrap();
-    (round.kind, round.moves) = (Kind::Wrong, Vec::new());
+    (round.kind, round.moves) = (RoundKind::Wrong, Vec::new());
     round.wrong = Some(&Wrong { script: "", rule: "owner" });
     assert!(matches!(run("silent", &round.text(false)).outcome, Outcome::Failed(_)));
 }

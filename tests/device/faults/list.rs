@@ -2,12 +2,12 @@
 
 use super::*;
 use crate::rig::{BOTH, FASTEST, Memory};
-use commram::fault::{Draft, Kind, MAX_AT_US, MAX_FAULTS, Refusal, Target};
+use commram::fault::{Draft, FaultKind, MAX_AT_US, MAX_FAULTS, Refusal, Target};
 use commram::identity::{BusIndex, DeviceIndex};
 use commram::memory::Segment;
 use commram::plant::{Plant, PlantConfig};
 
-fn kind(name: &str) -> &'static Kind {
+fn kind(name: &str) -> &'static FaultKind {
     fault_kinds().iter().find(|kind| kind.name() == name).unwrap()
 }
 

@@ -2,11 +2,11 @@
 
 use super::border::{Instance, Refused, Status, exported, read, with, write};
 use super::instance::Mode;
-use commram::fmi::{Kind, Value};
+use commram::fmi::{Value, VariableType};
 
 /// A type of values.
 trait Typed: Copy {
-    const KIND: Kind;
+    const KIND: VariableType;
     fn of(value: Value) -> Option<Self>;
     fn value(self) -> Value;
 }
@@ -14,7 +14,7 @@ trait Typed: Copy {
 macro_rules! typed {
     ($($ty:ty as $kind:ident),*) => {$(
         impl Typed for $ty {
-            const KIND: Kind = Kind::$kind;
+            const KIND: VariableType = VariableType::$kind;
 
             fn of(value: Value) -> Option<Self> {
                 match value {
@@ -32,7 +32,7 @@ macro_rules! typed {
 typed!(i8 as I8, u8 as U8, i16 as I16, u16 as U16, i32 as I32, u32 as U32);
 
 impl Typed for f64 {
-    const KIND: Kind = Kind::F64;
+    const KIND: VariableType = VariableType::F64;
 
     fn of(value: Value) -> Option<Self> {
         match value {
@@ -47,7 +47,7 @@ impl Typed for f64 {
 }
 
 impl Typed for bool {
-    const KIND: Kind = Kind::Bool;
+    const KIND: VariableType = VariableType::Bool;
 
     fn of(value: Value) -> Option<Self> {
         match value {

@@ -1,7 +1,7 @@
 //! Device description files (GSD) of PROFIBUS-DP slaves: the properties of a device for masters, from a TOML file of its layout.
 
 use crate::error::{Error, Reason};
-use crate::model::{Area, Kind, Structure};
+use crate::model::{Area, FieldType, Structure};
 use crate::raw::Provenance;
 use crate::source::{SourcePlace, Sources, at};
 use serde::Deserialize;
@@ -152,7 +152,7 @@ impl Layout<'_> {
         });
         let wanted = register.get_ref();
         let is_it =
-            |field: &crate::model::Field| field.name == *wanted && matches!(field.kind, Kind::Scalar(_));
+            |field: &crate::model::Field| field.name == *wanted && matches!(field.kind, FieldType::Scalar(_));
         let (structure, field) = fields.find(|(_, field)| is_it(field)).ok_or_else(|| {
             let reason = Reason::NoSuchRegister { area: name.clone(), register: wanted.clone() };
             sources.error(at(file, register.span()), reason)

@@ -1,6 +1,6 @@
 //! The layout hash: equal if and only if every register has the same name, address and width.
 
-use crate::model::{Device, Kind, Structure};
+use crate::model::{Device, FieldType, Structure};
 use std::fmt::Write;
 
 /// FNV-1a (64 bits) over a canonical description of names, addresses, types and dimensions. Comments,
@@ -44,9 +44,9 @@ fn describe(text: &mut String, device: &Device, structure: &Structure) {
     let _ = writeln!(text, "struct {} {}", structure.name, structure.size);
     for field in &structure.fields {
         let ty = match field.kind {
-            Kind::Scalar(scalar) => scalar.name(),
-            Kind::Sub(index) => &device.substructures[index].name,
-            Kind::Padding(_) => continue,
+            FieldType::Scalar(scalar) => scalar.name(),
+            FieldType::Sub(index) => &device.substructures[index].name,
+            FieldType::Padding(_) => continue,
         };
         let _ = writeln!(text, "{} {} {ty} {:?}", field.offset, field.name, field.dims);
     }

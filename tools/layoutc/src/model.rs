@@ -192,7 +192,7 @@ pub(crate) struct Field {
     /// Name in the structure of `view`.
     pub view_name: String,
     pub offset: u32,
-    pub kind: Kind,
+    pub kind: FieldType,
     pub dims: Vec<u32>,
     /// Elements below these indices are used, the others are reserved; as long as `dims`.
     pub used: Vec<u32>,
@@ -215,7 +215,7 @@ pub(crate) struct Field {
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum FieldType {
     Scalar(Scalar),
     /// Index into [`Device::substructures`].
     Sub(usize),
@@ -374,7 +374,7 @@ impl Device {
         let counts = move |index: usize| !self.structures[index].shared || in_areas(index);
         let has = move |sub: usize| {
             let used = self.structures.iter().enumerate().filter(move |(index, _)| counts(*index));
-            used.flat_map(|(_, structure)| &structure.fields).any(|field| field.kind == Kind::Sub(sub))
+            used.flat_map(|(_, structure)| &structure.fields).any(|field| field.kind == FieldType::Sub(sub))
         };
         let subs = self.substructures.iter().enumerate();
         let subs = subs.filter(move |(index, sub)| !sub.shared || has(*index)).map(|(_, sub)| sub);
@@ -390,7 +390,7 @@ impl Device {
 
 impl Field {
     pub(crate) fn is_padding(&self) -> bool {
-        matches!(self.kind, Kind::Padding(_))
+        matches!(self.kind, FieldType::Padding(_))
     }
 
     pub(crate) fn size(&self, subs: &[Structure]) -> u32 {
@@ -400,17 +400,17 @@ impl Field {
 
     pub(crate) fn align(&self, subs: &[Structure]) -> u32 {
         match self.kind {
-            Kind::Scalar(scalar) => scalar.width(),
-            Kind::Sub(index) => subs[index].align,
-            Kind::Padding(_) => 1,
+            FieldType::Scalar(scalar) => scalar.width(),
+            FieldType::Sub(index) => subs[index].align,
+            FieldType::Padding(_) => 1,
         }
     }
 }
 
-fn element_size(kind: Kind, subs: &[Structure]) -> u32 {
+fn element_size(kind: FieldType, subs: &[Structure]) -> u32 {
     match kind {
-        Kind::Scalar(scalar) => scalar.width(),
-        Kind::Sub(index) => subs[index].size,
-        Kind::Padding(bytes) => bytes,
+        FieldType::Scalar(scalar) => scalar.width(),
+        FieldType::Sub(index) => subs[index].size,
+        FieldType::Padding(bytes) => bytes,
     }
 }

@@ -1,7 +1,7 @@
 //! Sequence diagram of the exchange before a failure: one line each for program, firmware and bus, time downwards.
 
 use super::EscapedText;
-use crate::script::{ExchangeKind, Exchanged};
+use crate::script::{ExchangeKind, ExchangeStep};
 use crate::time::seconds;
 
 /// Horizontal positions of program, firmware and bus.
@@ -14,7 +14,7 @@ const STEP: i32 = 22;
 const LONGEST: usize = 86;
 
 /// Draws the diagram for a page.
-pub(super) fn picture(exchange: &[Exchanged], failed_us: u64) -> String {
+pub(super) fn picture(exchange: &[ExchangeStep], failed_us: u64) -> String {
     let height = TOP + STEP * (exchange.len() as i32 + 2);
     let heads = LANES.map(|(name, x)| {
         format!(
@@ -35,9 +35,9 @@ pub(super) fn picture(exchange: &[Exchanged], failed_us: u64) -> String {
     )
 }
 
-fn arrow(step: &Exchanged, y: i32) -> String {
+fn arrow(step: &ExchangeStep, y: i32) -> String {
     let [program, firmware, bus] = LANES.map(|(_, x)| x);
-    let (class, from, to) = match step.way {
+    let (class, from, to) = match step.kind {
         ExchangeKind::Program => ("program", program, firmware),
         ExchangeKind::Firmware => ("firmware", firmware, program),
         ExchangeKind::Bus => ("bus", firmware, bus),
@@ -58,7 +58,7 @@ fn arrow(step: &Exchanged, y: i32) -> String {
         "<text class=\"time\" x=\"8\" y=\"{0}\">{1}</text>{arrow}<text class=\"{2}\" x=\"{TEXTS}\" y=\"{0}\"><title>{3}</title>{4}</text>\n",
         y + 4,
         seconds(step.line.time_us),
-        match step.way {
+        match step.kind {
             ExchangeKind::Wrong => "wrong",
             ExchangeKind::More => "time",
             ExchangeKind::Program | ExchangeKind::Firmware | ExchangeKind::Bus => "what",
@@ -87,7 +87,7 @@ mod tests {
     #[test]
     fn arrows_go_from_sender_to_receiver() {
         let line = |text: &str| JournalLine { time_us: 1500, kind: "x".into(), text: text.to_owned() };
-        let step = |way, text| Exchanged { way, line: line(text) };
+        let step = |kind, text| ExchangeStep { kind, line: line(text) };
         let picture = picture(
             &[
                 step(ExchangeKind::Program, "0.001500 s  line        a := 16#05"),

@@ -7,7 +7,7 @@ use crate::cli::web::problem::Problem;
 use crate::cli::{board, poke, wait};
 use crate::devices;
 use crate::fault::FaultSpec;
-use crate::memory::header::BoardWord;
+use crate::memory::header::BoardAssignment;
 use crate::request::Op;
 
 /// The operations for all fields, in their order.
@@ -38,7 +38,7 @@ fn operation(connection: &Connection, name: &str, text: &str) -> Result<Op, CliE
             let mut ops = wait::conditions_of(session, &[text.to_owned()])?;
             ops.pop().ok_or(crate::request::WrongReply)?
         }
-        "board" => board::operation(session, &BoardWord::parse(text)?)?,
+        "board" => board::operation(session, &BoardAssignment::parse(text)?)?,
         "fault" => {
             let mut words = text.split_whitespace();
             let kind = words.next().unwrap_or_default();

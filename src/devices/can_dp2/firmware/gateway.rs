@@ -3,7 +3,7 @@
 //! Both ports share the gateway. The DP slave reports each data exchange. The CAN port reports each frame and the time,
 //! and takes the frames to send.
 
-use super::modules::{Configuration, Kind, Module, WINDOW};
+use super::modules::{Configuration, Module, ModuleFunction, WINDOW};
 use super::pages::Pages;
 use super::parameters::{Parameters, Role};
 use super::ram::Registers;
@@ -210,7 +210,9 @@ impl Gateway {
         let Some(Setup { configuration, cycles, .. }) = &mut self.setup else { return };
         for (module, cycle) in configuration.modules.iter().zip(cycles) {
             *cycle = match module.kind {
-                Kind::Output { cycle_ms, .. } if cycle_ms != 0 => Some(now + u64::from(cycle_ms) * 1000),
+                ModuleFunction::Output { cycle_ms, .. } if cycle_ms != 0 => {
+                    Some(now + u64::from(cycle_ms) * 1000)
+                }
                 _ => None,
             };
         }
@@ -251,8 +253,8 @@ impl Gateway {
             let Some(&module) = setup.configuration.modules.get(number) else { break };
             let Some(new) = outputs.get(module.range()) else { continue };
             match module.kind {
-                Kind::WindowOutput => self.order(new),
-                Kind::Output { id, .. }
+                ModuleFunction::WindowOutput => self.order(new),
+                ModuleFunction::Output { id, .. }
                     if self.state == can_state::WORKING && setup.outputs.get(module.range()) != Some(new) =>
                 {
                     let frame = frame(id, &module, new, setup.parameters.has_tx_counter());
@@ -286,7 +288,7 @@ impl Gateway {
     /// Updates the window that the DP master reads.
     fn show_window(&self) {
         let modules = self.setup.iter().flat_map(|setup| &setup.configuration.modules);
-        for module in modules.filter(|module| module.kind == Kind::WindowInput) {
+        for module in modules.filter(|module| module.kind == ModuleFunction::WindowInput) {
             self.registers.set_inputs(module.first, self.window.shown());
         }
     }
@@ -318,7 +320,7 @@ impl Gateway {
             return pages.received(frame);
         }
         let counts = setup.parameters.has_rx_counter();
-        let is_its = |module: &&Module| matches!(module.kind, Kind::Input { id, is_frozen: false } if id == frame.id());
+        let is_its = |module: &&Module| matches!(module.kind, ModuleFunction::Input { id, is_frozen: false } if id == frame.id());
         let Some(module) = setup.configuration.modules.iter().find(is_its) else { return };
         let room = module.length - usize::from(counts);
         let mut data = frame.data().to_vec();
@@ -347,7 +349,9 @@ impl Gateway {
         let mut due = Vec::new();
         if let Some(Setup { parameters, configuration, outputs, cycles }) = &mut self.setup {
             for (module, cycle) in configuration.modules.iter().zip(cycles) {
-                let (Kind::Output { id, cycle_ms }, Some(at)) = (module.kind, *cycle) else { continue };
+                let (ModuleFunction::Output { id, cycle_ms }, Some(at)) = (module.kind, *cycle) else {
+                    continue;
+                };
                 if at <= now {
                     *cycle = Some(at + u64::from(cycle_ms) * 1000);
                     if let Some(data) =
@@ -370,7 +374,7 @@ impl Gateway {
         }
         let Setup { parameters, configuration, .. } = self.setup.as_ref()?;
         let of_modules = configuration.modules.iter().filter_map(|module| match module.kind {
-            Kind::Input { id, .. } => Some(id),
+            ModuleFunction::Input { id, .. } => Some(id),
             _ => None,
         });
         let of_pages = self.pages.iter().flat_map(Pages::received_ids).map(|(id, _)| id);

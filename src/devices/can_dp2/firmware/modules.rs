@@ -49,7 +49,7 @@ pub(in crate::devices::can_dp2) struct CfgFault {
 
 /// Function of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(in crate::devices::can_dp2) enum Kind {
+pub(in crate::devices::can_dp2) enum ModuleFunction {
     /// Data received with this identifier; `is_frozen` if a later module has the same identifier (p. 35).
     Input {
         /// Identifier of the frames.
@@ -81,7 +81,7 @@ pub(in crate::devices::can_dp2) enum Kind {
 /// A module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(in crate::devices::can_dp2) struct Module {
-    pub kind: Kind,
+    pub kind: ModuleFunction,
     /// Octets in the process image, including a counter.
     pub length: usize,
     /// Index of the first octet among inputs or outputs.
@@ -99,11 +99,14 @@ impl Module {
     }
 
     fn is_input(&self) -> bool {
-        matches!(self.kind, Kind::Input { .. } | Kind::WindowInput | Kind::PageInput)
+        matches!(
+            self.kind,
+            ModuleFunction::Input { .. } | ModuleFunction::WindowInput | ModuleFunction::PageInput
+        )
     }
 
     fn is_window(&self) -> bool {
-        matches!(self.kind, Kind::WindowInput | Kind::WindowOutput)
+        matches!(self.kind, ModuleFunction::WindowInput | ModuleFunction::WindowOutput)
     }
 }
 
@@ -218,16 +221,19 @@ impl Configuration {
         };
         // A counter takes one more octet; a window has no counter (D-378).
         let counter = match kind {
-            Kind::Input { .. } => usize::from(parameters.has_rx_counter()),
-            Kind::Output { .. } | Kind::Dummy => usize::from(parameters.has_tx_counter()),
-            Kind::WindowInput | Kind::WindowOutput | Kind::PageInput | Kind::PageOutput => 0,
+            ModuleFunction::Input { .. } => usize::from(parameters.has_rx_counter()),
+            ModuleFunction::Output { .. } | ModuleFunction::Dummy => usize::from(parameters.has_tx_counter()),
+            ModuleFunction::WindowInput
+            | ModuleFunction::WindowOutput
+            | ModuleFunction::PageInput
+            | ModuleFunction::PageOutput => 0,
         };
         let of_can = length.checked_sub(counter);
         let is_right = match kind {
-            Kind::WindowInput | Kind::WindowOutput => length == WINDOW,
+            ModuleFunction::WindowInput | ModuleFunction::WindowOutput => length == WINDOW,
             // Any unit is permitted for an output without CAN (p. 32).
-            Kind::Dummy => length <= WINDOW,
-            Kind::PageInput | Kind::PageOutput => length <= page::SEGMENT,
+            ModuleFunction::Dummy => length <= WINDOW,
+            ModuleFunction::PageInput | ModuleFunction::PageOutput => length <= page::SEGMENT,
             _ => of_can.is_some_and(|bytes| (1..=8).contains(&bytes)),
         };
         let side = if is_input { &mut self.inputs } else { &mut self.outputs };
@@ -241,10 +247,14 @@ impl Configuration {
     }
 
     /// Checks a window: one in each direction, and only if the parameters enable it (p. 39).
-    fn window(&mut self, written: &RawModule<'_>, parameters: &Parameters) -> Result<(Kind, u8), CfgError> {
+    fn window(
+        &mut self,
+        written: &RawModule<'_>,
+        parameters: &Parameters,
+    ) -> Result<(ModuleFunction, u8), CfgError> {
         let (_, behind) = written.comment.split_at(WINDOW_ID.len());
         let (&form, behind) = behind.split_first().ok_or(CfgError::Form)?;
-        let kind = if written.is_input { Kind::WindowInput } else { Kind::WindowOutput };
+        let kind = if written.is_input { ModuleFunction::WindowInput } else { ModuleFunction::WindowOutput };
         if !parameters.has_window() || self.modules.iter().any(|module| module.kind == kind) {
             return Err(CfgError::Identifier);
         }
@@ -256,11 +266,11 @@ impl Configuration {
         Ok((kind, form))
     }
 
-    fn of_identifier(&mut self, id: Id, is_input: bool, behind: &[u8]) -> Result<Kind, CfgError> {
+    fn of_identifier(&mut self, id: Id, is_input: bool, behind: &[u8]) -> Result<ModuleFunction, CfgError> {
         // P. 10: an identifier can have one direction only.
         let is_other_way = |module: &Module| match module.kind {
-            Kind::Input { id: other, .. } => !is_input && other == id,
-            Kind::Output { id: other, .. } => is_input && other == id,
+            ModuleFunction::Input { id: other, .. } => !is_input && other == id,
+            ModuleFunction::Output { id: other, .. } => is_input && other == id,
             _ => false,
         };
         if self.modules.iter().any(is_other_way) {
@@ -271,11 +281,11 @@ impl Configuration {
                 return Err(CfgError::Identifier);
             }
             for module in &mut self.modules {
-                if let Kind::Input { id: other, is_frozen } = &mut module.kind {
+                if let ModuleFunction::Input { id: other, is_frozen } = &mut module.kind {
                     *is_frozen |= *other == id;
                 }
             }
-            return Ok(Kind::Input { id, is_frozen: false });
+            return Ok(ModuleFunction::Input { id, is_frozen: false });
         }
         let cycle_ms = match *behind {
             [] => 0,
@@ -283,7 +293,7 @@ impl Configuration {
             _ => return Err(CfgError::Identifier),
         };
         let is_dummy = matches!(id, Id::Standard(id) if id.as_raw() == DUMMY_ID);
-        Ok(if is_dummy { Kind::Dummy } else { Kind::Output { id, cycle_ms } })
+        Ok(if is_dummy { ModuleFunction::Dummy } else { ModuleFunction::Output { id, cycle_ms } })
     }
 
     /// Whether a module is a Communication Window that violates p. 39: consistent over its whole length, with the

@@ -1,6 +1,6 @@
 //! The image as the firmware uses it.
 
-use super::modules::{Configuration, EXTENDED, Kind, MODULES};
+use super::modules::{Configuration, EXTENDED, MODULES, ModuleFunction};
 use super::parameters::{LENGTH, Parameters, Role};
 use crate::can::Id;
 use crate::devices::can_dp2::registers::values::module_kind;
@@ -8,7 +8,7 @@ use crate::devices::can_dp2::registers::{
     CAN, CAN_DP2_CAN, CAN_DP2_CFG, CAN_DP2_DIAG, CAN_DP2_INPUTS, CAN_DP2_OUTPUTS, CAN_DP2_PRM,
     CAN_DP2_STORED, CFG, DIAG, INPUTS, OUTPUTS, PRM, STORED,
 };
-use crate::memory::{Cell8, Cell32, Face, MemoryError, Segment, View};
+use crate::memory::{Cell8, Cell32, FirmwareHeader, MemoryError, Segment, View};
 
 /// Value for the stored SYNC time (p. 30).
 pub(in crate::devices::can_dp2) const SYNC_STORED: u16 = 0xFFFF;
@@ -22,7 +22,7 @@ pub(in crate::devices::can_dp2) struct Registers {
     pub cfg: View<CAN_DP2_CFG>,
     inputs: View<CAN_DP2_INPUTS>,
     outputs: View<CAN_DP2_OUTPUTS>,
-    face: Face,
+    face: FirmwareHeader,
 }
 
 /// Writes octets from the first cell on, and 0 to the remaining cells.
@@ -145,14 +145,20 @@ impl Registers {
             };
             let (kind, id, cycle) = match module.map(|module| module.kind) {
                 None => (module_kind::NONE, 0, 0),
-                Some(Kind::Input { id, is_frozen: false }) => (module_kind::INPUT, number_of(&id), 0),
-                Some(Kind::Input { id, is_frozen: true }) => (module_kind::FROZEN_INPUT, number_of(&id), 0),
-                Some(Kind::Output { id, cycle_ms }) => (module_kind::OUTPUT, number_of(&id), cycle_ms),
-                Some(Kind::Dummy) => (module_kind::DUMMY_OUTPUT, 0, 0),
-                Some(Kind::WindowInput) => (module_kind::WINDOW_INPUT, 0, 0),
-                Some(Kind::WindowOutput) => (module_kind::WINDOW_OUTPUT, 0, 0),
-                Some(Kind::PageInput) => (module_kind::PAGE_INPUT, 0, 0),
-                Some(Kind::PageOutput) => (module_kind::PAGE_OUTPUT, 0, 0),
+                Some(ModuleFunction::Input { id, is_frozen: false }) => {
+                    (module_kind::INPUT, number_of(&id), 0)
+                }
+                Some(ModuleFunction::Input { id, is_frozen: true }) => {
+                    (module_kind::FROZEN_INPUT, number_of(&id), 0)
+                }
+                Some(ModuleFunction::Output { id, cycle_ms }) => {
+                    (module_kind::OUTPUT, number_of(&id), cycle_ms)
+                }
+                Some(ModuleFunction::Dummy) => (module_kind::DUMMY_OUTPUT, 0, 0),
+                Some(ModuleFunction::WindowInput) => (module_kind::WINDOW_INPUT, 0, 0),
+                Some(ModuleFunction::WindowOutput) => (module_kind::WINDOW_OUTPUT, 0, 0),
+                Some(ModuleFunction::PageInput) => (module_kind::PAGE_INPUT, 0, 0),
+                Some(ModuleFunction::PageOutput) => (module_kind::PAGE_OUTPUT, 0, 0),
             };
             cells.kind.store(kind);
             cells.id.store(id);

@@ -2,7 +2,7 @@
 //! where the manual is silent; each of these points is a decision.
 
 use super::gateway::Gateway;
-use super::modules::{CfgFault, Configuration, Kind, Module};
+use super::modules::{CfgFault, Configuration, Module, ModuleFunction};
 use super::parameters::{IDENT, Parameters, PrmFault};
 use super::ram::Registers;
 use crate::devices::can_dp2::registers::values::{bus_state, dp_state, ext_cause, master_address, mst_dsap};
@@ -336,7 +336,8 @@ impl Slave {
             let at = CFG + offset_of!(CAN_DP2_CFG, output_len);
             self.news.push(News::Found(&rules::NO_OUTPUT, at, 0));
         }
-        let is_frozen = |module: &Module| matches!(module.kind, Kind::Input { is_frozen: true, .. });
+        let is_frozen =
+            |module: &Module| matches!(module.kind, ModuleFunction::Input { is_frozen: true, .. });
         let wrong_window =
             configuration.modules.iter().position(|module| configuration.is_odd_window(module));
         for (rule, found) in [

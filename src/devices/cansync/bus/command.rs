@@ -72,7 +72,7 @@ impl Run<'_> {
         self.start_timeout();
         let frame = if self.faults.is_empty() { *frame } else { self.wrong_job(number, *frame) };
         match self.station(number) {
-            Station::Nobody => {}
+            Station::Vacant => {}
             Station::Drive(index) => {
                 let hears = self.drive(index).is_some();
                 if hears && !self.faults.is_empty() && self.answer_in_place(number, &frame) {
@@ -94,7 +94,7 @@ impl Run<'_> {
     pub(super) fn response_start(&mut self) {
         let Some(number) = self.bus.asked else { return };
         let answer = match (self.bus.disturbance.take_answer(), self.station(number)) {
-            (_, Station::Nobody) => None,
+            (_, Station::Vacant) => None,
             (Some(answer), _) => Some(answer),
             (None, Station::Drive(_)) => self.bus.drive_answer.take(),
             (None, Station::Node(index)) => self.node(index, |slave, ctx| slave.response(ctx)).flatten(),

@@ -136,9 +136,9 @@ impl Run<'_> {
         let bus = &mut *self.bus;
         let sender = match frame.kind() {
             Some(FrameKind::ActualValue(_, number) | FrameKind::Response(number)) => {
-                bus.stations.get(usize::from(number)).copied().unwrap_or(Station::Nobody)
+                bus.stations.get(usize::from(number)).copied().unwrap_or(Station::Vacant)
             }
-            _ => Station::Nobody,
+            _ => Station::Vacant,
         };
         let from_master = !matches!(frame.kind(), Some(FrameKind::ActualValue(..) | FrameKind::Response(_)));
         self.faults.fire(self.now, bus.owner(), self.journal, |target, effect, _| {

@@ -17,7 +17,7 @@ use crate::devices::cansync::registers::values::ma_sl_mode;
 use crate::devices::cansync::rules;
 use crate::devices::{
     BuildError, Bus, BusGuests, BusView, Context, DriveDetails, DriveState, Drives, Faulty, GuestRefusal,
-    Interval, ParameterRefusal, PortWatch, Shaft, Stranger, SyncLine, SyncOrigin, SyncSignal, World,
+    Interval, ParameterRefusal, PortWatch, RateMismatch, Shaft, SyncLine, SyncOrigin, SyncSignal, World,
 };
 use crate::door::{BusMessage, Guest};
 use crate::fault::{self, Faults, Hit, Target};
@@ -44,7 +44,7 @@ impl BusView for SimBus {
         masters.chain(self.slaves.iter().map(|end| end.origin)).collect()
     }
 
-    fn strangers(&self) -> Vec<Stranger> {
+    fn strangers(&self) -> Vec<RateMismatch> {
         self.of_other_rates()
     }
 
@@ -67,7 +67,7 @@ impl BusView for SimBus {
     }
 
     fn participants(&self) -> u32 {
-        let present = self.stations.iter().enumerate().filter(|(_, station)| **station != Station::Nobody);
+        let present = self.stations.iter().enumerate().filter(|(_, station)| **station != Station::Vacant);
         present.fold(0, |mask, (number, _)| mask | 1 << number)
     }
 }
@@ -456,12 +456,12 @@ impl SimBus {
         }
         for station in &mut self.stations {
             if *station == Station::Node(index) {
-                *station = Station::Nobody;
+                *station = Station::Vacant;
             }
         }
         let Some(station) = self.stations.get_mut(usize::from(number)) else { return false };
         let is_free = match *station {
-            Station::Nobody => true,
+            Station::Vacant => true,
             Station::Node(other) => !self.slaves[other].is_on,
             Station::Drive(_) => false,
         };

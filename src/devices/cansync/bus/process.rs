@@ -148,7 +148,7 @@ impl Run<'_> {
     /// Makes the station that the identifier names send its actual value frame in its slot.
     pub(super) fn request_actual(&mut self, channel: Channel, number: u8) {
         let answer = match self.station(number) {
-            Station::Nobody => None,
+            Station::Vacant => None,
             Station::Drive(index) => self.drive(index).and_then(|drive| {
                 let payload = drive.actual_value_frame(channel)?;
                 Some(Frame::of(FrameKind::ActualValue(channel, number), payload))

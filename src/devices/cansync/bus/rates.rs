@@ -6,7 +6,7 @@ use crate::devices::cansync::records::{BaudRateMismatch, DriveBaudRateMismatch};
 use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
 use crate::devices::cansync::registers::phases;
 use crate::devices::cansync::rules;
-use crate::devices::{Context, ParticipantId, Stranger};
+use crate::devices::{Context, ParticipantId, RateMismatch};
 use crate::journal::{Finding, Journal};
 use core::mem::offset_of;
 
@@ -34,9 +34,10 @@ impl SimBus {
     }
 
     /// Returns the drives and slave nodes that are set to another rate.
-    pub(super) fn of_other_rates(&self) -> Vec<Stranger> {
+    pub(super) fn of_other_rates(&self) -> Vec<RateMismatch> {
         let present = self.present_kbit_s();
-        let stranger = |participant, kbit_s: u16| Stranger { participant, bit_s: u32::from(kbit_s) * 1000 };
+        let stranger =
+            |participant, kbit_s: u16| RateMismatch { participant, bit_s: u32::from(kbit_s) * 1000 };
         let drives = self.drives.look().iter().filter(|drive| drive.kbit_s() != present);
         let drives =
             drives.map(|drive| stranger(ParticipantId::Own(drive.name().to_owned()), drive.kbit_s()));

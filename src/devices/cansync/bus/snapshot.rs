@@ -1,6 +1,6 @@
 //! Snapshot fields of a bus.
 
-use super::{Running, SimBus, Station};
+use super::{RunningBus, SimBus, Station};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
 impl SnapshotFields for SimBus {
@@ -51,7 +51,7 @@ impl SnapshotFields for SimBus {
         self.drives.restore(from)?;
         self.stations = from.value()?;
         let is_there = |station: &Station| match *station {
-            Station::Nobody => true,
+            Station::Vacant => true,
             Station::Drive(index) => index < self.drives.len(),
             Station::Node(index) => index < self.slaves.len(),
         };
@@ -61,7 +61,7 @@ impl SnapshotFields for SimBus {
             Some((own_sync, signal, start)) => {
                 let timing = self.masters.first().and_then(|master| master.firmware.timing());
                 let timing = timing.ok_or_else(|| from.no("master that runs the bus"))?;
-                Some(Running { timing, own_sync, signal, start })
+                Some(RunningBus { timing, own_sync, signal, start })
             }
         };
         (self.schedule, self.next, self.on_wire, self.reference, self.actual, self.command) = from.value()?;

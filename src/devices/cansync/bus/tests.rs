@@ -14,7 +14,7 @@ use crate::devices::cansync::registers::{
 };
 use crate::devices::cansync::{BaudRate, rules};
 use crate::devices::omega_drive_line_2::registers::BAUD_RATES as THREE;
-use crate::devices::{Bus, BusView, ParticipantId, Stranger, World};
+use crate::devices::{Bus, BusView, ParticipantId, RateMismatch, World};
 use crate::fault::Faults;
 use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::{Finding, Journal, Origin};
@@ -285,7 +285,7 @@ fn a_drive_of_another_rate_receives_nothing_and_is_reported() {
     assert_eq!(found, [Finding::at_participant(&rules::DRIVE_BAUD_RATE, BusIndex(0), DRIVE, 250)]);
     assert_eq!(found[0].name(&DEVICE).as_deref(), Some("slave1"));
     assert_eq!((found[0].value_text(&DEVICE), found[0].address(&DEVICE)), ("250".to_owned(), None));
-    let stranger = Stranger { participant: ParticipantId::Own("d".to_owned()), bit_s: 250_000 };
+    let stranger = RateMismatch { participant: ParticipantId::Own("d".to_owned()), bit_s: 250_000 };
     assert_eq!((bench.bus.bit_s(), bench.bus.strangers()), (500_000, vec![stranger]));
     assert_eq!(bench.last(FrameKind::Response(DRIVE), fast), None);
 

@@ -2,12 +2,12 @@
 
 use super::NodeLocation;
 use crate::devices::cansync::registers::values::cpu_control;
-use crate::memory::{Cell16, Face, MemoryError, Segment, Width};
+use crate::memory::{Cell16, FirmwareHeader, MemoryError, Segment, Width};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
 /// Reader of the PLC's orders in the register.
 pub(super) struct Orders {
-    face: Face,
+    face: FirmwareHeader,
     /// Index of the node in the header page.
     node: usize,
     /// Last value seen, so that an ignored command is reported once.
@@ -105,7 +105,7 @@ impl Orders {
 /// at `locations`, the value 16#0000 is a restart, even if the register held 16#0000 before (decision D-29).
 pub(crate) fn note_restarts(
     segment: &Segment,
-    face: &Face,
+    face: &FirmwareHeader,
     locations: impl IntoIterator<Item = NodeLocation>,
     offset: u32,
     bytes: u32,

@@ -11,7 +11,7 @@ use crate::devices::{Context, Events, Firmware};
 use crate::fault::{self, Faults, Hit, Owner};
 use crate::layout::Area;
 use crate::memory::header::BoardSetting;
-use crate::memory::{Face, MemoryError, Segment, View};
+use crate::memory::{FirmwareHeader, MemoryError, Segment, View};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -71,7 +71,7 @@ pub(crate) struct Hardware {
     retained: Retained,
     shared: Shared,
     flags: View<CS0015_FLAGS>,
-    face: Face,
+    face: FirmwareHeader,
     has_program: bool,
     pulses: Pulses,
     events: Events,

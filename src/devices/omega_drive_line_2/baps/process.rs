@@ -10,7 +10,7 @@ use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
 use crate::devices::omega_drive_line_2::registers::values::{baps_command, baps_quit};
 use crate::devices::omega_drive_line_2::rules;
 use crate::devices::recorded_register::RecordedRegister;
-use crate::memory::{Face, MemoryError, Segment};
+use crate::memory::{FirmwareHeader, MemoryError, Segment};
 use crate::snapshot_fields;
 use core::mem::offset_of;
 use serde::{Deserialize, Serialize};
@@ -49,7 +49,7 @@ enum ReInit {
 
 /// The process data of a BAPS.
 pub(super) struct Process {
-    face: Face,
+    face: FirmwareHeader,
     configured: Option<Configured>,
     /// Number of communications; each is an event "BAPS process data".
     events: u64,

@@ -7,7 +7,7 @@ use crate::devices::omega_drive_line_2::registers::DIP_LAST;
 use crate::devices::records::BoardEvent;
 use crate::devices::{Context, FrontAction, Power, program};
 use crate::memory::header::{self, ProgramState, Project, RunSwitch, Start};
-use crate::memory::{Face, Header};
+use crate::memory::{FirmwareHeader, Header};
 use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 
@@ -64,7 +64,7 @@ snapshot_fields!(Front {
 });
 
 impl Front {
-    pub(crate) fn new(face: &Face, flags: Flags, project: Project) -> Self {
+    pub(crate) fn new(face: &FirmwareHeader, flags: Flags, project: Project) -> Self {
         let mut projects = Projects::new(project);
         if flags.are_kept() {
             projects.retain_was_kept();
@@ -100,12 +100,12 @@ impl Front {
 
     /// Whether a switch was turned since the last poll, or the display must blink.
     #[inline]
-    pub(crate) fn has_changed(&self, face: &Face) -> bool {
+    pub(crate) fn has_changed(&self, face: &FirmwareHeader) -> bool {
         PolledFront::now(face.asked()) != self.seen || self.program == ProgramState::CopyingBootProject
     }
 
     /// Power-on or end of reset: reads the DIP switches and returns their number.
-    pub(crate) fn start(&mut self, ctx: &mut Context, face: &Face) -> u8 {
+    pub(crate) fn start(&mut self, ctx: &mut Context, face: &FirmwareHeader) -> u8 {
         self.up = true;
         self.flags.clear();
         self.dip = (face.asked().board.dip.load() & u32::from(DIP_LAST)) as u8;
@@ -129,14 +129,14 @@ impl Front {
     }
 
     /// Power-off, or RESET is active: display and LEDs are dark.
-    pub(crate) fn stop(&mut self, face: &Face) {
+    pub(crate) fn stop(&mut self, face: &FirmwareHeader) {
         self.up = false;
         self.released = false;
         face.put(|page| &page.board.leds, 0);
         face.board.display.store(0);
     }
 
-    pub(crate) fn set_power(&mut self, face: &Face, power: Power) -> FrontAction {
+    pub(crate) fn set_power(&mut self, face: &FirmwareHeader, power: Power) -> FrontAction {
         match power {
             Power::Off => face.put(|page| &page.program.power, header::Power::Off.code()),
             Power::On => face.put(|page| &page.program.power, header::Power::On.code()),
@@ -149,7 +149,7 @@ impl Front {
     }
 
     /// Takes over the switches of clients. Invalid numbers change nothing.
-    fn read(&mut self, face: &Face) {
+    fn read(&mut self, face: &FirmwareHeader) {
         self.seen = PolledFront::now(face.asked());
         self.switch = RunSwitch::from_code(self.seen.switch).unwrap_or(self.switch);
         if let Some(power) = header::Power::from_code(self.seen.power) {
@@ -167,7 +167,7 @@ impl Front {
         }
     }
 
-    pub(crate) fn look(&mut self, ctx: &mut Context, face: &Face) -> FrontAction {
+    pub(crate) fn look(&mut self, ctx: &mut Context, face: &FirmwareHeader) -> FrontAction {
         let (before, had_supply) = (self.switch, self.powered);
         self.read(face);
         if self.switch != before {
@@ -181,7 +181,7 @@ impl Front {
     }
 
     /// Program and switch: starts and stops the program, shows its state.
-    fn see(&mut self, ctx: &mut Context, face: &Face) {
+    fn see(&mut self, ctx: &mut Context, face: &FirmwareHeader) {
         self.read(face);
         let told = ProgramState::from_code(self.seen.program).unwrap_or(self.program);
         self.note_program(face, told);
@@ -199,7 +199,7 @@ impl Front {
 
     /// Takes the program state that the PLC reports: the program comes, goes, or copies the boot
     /// project.
-    fn note_program(&mut self, face: &Face, told: ProgramState) {
+    fn note_program(&mut self, face: &FirmwareHeader, told: ProgramState) {
         use ProgramState::*;
         let before = self.program;
         self.program = told;
@@ -220,7 +220,7 @@ impl Front {
     }
 
     /// Another project is loaded, or none: the PLC's program stops.
-    fn show_project(&mut self, face: &Face) {
+    fn show_project(&mut self, face: &FirmwareHeader) {
         let loaded = self.projects.loaded();
         if loaded == Project::None {
             self.flags.forget();
@@ -233,7 +233,7 @@ impl Front {
 
     /// Handles the request of a client to send or delete a project, as the control dialog does (manual
     /// p. 37-38).
-    pub(crate) fn look_at_project_request(&mut self, ctx: &mut Context, face: &Face) {
+    pub(crate) fn look_at_project_request(&mut self, ctx: &mut Context, face: &FirmwareHeader) {
         let Some(code) = face.take(|page| &page.project_request) else { return };
         let Some(project) = Project::from_code(code - 1) else { return };
         if self.released {
@@ -254,7 +254,7 @@ impl Front {
 
     /// Handles the request of a client for a start, as the control dialog does: possible only at RUN
     /// (manual p. 38).
-    pub(crate) fn look_at_start_request(&mut self, ctx: &mut Context, face: &Face) {
+    pub(crate) fn look_at_start_request(&mut self, ctx: &mut Context, face: &FirmwareHeader) {
         let Some(code) = face.take(|page| &page.program.start_request) else { return };
         match Start::from_code(code) {
             Some(kind) if self.released => self.order(ctx, face, kind),
@@ -262,7 +262,7 @@ impl Front {
         }
     }
 
-    fn order(&mut self, ctx: &mut Context, face: &Face, kind: Start) {
+    fn order(&mut self, ctx: &mut Context, face: &FirmwareHeader, kind: Start) {
         if kind == Start::Cold {
             self.projects.started_cold();
             self.flags.initialize();
@@ -278,7 +278,7 @@ impl Front {
     }
 
     /// Initial values that a client gives the retain flags.
-    pub(crate) fn look_at_flags(&mut self, face: &Face) {
+    pub(crate) fn look_at_flags(&mut self, face: &FirmwareHeader) {
         self.flags.look(&face.asked().initial_flag, &face.initial_flag);
     }
 

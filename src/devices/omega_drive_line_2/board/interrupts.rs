@@ -3,7 +3,7 @@
 use super::timers::{CPU_STEP, Timer, Timers};
 use crate::devices::Context;
 use crate::devices::Events;
-use crate::memory::Face;
+use crate::memory::FirmwareHeader;
 use crate::memory::header::InterruptResult;
 
 /// Interrupt level of an event number, 14 before 13; `None`: reserved (manual p. 43, 48).
@@ -27,7 +27,7 @@ fn excluded_by(event: usize) -> Option<usize> {
 }
 
 /// Answers the pending requests.
-pub(super) fn look(events: &mut Events, ctx: &mut Context, face: &Face, timers: &mut Timers) {
+pub(super) fn look(events: &mut Events, ctx: &mut Context, face: &FirmwareHeader, timers: &mut Timers) {
     let now = ctx.now;
     events.answer(ctx, face, |events, event, factor, enable| set(events, event, factor, enable, now, timers));
 }

@@ -21,7 +21,7 @@ use crate::devices::Events;
 use crate::devices::records::{BoardEvent, OnBoard};
 use crate::devices::{Context, FrontAction, Power};
 use crate::memory::header;
-use crate::memory::{Face, MemoryError, Segment};
+use crate::memory::{FirmwareHeader, MemoryError, Segment};
 use flags::Flags;
 use front::Front;
 use timers::{Timer, Timers};
@@ -29,7 +29,7 @@ use triggers::{Source, Triggers};
 
 /// The board of a PLC.
 pub struct Board {
-    face: Face,
+    face: FirmwareHeader,
     events: Events,
     timers: Timers,
     triggers: Triggers,

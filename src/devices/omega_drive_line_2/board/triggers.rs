@@ -2,7 +2,7 @@
 
 use super::timers::{Timer, Timers};
 use crate::memory::header::{OptInit, OptInitResult, TRIGGERS, TimerSetup, Trigger};
-use crate::memory::{Face, Header};
+use crate::memory::{FirmwareHeader, Header};
 use serde::{Deserialize, Serialize};
 
 /// A source of trigger pulses that this emulator has. Interrupts of option cards can be chosen and never pulse.
@@ -52,7 +52,12 @@ impl Triggers {
     }
 
     /// Answers a pending `OPT_INIT`; returns its result.
-    pub(crate) fn look(&mut self, now: u64, face: &Face, timers: &mut Timers) -> Option<OptInitResult> {
+    pub(crate) fn look(
+        &mut self,
+        now: u64,
+        face: &FirmwareHeader,
+        timers: &mut Timers,
+    ) -> Option<OptInitResult> {
         let request = face.asked().opt_init.request.load();
         if request == face.opt_init.answer.load() {
             return None;

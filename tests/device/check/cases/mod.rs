@@ -6,7 +6,7 @@ mod omega;
 mod registers;
 mod start;
 
-use crate::rig::{Kind, Rate, Rig};
+use crate::rig::{NodeDevice, Rate, Rig};
 use commram::journal::Rule;
 
 /// A case that breaks a rule, and a correct neighbour. Both start from a fresh plant.
@@ -21,7 +21,7 @@ pub(crate) struct Case {
 }
 
 /// Returns all cases that a device has.
-pub(crate) fn cases(kind: &Kind) -> impl Iterator<Item = &'static Case> {
+pub(crate) fn cases(kind: &NodeDevice) -> impl Iterator<Item = &'static Case> {
     let own = if kind.is_omega() { omega::CASES } else { &[] };
     [registers::CASES, mapping::CASES, jobs::CASES, start::CASES, own].into_iter().flatten()
 }

@@ -3,7 +3,7 @@
 use super::phase::{self, Declared};
 use super::{Names, identifier};
 use crate::error::{Error, Reason};
-use crate::model::{Area, AreaStructure, Field, Kind, Provenance, Space, Structure};
+use crate::model::{Area, AreaStructure, Field, FieldType, Provenance, Space, Structure};
 use crate::raw;
 use crate::source::{Sources, at};
 use std::collections::BTreeSet;
@@ -294,9 +294,11 @@ fn placed_cells(placed: &AreaStructure, structure: &Structure, subs: &[Structure
 
 fn field_cells(field: &Field, subs: &[Structure]) -> Vec<u32> {
     let element = match field.kind {
-        Kind::Scalar(scalar) => vec![scalar.width(); scalar.width() as usize],
-        Kind::Sub(index) => subs[index].fields.iter().flat_map(|field| field_cells(field, subs)).collect(),
-        Kind::Padding(bytes) => vec![1; bytes as usize],
+        FieldType::Scalar(scalar) => vec![scalar.width(); scalar.width() as usize],
+        FieldType::Sub(index) => {
+            subs[index].fields.iter().flat_map(|field| field_cells(field, subs)).collect()
+        }
+        FieldType::Padding(bytes) => vec![1; bytes as usize],
     };
     element.repeat(field.dims.iter().product::<u32>() as usize)
 }

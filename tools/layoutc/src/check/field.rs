@@ -2,7 +2,7 @@
 
 use super::{Parts, identifier, meaning};
 use crate::error::{Error, Reason};
-use crate::model::{Field, Kind, Owner, Scalar};
+use crate::model::{Field, FieldType, Owner, Scalar};
 use crate::raw;
 use crate::source::{SourcePlace, Sources, at};
 use toml::Spanned;
@@ -33,7 +33,7 @@ pub(crate) fn check(
     let ty = entry.ty.as_ref().ok_or_else(|| missing("type"))?;
     let kind = kind(sources, parts, at(file, ty.span()), ty.get_ref())?;
     let (dims, used) = dims(sources, file, entry, name)?;
-    if let (Kind::Sub(_), Some(array), 2..) = (kind, &entry.array, dims.len()) {
+    if let (FieldType::Sub(_), Some(array), 2..) = (kind, &entry.array, dims.len()) {
         return Err(sources.error(at(file, array.span()), Reason::NestedArray(name.clone())));
     }
     if dims.is_empty() {
@@ -65,7 +65,7 @@ pub(crate) fn check(
         (false, owner) => (owner, entry.owner_from.as_ref().unwrap_or(&home.owners)),
     };
     let (owner, reset, meaning) = match kind {
-        Kind::Scalar(scalar) => {
+        FieldType::Scalar(scalar) => {
             let owner = owner.ok_or_else(|| missing("owner"))?;
             if entry.reset.is_some() && entry.reset_from.is_none() {
                 return Err(missing("reset_from"));
@@ -126,7 +126,7 @@ pub(crate) fn gap(offset: u32, bytes: u32, home: &raw::Structure) -> Field {
         name: format!("_padding_{offset}"),
         view_name: String::new(),
         offset,
-        kind: Kind::Padding(bytes),
+        kind: FieldType::Padding(bytes),
         dims: Vec::new(),
         used: Vec::new(),
         array_type: String::new(),
@@ -145,12 +145,12 @@ pub(crate) fn gap(offset: u32, bytes: u32, home: &raw::Structure) -> Field {
     }
 }
 
-fn kind(sources: &Sources, parts: &Parts, place: SourcePlace, name: &str) -> Result<Kind, Error> {
+fn kind(sources: &Sources, parts: &Parts, place: SourcePlace, name: &str) -> Result<FieldType, Error> {
     if let Some(scalar) = Scalar::named(name) {
-        return Ok(Kind::Scalar(scalar));
+        return Ok(FieldType::Scalar(scalar));
     }
     if let Some(index) = parts.substructures.iter().position(|sub| sub.name == name) {
-        return Ok(Kind::Sub(index));
+        return Ok(FieldType::Sub(index));
     }
     let subs = parts.substructures.iter().map(|sub| format!(", {}", sub.name)).collect();
     Err(sources.error(place, Reason::UnknownType(name.to_owned(), subs)))
@@ -193,13 +193,13 @@ fn short_name(name: &str) -> Option<&str> {
 }
 
 /// Checks that the short name of the data type agrees with the type.
-fn prefix(sources: &Sources, place: SourcePlace, name: &str, kind: Kind) -> Result<(), Error> {
+fn prefix(sources: &Sources, place: SourcePlace, name: &str, kind: FieldType) -> Result<(), Error> {
     let Some(prefix) = short_name(name) else { return Ok(()) };
     if prefix == "a" {
         return Err(sources.error(place, Reason::ArrayPrefix(name.to_owned())));
     }
     let (expected, found) = match kind {
-        Kind::Scalar(scalar) => (scalar.prefix(), scalar.name()),
+        FieldType::Scalar(scalar) => (scalar.prefix(), scalar.name()),
         _ => ("", "a sub-structure"),
     };
     if prefix == expected {

@@ -13,13 +13,13 @@ pub(crate) struct Top {
     /// The family, with the number of its file.
     pub family: Option<(usize, raw::Family)>,
     /// Files with meanings, sub-structures and blocks; the family's first.
-    pub parts: Vec<Named>,
+    pub parts: Vec<FileReference>,
     /// Files with a structure each; the family's first.
-    pub structures: Vec<Named>,
+    pub structures: Vec<FileReference>,
 }
 
 /// A file that another one names.
-pub(crate) struct Named {
+pub(crate) struct FileReference {
     /// Name in the form that [`Sources::parse`] takes.
     pub path: String,
     /// Place of the name.
@@ -50,7 +50,7 @@ pub(crate) fn read(sources: &mut Sources) -> Result<Top, Error> {
 /// Reads the family in the directory of `sources`, as if it were a device without areas.
 pub(crate) fn read_family(
     sources: &mut Sources,
-) -> Result<(usize, raw::Family, Vec<Named>, Vec<Named>), Error> {
+) -> Result<(usize, raw::Family, Vec<FileReference>, Vec<FileReference>), Error> {
     let (file, family): (usize, raw::Family) = sources.parse("family.toml", None)?;
     let (parts, structures) = lists(file, "", &family.parts, &family.structures);
     Ok((file, family, parts, structures))
@@ -61,8 +61,8 @@ fn lists(
     dir: &str,
     parts: &[Spanned<String>],
     structures: &[Spanned<String>],
-) -> (Vec<Named>, Vec<Named>) {
-    let named = |name: &Spanned<String>, end: &str| Named {
+) -> (Vec<FileReference>, Vec<FileReference>) {
+    let named = |name: &Spanned<String>, end: &str| FileReference {
         path: format!("{dir}{}{end}", name.get_ref()),
         at: at(file, name.span()),
         shared: !dir.is_empty(),

@@ -19,7 +19,7 @@ use crate::model::{Device, Structure};
 use crate::objects;
 use crate::raw;
 use crate::source::{SourcePlace, Sources, at};
-use files::{Named, Top};
+use files::{FileReference, Top};
 use std::collections::BTreeMap;
 
 /// Everything structures refer to by name.
@@ -154,7 +154,7 @@ impl Parts {
     fn read_parts<'a>(
         &mut self,
         sources: &mut Sources,
-        files: &[Named],
+        files: &[FileReference],
         manual_of: impl Fn(bool) -> &'a str,
     ) -> Result<(), Error> {
         let mut read = Vec::new();
@@ -192,7 +192,7 @@ impl Parts {
         Ok(())
     }
 
-    fn read_structures(&mut self, sources: &mut Sources, files: &[Named]) -> Result<(), Error> {
+    fn read_structures(&mut self, sources: &mut Sources, files: &[FileReference]) -> Result<(), Error> {
         for named in files {
             let (file, raw): (usize, raw::Structure) = sources.parse(&named.path, Some(named.at))?;
             self.types.add(sources, file, &raw.name)?;

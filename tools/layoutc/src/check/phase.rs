@@ -2,7 +2,7 @@
 
 use super::Names;
 use crate::error::{Error, Reason};
-use crate::model::{ALWAYS, AreaStructure, Kind, Phase, Phases, Structure};
+use crate::model::{ALWAYS, AreaStructure, FieldType, Phase, Phases, Structure};
 use crate::raw;
 use crate::source::{Sources, at};
 use toml::Spanned;
@@ -89,7 +89,7 @@ pub(super) fn check_register(
     let found = |structure: &Structure| {
         let field = structure.fields.iter().find(|field| field.name == *register)?;
         match field.kind {
-            Kind::Scalar(scalar) if field.dims.is_empty() => Some((field.offset, scalar)),
+            FieldType::Scalar(scalar) if field.dims.is_empty() => Some((field.offset, scalar)),
             _ => None,
         }
     };

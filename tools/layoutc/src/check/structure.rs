@@ -4,7 +4,7 @@ use super::field::{self, LocatedField};
 use super::view;
 use super::{Names, Parts};
 use crate::error::{Error, Reason};
-use crate::model::{Field, Kind, Structure};
+use crate::model::{Field, FieldType, Structure};
 use crate::raw;
 use crate::source::{Sources, at};
 
@@ -115,10 +115,10 @@ fn add(
     Ok(())
 }
 
-fn type_name(kind: Kind, subs: &[Structure]) -> &str {
+fn type_name(kind: FieldType, subs: &[Structure]) -> &str {
     match kind {
-        Kind::Scalar(scalar) => scalar.name(),
-        Kind::Sub(index) => &subs[index].name,
-        Kind::Padding(_) => "padding",
+        FieldType::Scalar(scalar) => scalar.name(),
+        FieldType::Sub(index) => &subs[index].name,
+        FieldType::Padding(_) => "padding",
     }
 }

@@ -3,7 +3,7 @@
 use super::tables::{provenance, static_name};
 use super::text::doc;
 use crate::gsd::{Gsd, Key, Value};
-use crate::model::{Device, Field, Kind};
+use crate::model::{Device, Field, FieldType};
 use std::fmt::Write;
 
 /// The table, in the module of descriptors.
@@ -66,12 +66,12 @@ pub(crate) fn emit(out: &mut String, device: &Device) {
 fn register(device: &Device, (structure, name): &(usize, String)) -> String {
     let structure = &device.structures[*structure];
     let registers = |field: &Field| match field.kind {
-        Kind::Scalar(_) => 1,
-        Kind::Sub(index) => {
+        FieldType::Scalar(_) => 1,
+        FieldType::Sub(index) => {
             let members = device.substructures[index].fields.iter();
-            members.filter(|member| matches!(member.kind, Kind::Scalar(_))).count()
+            members.filter(|member| matches!(member.kind, FieldType::Scalar(_))).count()
         }
-        Kind::Padding(_) => 0,
+        FieldType::Padding(_) => 0,
     };
     let before = structure.fields.iter().take_while(|field| field.name != *name);
     format!("&{}.registers[{}]", static_name(&structure.name), before.map(registers).sum::<usize>())

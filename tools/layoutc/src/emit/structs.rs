@@ -1,7 +1,7 @@
 //! Typed views: structs of register cells.
 
 use super::text::{cell_type, doc, field_doc, field_type};
-use crate::model::{Device, Field, Kind, Structure};
+use crate::model::{Device, Field, FieldType, Structure};
 use std::fmt::Write;
 
 pub(crate) fn emit(out: &mut String, device: &Device) {
@@ -109,13 +109,13 @@ fn emit_methods(out: &mut String, structure: &Structure) {
 
 /// Expression that copies `place`, an array of `dims` dimensions.
 fn load(field: &Field, place: &str, dims: usize) -> String {
-    if let Kind::Padding(_) = field.kind {
+    if let FieldType::Padding(_) = field.kind {
         return format!("core::array::from_fn(|i| {place}[i].load())");
     }
     match dims {
         0 => match field.kind {
-            Kind::Sub(_) => format!("{place}.snapshot()"),
-            Kind::Scalar(scalar) if scalar.width() > 1 => format!("{place}.load().into()"),
+            FieldType::Sub(_) => format!("{place}.snapshot()"),
+            FieldType::Scalar(scalar) if scalar.width() > 1 => format!("{place}.load().into()"),
             _ => format!("{place}.load()"),
         },
         n => {
@@ -128,11 +128,11 @@ fn load(field: &Field, place: &str, dims: usize) -> String {
 /// Statement that writes the reset value into all elements.
 fn store(field: &Field) -> String {
     let place = format!("self.{}", field.name);
-    if let Kind::Padding(_) = field.kind {
+    if let FieldType::Padding(_) = field.kind {
         return format!("for cell in &{place} {{ cell.store(0); }}");
     }
     let one = |place: &str| match field.kind {
-        Kind::Sub(_) => format!("{place}.reset_from(0);"),
+        FieldType::Sub(_) => format!("{place}.reset_from(0);"),
         _ => format!("{place}.store({});", field.reset),
     };
     match field.dims.len() {

@@ -2,8 +2,8 @@
 
 use crate::model;
 use crate::model::{
-    Area, AreaStructure, Bit, Device, Field, Front, Kind, Letter, Meaning, Object, Owner, Port, Provenance,
-    Space, Structure, Unit,
+    Area, AreaStructure, Bit, Device, Field, FieldType, Front, Letter, Meaning, Object, Owner, Port,
+    Provenance, Space, Structure, Unit,
 };
 use crate::objects::Value;
 use std::collections::BTreeSet;
@@ -64,7 +64,7 @@ fn described(out: &mut String, device: &Device, meanings: &BTreeSet<usize>) {
 fn used_meanings(device: &Device) -> BTreeSet<usize> {
     let own = device.structures.iter().filter(|structure| !structure.shared);
     let fields = own.flat_map(|structure| &structure.fields).flat_map(|field| match field.kind {
-        Kind::Sub(index) => device.substructures[index].fields.as_slice(),
+        FieldType::Sub(index) => device.substructures[index].fields.as_slice(),
         _ => std::slice::from_ref(field),
     });
     let front = device.front.iter().filter_map(|word| word.meaning);
@@ -235,7 +235,7 @@ fn front_field(word: &Front, ours: &Provenance) -> Field {
         name: name.clone(),
         view_name: String::new(),
         offset: *offset,
-        kind: Kind::Scalar(*scalar),
+        kind: FieldType::Scalar(*scalar),
         dims: Vec::new(),
         used: Vec::new(),
         array_type: String::new(),
@@ -285,15 +285,15 @@ fn emit_structure(out: &mut String, device: &Device, structure: &Structure) {
     );
     for field in &structure.fields {
         match field.kind {
-            Kind::Scalar(_) => emit_register(out, device, None, field),
-            Kind::Sub(index) => {
+            FieldType::Scalar(_) => emit_register(out, device, None, field),
+            FieldType::Sub(index) => {
                 for member in &device.substructures[index].fields {
-                    if matches!(member.kind, Kind::Scalar(_)) {
+                    if matches!(member.kind, FieldType::Scalar(_)) {
                         emit_register(out, device, Some(field), member);
                     }
                 }
             }
-            Kind::Padding(_) => {}
+            FieldType::Padding(_) => {}
         }
     }
     out.push_str("        ],\n    };\n\n");
@@ -301,11 +301,11 @@ fn emit_structure(out: &mut String, device: &Device, structure: &Structure) {
 
 /// `field` of the structure itself or, with `group`, of the sub-structure that `group` is.
 fn emit_register(out: &mut String, device: &Device, group: Option<&Field>, field: &Field) {
-    let Kind::Scalar(scalar) = field.kind else { return };
+    let FieldType::Scalar(scalar) = field.kind else { return };
     let mut dims = group.map_or(Vec::new(), |group| dims(device, group));
     let group_dims = dims.len();
     let group_type = group.and_then(|group| match group.kind {
-        Kind::Sub(index) => device.substructures.get(index),
+        FieldType::Sub(index) => device.substructures.get(index),
         _ => None,
     });
     dims.extend(self::dims(device, field));

@@ -1,6 +1,6 @@
 //! Pieces of source text.
 
-use crate::model::{Device, Field, Kind, Provenance, Scalar};
+use crate::model::{Device, Field, FieldType, Provenance, Scalar};
 
 /// One documentation line per line of `text`, each starting with `indent`.
 pub(crate) fn doc(indent: &str, text: &str) -> String {
@@ -48,9 +48,9 @@ pub(crate) fn field_type(
     scalar: fn(Scalar) -> &'static str,
 ) -> String {
     let element = match field.kind {
-        Kind::Scalar(kind) => scalar(kind).to_owned(),
-        Kind::Sub(index) => device.substructures[index].name.clone(),
-        Kind::Padding(bytes) => return format!("[{byte}; {bytes}]"),
+        FieldType::Scalar(kind) => scalar(kind).to_owned(),
+        FieldType::Sub(index) => device.substructures[index].name.clone(),
+        FieldType::Padding(bytes) => return format!("[{byte}; {bytes}]"),
     };
     field.dims.iter().rev().fold(element, |inner, n| format!("[{inner}; {n}]"))
 }

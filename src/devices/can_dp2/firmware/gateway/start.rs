@@ -2,7 +2,7 @@
 
 use super::{Gateway, SYNC, Setup, frame};
 use crate::can::{Frame, Payload};
-use crate::devices::can_dp2::firmware::modules::Kind;
+use crate::devices::can_dp2::firmware::modules::ModuleFunction;
 use crate::devices::can_dp2::firmware::parameters::Role;
 use crate::devices::can_dp2::registers::values::can_state;
 use crate::devices::canopen::nmt::Command;
@@ -37,7 +37,7 @@ impl Gateway {
     pub(super) fn send_outputs(&mut self, now: u64) {
         let Some(Setup { parameters, configuration, outputs, .. }) = &self.setup else { return };
         let of_outputs = configuration.modules.iter().filter_map(|module| match module.kind {
-            Kind::Output { id, .. } => {
+            ModuleFunction::Output { id, .. } => {
                 frame(id, module, outputs.get(module.range())?, parameters.has_tx_counter())
             }
             _ => None,
@@ -52,7 +52,7 @@ impl Gateway {
         let Some(Setup { parameters, configuration, .. }) = &self.setup else { return };
         let counter = usize::from(parameters.has_rx_counter());
         let of_inputs = configuration.modules.iter().filter_map(|module| match module.kind {
-            Kind::Input { id, is_frozen: false } if parameters.has_rtr() => {
+            ModuleFunction::Input { id, is_frozen: false } if parameters.has_rtr() => {
                 Frame::remote(id, module.length - counter)
             }
             _ => None,

@@ -1,16 +1,16 @@
 //! Segments of a page: the modules of a configuration in page mode, without identifiers (p. 50-54).
 
-use super::{CfgError, CfgFault, Configuration, Kind, Module, RawModule, WINDOW};
+use super::{CfgError, CfgFault, Configuration, Module, ModuleFunction, RawModule, WINDOW};
 use crate::devices::can_dp2::firmware::pages::Pages;
 use crate::devices::can_dp2::firmware::parameters::Parameters;
 use crate::devices::can_dp2::page::{HEAD, MARK, RECORD, SEGMENT};
 use core::ops::Range;
 
 /// Returns the kind of a module without an identifier; a module with an identifier is not a segment.
-pub(super) fn kind(written: &RawModule<'_>) -> Result<Kind, CfgError> {
+pub(super) fn kind(written: &RawModule<'_>) -> Result<ModuleFunction, CfgError> {
     match (written.comment, written.is_input) {
-        ([], true) => Ok(Kind::PageInput),
-        ([], false) => Ok(Kind::PageOutput),
+        ([], true) => Ok(ModuleFunction::PageInput),
+        ([], false) => Ok(ModuleFunction::PageOutput),
         _ => Err(CfgError::Identifier),
     }
 }
@@ -27,20 +27,24 @@ impl Configuration {
             && one.kind != other.kind
         {
             for module in [one, other] {
-                let is_input = module.kind == Kind::PageInput;
-                module.kind = if is_input { Kind::WindowInput } else { Kind::WindowOutput };
+                let is_input = module.kind == ModuleFunction::PageInput;
+                module.kind =
+                    if is_input { ModuleFunction::WindowInput } else { ModuleFunction::WindowOutput };
             }
         }
         let last = self.modules.len().saturating_sub(1);
         let wrong = |module: usize, error| CfgFault { module: module as u8, error };
         let numbered = || self.modules.iter().enumerate();
-        let is_segment = |module: &Module| matches!(module.kind, Kind::PageInput | Kind::PageOutput);
+        let is_segment =
+            |module: &Module| matches!(module.kind, ModuleFunction::PageInput | ModuleFunction::PageOutput);
         if let Some((early, _)) = numbered().find(|(_, module)| module.is_window())
             && numbered().skip(early).any(|(_, module)| is_segment(module))
         {
             return Err(wrong(early, CfgError::Identifier));
         }
-        for (kind, least) in [(Kind::PageInput, SEGMENT), (Kind::PageOutput, HEAD + RECORD + MARK)] {
+        for (kind, least) in
+            [(ModuleFunction::PageInput, SEGMENT), (ModuleFunction::PageOutput, HEAD + RECORD + MARK)]
+        {
             let own: Vec<_> = numbered().filter(|(_, module)| module.kind == kind).collect();
             let before = own.split_last().map_or(&[][..], |(_, before)| before);
             if let Some((number, _)) = before.iter().find(|(_, module)| module.length != SEGMENT) {
@@ -55,10 +59,10 @@ impl Configuration {
 
     /// Returns the pages, if the configuration has any.
     pub(in crate::devices::can_dp2) fn pages(&self) -> Option<Pages> {
-        let segments = |kind: Kind| -> Vec<Range<usize>> {
+        let segments = |kind: ModuleFunction| -> Vec<Range<usize>> {
             self.modules.iter().filter(|module| module.kind == kind).map(Module::range).collect()
         };
-        let (outputs, inputs) = (segments(Kind::PageOutput), segments(Kind::PageInput));
+        let (outputs, inputs) = (segments(ModuleFunction::PageOutput), segments(ModuleFunction::PageInput));
         (!outputs.is_empty()).then(|| Pages::new(outputs, inputs))
     }
 }

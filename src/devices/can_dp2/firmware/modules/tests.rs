@@ -33,7 +33,7 @@ fn standard(id: u16) -> Id {
 
 #[test]
 fn modules_of_the_manual() {
-    let output = |id, cycle_ms| Kind::Output { id, cycle_ms };
+    let output = |id, cycle_ms| ModuleFunction::Output { id, cycle_ms };
     let extended: Id = ExtendedId::new(0x12_3456).unwrap().into();
     for (octets, kind, length, form) in [
         (&[0x83, 5, 2, 3, 0][..], output(standard(0x203), 0), 6, 0),
@@ -41,9 +41,14 @@ fn modules_of_the_manual() {
         (&[0x85, 0x87, 3, 9, 0xB8, 3, 0xE8], output(standard(0x309), 1000), 8, 0xB8),
         (&[0x85, 0x87, 0x20, 0x12, 0x34, 0x56, 0xB8], output(extended, 0), 8, 0xB8),
         (&[0x87, 0x87, 0x20, 0x12, 0x34, 0x56, 0xB8, 3, 0xE8], output(extended, 1000), 8, 0xB8),
-        (&[0x43, 0x85, 2, 0x89, 0xB8], Kind::Input { id: standard(0x289), is_frozen: false }, 6, 0xB8),
-        (&[0x83, 0x80, 7, 0xF8, 0], Kind::Dummy, 1, 0),
-        (&[0x43, 0x8F, 0xFF, 0xEF, 0], Kind::WindowInput, 16, 0),
+        (
+            &[0x43, 0x85, 2, 0x89, 0xB8],
+            ModuleFunction::Input { id: standard(0x289), is_frozen: false },
+            6,
+            0xB8,
+        ),
+        (&[0x83, 0x80, 7, 0xF8, 0], ModuleFunction::Dummy, 1, 0),
+        (&[0x43, 0x8F, 0xFF, 0xEF, 0], ModuleFunction::WindowInput, 16, 0),
     ] {
         let module = only(octets);
         assert_eq!((module.kind, module.length, module.form), (kind, length, form), "{octets:02X?}");
@@ -51,7 +56,7 @@ fn modules_of_the_manual() {
     let window = read(&[0x85, 0x8F, 0xFF, 0xEF, 0, 3, 0xE8]).unwrap();
     assert_eq!(
         (window.modules[0].kind, window.sync_ms, window.outputs),
-        (Kind::WindowOutput, Some(1000), 16)
+        (ModuleFunction::WindowOutput, Some(1000), 16)
     );
 }
 
@@ -108,7 +113,7 @@ fn a_later_input_takes_the_identifier_over() {
     let frozen: Vec<bool> = twice
         .modules
         .iter()
-        .map(|module| matches!(module.kind, Kind::Input { is_frozen: true, .. }))
+        .map(|module| matches!(module.kind, ModuleFunction::Input { is_frozen: true, .. }))
         .collect();
     assert_eq!(frozen, [true, false, false]);
 }

@@ -12,7 +12,7 @@ use core::fmt;
 
 /// A frame of CANsync. Its [`Display`](fmt::Display) is one line for a trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Decoded {
+pub enum DecodedFrame {
     /// Reference values of the master.
     ReferenceValue {
         /// WRC1 or WRC2.
@@ -73,57 +73,59 @@ pub const fn is_up_download(payload: &Payload) -> bool {
 ///
 /// # Errors
 /// [`CodecError::ForeignIdentifier`], or the error in the data of a known frame.
-pub const fn decode(frame: &Frame) -> Result<Decoded, CodecError> {
+pub const fn decode(frame: &Frame) -> Result<DecodedFrame, CodecError> {
     let Some(kind) = frame.kind() else {
         return Err(CodecError::ForeignIdentifier(frame.id()));
     };
     let payload = frame.payload();
     match kind {
         FrameKind::ReferenceValue(channel, asked) => {
-            Ok(Decoded::ReferenceValue { channel, asked, payload: *payload })
+            Ok(DecodedFrame::ReferenceValue { channel, asked, payload: *payload })
         }
         FrameKind::ActualValue(channel, slave) => {
-            Ok(Decoded::ActualValue { channel, slave, payload: *payload })
+            Ok(DecodedFrame::ActualValue { channel, slave, payload: *payload })
         }
         FrameKind::Action => match ActionCommand::decode(payload) {
-            Ok(command) => Ok(Decoded::Action(command)),
+            Ok(command) => Ok(DecodedFrame::Action(command)),
             Err(error) => Err(error),
         },
         FrameKind::Job(slave) if is_up_download(payload) => match UpDownJob::decode(payload) {
-            Ok(job) => Ok(Decoded::UpDownJob { slave, job }),
+            Ok(job) => Ok(DecodedFrame::UpDownJob { slave, job }),
             Err(error) => Err(error),
         },
         FrameKind::Job(slave) => match ParameterJob::decode(payload) {
-            Ok(job) => Ok(Decoded::ParameterJob { slave, job }),
+            Ok(job) => Ok(DecodedFrame::ParameterJob { slave, job }),
             Err(error) => Err(error),
         },
         FrameKind::Response(slave) if is_up_download(payload) => {
             match UpDownResponse::decode_alone(payload) {
-                Ok(response) => Ok(Decoded::UpDownResponse { slave, response }),
+                Ok(response) => Ok(DecodedFrame::UpDownResponse { slave, response }),
                 Err(error) => Err(error),
             }
         }
         FrameKind::Response(slave) => match ParameterResponse::decode_alone(payload) {
-            Ok(response) => Ok(Decoded::ParameterResponse { slave, response }),
+            Ok(response) => Ok(DecodedFrame::ParameterResponse { slave, response }),
             Err(error) => Err(error),
         },
     }
 }
 
-impl fmt::Display for Decoded {
+impl fmt::Display for DecodedFrame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Decoded::ReferenceValue { channel, asked, payload } => {
+            DecodedFrame::ReferenceValue { channel, asked, payload } => {
                 write!(f, "WRC{} -> answer by slave {asked}: {}", channel.number(), Words(payload))
             }
-            Decoded::ActualValue { channel, slave, payload } => {
+            DecodedFrame::ActualValue { channel, slave, payload } => {
                 write!(f, "RDC{} of slave {slave}: {}", channel.number(), Words(payload))
             }
-            Decoded::Action(command) => write!(f, "CC {command}"),
-            Decoded::ParameterJob { slave, job } => write!(f, "CC to slave {slave}: {job}"),
-            Decoded::ParameterResponse { slave, response } => write!(f, "RC of slave {slave}: {response}"),
-            Decoded::UpDownJob { slave, job } => write!(f, "CC to slave {slave}: {job}"),
-            Decoded::UpDownResponse { slave, response } => write!(f, "RC of slave {slave}: {response}"),
+            DecodedFrame::Action(command) => write!(f, "CC {command}"),
+            DecodedFrame::ParameterJob { slave, job } => write!(f, "CC to slave {slave}: {job}"),
+            DecodedFrame::ParameterResponse { slave, response } => {
+                write!(f, "RC of slave {slave}: {response}")
+            }
+            DecodedFrame::UpDownJob { slave, job } => write!(f, "CC to slave {slave}: {job}"),
+            DecodedFrame::UpDownResponse { slave, response } => write!(f, "RC of slave {slave}: {response}"),
         }
     }
 }

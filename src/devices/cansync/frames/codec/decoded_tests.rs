@@ -81,19 +81,19 @@ fn errors_name_the_right_form() {
 }
 
 /// Encodes a decoded frame again.
-fn encode(decoded: &Decoded) -> Frame {
+fn encode(decoded: &DecodedFrame) -> Frame {
     match *decoded {
-        Decoded::ReferenceValue { channel, asked, payload } => {
+        DecodedFrame::ReferenceValue { channel, asked, payload } => {
             Frame::of(FrameKind::ReferenceValue(channel, asked), payload)
         }
-        Decoded::ActualValue { channel, slave, payload } => {
+        DecodedFrame::ActualValue { channel, slave, payload } => {
             Frame::of(FrameKind::ActualValue(channel, slave), payload)
         }
-        Decoded::Action(command) => command.frame(),
-        Decoded::ParameterJob { slave, job } => job.frame(slave),
-        Decoded::ParameterResponse { slave, response } => response.frame(slave),
-        Decoded::UpDownJob { slave, job } => job.frame(slave),
-        Decoded::UpDownResponse { slave, response } => response.frame(slave),
+        DecodedFrame::Action(command) => command.frame(),
+        DecodedFrame::ParameterJob { slave, job } => job.frame(slave),
+        DecodedFrame::ParameterResponse { slave, response } => response.frame(slave),
+        DecodedFrame::UpDownJob { slave, job } => job.frame(slave),
+        DecodedFrame::UpDownResponse { slave, response } => response.frame(slave),
     }
 }
 

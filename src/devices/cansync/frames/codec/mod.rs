@@ -12,7 +12,7 @@ pub mod process;
 pub mod updown;
 
 pub use action::{Action, ActionCommand};
-pub use decoded::{Decoded, decode, is_up_download};
+pub use decoded::{DecodedFrame, decode, is_up_download};
 pub use error::CodecError;
 pub use parameter::{Access, ParameterJob, ParameterResponse, ParameterResult};
 pub use process::{Built, FrameConfig, WordConfig};

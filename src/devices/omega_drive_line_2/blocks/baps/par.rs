@@ -1,6 +1,6 @@
 //! `BAPS_PAR_READ`, `BAPS_PAR_WRITE`: parameter jobs to the own drive (p. 93-98).
 
-use super::service_data::{BAPS_BMSTRUCT, Client, Job, Kind};
+use super::service_data::{BAPS_BMSTRUCT, Client, Job, JobKind};
 use crate::devices::cansync::registers::values::par_element;
 use crate::devices::omega_drive_line_2::registers::values::baps_result;
 use crate::plc::{Shared, function_block};
@@ -43,7 +43,7 @@ impl BAPS_PAR_READ {
     /// Runs one PLC cycle.
     pub fn call(&mut self, _BAPS_SD_DATA: &mut BAPS_BMSTRUCT) {
         let (number, element) = (self.u_PAR_NR, self.us_PAR_ELEMENT);
-        let job = |ticket| Job { ticket, kind: Kind::Read, number, element, doubleword: false, value: 0 };
+        let job = |ticket| Job { ticket, kind: JobKind::Read, number, element, doubleword: false, value: 0 };
         let outcome = self.internal.step(_BAPS_SD_DATA, [self.x_EN, self.x_RESET], job);
         let Some((busy, answered)) = outcome.shown() else { return };
         let answer = answered.unwrap_or_default();
@@ -97,7 +97,7 @@ impl BAPS_PAR_WRITE {
         let (number, doubleword, value) = (self.u_PAR_NR, self.x_PAR_FORMAT, self.ud_PAR_VALUE);
         let job = |ticket| Job {
             ticket,
-            kind: Kind::Write,
+            kind: JobKind::Write,
             number,
             element: par_element::VALUE,
             doubleword,

@@ -1,6 +1,6 @@
 //! `BAPS_SD_CONTROL`: carries out the jobs of `BAPS_PAR_READ` and `BAPS_PAR_WRITE` (p. 118-120).
 
-use super::service_data::{Answer, BAPS_BMSTRUCT, Job, Kind, Stage};
+use super::service_data::{Answer, BAPS_BMSTRUCT, Job, JobKind, Stage};
 use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
 use crate::devices::omega_drive_line_2::registers::values::{
     baps_job, baps_result,
@@ -72,8 +72,8 @@ impl BAPS_SD_CONTROL {
             _BASE.b_MA_SEMAPHORE.store(IDLE);
             self.internal = Phase::Locked;
             return self.show(match kind {
-                Kind::Read => error::READ_DISTURBED,
-                Kind::Write => error::WRITE_DISTURBED,
+                JobKind::Read => error::READ_DISTURBED,
+                JobKind::Write => error::WRITE_DISTURBED,
             });
         }
         if let (Phase::Idle, Stage::Entered(_)) = (self.internal, _BAPS_SD_DATA.stage) {
@@ -143,8 +143,8 @@ fn write_job(base: &BAPS_CTRL_BMSTRUCT, job: &Job) {
     base.us_PAR_ELEMENT.store(job.element);
     base.us_NUMBER.store(1);
     let code = match job.kind {
-        Kind::Read => baps_job::READ,
-        Kind::Write => {
+        JobKind::Read => baps_job::READ,
+        JobKind::Write => {
             base.b_PAR_FORMAT.store(job.doubleword.into());
             base.ud_PAR_VALUE.store(job.value);
             baps_job::WRITE

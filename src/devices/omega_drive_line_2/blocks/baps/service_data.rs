@@ -20,14 +20,14 @@ pub(super) enum Stage {
     /// `BAPS_SD_CONTROL` has answered it.
     Answered(Job, Answer),
     /// The block that has entered it has dropped it.
-    Dropped(Kind),
+    Dropped(JobKind),
 }
 
 /// A parameter job.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Job {
     pub(super) ticket: u32,
-    pub(super) kind: Kind,
+    pub(super) kind: JobKind,
     pub(super) number: u16,
     pub(super) element: u8,
     pub(super) doubleword: bool,
@@ -35,7 +35,7 @@ pub(super) struct Job {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum JobKind {
     Read,
     Write,
 }
@@ -155,7 +155,7 @@ mod tests {
     use super::*;
 
     fn job(ticket: u32) -> Job {
-        Job { ticket, kind: Kind::Write, number: 1, element: 1, doubleword: false, value: 0 }
+        Job { ticket, kind: JobKind::Write, number: 1, element: 1, doubleword: false, value: 0 }
     }
 
     const CALL: [bool; 2] = [true, false];
@@ -182,7 +182,7 @@ mod tests {
         running.step(&mut shared, RESET, job);
         assert!(matches!(shared.stage, Stage::Entered(Job { ticket: 2, .. })), "{:?}", shared.stage);
         other.step(&mut shared, RESET, job);
-        assert!(matches!(shared.stage, Stage::Dropped(Kind::Write)), "{:?}", shared.stage);
+        assert!(matches!(shared.stage, Stage::Dropped(JobKind::Write)), "{:?}", shared.stage);
     }
 
     #[test]

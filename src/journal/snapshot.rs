@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 /// A history: numbers and times of records are comparable within one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Turn {
+pub struct HistoryId {
     /// Count of returns to an earlier moment or to a snapshot; wraps around after 65535.
     pub number: u16,
     /// The first record after the last return. Earlier records were already there.
@@ -79,7 +79,7 @@ impl Journal {
     ) -> Result<(), Damaged> {
         let end;
         (end, self.next_look, self.written) = from.value()?;
-        self.turn = Turn { number: self.turn.number.wrapping_add(1), begin: end };
+        self.turn = HistoryId { number: self.turn.number.wrapping_add(1), begin: end };
         self.ring.begin_at(end, goes_back);
         self.tally.restore(from, catalogue)?;
         self.requests.restore(from)?;
@@ -97,7 +97,7 @@ impl Journal {
 
     /// Which history its records are of.
     #[must_use]
-    pub fn turn(&self) -> Turn {
+    pub fn turn(&self) -> HistoryId {
         self.turn
     }
 

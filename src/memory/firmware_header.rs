@@ -8,12 +8,12 @@ use super::{Cell32, Header, View};
 use core::ops::Deref;
 
 /// The header page, for firmware. It dereferences to the page that programs see.
-pub struct Face {
+pub struct FirmwareHeader {
     shown: View<Header>,
     asked: View<Header>,
 }
 
-impl Deref for Face {
+impl Deref for FirmwareHeader {
     type Target = Header;
 
     #[inline]
@@ -22,9 +22,9 @@ impl Deref for Face {
     }
 }
 
-impl Face {
+impl FirmwareHeader {
     pub(super) fn new(shown: View<Header>, asked: View<Header>) -> Self {
-        Face { shown, asked }
+        FirmwareHeader { shown, asked }
     }
 
     /// The page with everything that programs write: switches, requests, the state of a program.

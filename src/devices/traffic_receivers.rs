@@ -7,9 +7,9 @@ use std::sync::Arc;
 /// The guests that hear the traffic of a bus. Snapshots contain none: a restored bus has no guests until they are
 /// connected again.
 #[derive(Default)]
-pub(crate) struct Ears(Vec<Arc<Guest>>);
+pub(crate) struct TrafficReceivers(Vec<Arc<Guest>>);
 
-impl Ears {
+impl TrafficReceivers {
     /// Sets or removes the receiver of the messages for guest number `guest`.
     pub(crate) fn set(&mut self, guest: u8, ear: Option<Arc<Guest>>) {
         self.0.retain(|known| known.number != guest);
@@ -45,7 +45,7 @@ mod tests {
     #[test]
     fn a_guest_hears_others_while_it_has_an_ear() {
         let guests = [1, 2].map(|number| Guest::of_a_test(BusIndex(0), number));
-        let mut ears = Ears::default();
+        let mut ears = TrafficReceivers::default();
         let said = || BusMessage::burst(vec![0xE5]);
         ears.send(1, None, said);
         for guest in &guests {
