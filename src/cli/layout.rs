@@ -64,7 +64,8 @@ struct CheckArgs {
 /// Import offsets from declarations of IEC 61131-3 that were exported from the vendor's library.
 ///
 /// Structures are identified by their names, registers by their names and the names of the sub-structures that
-/// contain them. The type names of sub-structures are ignored. A structure stays unchanged if one of its registers
+/// contain them. The type names of sub-structures are ignored. Several files are read as one: each can use types and
+/// constants of the others. Programs, function blocks and variables in the files are skipped. A structure stays unchanged if one of its registers
 /// is missing or has another width or other array bounds. Bytes of members that the layout does not contain become
 /// padding. Afterwards commram must be rebuilt.
 #[derive(clap::Args)]
@@ -73,6 +74,7 @@ Examples:
   commram layout import BM_TYPES.st --check
   commram layout import BM_TYPES.st --align 2 --format json
   commram layout import BM_TYPES.st --called STRUCTURE.a_RD_BMARRAY=a_RD_VALUE
+  commram layout import DUTs/*.TcDUT GVLs/*.TcGVL --check
 
 Verdicts:
   moved       at another offset; a structure: with another size
@@ -92,9 +94,9 @@ Exit codes:
      library of another device has confirmed other offsets; with --check: changes are needed
   2  wrong use, or a file does not parse")]
 struct ImportArgs {
-    /// The declarations: TYPE ... STRUCT ... END_STRUCT; END_TYPE
-    #[arg(value_name = "DECLARATION.st")]
-    declaration: PathBuf,
+    /// The declarations: TYPE ... STRUCT ... END_STRUCT; END_TYPE, PLCopen XML, or objects of TwinCAT
+    #[arg(value_name = "DECLARATIONS", required = true)]
+    declarations: Vec<PathBuf>,
     /// The layout to change [default: that of the device in `layouts`]
     #[arg(long, value_name = "DIR")]
     layout: Option<PathBuf>,
@@ -219,9 +221,7 @@ impl Row for LayoutVerdict {
 }
 
 fn import(args: &ImportArgs) -> Result<(), CliError> {
-    // One byte more than allowed shows that the file is too long.
-    let found = input_file::read_bytes(&args.declaration, MAX_BYTES + 1);
-    let declarations = Declarations::read(&args.declaration, found).map_err(ImportError::from)?;
+    let declarations = read(&args.declarations)?;
     let called = NamePairs::new(args.called.iter().cloned());
     let of_device = || Path::new("layouts").join(args.device.device.name);
     let layout = args.layout.clone().unwrap_or_else(of_device);
@@ -236,15 +236,26 @@ fn import(args: &ImportArgs) -> Result<(), CliError> {
         [] => "all registers have the declared offsets\n".to_owned(),
         rows => table::aligned(rows),
     })?;
-    tell(args, &import);
+    tell(args, &declarations, &import);
     let is_done = import.is_whole() && (!args.check || import.changes_nothing());
     if is_done { Ok(()) } else { Err(CliError::Reported) }
 }
 
+/// Reads the declarations of all files, and reports the parts of them that were skipped.
+fn read(paths: &[PathBuf]) -> Result<Declarations, ImportError> {
+    let mut declarations = Declarations::default();
+    for path in paths {
+        // One byte more than allowed shows that the file is too long.
+        declarations.add(path, input_file::read_bytes(path, MAX_BYTES + 1))?;
+    }
+    declarations.notes().iter().for_each(|note| output::note(note));
+    Ok(declarations)
+}
+
 /// Reports the changed files, and whether this program still has the same register map.
-fn tell(args: &ImportArgs, import: &Import) {
+fn tell(args: &ImportArgs, declarations: &Declarations, import: &Import) {
     if import.is_own_export {
-        let file = args.declaration.display();
+        let file = declarations.title();
         output::note(&format!(
             "{file} is an export of commram, which proves nothing about the device: nothing is changed; import the \
              declarations of the vendor's library"

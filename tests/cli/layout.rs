@@ -401,7 +401,7 @@ fn members_that_cannot_be_imported_are_reported_with_an_exit_code() {
     let broken = Checkout::new(&VENDOR.replace("[1..4]", "[1..N]"));
     assert_eq!(
         broken.import(&[]).fails(2),
-        "commram: TYPES.st:3:28: expected a number as array bound, found `N`\n"
+        "commram: TYPES.st:3:25: `N` is no constant of the given files; add the file that declares it\n"
     );
     let odd = Checkout::new(&VENDOR.replace("a_IP_MASK :", "b : BYTE; a_IP_MASK :"));
     assert_eq!(

@@ -29,6 +29,7 @@ mod hostile_scenarios;
 mod instances;
 mod killed;
 mod layout;
+mod layout_exports;
 mod limits;
 mod messages;
 mod names;

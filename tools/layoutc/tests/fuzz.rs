@@ -11,9 +11,9 @@ use std::path::Path;
 const FIXTURE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixture");
 const MIXED: &str = include_str!("__fuzz__/declarations/corpus/mixed.st");
 
-/// Any text is read or refused; accepted text is laid out, and imported or refused.
-fn read_or_refuse(text: &str) {
-    let Ok(declarations) = Declarations::parse(Path::new("x.st"), text) else { return };
+/// Any file is read or refused; accepted declarations are laid out, and imported or refused.
+fn read_or_refuse(bytes: &[u8]) {
+    let Ok(declarations) = Declarations::read(Path::new("x.st"), Ok(bytes.to_vec())) else { return };
     for alignment in [Alignment::Packed, Alignment::Natural] {
         let mut sizes = Sizes::new(&declarations, alignment);
         for ty in declarations.structures().map(|name| declarations.find(name).unwrap()) {
@@ -29,9 +29,7 @@ fn read_or_refuse(text: &str) {
 #[test]
 fn fuzz_declarations() {
     bolero::check!(name = "declarations").with_iterations(50).for_each(|bytes: &[u8]| {
-        if let Ok(text) = str::from_utf8(bytes) {
-            read_or_refuse(text);
-        }
+        read_or_refuse(bytes);
     });
 }
 
@@ -55,7 +53,7 @@ fn fuzz_layout() {
     });
 }
 
-const PIECES: [&str; 34] = [
+const PIECES: [&str; 54] = [
     "TYPE",
     "END_TYPE",
     "STRUCT",
@@ -88,6 +86,26 @@ const PIECES: [&str; 34] = [
     "(*",
     "*)",
     "{",
+    "}",
+    "'pack_mode' :=",
+    "UNION",
+    "END_UNION",
+    "EXTENDS",
+    "CONSTANT",
+    "FUNCTION",
+    "END_FUNCTION",
+    "NAMESPACE",
+    "POINTER TO",
+    "*",
+    "<project>",
+    "</project>",
+    "<TcPlcObject>",
+    "<dataType name=\"T\">",
+    "<baseType>",
+    "<struct>",
+    "<BYTE/>",
+    "<![CDATA[",
+    "]]>",
     "ä",
     "\n",
 ];
@@ -95,14 +113,14 @@ const PIECES: [&str; 34] = [
 proptest::proptest! {
     #[test]
     fn random_text_is_read_or_refused(text in "\\PC*") {
-        read_or_refuse(&text);
+        read_or_refuse(text.as_bytes());
     }
 
     #[test]
     fn random_words_are_read_or_refused(
         words in proptest::collection::vec(proptest::sample::select(&PIECES[..]), 0..60)
     ) {
-        read_or_refuse(&words.join(" "));
+        read_or_refuse(words.join(" ").as_bytes());
     }
 
     /// One piece of a good declaration replaced by another one comes deeper into the parser.
@@ -112,6 +130,6 @@ proptest::proptest! {
     ) {
         let mut words: Vec<_> = MIXED.split_whitespace().collect();
         words[at] = piece;
-        read_or_refuse(&words.join("\n"));
+        read_or_refuse(words.join("\n").as_bytes());
     }
 }

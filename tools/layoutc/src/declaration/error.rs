@@ -23,6 +23,19 @@ pub struct TextPosition {
     pub column: usize,
 }
 
+impl TextPosition {
+    /// The first character of a text.
+    pub(crate) const BEGIN: Self = Self { line: 1, column: 1 };
+
+    /// Continues behind the character `c`.
+    pub(crate) fn advance(&mut self, c: char) {
+        match c {
+            '\n' => *self = Self { line: self.line + 1, column: 1 },
+            _ => self.column += 1,
+        }
+    }
+}
+
 impl fmt::Display for TextPosition {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "line {}, column {}", self.line, self.column)
@@ -47,11 +60,21 @@ pub enum Wrong {
     Unreadable(String),
     #[error("the file has more than {} MiB", .0 >> 20)]
     TooLong(u64),
-    #[error("this is UTF-16; export the declarations as plain text or UTF-8")]
-    Utf16,
+    #[error("this is no well-formed XML: {0}")]
+    Xml(String),
+    #[error("the elements of this XML are nested more than {0} deep")]
+    DeepXml(usize),
+    #[error(
+        "`{0}` is no XML with declarations; export PLCopen XML, an object of TwinCAT (.TcDUT) or plain text"
+    )]
+    OtherXml(String),
+    #[error("`<{0}>` needs the attribute `{1}`")]
+    NoAttribute(&'static str, &'static str),
+    #[error("`<{0}>` has no type")]
+    NoType(&'static str),
     #[error("`{0}` is not allowed in a declaration")]
     Character(char),
-    #[error("`*)` without a comment before it; comments do not nest")]
+    #[error("`*)` without a comment before it")]
     NoComment,
     #[error("this {0} has no end")]
     Unfinished(&'static str),
@@ -62,13 +85,29 @@ pub enum Wrong {
     #[error("type definitions are nested more than {0} deep")]
     TooDeep(usize),
     #[error("`{0}` is already declared at {1}; names do not distinguish upper and lower case")]
-    Duplicate(String, TextPosition),
+    Duplicate(String, String),
     #[error("`{0}` is no array bound; bounds are whole numbers")]
     BadBound(String),
+    #[error("`{0}` is no constant of the given files; add the file that declares it")]
+    UnknownConstant(String),
+    #[error("the constant `{0}` is declared more than once")]
+    SeveralConstants(String),
+    #[error("the constant `{0}` depends on itself")]
+    CircularConstant(String),
+    #[error("the constant `{0}` depends on others more than {1} deep")]
+    DeepConstant(String, usize),
+    #[error("this expression has more than {0} parts")]
+    LongExpression(usize),
     #[error("the array's bounds {first}..{last} must ascend and hold at most 16777216 elements")]
     Bounds { first: i64, last: i64 },
-    #[error("`{0}` is neither declared in this file nor an elementary type")]
+    #[error(
+        "`{0}` is neither an elementary type nor declared in the given files; add the file that declares it"
+    )]
     UnknownType(String),
+    #[error("`{0}` is no structure of the given files; add the file that declares it")]
+    UnknownBase(String),
+    #[error("this member has an address of its own, which is not read; declare the structure without AT")]
+    OwnAddress,
     #[error("the size of {0} is not fixed by IEC 61131-3, so no offset after it is known")]
     NoSize(String),
     #[error("`{0}` contains itself")]

@@ -20,20 +20,55 @@ pub(crate) enum Token<'a> {
 }
 
 /// A longer symbol comes before a shorter one that is its prefix.
-const SYMBOLS: [&str; 13] = [":=", "..", ":", ";", ",", "(", ")", "[", "]", ".", "+", "-", "#"];
-/// Begin and end of skipped text. Comments do not nest in the standard's editions before the third.
-const SKIPPED: [(&str, &str, &str); 3] =
-    [("(*", "*)", "comment"), ("/*", "*/", "comment"), ("{", "}", "pragma")];
+const SYMBOLS: [&str; 26] = [
+    ":=", "..", "=>", "<=", ">=", "<>", "**", ":", ";", ",", "(", ")", "[", "]", ".", "+", "-", "#", "*",
+    "/", "=", "<", ">", "&", "^", "@",
+];
+/// Begin and end of skipped text. MULTIPROG exports descriptions, in any words, between two comments.
+const SKIPPED: [(&str, &str, &str); 4] = [
+    ("(*@KEY@:DESCRIPTION*)", "(*@KEY@:END_DESCRIPTION*)", "description"),
+    ("(*", "*)", "comment"),
+    ("/*", "*/", "comment"),
+    ("{", "}", "pragma"),
+];
 
 /// Reads the tokens in order.
+#[derive(Clone)]
 pub(crate) struct Lexer<'a> {
     rest: &'a str,
     place: TextPosition,
+    /// Whether `(*` in a comment begins another one: so in the third edition of the standard, not in those before. It does as
+    /// long as every comment has an end then.
+    nests: bool,
+    /// The alignment of the last `{attribute 'pack_mode' := '1'}`, which holds for the next structure.
+    pub pack: Option<u32>,
 }
 
 impl<'a> Lexer<'a> {
-    pub(crate) fn new(text: &'a str) -> Self {
-        Self { rest: text, place: TextPosition { line: 1, column: 1 } }
+    /// Begins at `place` of the file.
+    pub(crate) fn new(text: &'a str, place: TextPosition) -> Self {
+        Self { rest: text, place, nests: true, pack: None }
+    }
+
+    /// Continues after the next word `end` outside of comments and strings. Returns false if there is none. The text before it
+    /// is not ours: it can be of any language.
+    pub(crate) fn skip_past(&mut self, end: &str) -> Result<bool, Fault> {
+        loop {
+            self.skip()?;
+            let Some(first) = self.rest.chars().next() else { return Ok(false) };
+            let length = match first {
+                _ if is_name(first) => word_length(self.rest),
+                '\'' | '"' => match string_length(self.rest, first) {
+                    Some(length) => length,
+                    // An apostrophe in a text.
+                    None => self.rest.find('\n').unwrap_or(self.rest.len()),
+                },
+                _ => first.len_utf8(),
+            };
+            if self.take(length).eq_ignore_ascii_case(end) {
+                return Ok(true);
+            }
+        }
     }
 
     /// The next token and where it begins.
@@ -42,7 +77,7 @@ impl<'a> Lexer<'a> {
         let place = self.place;
         let Some(first) = self.rest.chars().next() else { return Ok((place, Token::End)) };
         let token = match first {
-            'A'..='Z' | 'a'..='z' | '_' => Token::Word(self.take(word_length(self.rest))),
+            _ if is_name(first) && !first.is_ascii_digit() => Token::Word(self.take(word_length(self.rest))),
             '0'..='9' => Token::Number(self.take(number_length(self.rest))),
             '%' => {
                 let length = 1 + direct_length(&self.rest[1..]);
@@ -50,15 +85,16 @@ impl<'a> Lexer<'a> {
                 Token::Direct
             }
             '\'' | '"' => {
-                self.string(first)?;
+                let length = string_length(self.rest, first);
+                self.take(length.ok_or((place, Wrong::Unfinished("string")))?);
                 Token::Text
             }
+            _ if self.rest.starts_with("*)") => return Err((place, Wrong::NoComment)),
             _ => match SYMBOLS.iter().find(|symbol| self.rest.starts_with(**symbol)) {
                 Some(symbol) => {
                     self.take(symbol.len());
                     Token::Symbol(symbol)
                 }
-                None if self.rest.starts_with("*)") => return Err((place, Wrong::NoComment)),
                 None => return Err((place, Wrong::Character(first))),
             },
         };
@@ -76,9 +112,15 @@ impl<'a> Lexer<'a> {
                 SKIPPED.iter().find(|(begin, ..)| self.rest.starts_with(begin))
             {
                 let inside = &self.rest[begin.len()..];
-                let Some(length) = inside.find(end) else {
+                let may_nest = self.nests && *begin == "(*";
+                let nested = may_nest.then(|| nested_length(inside)).flatten();
+                self.nests &= may_nest == nested.is_some();
+                let Some(length) = nested.or_else(|| inside.find(end)) else {
                     return Err((self.place, Wrong::Unfinished(what)));
                 };
+                if *begin == "{" {
+                    self.pack = pack_mode(&inside[..length]).or(self.pack);
+                }
                 self.take(begin.len() + length + end.len());
             } else {
                 return Ok(());
@@ -86,41 +128,74 @@ impl<'a> Lexer<'a> {
         }
     }
 
-    /// A string literal ends on its line; `$` escapes the next character.
-    fn string(&mut self, quote: char) -> Result<(), Fault> {
-        let mut escaped = false;
-        for (at, c) in self.rest.char_indices().skip(1) {
-            match c {
-                '\n' => break,
-                _ if escaped => escaped = false,
-                '$' => escaped = true,
-                _ if c == quote => {
-                    self.take(at + c.len_utf8());
-                    return Ok(());
-                }
-                _ => {}
-            }
-        }
-        Err((self.place, Wrong::Unfinished("string")))
-    }
-
     /// Advances by `bytes`, which end between two characters.
     fn take(&mut self, bytes: usize) -> &'a str {
         let (taken, rest) = self.rest.split_at(bytes);
-        for c in taken.chars() {
-            if c == '\n' {
-                self.place = TextPosition { line: self.place.line + 1, column: 1 };
-            } else {
-                self.place.column += 1;
-            }
-        }
+        taken.chars().for_each(|c| self.place.advance(c));
         self.rest = rest;
         taken
     }
 }
 
+fn is_name(c: char) -> bool {
+    c.is_alphanumeric() || c == '_'
+}
+
 fn word_length(text: &str) -> usize {
-    text.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(text.len())
+    text.find(|c: char| !is_name(c)).unwrap_or(text.len())
+}
+
+/// Length of a string literal, which ends on its line; `$` escapes the next character.
+fn string_length(text: &str, quote: char) -> Option<usize> {
+    let mut escaped = false;
+    for (at, c) in text.char_indices().skip(1) {
+        match c {
+            '\n' => break,
+            _ if escaped => escaped = false,
+            '$' => escaped = true,
+            _ if c == quote => return Some(at + c.len_utf8()),
+            _ => {}
+        }
+    }
+    None
+}
+
+/// Length of a comment with comments in it, up to its `*)`.
+fn nested_length(inside: &str) -> Option<usize> {
+    let bytes = inside.as_bytes();
+    let mut depth = 0;
+    let mut at = 0;
+    loop {
+        match bytes.get(at..at + 2)? {
+            b"*)" if depth == 0 => return Some(at),
+            b"*)" => depth -= 1,
+            b"(*" => depth += 1,
+            _ => {
+                at += 1;
+                continue;
+            }
+        }
+        at += 2;
+    }
+}
+
+/// The value of `attribute 'pack_mode' := '2'`. 0 means the same as 1: no gaps.
+fn pack_mode(pragma: &str) -> Option<u32> {
+    let (name, value) = pragma.split_once(":=")?;
+    let name = name.trim().strip_prefix("attribute")?.trim();
+    let is_it = name.trim_matches('\'').eq_ignore_ascii_case("pack_mode");
+    alignment_of_pack_mode(is_it.then(|| value.trim().trim_matches('\''))?)
+}
+
+/// The alignment in bytes of a value of the attribute `pack_mode`.
+pub(crate) fn alignment_of_pack_mode(value: &str) -> Option<u32> {
+    match value {
+        "0" | "1" => Some(1),
+        "2" => Some(2),
+        "4" => Some(4),
+        "8" => Some(8),
+        _ => None,
+    }
 }
 
 /// Digits, base, underscores and a fraction; the two points of a range are not a fraction.
@@ -159,7 +234,7 @@ mod tests {
     use super::*;
 
     fn tokens(text: &str) -> Result<Vec<String>, Fault> {
-        let mut lexer = Lexer::new(text);
+        let mut lexer = Lexer::new(text, TextPosition { line: 1, column: 1 });
         let mut found = Vec::new();
         loop {
             match lexer.next()? {
@@ -187,6 +262,9 @@ mod tests {
     #[test]
     fn comments_and_pragmas_are_left_out() {
         assert_eq!(tokens("(* ( * *)//x\n/* y */{z}A").unwrap(), ["2:11 `A`"]);
+        assert_eq!(tokens("(* a (* b *) 'c *)A").unwrap(), ["1:19 `A`"], "comments nest");
+        assert_eq!(tokens("(* a (* b *)A").unwrap(), ["1:13 `A`"], "comments do not nest");
+        assert_eq!(tokens("A *)").unwrap_err(), (TextPosition { line: 1, column: 3 }, Wrong::NoComment));
         assert_eq!(
             tokens(" (* x").unwrap_err(),
             (TextPosition { line: 1, column: 2 }, Wrong::Unfinished("comment"))

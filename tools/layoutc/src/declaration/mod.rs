@@ -2,14 +2,23 @@
 //!
 //! Written for this purpose: the crates on crates.io parse the whole language. None of them keeps the place of
 //! every member for error messages, and each is maintained only by its author.
+//!
+//! What a file contains beside types and constants is skipped, and reported by [`Declarations::notes`] (D-785).
 
+mod encoding;
 mod error;
+mod expression;
 mod lexer;
 mod parser;
+mod plcopen;
 mod size;
+mod twincat;
+mod xml;
 
+use encoding::decode;
 pub use error::{DeclarationError, TextPosition, Wrong};
 pub(crate) use error::{Fault, in_file};
+use expression::Expression;
 pub use size::{Alignment, Element, Shape, Sizes};
 
 use std::collections::HashMap;
@@ -18,15 +27,25 @@ use std::path::{Path, PathBuf};
 
 /// Maximum size of a file, in bytes; the types of a whole library have some hundred kilobytes.
 pub const MAX_BYTES: u64 = 4 << 20;
+/// Maximum depth of nested type definitions. Types that refer to others by name do not count.
+const MAX_DEPTH: usize = 16;
+/// Maximum number of skipped parts of a file that a note names.
+const MAX_NAMED: usize = 5;
 
-/// The types that one file declares.
-#[derive(Debug)]
+/// The types that files declare.
+#[derive(Debug, Default)]
 pub struct Declarations {
-    /// Path of the file as given.
-    pub path: PathBuf,
-    /// Whether commram has written the file itself: its declarations repeat the layout and prove nothing.
+    /// Whether commram has written one of the files itself: its declarations repeat the layout and prove nothing.
     pub is_own_export: bool,
-    types: Types,
+    files: Vec<PathBuf>,
+    types: Vec<Declared>,
+    /// In the order of the files.
+    named: Vec<Named>,
+    /// Indices of `named`, by name in lower case.
+    by_name: HashMap<String, usize>,
+    /// By name in lower case.
+    constants: HashMap<String, Constant>,
+    skipped: Vec<SkippedPart>,
 }
 
 /// Beginning of the second line of a file that `commram export` has written.
@@ -38,14 +57,22 @@ const HEAD_LINES: usize = 20;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct TypeId(usize);
 
-/// Every type with its place, and those that have a name.
-#[derive(Debug, Default)]
-struct Types {
-    all: Vec<(TextPosition, Type)>,
-    /// In the order of the file.
-    named: Vec<(String, TypeId)>,
-    /// By name in lower case.
-    by_name: HashMap<String, TypeId>,
+/// A type and the place where it begins.
+#[derive(Debug)]
+struct Declared {
+    /// An index into [`Declarations::files`].
+    file: usize,
+    at: TextPosition,
+    ty: Type,
+}
+
+/// A type with a name, and the place of the name.
+#[derive(Debug)]
+struct Named {
+    name: String,
+    file: usize,
+    at: TextPosition,
+    ty: TypeId,
 }
 
 #[derive(Debug)]
@@ -53,12 +80,27 @@ enum Type {
     /// An elementary type or a separately declared type.
     Named(String),
     Array {
-        counts: Vec<u32>,
+        /// Lower and upper bound of each dimension, with the place of the lower bound.
+        bounds: Vec<(TextPosition, Expression, Expression)>,
         of: TypeId,
     },
-    Struct(Vec<Member>),
+    Record(Record),
     /// A type with a size that the standard leaves to the compiler.
     Unsized(&'static str),
+}
+
+/// A structure or union.
+#[derive(Debug, Default)]
+struct Record {
+    members: Vec<Member>,
+    /// The structure whose members come first.
+    base: Option<String>,
+    /// Whether all members begin at the same address.
+    is_union: bool,
+    /// Largest alignment of members in bytes, if the declaration states it.
+    pack: Option<u32>,
+    /// The first member that states its own address.
+    located: Option<TextPosition>,
 }
 
 /// A member of a structure.
@@ -72,33 +114,42 @@ pub struct Member {
     pub ty: TypeId,
 }
 
-impl Types {
-    fn add(&mut self, at: TextPosition, ty: Type) -> TypeId {
-        self.all.push((at, ty));
-        TypeId(self.all.len() - 1)
-    }
+/// A constant of a list of global variables. Lists can have constants of the same name.
+#[derive(Debug)]
+enum Constant {
+    Once(Expression),
+    Several,
+}
 
-    fn declare(&mut self, name: &str, ty: TypeId) {
-        self.named.push((name.to_owned(), ty));
-        self.by_name.insert(name.to_ascii_lowercase(), ty);
-    }
-
-    fn of(&self, id: TypeId) -> &(TextPosition, Type) {
-        &self.all[id.0]
-    }
+/// A part of a file that declares no types.
+#[derive(Debug)]
+struct SkippedPart {
+    file: usize,
+    line: usize,
+    /// Its kind and name.
+    what: String,
 }
 
 impl Declarations {
-    /// Reads the contents of the file at `path`: UTF-8, or the Latin script of older Windows programs, which can only occur
-    /// in comments.
+    /// Reads the contents of the file at `path`: text, PLCopen XML or an object of TwinCAT; UTF-8, UTF-16, or the Latin script of
+    /// older Windows programs.
     ///
     /// # Errors
     /// The file could not be read, is too long, or does not parse; with line and column.
     pub fn read(path: &Path, found: io::Result<Vec<u8>>) -> Result<Self, DeclarationError> {
-        let begin = TextPosition { line: 1, column: 1 };
-        let bytes = found.map_err(|error| in_file(path, (begin, Wrong::Unreadable(error.to_string()))))?;
-        let text = decode(bytes).map_err(|wrong| in_file(path, (begin, wrong)))?;
-        Self::parse(path, &text)
+        let mut declarations = Self::default();
+        declarations.add(path, found)?;
+        Ok(declarations)
+    }
+
+    /// Reads one more file, which can use the types and constants of the others.
+    ///
+    /// # Errors
+    /// As [`Declarations::read`]; or it declares a type that another file declares.
+    pub fn add(&mut self, path: &Path, found: io::Result<Vec<u8>>) -> Result<(), DeclarationError> {
+        let wrong = |wrong| in_file(path, (TextPosition::BEGIN, wrong));
+        let bytes = found.map_err(|error| wrong(Wrong::Unreadable(error.to_string())))?;
+        self.add_text(path, &decode(bytes).map_err(wrong)?)
     }
 
     /// Reads declarations out of `text`, which came from `path`.
@@ -106,43 +157,122 @@ impl Declarations {
     /// # Errors
     /// It does not parse; with line and column.
     pub fn parse(path: &Path, text: &str) -> Result<Self, DeclarationError> {
-        let types = parser::parse(text).map_err(|fault| in_file(path, fault))?;
-        let is_own_export =
+        let mut declarations = Self::default();
+        declarations.add_text(path, text)?;
+        Ok(declarations)
+    }
+
+    fn add_text(&mut self, path: &Path, text: &str) -> Result<(), DeclarationError> {
+        self.files.push(path.to_owned());
+        let is_xml = text.trim_start().starts_with('<');
+        let read =
+            if is_xml { xml::read(text, self) } else { parser::parse(text, TextPosition::BEGIN, self) };
+        read.map_err(|fault| in_file(path, fault))?;
+        self.is_own_export |=
             text.lines().take(HEAD_LINES).any(|line| line.trim_start().starts_with(EXPORT_HEAD));
-        Ok(Self { path: path.to_owned(), is_own_export, types })
+        Ok(())
     }
 
-    /// The type of this name; upper and lower case are not distinguished.
+    /// The type of this name; upper and lower case are not distinguished, and namespaces do not matter.
     pub fn find(&self, name: &str) -> Option<TypeId> {
-        self.types.by_name.get(&name.to_ascii_lowercase()).copied()
+        let name = name.rsplit('.').next().unwrap_or(name);
+        let found = self.by_name.get(&name.to_ascii_lowercase())?;
+        Some(self.named[*found].ty)
     }
 
-    /// Names of the structures, in the order of the file.
-    pub fn structures(&self) -> impl Iterator<Item = &str> {
-        let named = self.types.named.iter();
-        named.filter(|(_, ty)| matches!(self.types.of(*ty).1, Type::Struct(_))).map(|(name, _)| name.as_str())
+    /// The file that declares a type.
+    pub fn file_of(&self, ty: TypeId) -> &Path {
+        &self.files[self.of(ty).file]
     }
 
-    /// The members of a structure; of other types none.
-    pub fn members(&self, ty: TypeId) -> &[Member] {
-        match &self.types.of(ty).1 {
-            Type::Struct(members) => members,
-            _ => &[],
+    /// Name of the files in messages.
+    pub fn title(&self) -> String {
+        let first = self.files.first().map_or_else(String::new, |path| path.display().to_string());
+        match self.files.len() {
+            0 | 1 => first,
+            2 => format!("{first} and another file"),
+            count => format!("{first} and {} other files", count - 1),
         }
     }
+
+    /// Names of the structures, in the order of the files.
+    pub fn structures(&self) -> impl Iterator<Item = &str> {
+        let is_structure =
+            |named: &&Named| matches!(&self.of(named.ty).ty, Type::Record(record) if !record.is_union);
+        self.named.iter().filter(is_structure).map(|named| named.name.as_str())
+    }
+
+    /// The own members of a structure or union; of other types none.
+    pub fn members(&self, ty: TypeId) -> &[Member] {
+        self.record(ty).map_or(&[], |record| &record.members)
+    }
+
+    /// One sentence for each file with parts that were skipped.
+    pub fn notes(&self) -> Vec<String> {
+        let parts = self.skipped.chunk_by(|one, other| one.file == other.file);
+        parts
+            .map(|parts| {
+                let named = parts.iter().take(MAX_NAMED);
+                let mut names: Vec<_> =
+                    named.map(|part| format!("{} in line {}", part.what, part.line)).collect();
+                if parts.len() > MAX_NAMED {
+                    names.push(format!("{} more", parts.len() - MAX_NAMED));
+                }
+                let file = self.files[parts[0].file].display();
+                format!("{file}: skipped, because only types are read: {}", names.join(", "))
+            })
+            .collect()
+    }
+
+    fn record(&self, ty: TypeId) -> Option<&Record> {
+        match &self.of(ty).ty {
+            Type::Record(record) => Some(record),
+            Type::Named(_) | Type::Array { .. } | Type::Unsized(_) => None,
+        }
+    }
+
+    fn of(&self, id: TypeId) -> &Declared {
+        &self.types[id.0]
+    }
+
+    /// Index of the file that is read now.
+    fn current_file(&self) -> usize {
+        self.files.len().saturating_sub(1)
+    }
+
+    fn add_type(&mut self, at: TextPosition, ty: Type) -> TypeId {
+        self.types.push(Declared { file: self.current_file(), at, ty });
+        TypeId(self.types.len() - 1)
+    }
+
+    fn declare(&mut self, name: &str, at: TextPosition, ty: TypeId) -> Result<(), Fault> {
+        let file = self.current_file();
+        if let Some(first) = self.by_name.insert(name.to_ascii_lowercase(), self.named.len()) {
+            let Named { file: of, at: place, .. } = &self.named[first];
+            let place = match *of == file {
+                true => place.to_string(),
+                false => format!("{}:{}:{}", self.files[*of].display(), place.line, place.column),
+            };
+            return Err((at, Wrong::Duplicate(name.to_owned(), place)));
+        }
+        self.named.push(Named { name: name.to_owned(), file, at, ty });
+        Ok(())
+    }
+
+    fn declare_constant(&mut self, name: &str, value: Expression) {
+        self.constants
+            .entry(name.to_ascii_lowercase())
+            .and_modify(|known| *known = Constant::Several)
+            .or_insert(Constant::Once(value));
+    }
+
+    fn skip_part(&mut self, at: TextPosition, kind: &str, name: &str) {
+        let what = format!("{kind} {name}").replace(char::is_control, "?");
+        self.skipped.push(SkippedPart { file: self.current_file(), line: at.line, what });
+    }
 }
 
-fn decode(bytes: Vec<u8>) -> Result<String, Wrong> {
-    if bytes.len() as u64 > MAX_BYTES {
-        return Err(Wrong::TooLong(MAX_BYTES));
-    }
-    if bytes.starts_with(&[0xFF, 0xFE]) || bytes.starts_with(&[0xFE, 0xFF]) {
-        return Err(Wrong::Utf16);
-    }
-    let text = String::from_utf8(bytes)
-        .unwrap_or_else(|error| error.into_bytes().into_iter().map(char::from).collect());
-    Ok(text.strip_prefix('\u{FEFF}').map(str::to_owned).unwrap_or(text))
-}
-
+#[cfg(test)]
+mod exports_tests;
 #[cfg(test)]
 mod tests;

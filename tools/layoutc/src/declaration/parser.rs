@@ -1,24 +1,24 @@
-//! The part of IEC 61131-3 that declares types: `TYPE`, and `VAR_GLOBAL`, with variables that are ignored here.
+//! The part of IEC 61131-3 that declares types: `TYPE`, and the constants in lists of variables. Everything else is skipped.
 
 use super::error::{Fault, TextPosition, Wrong};
+use super::expression::Expression;
 use super::lexer::{Lexer, Token};
-use super::{Member, Type, TypeId, Types};
+use super::{Declarations, MAX_DEPTH, Member, Record, Type, TypeId};
 use std::collections::HashMap;
 
-/// Maximum depth of nested type definitions. Types that refer to others by name do not count.
-const MAX_DEPTH: usize = 16;
-const MAX_ELEMENTS: i64 = 1 << 24;
-const KEYWORDS: [&str; 16] = [
+const KEYWORDS: [&str; 18] = [
     "ARRAY",
     "AT",
     "CONSTANT",
     "END_STRUCT",
     "END_TYPE",
+    "END_UNION",
     "END_VAR",
     "OF",
     "STRING",
     "STRUCT",
     "TYPE",
+    "UNION",
     "VAR",
     "VAR_CONFIG",
     "VAR_EXTERNAL",
@@ -26,74 +26,175 @@ const KEYWORDS: [&str; 16] = [
     "WSTRING",
     "RETAIN",
 ];
+/// Words after `TYPE` and `VAR_GLOBAL` that do not matter here.
+const QUALIFIERS: [&str; 7] =
+    ["INTERNAL", "NON_RETAIN", "PERSISTENT", "PRIVATE", "PROTECTED", "PUBLIC", "RETAIN"];
+/// Parts that some tools export without an end, one in a file.
+const WHOLE_FILES: [&str; 8] =
+    ["ACTION", "CLASS", "FUNCTION", "FUNCTION_BLOCK", "INTERFACE", "METHOD", "PROGRAM", "PROPERTY"];
 
-/// Reads all types that `text` declares.
-pub(crate) fn parse(text: &str) -> Result<Types, Fault> {
-    let mut lexer = Lexer::new(text);
-    let next = lexer.next()?;
-    let mut parser = Parser { lexer, next, names: HashMap::new(), types: Types::default() };
-    parser.file()?;
-    Ok(parser.types)
+/// Reads all types that `text` declares, which begins at `place` of the current file.
+pub(crate) fn parse(text: &str, place: TextPosition, into: &mut Declarations) -> Result<(), Fault> {
+    Parser::new(text, place, into)?.file()
 }
 
-struct Parser<'a> {
+/// Reads an expression out of an attribute of XML at `place`.
+pub(crate) fn expression(text: &str, place: TextPosition) -> Result<Expression, Fault> {
+    let mut lexer = Lexer::new(text, place);
+    let mut expression = Expression::default();
+    loop {
+        match lexer.next()?.1 {
+            Token::End => return Ok(expression),
+            token => expression.push(token),
+        }
+    }
+}
+
+struct Parser<'a, 'd> {
     lexer: Lexer<'a>,
     /// The current token, and the place where it begins.
     next: (TextPosition, Token<'a>),
-    /// Names of the types so far, in lower case.
-    names: HashMap<String, TextPosition>,
-    types: Types,
+    into: &'d mut Declarations,
 }
 
-impl<'a> Parser<'a> {
+impl<'a, 'd> Parser<'a, 'd> {
+    fn new(text: &'a str, place: TextPosition, into: &'d mut Declarations) -> Result<Self, Fault> {
+        let mut lexer = Lexer::new(text, place);
+        let next = lexer.next()?;
+        Ok(Self { lexer, next, into })
+    }
+
     fn file(&mut self) -> Result<(), Fault> {
         loop {
-            if self.accept_word("TYPE")? {
-                while !self.accept_word("END_TYPE")? {
-                    self.type_declaration()?;
+            let (at, token) = self.next;
+            let word = match token {
+                Token::End => return Ok(()),
+                Token::Word(word) => word.to_ascii_uppercase(),
+                // Some tools leave one after END_TYPE and END_VAR.
+                Token::Symbol(";") => {
+                    self.advance()?;
+                    continue;
                 }
-                self.accept(";")?;
-            } else if self.accept_word("VAR_GLOBAL")? {
-                for qualifier in ["CONSTANT", "RETAIN"] {
-                    self.accept_word(qualifier)?;
+                _ => return self.unexpected("TYPE or VAR_GLOBAL"),
+            };
+            match word.as_str() {
+                "TYPE" => self.types()?,
+                "VAR" | "VAR_GLOBAL" | "VAR_CONFIG" | "VAR_ACCESS" | "VAR_EXTERNAL" => self.variables()?,
+                // A namespace contains types as a file does.
+                "NAMESPACE" | "USING" => {
+                    self.advance()?;
+                    self.qualified_name("the name of a namespace")?;
                 }
-                while !self.accept_word("END_VAR")? {
-                    self.variables()?;
-                }
-                self.accept(";")?;
-            } else if self.next.1 == Token::End {
-                return Ok(());
-            } else {
-                return self.unexpected("TYPE or VAR_GLOBAL");
+                "END_NAMESPACE" => self.advance()?,
+                _ => self.skip_part(at, &word)?,
             }
         }
+    }
+
+    /// Skips a program, a function block, or another part that ends with its own word: `TEST ... END_TEST`.
+    fn skip_part(&mut self, at: TextPosition, kind: &str) -> Result<(), Fault> {
+        self.advance()?;
+        let name = match self.next.1 {
+            Token::Word(name) => name,
+            _ => "",
+        };
+        let end = format!("END_{kind}");
+        if self.is_word(&end) || self.lexer.skip_past(&end)? {
+            self.into.skip_part(at, kind, name);
+            return self.advance();
+        }
+        if WHOLE_FILES.contains(&kind) {
+            self.into.skip_part(at, kind, name);
+            self.next = (at, Token::End);
+            return Ok(());
+        }
+        let found = format!("`{kind}` without {end}");
+        Err((at, Wrong::Unexpected { expected: "TYPE or VAR_GLOBAL", found }))
+    }
+
+    fn types(&mut self) -> Result<(), Fault> {
+        self.advance()?;
+        while !self.accept_word("END_TYPE")? {
+            self.type_declaration()?;
+        }
+        Ok(())
     }
 
     fn type_declaration(&mut self) -> Result<(), Fault> {
-        let at = self.next.0;
-        let name = self.name("the name of a type or END_TYPE")?;
-        add(&mut self.names, name, at)?;
+        let pack = self.lexer.pack.take();
+        let mut at = self.next.0;
+        let mut name = self.name("the name of a type or END_TYPE")?;
+        if QUALIFIERS.iter().any(|word| word.eq_ignore_ascii_case(name))
+            && matches!(self.next.1, Token::Word(_))
+        {
+            at = self.next.0;
+            name = self.name("the name of a type")?;
+        }
+        let base = if self.accept_word("EXTENDS")? {
+            Some(self.qualified_name("the name of a structure")?)
+        } else {
+            None
+        };
         self.expect(":", "`:` behind the name of the type")?;
         let ty = self.specification(0)?;
-        self.types.declare(name, ty);
+        if let Type::Record(record) = &mut self.into.types[ty.0].ty {
+            record.base = base.or(record.base.take());
+            record.pack = pack;
+        }
+        self.into.declare(name, at, ty)?;
         self.end_of_declaration(ty)
     }
 
-    /// `a, b AT %MB3.5 : BYTE := 1;`
+    /// A list of variables, of which only constants matter.
     fn variables(&mut self) -> Result<(), Fault> {
-        self.name("the name of a variable or END_VAR")?;
-        while self.accept(",")? {
-            self.name("the name of a variable")?;
+        let begin = self.next.0;
+        self.advance()?;
+        let mut is_constant = false;
+        while let Token::Word(word) = self.next.1 {
+            let is_it = word.eq_ignore_ascii_case("CONSTANT");
+            if !is_it && !QUALIFIERS.iter().any(|known| known.eq_ignore_ascii_case(word)) {
+                break;
+            }
+            is_constant |= is_it;
+            self.advance()?;
         }
-        if self.accept_word("AT")? {
-            if self.next.1 != Token::Direct {
-                return self.unexpected("an address such as %MB3.200000");
+        if is_constant {
+            while !self.accept_word("END_VAR")? {
+                self.constant()?;
+            }
+            return Ok(());
+        }
+        if !self.is_word("END_VAR") && !self.lexer.skip_past("END_VAR")? {
+            return Err((begin, Wrong::Unfinished("list of variables")));
+        }
+        self.advance()
+    }
+
+    /// `N : INT := 5;`
+    fn constant(&mut self) -> Result<(), Fault> {
+        let name = match self.next.1 {
+            Token::Word(name) => name,
+            _ => return self.unexpected("the name of a constant or END_VAR"),
+        };
+        let mut value: Option<Expression> = None;
+        loop {
+            match self.next.1 {
+                Token::Symbol(";") => break,
+                Token::End => return self.unexpected("`;`"),
+                Token::Word(_) if self.is_word("END_VAR") => return self.unexpected("`;`"),
+                Token::Symbol(":=") if value.is_none() => value = Some(Expression::default()),
+                token => {
+                    if let Some(value) = &mut value {
+                        value.push(token);
+                    }
+                }
             }
             self.advance()?;
         }
-        self.expect(":", "`:` behind the name of the variable")?;
-        let ty = self.specification(0)?;
-        self.end_of_declaration(ty)
+        if let Some(value) = value {
+            self.into.declare_constant(name, value);
+        }
+        self.advance()
     }
 
     fn specification(&mut self, depth: usize) -> Result<TypeId, Fault> {
@@ -102,19 +203,25 @@ impl<'a> Parser<'a> {
             return Err((at, Wrong::TooDeep(MAX_DEPTH)));
         }
         let ty = self.ty(depth)?;
-        Ok(self.types.add(at, ty))
+        Ok(self.into.add_type(at, ty))
     }
 
     fn ty(&mut self, depth: usize) -> Result<Type, Fault> {
-        if self.accept_word("STRUCT")? {
-            return self.members(depth);
+        for (begin, end) in [("STRUCT", "END_STRUCT"), ("UNION", "END_UNION")] {
+            if self.accept_word(begin)? {
+                let base = match self.accept_word("EXTENDS")? {
+                    true => Some(self.qualified_name("the name of a structure")?),
+                    false => None,
+                };
+                let record = self.members(end, depth)?;
+                return Ok(Type::Record(Record { base, is_union: begin == "UNION", ..record }));
+            }
         }
         if self.accept_word("ARRAY")? {
             return self.array(depth);
         }
         if self.next.1 == Token::Symbol("(") {
-            self.group()?;
-            return Ok(Type::Unsized("an enumeration"));
+            return self.enumeration();
         }
         for what in ["STRING", "WSTRING"] {
             if self.accept_word(what)? {
@@ -124,50 +231,103 @@ impl<'a> Parser<'a> {
                 return Ok(Type::Unsized(what));
             }
         }
-        let name = self.name("a type")?;
-        // A subrange is as large as its type.
-        if self.next.1 == Token::Symbol("(") {
+        for (word, behind) in [("POINTER", Some("TO")), ("REFERENCE", Some("TO")), ("REF_TO", None)] {
+            if self.accept_word(word)? {
+                if behind.is_some_and(|behind| !self.is_word(behind)) {
+                    return self.unexpected("TO");
+                }
+                if behind.is_some() {
+                    self.advance()?;
+                }
+                self.specification(depth + 1)?;
+                return Ok(Type::Unsized("a pointer"));
+            }
+        }
+        let name = self.qualified_name("a type")?;
+        // A subrange is as large as its type. The arguments of a function block have the same form.
+        while matches!(self.next.1, Token::Symbol("(" | "[")) {
             self.group()?;
         }
-        Ok(Type::Named(name.to_owned()))
+        Ok(Type::Named(name))
     }
 
-    fn members(&mut self, depth: usize) -> Result<Type, Fault> {
+    /// `(RED, GREEN)`, with the elementary type of the values in `(RED, GREEN) UINT`.
+    fn enumeration(&mut self) -> Result<Type, Fault> {
+        self.group()?;
+        match self.next.1 {
+            Token::Word(word) if !is_keyword(word) => Ok(Type::Named(self.qualified_name("a type")?)),
+            _ => Ok(Type::Unsized("an enumeration")),
+        }
+    }
+
+    fn members(&mut self, end: &'static str, depth: usize) -> Result<Record, Fault> {
         let mut names = HashMap::new();
-        let mut members = Vec::new();
-        while !self.accept_word("END_STRUCT")? {
+        let mut record = Record::default();
+        while !self.is_word(end) {
             let mut group = Vec::new();
             loop {
                 let at = self.next.0;
-                let name = self.name("the name of a member or END_STRUCT")?;
+                let name = self.member_name(end)?;
                 add(&mut names, name, at)?;
                 group.push((name, at));
                 if !self.accept(",")? {
                     break;
                 }
             }
+            if self.is_word("AT") {
+                record.located.get_or_insert(self.next.0);
+                self.advance()?;
+                if self.next.1 != Token::Direct {
+                    return self.unexpected("an address such as %B0");
+                }
+                self.advance()?;
+            }
             self.expect(":", "`:` behind the name of the member")?;
             let ty = self.specification(depth + 1)?;
             self.end_of_declaration(ty)?;
-            members.extend(group.into_iter().map(|(name, at)| Member { name: name.to_owned(), at, ty }));
+            record.members.extend(group.into_iter().map(|(name, at)| Member {
+                name: name.to_owned(),
+                at,
+                ty,
+            }));
         }
-        Ok(Type::Struct(members))
+        // A member cannot have the attribute, so it is none of the next structure either.
+        self.lexer.pack = None;
+        self.advance()?;
+        Ok(record)
+    }
+
+    /// Some tools export members with the names of keywords: `type : USINT;`.
+    fn member_name(&mut self, end: &'static str) -> Result<&'a str, Fault> {
+        let expected = match end {
+            "END_STRUCT" => "the name of a member or END_STRUCT",
+            _ => "the name of a member or END_UNION",
+        };
+        match self.next.1 {
+            Token::Word(word)
+                if is_keyword(word)
+                    && matches!(self.lexer.clone().next(), Ok((_, Token::Symbol(":" | ",")))) =>
+            {
+                self.advance()?;
+                Ok(word)
+            }
+            _ => self.name(expected),
+        }
     }
 
     fn array(&mut self, depth: usize) -> Result<Type, Fault> {
         self.expect("[", "`[` behind ARRAY")?;
-        let mut counts = Vec::new();
+        let mut bounds = Vec::new();
         loop {
             let place = self.next.0;
             let first = self.bound()?;
-            self.expect("..", "`..` behind the lower bound")?;
-            let last = self.bound()?;
-            let count = last - first + 1;
-            if !(1..=MAX_ELEMENTS).contains(&count) {
-                return Err((place, Wrong::Bounds { first, last }));
+            let is_open = self.next.1 != Token::Symbol("..");
+            let last = if is_open { first.clone() } else { self.upper_bound()? };
+            if is_open && !first.is_open() {
+                return self.unexpected("`..` behind the lower bound");
             }
-            counts.push(count as u32);
-            if counts.len() > MAX_DEPTH {
+            bounds.push((place, first, last));
+            if bounds.len() > MAX_DEPTH {
                 return Err((place, Wrong::TooDeep(MAX_DEPTH)));
             }
             if !self.accept(",")? {
@@ -178,20 +338,31 @@ impl<'a> Parser<'a> {
         if !self.accept_word("OF")? {
             return self.unexpected("OF");
         }
-        Ok(Type::Array { counts, of: self.specification(depth + 1)? })
+        Ok(Type::Array { bounds, of: self.specification(depth + 1)? })
     }
 
-    fn bound(&mut self) -> Result<i64, Fault> {
-        let negative = self.accept("-")?;
-        if !negative {
-            self.accept("+")?;
-        }
-        let (place, Token::Number(text)) = self.next else {
-            return self.unexpected("a number as array bound");
-        };
-        let value = whole(text).ok_or_else(|| (place, Wrong::BadBound(text.to_owned())))?;
+    fn upper_bound(&mut self) -> Result<Expression, Fault> {
         self.advance()?;
-        Ok(if negative { -value } else { value })
+        self.bound()
+    }
+
+    /// An expression up to `..`, `,` or `]`.
+    fn bound(&mut self) -> Result<Expression, Fault> {
+        let mut bound = Expression::default();
+        let mut open = 0;
+        loop {
+            match self.next.1 {
+                Token::Symbol(".." | "," | "]") if open == 0 => break,
+                Token::Symbol("(") => open += 1,
+                Token::Symbol(")") if open > 0 => open -= 1,
+                Token::Symbol(";" | ")" | "]") | Token::End => break,
+                Token::Word(word) if is_keyword(word) => break,
+                _ => {}
+            }
+            bound.push(self.next.1);
+            self.advance()?;
+        }
+        if bound.is_empty() { self.unexpected("a number as array bound") } else { Ok(bound) }
     }
 
     /// Skips a value: values move no member, and only the target's compiler checks their form.
@@ -239,7 +410,7 @@ impl<'a> Parser<'a> {
     /// Skips an initial value, and the `;`, which some tools leave out after END_STRUCT.
     fn end_of_declaration(&mut self, ty: TypeId) -> Result<(), Fault> {
         self.initial_value()?;
-        if self.accept(";")? || matches!(self.types.of(ty).1, Type::Struct(_)) {
+        if self.accept(";")? || self.into.record(ty).is_some() {
             return Ok(());
         }
         self.unexpected("`;`")
@@ -258,6 +429,20 @@ impl<'a> Parser<'a> {
         }
     }
 
+    /// `N.S.T`
+    fn qualified_name(&mut self, expected: &'static str) -> Result<String, Fault> {
+        let mut name = self.name(expected)?.to_owned();
+        while self.accept(".")? {
+            name.push('.');
+            name.push_str(self.name(expected)?);
+        }
+        Ok(name)
+    }
+
+    fn is_word(&self, keyword: &str) -> bool {
+        matches!(self.next.1, Token::Word(word) if word.eq_ignore_ascii_case(keyword))
+    }
+
     fn advance(&mut self) -> Result<(), Fault> {
         self.next = self.lexer.next()?;
         Ok(())
@@ -272,7 +457,7 @@ impl<'a> Parser<'a> {
     }
 
     fn accept_word(&mut self, keyword: &str) -> Result<bool, Fault> {
-        let found = matches!(self.next.1, Token::Word(word) if word.eq_ignore_ascii_case(keyword));
+        let found = self.is_word(keyword);
         if found {
             self.advance()?;
         }
@@ -292,20 +477,10 @@ impl<'a> Parser<'a> {
 fn add(names: &mut HashMap<String, TextPosition>, name: &str, at: TextPosition) -> Result<(), Fault> {
     match names.insert(name.to_ascii_lowercase(), at) {
         None => Ok(()),
-        Some(first) => Err((at, Wrong::Duplicate(name.to_owned(), first))),
+        Some(first) => Err((at, Wrong::Duplicate(name.to_owned(), first.to_string()))),
     }
 }
 
 fn is_keyword(word: &str) -> bool {
     KEYWORDS.iter().any(|keyword| keyword.eq_ignore_ascii_case(word))
-}
-
-/// A whole number that fits a DINT: `31`, `1_000`, `16#1F`.
-fn whole(text: &str) -> Option<i64> {
-    let (base, digits) = match text.split_once('#') {
-        Some((base, digits)) => (base.parse().ok().filter(|base| [2, 8, 16].contains(base))?, digits),
-        None => (10, text),
-    };
-    let digits = digits.replace('_', "");
-    i64::from_str_radix(&digits, base).ok().filter(|value| *value <= i64::from(i32::MAX))
 }

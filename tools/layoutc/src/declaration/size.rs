@@ -1,20 +1,25 @@
 //! Sizes and offsets, as a compiler with a given alignment lays types out.
 
-use super::{DeclarationError, Declarations, Fault, Member, Type, TypeId, Wrong, in_file};
+use super::expression::{Expression, Values};
+use super::{DeclarationError, Declarations, Member, Record, TextPosition, Type, TypeId, Wrong, in_file};
 
 /// Maximum depth of types that refer to each other.
 const MAX_DEPTH: usize = 64;
 /// The largest type in bytes, far beyond any area of the RAM.
 const MAX_SIZE: u32 = 16 << 20;
+/// Maximum number of elements of a dimension of an array.
+const MAX_ELEMENTS: i64 = 1 << 24;
 /// Elementary types with a size that does not depend on the compiler, in bytes. A BOOL takes one byte.
-const ELEMENTARY: [(&str, u32); 15] = [
+const ELEMENTARY: [(&str, u32); 21] = [
     ("BOOL", 1),
     ("BYTE", 1),
+    ("CHAR", 1),
     ("SINT", 1),
     ("USINT", 1),
     ("WORD", 2),
     ("INT", 2),
     ("UINT", 2),
+    ("WCHAR", 2),
     ("DWORD", 4),
     ("DINT", 4),
     ("UDINT", 4),
@@ -23,9 +28,26 @@ const ELEMENTARY: [(&str, u32); 15] = [
     ("LINT", 8),
     ("ULINT", 8),
     ("LREAL", 8),
+    ("LTIME", 8),
+    ("LDATE", 8),
+    ("LTOD", 8),
+    ("LDT", 8),
 ];
 /// Elementary types with a size that depends on the compiler.
-const UNSIZED: [&str; 5] = ["TIME", "DATE", "TIME_OF_DAY", "TOD", "DATE_AND_TIME"];
+const UNSIZED: [&str; 12] = [
+    "TIME",
+    "DATE",
+    "TIME_OF_DAY",
+    "TOD",
+    "DATE_AND_TIME",
+    "DT",
+    "BIT",
+    "ANY",
+    "ANY_NUM",
+    "ANY_INT",
+    "ANY_BIT",
+    "PVOID",
+];
 
 /// Maximum alignment of members: a member begins at a multiple of its own alignment, but at most of this one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -96,13 +118,17 @@ pub struct Sizes<'a> {
     declarations: &'a Declarations,
     alignment: Alignment,
     known: Vec<SizeState>,
+    values: Values<'a>,
 }
+
+/// A type without a size: its number, the place and the reason.
+type Misfit = (TypeId, TextPosition, Wrong);
 
 impl<'a> Sizes<'a> {
     /// For types that a compiler lays out with this alignment.
     pub fn new(declarations: &'a Declarations, alignment: Alignment) -> Self {
-        let known = vec![SizeState::Unknown; declarations.types.all.len()];
-        Self { declarations, alignment, known }
+        let known = vec![SizeState::Unknown; declarations.types.len()];
+        Self { declarations, alignment, known, values: Values::new(declarations) }
     }
 
     /// Size of a type in bytes. That of a structure is a multiple of its alignment.
@@ -110,7 +136,7 @@ impl<'a> Sizes<'a> {
     /// # Errors
     /// The type, or one it consists of, is not declared, has no fixed size, contains itself, is too large or too deep.
     pub fn size(&mut self, ty: TypeId) -> Result<u32, DeclarationError> {
-        self.extent(ty, 0).map(|extent| extent.size).map_err(|fault| self.in_file(fault))
+        self.extent(ty, 0).map(|extent| extent.size).map_err(|misfit| self.in_file(misfit))
     }
 
     /// The members of a structure with their offsets; of other types none.
@@ -118,7 +144,8 @@ impl<'a> Sizes<'a> {
     /// # Errors
     /// As [`Sizes::size`].
     pub fn members(&mut self, ty: TypeId) -> Result<MemberOffsets<'a>, DeclarationError> {
-        self.place(ty, 0).map(|(placed, _)| placed).map_err(|fault| self.in_file(fault))
+        let Some(record) = self.declarations.record(ty) else { return Ok(Vec::new()) };
+        self.place(ty, record, 0).map(|(placed, _)| placed).map_err(|misfit| self.in_file(misfit))
     }
 
     /// Returns the type with names and arrays of arrays resolved.
@@ -131,8 +158,9 @@ impl<'a> Sizes<'a> {
         let mut counts = Vec::new();
         let mut element = ty;
         loop {
-            match &self.declarations.types.of(element).1 {
-                Type::Array { counts: more, of } => {
+            match &self.declarations.of(element).ty {
+                Type::Array { bounds, of } => {
+                    let more = self.counts(element, bounds).map_err(|misfit| self.in_file(misfit))?;
                     counts.extend(more);
                     element = *of;
                 }
@@ -143,7 +171,7 @@ impl<'a> Sizes<'a> {
                         return Ok(Shape { counts, element: Element::Scalar(name), size });
                     }
                 },
-                Type::Struct(_) | Type::Unsized(_) => {
+                Type::Record(_) | Type::Unsized(_) => {
                     let size = self.size(element)?;
                     return Ok(Shape { counts, element: Element::Struct(element), size });
                 }
@@ -151,19 +179,19 @@ impl<'a> Sizes<'a> {
         }
     }
 
-    fn in_file(&self, fault: Fault) -> DeclarationError {
-        in_file(&self.declarations.path, fault)
+    fn in_file(&self, (ty, at, wrong): Misfit) -> DeclarationError {
+        in_file(self.declarations.file_of(ty), (at, wrong))
     }
 
-    fn extent(&mut self, id: TypeId, depth: usize) -> Result<Extent, Fault> {
-        let at = &self.declarations.types.of(id).0;
+    fn extent(&mut self, id: TypeId, depth: usize) -> Result<Extent, Misfit> {
+        let at = self.declarations.of(id).at;
         match self.known[id.0] {
             SizeState::Known(extent) if depth + extent.depth > MAX_DEPTH => {
-                return Err((*at, Wrong::DeepType(MAX_DEPTH)));
+                return Err((id, at, Wrong::DeepType(MAX_DEPTH)));
             }
             SizeState::Known(extent) => return Ok(extent),
-            SizeState::Open => return Err((*at, Wrong::Circular(self.type_text(id)))),
-            SizeState::Unknown if depth >= MAX_DEPTH => return Err((*at, Wrong::DeepType(MAX_DEPTH))),
+            SizeState::Open => return Err((id, at, Wrong::Circular(self.type_text(id)))),
+            SizeState::Unknown if depth >= MAX_DEPTH => return Err((id, at, Wrong::DeepType(MAX_DEPTH))),
             SizeState::Unknown => {}
         }
         self.known[id.0] = SizeState::Open;
@@ -172,22 +200,45 @@ impl<'a> Sizes<'a> {
         extent
     }
 
-    fn work_out(&mut self, id: TypeId, depth: usize) -> Result<Extent, Fault> {
-        let (at, ty) = self.declarations.types.of(id);
-        match ty {
+    fn work_out(&mut self, id: TypeId, depth: usize) -> Result<Extent, Misfit> {
+        let declared = self.declarations.of(id);
+        let misfit = |wrong| (id, declared.at, wrong);
+        match &declared.ty {
             Type::Named(name) => match self.declarations.find(name) {
                 Some(named) => self.extent(named, depth + 1),
-                None => self.elementary(name).map_err(|wrong| (*at, wrong)),
+                None => self.elementary(name).map_err(misfit),
             },
-            Type::Array { counts, of } => {
+            Type::Array { bounds, of } => {
+                let counts = self.counts(id, bounds)?;
                 let of = self.extent(*of, depth + 1)?;
                 let size = counts.iter().try_fold(of.size, |size, count| size.checked_mul(*count));
-                let size = size.filter(|size| *size <= MAX_SIZE).ok_or((*at, Wrong::TooLarge(MAX_SIZE)))?;
+                let size =
+                    size.filter(|size| *size <= MAX_SIZE).ok_or_else(|| misfit(Wrong::TooLarge(MAX_SIZE)))?;
                 Ok(Extent { size, ..of })
             }
-            Type::Struct(_) => self.place(id, depth).map(|(_, extent)| extent),
-            Type::Unsized(what) => Err((*at, Wrong::NoSize((*what).to_owned()))),
+            Type::Record(record) => self.place(id, record, depth).map(|(_, extent)| extent),
+            Type::Unsized(what) => Err(misfit(Wrong::NoSize((*what).to_owned()))),
         }
+    }
+
+    /// Number of elements of each dimension of the array `id`.
+    fn counts(
+        &mut self,
+        id: TypeId,
+        bounds: &'a [(TextPosition, Expression, Expression)],
+    ) -> Result<Vec<u32>, Misfit> {
+        let mut count = |(first, last): (&'a Expression, &'a Expression)| {
+            let (first, last) = (self.values.of(first)?, self.values.of(last)?);
+            let count = last - first + 1;
+            if (1..=MAX_ELEMENTS).contains(&count) {
+                Ok(count as u32)
+            } else {
+                Err(Wrong::Bounds { first, last })
+            }
+        };
+        let counts =
+            bounds.iter().map(|(at, first, last)| count((first, last)).map_err(|wrong| (id, *at, wrong)));
+        counts.collect()
     }
 
     fn elementary(&self, name: &str) -> Result<Extent, Wrong> {
@@ -198,20 +249,31 @@ impl<'a> Sizes<'a> {
         Ok(Extent { size, align: size.min(self.alignment.limit()), depth: 0 })
     }
 
-    /// Places members one after the other, each at the next multiple of its alignment.
-    fn place(&mut self, id: TypeId, depth: usize) -> Result<(MemberOffsets<'a>, Extent), Fault> {
-        let members = self.declarations.members(id);
-        let mut whole = Extent { size: 0, align: 1, depth: 0 };
-        let mut placed = Vec::with_capacity(members.len());
-        for member in members {
+    /// Places members one after the other, each at the next multiple of its alignment; those of a union at the same address.
+    fn place(
+        &mut self,
+        id: TypeId,
+        record: &'a Record,
+        depth: usize,
+    ) -> Result<(MemberOffsets<'a>, Extent), Misfit> {
+        if let Some(at) = record.located {
+            return Err((id, at, Wrong::OwnAddress));
+        }
+        let limit = record.pack.unwrap_or(u32::MAX);
+        let (mut placed, mut whole) = match &record.base {
+            Some(base) => self.base(id, base, depth)?,
+            None => (Vec::new(), Extent { size: 0, align: 1, depth: 0 }),
+        };
+        for member in &record.members {
             let extent = self.extent(member.ty, depth + 1)?;
+            let align = extent.align.min(limit);
             // No sum overflows: neither part is larger than MAX_SIZE.
-            let offset = whole.size.next_multiple_of(extent.align);
-            whole.size = offset + extent.size;
+            let offset = if record.is_union { 0 } else { whole.size.next_multiple_of(align) };
+            whole.size = whole.size.max(offset + extent.size);
             if whole.size > MAX_SIZE {
-                return Err((member.at, Wrong::TooLarge(MAX_SIZE)));
+                return Err((id, member.at, Wrong::TooLarge(MAX_SIZE)));
             }
-            whole.align = whole.align.max(extent.align);
+            whole.align = whole.align.max(align);
             whole.depth = whole.depth.max(extent.depth);
             placed.push((offset, member));
         }
@@ -219,12 +281,20 @@ impl<'a> Sizes<'a> {
         Ok((placed, whole))
     }
 
+    /// The members of the structure that `id` extends. They come first, as if they were a member.
+    fn base(&mut self, id: TypeId, name: &str, depth: usize) -> Result<(MemberOffsets<'a>, Extent), Misfit> {
+        let at = self.declarations.of(id).at;
+        let unknown = || (id, at, Wrong::UnknownBase(name.to_owned()));
+        let base = self.declarations.find(name).ok_or_else(unknown)?;
+        let record = self.declarations.record(base).ok_or_else(unknown)?;
+        let extent = self.extent(base, depth + 1)?;
+        let (placed, _) = self.place(base, record, depth + 1)?;
+        Ok((placed, extent))
+    }
+
     fn type_text(&self, id: TypeId) -> String {
-        let declared = &self.declarations.types.named;
-        declared
-            .iter()
-            .find(|(_, ty)| *ty == id)
-            .map_or_else(|| "this type".to_owned(), |(name, _)| name.clone())
+        let named = self.declarations.named.iter().find(|named| named.ty == id);
+        named.map_or_else(|| "this type".to_owned(), |named| named.name.clone())
     }
 }
 

@@ -70,7 +70,17 @@ END_VAR";
 fn a_syntax_error_is_reported_with_its_place() {
     let body = |member: &str| format!("TYPE T : STRUCT\n  {member}\nEND_STRUCT; END_TYPE");
     for (text, complaint) in [
-        ("PROGRAM x", "x.st:1:1: expected TYPE or VAR_GLOBAL, found `PROGRAM`"),
+        ("x := 5;", "x.st:1:1: expected TYPE or VAR_GLOBAL, found `X` without END_X"),
+        ("5;", "x.st:1:1: expected TYPE or VAR_GLOBAL, found `5`"),
+        ("VAR_GLOBAL a : BYTE;", "x.st:1:1: this list of variables has no end"),
+        ("VAR_GLOBAL CONSTANT a : BYTE := 1 END_VAR", "x.st:1:35: expected `;`, found `END_VAR`"),
+        ("FUNCTION a (* comment", "x.st:1:12: this comment has no end"),
+        (
+            "TYPE T : UNION a : BYTE; END_STRUCT",
+            "x.st:1:26: expected the name of a member or END_UNION, found the keyword `END_STRUCT`",
+        ),
+        ("TYPE T : POINTER BYTE;", "x.st:1:18: expected TO, found `BYTE`"),
+        ("TYPE T EXTENDS : STRUCT", "x.st:1:16: expected the name of a structure, found `:`"),
         ("TYPE\n T BYTE;", "x.st:2:4: expected `:` behind the name of the type, found `BYTE`"),
         ("TYPE T : BYTE", "x.st:1:14: expected `;`, found the end of the file"),
         ("TYPE T : BYTE; ", "x.st:1:16: expected the name of a type or END_TYPE, found the end of the file"),
@@ -87,10 +97,11 @@ fn a_syntax_error_is_reported_with_its_place() {
         (&body("a : BYTE := 5"), "x.st:3:1: expected `;` behind the initial value, found `END_STRUCT`"),
         (&body("a : BYTE := ;"), "x.st:2:15: expected an initial value, found `;`"),
         (&body("a : BYTE := (1];"), "x.st:2:17: expected `)`, found `]`"),
-        (&body("a : ARRAY[0..N] OF BYTE;"), "x.st:2:16: expected a number as array bound, found `N`"),
+        (&body("a : ARRAY[0..] OF BYTE;"), "x.st:2:16: expected a number as array bound, found `]`"),
+        (&body("a : ARRAY[0, 1] OF BYTE;"), "x.st:2:14: expected `..` behind the lower bound, found `,`"),
         (
             &body("a : ARRAY[0..16#FG] OF BYTE;"),
-            "x.st:2:16: `16#FG` is no array bound; bounds are whole numbers",
+            "x.st:2:13: `16#FG` is no array bound; bounds are whole numbers",
         ),
         (
             &body("a : ARRAY[5..4] OF BYTE;"),
@@ -98,10 +109,7 @@ fn a_syntax_error_is_reported_with_its_place() {
         ),
         (&body("a : ARRAY[0..4] BYTE;"), "x.st:2:19: expected OF, found `BYTE`"),
         (&body("a : BYTE; (* comment"), "x.st:2:13: this comment has no end"),
-        (
-            &body("(* a (* b *) c *) d : BYTE;"),
-            "x.st:2:18: `*)` without a comment before it; comments do not nest",
-        ),
+        (&body("(* a *) c *) d : BYTE;"), "x.st:2:13: `*)` without a comment before it"),
     ] {
         assert_eq!(refused(text), complaint);
     }
@@ -117,7 +125,7 @@ fn types_without_a_size_are_reported_only_where_they_are_used() {
         ("STRING[80]", format!("x.st:2:7: the size of STRING {no_size}")),
         ("COLOUR", format!("x.st:3:22: the size of an enumeration {no_size}")),
         ("TIME", format!("x.st:2:7: the size of TIME {no_size}")),
-        ("BITE", "x.st:2:7: `BITE` is neither declared in this file nor an elementary type".to_owned()),
+        ("BITE", "x.st:2:7: `BITE` is neither an elementary type nor declared in the given files; add the file that declares it".to_owned()),
         ("ARRAY[0..1] OF T", "x.st:1:10: `T` contains itself".to_owned()),
         ("ARRAY[1..9999, 1..9999] OF BYTE", "x.st:2:7: this type has more than 16 MiB".to_owned()),
     ] {
@@ -145,9 +153,15 @@ fn depth_and_breadth_are_bounded() {
 fn files_are_bounded_and_may_be_older_than_utf_8() {
     let path = Path::new("types.st");
     let read = |content: &[u8]| Declarations::read(path, Ok(content.to_vec())).map_err(|error| error.reason);
-    assert_eq!(read(b"(* gr\xF6\xDFer *) TYPE T : BYTE; END_TYPE").unwrap().types.named.len(), 1);
-    assert_eq!(read(b"\xEF\xBB\xBFTYPE T : BYTE; END_TYPE").unwrap().types.named.len(), 1);
-    assert_eq!(read(b"\xFF\xFET\0").unwrap_err(), Wrong::Utf16);
+    assert_eq!(read(b"(* gr\xF6\xDFer *) TYPE T : BYTE; END_TYPE").unwrap().named.len(), 1);
+    assert_eq!(read(b"\xEF\xBB\xBFTYPE T : BYTE; END_TYPE").unwrap().named.len(), 1);
+    let units: Vec<u16> = "TYPE \u{FC}T : BYTE; END_TYPE".encode_utf16().collect();
+    let little: Vec<u8> = units.iter().flat_map(|unit| unit.to_le_bytes()).collect();
+    let big: Vec<u8> = units.iter().flat_map(|unit| unit.to_be_bytes()).collect();
+    for content in [[b"\xFF\xFE", &*little].concat(), [b"\xFE\xFF", &*big].concat(), little, big] {
+        assert_eq!(read(&content).unwrap().named[0].name, "\u{FC}T");
+    }
+    assert_eq!(read(b"\xFF\xFET\0Y").unwrap_err().to_string(), "`\u{FFFD}` is not allowed in a declaration");
     assert_eq!(read(&vec![b' '; MAX_BYTES as usize + 1]).unwrap_err(), Wrong::TooLong(MAX_BYTES));
     let missing = Declarations::read(path, Err(io::ErrorKind::NotFound.into())).unwrap_err().to_string();
     assert!(missing.contains("types.st:1:1: cannot read this file"), "{missing}");

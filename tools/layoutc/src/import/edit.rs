@@ -5,6 +5,7 @@ use super::ImportError;
 use super::homes::{Home, Homes, Table};
 use super::list;
 use super::matching::Placement;
+use crate::declaration::TypeId;
 use std::ops::Range;
 use std::path::PathBuf;
 use toml_edit::{DocumentMut, InlineTable, Item, TableLike, Value};
@@ -13,7 +14,7 @@ use toml_edit::{DocumentMut, InlineTable, Item, TableLike, Value};
 pub(crate) fn files(
     homes: &Homes,
     placements: &[Placement],
-    mark: &str,
+    mark: &impl Fn(TypeId) -> String,
 ) -> Result<Vec<(PathBuf, String)>, ImportError> {
     let mut changed = Vec::new();
     for (file, (path, text)) in homes.files.iter().enumerate() {
@@ -25,7 +26,8 @@ pub(crate) fn files(
                 Some(document) => document,
                 none => none.insert(text.parse().map_err(|_| form())?),
             };
-            let mark = homes.is_marked(placement.home).then_some(mark);
+            let mark = homes.is_marked(placement.home).then(|| mark(placement.declared));
+            let mark = mark.as_deref();
             if home.view.is_some() {
                 // The family's structure defines the offsets of its registers.
                 marks(document, home, placement, mark).ok_or_else(form)?;

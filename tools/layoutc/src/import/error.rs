@@ -15,10 +15,10 @@ pub enum ImportError {
     #[error("{0}")]
     Declaration(#[from] DeclarationError),
     /// The file declares none of the layout's structures.
-    #[error("{} declares none of the layout's structures ({known}); its structures: {declared}", .path.display())]
+    #[error("{path} declares none of the layout's structures ({known}); its structures: {declared}")]
     NothingDeclared {
         /// The declarations.
-        path: PathBuf,
+        path: String,
         /// Structures of the layout.
         known: String,
         /// Structures of the file.
@@ -57,13 +57,12 @@ pub enum ImportError {
     },
     /// The device has no library of types, so no declarations can state its offsets.
     #[error(
-        "{} cannot confirm the offsets of `{device}`: the layout names no library of the vendor that declares its \
-         structures",
-        .path.display()
+        "{path} cannot confirm the offsets of `{device}`: the layout names no library of the vendor that declares its \
+         structures"
     )]
     NoLibrary {
         /// The declarations.
-        path: PathBuf,
+        path: String,
         /// Name of the device.
         device: String,
     },

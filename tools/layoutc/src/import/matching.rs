@@ -21,6 +21,8 @@ pub(crate) struct Placement {
     pub size: u32,
     /// Whether the declaration has the layout's names.
     pub is_named_alike: bool,
+    /// The declared type, which gives the places.
+    pub declared: TypeId,
 }
 
 /// Result for a structure.
@@ -74,7 +76,14 @@ impl<'a> Matcher<'a> {
             let size = if list == index { declared.max(least) } else { end };
             let user = format!("`{}`", structure.name);
             let is_named_alike = !self.called.has_inside(structure.name);
-            structure.placements.push(Placement { home: list, user, places, size, is_named_alike });
+            structure.placements.push(Placement {
+                home: list,
+                user,
+                places,
+                size,
+                is_named_alike,
+                declared: ty,
+            });
         }
         self.new_members(&mut structure, ty, "", 0)?;
         let before = home.size();
@@ -202,7 +211,8 @@ impl<'a> Matcher<'a> {
         self.new_members(structure, inner, &format!("{}.", found.path), found.offset)?;
         let user = format!("`{}.{name}`", structure.name);
         let is_named_alike = !self.called.has_inside(&format!("{}.{name}", structure.name));
-        structure.placements.insert(0, Placement { home: sub, user, places, size, is_named_alike });
+        let placement = Placement { home: sub, user, places, size, is_named_alike, declared: inner };
+        structure.placements.insert(0, placement);
         Ok(())
     }
 

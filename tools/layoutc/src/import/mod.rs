@@ -17,7 +17,7 @@ pub use error::ImportError;
 pub use rows::{Row, Verdict};
 
 use crate::check;
-use crate::declaration::{Alignment, Declarations, Sizes};
+use crate::declaration::{Alignment, Declarations, Sizes, TypeId};
 use crate::hash::layout_hash;
 use crate::source::Sources;
 use homes::{Homes, Table};
@@ -95,9 +95,8 @@ impl Import {
         let (files, also_moved) = if is_own_export {
             (Vec::new(), Vec::new())
         } else {
-            let also =
-                others::check(&homes, &placements, &others::of_family(dir, &homes)?, &declarations.path)?;
-            (edit::files(&homes, &placements, &mark(&homes, declarations)?)?, also)
+            let also = others::check(&homes, &placements, &others::of_family(dir, &homes)?, declarations)?;
+            (edit::files(&homes, &placements, &marks(&homes, declarations)?)?, also)
         };
         let mut after = Sources::with_edits(dir, files.iter().cloned().collect());
         let device = check::load(&mut after).map_err(|error| ImportError::Refused(error.reason))?;
@@ -179,7 +178,7 @@ fn nothing_declared(homes: &Homes, declarations: &Declarations) -> ImportError {
     let known: Vec<_> = homes.structures().map(|index| homes.all[index].name()).collect();
     let declared: Vec<_> = declarations.structures().take(20).collect();
     let declared = if declared.is_empty() { "none".to_owned() } else { declared.join(", ") };
-    ImportError::NothingDeclared { path: declarations.path.clone(), known: known.join(", "), declared }
+    ImportError::NothingDeclared { path: declarations.title(), known: known.join(", "), declared }
 }
 
 /// Every list of registers once. A list that several structures use must have the same places in all of them, and the present ones
@@ -246,12 +245,17 @@ fn compare(
     }
 }
 
-/// The provenance of what has been imported: the device's library, and the name of the file.
-fn mark(homes: &Homes, declarations: &Declarations) -> Result<String, ImportError> {
-    let path = &declarations.path;
+/// The provenance of what has been imported: the device's library, and the name of the file that declares the type.
+fn marks<'a>(
+    homes: &'a Homes,
+    declarations: &'a Declarations,
+) -> Result<impl Fn(TypeId) -> String + use<'a>, ImportError> {
     let Some(library) = &homes.library else {
-        return Err(ImportError::NoLibrary { path: path.clone(), device: homes.device.clone() });
+        return Err(ImportError::NoLibrary { path: declarations.title(), device: homes.device.clone() });
     };
-    let name = path.file_name().unwrap_or(path.as_os_str());
-    Ok(format!("manual: {library}, {}", name.to_string_lossy().replace(char::is_control, "?")))
+    Ok(move |declared| {
+        let path = declarations.file_of(declared);
+        let name = path.file_name().unwrap_or(path.as_os_str());
+        format!("manual: {library}, {}", name.to_string_lossy().replace(char::is_control, "?"))
+    })
 }

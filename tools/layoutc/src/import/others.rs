@@ -4,6 +4,7 @@ use super::homes::{Home, Homes, Table};
 use super::matching::Placement;
 use super::{ImportError, offsets};
 use crate::check::files;
+use crate::declaration::{Declarations, TypeId};
 use crate::error::Error;
 use crate::raw::Provenance;
 use crate::source::Sources;
@@ -20,6 +21,8 @@ struct MovedList<'a> {
     register: &'a str,
     before: u32,
     after: u32,
+    /// The declared type, which says so.
+    declared: TypeId,
 }
 
 /// Returns the other devices of the family of the layout in `dir`, in alphabetical order.
@@ -45,7 +48,7 @@ pub(super) fn check(
     homes: &Homes,
     placements: &[Placement],
     others: &[Other],
-    declarations: &Path,
+    declarations: &Declarations,
 ) -> Result<Vec<String>, ImportError> {
     let moved: Vec<_> = placements.iter().filter_map(|placement| moved(homes, placement)).collect();
     for (moved, other) in moved.iter().flat_map(|moved| others.iter().map(move |other| (moved, other))) {
@@ -55,7 +58,7 @@ pub(super) fn check(
                 Provenance::Manual | Provenance::Inferred(_) => "the manual".to_owned(),
             };
             return Err(ImportError::Confirmed {
-                path: declarations.to_owned(),
+                path: declarations.file_of(moved.declared).to_owned(),
                 structure: moved.home.name().to_owned(),
                 register: moved.register.into(),
                 before: moved.before,
@@ -82,7 +85,7 @@ fn moved<'a>(homes: &'a Homes, placement: &Placement) -> Option<MovedList<'a>> {
     let of_size =
         of_size.filter(|(_, before, after)| !matches!(home.table, Table::Block(_)) && before != after);
     let (register, before, after) = differs.chain(of_size).next()?;
-    Some(MovedList { home, register, before, after })
+    Some(MovedList { home, register, before, after, declared: placement.declared })
 }
 
 impl Other {

@@ -46,10 +46,11 @@ pub(super) fn of_family(homes: &Homes, index: usize, found: &[Placement]) -> Vec
     let places = places(&registers);
     let place = |entry: &Entry| places.get(entry.name.as_ref()?.get_ref().as_str()).cloned();
     let user = format!("`{}`", homes.all[index].name());
+    let Some(of) = found.iter().find(|placement| placement.home == index) else { return Vec::new() };
     let placements = homes.lists(base).into_iter().map(|home| {
         let entries = homes.all[home].raw.register.iter();
         let places: Vec<_> = entries.map(|entry| place(entry.get_ref())).collect();
-        Placement { home, user: user.clone(), places, size: 0, is_named_alike: false }
+        Placement { home, user: user.clone(), places, size: 0, is_named_alike: false, declared: of.declared }
     });
     let mut placements: Vec<_> = placements.collect();
     let end = |placement: &Placement| placement.places.iter().flatten().map(|place| place.end).max();

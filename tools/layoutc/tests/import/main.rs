@@ -296,6 +296,30 @@ fn a_device_without_a_library_has_nothing_to_confirm() {
     assert!(text.contains("offsets = \"manual: OWN_TYPES, TYPES.st\""), "{text}");
 }
 
+/// D-785: a register confirms where the file that declares it says so, if there are several.
+#[test]
+fn several_files_are_imported_as_one() {
+    let (pair, rest) = AS_IT_IS.split_once("    INIT : STRUCT").unwrap();
+    let rest = rest.replace("[0..1] OF PAIR", "[0..PAIRS - 1] OF PAIR");
+    let mut declarations = Declarations::default();
+    for (name, text) in [
+        ("INIT.st", format!("TYPE INIT : STRUCT{rest}")),
+        ("PAIR.st", format!("{pair} END_TYPE")),
+        ("LIST.st", "VAR_GLOBAL CONSTANT PAIRS : INT := 2; END_VAR FUNCTION f END_FUNCTION".to_owned()),
+    ] {
+        declarations.add(Path::new(name), Ok(text.into_bytes())).unwrap();
+    }
+    assert_eq!(declarations.notes(), ["LIST.st: skipped, because only types are read: FUNCTION f in line 1"]);
+    let dir = fixture();
+    let import = Import::plan(dir.path(), &declarations, Alignment::Natural, &NamePairs::default()).unwrap();
+    assert_eq!(reported_rows(&import), [""; 0]);
+    write(&import);
+    for (file, line) in [("CTRL.toml", "INIT.st"), ("INIT.toml", "INIT.st"), ("parts.toml", "PAIR.st")] {
+        let text = fs::read_to_string(dir.path().join(file)).unwrap();
+        assert!(text.contains(&format!("offsets = \"manual: BM_TYPES, {line}\"")), "{text}");
+    }
+}
+
 #[test]
 fn declarations_of_something_else_are_refused() {
     assert_eq!(
@@ -305,7 +329,8 @@ fn declarations_of_something_else_are_refused() {
     let text = AS_IT_IS.replace("b_MODE : BYTE", "b_MODE : BITE");
     assert_eq!(
         refused(&text, &[]),
-        "lib/TYPES.st:5:53: `BITE` is neither declared in this file nor an elementary type"
+        "lib/TYPES.st:5:53: `BITE` is neither an elementary type nor declared in the given files; add the file that \
+         declares it"
     );
     let alone = AS_IT_IS.replace("CTRL : STRUCT", "OTHER : STRUCT");
     assert_eq!(reported_rows(&plan(fixture().path(), &alone).unwrap()), ["CTRL. undeclared 40 -"]);
