@@ -5,8 +5,13 @@ use super::error::CliError;
 use super::place::NamedLocation;
 use super::session::Session;
 use crate::devices;
+use crate::devices::folder;
 use crate::layout::{DeviceFit, DeviceLayout, Fit, LayoutError, Role};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::error::ErrorKind;
+use clap::{Arg, Command};
+use std::ffi::OsStr;
+use std::path::Path;
 
 #[derive(clap::Args)]
 pub(crate) struct DeviceArg {
@@ -15,12 +20,49 @@ pub(crate) struct DeviceArg {
     pub device: &'static DeviceLayout,
 }
 
-/// Accepts the names of the registered devices and offers them for completion.
-fn known() -> impl TypedValueParser<Value = &'static DeviceLayout> {
-    let names =
-        devices::all().iter().map(|known| PossibleValue::new(known.layout.name).help(known.layout.title));
-    PossibleValuesParser::new(names)
-        .try_map(|name| devices::find(&name).map(|known| known.layout).ok_or("no device of this name"))
+/// Accepts the names of the registered devices and offers them for completion, and paths of folders with a device.
+fn known() -> DeviceParser {
+    DeviceParser
+}
+
+/// Parser of the name of a device, or of the path of a folder.
+#[derive(Clone)]
+struct DeviceParser;
+
+impl DeviceParser {
+    fn names() -> PossibleValuesParser {
+        let names = devices::all().iter();
+        PossibleValuesParser::new(
+            names.map(|known| PossibleValue::new(known.layout.name).help(known.layout.title)),
+        )
+    }
+}
+
+impl TypedValueParser for DeviceParser {
+    type Value = &'static DeviceLayout;
+
+    fn parse_ref(&self, cmd: &Command, arg: Option<&Arg>, value: &OsStr) -> Result<Self::Value, clap::Error> {
+        let folder = value
+            .to_str()
+            .filter(|path| folder::is_path(path))
+            .map(|path| folder::find(Path::new(""), path).and_then(|dir| folder::load(&dir)));
+        match folder {
+            Some(Ok(folder)) => Ok(folder.registered.layout),
+            Some(Err(reason)) => Err(cmd.clone().error(ErrorKind::ValueValidation, reason)),
+            None => {
+                let names = Self::names().try_map(|name| {
+                    devices::find(&name).map(|known| known.layout).ok_or("no device of this name")
+                });
+                names.parse_ref(cmd, arg, value)
+            }
+        }
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        let names = Self::names();
+        let values: Vec<_> = names.possible_values()?.collect();
+        Some(Box::new(values.into_iter()))
+    }
 }
 
 /// Looks up a name or an address without knowing the device or its options. If this fails, no instance has such a

@@ -196,11 +196,11 @@ struct LayoutVerdict {
 impl LayoutVerdict {
     fn of(dir: &Path) -> Self {
         let layout = dir.display().to_string();
-        match commram_layoutc::compile(dir) {
-            Ok(compiled) => {
-                let known = devices::of_hash(compiled.layout_hash).is_some();
+        match commram_layoutc::read(dir) {
+            Ok(read) => {
+                let known = devices::of_hash(read.layout_hash).is_some();
                 let verdict = if known { "built in" } else { "other" };
-                let register_map = Some(format!("16#{:016X}", compiled.layout_hash));
+                let register_map = Some(format!("16#{:016X}", read.layout_hash));
                 Self { layout, verdict, register_map, message: None }
             }
             Err(error) => {

@@ -272,7 +272,7 @@ fn end_by(signal: i32) {
 }
 
 fn check_layout(dir: &Path) -> Result<(), CliError> {
-    let found = commram_layoutc::compile(dir)?.layout_hash;
+    let found = commram_layoutc::read(dir)?.layout_hash;
     if devices::of_hash(found).is_some() {
         return Ok(());
     }

@@ -13,6 +13,7 @@ use crate::layout;
 use crate::memory::Segment;
 use core::any::Any;
 use core::fmt;
+use std::path::Path;
 use std::sync::Arc;
 use toml::de::{Error, ValueDeserializer};
 
@@ -68,6 +69,11 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
 
     /// The area with its first structure in NOVRAM; `None` without any. [`Device::novram`] returns the stored part.
     fn novram(&self) -> Option<&'static layout::Area> {
+        None
+    }
+
+    /// The folder with the files of the device, if it is not a device of the program.
+    fn folder(&self) -> Option<&Path> {
         None
     }
 
@@ -237,6 +243,7 @@ mod tests {
     #[test]
     fn device_defaults_are_empty() {
         assert!(Silent.check().is_ok() && Silent.ports().is_empty() && Silent.novram().is_none());
+        assert_eq!(Silent.folder(), None);
         assert!((0..8).all(|port| Silent.kbit_s(port).is_empty() && Silent.messages(port).is_empty()));
         assert_eq!((Silent.name(), Silent.layout().name, Silent.retain_bytes()), ("silent", STATION.name, 0));
     }

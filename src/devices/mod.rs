@@ -30,6 +30,8 @@ mod fault_tests;
 mod fields_tests;
 #[cfg(feature = "emulator")]
 mod first_exchange;
+#[cfg(feature = "emulator")]
+pub mod folder;
 #[cfg(feature = "plc")]
 mod intr_set;
 #[cfg(feature = "emulator")]

@@ -3,9 +3,9 @@
 #[cfg(feature = "emulator")]
 mod emulation;
 
-#[cfg(feature = "emulator")]
-use super::catalogue;
 use super::{bm4_o_can_06, can_dp2, cr201x, cs0015, omega_drive_line_2};
+#[cfg(feature = "emulator")]
+use super::{catalogue, folder};
 use crate::layout::DeviceLayout as Layout;
 use crate::memory::{AttachMode, Attached, Image, MemoryError, header};
 #[cfg(feature = "plc")]
@@ -226,10 +226,13 @@ pub fn find(name: &str) -> Option<&'static Registered> {
     all().iter().copied().find(|it| it.layout.name == name)
 }
 
-/// The device of an image with this layout hash in its header.
+/// The device of an image with this layout hash in its header, or of a folder that this process has read.
 #[must_use]
 pub fn of_hash(hash: u64) -> Option<&'static Registered> {
-    all().iter().copied().find(|it| it.layout.layout_hash == hash)
+    let known = all().iter().copied().find(|it| it.layout.layout_hash == hash);
+    #[cfg(feature = "emulator")]
+    let known = known.or_else(|| folder::of_hash(hash));
+    known
 }
 
 /// Elements of the device's board: [`Registered::board`]; all elements for an unknown device.
@@ -248,6 +251,8 @@ pub fn attach(
     mode: AttachMode,
 ) -> Result<(Attached, &'static Layout), MemoryError> {
     let attached = Image::attach(instance, plc, mode, None)?;
+    #[cfg(feature = "emulator")]
+    folder::load_of_instance(instance);
     let header = attached.header_snapshot();
     match of_hash(header.layout_hash.load()) {
         Some(known) => Ok((attached, known.layout)),

@@ -8,12 +8,20 @@ use super::process::ProcessId;
 use super::{EmulatorProcess, Image, MemoryError, list, names};
 use std::fs::{File, TryLockError};
 use std::io;
+#[cfg(feature = "emulator")]
+use std::io::Read;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// The file in the instance's directory; holds process id and start time of the process that has the lock.
 pub(super) const LOCK: &str = "lock";
+/// The file in the instance's directory with the folders of devices that belong to no program, one path in each line.
+#[cfg(feature = "emulator")]
+const FOLDERS: &str = "devices";
+/// Longest list of folders that is read, in bytes.
+#[cfg(feature = "emulator")]
+const LONGEST_FOLDERS: u64 = 1 << 20;
 /// Follows the process in a lock file if it only removes the files of a killed emulator.
 const CLEANER: &str = "cleaner";
 /// Longest wait for a lock: its holder may be ending, or a client may be checking it.
@@ -103,6 +111,42 @@ impl InstanceLock {
         }
     }
 
+    /// Publishes the folders of the plant's devices, so that clients can read the names of their registers. Paths are text
+    /// without line ends. Call it before the images exist: clients read the list when they attach.
+    ///
+    /// # Errors
+    /// The system refuses.
+    #[cfg(feature = "emulator")]
+    pub(crate) fn publish_device_folders<'p>(
+        &self,
+        folders: impl IntoIterator<Item = &'p Path>,
+    ) -> Result<(), MemoryError> {
+        let lines: Vec<_> = folders.into_iter().map(|path| format!("{}\n", path.display())).collect();
+        // A killed emulator may have left its list.
+        self.directory.remove(FOLDERS);
+        if lines.is_empty() {
+            return Ok(());
+        }
+        let path = names::channel_root(&self.instance)?.join(FOLDERS);
+        let written = self.directory.open_file(FOLDERS).and_then(|file| match file {
+            Some(file) => file.write_all_at(lines.concat().as_bytes(), 0),
+            None => Err(io::ErrorKind::NotFound.into()),
+        });
+        written.map_err(|reason| MemoryError::System { path, doing: "write", reason })
+    }
+
+    /// The folders of a running instance's devices; empty if it has none.
+    #[cfg(feature = "emulator")]
+    pub(crate) fn device_folders(instance: &str) -> Vec<std::path::PathBuf> {
+        let read = || {
+            let directory = PrivateDir::open(&names::channel_root(instance).ok()?).ok()??;
+            let mut text = String::new();
+            let mut file = directory.find_file(FOLDERS).ok()??.take(LONGEST_FOLDERS);
+            file.read_to_string(&mut text).ok().map(|_| text)
+        };
+        read().unwrap_or_default().lines().map(Into::into).collect()
+    }
+
     /// Removes everything in the instance's directory except the lock, also entries that no emulator has created.
     /// Returns the entries that cannot be removed.
     ///
@@ -134,6 +178,8 @@ impl InstanceLock {
 
 impl Drop for InstanceLock {
     fn drop(&mut self) {
+        #[cfg(feature = "emulator")]
+        self.directory.remove(FOLDERS);
         // The lock is released afterwards, when the file is closed.
         self.directory.remove(LOCK);
         self.directory.remove_if_empty();

@@ -4,6 +4,7 @@ mod checks;
 mod doubts;
 mod error;
 mod file;
+mod folders;
 mod keys;
 mod places;
 #[cfg(test)]
@@ -46,7 +47,7 @@ pub struct PlantConfig {
     pub buses: Vec<Arc<dyn BusSection>>,
     /// Faults that are injected from power-on or from a time on; see `docs/reference/faults.md`.
     pub faults: Vec<FaultSpec>,
-    /// The text of the plant file.
+    /// The text of the plant file, with absolute paths of the folders of devices.
     text: Arc<str>,
 }
 
@@ -64,15 +65,21 @@ impl PlantConfig {
     pub fn load(path: &Path) -> Result<Self, PlantError> {
         let text = input_file::read(path, input_file::LONGEST_PLANT)
             .map_err(|source| PlantError::Read { path: path.to_owned(), source })?;
-        Self::parse(&path.display().to_string(), &text)
+        Self::parse_from(path.parent().unwrap_or(Path::new("")), &path.display().to_string(), &text)
     }
 
-    /// Parses and checks the text of a plant file; `file` is its name for messages.
+    /// Parses and checks the text of a plant file; `file` is its name for messages. Folders of devices are named from the
+    /// working directory.
     ///
     /// # Errors
     /// [`PlantError`] with the wrong entry and a correct value.
     pub fn parse(file: &str, text: &str) -> Result<Self, PlantError> {
-        let (config, faults) = file::read(file, text)?;
+        Self::parse_from(Path::new(""), file, text)
+    }
+
+    /// As [`PlantConfig::parse`], with folders of devices named from `base`.
+    fn parse_from(base: &Path, file: &str, text: &str) -> Result<Self, PlantError> {
+        let (config, faults) = file::read(base, file, text)?;
         config.check().map_err(|error| {
             let offset = match &error {
                 PlantError::Fault { number, .. } => faults.get(number - 1).copied(),
@@ -84,7 +91,7 @@ impl PlantConfig {
         Ok(config)
     }
 
-    /// The text of the plant file.
+    /// The text of the plant file, with absolute paths of the folders of devices.
     pub fn source(&self) -> &str {
         &self.text
     }

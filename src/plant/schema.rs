@@ -23,6 +23,7 @@ pub fn schema() -> Value {
             first.get_or_insert_with(|| section.clone());
             of_kind(section, device.layout.name, true)
         })
+        .chain([of_folder()])
         .collect();
     let buses: Vec<_> = BUS_KINDS
         .iter()
@@ -63,6 +64,20 @@ fn name() -> Value {
 /// A section with any keys.
 fn open() -> Value {
     json!({ "type": "object", "required": ["name"], "properties": { "name": name() } })
+}
+
+/// A section with the folder of a device.
+fn of_folder() -> Value {
+    let path = json!({
+        "type": "string", "pattern": "/",
+        "description": "Path of a folder with a device.toml, from the directory of the plant file",
+    });
+    json!({
+        "type": "object",
+        "additionalProperties": false,
+        "required": ["name", "kind"],
+        "properties": { "name": name(), "kind": path },
+    })
 }
 
 /// Reads the schema of a device.

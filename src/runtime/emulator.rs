@@ -370,6 +370,7 @@ impl Emulator {
 /// Takes the instance, and removes leftover images of a killed emulator for PLCs that this one does not have.
 fn take_instance(config: &PlantConfig, instance: &str) -> Result<InstanceLock, MemoryError> {
     let lock = InstanceLock::take(instance)?;
+    lock.publish_device_folders(config.devices.iter().filter_map(|device| device.folder()))?;
     match lock.remove_dead(|plc| config.devices.iter().any(|own| own.name() == plc)) {
         Err(error @ MemoryError::AlreadyRunning { .. }) => Err(error),
         Err(error) => {

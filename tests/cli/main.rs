@@ -21,6 +21,7 @@ mod ending;
 mod exit_codes;
 mod faults;
 mod federates;
+mod folders;
 mod following;
 mod footprint;
 mod force;

@@ -2,6 +2,7 @@
 
 use super::MOST;
 use crate::devices::BuildError;
+use crate::devices::folder::FolderError;
 use crate::fault::FaultError;
 use std::path::PathBuf;
 use thiserror::Error;
@@ -87,6 +88,16 @@ pub enum PlantError {
         kind: String,
         /// The known kinds.
         known: String,
+    },
+    /// The folder that `kind` names is no device.
+    #[error("{file}: line {line}: {source}")]
+    Folder {
+        /// The file.
+        file: String,
+        /// The line, from 1.
+        line: usize,
+        /// Why.
+        source: FolderError,
     },
     /// A device refers to a bus that does not exist.
     #[error("{port} of PLC '{plc}' is on bus '{bus}', which does not exist; buses are: {known}")]

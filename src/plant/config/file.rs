@@ -1,11 +1,14 @@
 //! A plant file as text: the owner of each section, and the line of an error.
 
+use super::folders::Folders;
 use super::keys::{self, Section};
 use super::{PlantConfig, PlantError};
+use crate::devices::folder::FolderConfig;
 use crate::devices::{self, BUS_KINDS, BusSection, DeviceConfig, Read};
 use crate::fault::FaultSpec;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
+use std::path::Path;
 use std::sync::Arc;
 use toml::Spanned;
 use toml::de::{DeArray, DeTable, DeValue, Deserializer, Error, ValueDeserializer};
@@ -32,13 +35,15 @@ fn default_cycle() -> u32 {
 }
 
 /// The text, for messages.
-struct Source<'a> {
-    file: &'a str,
-    text: &'a str,
+#[derive(Clone, Copy)]
+pub(super) struct Source<'a> {
+    pub(super) file: &'a str,
+    pub(super) text: &'a str,
 }
 
-/// Reads a plant file. Also returns where its faults begin: only the whole plant can detect errors in them.
-pub(super) fn read(file: &str, text: &str) -> Result<(PlantConfig, Vec<usize>), PlantError> {
+/// Reads a plant file; folders of devices are named from `base`. Also returns where its faults begin: only the whole
+/// plant can detect errors in them.
+pub(super) fn read(base: &Path, file: &str, text: &str) -> Result<(PlantConfig, Vec<usize>), PlantError> {
     let source = Source { file, text };
     let mut table = DeTable::parse(text).map_err(|error| source.syntax(&error))?;
     let plcs = source.sections(table.get_mut(), "plc")?;
@@ -56,7 +61,12 @@ pub(super) fn read(file: &str, text: &str) -> Result<(PlantConfig, Vec<usize>), 
     for section in plcs {
         devices.push(source.read("plc", section, kinds[0].1)?);
     }
-    for section in others {
+    let mut folders = Folders::new(source, base);
+    for mut section in others {
+        if let Some((folder, dir)) = folders.of(&mut section)? {
+            devices.push(source.read("device", section, |section| FolderConfig::read(folder, dir, section))?);
+            continue;
+        }
         let (section, read) = source.of_kind(section, "device", None, &kinds)?;
         devices.push(source.read("device", section, read)?);
     }
@@ -67,9 +77,10 @@ pub(super) fn read(file: &str, text: &str) -> Result<(PlantConfig, Vec<usize>), 
         read_buses.push(source.read("bus", section, read)?);
     }
     let Rest { processor_cycle_us, fault: faults, .. } = rest;
+    let text = folders.absolute(text).into();
     let places = faults.iter().map(|fault| fault.span().start).collect();
     let faults = faults.into_iter().map(Spanned::into_inner).collect();
-    Ok((PlantConfig { processor_cycle_us, devices, buses: read_buses, faults, text: text.into() }, places))
+    Ok((PlantConfig { processor_cycle_us, devices, buses: read_buses, faults, text }, places))
 }
 
 /// The line, from 1, of an offset. It counts from the beginning of the text, so it is for errors only.
@@ -83,7 +94,7 @@ impl PlantError {
     pub fn line(&self) -> Option<usize> {
         match self {
             Self::At { line, .. } | Self::Syntax { line, .. } => *line,
-            Self::NoSection { line, .. } | Self::Kind { line, .. } => Some(*line),
+            Self::NoSection { line, .. } | Self::Kind { line, .. } | Self::Folder { line, .. } => Some(*line),
             _ => None,
         }
     }
@@ -97,7 +108,9 @@ impl PlantError {
             other => other.to_string(),
         };
         match self {
-            Self::NoSection { file, line, .. } | Self::Kind { file, line, .. } => {
+            Self::NoSection { file, line, .. }
+            | Self::Kind { file, line, .. }
+            | Self::Folder { file, line, .. } => {
                 whole.strip_prefix(&format!("{file}: line {line}: ")).map_or(whole.clone(), str::to_owned)
             }
             _ => whole,
@@ -167,7 +180,7 @@ impl Source<'_> {
         &self,
         name: &'static str,
         section: Spanned<DeValue<'_>>,
-        read: Read<T>,
+        read: impl FnOnce(ValueDeserializer<'_>) -> Result<Arc<T>, Error>,
     ) -> Result<Arc<T>, PlantError> {
         let keys = match section.get_ref() {
             DeValue::Table(table) => table.keys().map(Spanned::span).collect(),

@@ -37,6 +37,12 @@ impl fmt::Display for Location {
 pub enum Reason {
     #[error("cannot read this file: {0}")]
     Unreadable(String),
+    #[error("`{0}` leads out of the folder; all files of a device in a folder lie in it")]
+    OutsideFolder(String),
+    #[error("{0} is a link; a device in a folder has its own files")]
+    LinkInFolder(String),
+    #[error("a device in a folder has no `{0}`; a device in a crate can have it")]
+    NotInFolder(&'static str),
     #[error("{0}")]
     Syntax(String),
     #[error("`{0}` is not a name (letters, digits and `_`, not starting with a digit)")]

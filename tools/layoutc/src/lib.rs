@@ -1,18 +1,20 @@
 //! Compiles register layouts: reads the TOML files of one device, checks them, and emits Rust.
 //!
-//! `build.rs` of commram is the only user. A wrong layout stops the build with file, line, column and
-//! reason. The format of the files is described in `docs/reference/layouts.md`.
+//! `build.rs` of commram compiles layouts with [`compile`]. A wrong layout stops the build with file, line, column and
+//! reason. The emulator reads devices of users with [`read_folder`]. The format of the files is described in
+//! `docs/reference/layouts.md`.
 
 mod check;
 #[cfg(feature = "import")]
 pub mod declaration;
 mod emit;
 mod error;
+pub mod front;
 mod gsd;
 mod hash;
 #[cfg(feature = "import")]
 pub mod import;
-mod model;
+pub mod model;
 mod objects;
 pub mod parameters;
 mod raw;
@@ -49,8 +51,40 @@ pub fn compile_family(dir: &Path) -> Result<String, Error> {
 /// # Errors
 /// Returns the first error, with its place.
 pub fn compile(dir: &Path) -> Result<Compiled, Error> {
-    let mut sources = source::Sources::new(dir);
+    let Layout { device, layout_hash, inputs } = read(dir)?;
+    let inputs = inputs.into_iter().map(|(path, _)| path).collect();
+    Ok(Compiled { rust: emit::module(&device, layout_hash), layout_hash, inputs })
+}
+
+/// A layout that was read and checked.
+pub struct Layout {
+    /// The checked layout.
+    pub device: model::Device,
+    /// Hash over everything that affects addresses or widths.
+    pub layout_hash: u64,
+    /// Every file that was read, with its text.
+    pub inputs: Vec<(PathBuf, String)>,
+}
+
+/// Reads the layout in `dir`, starting at its `device.toml`, and checks it like [`compile`].
+///
+/// # Errors
+/// Returns the first error, with its place.
+pub fn read(dir: &Path) -> Result<Layout, Error> {
+    read_from(source::Sources::new(dir))
+}
+
+/// Reads the layout in the folder `dir`, whose author may be unknown: all files lie in the folder itself, and none of
+/// them is a link.
+///
+/// # Errors
+/// Returns the first error, with its place.
+pub fn read_folder(dir: &Path) -> Result<Layout, Error> {
+    read_from(source::Sources::of_folder(dir))
+}
+
+fn read_from(mut sources: source::Sources) -> Result<Layout, Error> {
     let device = check::load(&mut sources)?;
     let layout_hash = hash::layout_hash(&device);
-    Ok(Compiled { rust: emit::module(&device, layout_hash), layout_hash, inputs: sources.paths() })
+    Ok(Layout { device, layout_hash, inputs: sources.into_files() })
 }

@@ -1,22 +1,30 @@
-//! The checked layout: every offset, width and reference in here has passed [`crate::check`].
+//! The checked layout: every offset, width and reference has passed the checks of this crate.
 
 pub(crate) use crate::gsd::Gsd;
 pub(crate) use crate::objects::Object;
-pub(crate) use crate::raw::{Letter, Owner, Provenance, Role, Unit};
+pub use crate::raw::{Letter, Owner, Provenance, Role, Unit};
 
 /// A whole device, or a family: structures without areas.
-pub(crate) struct Device {
+pub struct Device {
+    /// Name, letter for letter.
     pub name: String,
+    /// The vendor's name of the device.
     pub title: String,
+    /// Number of the manual that pages refer to.
     pub manual: String,
     /// Facts that the manual does not state about the whole device; empty if none.
     pub undocumented: String,
     /// Name of the family that the `shared` structures and meanings are of.
     pub family: Option<String>,
+    /// Lowest number of the switches.
     pub dip_first: u8,
+    /// Highest number of the switches.
     pub dip_last: u8,
+    /// Meanings of values and bits.
     pub meanings: Vec<Meaning>,
+    /// Types of registers that are structures.
     pub substructures: Vec<Structure>,
+    /// Structures of registers.
     pub structures: Vec<Structure>,
     /// In the order of the files; no two have a byte of the image in common.
     pub spaces: Vec<Space>,
@@ -25,23 +33,25 @@ pub(crate) struct Device {
     /// The area with a size that each plant sets, and its default size in bytes.
     pub retain: Option<(Area, u32)>,
     /// The object dictionary, in ascending order.
-    pub objects: Vec<Object>,
+    pub(crate) objects: Vec<Object>,
     /// Properties of a PROFIBUS-DP slave that masters need.
-    pub gsd: Option<Gsd>,
+    pub(crate) gsd: Option<Gsd>,
     /// Words of the front in the header page, in ascending order.
-    pub front: Vec<Front>,
+    pub front: Vec<FrontWord>,
     /// In the order of their numbers.
     pub ports: Vec<Port>,
     /// The area of the device's own interface, index into [`Device::areas`].
     pub own: Option<usize>,
-    pub baud_rates: Vec<BaudRate>,
+    pub(crate) baud_rates: Vec<BaudRate>,
+    /// Phases, if structures overlay each other.
     pub phases: Option<Phases>,
 }
 
 /// The phases: which of the structures that overlay each other is valid.
-pub(crate) struct Phases {
+pub struct Phases {
     /// Name of the register that shows the phase.
     pub register: String,
+    /// Source of the fact.
     pub source: Provenance,
     /// Whether they are the family's.
     pub shared: bool,
@@ -49,12 +59,15 @@ pub(crate) struct Phases {
     pub values: Vec<Phase>,
 }
 
-pub(crate) struct Phase {
+/// One of the phases.
+pub struct Phase {
+    /// Name, letter for letter.
     pub name: String,
     /// First value of the register; the phase ends before the first value of the next one.
     pub from: u32,
     /// End of the names of variables that the manual does not name.
     pub variable: String,
+    /// Purpose.
     pub doc: String,
 }
 
@@ -70,25 +83,36 @@ impl Device {
 pub(crate) const ALWAYS: &str = "always";
 
 /// A word of the front in the header page.
-pub(crate) struct Front {
+pub struct FrontWord {
+    /// Name, letter for letter.
     pub name: String,
+    /// Data type.
     pub scalar: Scalar,
     /// First byte in the front.
     pub offset: u32,
+    /// The writer.
     pub owner: Owner,
     /// Index into [`Device::meanings`].
     pub meaning: Option<usize>,
     /// Four characters of a text.
     pub is_text: bool,
+    /// Source of the fact.
     pub source: Provenance,
+    /// Pages of the manual.
     pub page: String,
+    /// Purpose.
     pub doc: String,
 }
 
-pub(crate) struct Port {
+/// The device's connection to a medium.
+pub struct Port {
+    /// Name, letter for letter.
     pub name: String,
+    /// Number, from 1.
     pub number: u8,
+    /// Kind of the medium.
     pub medium: String,
+    /// Possible roles at the medium.
     pub roles: Vec<Role>,
     /// Index into [`Device::areas`].
     pub area: usize,
@@ -107,17 +131,25 @@ pub(crate) struct Deadline {
     pub source: Provenance,
 }
 
-pub(crate) struct Space {
+/// A range of addresses with one notation.
+pub struct Space {
+    /// Name, letter for letter.
     pub name: String,
+    /// Letter after the `%` of an address.
     pub letter: Letter,
+    /// Number between width and address, if there is one.
     pub segment: Option<u16>,
+    /// Unit of the number in an address.
     pub unit: Unit,
     /// Number of the first byte or word.
     pub first: u32,
     /// Offset in the image in bytes.
     pub offset: u32,
+    /// Length in bytes.
     pub bytes: u32,
+    /// Pages of the manual.
     pub page: String,
+    /// Purpose.
     pub doc: String,
 }
 
@@ -142,23 +174,30 @@ impl Space {
     }
 }
 
-pub(crate) struct Area {
+/// A stretch of addresses with a purpose.
+pub struct Area {
+    /// Name, letter for letter.
     pub name: String,
+    /// Source of the name.
     pub name_from: Provenance,
     /// Index into [`Device::spaces`].
     pub space: usize,
     /// First byte in the image.
     pub first: u32,
+    /// Length in bytes.
     pub bytes: u32,
     /// First and last CPU address, if the manual gives them.
     pub cpu: Option<(u32, u32)>,
+    /// Pages of the manual.
     pub page: String,
+    /// Purpose.
     pub doc: String,
+    /// Structures of registers.
     pub structures: Vec<AreaStructure>,
 }
 
 /// A structure in an area.
-pub(crate) struct AreaStructure {
+pub struct AreaStructure {
     /// Index into [`Device::structures`].
     pub structure: usize,
     /// Number of the phase in which it is valid, from 1; 0: always.
@@ -167,32 +206,45 @@ pub(crate) struct AreaStructure {
     pub role: Option<Role>,
     /// Name of the variable that the application declares there.
     pub variable: String,
+    /// Source of the variable's name.
     pub variable_from: Provenance,
     /// Names of the structure's registers that are unused here.
     pub unused: Vec<String>,
 }
 
 /// A structure or sub-structure: fields in ascending order that cover `0..size` without a gap.
-pub(crate) struct Structure {
+pub struct Structure {
+    /// Name, letter for letter.
     pub name: String,
+    /// Source of the name.
     pub name_from: Provenance,
+    /// Length in bytes.
     pub size: u32,
+    /// Alignment in bytes.
     pub align: u32,
+    /// Pages of the manual.
     pub page: String,
+    /// Purpose.
     pub doc: String,
     /// Whether it is the family's.
     pub shared: bool,
     /// The family's structure as which it can be viewed: an index into [`Device::structures`].
     pub view: Option<usize>,
+    /// Fields in ascending order.
     pub fields: Vec<Field>,
 }
 
-pub(crate) struct Field {
+/// A register, an array of registers, or padding.
+pub struct Field {
+    /// Name, letter for letter.
     pub name: String,
     /// Name in the structure of `view`.
     pub view_name: String,
+    /// First byte in the structure.
     pub offset: u32,
+    /// Data type, or padding.
     pub kind: FieldType,
+    /// Bounds of the array; empty for a single register.
     pub dims: Vec<u32>,
     /// Elements below these indices are used, the others are reserved; as long as `dims`.
     pub used: Vec<u32>,
@@ -200,22 +252,45 @@ pub(crate) struct Field {
     pub array_type: String,
     /// Another name of the register in the manual; empty if none.
     pub also: String,
+    /// Whether the manual reserves it.
     pub reserved: bool,
+    /// The writer.
     pub owner: Owner,
+    /// Value after power-on, in two's complement.
     pub reset: u32,
+    /// Pages of the manual.
     pub page: String,
+    /// Purpose.
     pub doc: String,
     /// Index into [`Device::meanings`].
     pub meaning: Option<usize>,
+    /// Source of the name.
     pub name_from: Provenance,
+    /// Source of the offset.
     pub offset_from: Provenance,
+    /// Source of the data type.
     pub type_from: Provenance,
+    /// Source of the owner.
     pub owner_from: Provenance,
+    /// Source of the reset value.
     pub reset_from: Provenance,
 }
 
+/// A dimension of an array.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Dim {
+    /// Number of elements.
+    pub count: u32,
+    /// Elements from this index on are reserved.
+    pub used: u32,
+    /// Bytes from element to element.
+    pub stride: u32,
+}
+
+/// Data type of a field.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum FieldType {
+pub enum FieldType {
+    /// An elementary data type.
     Scalar(Scalar),
     /// Index into [`Device::substructures`].
     Sub(usize),
@@ -225,15 +300,24 @@ pub(crate) enum FieldType {
 
 /// The elementary data types (manual 5.00005.03a p. 144).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) enum Scalar {
+pub enum Scalar {
+    /// 8 bits.
     Byte,
+    /// 16 bits.
     Word,
+    /// 32 bits.
     Dword,
+    /// 8 bits, signed.
     Sint,
+    /// 16 bits, signed.
     Int,
+    /// 32 bits, signed.
     Dint,
+    /// 8 bits, unsigned.
     Usint,
+    /// 16 bits, unsigned.
     Uint,
+    /// 32 bits, unsigned.
     Udint,
 }
 
@@ -297,7 +381,8 @@ impl Scalar {
 }
 
 /// Meanings of the values and bits of a register.
-pub(crate) struct Meaning {
+pub struct Meaning {
+    /// Name, letter for letter.
     pub name: String,
     /// Manuals, and the pages on which they state it; none if no manual does.
     pub pages: Vec<(String, String)>,
@@ -307,13 +392,15 @@ pub(crate) struct Meaning {
     pub scalar: Option<Scalar>,
     /// Values of a request and of its answer.
     pub handshake: Option<(u32, u32)>,
+    /// Meanings of values as a whole.
     pub values: Vec<Value>,
+    /// Meanings of bits, in ascending order.
     pub bits: Vec<Bit>,
 }
 
 impl Meaning {
     /// The pages of this manual that state it; empty if none does.
-    pub(crate) fn page_in(&self, manual: &str) -> &str {
+    pub fn page_in(&self, manual: &str) -> &str {
         self.pages.iter().find(|(known, _)| known == manual).map_or("", |(_, pages)| pages)
     }
 
@@ -332,26 +419,45 @@ impl Meaning {
     }
 }
 
-pub(crate) struct Value {
+/// A value, or a range of values, with its meaning.
+pub struct Value {
+    /// Name in generated code.
     pub id: Option<String>,
+    /// First value, or lowest bit.
     pub first: u32,
+    /// Last value, or highest bit.
     pub last: u32,
+    /// The meaning; `{}` stands for the value.
     pub text: String,
+    /// Whether the manual reserves it.
     pub reserved: bool,
+    /// Source of the fact.
     pub source: Provenance,
 }
 
-pub(crate) struct Bit {
+/// A bit, or a field of bits, with its meaning.
+pub struct Bit {
+    /// Name in generated code.
     pub id: Option<String>,
+    /// First value, or lowest bit.
     pub first: u8,
+    /// Last value, or highest bit.
     pub last: u8,
+    /// Name, letter for letter.
     pub name: String,
+    /// Meaning of a single bit with value 0.
     pub zero: String,
+    /// Meaning of a single bit with value 1.
     pub one: String,
+    /// The meaning; `{}` stands for the value.
     pub text: String,
+    /// Meanings of values as a whole.
     pub values: Vec<Value>,
+    /// Whether the meaning continues the one before, without a comma.
     pub joined: bool,
+    /// Whether the manual reserves it.
     pub reserved: bool,
+    /// Source of the fact.
     pub source: Provenance,
 }
 
@@ -367,7 +473,7 @@ impl Device {
     }
 
     /// Returns the structures in the areas with their sub-structures; for a family, all structures.
-    pub(crate) fn used_types(&self) -> impl Iterator<Item = &Structure> {
+    pub fn used_types(&self) -> impl Iterator<Item = &Structure> {
         let in_areas = |index: usize| {
             self.areas.iter().flat_map(|area| &area.structures).any(|placed| placed.structure == index)
         };
@@ -380,6 +486,18 @@ impl Device {
         let subs = subs.filter(move |(index, sub)| !sub.shared || has(*index)).map(|(_, sub)| sub);
         let structures = self.structures.iter().enumerate();
         subs.chain(structures.filter(move |(index, _)| counts(*index)).map(|(_, structure)| structure))
+    }
+
+    /// The dimensions of `field` alone, outermost first.
+    #[must_use]
+    pub fn dims(&self, field: &Field) -> Vec<Dim> {
+        let mut stride = self.size(field);
+        let rows = field.dims.iter().zip(&field.used);
+        rows.map(|(&count, &used)| {
+            stride /= count;
+            Dim { count, used, stride }
+        })
+        .collect()
     }
 
     /// Bytes of `field` with all its elements.

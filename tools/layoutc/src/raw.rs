@@ -97,9 +97,12 @@ pub(crate) struct Space {
 
 /// The letters after the `%` of an address.
 #[derive(Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) enum Letter {
+pub enum Letter {
+    /// Inputs.
     I,
+    /// Outputs.
     Q,
+    /// Flags.
     M,
     /// The front, which layouts do not place.
     #[serde(skip)]
@@ -109,7 +112,7 @@ pub(crate) enum Letter {
 /// Unit of the number in an address.
 #[derive(Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
 #[serde(rename_all = "lowercase")]
-pub(crate) enum Unit {
+pub enum Unit {
     /// Bytes, for every width.
     Byte,
     /// Accesses of the address's own width; of bits the words that they are in.
@@ -179,11 +182,15 @@ pub(crate) struct Port {
     pub area: Spanned<String>,
 }
 
+/// The role of a port at its medium.
 #[derive(Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
 #[serde(rename_all = "lowercase")]
-pub(crate) enum Role {
+pub enum Role {
+    /// The port governs the medium.
     Master,
+    /// The port answers a master.
     Slave,
+    /// A station with the same rights as the others.
     Peer,
 }
 
@@ -311,11 +318,15 @@ pub(crate) struct Entry {
     pub owner_from: Option<Provenance>,
 }
 
+/// The writer of a register.
 #[derive(Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
 #[serde(rename_all = "lowercase")]
-pub(crate) enum Owner {
+pub enum Owner {
+    /// The application.
     Plc,
+    /// The firmware.
     Firmware,
+    /// Both, in a handshake.
     Both,
 }
 
@@ -323,9 +334,12 @@ pub(crate) enum Owner {
 /// says how.
 #[derive(Deserialize, Clone, PartialEq, Eq, Debug)]
 #[serde(try_from = "String")]
-pub(crate) enum Provenance {
+pub enum Provenance {
+    /// The manual states it, on the page given.
     Manual,
+    /// Another document states it.
     Documented(String),
+    /// It follows from this decision.
     Inferred(String),
 }
 

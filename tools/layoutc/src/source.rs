@@ -6,14 +6,24 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::io::{self, Read};
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 /// Every file read so far.
 pub(crate) struct Sources {
     dir: PathBuf,
+    reach: Reach,
     /// Texts that replace the contents of files.
     edits: BTreeMap<PathBuf, String>,
     files: Vec<(PathBuf, String)>,
+}
+
+/// Files that a layout may consist of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Reach {
+    /// Files of the directory, and of the directory of a family beside it.
+    Family,
+    /// Only files of the directory, without links: its author is unknown.
+    Folder,
 }
 
 /// A place: file number and byte position.
@@ -43,7 +53,30 @@ fn read(path: &Path) -> io::Result<String> {
 
 impl Sources {
     pub(crate) fn new(dir: &Path) -> Self {
-        Self { dir: dir.to_owned(), edits: BTreeMap::new(), files: Vec::new() }
+        Self { dir: dir.to_owned(), reach: Reach::Family, edits: BTreeMap::new(), files: Vec::new() }
+    }
+
+    /// Sources that all lie in the folder `dir` itself.
+    pub(crate) fn of_folder(dir: &Path) -> Self {
+        Self { reach: Reach::Folder, ..Self::new(dir) }
+    }
+
+    /// Whether all files must lie in the directory.
+    pub(crate) fn is_folder(&self) -> bool {
+        self.reach == Reach::Folder
+    }
+
+    /// Refuses a file that is not in the folder: its name leads out of it, or a link does.
+    fn confine(&self, name: &str) -> Result<(), Reason> {
+        let mut path = self.dir.clone();
+        for part in Path::new(name).components() {
+            let Component::Normal(part) = part else { return Err(Reason::OutsideFolder(name.to_owned())) };
+            path.push(part);
+            if fs::symlink_metadata(&path).is_ok_and(|found| found.is_symlink()) {
+                return Err(Reason::LinkInFolder(path.display().to_string()));
+            }
+        }
+        Ok(())
     }
 
     /// Makes sources with texts that replace the contents of some files.
@@ -52,14 +85,9 @@ impl Sources {
         Self { edits, ..Self::new(dir) }
     }
 
-    /// The files read so far, with their texts.
-    #[cfg(feature = "import")]
+    /// Every file that was read, with its text.
     pub(crate) fn into_files(self) -> Vec<(PathBuf, String)> {
         self.files
-    }
-
-    pub(crate) fn paths(&self) -> Vec<PathBuf> {
-        self.files.iter().map(|(path, _)| path.clone()).collect()
     }
 
     /// Reads and parses `name`, perhaps one of a directory beside (`../other/name`), and returns its number with the content. `from` is where the file is
@@ -69,17 +97,17 @@ impl Sources {
         name: &str,
         from: Option<SourcePlace>,
     ) -> Result<(usize, T), Error> {
+        if self.is_folder() {
+            self.confine(name).map_err(|reason| self.error_of(name, from, reason))?;
+        }
         let path = match (name.strip_prefix("../"), self.dir.parent()) {
             (Some(beside), Some(parent)) => parent.join(beside),
             _ => self.dir.join(name),
         };
         let text = self.edits.get(&path).cloned().map_or_else(|| read(&path), Ok);
-        let text = text.map_err(|error| match from {
-            Some(at) => self.error(at, Reason::Unreadable(format!("{}: {error}", path.display()))),
-            None => Error {
-                at: Location { file: path.clone(), line: 1, column: 1 },
-                reason: Box::new(Reason::Unreadable(error.to_string())),
-            },
+        let text = text.map_err(|error| {
+            let why = if from.is_some() { format!("{}: {error}", path.display()) } else { error.to_string() };
+            self.error_of(name, from, Reason::Unreadable(why))
         })?;
         if self.files.iter().map(|(_, text)| text.len()).sum::<usize>() + text.len() > LONGEST_LAYOUT
             && let Some(at) = from
@@ -93,6 +121,17 @@ impl Sources {
             self.error(SourcePlace { file, byte }, Reason::Syntax(error.message().to_owned()))
         })?;
         Ok((file, value))
+    }
+
+    /// The error of file `name`, at the place that names it if there is one.
+    fn error_of(&self, name: &str, from: Option<SourcePlace>, reason: Reason) -> Error {
+        match from {
+            Some(at) => self.error(at, reason),
+            None => Error {
+                at: Location { file: self.dir.join(name), line: 1, column: 1 },
+                reason: Box::new(reason),
+            },
+        }
     }
 
     pub(crate) fn error(&self, at: SourcePlace, reason: Reason) -> Error {

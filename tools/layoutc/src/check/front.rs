@@ -2,7 +2,7 @@
 
 use super::{Names, Parts, meaning};
 use crate::error::{Error, Reason};
-use crate::model::{Front, Scalar};
+use crate::model::{FrontWord, Scalar};
 use crate::raw;
 use crate::source::{Sources, at};
 
@@ -15,14 +15,14 @@ pub(super) fn check(
     file: usize,
     (raw, areas): (&[raw::Front], &[raw::Area]),
     parts: &Parts,
-) -> Result<Vec<Front>, Error> {
+) -> Result<Vec<FrontWord>, Error> {
     // The front is an area of this name.
     if let Some(area) = areas.iter().find(|area| !raw.is_empty() && area.name.get_ref() == "front") {
         let reason = Reason::DuplicateName(area.name.get_ref().clone());
         return Err(sources.error(at(file, area.name.span()), reason));
     }
     let mut names = Names::default();
-    let mut front: Vec<Front> = Vec::new();
+    let mut front: Vec<FrontWord> = Vec::new();
     for raw in raw {
         names.add(sources, file, &raw.name)?;
         let name = raw.name.get_ref().clone();
@@ -47,7 +47,7 @@ pub(super) fn check(
         };
         let (page, doc, source) = (raw.page.clone(), raw.doc.clone(), raw.source.clone());
         let (owner, is_text) = (raw.owner, raw.text);
-        front.push(Front { name, scalar, offset, owner, meaning, is_text, source, page, doc });
+        front.push(FrontWord { name, scalar, offset, owner, meaning, is_text, source, page, doc });
     }
     front.sort_by_key(|word| word.offset);
     Ok(front)

@@ -3,6 +3,7 @@
 mod area;
 mod field;
 pub(crate) mod files;
+mod folder;
 mod front;
 mod id;
 mod meaning;
@@ -40,6 +41,9 @@ struct Parts {
 /// Reads and checks the layout with its `device.toml` in the directory of `sources`.
 pub(crate) fn load(sources: &mut Sources) -> Result<Device, Error> {
     let Top { file, device: raw, family, parts, structures } = files::read(sources)?;
+    if sources.is_folder() {
+        folder::check(sources, file, &raw)?;
+    }
     let family_manual = family.as_ref().map_or("", |(_, family)| &family.manual);
     let manual_of = |shared| if shared { family_manual } else { &raw.manual };
     let mut all = Parts::new(&raw.reserved, &raw.manual);

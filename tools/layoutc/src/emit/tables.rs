@@ -1,9 +1,11 @@
 //! Descriptor tables for tools: static data of the types in `commram::layout`.
 
+use crate::front;
+use crate::front::Front;
 use crate::model;
 use crate::model::{
-    Area, AreaStructure, Bit, Device, Field, FieldType, Front, Letter, Meaning, Object, Owner, Port,
-    Provenance, Space, Structure, Unit,
+    Area, AreaStructure, Bit, Device, Dim, Field, FrontWord, FieldType, Meaning, Object, Owner, Port, Provenance,
+    Space, Structure,
 };
 use crate::objects::Value;
 use std::collections::BTreeSet;
@@ -77,7 +79,7 @@ pub(super) fn path(device: &Device, shared: bool, name: &str) -> String {
 }
 
 fn spaces(out: &mut String, device: &Device) {
-    let front = (!device.front.is_empty()).then(front_space);
+    let front = front::of(device).map(|front| front.space);
     let count = device.spaces.len() + front.iter().len();
     let _ = writeln!(out, "    /// The spaces of addresses.\n    pub static SPACES: [Space; {count}] = [");
     for space in device.spaces.iter().chain(&front) {
@@ -159,32 +161,13 @@ fn area(device: &Device, area: &Area) -> String {
     out
 }
 
-/// Place and size of the front in the header page, and the decision for it.
-const FRONT_PLACE: (u32, u32, &str) = (3520, 256, "D-281");
-
-/// The addresses of the front. No program of the device knows them.
-fn front_space() -> Space {
-    let (offset, bytes, _) = FRONT_PLACE;
-    Space {
-        name: "front".to_owned(),
-        letter: Letter::F,
-        segment: None,
-        unit: Unit::Byte,
-        first: 0,
-        offset,
-        bytes,
-        page: String::new(),
-        doc: "front, in the header page".to_owned(),
-    }
-}
-
 fn front(out: &mut String, device: &Device) {
     let count = device.front.len();
     let _ = writeln!(
         out,
         "    /// What the device has at its front, in ascending order.\n    pub static FRONT: [FrontWord; {count}] = ["
     );
-    for Front { name, scalar, offset, owner, meaning, is_text, source, page, doc } in &device.front {
+    for FrontWord { name, scalar, offset, owner, meaning, is_text, source, page, doc } in &device.front {
         let meaning = meaning.and_then(|index| device.meanings.get(index));
         let meaning =
             meaning.map_or("None".to_owned(), |meaning| format!("Some(&{})", meaning_name(meaning)));
@@ -201,57 +184,17 @@ fn front(out: &mut String, device: &Device) {
 
 /// The front as an area: its words are registers of a structure.
 fn front_area(out: &mut String, device: &Device) {
-    let Some(last) = device.front.last() else { return };
-    let ours = Provenance::Inferred(FRONT_PLACE.2.to_owned());
-    let pages: BTreeSet<_> = device.front.iter().map(|word| word.page.as_str()).collect();
-    let words = Structure {
-        name: "FRONT_WORDS".to_owned(),
-        name_from: ours.clone(),
-        size: last.offset + last.scalar.width(),
-        align: last.scalar.width(),
-        page: pages.into_iter().collect::<Vec<_>>().join(", "),
-        doc: "What the device has at its front".to_owned(),
-        shared: false,
-        view: None,
-        fields: device.front.iter().map(|word| front_field(word, &ours)).collect(),
-    };
+    let Some(Front { words, area, .. }) = front::of(device) else { return };
     emit_structure(out, device, &words);
-    let (space, (first, bytes, _)) = (device.spaces.len(), FRONT_PLACE);
-    let from = provenance(&ours);
+    let Area { name, name_from, space, first, bytes, page, doc, .. } = area;
+    let from = provenance(&name_from);
     let _ = writeln!(
         out,
-        "    /// The front as an area.\n    pub static FRONT_AREA: Area = Area {{ name: \"front\", name_from: {from}, \
-         space: &SPACES[{space}], first: {first}, bytes: {bytes}, cpu: None, page: {:?}, doc: {:?}, phases: None, structures: &[AreaStructure {{ \
+        "    /// The front as an area.\n    pub static FRONT_AREA: Area = Area {{ name: {name:?}, name_from: {from}, \
+         space: &SPACES[{space}], first: {first}, bytes: {bytes}, cpu: None, page: {page:?}, doc: {doc:?}, phases: None, structures: &[AreaStructure {{ \
          structure: &FRONT_WORDS, live: RegisterPhase::ALWAYS, role: None, variable: \"_front\", variable_from: {from}, unused: &[] }}] }};\n\n    \
          const _: () = assert!(core::mem::offset_of!(commram::memory::Header, front) == {first});\n",
-        words.page, words.doc,
     );
-}
-
-/// Its existence and its writer are from the device's manual; name, place and type are commram's own.
-fn front_field(word: &Front, ours: &Provenance) -> Field {
-    let Front { name, scalar, offset, owner, meaning, source, page, doc, .. } = word;
-    Field {
-        name: name.clone(),
-        view_name: String::new(),
-        offset: *offset,
-        kind: FieldType::Scalar(*scalar),
-        dims: Vec::new(),
-        used: Vec::new(),
-        array_type: String::new(),
-        also: String::new(),
-        reserved: false,
-        owner: *owner,
-        reset: 0,
-        page: page.clone(),
-        doc: doc.clone(),
-        meaning: *meaning,
-        name_from: ours.clone(),
-        offset_from: ours.clone(),
-        type_from: ours.clone(),
-        owner_from: source.clone(),
-        reset_from: ours.clone(),
-    }
 }
 
 fn ports(out: &mut String, device: &Device) {
@@ -346,10 +289,8 @@ fn emit_register(out: &mut String, device: &Device, group: Option<&Field>, field
 
 /// Source of the dimensions of `field` alone, outermost first.
 fn dims(device: &Device, field: &Field) -> Vec<String> {
-    let mut stride = device.size(field);
-    let rows = field.dims.iter().zip(&field.used);
-    rows.map(|(count, used)| {
-        stride /= count;
+    let dims = device.dims(field).into_iter();
+    dims.map(|Dim { count, used, stride }| {
         format!("Dim {{ count: {count}, used: {used}, stride: {stride} }}, ")
     })
     .collect()

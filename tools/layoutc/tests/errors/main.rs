@@ -1,6 +1,7 @@
 //! Every kind of layout error: one edit of a correct layout, the expected place and text.
 
 mod families;
+mod folders;
 mod gsd;
 mod meanings;
 mod objects;

@@ -1,0 +1,77 @@
+//! A device of a folder as the plant file describes it.
+
+use super::Folder;
+use crate::devices::{BuildError, Device, DeviceConfig, Plain, Plug};
+use crate::identity::DeviceIndex;
+use crate::layout::DeviceLayout;
+use crate::memory::Segment;
+use core::fmt;
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use toml::de::{Error, ValueDeserializer};
+
+/// A device of a folder in the plant file.
+pub(crate) struct FolderConfig {
+    name: String,
+    folder: &'static Folder,
+    dir: PathBuf,
+}
+
+/// Keys of the section in the plant file, except `kind`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+#[serde(expecting = "a device in a folder: a table with its settings")]
+struct Section {
+    name: String,
+}
+
+impl FolderConfig {
+    /// Reads the section of the device in `dir`, which was read as `folder`.
+    pub(crate) fn read(
+        folder: &'static Folder,
+        dir: PathBuf,
+        section: ValueDeserializer<'_>,
+    ) -> Result<Arc<dyn DeviceConfig>, Error> {
+        let Section { name } = Section::deserialize(section)?;
+        Ok(Arc::new(FolderConfig { name, folder, dir }))
+    }
+}
+
+/// The settings of the plant, which a snapshot must have: the files of the device, not their place.
+impl fmt::Debug for FolderConfig {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, folder, dir: _ } = self;
+        f.debug_struct(folder.registered.layout.name)
+            .field("name", name)
+            .field("files", &folder.fingerprint)
+            .finish()
+    }
+}
+
+impl DeviceConfig for FolderConfig {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn layout(&self) -> &'static DeviceLayout {
+        self.folder.registered.layout
+    }
+
+    fn folder(&self) -> Option<&Path> {
+        Some(&self.dir)
+    }
+
+    fn retain_bytes(&self) -> u32 {
+        self.layout().retain.map_or(0, |retain| retain.default_bytes)
+    }
+
+    fn build(
+        &self,
+        index: DeviceIndex,
+        segment: Segment,
+    ) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
+        let device = Plain::new(index, &self.name, self.layout(), segment, ())?;
+        Ok((Box::new(device), Vec::new()))
+    }
+}

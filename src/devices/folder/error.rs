@@ -1,0 +1,67 @@
+//! Why the device of a folder is refused.
+
+use std::path::PathBuf;
+
+/// Why a folder is no device.
+#[derive(Debug, thiserror::Error)]
+pub enum FolderError {
+    /// A file of the layout is wrong; the message begins with file, line and column.
+    #[error(transparent)]
+    Layout(#[from] commram_layoutc::Error),
+    /// The folder cannot be opened.
+    #[error("{}: {reason}; name a folder with a device.toml", dir.display())]
+    Missing {
+        /// The folder.
+        dir: PathBuf,
+        /// Why.
+        reason: std::io::Error,
+    },
+    /// The path has control characters, or is no text.
+    #[error("{}: the path of a device's folder is text in UTF-8 without control characters", dir.display())]
+    BadPath {
+        /// The folder.
+        dir: PathBuf,
+    },
+    /// The device exceeds a limit.
+    #[error("{}: the device has {count} {what}; a device in a folder has at most {most}", dir.display())]
+    TooMuch {
+        /// The folder.
+        dir: PathBuf,
+        /// "registers", "areas" ...
+        what: &'static str,
+        /// Its number.
+        count: u64,
+        /// The limit.
+        most: u64,
+    },
+    /// A name is too long for the header page.
+    #[error("{}: the name '{name}' of {what} has {} bytes; it has at most {most}", dir.display(), name.len())]
+    LongName {
+        /// The folder.
+        dir: PathBuf,
+        /// "the device" or "an area".
+        what: &'static str,
+        /// The name.
+        name: String,
+        /// The limit in bytes.
+        most: usize,
+    },
+    /// The name or the hash belongs to a device of the program.
+    #[error("{}: '{name}' has {what} of the device '{other}'; give it another name", dir.display())]
+    Taken {
+        /// The folder.
+        dir: PathBuf,
+        /// "the name" or "the layout hash".
+        what: &'static str,
+        /// Name of the folder's device.
+        name: String,
+        /// The owner.
+        other: &'static str,
+    },
+    /// This process has already read as many folders as it can.
+    #[error("{}: this process has read {} folders of devices; start another one", dir.display(), super::MOST_FOLDERS)]
+    TooManyFolders {
+        /// The folder.
+        dir: PathBuf,
+    },
+}

@@ -1,0 +1,160 @@
+//! Devices without Rust: a folder with the files of a layout, read while the program runs.
+//!
+//! A plant names the folder as `kind = "./cards/counter"`. From then on, the device is registered like the devices of
+//! commram: its registers have names, owners, meanings and a layout hash. The author of a folder may be unknown, so its
+//! files are bounded and lie in the folder itself.
+
+mod config;
+mod error;
+mod tables;
+
+pub(crate) use config::FolderConfig;
+pub use error::FolderError;
+
+use super::{Registered, registry};
+use crate::memory::InstanceLock;
+use crate::memory::header::{AREAS, DEVICE_LENGTH, TABLE_NAME_LENGTH};
+use commram_layoutc::Layout;
+use commram_layoutc::model::{Device, FieldType};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use twox_hash::XxHash3_64;
+
+/// Most registers and arrays of registers in the structures of a folder.
+pub const MOST_REGISTERS: usize = 65_536;
+/// Largest image of such a device in bytes.
+pub const LARGEST_IMAGE: u64 = 16 << 20;
+/// Most different folders that a process reads: their tables are never freed.
+pub const MOST_FOLDERS: usize = 64;
+
+/// A device of a folder.
+#[derive(Debug)]
+pub struct Folder {
+    /// Its entry in the registry.
+    pub registered: Registered,
+    /// Number that differs between folders with different files.
+    fingerprint: u64,
+}
+
+/// The folders that this process has read, in this order.
+static LOADED: Mutex<Vec<&'static Folder>> = Mutex::new(Vec::new());
+
+/// Whether `kind` of a plant file, or the name of a device at the command line, is the path of a folder.
+#[must_use]
+pub fn is_path(kind: &str) -> bool {
+    kind.contains('/')
+}
+
+/// Reads the device in the folder `dir` and registers it. A folder with the same files is registered once.
+///
+/// # Errors
+/// [`FolderError`]: a file is wrong, with its line; the device exceeds a limit; or its name is taken.
+pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
+    let read = commram_layoutc::read_folder(dir)?;
+    let fingerprint = fingerprint(dir, &read);
+    let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(known) = loaded.iter().find(|known| known.fingerprint == fingerprint) {
+        return Ok(known);
+    }
+    check_limits(dir, &read)?;
+    if loaded.len() >= MOST_FOLDERS {
+        return Err(FolderError::TooManyFolders { dir: dir.to_owned() });
+    }
+    let taken = |what, other: &Registered| FolderError::Taken {
+        dir: dir.to_owned(),
+        what,
+        name: read.device.name.clone(),
+        other: other.layout.name,
+    };
+    if let Some(other) = registry::find(&read.device.name) {
+        return Err(taken("the name", other));
+    }
+    let same_hash = |known: &&&Registered| known.layout.layout_hash == read.layout_hash;
+    if let Some(other) = registry::all().iter().find(same_hash) {
+        return Err(taken("the layout hash", other));
+    }
+    let registered = Registered::new(tables::of(&read));
+    let folder: &'static Folder = Box::leak(Box::new(Folder { registered, fingerprint }));
+    loaded.push(folder);
+    Ok(folder)
+}
+
+/// The device of a folder with this layout hash: the one that was read last, if only facts beside the addresses differ.
+pub(super) fn of_hash(hash: u64) -> Option<&'static Registered> {
+    let loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut registered = loaded.iter().rev().map(|folder| &folder.registered);
+    registered.find(|known| known.layout.layout_hash == hash)
+}
+
+/// Reads the folders of the devices of a running instance, so that their registers have names in this process, too. A
+/// folder that cannot be read is left out; an image of its device is then refused for its unknown layout hash.
+pub(super) fn load_of_instance(instance: &str) {
+    for dir in InstanceLock::device_folders(instance) {
+        let _ = load(&dir);
+    }
+}
+
+/// The folder at `path`, named from `base`, as an absolute path without links.
+///
+/// # Errors
+/// There is no such folder, or its path is not text in one line.
+pub fn find(base: &Path, path: &str) -> Result<PathBuf, FolderError> {
+    let path = base.join(path);
+    let found = path.canonicalize().map_err(|reason| FolderError::Missing { dir: path.clone(), reason })?;
+    match found.to_str() {
+        Some(text) if !text.contains(char::is_control) => Ok(found),
+        _ => Err(FolderError::BadPath { dir: path }),
+    }
+}
+
+/// Number over the names and texts of all files.
+fn fingerprint(dir: &Path, read: &Layout) -> u64 {
+    let mut all = Vec::new();
+    for (path, text) in &read.inputs {
+        let name = path.strip_prefix(dir).unwrap_or(path).as_os_str().as_encoded_bytes();
+        for part in [name, text.as_bytes()] {
+            all.extend_from_slice(&(part.len() as u64).to_le_bytes());
+            all.extend_from_slice(part);
+        }
+    }
+    XxHash3_64::oneshot(&all)
+}
+
+/// Checks the limits that hold for a device of a folder, beside those of every layout.
+fn check_limits(dir: &Path, read: &Layout) -> Result<(), FolderError> {
+    let device = &read.device;
+    let too_much = |what, count, most| Err(FolderError::TooMuch { dir: dir.to_owned(), what, count, most });
+    let registers = registers_of(device);
+    if registers > MOST_REGISTERS {
+        return too_much("registers", registers as u64, MOST_REGISTERS as u64);
+    }
+    let spaces = device.spaces.iter().map(|space| u64::from(space.offset) + u64::from(space.bytes));
+    let image = spaces.max().unwrap_or_default();
+    if image > LARGEST_IMAGE {
+        return too_much("bytes of its image", image, LARGEST_IMAGE);
+    }
+    // The retain flags are an additional area.
+    let areas = device.areas.len() + usize::from(device.retain.is_some());
+    if areas >= AREAS {
+        return too_much("areas", areas as u64, AREAS as u64 - 1);
+    }
+    let longest = |what, name: &str, most: usize| match name.len() < most {
+        true => Ok(()),
+        false => {
+            let name = name.to_owned();
+            Err(FolderError::LongName { dir: dir.to_owned(), what, name, most: most - 1 })
+        }
+    };
+    longest("the device", &device.name, DEVICE_LENGTH)?;
+    device.areas.iter().try_for_each(|area| longest("an area", &area.name, TABLE_NAME_LENGTH))
+}
+
+/// Counts the registers of all structures, those of a sub-structure once for each register that has its type.
+fn registers_of(device: &Device) -> usize {
+    let fields = device.structures.iter().flat_map(|structure| &structure.fields);
+    let counts = fields.map(|field| match field.kind {
+        FieldType::Sub(index) => device.substructures.get(index).map_or(0, |sub| sub.fields.len()),
+        _ => 1,
+    });
+    counts.fold(0, usize::saturating_add)
+}

@@ -1,0 +1,71 @@
+//! Devices of folders: sections with a path as `kind`.
+
+use super::PlantError;
+use super::file::{Source, line_of};
+use crate::devices::folder::{self, Folder};
+use core::ops::Range;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use toml::Spanned;
+use toml::de::DeValue;
+
+/// The folders that a plant file names.
+pub(super) struct Folders<'a> {
+    source: Source<'a>,
+    /// The directory from which they are named.
+    base: &'a Path,
+    /// Each folder that was read, by its absolute path: a plant can have many devices of one folder.
+    read: HashMap<PathBuf, &'static Folder>,
+    /// Places of relative paths in the text, with the absolute ones.
+    places: Vec<(Range<usize>, String)>,
+}
+
+impl<'a> Folders<'a> {
+    pub(super) fn new(source: Source<'a>, base: &'a Path) -> Self {
+        Folders { source, base, read: HashMap::new(), places: Vec::new() }
+    }
+
+    /// The folder of a device, if its section names one; takes `kind` out of the section.
+    ///
+    /// # Errors
+    /// [`PlantError::Folder`] with the line of the path.
+    pub(super) fn of(
+        &mut self,
+        section: &mut Spanned<DeValue<'_>>,
+    ) -> Result<Option<(&'static Folder, PathBuf)>, PlantError> {
+        let DeValue::Table(table) = section.get_mut() else { return Ok(None) };
+        let path = |kind: &Spanned<DeValue<'_>>| {
+            kind.get_ref().as_str().filter(|kind| folder::is_path(kind)).map(str::to_owned)
+        };
+        let Some(path) = table.get("kind").and_then(path) else { return Ok(None) };
+        let Some(kind) = table.remove("kind") else { return Ok(None) };
+        let Source { file, text } = self.source;
+        let refused = |source| PlantError::Folder {
+            file: file.to_owned(),
+            line: line_of(text, kind.span().start),
+            source,
+        };
+        let dir = folder::find(self.base, &path).map_err(refused)?;
+        let known = match self.read.get(&dir) {
+            Some(known) => known,
+            None => {
+                let read = folder::load(&dir).map_err(refused)?;
+                self.read.insert(dir.clone(), read);
+                read
+            }
+        };
+        let absolute = toml::Value::String(dir.display().to_string()).to_string();
+        self.places.push((kind.span(), absolute));
+        Ok(Some((known, dir)))
+    }
+
+    /// The text of the plant file with absolute paths, so that it means the same plant in any working directory.
+    pub(super) fn absolute(mut self, text: &str) -> String {
+        self.places.sort_by_key(|(place, _)| place.start);
+        let mut whole = text.to_owned();
+        for (place, path) in self.places.into_iter().rev() {
+            whole.replace_range(place, &path);
+        }
+        whole
+    }
+}

@@ -1,0 +1,180 @@
+//! Devices of folders: registered while the program runs, with names in every command.
+
+use crate::common::{Emulator, run};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const EXAMPLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/devices/digital-io");
+
+/// A directory with a copy of an example, and a plant with it.
+struct Place(tempfile::TempDir);
+
+impl Place {
+    fn new() -> Self {
+        let place = Self(tempfile::tempdir().unwrap());
+        fs::create_dir_all(place.card()).unwrap();
+        for entry in fs::read_dir(EXAMPLE).unwrap() {
+            let path = entry.unwrap().path();
+            fs::copy(&path, place.card().join(path.file_name().unwrap())).unwrap();
+        }
+        place.write("plant.toml", "[[device]]\nname = 'io'\nkind = './cards/digital-io'\n");
+        place
+    }
+
+    fn card(&self) -> PathBuf {
+        self.0.path().join("cards/digital-io")
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.0.path().join(name).display().to_string()
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        fs::write(self.0.path().join(name), text).unwrap();
+    }
+
+    /// Replaces a text that a file of the card has once.
+    fn edit(&self, file: &str, from: &str, to: &str) {
+        let path = self.card().join(file);
+        let text = fs::read_to_string(&path).unwrap();
+        assert_eq!(text.matches(from).count(), 1, "{from}: {text}");
+        fs::write(&path, text.replace(from, to)).unwrap();
+    }
+
+    fn refused(&self) -> String {
+        run(&["plant", "check", &self.path("plant.toml")]).fails(2).to_owned()
+    }
+}
+
+#[test]
+fn a_folder_is_a_device_in_every_command() {
+    let place = Place::new();
+    let emulator = Emulator::start(&[&place.path("plant.toml"), "--clock", "stepped"]);
+    emulator.poke(&["io:data.w_OUT=16#1234"]);
+    assert_eq!(emulator.peek(&["data.w_OUT", "%MW3.16"]), "16#1234 16#1234");
+    let dump = emulator.run("dump", &[]);
+    assert!(dump.ok().contains("data.w_OUT") && dump.out.contains("%MW3.16"), "{}", dump.out);
+    assert!(emulator.run("status", &[]).ok().contains("digital-io"));
+    let found = run(&["find", "toggle", "--device", &place.path("cards/digital-io")]);
+    assert!(found.ok().contains("w_TOGGLE_ACK"), "{}", found.out);
+
+    // The registers have owners and reserved bits, so the access checker knows them.
+    emulator.breaks(&["owner"]);
+    emulator.poke(&["data.w_IN=7"]);
+    emulator.step(&["10ms"]);
+    let check = emulator.run("check", &["--format", "csv"]);
+    assert!(check.out.contains("data.w_IN"), "{}", check.out);
+}
+
+#[test]
+fn the_map_and_the_exports_read_a_folder_without_an_emulator() {
+    let map = run(&["map", "control.w_COMMAND", "--device", EXAMPLE]);
+    assert!(map.ok().contains("enable the outputs"), "{}", map.out);
+    for format in ["c", "python", "csv", "json", "md", "st", "svd", "systemrdl", "matiec"] {
+        let export = run(&["export", format, "--device", EXAMPLE]);
+        assert!(export.ok().contains("w_COMMAND") || format == "matiec", "{format}: {}", export.out);
+    }
+    let unknown = run(&["map", "--device", "./no-such-folder"]);
+    assert!(unknown.fails(2).contains("name a folder with a device.toml"), "{}", unknown.err);
+    let unnamed = run(&["map", "--device", "digital-io"]);
+    assert!(unnamed.fails(2).contains("[possible values: omega-drive-line-2, "), "{}", unnamed.err);
+}
+
+/// A snapshot has the absolute path, and belongs to the files of the folder.
+#[test]
+fn a_snapshot_continues_with_the_same_files_only() {
+    let place = Place::new();
+    let saved = place.path("saved.snapshot");
+    {
+        let emulator = Emulator::start(&[&place.path("plant.toml"), "--clock", "stepped"]);
+        emulator.poke(&["data.w_OUT=16#55AA"]);
+        emulator.step(&["10ms"]);
+        emulator.run("snapshot", &[&saved]).ok();
+    }
+    {
+        let emulator = Emulator::start(&["--from", &saved, "--clock", "stepped"]);
+        assert_eq!(emulator.peek(&["data.w_OUT"]), "16#55AA");
+    }
+    place.edit("IO_DATA.toml", "The 16 outputs", "The outputs");
+    let refused = run(&["run", "--from", &saved]);
+    assert!(refused.fails(1).contains("io"), "{}", refused.err);
+}
+
+#[test]
+fn a_wrong_file_is_refused_with_its_line_and_that_of_the_plant() {
+    let place = Place::new();
+    place.edit("IO_DATA.toml", "offset = 2, name = \"w_IN\"", "offset = 3, name = \"w_IN\"");
+    let refused = place.refused();
+    for part in ["plant.toml: line 3: ", "/IO_DATA.toml:13:", "needs an offset divisible by 2"] {
+        assert!(refused.contains(part), "{refused}");
+    }
+}
+
+#[test]
+fn a_folder_of_a_stranger_stays_within_its_bounds() {
+    let place = Place::new();
+    place.edit("device.toml", "parts = [\"meanings.toml\"]", "parts = [\"../../plant.toml\"]");
+    assert!(place.refused().contains("`../../plant.toml` leads out of the folder"));
+
+    let place = Place::new();
+    let meanings = place.card().join("meanings.toml");
+    fs::remove_file(&meanings).unwrap();
+    std::os::unix::fs::symlink("/dev/zero", &meanings).unwrap();
+    assert!(place.refused().contains("is a link"), "{}", place.refused());
+    fs::remove_file(&meanings).unwrap();
+    rustix::fs::mkfifoat(rustix::fs::CWD, &meanings, rustix::fs::Mode::RUSR).unwrap();
+    assert!(place.refused().contains("it is no regular file"), "{}", place.refused());
+
+    let place = Place::new();
+    place.edit("device.toml", "offset = 4096", "offset = 4000000000");
+    let refused = place.refused();
+    assert!(refused.contains("bytes of its image; a device in a folder has at most 16777216"), "{refused}");
+
+    let place = Place::new();
+    place.edit("device.toml", "\"digital-io\"", "\"can-dp2\"");
+    assert!(
+        place.refused().contains("'can-dp2' has the name of the device 'can-dp2'"),
+        "{}",
+        place.refused()
+    );
+    place.edit("device.toml", "\"can-dp2\"", &format!("\"{}\"", "long".repeat(16)));
+    assert!(place.refused().contains("has 64 bytes; it has at most 63"), "{}", place.refused());
+}
+
+/// Registers of sub-structures count once for each use, so a short file cannot fill the memory.
+#[test]
+fn registers_of_a_folder_are_counted_before_they_are_made() {
+    let place = Place::new();
+    let members: String = (0..4000)
+        .map(|n| format!("{{ offset = {n}, name = 'b_{n}', type = 'BYTE', owner = 'plc', doc = 'x' }},\n"))
+        .collect();
+    let sources = "page = '1'\ndoc = 'x'\nname_from = 'manual'\noffsets = 'manual'\nnames = 'manual'\ntypes = 'manual'\nowners = 'manual'\nresets = 'manual'\n";
+    let sub = format!("[[substructure]]\nname = 'MANY'\nsize = 4000\n{sources}register = [{members}]\n");
+    let uses: String = (0..1000)
+        .map(|n| format!("{{ offset = {}, name = '_{n}', type = 'MANY', doc = 'x' }},\n", n * 4000))
+        .collect();
+    let structure = format!("name = 'HUGE'\nsize = 4000000\n{sources}register = [{uses}]\n");
+    fs::write(place.card().join("many.toml"), sub).unwrap();
+    fs::write(place.card().join("HUGE.toml"), structure).unwrap();
+    place.edit("device.toml", "parts = [", "parts = [\"many.toml\", ");
+    place.edit("device.toml", "structures = [", "structures = [\"HUGE\", ");
+    let begin = std::time::Instant::now();
+    let refused = place.refused();
+    assert!(refused.contains("registers; a device in a folder has at most 65536"), "{refused}");
+    assert!(begin.elapsed().as_secs() < 10);
+}
+
+/// The folder is named from the directory of the plant file, and a client finds it without being told.
+#[test]
+fn one_folder_serves_several_devices() {
+    let place = Place::new();
+    let section = |name: &str| format!("[[device]]\nname = '{name}'\nkind = './cards/digital-io'\n");
+    place.write("plant.toml", &(section("left") + &section("right")));
+    let emulator = Emulator::start(&[&place.path("plant.toml"), "--clock", "stepped"]);
+    emulator.poke(&["right:data.w_OUT=1"]);
+    assert_eq!(emulator.peek(&["left:data.w_OUT", "right:data.w_OUT"]), "16#0000 16#0001");
+    let devices = Path::new("/dev/shm").join(format!("commram.{}.iox.d/devices", emulator.name));
+    assert_eq!(fs::read_to_string(&devices).unwrap().lines().count(), 2);
+    emulator.run("stop", &[]).ok();
+    assert!(!devices.exists());
+}
