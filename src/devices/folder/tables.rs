@@ -172,7 +172,9 @@ impl Tables {
         let mut registers = Vec::new();
         for field in &structure.fields {
             match field.kind {
-                model::FieldType::Scalar(scalar) => registers.push(self.register(device, None, (field, scalar))),
+                model::FieldType::Scalar(scalar) => {
+                    registers.push(self.register(device, None, (field, scalar)))
+                }
                 model::FieldType::Sub(index) => {
                     let sub = &device.substructures[index];
                     for member in &sub.fields {

@@ -1,6 +1,8 @@
 //! The front of a device as a part of its registers: a space, and an area with one structure, in the header page.
 
-use crate::model::{Area, Device, Field, FrontWord, FieldType, Letter, Owner, Provenance, Space, Structure, Unit};
+use crate::model::{
+    Area, Device, Field, FieldType, FrontWord, Letter, Owner, Provenance, Space, Structure, Unit,
+};
 use std::collections::BTreeSet;
 
 /// First byte and size of the front in the header page.

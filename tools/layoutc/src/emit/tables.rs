@@ -4,8 +4,8 @@ use crate::front;
 use crate::front::Front;
 use crate::model;
 use crate::model::{
-    Area, AreaStructure, Bit, Device, Dim, Field, FrontWord, FieldType, Meaning, Object, Owner, Port, Provenance,
-    Space, Structure,
+    Area, AreaStructure, Bit, Device, Dim, Field, FieldType, FrontWord, Meaning, Object, Owner, Port,
+    Provenance, Space, Structure,
 };
 use crate::objects::Value;
 use std::collections::BTreeSet;
