@@ -322,6 +322,10 @@ impl ChannelSite for Domain {
         limit::on_a_thread(limit::SHORT, move || has_living_node(&config)).unwrap_or(false)
     }
 
+    fn has_files(&self) -> bool {
+        DIRECTORIES.iter().any(|directory| self.root.path().join(directory).exists())
+    }
+
     /// Cuts off clients that are still connected. Removes files of the opened directory only: its name may already
     /// belong to the directory of the next owner.
     fn sweep(&self) {

@@ -30,6 +30,9 @@ pub(super) trait ChannelSite: Sized {
     /// True if a living process is in the domain.
     fn in_use(&self) -> bool;
 
+    /// True if the directory with the name of the domain has directories of iceoryx2.
+    fn has_files(&self) -> bool;
+
     /// Withdraws the announcement.
     fn withdraw(&self);
 
@@ -60,6 +63,9 @@ pub(super) fn own<R: ChannelRoot, E>(
     }
 }
 
+/// Maximum number of sweeps of a leaving client: files that cannot be removed stay.
+const SWEEPS: u32 = 10;
+
 /// Called by a client that has left. If the server has ended before, the client must remove the remaining files.
 pub(super) fn leave(place: &impl ChannelSite) {
     sweep_as_last(place);
@@ -70,7 +76,10 @@ pub(super) fn leave(place: &impl ChannelSite) {
 
 /// Removes all files if the server has ended and no living process is in the domain.
 fn sweep_as_last(place: &impl ChannelSite) {
-    while !place.is_served() {
+    for _ in 0..SWEEPS {
+        if place.is_served() {
+            return;
+        }
         let Some(held) = place.root().try_lock() else { return };
         if !place.root().is_named() || place.is_served() {
             return;
@@ -79,11 +88,10 @@ fn sweep_as_last(place: &impl ChannelSite) {
             place.withdraw();
             place.sweep();
             place.remove_root();
-            return;
         }
         drop(held);
-        // Clients that have left meanwhile found the lock taken and did not sweep.
-        if place.in_use() {
+        // Clients that have left meanwhile, or have failed to enter, found the lock taken and did not sweep.
+        if !place.has_files() || place.in_use() {
             return;
         }
     }

@@ -31,6 +31,7 @@ use secret::{Secret, TokenFile};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Duration;
 use tokio::sync::Semaphore;
 
 /// Serve a page and an HTTP interface for a running instance.
@@ -76,6 +77,9 @@ pub(crate) struct Args {
 
 /// Address at which the server listens if no other one is given.
 pub(crate) const USUAL_ADDRESS: &str = "127.0.0.1:8080";
+
+/// Longest wait for the connections to emulators at the end.
+const LEAVE: Duration = Duration::from_secs(2);
 
 /// State of the server.
 struct App {
@@ -139,7 +143,9 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     };
     let streams = Arc::new(Semaphore::new(events::MAX_STREAMS));
     let app = App { hub: Hub::new(served), guard, streams, read_only: args.read_only };
-    server::serve(Arc::new(app), listener, ending.receiver())?;
+    let served = server::serve(Arc::new(app), listener, ending.receiver());
+    link::wait_until_closed(LEAVE);
+    served?;
     drop(file);
     printed?;
     ending.result()

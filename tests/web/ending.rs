@@ -30,10 +30,21 @@ fn the_server_ends_with_its_emulator_and_informs_its_readers() {
     let mut server = Server::of(&emulator, &[]);
     let mut events = server.events("clock=1");
     events.until("clock", |_| true);
+    server.get(&server.path("time")).ok();
+    server.post(&server.path("advance"), &json!({"us": 1})).ok();
+    let channel = format!("/dev/shm/commram.{}.iox.d", emulator.name);
+    let prefix = std::fs::read_to_string(format!("{channel}/prefix")).unwrap();
     emulator.run("stop", &[]);
     events.until("ended", |_| true);
     assert_eq!(server.wait().code(), Some(0));
     assert_eq!(std::fs::read_dir(server.runtime()).unwrap().count(), 0);
+    // The server was still in the channel when the emulator ended, and has removed its files.
+    let left = || {
+        let entries = std::fs::read_dir("/dev/shm").unwrap().map(|entry| entry.unwrap().file_name());
+        let mut names = entries.map(|name| name.to_string_lossy().into_owned());
+        names.find(|name| name.contains(prefix.trim()) || channel.ends_with(name.as_str()))
+    };
+    assert!(eventually(|| left().is_none()), "{:?} remains", left());
     let emulator = Emulator::stepped();
     let mut server = Server::of(&emulator, &[]);
     assert_eq!(server.post(&server.path("stop"), &json!({})).ok(), json!("stopping"));

@@ -29,6 +29,15 @@ impl Recorder<'_> {
         self.actions.push(json!({"time_us": begin, "end_us": self.time(), "operation": operation}));
     }
 
+    /// Does operations as one request, and records each of them.
+    fn act_together(&mut self, operations: Vec<Value>) {
+        let begin = self.time();
+        self.server.post(&self.server.path("request"), &json!({"operations": &operations})).ok();
+        let end = self.time();
+        let action = |operation| json!({"time_us": begin, "end_us": end, "operation": operation});
+        self.actions.extend(operations.into_iter().map(action));
+    }
+
     fn expect(&mut self, register: &str, value: &str) {
         let time = self.time();
         self.actions.push(json!({"time_us": time, "expect": {"register": register, "value": value}}));
@@ -56,6 +65,19 @@ fn a_recording_passes_as_a_scenario_and_fails_with_another_expectation() {
     recorder.actions.push(json!({"time_us": 0, "section": "a \"start\""}));
     recorder.words("poke=node2.w_CPU_CONTROL%3D16%230001");
     recorder.act(json!({"wait": {"plc": 0, "offset": 200_002, "width": "Word", "mask": 65535, "value": 2, "within_us": 10_000}}));
+    // The conditions of these waits hold already; a wait without time is recorded, too.
+    let condition = |compare: &str, mask: u32, value: u32| {
+        json!({"condition": {"plc": 0, "offset": 200_002, "width": "Word",
+            "test": {"mask": mask, "compare": compare, "is_signed": false, "value": value}}})
+    };
+    let wait_for = json!({"wait_for": {"any": false, "within_us": 1000}});
+    for conditions in [
+        vec![condition("equal", 65535, 2)],
+        vec![condition("equal", 2, 2)],
+        vec![condition("greater", 65535, 1), condition("not_equal", 1, 1)],
+    ] {
+        recorder.act_together(conditions.into_iter().chain([wait_for.clone()]).collect());
+    }
     recorder.expect("node2.w_OPTION_STATUS", "16#0002");
     recorder.words("fault=lose_frame%20slot%3DWRC1%20count%3D3&board=dip%3D5&force=node1.b_BT_0%3D7");
     recorder.act(json!({"advance": {"us": 3000}}));
@@ -76,6 +98,10 @@ fn a_recording_passes_as_a_scenario_and_fails_with_another_expectation() {
         "section(\"a \\\"start\\\"\");",
         "poke(\"node2.w_CPU_CONTROL\", \"16#0001\");",
         "wait(\"",
+        ", 2, \"1000us\");\nwait_bits(\"",
+        ", 2, 2, \"1000us\");\nwait_until(|| peek(\"",
+        ") > 1 && (peek(\"",
+        ") & 1) != 1, \"1000us\");",
         "fault(\"lose_frame bus=drives slot=WRC1 count=3\");",
         "set_board(\"line:dip=5\");",
         "step(\"3000us\");",

@@ -16,6 +16,8 @@ enum System {
     SweepsGoByName,
     /// A leaving client does not search for a directory that it has made again.
     DirectoriesStayRemoved,
+    /// A client that has swept does not look for files that another one has made meanwhile.
+    SweepsAreFinal,
 }
 
 /// A directory.
@@ -127,6 +129,10 @@ impl ChannelSite for Opened {
         self.world().at_path().is_some_and(|it| !it.inside.is_empty())
     }
 
+    fn has_files(&self) -> bool {
+        self.system != System::SweepsAreFinal && self.world().at_path().is_some_and(|it| it.has_remains)
+    }
+
     fn withdraw(&self) {
         self.content(|it| it.ready = None);
     }
@@ -201,12 +207,19 @@ impl Site {
         if place.content(|it| it.ready) != Some(owner) {
             return None;
         }
-        // iceoryx2 works with paths, and makes a missing directory.
-        let number = self.world.lock().unwrap().make();
-        place.content_of(number, |it| {
-            it.inside.push(client);
-            it.has_remains = true;
-        });
+        // iceoryx2 works with paths: it makes a missing directory, then directories in it, then the files of the client.
+        // Each step fails if the results of the earlier ones have been removed meanwhile.
+        self.world.lock().unwrap().make();
+        let makes = || Some(self.world.lock().unwrap().at_path()?.has_remains = true);
+        let goes_in = || {
+            let mut world = self.world.lock().unwrap();
+            let content = world.at_path().filter(|it| it.has_remains)?;
+            Some(content.inside.push(client))
+        };
+        if makes().and_then(|()| goes_in()).is_none() {
+            leaves(&place, client);
+            return None;
+        }
         if place.content(|it| it.ready) == Some(owner) {
             return Some(place);
         }
@@ -324,6 +337,34 @@ fn one_enters_at_the_end(system: System) {
 #[test]
 fn a_client_that_enters_while_the_owner_ends_leaves_no_files() {
     one_enters_at_the_end(System::Right);
+}
+
+/// Two clients that enter while the owner ends can both make the directory again, and find it locked by each other.
+fn two_enter_at_the_end(system: System) {
+    model(system, |site| {
+        let owner = site.opens(FIRST);
+        let entering = [CLIENT, CLIENT + 1].map(|client| {
+            let site = site.clone();
+            thread::spawn(move || {
+                if let Some(place) = site.enters(client, FIRST) {
+                    leaves(&place, client);
+                }
+            })
+        });
+        ends(&owner, FIRST);
+        entering.into_iter().for_each(|thread| thread.join().unwrap());
+    });
+}
+
+#[test]
+fn two_clients_that_enter_while_the_owner_ends_leave_no_files() {
+    two_enter_at_the_end(System::Right);
+}
+
+#[test]
+#[should_panic(expected = "something stays")]
+fn the_model_detects_a_client_that_sweeps_only_once() {
+    two_enter_at_the_end(System::SweepsAreFinal);
 }
 
 #[test]

@@ -112,7 +112,7 @@ impl Guard {
         let is_own = |origin: &HeaderValue| {
             let origin = origin.to_str().unwrap_or_default();
             let same = origin.strip_prefix("http://").is_some_and(|origin| origin.eq_ignore_ascii_case(host));
-            same || self.origins.iter().any(|known| known.text.eq_ignore_ascii_case(origin))
+            same && is_address(host) || self.origins.iter().any(|known| known.text.eq_ignore_ascii_case(origin))
         };
         let is_foreign = headers.get_all(header::ORIGIN).iter().any(|origin| !is_own(origin));
         let site = headers.get("sec-fetch-site").and_then(|site| site.to_str().ok());
@@ -230,6 +230,8 @@ mod tests {
     fn requests_of_other_sites_are_refused() {
         let check = |pairs: &[(&str, &str)]| guard().check_origin(&headers(pairs), "127.0.0.1:8080").is_ok();
         assert!(check(&[]) && check(&[("origin", "http://127.0.0.1:8080")]));
+        let proxied = |origin| guard().check_origin(&headers(&[("origin", origin)]), "plant.example").is_ok();
+        assert!(proxied("https://plant.example") && !proxied("http://plant.example"));
         assert!(check(&[("origin", "https://plant.example")]) && check(&[("sec-fetch-site", "same-origin")]));
         for origin in ["null", "http://127.0.0.1:9", "https://127.0.0.1:8080", "http://evil.example", ""] {
             assert!(!check(&[("origin", origin)]), "{origin}");

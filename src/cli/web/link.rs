@@ -5,9 +5,10 @@ use crate::cli::Instance;
 use crate::cli::error::CliError;
 use crate::cli::session::Session;
 use crate::journal::Names;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, SyncSender};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::time::Duration;
 use tokio::sync::oneshot;
 
 /// Requests that wait for the connection; further ones are refused.
@@ -18,6 +19,35 @@ pub(super) struct Connection {
     pub session: Session,
     /// Names of PLCs and buses.
     pub names: Names,
+    // After the session: the connection is closed when this is dropped.
+    _open: OpenConnections,
+}
+
+/// Counts the open connections of this process while it exists.
+struct OpenConnections;
+
+static OPEN: Mutex<usize> = Mutex::new(0);
+static CLOSED: Condvar = Condvar::new();
+
+impl OpenConnections {
+    fn enter() -> Self {
+        *OPEN.lock().unwrap_or_else(PoisonError::into_inner) += 1;
+        Self
+    }
+}
+
+impl Drop for OpenConnections {
+    fn drop(&mut self) {
+        *OPEN.lock().unwrap_or_else(PoisonError::into_inner) -= 1;
+        CLOSED.notify_all();
+    }
+}
+
+/// Waits until all connections are closed, for at most `limit`. A process that ends before has not left the channels,
+/// and nobody would remove its files.
+pub(super) fn wait_until_closed(limit: Duration) {
+    let open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
+    drop(CLOSED.wait_timeout_while(open, limit, |open| *open > 0));
 }
 
 impl Connection {
@@ -27,8 +57,9 @@ impl Connection {
     /// It is not running, or its channel cannot be used.
     pub(super) fn open(instance: &str) -> Result<Self, CliError> {
         let session = Session::open(&Instance::running(instance), 0)?;
+        let open = OpenConnections::enter();
         let names = session.info()?.names;
-        Ok(Self { session, names })
+        Ok(Self { session, names, _open: open })
     }
 }
 

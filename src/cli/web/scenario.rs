@@ -81,9 +81,9 @@ pub(super) async fn answer(
 }
 
 fn scenario(connection: &mut Connection, recording: &Recording) -> Result<String, Problem> {
-    let mut lines: Vec<Line> = Vec::new();
+    let (mut lines, mut conditions): (Vec<Line>, Vec<_>) = (Vec::new(), Vec::new());
     for (index, action) in recording.actions.iter().enumerate() {
-        let added = lines::add(&mut lines, connection, action);
+        let added = lines::add(&mut lines, &mut conditions, connection, action);
         added.map_err(|right| {
             Problem::wrong_use(format!("action {index} cannot be recorded: {right}")).with("index", index)
         })?;

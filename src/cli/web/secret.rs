@@ -85,10 +85,15 @@ impl TokenFile {
             }
             other => other.into(),
         })?;
-        directory.remove(name);
-        let mut file = Self::write(&path.join(name), token)?;
-        file.directory = Some(directory);
-        Ok(file)
+        // A server at the same port of another address has a file of the same name.
+        let mut names = std::iter::once(name.to_owned()).chain((2..).map(|number| format!("{name}-{number}")));
+        loop {
+            let name = names.next().unwrap_or_default();
+            match Self::write(&path.join(name), token) {
+                Err(CliError::File { reason, .. }) if reason.kind() == io::ErrorKind::AlreadyExists => {}
+                written => return Ok(Self { directory: Some(directory), ..written? }),
+            }
+        }
     }
 
     pub(super) fn path(&self) -> &Path {

@@ -68,6 +68,8 @@ pub(super) async fn check(State(app): State<Arc<App>>) -> Response {
 /// # Errors
 /// The body is not an object with the token, or the kernel has no random numbers.
 pub(super) async fn open(State(app): State<Arc<App>>, request: Request<Body>) -> Result<Response, Problem> {
+    let origin = request.headers().get(header::ORIGIN).map(HeaderValue::as_bytes).unwrap_or_default();
+    let is_secure = origin.starts_with(b"https://");
     let fields = body_within(request, MAX_TOKEN_BODY).await?;
     let token = fields.get("token").and_then(|token| token.as_str()).unwrap_or_default();
     if !app.guard.token.is(token.as_bytes()) {
@@ -76,7 +78,9 @@ pub(super) async fn open(State(app): State<Arc<App>>, request: Request<Body>) ->
         return Err(Problem::new(StatusCode::UNAUTHORIZED, "unauthorized", detail));
     }
     let key = app.guard.sessions.open().map_err(|reason| CliError::Process { reason })?;
-    Ok(with_cookie(&format!("{}={key}; Path=/; HttpOnly; SameSite=Strict", app.guard.cookie)))
+    // Behind a proxy with TLS the cookie must not go over a connection without it.
+    let secure = if is_secure { "; Secure" } else { "" };
+    Ok(with_cookie(&format!("{}={key}; Path=/; HttpOnly; SameSite=Strict{secure}", app.guard.cookie)))
 }
 
 /// Signs out: the cookie is deleted, and its key is no longer valid.

@@ -2,7 +2,7 @@
 
 use super::{Action, Connection, Expectation};
 use crate::identity::DeviceIndex;
-use crate::layout::{NamedLocation, Width, format_value};
+use crate::layout::{Compare, NamedLocation, Test, Width, format_value};
 use crate::request::{Class, Op};
 use serde_json::Value;
 use std::fmt::Write as _;
@@ -59,11 +59,67 @@ fn step(text: &mut String, now: u64, until: u64) -> u64 {
     now.max(until)
 }
 
-/// Adds the lines of an action.
+/// A condition for the wait that follows it.
+pub(super) struct Condition {
+    /// The register as a string literal.
+    name: String,
+    width: Width,
+    test: Test,
+}
+
+impl Condition {
+    /// The mask, if it does not select all bits.
+    fn mask(&self) -> Option<u32> {
+        (self.test.mask != u32::MAX >> (32 - 8 * self.width.bytes())).then_some(self.test.mask)
+    }
+
+    /// An expression of Rhai; `None` for a signed part of a register.
+    fn expression(&self) -> Option<String> {
+        let Test { compare, is_signed, value, .. } = self.test;
+        let sign = match compare {
+            Compare::Equal => "==",
+            Compare::NotEqual => "!=",
+            Compare::Less => "<",
+            Compare::LessOrEqual => "<=",
+            Compare::Greater => ">",
+            Compare::GreaterOrEqual => ">=",
+        };
+        let shift = 32 - 8 * self.width.bytes();
+        let signed = i64::from(((value << shift) as i32) >> shift);
+        let value = if is_signed { signed } else { i64::from(value) };
+        match self.mask() {
+            None => Some(format!("peek({}) {sign} {value}", self.name)),
+            Some(mask) => (!is_signed).then(|| format!("(peek({}) & {mask}) {sign} {value}", self.name)),
+        }
+    }
+}
+
+/// The verb for a wait with these conditions; `None` if there is none, so that only its time passes.
+fn wait_for(conditions: &[Condition], any: bool, within_us: u64) -> Option<String> {
+    if let [one] = conditions
+        && one.test.compare == Compare::Equal
+    {
+        let (name, value) = (&one.name, one.test.value);
+        return Some(match one.mask() {
+            None => format!("wait({name}, {value}, \"{within_us}us\");"),
+            Some(mask) => format!("wait_bits({name}, {mask}, {value}, \"{within_us}us\");"),
+        });
+    }
+    let all = conditions.iter().map(Condition::expression).collect::<Option<Vec<_>>>()?;
+    let joined = all.join(if any { " || " } else { " && " });
+    (!all.is_empty()).then(|| format!("wait_until(|| {joined}, \"{within_us}us\");"))
+}
+
+/// Adds the lines of an action. `conditions` are those of the actions before it that no wait has used yet.
 ///
 /// # Errors
 /// Why a scenario cannot repeat it.
-pub(super) fn add(lines: &mut Vec<Line>, connection: &Connection, action: &Action) -> Result<(), String> {
+pub(super) fn add(
+    lines: &mut Vec<Line>,
+    conditions: &mut Vec<Condition>,
+    connection: &Connection,
+    action: &Action,
+) -> Result<(), String> {
     let begin_us = action.time_us;
     let end_us = action.end_us.unwrap_or(begin_us);
     let mut push = |text: String, advances: bool| lines.push(Line { text, begin_us, end_us, advances });
@@ -75,8 +131,20 @@ pub(super) fn add(lines: &mut Vec<Line>, connection: &Connection, action: &Actio
             return Err("only `back` and `back_until` can be recorded of the ways back".to_owned());
         }
         (Some(op), None, None) => {
-            let is_known = end_us > begin_us || op.class() != Class::Advances;
-            let verb = verb(connection, op, action.register.as_deref())?;
+            let is_known = action.end_us.is_some() || op.class() != Class::Advances;
+            let verb = match op {
+                Op::Condition { plc, offset, width, test } => {
+                    let (name, _) =
+                        register_of(connection, action.register.as_deref(), *plc, *offset, *width)?;
+                    conditions.push(Condition { name: quoted(&name), width: *width, test: *test });
+                    Verb::Nothing
+                }
+                Op::WaitFor { any, within_us } => {
+                    let conditions = core::mem::take(conditions);
+                    wait_for(&conditions, *any, *within_us).map_or(Verb::Step, Verb::Advance)
+                }
+                op => verb(connection, op, action.register.as_deref())?,
+            };
             if !is_known && !matches!(verb, Verb::Nothing) {
                 return Err("`end_us` is missing: the emulated time after it".to_owned());
             }
@@ -177,8 +245,6 @@ fn verb(connection: &Connection, op: &Op, register: Option<&str>) -> Result<Verb
                 quoted(&format!("{prefix}{}", port.name))
             )));
         }
-        // A condition belongs to the wait that follows it, which is recorded by its duration.
-        Op::Condition { .. } => return Ok(Verb::Nothing),
         Op::SetParameter { .. } => return Err("scenarios have no verb for parameters of a drive".to_owned()),
         ref other => match other.class() {
             Class::Advances => return Ok(Verb::Step),
