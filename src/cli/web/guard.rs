@@ -112,7 +112,8 @@ impl Guard {
         let is_own = |origin: &HeaderValue| {
             let origin = origin.to_str().unwrap_or_default();
             let same = origin.strip_prefix("http://").is_some_and(|origin| origin.eq_ignore_ascii_case(host));
-            same && is_address(host) || self.origins.iter().any(|known| known.text.eq_ignore_ascii_case(origin))
+            same && is_address(host)
+                || self.origins.iter().any(|known| known.text.eq_ignore_ascii_case(origin))
         };
         let is_foreign = headers.get_all(header::ORIGIN).iter().any(|origin| !is_own(origin));
         let site = headers.get("sec-fetch-site").and_then(|site| site.to_str().ok());

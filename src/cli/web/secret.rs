@@ -86,7 +86,8 @@ impl TokenFile {
             other => other.into(),
         })?;
         // A server at the same port of another address has a file of the same name.
-        let mut names = std::iter::once(name.to_owned()).chain((2..).map(|number| format!("{name}-{number}")));
+        let mut names =
+            std::iter::once(name.to_owned()).chain((2..).map(|number| format!("{name}-{number}")));
         loop {
             let name = names.next().unwrap_or_default();
             match Self::write(&path.join(name), token) {
