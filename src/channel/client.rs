@@ -72,7 +72,7 @@ pub struct Client {
     bells: Box<dyn Bells + Send>,
     patience: Patience,
     instance: String,
-    /// Set when nobody waits for the reply any more.
+    /// Set when the reply is no longer needed.
     #[cfg(feature = "cli")]
     cancel: Option<Arc<AtomicBool>>,
 }

@@ -193,7 +193,7 @@ fn an_operation_ends_with_the_connection_of_its_client() {
         stream.write_all(head.as_bytes()).unwrap();
         stream
     };
-    // Twenty operations of a day each, whose clients close their connections while the first one is in progress.
+    // Twenty operations of a day each. Their clients close the connections while the first one is in progress.
     let clients: Vec<_> = (0..20).map(|_| day(86_400_000_000)).collect();
     let begun = || server.get(&server.path("time")).ok()["time"].as_u64() > Some(0);
     assert!(crate::common::eventually(begun));

@@ -92,7 +92,11 @@ impl TokenFile {
             let name = names.next().unwrap_or_default();
             match Self::write(&path.join(name), token) {
                 Err(CliError::File { reason, .. }) if reason.kind() == io::ErrorKind::AlreadyExists => {}
-                written => return Ok(Self { directory: Some(directory), ..written? }),
+                written => {
+                    let mut file = written?;
+                    file.directory = Some(directory);
+                    return Ok(file);
+                }
             }
         }
     }

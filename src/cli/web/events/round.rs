@@ -119,12 +119,13 @@ impl Poller {
             feed::follow(&self.connection, &wish.followed)?;
         }
         let mut round = Round { before: self.sent, ..Round::default() };
-        self.states(wish, &mut round)?;
-        self.values(wish, &mut round)?;
+        // Before the clock and the values: a round that reports the way back contains nothing older than that.
         self.changes(&mut round)?;
         if wish.journal.is_some() {
             self.journal(&mut round)?;
         }
+        self.states(wish, &mut round)?;
+        self.values(wish, &mut round)?;
         self.sent.changes += round.changes.len() as u64;
         self.sent.records += round.records.len() as u64;
         self.asked = Instant::now();
