@@ -120,7 +120,7 @@ impl Client {
     }
 
     /// Withdraws requests from now on when `cancel` becomes true: the emulator ends them as those of a client that was
-    /// killed, and the request fails like one that is late.
+    /// killed, and the request fails as after its time limit.
     #[cfg(feature = "cli")]
     pub(crate) fn set_cancel(&mut self, cancel: Arc<AtomicBool>) {
         self.cancel = Some(cancel);
