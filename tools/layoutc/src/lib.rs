@@ -74,8 +74,8 @@ pub fn read(dir: &Path) -> Result<Layout, Error> {
     read_from(source::Sources::new(dir))
 }
 
-/// Reads the layout in the folder `dir`, whose author may be unknown: all files lie in the folder itself, and none of
-/// them is a link.
+/// Reads the layout in the folder `dir`. The author of the folder may be unknown, so all files must be in the folder itself
+/// and must not be links.
 ///
 /// # Errors
 /// Returns the first error, with its place.

@@ -27,7 +27,7 @@ impl TextPosition {
     /// The first character of a text.
     pub(crate) const BEGIN: Self = Self { line: 1, column: 1 };
 
-    /// Continues behind the character `c`.
+    /// Moves the position past the character `c`.
     pub(crate) fn advance(&mut self, c: char) {
         match c {
             '\n' => *self = Self { line: self.line + 1, column: 1 },
@@ -106,7 +106,7 @@ pub enum Wrong {
     UnknownType(String),
     #[error("`{0}` is no structure of the given files; add the file that declares it")]
     UnknownBase(String),
-    #[error("this member has an address of its own, which is not read; declare the structure without AT")]
+    #[error("this member has its own address, which is not read; declare the structure without AT")]
     OwnAddress,
     #[error("the size of {0} is not fixed by IEC 61131-3, so no offset after it is known")]
     NoSize(String),

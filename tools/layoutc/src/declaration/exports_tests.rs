@@ -93,7 +93,7 @@ END_TYPE";
         ),
         (
             "a : BYTE; b AT %B5 : BYTE",
-            "2:13: this member has an address of its own, which is not read; declare the structure without AT",
+            "2:13: this member has its own address, which is not read; declare the structure without AT",
         ),
         ("b : BIT", "2:5: the size of BIT is not fixed by IEC 61131-3, so no offset after it is known"),
         (
@@ -196,7 +196,7 @@ fn objects_of_twincat_are_read_with_their_places() {
     );
     assert_eq!(laid_out(&[&OBJECT.replace("N]", "M]"), list]), "a 0, b 1, 5");
     let wrong = OBJECT.replace("{attribute 'pack_mode' := '1'}\r\n", "").replace("T : STRUCT", "T STRUCT");
-    assert_eq!(refused(&[&wrong]), "0.st:4:34: expected `:` behind the name of the type, found `STRUCT`");
+    assert_eq!(refused(&[&wrong]), "0.st:4:34: expected `:` after the name of the type, found `STRUCT`");
     let block = "<TcPlcObject>\n<POU Name=\"F&#27;B\"><Declaration><![CDATA[FUNCTION_BLOCK FB]]></Declaration>\
                  <Implementation><ST><![CDATA[TYPE]]></ST></Implementation></POU></TcPlcObject>";
     assert_eq!(

@@ -135,7 +135,7 @@ impl<'a, 'd> Parser<'a, 'd> {
         } else {
             None
         };
-        self.expect(":", "`:` behind the name of the type")?;
+        self.expect(":", "`:` after the name of the type")?;
         let ty = self.specification(0)?;
         if let Type::Record(record) = &mut self.into.types[ty.0].ty {
             record.base = base.or(record.base.take());
@@ -282,7 +282,7 @@ impl<'a, 'd> Parser<'a, 'd> {
                 }
                 self.advance()?;
             }
-            self.expect(":", "`:` behind the name of the member")?;
+            self.expect(":", "`:` after the name of the member")?;
             let ty = self.specification(depth + 1)?;
             self.end_of_declaration(ty)?;
             record.members.extend(group.into_iter().map(|(name, at)| Member {
@@ -324,7 +324,7 @@ impl<'a, 'd> Parser<'a, 'd> {
             let is_open = self.next.1 != Token::Symbol("..");
             let last = if is_open { first.clone() } else { self.upper_bound()? };
             if is_open && !first.is_open() {
-                return self.unexpected("`..` behind the lower bound");
+                return self.unexpected("`..` after the lower bound");
             }
             bounds.push((place, first, last));
             if bounds.len() > MAX_DEPTH {
@@ -334,7 +334,7 @@ impl<'a, 'd> Parser<'a, 'd> {
                 break;
             }
         }
-        self.expect("]", "`]` behind the bounds")?;
+        self.expect("]", "`]` after the bounds")?;
         if !self.accept_word("OF")? {
             return self.unexpected("OF");
         }
@@ -377,7 +377,7 @@ impl<'a, 'd> Parser<'a, 'd> {
                 Token::Symbol("(" | "[") => self.group()?,
                 Token::Symbol(";" | ")" | "]") | Token::End => return self.unexpected("an initial value"),
                 Token::Word(word) if is_keyword(word) => {
-                    return self.unexpected("`;` behind the initial value");
+                    return self.unexpected("`;` after the initial value");
                 }
                 _ => self.advance()?,
             }

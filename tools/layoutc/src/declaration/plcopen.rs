@@ -124,7 +124,7 @@ fn specification(
         }
     };
     let id = into.add_type(at, ty);
-    // The end of `outer`, and what nobody else writes between.
+    // Skips further elements up to the end of `outer`; the known tools write none.
     while child(xml)?.is_some() {
         xml.skip()?;
     }

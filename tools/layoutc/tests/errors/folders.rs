@@ -68,9 +68,9 @@ fn files_outside_of_the_folder() {
         let dir = plain();
         replace(dir.path(), "[\"INIT\", ", &format!("[\"{outside}\", "));
         let error = error_of(dir.path());
-        let told =
+        let message =
             format!("`{outside}.toml` leads out of the folder; all files of a device in a folder lie in it");
-        assert!(error.starts_with("device.toml:") && error.ends_with(&told), "{error}");
+        assert!(error.starts_with("device.toml:") && error.ends_with(&message), "{error}");
     }
     let dir = plain();
     replace(dir.path(), "title =", "family = \"cansync\"\ntitle =");
