@@ -1,6 +1,7 @@
 //! `commram export`: the register map, and the messages of a plant's CAN bus, for other languages and tools. It
 //! needs no emulator.
 
+mod blocks;
 mod fmu;
 
 use super::device::DeviceArg;
@@ -24,6 +25,7 @@ Examples:
   commram export st --elementary --block node2
   commram export st --matiec --output commram.st
   commram export st --blocks --output commram.st
+  commram export st --blocks --without LED --output commram.st
   commram export st --strucpp --output registers.st
   commram export matiec --main --output main.c
   commram export strucpp --main --output main.cpp
@@ -59,6 +61,9 @@ pub(crate) struct Args {
     /// With `st`: the file for matiec, including the function blocks of the device in Structured Text
     #[arg(long)]
     blocks: bool,
+    /// With `st --blocks`: leave out this block, because the program has a variable of its name; can be given several times
+    #[arg(long, value_name = "NAME", requires = "blocks")]
+    without: Vec<String>,
     /// With `matiec` and `strucpp`: the program around the compiled one instead of the header; with `openplc`: its hardware layer
     #[arg(long)]
     main: bool,
@@ -203,7 +208,8 @@ fn with_blocks(args: &Args, format: Format) -> Result<String, CliError> {
         return Err(wrong(format!("st --blocks --device {}", device.name), right));
     };
     let parts = found.st.iter().map(|part| part.written_out()).collect::<Vec<_>>();
-    Ok(export::st_with_blocks(device, &(parts.join("\n") + "\n")))
+    let blocks = blocks::without(parts.join("\n") + "\n", &args.without)?;
+    Ok(export::st_with_blocks(device, &blocks))
 }
 
 fn of_plant(args: &Args) -> Result<(), CliError> {

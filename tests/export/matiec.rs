@@ -241,7 +241,7 @@ fn iec2c(matiec: &Path, directory: &Path, options: &[&str]) {
 fn compile_made(matiec: &Path, directory: &Path, level: &str) {
     filter(directory);
     let library = format!("-I{}", matiec.join("lib/C").display());
-    compile(directory, &[level, &library], &["main.c", "Config0.c", "Res0.c"]).ok();
+    compile(directory, &[level, &library], &["main.c", "Config0.c", "Res0.c", "-lm"]).ok();
 }
 
 /// Compiles a program that contains function blocks.
@@ -278,6 +278,23 @@ fn matiec_compiles_its_exports() {
         fs::write(directory.path().join("program.st"), empty).unwrap();
         self::iec2c(&matiec, directory.path(), &["-r"]);
     }
+    // A variable with the name of a block that is left out.
+    let directory = tempfile::tempdir().unwrap();
+    let file = directory.path().join("commram.st");
+    run(&["export", "st", "--blocks", "--without", "led", "--output", file.to_str().unwrap()]).ok();
+    let blink = "PROGRAM MAIN\nVAR LED : BOOL; END_VAR\nLED := NOT LED;\nEND_PROGRAM\n";
+    fs::write(directory.path().join("program.st"), blink).unwrap();
+    self::iec2c(&matiec, directory.path(), &["-r"]);
+    // Functions that matiec translates to those of C's library of mathematics.
+    let directory = tempfile::tempdir().unwrap();
+    exported(directory.path());
+    let file = directory.path().join("commram.st");
+    run(&["export", "st", "--matiec", "--output", file.to_str().unwrap()]).ok();
+    let functions =
+        "PROGRAM MAIN\nVAR X : REAL := 2.0; END_VAR\nX := SQRT(X) + LN(X) + EXPT(X, 0.5);\nEND_PROGRAM\n";
+    fs::write(directory.path().join("program.st"), functions).unwrap();
+    iec2c(directory.path());
+    compile_made(&matiec, directory.path(), "-O0");
     // A program with a function block, TON, CASE, SFC, globals and two instances.
     let directory = tempfile::tempdir().unwrap();
     let directory = directory.path();

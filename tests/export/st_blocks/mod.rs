@@ -150,3 +150,27 @@ fn blocks_in_structured_text_behave_like_the_rust_blocks() {
         programs.into_iter().for_each(|program| assert_eq!(program.end(), Some(0)));
     }
 }
+
+/// matiec takes the name of a block for nothing else, also not for a variable of a program.
+#[test]
+fn blocks_can_be_left_out() {
+    let export = |args: &[&str]| run(&[&["export", "st", "--blocks"], args].concat());
+    let whole = export(&[]).ok().to_owned();
+    let (before, block) = whole.split_once("(* LED: ").unwrap();
+    let (_, behind) = block.split_once("END_FUNCTION_BLOCK\n\n").unwrap();
+    assert_eq!(export(&["--without", "led"]).ok(), format!("{before}{behind}"));
+    let both = export(&["--without", "LED", "--without", "OPT_INIT"]);
+    assert!(!both.ok().contains("FUNCTION_BLOCK LED\n") && !both.ok().contains("FUNCTION_BLOCK OPT_INIT\n"));
+    let unknown = export(&["--without", "LAMP"]);
+    assert!(
+        unknown.fails(2).contains("the blocks are: CANsync_SL_TYP_INIT, CANsync_INIT, "),
+        "{}",
+        unknown.err
+    );
+    let used = export(&["--without", "COMMRAM_WATCH"]);
+    assert!(
+        used.fails(2).contains("other blocks use it; rename the variable of the program"),
+        "{}",
+        used.err
+    );
+}
