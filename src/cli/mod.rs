@@ -24,6 +24,7 @@ mod force;
 mod instance;
 mod layout;
 mod list;
+mod log;
 mod man;
 mod map;
 mod new;

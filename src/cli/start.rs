@@ -1,7 +1,7 @@
 //! Start of an emulator in this process: the common part of `run` and `with`.
 
 use super::error::CliError;
-use super::{dump, number, output, plant_check, snapshot};
+use super::{dump, log, number, output, plant_check, snapshot};
 use crate::devices;
 use crate::memory::describe_process;
 use crate::plant::PlantConfig;
@@ -113,7 +113,7 @@ impl Settings {
         if let Some(dir) = &self.layout {
             check_layout(dir)?;
         }
-        log_to_stderr();
+        log::to_stderr();
         let (config, snapshot) = match begin {
             InitialState::BuiltIn => (PlantConfig::built_in()?, None),
             InitialState::Plant(path) => (PlantConfig::load(path)?, None),
@@ -288,14 +288,4 @@ fn report_takeover(emulator: &Emulator) {
             output::note(&format!("took over {path}, which a killed emulator (process {pid}) had left"));
         }
     }
-}
-
-fn log_to_stderr() {
-    tracing_subscriber::fmt()
-        .with_max_level(if output::is_verbose() { tracing::Level::DEBUG } else { tracing::Level::WARN })
-        .with_writer(std::io::stderr)
-        .with_ansi(false)
-        .with_target(false)
-        .without_time()
-        .init();
 }

@@ -1,0 +1,1 @@
+//! Empty: nothing of this package is called.
