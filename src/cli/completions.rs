@@ -1,5 +1,7 @@
 //! `commram completions`: scripts that make shells ask this program for completions.
 
+mod quoting;
+
 use super::{complete, error::CliError, output, parse};
 use clap::ValueEnum;
 use clap_complete::CompleteEnv;
@@ -54,12 +56,25 @@ fn script(shell: Shell) -> Result<String, CliError> {
     let script = String::from_utf8_lossy(&script).into_owned();
     Ok(match shell {
         // No blank after a word that can be continued: an area, an index.
-        Shell::Bash => script.replacen("[=/:]$", "[=/:.[]$", 1).replacen(
-            // The empty text after the separator is the word that bash completes; the separator must be kept.
-            "        words[COMP_CWORD]=\"$2\"",
-            "        [[ ${words[COMP_CWORD]} == [=:]* ]] || words[COMP_CWORD]=\"$2\"",
-            1,
-        ),
+        Shell::Bash => script
+            .replacen("[=/:]$", "[=/:.[]$", 1)
+            .replacen(
+                // The empty text after the separator is the word that bash completes; the separator must be kept.
+                "        words[COMP_CWORD]=\"$2\"",
+                "        [[ ${words[COMP_CWORD]} == [=:]* ]] || words[COMP_CWORD]=\"$2\"",
+                1,
+            )
+            // A candidate is no pattern of file names.
+            .replacen(
+                "    COMPREPLY=( ",
+                "    local globbing=\"$(shopt -po noglob)\"\n    set -f\n    COMPREPLY=( ",
+                1,
+            )
+            .replacen(
+                "    if [[ $? != 0 ]]",
+                "    local code=$?\n    eval \"$globbing\"\n    if [[ $code != 0 ]]",
+                1,
+            ),
         Shell::Zsh => script
             .replacen("local -a other=()\n", "local -a other=()\n        local -a begun=()\n", 1)
             .replacen(
@@ -76,7 +91,8 @@ fn script(shell: Shell) -> Result<String, CliError> {
     })
 }
 
-/// The bash completer: bash splits words at `=` and `:` and replaces only the part after the separator.
+/// The bash completer: bash splits words at `=` and `:`, replaces only the part after the separator, and reads the
+/// replacement like typed text.
 struct WholeWords;
 
 impl EnvCompleter for WholeWords {
@@ -108,13 +124,18 @@ impl EnvCompleter for WholeWords {
     ) -> io::Result<()> {
         let index = std::env::var("_CLAP_COMPLETE_INDEX").ok().and_then(|index| index.parse().ok());
         let index: usize = index.unwrap_or(args.len().saturating_sub(1));
-        let until = args.get(..=index).unwrap_or(&args);
-        let (words, front) = (complete::whole(until), complete::front_of_last(until));
+        let mut until = args.get(..=index).unwrap_or(&args).to_vec();
+        if let Some(begun) = until.last_mut()
+            && let Some(text) = begun.to_str()
+        {
+            *begun = quoting::unquoted(text).into();
+        }
+        let (words, front) = (complete::whole(&until), complete::front_of_last(&until));
         let (last, front) = (words.len().saturating_sub(1), front.to_string_lossy());
         let separator = std::env::var("_CLAP_IFS").unwrap_or_else(|_| "\n".to_owned());
         let found = clap_complete::engine::complete(command, words, last, directory)?;
         let found =
-            found.iter().filter_map(|it| Some(it.get_value().to_str()?.strip_prefix(&*front)?.to_owned()));
+            found.iter().filter_map(|it| quoting::quoted(it.get_value().to_str()?.strip_prefix(&*front)?));
         write!(out, "{}", found.collect::<Vec<_>>().join(&separator))
     }
 }
@@ -133,6 +154,7 @@ mod tests {
     #[test]
     fn scripts_add_no_blank_after_a_word_that_can_be_continued() {
         let bash = script(Shell::Bash).ok().unwrap();
+        assert!(bash.contains("set -f\n") && bash.contains("eval \"$globbing\"\n    if [[ $code"), "{bash}");
         assert!(bash.contains("[=/:.[]$") && bash.contains("== [=:]* ]] || words[COMP_CWORD]="), "{bash}");
         let zsh = script(Shell::Zsh).ok().unwrap();
         for part in ["local -a begun=()", "begun+=(", "_describe -V 'values' begun -S ''"] {

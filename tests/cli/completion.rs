@@ -101,6 +101,42 @@ fn bash_completes() {
     }
 }
 
+/// A name of a file is a word for the shell, whatever it contains.
+#[test]
+fn bash_runs_nothing_of_a_completed_name() {
+    let directory = tempfile::tempdir().unwrap();
+    let names = [
+        "$(touch ran).rhai",
+        "`touch ran`.rhai",
+        "a;touch ran;.rhai",
+        "b c'd\"e.rhai",
+        "*.rhai",
+        "x\ny.rhai",
+    ];
+    for name in names {
+        std::fs::write(directory.path().join(name), "").unwrap();
+    }
+    let script = format!(
+        "cd {}; source <(commram completions bash)
+        for begun in './' './b\\ ' \"'./\"; do
+            COMP_WORDS=(commram test \"$begun\"); COMP_CWORD=2
+            _clap_complete_commram commram \"$begun\" test
+            for word in \"${{COMPREPLY[@]}}\"; do eval \"printf '%s|' $word\"; done; echo
+        done; [[ $- == *f* ]] && echo globbing; test ! -e ran",
+        directory.path().display()
+    );
+    if let Some(out) = in_shell("bash", &script) {
+        let all = "./$(touch ran).rhai|./*.rhai|./`touch ran`.rhai|./a;touch ran;.rhai|./b c'd\"e.rhai|";
+        let mut found: Vec<_> = out.lines().map(str::to_owned).collect();
+        for line in &mut found {
+            let mut words: Vec<_> = line.split_inclusive('|').collect();
+            words.sort_unstable();
+            *line = words.concat();
+        }
+        assert_eq!(found, [all, "./b c'd\"e.rhai|", all]);
+    }
+}
+
 #[test]
 fn fish_completes() {
     let script = "commram completions fish | source
