@@ -4,8 +4,8 @@ use super::ScenarioError;
 use super::caught::Caught;
 use crate::input_file;
 use core::cell::RefCell;
-use rhai::module_resolvers::FileModuleResolver;
-use rhai::{Engine, EvalAltResult, Module, ModuleResolver, Position};
+use rhai::{Engine, EvalAltResult, Module, ModuleResolver, Position, Scope};
+use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -15,7 +15,8 @@ const DEEPEST: usize = 32;
 
 /// Imports from files, named from the directory of the scenario.
 pub(super) struct Imports {
-    files: FileModuleResolver,
+    /// Modules that were imported before.
+    modules: RefCell<BTreeMap<PathBuf, Rc<Module>>>,
     directory: PathBuf,
     scenario: PathBuf,
     /// Imports with scripts that are being run, the outermost first.
@@ -45,7 +46,7 @@ impl Imports {
     /// For the scenario in file `scenario`; requested files are noted in `imported`.
     pub(crate) fn new(scenario: &Path, directory: &Path, imported: Rc<RefCell<Vec<PathBuf>>>) -> Self {
         Self {
-            files: FileModuleResolver::new_with_path(directory),
+            modules: RefCell::default(),
             directory: directory.to_owned(),
             scenario: scenario.to_owned(),
             under_way: RefCell::default(),
@@ -85,7 +86,13 @@ impl ModuleResolver for Imports {
     ) -> Result<Rc<Module>, Box<EvalAltResult>> {
         let from =
             source.map_or_else(|| self.scenario.clone(), |source| module_file(source, &self.directory));
-        let to = self.files.get_file_path(path, None);
+        if Path::new(path).file_name().is_none() {
+            return Err(at(ScenarioError::argument(path, "name the file of a script"), position));
+        }
+        let to = self.directory.join(path).with_extension("rhai");
+        if let Some(module) = self.modules.borrow().get(&to) {
+            return Ok(Rc::clone(module));
+        }
         let mut imported = self.imported.borrow_mut();
         if !imported.contains(&to) {
             imported.push(to.clone());
@@ -93,14 +100,32 @@ impl ModuleResolver for Imports {
         drop(imported);
         self.begin(Import { from, line: position.line(), to: to.clone() }, path)
             .map_err(|error| at(error, position))?;
-        // The resolver would read a file to its end, which some special files do not have.
         let module = match input_file::read(&to, input_file::LONGEST_SCRIPT) {
-            Err(error) if error.kind() != ErrorKind::NotFound => Err(unreadable(path, &error, position)),
-            _ => self.files.resolve(engine, source, path, position),
+            Ok(text) => module(engine, path, &text).map_err(|error| within(path, error, position)),
+            Err(error) if error.kind() == ErrorKind::NotFound => {
+                Err(EvalAltResult::ErrorModuleNotFound(path.to_owned(), position).into())
+            }
+            Err(error) => Err(unreadable(path, &error, position)),
         };
         self.under_way.borrow_mut().pop();
+        self.modules.borrow_mut().extend(module.iter().map(|module| (to.clone(), Rc::clone(module))));
         module
     }
+}
+
+/// Compiles and runs the script of a module. A first line that begins with `#!` is for the system.
+fn module(engine: &Engine, path: &str, text: &str) -> Result<Rc<Module>, Box<EvalAltResult>> {
+    let text = match text.strip_prefix("#!") {
+        Some(rest) => rest.find('\n').map_or("", |end| &rest[end..]),
+        None => text,
+    };
+    let mut script = engine.compile(text)?;
+    script.set_source(path);
+    Ok(Module::eval_ast_as_new(Scope::new(), &script, engine)?.into())
+}
+
+fn within(path: &str, error: Box<EvalAltResult>, position: Position) -> Box<EvalAltResult> {
+    EvalAltResult::ErrorInModule(path.to_owned(), error, position).into()
 }
 
 fn unreadable(path: &str, error: &std::io::Error, position: Position) -> Box<EvalAltResult> {
