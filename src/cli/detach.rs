@@ -5,7 +5,10 @@
 
 use super::demo::Interrupts;
 use super::error::CliError;
+use super::start::in_thread;
 use super::{output, parse};
+use rustix::fs::Stat;
+use rustix::io::Errno;
 use rustix::process::{Pid, Signal};
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read};
@@ -32,7 +35,7 @@ pub(crate) fn start(instance: &str, reads_input: bool) -> Result<(), CliError> {
     let input = if reads_input { Stdio::inherit() } else { Stdio::null() };
     command.stdin(input).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().map_err(failed)?;
-    let (out, err) = (collect(child.stdout.take()), collect(child.stderr.take()));
+    let (out, err) = (collect(child.stdout.take())?, collect(child.stderr.take())?);
     let said = until_end(&out, &mut child, &interrupts)?;
     let complaint = until_end(&err, &mut child, &interrupts)?;
     output::relay(&complaint);
@@ -52,17 +55,20 @@ pub(crate) fn start(instance: &str, reads_input: bool) -> Result<(), CliError> {
 }
 
 /// Reads a stream up to its end in a thread.
-fn collect(stream: Option<impl Read + Send + 'static>) -> Receiver<Vec<u8>> {
+///
+/// # Errors
+/// The system has no thread for it.
+fn collect(stream: Option<impl Read + Send + 'static>) -> Result<Receiver<Vec<u8>>, CliError> {
     let (send, receive) = mpsc::channel();
-    std::thread::spawn(move || {
+    in_thread(move || {
         let mut text = Vec::new();
         if let Some(mut stream) = stream {
             // Bytes that were read before an error are kept.
             let _ = stream.read_to_end(&mut text);
         }
         let _ = send.send(text);
-    });
-    receive
+    })?;
+    Ok(receive)
 }
 
 /// Waits for the end of a stream. On an interrupt the process gets SIGTERM, which ends its streams.
@@ -98,7 +104,7 @@ impl Detached {
     /// Leaves terminal and session. After [`Detached::let_go`] messages go to `log`.
     ///
     /// # Errors
-    /// The log cannot be written, or the system refuses.
+    /// The log cannot be written or is an output of this process, or the system refuses.
     pub(crate) fn begin(log: Option<&Path>) -> Result<Self, CliError> {
         let failed = |path: &Path| {
             let path = path.to_owned();
@@ -108,6 +114,9 @@ impl Detached {
             |path: &Path| OpenOptions::new().create(true).append(true).open(path).map_err(failed(path));
         let nothing = Path::new("/dev/null");
         let nothing = OpenOptions::new().write(true).open(nothing).map_err(failed(nothing))?;
+        if let Some(log) = log {
+            refuse_own_output(log)?;
+        }
         let this = Self { nothing, log: log.map(open).transpose()? };
         rustix::process::setsid().map_err(|errno| CliError::Process { reason: errno.into() })?;
         Ok(this)
@@ -121,6 +130,25 @@ impl Detached {
         put(&self.nothing, 1)?;
         put(self.log.as_ref().unwrap_or(&self.nothing), 2)
     }
+}
+
+/// Refuses a name of an output of this process, for example `/dev/stderr`: the process that started this one reads both
+/// outputs until they are closed.
+///
+/// # Errors
+/// It is an output of this process.
+fn refuse_own_output(log: &Path) -> Result<(), CliError> {
+    // A file that does not exist is created later.
+    let Ok(found) = rustix::fs::stat(log) else { return Ok(()) };
+    let is = |output: Result<Stat, Errno>| {
+        output.is_ok_and(|output| (output.st_dev, output.st_ino) == (found.st_dev, found.st_ino))
+    };
+    if !is(rustix::fs::fstat(io::stdout())) && !is(rustix::fs::fstat(io::stderr())) {
+        return Ok(());
+    }
+    let right = "the background process closes its outputs when it is ready; name a file, or start `commram run` \
+                 without --detach in the background of the shell";
+    Err(CliError::Argument { text: format!("--log {}", log.display()), right: right.to_owned() })
 }
 
 /// Replaces an output by a file.

@@ -295,14 +295,12 @@ errors! {
     Process { reason: io::Error } => Exit::NotThere,
     /// The limit of the stack is too low.
     #[error(
-        "this process may have {} KiB of stack, commram needs {} KiB: raise that limit (`ulimit -s`)", .most / 1024,
-        .needed / 1024
+        "this process may have {} KiB of {}, commram needs {} KiB: raise that limit (`ulimit {}`)", .limit.most / 1024,
+        .limit.what, .limit.needed.div_ceil(1024), .limit.option
     )]
-    Stack {
-        /// Needed number of bytes.
-        needed: u64,
-        /// Allowed number of bytes.
-        most: u64,
+    LimitedMemory {
+        /// The limit.
+        limit: limits::MemoryLimit,
     } => Exit::NotThere,
     /// Signals cannot be caught.
     #[error("cannot catch signals: {reason}{}", limits::named(.reason))]

@@ -171,9 +171,10 @@ enum Command {
 /// Parses the command line, runs the command and returns the exit code of the process. A program with own devices
 /// calls [`devices::register`](crate::devices::register) first, then this function.
 pub fn main() -> ExitCode {
-    match limits::allow_stack() {
+    let allowed = limits::allow_stack().and_then(|()| limits::allow_memory(limits::OF_A_COMMAND));
+    match allowed {
         Ok(()) => answer_command_line(),
-        Err((needed, most)) => finish(Err(CliError::Stack { needed, most })),
+        Err(limit) => finish(Err(CliError::LimitedMemory { limit })),
     }
 }
 

@@ -3,6 +3,7 @@
 mod files;
 mod words;
 
+use super::demo::Interrupts;
 use super::error::CliError;
 use super::{output, plant};
 use crate::devices::{self, FirstExchange, Registered};
@@ -87,13 +88,13 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     }
     let files: Vec<_> =
         project.files().into_iter().map(|(name, text)| (args.directory.join(name), text)).collect();
-    create(&files)?;
+    create(&files, &Interrupts::catch()?)?;
     let names: String = files.iter().map(|(path, _)| format!("{}\n", path.display())).collect();
     output::print(&output::harmless(&format!("{names}\nNext:\n{}", project.commands(&args.directory))))
 }
 
-/// Creates all files, or none.
-fn create(files: &[(PathBuf, String)]) -> Result<(), CliError> {
+/// Creates all files, or none, also if the user interrupts it.
+fn create(files: &[(PathBuf, String)], interrupts: &Interrupts) -> Result<(), CliError> {
     for (path, _) in files {
         if path.symlink_metadata().is_ok() {
             return Err(exists(path));
@@ -101,6 +102,9 @@ fn create(files: &[(PathBuf, String)]) -> Result<(), CliError> {
     }
     let mut made = Made::default();
     for (path, text) in files {
+        if interrupts.any() {
+            return Err(CliError::Interrupted);
+        }
         made.file(path, text).map_err(|reason| match reason.kind() {
             ErrorKind::AlreadyExists => exists(path),
             _ => CliError::File { path: path.clone(), reason },

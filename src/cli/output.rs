@@ -1,6 +1,9 @@
 //! Output to the terminal, or to the file or pipe that replaces it.
 
+mod bounded;
+
 use super::{error::CliError, style};
+pub(crate) use bounded::give_up_after;
 use serde::Serialize;
 use std::io::{self, IsTerminal, Write};
 use std::process::{Command, Stdio};
@@ -10,7 +13,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// command continues: its exit code does not depend on the reader.
 ///
 /// # Errors
-/// [`CliError::Output`]: the output cannot be written.
+/// [`CliError::Output`]: the output cannot be written. [`CliError::Interrupted`]: it is not read, and a signal has arrived
+/// that this process handles.
 pub(crate) fn print(text: &str) -> Result<(), CliError> {
     match print_while_read(text.as_bytes()) {
         Err(CliError::BrokenPipe) => Ok(()),
@@ -21,11 +25,11 @@ pub(crate) fn print(text: &str) -> Result<(), CliError> {
 /// Writes `bytes` to the standard output and flushes it, for commands that end with their reader.
 ///
 /// # Errors
-/// [`CliError::BrokenPipe`] if the reader has closed the output, [`CliError::Output`] for other errors.
+/// [`CliError::BrokenPipe`] if the reader has closed the output, otherwise as [`print()`].
 pub(crate) fn print_while_read(bytes: &[u8]) -> Result<(), CliError> {
-    let mut out = io::stdout().lock();
-    out.write_all(bytes).and_then(|()| out.flush()).map_err(|reason| match reason.kind() {
+    bounded::write(|| io::stdout().lock(), bytes).map_err(|reason| match reason.kind() {
         io::ErrorKind::BrokenPipe => CliError::BrokenPipe,
+        io::ErrorKind::Interrupted => CliError::Interrupted,
         _ => CliError::Output { reason },
     })
 }
@@ -95,12 +99,12 @@ const LONGEST: usize = 8_000;
 /// Writes an error message to the standard error output. Very long words, for example from the input, are
 /// shortened. Write errors are ignored.
 pub(crate) fn complain(text: &str) {
-    let _ = writeln!(io::stderr().lock(), "{} {}", style::error("commram:"), shortened(text));
+    relay(format!("{} {}\n", style::error("commram:"), shortened(text)).as_bytes());
 }
 
-/// Copies the error output of another process to the standard error output.
+/// Copies bytes, such as the error output of another process, to the standard error output. Write errors are ignored.
 pub(crate) fn relay(text: &[u8]) {
-    let _ = io::stderr().lock().write_all(text);
+    let _ = bounded::write(|| io::stderr().lock(), text);
 }
 
 /// Writes a note, which is not an error, to the standard error output, unless the user wants none.
@@ -166,7 +170,7 @@ pub(crate) fn page(text: &str) -> Result<(), CliError> {
 
 /// Prints help to the standard error output after wrong use.
 pub(crate) fn print_help(text: &str) {
-    let _ = write!(io::stderr().lock(), "{text}");
+    relay(text.as_bytes());
 }
 
 /// Limits the length of words and of the whole text, and removes control characters.

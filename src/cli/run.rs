@@ -4,7 +4,7 @@ use super::demo::end_with;
 use super::detach::{self, Detached};
 use super::error::CliError;
 use super::exit::Exit;
-use super::start::{InitialState, Settings, TerminationSignals, end_at_second_ctrl_c};
+use super::start::{InitialState, Settings, TerminationSignals, end_at_second_ctrl_c, in_thread};
 use super::table::Format;
 use super::web::WebProcess;
 use super::{InstanceName, output, plant_check};
@@ -15,6 +15,11 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc;
+use std::time::Duration;
+
+/// Longest time at the end of the emulator in which the line of its start is still waited for.
+const LONGEST_PRINT: Duration = Duration::from_millis(500);
 
 /// Run an emulator until it is stopped.
 ///
@@ -122,12 +127,14 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
                 }
                 let _ = let_go();
             };
-            (Some(WebProcess::start(name, listen, then)?), Ok(()))
+            (Some(WebProcess::start(name, listen, then)?), None)
         }
         None => {
-            let printed = announce(name, &ready);
-            let_go()?;
-            (None, printed)
+            let instance = name.clone();
+            let (send, printed) = mpsc::channel();
+            // An emulator whose output is not read serves its clients.
+            in_thread(move || send.send(announce(&instance, &ready).and(let_go())))?;
+            (None, Some(printed))
         }
     };
     let by_ctrl_c = Arc::new(AtomicBool::new(false));
@@ -145,8 +152,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if by_ctrl_c.load(Ordering::Relaxed) {
         return Err(CliError::Ended(Exit::Interrupted.code()));
     }
-    match printed {
-        Err(error @ CliError::Output { .. }) => Err(error),
+    match printed.map(|printed| printed.recv_timeout(LONGEST_PRINT)) {
+        Some(Ok(Err(error @ CliError::Output { .. }))) => Err(error),
         _ => Ok(()),
     }
 }
@@ -154,7 +161,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 /// Prints the line of a ready emulator. If the reader has gone or the output is full, the emulator continues.
 fn announce(instance: &str, line: &str) -> Result<(), CliError> {
     output::print(line).inspect_err(|error| {
-        if !error.is_reported() {
+        if !error.is_reported() && !matches!(error, CliError::Interrupted) {
             output::note(&format!("instance '{instance}' is ready, but its output cannot be written"));
         }
     })

@@ -7,7 +7,7 @@ mod runner;
 use super::demo::Interrupts;
 use super::error::CliError;
 use super::table::{self, Format, FormatArg};
-use super::test::LimitArgs;
+use super::test::{LimitArgs, process};
 use super::{number, output};
 use crate::devices::Exercise;
 use crate::plant::PlantConfig;
@@ -101,6 +101,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if args.list {
         return list(args.format.format, &exercises);
     }
+    process::allow_memory()?;
     let interrupts = Interrupts::catch()?;
     let seed = args.seed.unwrap_or_else(|| {
         let seed = any_seed();

@@ -5,15 +5,17 @@ use super::{dump, log, number, output, plant_check, snapshot};
 use crate::devices;
 use crate::memory::describe_process;
 use crate::plant::PlantConfig;
-use crate::runtime::{Clock, Emulator, Options};
+use crate::runtime::{Clock, Emulator, Options, RuntimeError};
 use clap::ValueEnum;
 use core::num::NonZero;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::SignalsInfo;
 use signal_hook::iterator::exfiltrator::WithRawSiginfo;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 /// How long a signal during the start waits for the end of the start. After that the process ends at once.
@@ -95,7 +97,6 @@ impl Settings {
     ///
     /// # Errors
     /// The emulator does not start.
-    /// It does not start.
     pub(crate) fn start(
         &self,
         begin: InitialState<'_>,
@@ -114,6 +115,8 @@ impl Settings {
             check_layout(dir)?;
         }
         log::to_stderr();
+        let (started, starting) = mpsc::channel();
+        in_thread(move || signals.pass_on(&starting))?;
         let (config, snapshot) = match begin {
             InitialState::BuiltIn => (PlantConfig::built_in()?, None),
             InitialState::Plant(path) => (PlantConfig::load(path)?, None),
@@ -123,8 +126,6 @@ impl Settings {
             }
         };
         plant_check::warn(begin.path(), &config);
-        let (started, starting) = mpsc::channel();
-        std::thread::spawn(move || signals.pass_on(&starting));
         crate::memory::survive_shortened_files().map_err(|reason| CliError::Signals { reason })?;
         let new = self.novram.as_deref().filter(|directory| !directory.exists());
         let mut emulator = Emulator::start_from(&config, options, snapshot.as_ref())?;
@@ -178,6 +179,17 @@ impl<'a> InitialState<'a> {
     }
 }
 
+/// Does `work` in a thread.
+///
+/// # Errors
+/// The system has no thread for it.
+pub(crate) fn in_thread<T: Send + 'static>(
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<JoinHandle<T>, CliError> {
+    let thread = std::thread::Builder::new().spawn(work);
+    thread.map_err(|reason| RuntimeError::Thread { reason }.into())
+}
+
 /// A signal that asks this process to end.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TerminationSignal {
@@ -215,27 +227,35 @@ impl TerminationSignal {
 pub(crate) type OnSignal = Box<dyn FnMut(TerminationSignal) + Send>;
 
 /// The termination signals, which no longer end this process.
-pub(crate) struct TerminationSignals(SignalsInfo<WithRawSiginfo>);
+pub(crate) struct TerminationSignals {
+    signals: SignalsInfo<WithRawSiginfo>,
+    /// Set by the first signal.
+    has_any: Arc<AtomicBool>,
+}
 
 impl TerminationSignals {
-    /// Catches the termination signals.
+    /// Catches the termination signals. The first one ends writes to outputs that are not read.
     ///
     /// # Errors
     /// The system refuses.
     pub(crate) fn take() -> Result<Self, CliError> {
         let signals = SignalsInfo::new([SIGINT, SIGTERM, SIGHUP]);
-        signals.map(Self).map_err(|reason| CliError::Signals { reason })
+        let signals = signals.map_err(|reason| CliError::Signals { reason })?;
+        let has_any = Arc::new(AtomicBool::new(false));
+        output::give_up_after(Arc::clone(&has_any));
+        Ok(Self { signals, has_any })
     }
 
     /// Sends signals to the handler that the started emulator provides. A signal that arrives earlier waits for the
     /// end of the start, unless the start hangs.
     fn pass_on(mut self, starting: &Receiver<OnSignal>) {
-        let mut pending = self.0.forever().map(|signal| TerminationSignal {
+        let mut pending = self.signals.forever().map(|signal| TerminationSignal {
             number: signal.si_signo,
             is_from_stop: crate::memory::is_from_stop(&signal),
             sender: crate::memory::sender_of(&signal),
         });
         let Some(first) = pending.next() else { return };
+        self.has_any.store(true, Ordering::Relaxed);
         match starting.recv_timeout(START_PATIENCE) {
             Ok(mut act) => {
                 act(first);

@@ -152,6 +152,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         return define(directory);
     }
     check_reports(args)?;
+    process::allow_memory()?;
     let interrupts = Interrupts::catch()?;
     let files = selection::scenarios(&args.files, &args.filter, args.shard())?;
     check_input(args, &files)?;

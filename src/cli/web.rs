@@ -147,7 +147,11 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     link::wait_until_closed(LEAVE);
     served?;
     drop(file);
-    printed?;
+    match printed {
+        // The output was not read until the end.
+        Err(CliError::Interrupted) => {}
+        printed => printed?,
+    }
     ending.result()
 }
 

@@ -3,7 +3,7 @@
 use super::error::CliError;
 use super::instance::instance_name;
 use super::output;
-use super::start::{InitialState, OnSignal, Settings, TerminationSignals};
+use super::start::{InitialState, OnSignal, Settings, TerminationSignals, in_thread};
 use crate::runtime::StopHandle;
 use rustix::process::{Pid, PidfdFlags, Signal};
 use signal_hook::consts::SIGINT;
@@ -15,6 +15,7 @@ use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc;
 
 /// As in shells: the command exists but cannot be started.
 const CANNOT_RUN: u8 = 126;
@@ -65,26 +66,29 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         false,
     )?;
     let stop = emulator.stop_handle();
+    let is_done = Arc::new(AtomicBool::new(false));
+    let (done, (give, child)) = (Arc::clone(&is_done), mpsc::channel::<io::Result<Child>>());
     // The emulator runs as long as the child; if the child cannot be started, the emulator ends at once.
+    let ended = in_thread(move || {
+        let ended = child.recv().unwrap_or_else(|_| Err(io::ErrorKind::Other.into()));
+        let ended = ended.and_then(|mut child| child.wait());
+        done.store(true, Ordering::Release);
+        stop.stop_because("the command of `commram with` has ended");
+        ended
+    })?;
     let child = command.spawn();
     let passed = child.as_ref().map(|child| pass_on(child, emulator.stop_handle()));
     if let Ok(Ok(pass_on)) = passed {
         let _ = started.send(pass_on);
     }
-    let is_done = Arc::new(AtomicBool::new(false));
-    let done = Arc::clone(&is_done);
-    let command = std::thread::spawn(move || {
-        let ended = child.and_then(|mut child| child.wait());
-        done.store(true, Ordering::Release);
-        stop.stop_because("the command of `commram with` has ended");
-        ended
-    });
+    // The thread receives it.
+    let _ = give.send(child);
     let outcome = emulator.run();
     drop(emulator);
     if !is_done.load(Ordering::Acquire) {
         output::note(&format!("instance '{name}' has ended before the command"));
     }
-    let ended = command.join().unwrap_or_else(|_| Err(io::ErrorKind::Other.into()));
+    let ended = ended.join().unwrap_or_else(|_| Err(io::ErrorKind::Other.into()));
     let ended = match ended {
         Ok(status) if status.success() => return Ok(outcome?),
         Ok(status) => ended_like(status),

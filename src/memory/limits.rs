@@ -2,12 +2,15 @@
 
 use rustix::io::Errno;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use std::os::fd::AsRawFd;
 use std::{fs, io};
 
+/// A file that can always be opened.
+const NOTHING: &str = "/dev/null";
 /// Where the system lists the open files of this process.
 const OPEN_FILES: &str = "/proc/self/fd";
-/// Kernel file with the size of this process's address space.
-#[cfg(feature = "channel")]
+/// Kernel file with the sizes of this process's memory.
+#[cfg(feature = "emulator")]
 const STATUS: &str = "/proc/self/status";
 
 /// Text about the limit that explains a system error, to append to a message; empty if no limit explains it.
@@ -45,16 +48,65 @@ const STACK: u64 = 1 << 20;
 /// Makes sure that the main thread can have the stack that it needs; raises its soft limit if necessary.
 ///
 /// # Errors
-/// The needed and the allowed number of bytes.
+/// The limit.
 #[cfg(feature = "cli")]
-pub(crate) fn allow_stack() -> Result<(), (u64, u64)> {
+pub(crate) fn allow_stack() -> Result<(), MemoryLimit> {
     let Rlimit { current, maximum } = getrlimit(Resource::Stack);
     let Some(most) = current.filter(|current| *current < STACK) else { return Ok(()) };
     let can_be_raised = maximum.is_none_or(|maximum| maximum >= STACK);
     if can_be_raised && setrlimit(Resource::Stack, Rlimit { current: Some(STACK), maximum }).is_ok() {
         return Ok(());
     }
-    Err((STACK, most))
+    Err(MemoryLimit { what: "stack", option: "-s", needed: STACK, most })
+}
+
+/// Data and address space that a command needs in addition to those of its start, in bytes: stacks of threads, the heap,
+/// and the report of a panic, which would wait for memory without an end.
+#[cfg(feature = "cli")]
+pub(crate) const OF_A_COMMAND: u64 = 16 << 20;
+
+/// A limit of the memory of this process that is too low.
+#[cfg(feature = "emulator")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct MemoryLimit {
+    /// The limited memory, for example `data`.
+    pub(crate) what: &'static str,
+    /// Option of `ulimit`, for example `-d`.
+    pub(crate) option: &'static str,
+    /// Number of bytes that the process would have.
+    pub(crate) needed: u64,
+    /// Number of bytes that it may have.
+    pub(crate) most: u64,
+}
+
+/// Makes sure that this process can have `more` bytes of data and address space in addition to the present ones; raises
+/// its soft limits if necessary.
+///
+/// # Errors
+/// The limit that is too low, with the number of bytes that suffices for the next start too.
+#[cfg(feature = "emulator")]
+pub(crate) fn allow_memory(more: u64) -> Result<(), MemoryLimit> {
+    let memories =
+        [(Resource::Data, "VmData:", "data", "-d"), (Resource::As, "VmSize:", "address space", "-v")];
+    for (resource, line, what, option) in memories {
+        let Rlimit { current, maximum } = getrlimit(resource);
+        let needed = used(line).saturating_add(more);
+        let Some(most) = current.filter(|current| *current < needed) else { continue };
+        let can_be_raised = maximum.is_none_or(|maximum| maximum >= needed);
+        if !can_be_raised || setrlimit(resource, Rlimit { current: maximum, maximum }).is_err() {
+            return Err(MemoryLimit { what, option, needed: needed.saturating_add(SPREAD), most });
+        }
+    }
+    Ok(())
+}
+
+/// The number of bytes in a line of [`STATUS`], or 0 if it cannot be read.
+#[cfg(feature = "emulator")]
+fn used(name: &str) -> u64 {
+    let status = fs::read_to_string(STATUS).unwrap_or_default();
+    let size = status.lines().find_map(|line| line.strip_prefix(name));
+    let kib = size.and_then(|size| size.trim().strip_suffix("kB")?.trim().parse().ok());
+    kib.unwrap_or(0_u64).saturating_mul(1024)
 }
 
 /// The same for an error that may come from a limit of file sizes, if there is one.
@@ -70,8 +122,12 @@ pub(crate) fn describe_file_limit() -> String {
 /// # Errors
 /// The largest number of files, if it is less than needed.
 pub(crate) fn allow_files(more: u64, wished: u64) -> Result<(), FileLimit> {
-    // The listing itself uses one descriptor. If it cannot be read, all descriptors count as used.
-    let open = fs::read_dir(OPEN_FILES).map_or(u64::MAX, |files| files.count().saturating_sub(1) as u64);
+    // The listing itself uses one descriptor.
+    let open = match fs::read_dir(OPEN_FILES) {
+        Ok(files) => files.count().saturating_sub(1) as u64,
+        // Without /proc: a new descriptor has the lowest free number. If there is none, all are used.
+        Err(_) => fs::File::open(NOTHING).map_or(u64::MAX, |file| u64::from(file.as_raw_fd().unsigned_abs())),
+    };
     let Rlimit { current, maximum } = getrlimit(Resource::Nofile);
     let open = open.min(current.unwrap_or(u64::MAX));
     let (needed, wished) = (open.saturating_add(more), open.saturating_add(wished.max(more)));
@@ -95,8 +151,8 @@ pub(crate) struct FileLimit {
     pub(crate) most: u64,
 }
 
-/// Difference of the address space of one process from start to start, in bytes: some pages, by random addresses.
-#[cfg(feature = "channel")]
+/// Difference of the memory of one process from start to start, in bytes: some pages, by random addresses.
+#[cfg(feature = "emulator")]
 const SPREAD: u64 = 64 << 10;
 
 /// Checks that this process can have `more` bytes of address space in addition to the present ones.
@@ -106,10 +162,7 @@ const SPREAD: u64 = 64 << 10;
 #[cfg(feature = "channel")]
 pub(crate) fn check_address_space(more: u64) -> Result<(), (u64, u64)> {
     let Some(most) = address_space() else { return Ok(()) };
-    let status = fs::read_to_string(STATUS).unwrap_or_default();
-    let size = status.lines().find_map(|line| line.strip_prefix("VmSize:"));
-    let used = size.and_then(|size| size.trim().strip_suffix("kB")?.trim().parse().ok()).unwrap_or(0_u64);
-    let needed = used.saturating_mul(1024).saturating_add(more);
+    let needed = used("VmSize:").saturating_add(more);
     if most < needed { Err((needed.saturating_add(SPREAD), most)) } else { Ok(()) }
 }
 

@@ -12,8 +12,8 @@ use super::end::EndRequest;
 use super::error::RuntimeError;
 use super::guests::Guests;
 use super::lockstep::Lockstep;
+use super::needs;
 use super::novram::{Directory, Keeper, Novram, RestoreOutcome};
-use super::open_files;
 use super::watch::Watch;
 use crate::door::DoorSpec;
 use crate::identity::{BusIndex, DeviceIndex};
@@ -133,7 +133,8 @@ impl Emulator {
         }
         let doors = config.buses.iter().map(|bus| bus.doors().len()).sum();
         // Before anything of the instance exists: without files left, nothing of it could be removed.
-        open_files::allow(config.devices.len(), doors)?;
+        needs::allow_files_of(config.devices.len(), doors)?;
+        needs::allow_memory_of(config.devices.len())?;
         let lock = take_instance(config, &options.instance)?;
         let sizes = config.devices.iter().map(|device| (device.name(), device.layout().segment_size()));
         room::check(&options.instance, sizes)?;

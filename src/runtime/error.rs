@@ -56,6 +56,23 @@ pub enum RuntimeError {
         /// Largest number of open files.
         most: u64,
     },
+    /// The process may not have enough memory for its PLCs.
+    #[error(
+        "an emulator with {plcs} PLC{} can have {} KiB of {what}, and this process may have {}: raise that limit \
+         (`ulimit {option}`)", if *.plcs == 1 { "" } else { "s" }, .needed.div_ceil(1024), .most / 1024
+    )]
+    MemoryLimit {
+        /// Number of PLCs.
+        plcs: usize,
+        /// The limited memory, for example `data`.
+        what: &'static str,
+        /// Option of `ulimit`, for example `-d`.
+        option: &'static str,
+        /// Number of bytes that the process can have, in the course of time.
+        needed: u64,
+        /// Largest number of bytes.
+        most: u64,
+    },
     /// A speed factor out of range.
     #[error("speed {speed}: must be {} to {}", Clock::SLOWEST, Clock::FASTEST)]
     Speed {

@@ -11,12 +11,14 @@ mod host;
 mod lockstep;
 #[cfg(feature = "channel")]
 mod membership;
+mod needs;
 mod novram;
-mod open_files;
 mod turns;
 mod watch;
 
 pub use clock::Clock;
 pub use emulator::{Emulator, Options, StopHandle};
 pub use error::RuntimeError;
+#[cfg(feature = "cli")]
+pub(crate) use needs::MEMORY;
 pub use novram::{Directory, Keeper, Novram, NovramError, RestoreOutcome};

@@ -10,7 +10,7 @@ use std::os::fd::OwnedFd;
 use std::process::{Child, Command, Stdio};
 
 /// Creates a pipe without room.
-fn full_pipe() -> (PipeReader, PipeWriter) {
+pub(crate) fn full_pipe() -> (PipeReader, PipeWriter) {
     let (reader, mut writer) = std::io::pipe().unwrap();
     let flags = fcntl_getfl(&writer).unwrap();
     fcntl_setfl(&writer, flags | OFlags::NONBLOCK).unwrap();
@@ -36,13 +36,16 @@ fn watching(child: &mut Child) -> impl BufRead + use<> {
     notes
 }
 
-/// True if the process waits in a system call with the standard output as first argument.
-fn is_blocked_by_output(child: &Child) -> bool {
-    let call = std::fs::read_to_string(format!("/proc/{}/syscall", child.id())).unwrap();
-    call.split_ascii_whitespace().nth(1) == Some("0x1")
+/// True if a thread of the process waits in a system call with one of the outputs as first argument.
+pub(crate) fn is_blocked_by_output(child: &Child) -> bool {
+    let threads = std::fs::read_dir(format!("/proc/{}/task", child.id())).unwrap();
+    let calls =
+        threads.filter_map(|thread| std::fs::read_to_string(thread.ok()?.path().join("syscall")).ok());
+    let mut outputs = calls.map(|call| matches!(call.split_ascii_whitespace().nth(1), Some("0x1" | "0x2")));
+    outputs.any(|is_output| is_output)
 }
 
-fn signal(child: &Child, signal: &str) {
+pub(crate) fn signal(child: &Child, signal: &str) {
     assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
 }
 

@@ -31,7 +31,7 @@ fn a_client_names_the_limit_that_keeps_it_out_and_what_it_needs() {
     let emulator = Emulator::stepped();
     let peek = ["peek", "--raw", "-i", &emulator.name, "node2.w_OPTION_STATUS"];
     for (option, words) in [("-n", "a client would have "), ("-v", "a client would have ")] {
-        let few = if option == "-n" { 8 } else { 70_000 };
+        let few = if option == "-n" { 8 } else { 120_000 };
         let outcome = limited(&format!("{option} {few}"), &peek);
         let message = outcome.fails(3);
         assert!(message.contains(&format!("`ulimit {option}`")), "{message}");
@@ -200,8 +200,34 @@ fn a_limit_of_the_stack_or_of_data_is_named() {
         // The soft limit alone is raised.
         assert_eq!(limited(&format!("-S -s {few}"), &["list"]).code, Some(0));
     }
-    let refused = limited("-d 5000", &["run", "--clock", "stepped", "-i", &unique_name()]);
-    assert!(refused.err.contains("(`ulimit -d`)") && !refused.err.contains("ulimit -u"), "{}", refused.err);
+    let name = unique_name();
+    let run = ["run", "--detach", "--clock", "stepped", "-i", &name];
+    for few in [3000, 4000, 5000, 8000] {
+        for command in [&run[..], &["run", "-i", &name], &["with", "--", "true"], &["demo"], &["list"]] {
+            let refused = limited(&format!("-d {few}"), command);
+            assert!(refused.fails(3).contains("(`ulimit -d`)"), "{}", refused.err);
+            assert_eq!(limited(&format!("-S -d {few}"), &["list"]).code, Some(0));
+        }
+    }
+    assert_eq!(files_of(&name), Vec::<PathBuf>::new());
+}
+
+/// The journals of an emulator grow. It starts only if the limits leave room for them.
+#[test]
+fn a_start_names_the_limit_of_memory_that_its_journals_would_exceed() {
+    let name = unique_name();
+    let run = ["run", "--detach", "--clock", "stepped", "-i", &name];
+    let refused = limited("-d 30000", &run);
+    let message = refused.fails(1);
+    assert!(message.contains("(`ulimit -d`)") && !message.contains("ulimit -u"), "{message}");
+    assert_eq!(files_of(&name), Vec::<PathBuf>::new());
+    for command in [&["test", "-"][..], &["soak", "--rounds", "1"]] {
+        let refused = limited("-d 30000", command);
+        assert!(refused.fails(3).contains("(`ulimit -d`)"), "{}", refused.err);
+    }
+    let needed = number_after(message, "can have ");
+    assert_eq!(limited(&format!("-d {needed}"), &run).code, Some(0));
+    finish(commram().args(["stop", "-i", &name])).ok();
 }
 
 /// Data segments of the channel are files.

@@ -53,6 +53,7 @@ mod starting;
 mod terminal;
 mod trace;
 mod travel;
+mod unread;
 mod versions;
 mod viewers;
 mod words;

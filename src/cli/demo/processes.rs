@@ -1,7 +1,8 @@
 //! The processes of the demonstration. All of them end with it, also after an error.
 
 use crate::cli::error::CliError;
-use crate::cli::stop;
+use crate::cli::start::in_thread;
+use crate::cli::{output, stop};
 use rustix::process::{Pid, Signal};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use std::io::{self, BufRead, BufReader, Write};
@@ -21,7 +22,8 @@ const PATIENCE: Duration = Duration::from_secs(20);
 pub(crate) struct Interrupts(Arc<AtomicBool>);
 
 impl Interrupts {
-    /// Catches the termination signals. A second signal ends the process at once.
+    /// Catches the termination signals. The first signal ends writes to outputs that are not read, the second one ends
+    /// the process at once.
     ///
     /// # Errors
     /// The system refuses.
@@ -33,6 +35,7 @@ impl Interrupts {
                 .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&flag)))
                 .map_err(|reason| CliError::Signals { reason })?;
         }
+        output::give_up_after(Arc::clone(&flag));
         Ok(Self(flag))
     }
 
@@ -99,13 +102,13 @@ impl Emulator {
             input.write_all(plant.as_bytes()).map_err(process_error)?;
         }
         let (send, ready) = mpsc::channel();
-        std::thread::spawn(move || {
+        in_thread(move || {
             let mut line = String::new();
             let read = out.map(|out| BufReader::new(out).read_line(&mut line));
             if matches!(read, Some(Ok(1..))) {
                 let _ = send.send(());
             }
-        });
+        })?;
         let start = Instant::now();
         loop {
             match ready.recv_timeout(POLL) {

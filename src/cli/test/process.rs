@@ -5,6 +5,8 @@ use super::scenario::Message;
 use crate::cli::demo::command;
 use crate::cli::error::CliError;
 use crate::input_file::{self, is_standard};
+use crate::memory::limits;
+use crate::runtime;
 use crate::script::{Outcome, Report};
 use crate::time::short;
 use std::io::{self, BufRead, BufReader, Read, Write};
@@ -34,6 +36,14 @@ pub(crate) struct RunOptions {
     pub allow_empty: bool,
 }
 
+/// Makes sure that scenarios can have as much memory as an emulator: their processes have the limits of this one.
+///
+/// # Errors
+/// The limit that is too low.
+pub(crate) fn allow_memory() -> Result<(), CliError> {
+    limits::allow_memory(runtime::MEMORY).map_err(|limit| CliError::LimitedMemory { limit })
+}
+
 /// Runs a scenario in a separate process, until `stop` returns true.
 pub(crate) fn run(file: &Path, setting: &RunOptions, stop: impl Fn() -> bool) -> Report {
     let mut report = match Scenario::start(file, setting) {
@@ -58,6 +68,8 @@ struct Scenario {
     started: Instant,
     messages: Receiver<Message<'static>>,
     complaints: Option<JoinHandle<String>>,
+    /// Memory that it may have, in MiB.
+    max_memory: u64,
 }
 
 impl Scenario {
@@ -83,7 +95,7 @@ impl Scenario {
         let (send, messages) = mpsc::channel();
         let (began, started) = (SystemTime::now(), Instant::now());
         let child = command.spawn().map_err(failed)?;
-        let mut this = Self { child, began, started, messages, complaints: None };
+        let mut this = Self { child, began, started, messages, complaints: None, max_memory };
         if let Some(mut input) = this.child.stdin.take() {
             // The longest script fits the buffer of a pipe. A process that has ended is reported later.
             let _ = input.write_all(&script);
@@ -132,7 +144,7 @@ impl Scenario {
         match ended {
             Some(report) => Report { file: file.to_owned(), printed, ..*report },
             None => {
-                let why = killed.unwrap_or_else(|| died_of(&status, &self.complaints()));
+                let why = killed.unwrap_or_else(|| died_of(&status, &self.complaints(), self.max_memory));
                 Report { printed, started, took, ..died(file, &why) }
             }
         }
@@ -167,7 +179,12 @@ impl Drop for Scenario {
 }
 
 /// Explains why a process sent no result of its scenario.
-fn died_of(status: &io::Result<ExitStatus>, complaints: &str) -> String {
+fn died_of(status: &io::Result<ExitStatus>, complaints: &str, max_memory: u64) -> String {
+    // The standard library prints this before it ends the process.
+    if complaints.starts_with("memory allocation of ") {
+        let other = limits::describe_space_limit();
+        return format!("it needs more memory than the {max_memory} MiB of --max-memory{other}");
+    }
     let status = match status {
         Ok(status) => status.to_string(),
         Err(reason) => reason.to_string(),

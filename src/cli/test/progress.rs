@@ -1,6 +1,6 @@
 //! Progress of a run, on a terminal.
 
-use std::io::{IsTerminal, Write};
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
@@ -69,9 +69,7 @@ fn show(line: &str) {
     // Some terminals do not report their width.
     let width = if width == 0 { 80 } else { width };
     let line: String = crate::cli::output::harmless(line).chars().take(width.saturating_sub(1)).collect();
-    let mut err = std::io::stderr().lock();
-    // Write errors are ignored.
-    let _ = write!(err, "{ERASE}{line}").and_then(|()| err.flush());
+    crate::cli::output::relay(format!("{ERASE}{line}").as_bytes());
 }
 
 impl State {

@@ -64,6 +64,7 @@ impl Ending {
 fn watch_signals(sender: Arc<watch::Sender<bool>>, by_signal: Arc<AtomicBool>) -> Result<(), CliError> {
     let refused = |reason: io::Error| CliError::Signals { reason };
     end_at_second_ctrl_c()?;
+    output::give_up_after(Arc::clone(&by_signal));
     let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(refused)?;
     std::thread::spawn(move || {
         for _ in signals.forever() {

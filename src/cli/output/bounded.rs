@@ -1,0 +1,61 @@
+//! Writes to the outputs of this process that end after a termination signal, even if the output is not read.
+
+use std::io::{self, ErrorKind, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::sync::{Arc, OnceLock};
+use std::thread;
+use std::time::Duration;
+
+/// Longest time after a termination signal in which an output takes nothing and is still waited for.
+const PATIENCE: Duration = Duration::from_millis(400);
+/// Real time between two checks for a termination signal.
+const INTERVAL: Duration = Duration::from_millis(20);
+/// Bytes of one write. A terminal or pipe that takes a part is read.
+const PART: usize = 4096;
+
+/// Set by a termination signal. Without a flag, signals end this process or do not concern its outputs.
+static HAS_TO_END: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+
+/// From the moment when `has_to_end` is set, this process no longer waits for outputs that are not read. The first
+/// flag of a process is the valid one.
+pub(crate) fn give_up_after(has_to_end: Arc<AtomicBool>) {
+    let _ = HAS_TO_END.set(has_to_end);
+}
+
+/// Writes and flushes all bytes.
+///
+/// # Errors
+/// The output cannot be written. [`ErrorKind::Interrupted`]: a termination signal has arrived and the output is not read.
+pub(super) fn write<W: Write + 'static>(output: fn() -> W, bytes: &[u8]) -> io::Result<()> {
+    let Some(has_to_end) = HAS_TO_END.get() else { return write_parts(output, bytes, |()| {}) };
+    let (send, written) = mpsc::channel();
+    let copy = bytes.to_vec();
+    // A blocked write cannot be ended, so it has a thread.
+    let work = move || {
+        let result = write_parts(output, &copy, |()| drop(send.send(Ok(()))));
+        let _ = result.map_err(|reason| send.send(Err(reason)));
+    };
+    if thread::Builder::new().name("output".to_owned()).spawn(work).is_err() {
+        return write_parts(output, bytes, |()| {});
+    }
+    let mut waited = Duration::ZERO;
+    loop {
+        match written.recv_timeout(INTERVAL) {
+            Ok(Ok(())) => waited = Duration::ZERO,
+            Ok(Err(reason)) => return Err(reason),
+            Err(RecvTimeoutError::Disconnected) => return Ok(()),
+            Err(RecvTimeoutError::Timeout) if !has_to_end.load(Ordering::Relaxed) => {}
+            Err(RecvTimeoutError::Timeout) if waited >= PATIENCE => return Err(ErrorKind::Interrupted.into()),
+            Err(RecvTimeoutError::Timeout) => waited += INTERVAL,
+        }
+    }
+}
+
+/// Writes all bytes, and calls `took` after each part.
+fn write_parts<W: Write>(output: fn() -> W, bytes: &[u8], mut took: impl FnMut(())) -> io::Result<()> {
+    let mut output = output();
+    bytes
+        .chunks(PART)
+        .try_for_each(|part| output.write_all(part).and_then(|()| output.flush()).map(&mut took))
+}
