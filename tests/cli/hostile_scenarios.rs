@@ -1,13 +1,14 @@
 //! `commram test` with scenarios that loop, crash, hang or import each other. Each affects only itself, and a report
 //! is always written.
 
-use crate::common::{commram, eventually, finish, wait_for};
+use crate::common::{commram, eventually, finish, promised, wait_for};
 use crate::scenarios::Scripts;
 use rustix::fs::{Mode, OFlags};
 use std::io::{BufRead, BufReader};
 use std::os::fd::OwnedFd;
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::time::Duration;
 
 #[test]
 fn endless_output_of_a_scenario_is_cut_and_ended() {
@@ -267,6 +268,39 @@ fn a_report_is_written_although_the_output_is_not_read() {
     let mut child = command.stdout(writer).spawn().unwrap();
     wait_for(&mut child, "a test with a closed standard output");
     assert!(scripts.read("report.xml").contains("tests=\"2\""));
+}
+
+#[test]
+fn imports_of_pipes_and_without_names_end_at_once() {
+    let scripts = Scripts::new(&[
+        ("pipe.rhai", "import \"fifo\" as p; step(1);"),
+        ("empty.rhai", "import \"\" as p; step(1);"),
+        ("dot.rhai", "import \".\" as p; step(1);"),
+    ]);
+    assert!(Command::new("mkfifo").arg(scripts.0.path().join("fifo.rhai")).status().unwrap().success());
+    let piped = promised(Duration::from_secs(10), || scripts.run(&["--allow-empty", "pipe.rhai"]));
+    assert_eq!(piped.code, Some(0), "{piped:?}");
+    for file in ["empty.rhai", "dot.rhai"] {
+        let refused = scripts.run(&["--allow-empty", file]);
+        assert!(refused.code == Some(2) && refused.out.contains("name the file of a script"), "{refused:?}");
+    }
+}
+
+#[test]
+fn a_scenario_without_memory_names_the_option() {
+    let scripts =
+        Scripts::new(&[("big.rhai", "let s = \"x\"; for i in 0..20 { s += s; } loop { section(s); }")]);
+    let died = scripts.run(&["--max-memory", "64", "big.rhai"]);
+    assert!(died.code == Some(1) && died.out.contains("than the 64 MiB of --max-memory"), "{died:?}");
+}
+
+#[test]
+fn a_report_is_well_formed_for_any_text() {
+    let scripts = Scripts::new(&[("odd.rhai", "print(\"a\u{fffe}b\"); expect_that(false, \"c\u{ffff}d\");")]);
+    scripts.run(&["odd.rhai", "--junit", "report.xml"]);
+    let report = scripts.read("report.xml");
+    assert!(report.contains("a\u{fffd}b") && report.contains("c\u{fffd}d"), "{report}");
+    assert!(!report.contains(['\u{fffe}', '\u{ffff}']));
 }
 
 /// A device without an end or a pipe without a writer must not block a command, wherever a file is named.

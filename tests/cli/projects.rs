@@ -3,7 +3,7 @@
 use crate::common::{Outcome, commram, finish, finish_on_a_full_disk, is_there, run};
 use std::fs;
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
 use tempfile::TempDir;
 
 const DEVICES: [&str; 5] = ["omega-drive-line-2", "bm4-plc", "cs0015", "cr201x", "can-dp2"];
@@ -114,6 +114,25 @@ fn nothing_is_overwritten_and_an_incomplete_project_is_removed() {
     run(&["new", project]).ok();
     assert!(run(&["new", project]).fails(2).contains("plant.toml`: this file exists"));
     assert_eq!(finish_on_a_full_disk(commram().args(["new", "-"])).code, Some(4));
+}
+
+/// The signal arrives at another moment each time.
+#[test]
+fn an_interrupted_project_is_complete_or_removed() {
+    let directory = TempDir::new().unwrap();
+    run(&["new", directory.path().join("whole").to_str().unwrap(), "--template", "pytest"]).ok();
+    let count = |path: &Path| path.read_dir().map_or(0, |files| files.count());
+    let all = count(&directory.path().join("whole"));
+    for n in 0..40 {
+        let path = directory.path().join(format!("p{n}"));
+        let mut new = commram();
+        new.args(["new", path.to_str().unwrap(), "--template", "pytest"]).stdout(Stdio::null());
+        let mut child = new.stderr(Stdio::null()).spawn().unwrap();
+        while !path.exists() && child.try_wait().unwrap().is_none() {}
+        let _ = Command::new("kill").args(["-TERM", &child.id().to_string()]).stderr(Stdio::null()).status();
+        child.wait().unwrap();
+        assert!([0, all].contains(&count(&path)), "{n}: {} of {all}", count(&path));
+    }
 }
 
 #[test]

@@ -180,17 +180,18 @@ impl Drop for Scenario {
 
 /// Explains why a process sent no result of its scenario.
 fn died_of(status: &io::Result<ExitStatus>, complaints: &str, max_memory: u64) -> String {
-    // The standard library prints this before it ends the process.
-    if complaints.starts_with("memory allocation of ") {
-        let other = limits::describe_space_limit();
-        return format!("it needs more memory than the {max_memory} MiB of --max-memory{other}");
-    }
     let status = match status {
         Ok(status) => status.to_string(),
         Err(reason) => reason.to_string(),
     };
-    let complaints: String = complaints.lines().map(|line| format!("\n  {line}")).collect();
-    format!("its process ended before the scenario was finished ({status}){complaints}")
+    let mut lines: String = complaints.lines().map(|line| format!("\n  {line}")).collect();
+    // The standard library prints this before it ends the process.
+    if complaints.starts_with("memory allocation of ") {
+        let other = limits::describe_space_limit();
+        lines +=
+            &format!("\n  the scenario needs more memory than the {max_memory} MiB of --max-memory{other}");
+    }
+    format!("its process ended before the scenario was finished ({status}){lines}")
 }
 
 /// Messages of a process, until it ends or sends an invalid line.

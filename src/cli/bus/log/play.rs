@@ -121,6 +121,8 @@ pub(in super::super) fn play(args: &Play) -> Result<(), CliError> {
     };
     let start_us = first.time_us;
     let length_us = log.iter().map(|it| it.time_us).max().unwrap_or(start_us).saturating_sub(start_us);
+    // Times of a log may be close to the largest number.
+    log.iter_mut().for_each(|it| it.time_us = it.time_us.saturating_sub(start_us));
     let session = Session::open(&args.instance, length_us)?;
     let next = session.ask(Op::Journal { from: u64::MAX, max: 1 })?.journal_part()?.end;
     let mut player = Player::new(&session, &log, next);
