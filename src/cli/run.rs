@@ -133,7 +133,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             let instance = name.clone();
             let (send, printed) = mpsc::channel();
             // An emulator whose output is not read serves its clients.
-            in_thread(move || send.send(announce(&instance, &ready).and(let_go())))?;
+            in_thread(move || drop(send.send(announce(&instance, &ready).and(let_go()))))?;
             (None, Some(printed))
         }
     };
