@@ -94,7 +94,7 @@ class BusPage {
   draw(intervals, known, scene) {
     this.known = known === this.back + SHOWN ? MOST : known;
     const slots = scene?.interval?.slots ?? [];
-    const data = { windows: intervals.map(({ window, frames }) => ({ ...window, slots: window.is_interval ? slots : [], frames })) };
+    const data = { windows: intervals.map(({ window, frames }) => ({ ...window, slots: window.is_interval ? slots : [], frames, begun: frames.filter((frame) => frame.from_us >= window.begin_us) })) };
     const text = JSON.stringify([data.windows, this.windows.clientWidth]);
     this.last = [intervals, known, scene];
     this.end.setAttribute("aria-pressed", this.back === 0);
@@ -104,13 +104,13 @@ class BusPage {
     fill(this.windows, data.windows.map((window) => this.window(window)));
     const rows = data.windows.flatMap((window) => [
       h("tr", { class: "window-row" }, h("th", { colSpan: 4, scope: "rowgroup" }, `${seconds(window.begin_us)}, ${window.is_interval ? "interval" : "part"} of ${short(window.us)}`)),
-      ...(window.frames.length ? window.frames.map((frame) => this.row(frame, window)) : [h("tr", null, h("td", { colSpan: 4, class: "muted" }, "no frame"))]),
+      ...(window.begun.length ? window.begun.map((frame) => this.row(frame, window)) : [h("tr", null, h("td", { colSpan: 4, class: "muted" }, window.frames.length ? "no frame begins here" : "no frame"))]),
     ]);
     fill(this.body, rows);
   }
 
   row(frame, window) {
-    const at = frame.from_us < window.begin_us ? "before" : `${frame.from_us - window.begin_us} us`;
+    const at = `${frame.from_us - window.begin_us} us`;
     return h("tr", { class: `${frame.is_bad ? "bad" : ""}${keyOf(frame) === this.chosen ? " chosen" : ""}`, "data-frame": keyOf(frame) }, h("td", { class: "mono" }, at), h("td", { class: "mono" }, frame.until_us > frame.from_us ? `${frame.until_us - frame.from_us} us` : ""), h("td", null, slotOf(frame, window)), h("td", { class: "wrap-text" }, frame.text));
   }
 
@@ -123,20 +123,21 @@ class BusPage {
       const x = (slot.start_us / window.us) * width, w = ((slotEnd(at) - slot.start_us) / window.us) * width;
       return [svg("rect", { class: `slotband${at % 2 ? " odd" : ""}`, x, y: 20, width: Math.max(0, w), height: 54 }), w > 7 * slot.name.length + 4 && svg("text", { class: "small", x: x + 4, y: 14 }, slot.name)];
     });
-    const frames = window.frames.map((frame) => this.frame(frame, scale));
+    const frames = window.frames.map((frame) => this.frame(frame, scale, frame.from_us < window.begin_us));
     const ticks = (width < 420 ? [0, 0.5, 1] : [0, 0.25, 0.5, 0.75, 1]).map((part) => svg("text", { class: "small", x: part * width, y: 92, "text-anchor": part === 0 ? "start" : part === 1 ? "end" : "middle" }, short(Math.round(window.us * part))));
     const now = feed.timeUs >= window.begin_us && feed.timeUs < window.begin_us + window.us && svg("line", { class: "now-line", x1: scale(feed.timeUs), x2: scale(feed.timeUs), y1: 18, y2: 78 });
     return h("section", { class: "box pad" }, h("h2", { class: "mono" }, seconds(window.begin_us)),
-      svg("svg", { class: "timeline", viewBox: `0 0 ${width} 96`, width, height: 96, role: "img", "aria-label": `Timeline from ${seconds(window.begin_us)}, ${window.frames.length} frames; the list has the same content` },
+      svg("svg", { class: "timeline", viewBox: `0 0 ${width} 96`, width, height: 96, role: "img", "aria-label": `Timeline from ${seconds(window.begin_us)}, ${counted(window.begun.length, "frame")}; the list has the same content` },
         svg("rect", { class: "wire", x: 0, y: 20, width, height: 54 }), bands, frames, now, ticks));
   }
 
-  frame(frame, scale) {
+  /** A frame; `isRest`: its end in the interval after the one in which it begins, and whose list contains it. */
+  frame(frame, scale, isRest) {
     const x = scale(frame.from_us), end = scale(frame.until_us);
     const node = frame.is_bad
       ? svg("path", { class: "frame bad-frame", d: `M${x - 5} 40l10 14m0-14l-10 14` })
-      : svg("rect", { class: "frame", x, y: 34, width: Math.max(2.5, end - x), height: 30, rx: 2 });
-    node.append(svg("title", null, `${frame.text}`));
+      : svg("rect", { class: isRest ? "frame rest" : "frame", x, y: 34, width: Math.max(2.5, end - x), height: 30, rx: 2 });
+    node.append(svg("title", null, isRest ? `End of: ${frame.text}` : frame.text));
     node.addEventListener("click", () => {
       this.chosen = keyOf(frame);
       for (const row of this.body.rows) row.classList.toggle("chosen", row.dataset.frame === this.chosen);

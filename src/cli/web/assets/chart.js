@@ -102,10 +102,13 @@ export class Chart {
     points.forEach(([time, value], index) => {
       const x = Math.max(box.x, xOf(box, time));
       if (index && points[index - 1][1] === value) return;
+      const next = points[index + 1];
+      const isBrief = next?.[0] === time && next[1] !== value;
+      if (x < free || isBrief) return;
       const label = text(value);
-      if (x < free) return;
-      context.fillText(label, x + 2, box.y + 13);
-      free = x + context.measureText(label).width + 8;
+      const { width } = context.measureText(label);
+      context.fillText(label, Math.min(x + 2, box.x + box.width - width - 3), box.y + 13);
+      free = x + width + 8;
     });
     context.strokeStyle = style("--line");
     context.lineWidth = 1;

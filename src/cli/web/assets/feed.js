@@ -19,7 +19,10 @@ const withoutPlc = (it) => (it.register.startsWith(`${it.plc}:`) ? { ...it, regi
 class Feed {
   clock = null;
   latest = {};
-  /** Registers with value, meaning, `forced`, and `changedUs` as soon as a change was seen. */
+  /**
+   * Registers with value, meaning, `forced`, and times: `sinceUs`, from when on every change of the register reaches the page, and
+   * `changedUs` of the last change, as soon as one was seen.
+   */
   values = new Map();
   changes = [];
   hasEnded = false;
@@ -29,6 +32,7 @@ class Feed {
   #due = new Set();
   #source = null;
   #path = "";
+  #followed = new Set();
   #notify = perFrame(() => this.#deliver());
   #connect = later(120, () => this.#open());
 
@@ -105,7 +109,10 @@ class Feed {
       want.follow.forEach((name) => follow.add(name));
       want.events.forEach((event) => (fields[event] = 1));
     }
-    if (follow.size) fields.follow = [...follow].slice(0, MOST).join(",");
+    const followed = [...follow].slice(0, MOST);
+    if (followed.length) fields.follow = followed.join(",");
+    this.#followed = new Set(followed);
+    for (const [key, value] of this.values) if (!this.#followed.has(key)) value.sinceUs = undefined;
     const path = eventsPath(fields);
     if (path === this.#path && this.#source) return;
     this.#path = path;
@@ -138,22 +145,34 @@ class Feed {
       const key = keyOf(value);
       const before = this.values.get(key);
       const isNew = before && before.value !== value.value;
-      const changedUs = isNew ? Math.max(before.changedUs ?? 0, value.time_us) : before?.changedUs;
-      this.values.set(key, { ...value, changedUs });
+      // The event of the change has its exact time. A change while the register was not followed has no known time.
+      const changedUs = !isNew ? before?.changedUs : before.sinceUs === undefined ? undefined : value.time_us;
+      this.values.set(key, { ...value, changedUs, sinceUs: before?.sinceUs ?? value.time_us });
     }
   }
   _changes(data) {
     data.changes = data.changes.map(withoutPlc);
     for (const change of data.changes) {
-      const known = this.values.get(keyOf(change));
+      const known = this.values.get(keyOf(change)) ?? this.#withAddress(change);
       if (known) known.changedUs = change.time_us;
     }
     this.changes.push(...data.changes);
     if (this.changes.length > KEPT * 1.25) this.changes.splice(0, this.changes.length - KEPT);
   }
+  /** The followed register of a change with the name that its address has at this moment. */
+  #withAddress({ plc, address }) {
+    for (const key of this.#followed) {
+      const value = this.values.get(key);
+      if (value?.address === address && value.plc === plc) return value;
+    }
+    return null;
+  }
   _turned({ time_us }) {
     this.changes = this.changes.filter((change) => change.time_us <= time_us);
-    for (const value of this.values.values()) if (value.changedUs > time_us) value.changedUs = undefined;
+    for (const value of this.values.values()) {
+      if (value.changedUs > time_us) value.changedUs = undefined;
+      if (value.sinceUs > time_us) value.sinceUs = time_us;
+    }
   }
   _lost({ rounds = 0, changes = 0, records = 0 }) {
     const parts = [rounds && `${rounds} updates`, changes && `${changes} changes`, records && `${records} records of the journal`];

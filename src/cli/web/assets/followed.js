@@ -8,7 +8,7 @@ import { feed, keyOf } from "./feed.js";
 import { RowList } from "./list.js";
 import { showError } from "./messages.js";
 import { onPins, pinned, togglePin } from "./pins.js";
-import { duration, seconds, short } from "./values.js";
+import { digits, duration, hex, seconds, short, signed } from "./values.js";
 
 /** Most registers in the plot. */
 const LANES = 12;
@@ -37,11 +37,12 @@ class FollowedPage {
     this.span.addEventListener("change", () => this.draw());
     this.chart = new Chart({ label: "Followed registers over emulated time; the list of changes has the same content" });
     this.list = h("ul", { class: "chips" });
+    this.hint = h("small", { class: "grow", hidden: true }, "A line begins where this page has begun to follow the register. For earlier changes, start the emulator with ", h("code", null, "--record"), ".");
     this.rows = new RowList({ label: "Changes", columns: "changes", head: head(), make: makeRow, fillRow: (row, change, index) => this.fillRow(row, change, index), rowHeight: 28 });
     this.stick = h("input", { type: "checkbox", checked: true });
     this.rows.element.addEventListener("wheel", (event) => event.deltaY < 0 && (this.stick.checked = false), { passive: true });
     this.draw = perFrame(() => this.drawNow());
-    fill(root, h("section", { class: "box chartbox" }, h("header", { class: "boxhead" }, h("h2", null, "Plot"), h("label", { class: "line" }, "last ", this.span)), this.chart.element, this.list),
+    fill(root, h("section", { class: "box chartbox" }, h("header", { class: "boxhead" }, h("h2", null, "Plot"), h("label", { class: "line" }, "last ", this.span), this.hint), this.chart.element, this.list),
       h("div", { class: "line" }, h("h2", { class: "grow" }, "Changes"), h("label", { class: "line" }, this.stick, "Latest")), this.rows.element);
   }
 
@@ -55,9 +56,11 @@ class FollowedPage {
 
   /** Shows the changes of recorded registers in the journal (`run --record`), and those that the page has seen. */
   async readAgain() {
+    this.recorded = new Map();
     this.reset(feed.changes);
     try {
-      const past = await changesInJournal();
+      const { beginUs, changes: past } = await changesInJournal();
+      for (const change of past) this.recorded.set(keyOf(change), beginUs);
       const key = (change) => `${keyOf(change)} ${change.time_us} ${numberOf(change.after)}`;
       const seen = new Set(feed.changes.map(key));
       const earlier = past.filter((change) => !seen.has(key(change)));
@@ -79,12 +82,18 @@ class FollowedPage {
       const points = this.points.get(keyOf(change));
       if (!points) continue;
       this.changes.push(change);
-      if (!points.length) points.push([0, numberOf(change.before)]);
+      if (!points.length) points.push([Math.min(this.beginOf(change), change.time_us), numberOf(change.before)]);
       points.push([change.time_us, numberOf(change.after)]);
     }
     if (this.changes.length > KEPT * 1.25) this.changes = this.changes.slice(-KEPT);
     for (const points of this.points.values()) if (points.length > KEPT * 1.25) points.splice(0, points.length - KEPT);
     this.draw();
+  }
+
+  /** From when on the changes of a register are known. */
+  beginOf(change) {
+    const key = keyOf(change);
+    return this.recorded.get(key) ?? feed.values.get(key)?.sinceUs ?? change.time_us;
   }
 
   drawNow() {
@@ -101,7 +110,9 @@ class FollowedPage {
       this.span.setCustomValidity(error.message);
     }
     const from = Math.max(0, feed.timeUs - span);
-    this.chart.lanes(from, from + span, this.names.slice(0, LANES).map((key) => laneOf(key, this.points.get(key), from)));
+    const lanes = this.names.slice(0, LANES).map((key) => laneOf(key, this.points.get(key), from));
+    this.hint.hidden = !lanes.some(({ points }) => points[0]?.[0] > from);
+    this.chart.lanes(from, from + span, lanes);
   }
 
   fillRow(row, change, index) {
@@ -110,8 +121,8 @@ class FollowedPage {
     setText(time, seconds(change.time_us));
     setText(since, previous ? `+${short(change.time_us - previous.time_us)}` : "");
     setText(name, shortName(keyOf(change)));
-    setText(before, textOf(change.before));
-    setText(after, change.meaning ? `${textOf(change.after)}  ${change.meaning}` : textOf(change.after));
+    setText(before, change.before);
+    setText(after, change.meaning ? `${change.after}  ${change.meaning}` : change.after);
     setText(by, change.by ?? "");
     setAttribute(row, "class", "row");
     const at = this.names.indexOf(keyOf(change));
@@ -119,25 +130,26 @@ class FollowedPage {
   }
 }
 
-/** Changes of recorded registers in the last records of the journal. */
+/** Changes of recorded registers in the last records of the journal, in the form of events; and the time from which these records are. */
 async function changesInJournal() {
   const records = await readPast(PAST);
-  const changes = records.filter((record) => record.kind === "changed" && record.register);
-  return changes.map(({ time_us, plc, register, from, to, text, by }) => ({ time_us, plc, register, before: from, after: to, meaning: text, by }));
+  const found = records.filter((record) => record.kind === "changed" && record.register);
+  const changes = found.map(({ time_us, plc, register, width, from, to, text, by }) => ({ time_us, plc, register, before: digits(from, width), after: digits(to, width), meaning: text, by }));
+  return { beginUs: records[0]?.seq ? records[0].time_us : 0, changes };
 }
 
-const textOf = (value) => (typeof value === "number" ? `16#${(value >>> 0).toString(16).toUpperCase()}` : String(value ?? ""));
-const numberOf = (value) => (typeof value === "number" ? value : parseInt(String(value).replace(/^16#/, ""), 16));
+const numberOf = (value) => parseInt(value.slice(3), 16);
 
 /** The points of a register from the last one before the plot on. */
 function laneOf(key, all, from) {
   const value = feed.values.get(key);
   let first = all.length;
   while (first > 0 && (first === all.length || all[first][0] > from)) first -= 1;
-  const points = all.length ? all.slice(first) : value ? [[0, value.value]] : [];
+  const type = value?.type ?? "DWORD";
+  const known = all.length ? all.slice(first) : value?.sinceUs === undefined ? [] : [[value.sinceUs, value.value]];
+  const points = known.map(([time, number]) => [time, signed(number, type)]);
   if (points.length) points.push([feed.timeUs, points.at(-1)[1]]);
-  const digits = value ? value.hex.length - 3 : 4;
-  return { points, text: (number) => (Number.isFinite(number) ? number.toString(16).toUpperCase().padStart(digits, "0") : "") };
+  return { points, text: (number) => (Number.isFinite(number) ? hex(number, type).slice(3) : "") };
 }
 
 function head() {

@@ -5,7 +5,7 @@ import { choice, fill, h, later, perFrame, setAttribute, setText } from "./dom.j
 import { feed } from "./feed.js";
 import { RowList } from "./list.js";
 import { showError } from "./messages.js";
-import { seconds } from "./values.js";
+import { digits, seconds } from "./values.js";
 
 /** Records that the page keeps, and those read of the past. */
 const KEPT = 20_000, PAST = 2_000;
@@ -14,7 +14,7 @@ const HIDDEN = new Set(["v", "seq", "time_us", "kind", "line", "count", "first_u
 export function journalPage(root) {
   const page = new JournalPage(root);
   page.read().catch(showError);
-  const offs = [feed.on("turned", () => page.read().catch(showError))];
+  const offs = [feed.on("turned", (turned) => page.turn(turned))];
   const source = feed.onEach("journal", ({ records }) => page.take(records));
   feed.want("journal", { events: ["journal"] });
   const end = () => {
@@ -28,7 +28,6 @@ export function journalPage(root) {
 class JournalPage {
   records = [];
   kinds = new Set();
-  isAtEnd = true;
 
   constructor(root) {
     this.text = h("input", { type: "search", placeholder: "Filter: words in the text, register, PLC or bus", "aria-label": "Filter", spellcheck: false, class: "grow" });
@@ -37,7 +36,7 @@ class JournalPage {
     this.text.addEventListener("input", later(150, () => this.filter()));
     this.kind.addEventListener("change", () => this.filter());
     this.stick = h("input", { type: "checkbox", checked: true, onchange: () => this.stick.checked && this.toEnd() });
-    this.rows = new RowList({ label: "Journal", columns: "journal", head: head(), make: makeRow, fillRow, rowHeight: 28, onchoose: (record) => this.choose(record) });
+    this.rows = new RowList({ label: "Journal", columns: "journal", head: head(), make: makeRow, fillRow, rowHeight: 28, key: (record) => record.seq, onchoose: (record) => this.choose(record) });
     this.rows.element.addEventListener("wheel", (event) => event.deltaY < 0 && (this.stick.checked = false), { passive: true });
     this.detail = h("pre", { class: "code record-detail", tabIndex: 0, "aria-label": "The chosen record", hidden: true });
     fill(root, h("div", { class: "line wrap" }, this.text, this.kind, h("label", { class: "line" }, this.stick, "Latest"), this.count), this.rows.element, this.detail);
@@ -48,6 +47,16 @@ class JournalPage {
     const records = await readPast(PAST);
     this.records = [];
     this.take(records);
+  }
+
+  /** The plant has gone back: later records are removed, and new ones get their numbers. */
+  turn({ time_us }) {
+    if (this.shown?.time_us >= time_us) {
+      this.rows.unchoose();
+      this.shown = null;
+      this.detail.hidden = true;
+    }
+    this.read().catch(showError);
   }
 
   take(records) {
@@ -85,13 +94,14 @@ class JournalPage {
 
   choose(record) {
     this.stick.checked = false;
+    this.shown = record;
     this.detail.hidden = false;
     const { line, search, ...fields } = record;
     setText(this.detail, JSON.stringify(fields, null, 1).replace(/\n\s*/g, " "));
   }
 }
 
-const hexOf = (value, width) => (typeof value === "number" && width ? `16#${(value >>> 0).toString(16).toUpperCase().padStart(2 * width, "0")}` : String(value));
+const hexOf = (value, width) => (typeof value === "number" && width ? digits(value, width) : String(value));
 
 /** A record in words: where, register, old and new value, meaning, then its other fields. */
 function lineOf({ plc, bus, node, register, address, width, from, to, value, text, id, data, ...rest }) {

@@ -7,17 +7,19 @@ const SPARE = 6;
 
 /**
  * A grid of rows of one height. `make()` creates a row, `fillRow(row, item, index)` fills it; rows are used again.
- * `onchoose(index)`: Enter, Space or a click; `onrange(first, end)`: other rows are visible.
+ * `onchoose(index)`: Enter, Space or a click; `onrange(first, end)`: other rows are visible. The chosen row is the one whose item
+ * has the same `key(item)`, wherever other items put it. The rows are in the document in the order of the screen.
  */
 export class RowList {
   items = [];
   chosen = -1;
+  #chosenKey;
   #rows = [];
-  #first = -1;
-  #end = -1;
+  #first = 0;
+  #end = 0;
 
-  constructor({ label, head, make, fillRow, onchoose, onrange, rowHeight = 30, columns }) {
-    Object.assign(this, { make, fillRow, onchoose, onrange, rowHeight });
+  constructor({ label, head, make, fillRow, onchoose, onrange, rowHeight = 30, columns, key = (item) => item }) {
+    Object.assign(this, { make, fillRow, onchoose, onrange, rowHeight, key });
     this.body = h("div", { class: "rows-body", role: "rowgroup" });
     this.element = h("div", { class: `rows ${columns ?? ""}`, role: "grid", "aria-label": label, tabIndex: 0 }, head, this.body);
     this.element.addEventListener("scroll", () => this.draw(), { passive: true });
@@ -32,32 +34,49 @@ export class RowList {
     this.items = items;
     this.body.style.height = `${items.length * this.rowHeight}px`;
     this.element.setAttribute("aria-rowcount", items.length + 1);
-    this.#first = -1;
-    this.draw();
+    if (this.#chosenKey !== undefined) this.chosen = items.findIndex((item) => this.key(item) === this.#chosenKey);
+    this.draw(true);
+  }
+
+  /** No row is chosen any more. */
+  unchoose() {
+    this.#chosenKey = undefined;
+    this.chosen = -1;
+    this.refresh();
   }
 
   /** The visible items. */
   get visible() {
-    return this.items.slice(Math.max(0, this.#first), Math.max(0, this.#end));
+    return this.items.slice(this.#first, this.#end);
   }
 
   /** Fills the visible rows again. */
   refresh() {
+    if (this.chosen < this.#first || this.chosen >= this.#end) this.element.removeAttribute("aria-activedescendant");
     for (let index = this.#first; index < this.#end; index += 1) this.#fill(index);
   }
 
-  draw() {
+  draw(isOther = false) {
     const head = this.body.offsetTop;
     const top = Math.max(0, this.element.scrollTop - head);
     const count = Math.ceil(this.element.clientHeight / this.rowHeight) + 2 * SPARE;
     const first = Math.max(0, Math.min(Math.floor(top / this.rowHeight) - SPARE, this.items.length - count));
     const end = Math.min(this.items.length, first + count);
-    if (first === this.#first && end === this.#end) return;
+    if (!isOther && first === this.#first && end === this.#end) return;
+    this.#move(first - this.#first);
     this.#first = first;
     this.#end = end;
     this.#place(end - first);
     this.refresh();
     this.onrange?.(first, end);
+  }
+
+  /** Moves rows that leave one end of the screen to the other end; those between keep their items. */
+  #move(count) {
+    if (Math.abs(count) >= this.#rows.length) return;
+    const moved = count > 0 ? this.#rows.splice(0, count) : this.#rows.splice(this.#rows.length + count);
+    this.body[count > 0 ? "append" : "prepend"](...moved);
+    this.#rows[count > 0 ? "push" : "unshift"](...moved);
   }
 
   #place(count) {
@@ -71,7 +90,7 @@ export class RowList {
   }
 
   #fill(index) {
-    const row = this.#rows[index % this.#rows.length];
+    const row = this.#rows[index - this.#first];
     if (!row) return;
     row.dataset.index = index;
     row.style.transform = `translateY(${index * this.rowHeight}px)`;
@@ -86,6 +105,7 @@ export class RowList {
   choose(index, isOpened = false) {
     if (!this.items.length) return;
     this.chosen = Math.max(0, Math.min(index, this.items.length - 1));
+    this.#chosenKey = this.key(this.items[this.chosen]);
     const top = this.chosen * this.rowHeight + this.body.offsetTop;
     const { scrollTop, clientHeight } = this.element;
     if (top - this.body.offsetTop < scrollTop) this.element.scrollTop = top - this.body.offsetTop;

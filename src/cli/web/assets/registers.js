@@ -33,7 +33,7 @@ class Registers {
     this.count = h("span", { class: "muted", role: "status" });
     this.detail = h("aside", { class: "detail", "aria-label": "Register" });
     this.rows = new RowList({
-      label: "Registers", columns: "registers", head: headRow(), make: makeRow,
+      label: "Registers", columns: "registers", head: headRow(), make: makeRow, key: (item) => item.key,
       fillRow: (row, item) => this.fillRow(row, item),
       onchoose: (item, index, isOpened) => this.choose(item, isOpened),
       onrange: later(60, () => this.follow()),
@@ -84,16 +84,18 @@ class Registers {
   show(block) {
     this.block = block;
     this.search.value = "";
-    for (const button of this.tree.querySelectorAll("[data-block]")) {
-      if (button.dataset.block === block) {
-        button.setAttribute("aria-current", "true");
-        button.scrollIntoView({ block: "nearest" });
-      } else button.removeAttribute("aria-current");
-    }
     this.context.setRest(encodeURIComponent(block ?? ""));
     this.rows.element.scrollTop = 0;
-    this.rows.chosen = -1;
     this.list();
+    this.tree.querySelector("[aria-current]")?.scrollIntoView({ block: "nearest" });
+  }
+
+  /** Marks the block that the rows are of; results of a search are of all blocks. */
+  markBlock(block) {
+    for (const button of this.tree.querySelectorAll("[data-block]")) {
+      if (button.dataset.block === block) setAttribute(button, "aria-current", true);
+      else button.removeAttribute("aria-current");
+    }
   }
 
   /** The rows of the chosen block, or those that the search finds. */
@@ -102,6 +104,7 @@ class Registers {
     const items = text ? this.found(text) : this.block === "followed" ? this.followed() : this.ofBlock();
     const end = items.length >= MOST ? `first ${MOST} registers` : counted(items.length, "register");
     setText(this.count, end);
+    this.markBlock(text ? null : this.block);
     this.rows.set(items);
     this.empty(items.length === 0, text);
   }
@@ -245,7 +248,7 @@ function flash(row) {
 
 function headRow() {
   const names = ["", "Name", "Value", "Meaning", "Age", "Writer", "Page", ""];
-  const labels = ["Follow", "Name", "Value", "Meaning", "Age: emulated time since the last change", "Writer", "Page of the manual", "Source of the facts"];
+  const labels = ["Follow", "Name", "Value", "Meaning", "Age: emulated time since the last change that this page has seen", "Writer", "Page of the manual", "Source of the facts"];
   const cells = names.map((name, at) => h("span", { role: "columnheader", title: labels[at] }, name || h("span", { class: "hidden" }, labels[at])));
   return h("div", { role: "rowgroup", class: "head" }, h("div", { role: "row", class: "row" }, cells));
 }

@@ -37,10 +37,11 @@ export const isSigned = (type) => type === "SINT" || type === "INT" || type === 
 /** True if the type is one register, not a range of bytes. */
 export const isScalar = (type) => !type.includes("[");
 
-/** The hexadecimal form of a value: `16#0043`. */
-export function hex(value, type) {
-  return `16#${(value >>> 0).toString(16).toUpperCase().padStart(2 * bytesOf(type), "0")}`;
-}
+/** The hexadecimal form of a value with this many bytes: `16#0043`. */
+export const digits = (value, bytes) => `16#${(value >>> 0).toString(16).toUpperCase().padStart(2 * bytes, "0").slice(-2 * bytes)}`;
+
+/** The hexadecimal form of a value of a type. */
+export const hex = (value, type) => digits(value, bytesOf(type));
 
 /** The number in `16#43`, `0x43`, `2#1011`, `67`, `-5`, or of the value with this meaning. Throws an Error. */
 export function parseValue(text, type, values = []) {
