@@ -2,7 +2,7 @@
 
 import { Problem, post, server } from "./api.js";
 import { feed } from "./feed.js";
-import { showError, showNote } from "./messages.js";
+import { clearError, showError, showNote } from "./messages.js";
 import { addToRecord } from "./record.js";
 
 /** The reason why controls that change something are disabled, or an empty text. */
@@ -13,8 +13,8 @@ export function whyDisabled() {
 }
 
 /**
- * Sends an operation, records it with `words` and the name of its register, and reports `done`. Returns its reply; null after
- * an error.
+ * Sends an operation, records it with `words` and the name of its register, and reports `done`; a success without a report removes
+ * the error before it, unless `done` is false. Returns the reply; null after an error.
  */
 export async function act(operation, fields, words, done, register) {
   const before = feed.timeUs;
@@ -22,12 +22,17 @@ export async function act(operation, fields, words, done, register) {
     const reply = await post(operation, fields);
     addToRecord({ operation, fields, register, words, reply, beforeUs: before });
     if (reply?.time !== undefined) feed.noticeTime(reply.time);
-    if (done) showNote(done);
+    report(done);
     return reply ?? true;
   } catch (problem) {
     showError(problem);
     return null;
   }
+}
+
+function report(done) {
+  if (done) showNote(done);
+  else if (done !== false) clearError();
 }
 
 /** Sends several operations as one request. */
@@ -38,10 +43,15 @@ export async function actTogether(operations, words, done) {
     addToRecord({ operations, words, replies, beforeUs: before });
     const ended = replies.at(-1)?.waited?.time_us;
     if (ended !== undefined) feed.noticeTime(ended);
-    if (done) showNote(done);
+    report(done);
     return replies;
   } catch (problem) {
-    if (problem instanceof Problem && problem.document.waited?.time_us) feed.noticeTime(problem.document.waited.time_us);
+    const waited = problem instanceof Problem && problem.document.waited;
+    if (waited) {
+      // A scenario with this wait fails at the same place.
+      addToRecord({ operations, words: `${words}: not true in time`, replies: operations.map(() => ({ waited })), beforeUs: before });
+      feed.noticeTime(waited.time_us);
+    }
     showError(problem);
     return null;
   }

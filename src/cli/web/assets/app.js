@@ -1,7 +1,7 @@
 // The page: signing in, instances, routes, keys, light and dark.
 
 import { guard } from "./actions.js";
-import { isSignedIn, readInstances, server, show, signIn, signOut } from "./api.js";
+import { readInstances, server, show, signIn, signOut } from "./api.js";
 import { clockKey, resetClock, startClock } from "./clock.js";
 import { openDialog } from "./dialogs.js";
 import { choice, field, fill, h } from "./dom.js";
@@ -10,29 +10,55 @@ import { resetMaps } from "./map.js";
 import { setNotice, showError } from "./messages.js";
 import { PAGES } from "./pages.js";
 import { loadPins } from "./pins.js";
-import { onRecord, recorder, showRecord, toggleRecord } from "./record.js";
+import { loadRecord, onRecord, recorder, showRecord, toggleRecord } from "./record.js";
 
 const main = document.getElementById("main");
 const nav = document.getElementById("nav");
 const tools = document.getElementById("tools");
 const chooser = document.getElementById("instance");
+/** Age of a status that is not read again, in milliseconds. */
+const FRESH_MS = 500;
+/** Pause before the modules of the other pages are loaded, in milliseconds. */
+const IDLE_MS = 300;
 let current = null;
 let status = null;
+let statusAt = -Infinity;
+let isBegun = false;
+let routes = 0;
+let using = null;
 
-async function start() {
+function start() {
   applyTheme(localStorage.getItem("commram.theme") ?? "");
   document.getElementById("skip").addEventListener("click", (event) => {
     event.preventDefault();
     main.focus();
   });
+  addEventListener("hashchange", () => {
+    const token = takeToken();
+    if (token) enter(token);
+    else if (isBegun) route();
+  });
+  enter(takeToken());
+  // The module of the page arrives while the browser signs in.
+  pageOf(parts()[1]).load().catch(() => {});
+}
+
+/** Removes a token from the address, where other people could read it. */
+function takeToken() {
   const token = /^#token=([0-9a-f]+)$/i.exec(location.hash)?.[1];
-  if (token) history.replaceState(null, "", location.pathname);
+  if (token) history.replaceState(null, "", current ? addressOf(current) : location.pathname);
+  return token;
+}
+
+/** Shows the page after signing in with the token, or with the cookie of this browser. */
+async function enter(token) {
   try {
     if (token) await signIn(token);
-    else if (!(await isSignedIn())) return askForToken("");
+    if (token && isBegun) return location.reload();
     await begin();
   } catch (problem) {
-    if (problem.status === 401) askForToken(problem.message);
+    if (isBegun) showError(problem);
+    else if (problem.status === 401) askForToken(token ? problem.message : "");
     else fill(main, h("div", { class: "center" }, h("h1", null, "No connection"), h("p", null, problem.message), h("button", { type: "button", class: "primary", onclick: () => location.reload() }, "Try again")));
   }
 }
@@ -58,11 +84,11 @@ function askForToken(error) {
 
 async function begin() {
   await readInstances();
+  isBegun = true;
   drawTools();
   startClock();
   feed.watchVisibility();
   feed.on("ended", () => guard(document.body));
-  addEventListener("hashchange", route);
   addEventListener("keydown", key);
   await route();
 }
@@ -70,17 +96,25 @@ async function begin() {
 /** The parts of the address after `#/`: instance, page, and the rest that belongs to the page. */
 const parts = () => location.hash.replace(/^#\/?/, "").split("/");
 
+const pageOf = (id) => PAGES.find((page) => page.id === id) ?? PAGES[0];
+
 async function route() {
+  const number = ++routes;
   const [name, pageName, ...rest] = parts();
   const instance = decodeURIComponent(name) || (server.instances.length === 1 ? server.instances[0].name : "");
   if (!instance) return chooseInstance();
-  const page = PAGES.find((it) => it.id === pageName) ?? PAGES[0];
+  const page = pageOf(pageName);
+  let open;
   try {
-    if (server.instance !== instance) await useInstance(instance);
+    if (server.instance !== instance) using = useInstance(instance);
+    [open] = await Promise.all([page.load(), using]);
   } catch (problem) {
+    if (number !== routes) return;
     server.instance = null;
     return chooseInstance(problem.message);
   }
+  // The user has gone to another page meanwhile.
+  if (number !== routes) return;
   if (current?.page === page && current.instance === instance && current.rest === rest.join("/")) return;
   current?.end?.();
   nav.querySelectorAll("a").forEach((link) => setCurrent(link, link.dataset.page === page.id));
@@ -89,10 +123,12 @@ async function route() {
   fill(main, h("h1", { class: "hidden" }, page.title), root);
   current = { page, instance, rest: rest.join("/"), module: null };
   const context = { get status() { return status; }, setRest, refreshStatus };
-  const end = page.open(root, rest, context);
+  const end = open(root, rest, context);
   current.end = () => end?.();
   current.key = end?.key;
   guard(root);
+  // The other pages then open without a pause.
+  setTimeout(() => PAGES.forEach((it) => it.load().catch(() => {})), IDLE_MS);
 }
 
 function setCurrent(link, isCurrent) {
@@ -103,11 +139,16 @@ function setCurrent(link, isCurrent) {
 /** Keeps the rest of the address without a new page. */
 function setRest(rest) {
   current.rest = rest;
-  history.replaceState(null, "", `#/${encodeURIComponent(server.instance)}/${current.page.id}/${rest}`);
+  history.replaceState(null, "", addressOf(current));
 }
 
+const addressOf = ({ instance, page, rest }) => `#/${encodeURIComponent(instance)}/${page.id}${rest && `/${rest}`}`;
+
+/** Reads the status, unless it has just been read. */
 async function refreshStatus() {
+  if (status?.instance === server.instance && performance.now() - statusAt < FRESH_MS) return status;
   status = await show("status");
+  statusAt = performance.now();
   server.plcCount = status.plcs.length;
   return status;
 }
@@ -117,6 +158,7 @@ async function useInstance(instance) {
   await refreshStatus();
   resetMaps();
   loadPins();
+  loadRecord();
   feed.reset();
   drawNav();
   drawChooser();
@@ -156,7 +198,7 @@ function drawTools() {
   const scenario = h("button", { type: "button", hidden: true, onclick: showRecord }, "Scenario");
   onRecord(() => {
     record.setAttribute("aria-pressed", recorder.isOn);
-    record.lastChild.textContent = recorder.isOn ? `Recording: ${recorder.actions.length}` : "Record";
+    record.lastChild.textContent = recorder.isOn ? `Recording: ${recorder.actions.filter((it) => it.words).length}` : "Record";
     scenario.hidden = !recorder.actions.length;
   });
   const themes = { "": "Auto", light: "Light", dark: "Dark" };

@@ -123,7 +123,7 @@ function stopRunning() {
 async function runOn(self) {
   while (running === self) {
     const before = performance.now();
-    const done = await act("advance", { us: PART_MS * 1000 }, `step ${PART_MS} ms`);
+    const done = await act("advance", { us: PART_MS * 1000 }, `step ${PART_MS} ms`, false);
     if (!done) break;
     await new Promise((resolve) => setTimeout(resolve, Math.max(0, PART_MS - (performance.now() - before))));
   }

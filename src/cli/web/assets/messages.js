@@ -6,20 +6,26 @@ const area = document.getElementById("message");
 const bar = document.getElementById("notice");
 const lasting = new Map();
 let timer;
+let isError = false;
 
 function put(text, kind, ms) {
   clearTimeout(timer);
   const close = h("button", { class: "plain", type: "button", "aria-label": "Close the message", onclick: clear }, "\u00d7");
   fill(area, h("div", { class: `toast ${kind}` }, h("span", null, text), close));
+  isError = kind === "bad";
   timer = setTimeout(clear, ms);
 }
 
 function clear() {
+  isError = false;
   fill(area);
 }
 
 /** Shows an error in the words of its problem document. */
 export const showError = (error) => put(error.message, "bad", 12_000);
+
+/** Removes an error, because something has succeeded since. */
+export const clearError = () => isError && clear();
 
 /** Shows that something was done. */
 export const showNote = (text) => put(text, "good", 3_000);

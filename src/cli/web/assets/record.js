@@ -4,7 +4,7 @@ import { post, server } from "./api.js";
 import { fill, h } from "./dom.js";
 import { feed } from "./feed.js";
 import { ask, openDialog } from "./dialogs.js";
-import { showError, showNote } from "./messages.js";
+import { showNote } from "./messages.js";
 import { seconds, short } from "./values.js";
 
 /** Operations that a scenario does not repeat. */
@@ -13,9 +13,34 @@ const IGNORED = new Set(["save", "forget", "door_open", "door_close", "stop"]);
 export const recorder = { isOn: false, actions: [] };
 const listeners = new Set();
 
-/** Calls `listener` when something has been recorded. */
-export const onRecord = (listener) => listeners.add(listener);
+/** Where this tab keeps the recording when it is loaded again, and the process of the emulator. */
+let kept = null;
+
+/** Calls `listener` when something has been recorded. Returns a function that ends it. */
+export function onRecord(listener) {
+  listeners.add(listener);
+  return () => listeners.delete(listener);
+}
 const changed = () => listeners.forEach((listener) => listener());
+
+/** Another instance, or the page was loaded again: takes up the recording that this tab has kept of the same process. */
+export function loadRecord() {
+  keep();
+  const { pid } = server.instances.find((it) => it.name === server.instance) ?? {};
+  kept = { place: `commram.recording.${server.instance}`, pid };
+  const old = JSON.parse(sessionStorage.getItem(kept.place), (_, part) => (part?.bigint ? BigInt(part.bigint) : part));
+  const { isOn, actions } = old?.pid === pid && pid ? old : { isOn: false, actions: [] };
+  Object.assign(recorder, { isOn, actions });
+  changed();
+}
+
+function keep() {
+  if (!kept) return;
+  const text = JSON.stringify({ pid: kept.pid, ...recorder }, (_, part) => (typeof part === "bigint" ? { bigint: String(part) } : part));
+  sessionStorage.setItem(kept.place, text);
+}
+
+addEventListener("pagehide", keep);
 
 /** Begins a new recording, or ends it. A scenario begins at power-on, so the plant goes back to it first. */
 export function toggleRecord() {
@@ -70,14 +95,17 @@ function mergeSteps(us, endUs) {
   return true;
 }
 
-/** Adds an expectation: the register has this value at this time. */
-export function expectValue(name, register) {
-  recorder.actions.push({
-    time_us: feed.timeUs,
-    expect: { register: name, value: register.hex },
-    words: `expect ${name} = ${register.hex}${register.meaning ? `, ${register.meaning}` : ""}`,
-  });
+/** Adds an expectation: the register has this value at this time. `note` explains it. */
+export function expectValue(name, value, note) {
+  recorder.actions.push({ time_us: feed.timeUs, expect: { register: name, value }, words: `expect ${name} = ${value}${note ? `, ${note}` : ""}` });
   changed();
+}
+
+/** The recorded actions in groups of those that the user did at once; only the last one of a group has words. */
+function groups() {
+  const found = [];
+  recorder.actions.forEach(({ words, time_us }, at) => words && found.push({ words, time_us, begin: found.at(-1)?.end ?? 0, end: at + 1 }));
+  return found;
 }
 
 /** Shows the recorded actions and their scenario. */
@@ -91,18 +119,21 @@ export function showRecord() {
       const actions = recorder.actions.map(({ words, ...action }) => action);
       const { scenario } = await post("scenario", { name: name.value, actions, plant: feed.isStepped ? undefined : plant.value });
       fill(text, scenario);
+      error.textContent = "";
       save.disabled = false;
     } catch (problem) {
-      const index = problem.document?.index;
-      showError(index === undefined ? problem : new Error(`action ${index + 1}: ${problem.message}`));
+      const at = groups().findIndex(({ end }) => problem.document?.index < end);
+      error.textContent = problem.message.replace(/^action \d+/, `Action ${at + 1}`);
+      save.disabled = true;
     }
   };
   const save = h("button", { type: "button", class: "primary", disabled: true, onclick: () => download(`${name.value}.rhai`, text.textContent) }, "Download");
-  const row = (action, index) =>
-    h("li", null, h("span", { class: "mono" }, seconds(action.time_us)), " ", action.words, " ",
-      h("button", { type: "button", class: "plain", "aria-label": `Delete action ${index + 1}`, onclick: () => { recorder.actions.splice(index, 1); draw(); changed(); } }, "\u00d7"));
+  const error = h("p", { class: "error", role: "alert" });
+  const row = ({ words, time_us, begin, end }, index) =>
+    h("li", null, h("span", { class: "mono" }, seconds(time_us)), " ", words, " ",
+      h("button", { type: "button", class: "plain", "aria-label": `Delete action ${index + 1}`, onclick: () => { recorder.actions.splice(begin, end - begin); draw(); changed(); } }, "\u00d7"));
   const draw = () => {
-    fill(list, recorder.actions.map((action, index) => action.words && row(action, index)));
+    fill(list, groups().map(row));
     if (recorder.actions.length) make();
     else fill(text, "Nothing was recorded. Press Record, then poke, force, step, set switches, and add expectations in Registers.");
   };
@@ -110,7 +141,7 @@ export function showRecord() {
   plant.addEventListener("change", make);
   openDialog("Recorded scenario", h("div", { class: "stack" },
     h("p", null, "Run the file with ", h("code", null, "commram test FILE"), "."), list,
-    h("div", { class: "line" }, h("label", null, "Name ", name), !feed.isStepped && h("label", null, "Plant file ", plant), save), text), { isWide: true });
+    h("div", { class: "line" }, h("label", null, "Name ", name), !feed.isStepped && h("label", null, "Plant file ", plant), save), error, text), { isWide: true });
   draw();
 }
 

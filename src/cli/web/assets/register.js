@@ -5,7 +5,7 @@ import { post } from "./api.js";
 import { field, fill, h, newId, setAttribute, setText } from "./dom.js";
 import { feed } from "./feed.js";
 import { placeOf, provenanceOf } from "./map.js";
-import { showError } from "./messages.js";
+import { clearError, showError, showNote } from "./messages.js";
 import { addToRecord, expectValue, onRecord, recorder } from "./record.js";
 import { bytesOf, hex, isScalar, parseValue, seconds, signed } from "./values.js";
 
@@ -13,7 +13,7 @@ import { bytesOf, hex, isScalar, parseValue, seconds, signed } from "./values.js
 export function showRegister(root, item, context) {
   const view = new RegisterView(root, item, context);
   const ends = ["values", "changes", "ended"].map((event) => feed.on(event, () => view.update()));
-  return () => ends.forEach((end) => end());
+  return () => [...ends, view.endRecord].forEach((end) => end?.());
 }
 
 class RegisterView {
@@ -41,7 +41,9 @@ class RegisterView {
       setText(this.now, `${value.hex}  ${number}`);
       setText(this.meaning, `${value.meaning || "no meaning"}${value.forced ? " \u2013 forced" : ""}`);
       setAttribute(this.root, "data-forced", value.forced);
+      if (this.last) setText(this.last, value.changedUs === undefined ? "not seen by this page" : seconds(value.changedUs));
     }
+    if (this.expected && value) setAttribute(this.expected, "placeholder", value.hex);
     for (const [bit, control] of this.bits) this.updateBit(bit, control, value?.value);
     if (this.unforce) this.unforce.dataset.why = value?.forced ? "" : "The register is not forced";
     guard(this.root);
@@ -75,16 +77,41 @@ class RegisterView {
       h("datalist", { id: options }, known.map((value) => h("option", { value: value.meaning }, value.hex))),
       button("Poke", { type: "submit", class: "primary" }),
       button("Force", { onclick: write("force"), "data-title": "The register keeps the value against firmware and PLC" }),
-      (this.unforce = button("Unforce", { onclick: () => this.release() })),
-      (this.expect = h("button", { type: "button", onclick: () => expectValue(item.key, this.value) }, "Expect this value")));
+      (this.unforce = button("Unforce", { onclick: () => this.release() })));
     form.addEventListener("submit", (event) => {
       event.preventDefault();
       poke();
     });
-    const showExpect = () => (this.expect.hidden = !recorder.isOn);
-    onRecord(showExpect);
-    showExpect();
+    return [form, this.expectation(options)];
+  }
+
+  /** While a recording runs: a value that the scenario expects, the present one or another. */
+  expectation(options) {
+    this.expected = h("input", { name: "expected", class: "mono", autocomplete: "off", spellcheck: false });
+    this.expected.setAttribute("list", options);
+    const form = h("form", { class: "write" }, field("Expected value; the present one if empty", this.expected), h("button", { type: "submit" }, "Expect this value"));
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      try {
+        this.expect(this.expected.value.trim());
+        this.expected.value = "";
+      } catch (error) {
+        showError(error);
+      }
+    });
+    const show = () => (form.hidden = !recorder.isOn);
+    this.endRecord = onRecord(show);
+    show();
     return form;
+  }
+
+  expect(text) {
+    const { entry, item, value } = this;
+    const wanted = text ? hex(parseValue(text, entry.type, entry.values), entry.type) : value?.hex;
+    if (!wanted) throw new Error(`${item.name} has not been read yet`);
+    const isNow = wanted === value?.hex;
+    expectValue(item.key, wanted, isNow ? value.meaning : `which is now ${value?.hex ?? "unknown"}`);
+    showNote(`${item.name} = ${wanted}: the scenario expects it${isNow ? "" : `, but the register has ${value?.hex} now`}`);
   }
 
   async release() {
@@ -131,7 +158,10 @@ class RegisterView {
         const has = Math.floor(current / 2 ** bit) % 2 === 1;
         const value = has === isSet ? current + (isSet ? -1 : 1) * 2 ** bit : current;
         const { exchanged } = await post("compare_exchange", { ...place, current, new: value });
-        if (exchanged.ok) return addToRecord({ operation: "poke", fields: { ...place, value }, register: item.key, words: `poke ${item.name} = ${hex(value, entry.type)}, bit ${bit}`, beforeUs });
+        if (exchanged.ok) {
+          clearError();
+          return addToRecord({ operation: "poke", fields: { ...place, value }, register: item.key, words: `poke ${item.name} = ${hex(value, entry.type)}, bit ${bit}`, beforeUs });
+        }
         current = exchanged.found;
       }
       throw new Error(`${item.name}: other programs change the register all the time`);
@@ -148,7 +178,7 @@ class RegisterView {
       ["Meaning", entry.meaning], ["PLC", entry.plc], ["Address", value?.address ?? entry.address], ["CPU address", entry.ranges.length ? "" : entry.cpu_address],
       ["Type", entry.type], ["Structure", entry.structure], ["Variable", entry.variable], ["Written by", entry.owner], ["After reset", entry.reset],
       ["Manual", entry.page && `page ${entry.page}`], ["Values", entry.meaning_page && `page ${entry.meaning_page} of the manual`], ["Facts", source.text],
-      ["Last change", value?.changedUs !== undefined && seconds(value.changedUs)],
+      ["Last change", isScalar(entry.type) && !this.item.isArray && (this.last = h("span"))],
     ];
     return [h("h3", null, "Facts"), h("dl", { class: "facts" }, rows.filter(([, text]) => text).map(([name, text]) => [h("dt", null, name), h("dd", null, text)]))];
   }
