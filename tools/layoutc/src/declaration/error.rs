@@ -104,6 +104,8 @@ pub enum Wrong {
         "`{0}` is neither an elementary type nor declared in the given files; add the file that declares it"
     )]
     UnknownType(String),
+    #[error("`{0}` is declared at {1} and at {2}; name only one of these files")]
+    SeveralTypes(Box<str>, Box<str>, Box<str>),
     #[error("`{0}` is no structure of the given files; add the file that declares it")]
     UnknownBase(String),
     #[error("this member has its own address, which is not read; declare the structure without AT")]

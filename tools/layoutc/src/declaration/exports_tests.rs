@@ -162,16 +162,21 @@ fn the_attribute_pack_mode_sets_the_alignment_of_one_structure() {
     }
 }
 
+/// Projects have some types in several files.
 #[test]
-fn files_do_not_declare_a_type_twice() {
-    let text = "TYPE A : BYTE; END_TYPE";
-    let twice = added(&[text, "TYPE B : A;\n a : WORD; END_TYPE"]).unwrap_err().to_string();
+fn a_type_in_two_files_matters_only_where_it_is_used() {
+    let files = ["TYPE A : BYTE; END_TYPE", "TYPE B : BYTE;\n a : WORD; END_TYPE"];
+    let with = |text| [files[0], files[1], text];
+    assert_eq!(laid_out(&with("TYPE T : B; END_TYPE")), "1");
+    let several = "`A` is declared at 0.st:1:6 and at 1.st:2:2; name only one of these files";
+    assert_eq!(refused(&with("TYPE T : A; END_TYPE")), format!("2.st:1:10: {several}"));
     assert_eq!(
-        twice,
-        "1.st:2:2: `a` is already declared at 0.st:1:6; names do not distinguish upper and lower case"
+        refused(&with("TYPE T EXTENDS A : STRUCT END_STRUCT END_TYPE")),
+        format!("2.st:1:20: {several}")
     );
-    let declarations = added(&[text, "TYPE B : A; END_TYPE"]).unwrap();
-    assert_eq!(declarations.file_of(declarations.find("B").unwrap()), Path::new("1.st"));
+    let declarations = added(&files).unwrap();
+    assert_eq!(declarations.find_only("a").unwrap_err().to_string(), format!("1.st:2:2: {several}"));
+    assert_eq!(declarations.file_of(declarations.find_only("N.B").unwrap().unwrap()), Path::new("1.st"));
     assert_eq!(declarations.title(), "0.st and another file");
 }
 

@@ -43,6 +43,8 @@ pub struct Declarations {
     named: Vec<Named>,
     /// Indices of `named`, by name in lower case.
     by_name: HashMap<String, usize>,
+    /// The second file that declares a type and the place there, by name in lower case.
+    several: HashMap<String, (usize, TextPosition)>,
     /// By name in lower case.
     constants: HashMap<String, Constant>,
     skipped: Vec<SkippedPart>,
@@ -145,7 +147,7 @@ impl Declarations {
     /// Reads one more file, which can use the types and constants of the others.
     ///
     /// # Errors
-    /// As [`Declarations::read`]; or it declares a type that another file declares.
+    /// As [`Declarations::read`].
     pub fn add(&mut self, path: &Path, found: io::Result<Vec<u8>>) -> Result<(), DeclarationError> {
         let wrong = |wrong| in_file(path, (TextPosition::BEGIN, wrong));
         let bytes = found.map_err(|error| wrong(Wrong::Unreadable(error.to_string())))?;
@@ -175,9 +177,30 @@ impl Declarations {
 
     /// The type of this name; upper and lower case are not distinguished, and namespaces do not matter.
     pub fn find(&self, name: &str) -> Option<TypeId> {
-        let name = name.rsplit('.').next().unwrap_or(name);
-        let found = self.by_name.get(&name.to_ascii_lowercase())?;
+        let found = self.by_name.get(&unqualified(name))?;
         Some(self.named[*found].ty)
+    }
+
+    /// The type of this name, if only one file declares it.
+    ///
+    /// # Errors
+    /// Two files declare the type.
+    pub fn find_only(&self, name: &str) -> Result<Option<TypeId>, DeclarationError> {
+        self.resolve(name).map_err(|wrong| {
+            let (file, at) = self.several[&unqualified(name)];
+            in_file(&self.files[file], (at, wrong))
+        })
+    }
+
+    /// The type of this name, if only one file declares it.
+    fn resolve(&self, name: &str) -> Result<Option<TypeId>, Wrong> {
+        let key = unqualified(name);
+        let Some((file, at)) = self.several.get(&key) else { return Ok(self.find(name)) };
+        let first = &self.named[self.by_name[&key]];
+        let place = |file: usize, at: TextPosition| -> Box<str> {
+            format!("{}:{}:{}", self.files[file].display(), at.line, at.column).into()
+        };
+        Err(Wrong::SeveralTypes(first.name.as_str().into(), place(first.file, first.at), place(*file, *at)))
     }
 
     /// The file that declares a type.
@@ -247,14 +270,16 @@ impl Declarations {
 
     fn declare(&mut self, name: &str, at: TextPosition, ty: TypeId) -> Result<(), Fault> {
         let file = self.current_file();
-        if let Some(first) = self.by_name.insert(name.to_ascii_lowercase(), self.named.len()) {
-            let Named { file: of, at: place, .. } = &self.named[first];
-            let place = match *of == file {
-                true => place.to_string(),
-                false => format!("{}:{}:{}", self.files[*of].display(), place.line, place.column),
-            };
-            return Err((at, Wrong::Duplicate(name.to_owned(), place)));
+        let key = name.to_ascii_lowercase();
+        if let Some(first) = self.by_name.get(&key) {
+            let first = &self.named[*first];
+            if first.file == file {
+                return Err((at, Wrong::Duplicate(name.to_owned(), first.at.to_string())));
+            }
+            self.several.entry(key).or_insert((file, at));
+            return Ok(());
         }
+        self.by_name.insert(key, self.named.len());
         self.named.push(Named { name: name.to_owned(), file, at, ty });
         Ok(())
     }
@@ -274,5 +299,10 @@ impl Declarations {
 
 #[cfg(test)]
 mod exports_tests;
+/// The last part of a name with namespaces, in lower case.
+fn unqualified(name: &str) -> String {
+    name.rsplit('.').next().unwrap_or(name).to_ascii_lowercase()
+}
+
 #[cfg(test)]
 mod tests;

@@ -204,7 +204,7 @@ impl<'a> Sizes<'a> {
         let declared = self.declarations.of(id);
         let misfit = |wrong| (id, declared.at, wrong);
         match &declared.ty {
-            Type::Named(name) => match self.declarations.find(name) {
+            Type::Named(name) => match self.declarations.resolve(name).map_err(misfit)? {
                 Some(named) => self.extent(named, depth + 1),
                 None => self.elementary(name).map_err(misfit),
             },
@@ -285,7 +285,7 @@ impl<'a> Sizes<'a> {
     fn base(&mut self, id: TypeId, name: &str, depth: usize) -> Result<(MemberOffsets<'a>, Extent), Misfit> {
         let at = self.declarations.of(id).at;
         let unknown = || (id, at, Wrong::UnknownBase(name.to_owned()));
-        let base = self.declarations.find(name).ok_or_else(unknown)?;
+        let base = self.declarations.resolve(name).map_err(|wrong| (id, at, wrong))?.ok_or_else(unknown)?;
         let record = self.declarations.record(base).ok_or_else(unknown)?;
         let extent = self.extent(base, depth + 1)?;
         let (placed, _) = self.place(base, record, depth + 1)?;

@@ -68,7 +68,7 @@ impl Import {
         let mut left = Vec::new();
         for index in homes.structures() {
             let name = homes.all[index].name();
-            let Some(ty) = declarations.find(&called.of_structure(name)) else {
+            let Some(ty) = declarations.find_only(&called.of_structure(name))? else {
                 // The device has it under the name of an own structure.
                 if homes.is_viewed(index) {
                     continue;
