@@ -94,18 +94,6 @@ fn check(registers: usize, from: u64, to: Option<u64>) -> Result<(), CliError> {
     Ok(())
 }
 
-/// The end of the window in microseconds. Without one, it is the last time that is known.
-///
-/// # Errors
-/// The window begins after that time.
-fn end_of(from_us: u64, to: Option<u64>, last_us: u64) -> Result<u64, CliError> {
-    if from_us > last_us {
-        let right = format!("nothing is known after {}", time::short(last_us));
-        return Err(CliError::Argument { text: format!("--since {}", time::short(from_us)), right });
-    }
-    Ok(to.unwrap_or(last_us))
-}
-
 fn of_instance(args: &Args) -> Result<Plot, CliError> {
     for text in &args.registers {
         super::device::of_any_device_but_told_by(&args.instance)(text)?;
@@ -130,7 +118,7 @@ pub(crate) fn of_session(
     });
     let places = places.collect::<Result<Vec<_>, CliError>>()?;
     let info = session.info()?;
-    let to_us = end_of(from, to, info.time_us)?;
+    let to_us = to.unwrap_or(info.time_us);
     let window = Window::of_picture(from, to_us);
     let records = session.records(0)?;
     let waves = Waves::within(window, &records, &Selection::default(), info.names, devices::catalogue());
@@ -152,7 +140,7 @@ pub(crate) fn of_session(
 }
 
 fn of_file(args: &Args, journal_data: &RecordedRegisters) -> Result<Plot, CliError> {
-    let to_us = end_of(args.from, args.to, journal_data.end_us)?;
+    let to_us = args.to.unwrap_or(journal_data.end_us);
     let window = Window::of_picture(args.from, to_us);
     let rows = args.registers.iter().map(|text| {
         let place = whole(of_any_device(text)?)?;

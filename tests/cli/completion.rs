@@ -101,7 +101,7 @@ fn bash_completes() {
     }
 }
 
-/// A name of a file is a word for the shell, whatever it contains.
+/// The name of a file is one word for the shell, with any characters.
 #[test]
 fn bash_runs_nothing_of_a_completed_name() {
     let directory = tempfile::tempdir().unwrap();
