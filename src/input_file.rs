@@ -113,8 +113,8 @@ mod tests {
 
     #[test]
     fn endless_files_are_refused() {
-        let told = read(Path::new("/dev/zero"), LONGEST).unwrap_err().to_string();
-        assert_eq!(told, "it is a device or socket; a text file is needed");
+        let message = read(Path::new("/dev/zero"), LONGEST).unwrap_err().to_string();
+        assert_eq!(message, "it is a device or socket; a text file is needed");
         let directory = tempfile::tempdir().unwrap();
         assert!(read(directory.path(), LONGEST).unwrap_err().to_string().starts_with("it is a directory"));
         let long = directory.path().join("long");

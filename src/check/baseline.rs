@@ -37,9 +37,9 @@ impl Baseline {
     #[inline]
     pub(crate) fn copy(&mut self, now: &[Cell64]) {
         let (now, rest) = now.as_chunks();
-        let (left, behind) = self.0.split_at_mut(now.len().min(self.0.len()));
+        let (left, last_block) = self.0.split_at_mut(now.len().min(self.0.len()));
         Block::load(left, now);
-        for (left, now) in behind.iter_mut().flat_map(|block| block.words_mut()).zip(rest) {
+        for (left, now) in last_block.iter_mut().flat_map(|block| block.words_mut()).zip(rest) {
             *left = now.load();
         }
     }
@@ -48,13 +48,13 @@ impl Baseline {
     #[inline]
     pub(crate) fn compare(&self, now: &[Cell64], changed: &mut Vec<(usize, u64)>) {
         let (now, rest) = now.as_chunks();
-        let (left, behind) = self.0.split_at(now.len().min(self.0.len()));
+        let (left, last_block) = self.0.split_at(now.len().min(self.0.len()));
         let mut from = 0;
         while let Some(index) = Block::first_unlike(left, now, from) {
             collect(index * Block::WORDS, left[index].words(), &now[index], changed);
             from = index + 1;
         }
-        if let Some(left) = behind.first() {
+        if let Some(left) = last_block.first() {
             collect(now.len() * Block::WORDS, left.words(), rest, changed);
         }
     }

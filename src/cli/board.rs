@@ -162,11 +162,11 @@ fn module_json(front: &ModuleFront) -> Value {
         ((*name).to_owned(), shown)
     };
     let switch = |(name, switch): &(&str, Switch)| {
-        let stands = match switch {
+        let position = match switch {
             Switch::Number(number) => Value::from(*number),
             Switch::Is(on) => Value::from(*on),
         };
-        ((*name).to_owned(), stands)
+        ((*name).to_owned(), position)
     };
     let mut module = Map::from_iter([("kind".to_owned(), front.kind.into())]);
     module.extend(front.switches.iter().map(switch));

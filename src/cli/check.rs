@@ -117,9 +117,9 @@ impl Row for FindingRow {
         let mut cells = self.cells();
         let times = [time::seconds(finding.first_us), time::seconds(finding.last_us)];
         let late = finding.late_us.map(|late| format!("{late} us"));
-        let told = times.into_iter().chain([late.unwrap_or_else(|| "-".to_owned())]);
+        let time_cells = times.into_iter().chain([late.unwrap_or_else(|| "-".to_owned())]);
         cells.truncate(cells.len() - 3);
-        cells.extend(told);
+        cells.extend(time_cells);
         cells
     }
 }

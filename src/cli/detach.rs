@@ -36,20 +36,20 @@ pub(crate) fn start(instance: &str, reads_input: bool) -> Result<(), CliError> {
     command.stdin(input).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().map_err(failed)?;
     let (out, err) = (collect(child.stdout.take())?, collect(child.stderr.take())?);
-    let said = until_end(&out, &mut child, &interrupts)?;
+    let printed_lines = until_end(&out, &mut child, &interrupts)?;
     let complaint = until_end(&err, &mut child, &interrupts)?;
     output::relay(&complaint);
-    if said.is_empty() {
+    if printed_lines.is_empty() {
         let status = child.wait().map_err(failed)?;
         return Err(super::with::ended_like(status));
     }
-    let said = String::from_utf8_lossy(&said);
+    let printed_lines = String::from_utf8_lossy(&printed_lines);
     let pid = child.id();
-    let goes_on =
+    let continues_text =
         format!("process {pid} continues in the background; end it with `commram stop -i {instance}`");
-    let printed = output::print(&format!("{said}commram: {goes_on}\n"));
+    let printed = output::print(&format!("{printed_lines}commram: {continues_text}\n"));
     if matches!(printed, Err(CliError::Output { .. })) {
-        output::note(&goes_on);
+        output::note(&continues_text);
     }
     printed
 }

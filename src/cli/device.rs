@@ -148,13 +148,13 @@ pub(crate) fn of_any_device(text: &str) -> Result<NamedLocation, CliError> {
 
 /// The same, before `instance` is asked for the register. If no device has the register or address and the instance
 /// runs, the error comes from the device of its PLC.
-pub(crate) fn of_any_device_but_told_by(
+pub(crate) fn of_any_device_or_instance(
     instance: &Instance,
 ) -> impl Fn(&str) -> Result<NamedLocation, CliError> {
     |text| {
         of_any_device(text).or_else(|refusal| {
             let place = |fitted: &DeviceFit| NamedLocation::parse(fitted, text);
-            told_by(instance, refusal, |session| session.place(text), place)
+            answer_of_instance(instance, refusal, |session| session.place(text), place)
         })
     }
 }
@@ -165,7 +165,7 @@ pub(crate) fn of_any_device_but_told_by(
 ///
 /// # Errors
 /// The error of `ask`, else `refusal`.
-pub(crate) fn told_by<T>(
+pub(crate) fn answer_of_instance<T>(
     instance: &Instance,
     refusal: CliError,
     ask: impl Fn(&Session) -> Result<T, CliError>,

@@ -8,7 +8,7 @@ use super::device::DeviceArg;
 use super::error::CliError;
 use super::output;
 use crate::devices;
-use crate::door::Speech;
+use crate::door::TrafficKind;
 use crate::export::{self, DissectedBus, Format, StCompiler, StForm};
 use crate::output_file;
 use crate::plant::PlantConfig;
@@ -260,7 +260,9 @@ fn of_buses(args: &Args) -> Result<String, CliError> {
     let buses = buses.map(|bus| DissectedBus {
         name: bus.name(),
         kind: bus.family(),
-        is_can: devices::BUS_KINDS.iter().any(|it| it.name == bus.family() && it.speech == Speech::Frames),
+        is_can: devices::BUS_KINDS
+            .iter()
+            .any(|it| it.name == bus.family() && it.traffic_kind == TrafficKind::Frames),
         messages: plant.messages(bus.name()),
     });
     let file = path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();

@@ -2,7 +2,7 @@
 
 use super::Instance;
 use super::complete;
-use super::device::of_any_device_but_told_by;
+use super::device::of_any_device_or_instance;
 use super::error::CliError;
 use super::place::NamedLocation;
 use super::table::FormatArg;
@@ -58,7 +58,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if args.writes.is_empty() {
         return list(args);
     }
-    let check = of_any_device_but_told_by(&args.instance);
+    let check = of_any_device_or_instance(&args.instance);
     args.writes.iter().try_for_each(|text| poke::parse(text, &check).map(drop))?;
     let session = Session::open(&args.instance, 0)?;
     let parse = |text: &String| poke::parse(text, |name| session.place(name));
@@ -105,7 +105,7 @@ pub(crate) fn unforce(args: &UnforceArgs) -> Result<(), CliError> {
     use super::session::Session;
     use crate::request::Op;
 
-    let check = of_any_device_but_told_by(&args.instance);
+    let check = of_any_device_or_instance(&args.instance);
     args.registers.iter().try_for_each(|text| check(text).map(drop))?;
     let session = Session::open(&args.instance, 0)?;
     let ops = if args.all {

@@ -236,7 +236,7 @@ fn import(args: &ImportArgs) -> Result<(), CliError> {
         [] => "all registers have the declared offsets\n".to_owned(),
         rows => table::aligned(rows),
     })?;
-    tell(args, &declarations, &import);
+    report(args, &declarations, &import);
     let is_done = import.is_whole() && (!args.check || import.changes_nothing());
     if is_done { Ok(()) } else { Err(CliError::Reported) }
 }
@@ -253,7 +253,7 @@ fn read(paths: &[PathBuf]) -> Result<Declarations, ImportError> {
 }
 
 /// Reports the changed files, and whether this program still has the same register map.
-fn tell(args: &ImportArgs, declarations: &Declarations, import: &Import) {
+fn report(args: &ImportArgs, declarations: &Declarations, import: &Import) {
     if import.is_own_export {
         let file = declarations.title();
         output::note(&format!(

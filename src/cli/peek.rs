@@ -1,7 +1,7 @@
 //! `commram peek`: values of registers.
 
 use super::complete;
-use super::device::{of_any_device_but_told_by, told_by};
+use super::device::{answer_of_instance, of_any_device_or_instance};
 use super::dump::{self, Blocks};
 use super::error::CliError;
 use super::place::NamedLocation;
@@ -87,12 +87,12 @@ impl Row for RegisterReading {
 
 /// Reads the registers and prints them.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    let check = of_any_device_but_told_by(&args.instance);
+    let check = of_any_device_or_instance(&args.instance);
     for text in &args.registers {
         if is_pattern(text) {
             dump::check(core::slice::from_ref(text)).or_else(|refusal| {
                 let find = |session: &Session| ReadTarget::find(session, text).map(drop);
-                told_by(&args.instance, refusal, find, |fitted| dump::check_on(fitted, text))
+                answer_of_instance(&args.instance, refusal, find, |fitted| dump::check_on(fitted, text))
             })?;
         } else {
             check(text)?;
@@ -189,9 +189,9 @@ pub(crate) fn read_each(
     let mut rest = snapshot.data.as_slice();
     let mut holdings = Vec::new();
     for (wanted, reads) in wanted.iter().zip(&reads) {
-        let (data, behind) = rest.split_at(reads.len().min(rest.len()));
+        let (data, following) = rest.split_at(reads.len().min(rest.len()));
         holdings.push(wanted.holdings(session, &snapshot, data));
-        rest = behind;
+        rest = following;
     }
     Ok(holdings)
 }

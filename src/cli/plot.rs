@@ -96,12 +96,13 @@ fn check(registers: usize, from: u64, to: Option<u64>) -> Result<(), CliError> {
 
 fn of_instance(args: &Args) -> Result<Plot, CliError> {
     for text in &args.registers {
-        super::device::of_any_device_but_told_by(&args.instance)(text)?;
+        super::device::of_any_device_or_instance(&args.instance)(text)?;
     }
     of_session(&Session::open(&args.instance, 0)?, &args.registers, args.from, args.to)
 }
 
-/// The plot of registers of an instance between two emulated times in microseconds; without an end until now.
+/// Returns the plot of registers of an instance between the emulated times `from` and `to`, in microseconds; without `to`
+/// up to the present.
 ///
 /// # Errors
 /// A register cannot be drawn, the window has no length, or the emulator has gone.

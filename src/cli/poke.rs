@@ -2,7 +2,7 @@
 
 use super::Instance;
 use super::complete;
-use super::device::of_any_device_but_told_by;
+use super::device::of_any_device_or_instance;
 use super::error::CliError;
 use super::place::NamedLocation;
 use super::session::Session;
@@ -60,7 +60,7 @@ pub(crate) fn parse(
 
 /// Writes the registers.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    let check = of_any_device_but_told_by(&args.instance);
+    let check = of_any_device_or_instance(&args.instance);
     args.writes.iter().try_for_each(|text| parse(text, &check).map(drop))?;
     let session = Session::open(&args.instance, 0)?;
     let parse = |text: &String| parse(text, |name| session.place(name));

@@ -24,7 +24,7 @@ pub(crate) fn shown<R>(instance: &str, plc: &str, advance_us: Option<u64>, work:
         attached.map(|(image, _)| image.header_snapshot().virtual_time_us.load())
     };
     let begin_us = emulated();
-    let (goes_on, over) = mpsc::channel::<()>();
+    let (running, over) = mpsc::channel::<()>();
     std::thread::scope(|scope| {
         scope.spawn(move || {
             let (start, mut any) = (Instant::now(), false);
@@ -32,14 +32,14 @@ pub(crate) fn shown<R>(instance: &str, plc: &str, advance_us: Option<u64>, work:
                 any = true;
                 let passed =
                     emulated().zip(begin_us).map(|(now, begin)| Passed { begin, now, advance: advance_us });
-                say(&(CLEAR.to_owned() + &line(start.elapsed(), passed)));
+                print_status(&(CLEAR.to_owned() + &line(start.elapsed(), passed)));
             }
             if any {
-                say(CLEAR);
+                print_status(CLEAR);
             }
         });
         let outcome = work();
-        drop(goes_on);
+        drop(running);
         outcome
     })
 }
@@ -65,7 +65,7 @@ fn line(real: Duration, passed: Option<Passed>) -> String {
 }
 
 /// Write errors are ignored.
-fn say(text: &str) {
+fn print_status(text: &str) {
     let mut out = io::stderr().lock();
     let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
 }

@@ -2,7 +2,7 @@
 
 use super::Instance;
 use super::complete;
-use super::device::of_any_device_but_told_by;
+use super::device::of_any_device_or_instance;
 use super::error::CliError;
 use super::place::NamedLocation;
 use super::session::Session;
@@ -62,7 +62,7 @@ fn parse(text: &str, place: impl Fn(&str) -> Result<NamedLocation, CliError>) ->
 
 /// Checks the arguments as far as possible without an instance.
 fn check(args: &Args) -> Result<(), CliError> {
-    let place = of_any_device_but_told_by(&args.instance);
+    let place = of_any_device_or_instance(&args.instance);
     args.conditions.iter().try_for_each(|text| parse(text, &place).map(drop))
 }
 

@@ -103,20 +103,20 @@ fn frames_go_both_ways() {
     let mut coupling = coupling(&host.plant, file).unwrap();
     let letters = ScriptedSimulators::default();
     coupling.connect(Box::new(letters.clone()));
-    let say = |frames: &[&str]| {
+    let output = |frames: &[&str]| {
         let frames = frames.iter().map(|text| (0, text.as_bytes().to_vec())).collect();
         letters.0.lock().unwrap().0.push_back(SimulatorOutput { frames, ..SimulatorOutput::default() });
     };
-    say(&["123#1122", "(0000000000.000000) other 00000007#R3", "nonsense", "", "123#11 22"]);
+    output(&["123#1122", "(0000000000.000000) other 00000007#R3", "nonsense", "", "123#11 22"]);
     assert!(matches!(coupling.take(&mut host), Ok(Progress::Exchanged(_))));
     assert_eq!(coupling.refused_frames[0].0, 3);
     coupling.give(&host.plant);
     host.plant.advance_to(1000);
-    say(&[]);
+    output(&[]);
     assert!(matches!(coupling.take(&mut host), Ok(Progress::Exchanged(_))));
     coupling.give(&host.plant);
     host.plant.advance_to(2000);
-    say(&[]);
+    output(&[]);
     assert!(matches!(coupling.take(&mut host), Ok(Progress::Exchanged(_))));
     coupling.give(&host.plant);
     let given = letters.0.lock().unwrap().1.clone();

@@ -3,7 +3,7 @@
 use super::traits::guest;
 use super::{BUS_KINDS, all, of_hash, records};
 use crate::check;
-use crate::door::{DoorSpec, Speech, doors_of};
+use crate::door::{DoorSpec, TrafficKind, doors_of};
 use crate::fault;
 use crate::fault::{BusSite, Fault};
 use crate::journal;
@@ -97,11 +97,11 @@ pub fn bus_site(family: &str, participants: u32) -> BusSite {
 /// # Errors
 /// A text that names the kinds of doors of the family.
 pub fn door_fits(family: &str, door: DoorSpec) -> Result<(), String> {
-    let speech = BUS_KINDS.iter().find(|kind| kind.name == family).map(|kind| kind.speech);
-    if speech == Some(door.speech()) {
+    let traffic_kind = BUS_KINDS.iter().find(|kind| kind.name == family).map(|kind| kind.traffic_kind);
+    if traffic_kind == Some(door.traffic_kind()) {
         return Ok(());
     }
-    let right = doors_of(speech.unwrap_or(Speech::Frames));
+    let right = doors_of(traffic_kind.unwrap_or(TrafficKind::Frames));
     Err(format!("a {family} bus has no door {door}; open one of kind {right}"))
 }
 

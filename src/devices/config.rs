@@ -4,7 +4,7 @@
 use super::{BuildError, Bus, Device, Plug};
 use crate::can;
 use crate::can::Message;
-use crate::door::{DoorSpec, Speech};
+use crate::door::{DoorSpec, TrafficKind};
 use crate::fault;
 use crate::fault::Fault;
 use crate::identity::{BusIndex, DeviceIndex};
@@ -202,9 +202,9 @@ pub struct BusKind {
     /// use the definitions of this schema, too.
     pub schema: fn() -> serde_json::Value,
     /// Content of the doors to this bus.
-    pub speech: Speech,
+    pub traffic_kind: TrafficKind,
     /// Describes the meaning of a frame on this bus, for people; empty if its users define the meaning.
-    pub says: fn(&can::Frame) -> String,
+    pub describe: fn(&can::Frame) -> String,
     /// Creates the bus for ports of this family that are not plugged in.
     pub unplugged: fn() -> Box<dyn Bus>,
     /// Whether a port with this [`Plug::socket`] also works unplugged, and therefore needs a separate placeholder.

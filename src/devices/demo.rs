@@ -87,14 +87,14 @@ impl<'a> Actor<'a> {
     }
 
     /// Prints a text about the device.
-    pub(crate) fn tell(&self, text: &str) -> Result<(), DemoError> {
+    pub(crate) fn print_line(&self, text: &str) -> Result<(), DemoError> {
         Ok((self.show)(&format!("  {:6} {text}\n", self.name))?)
     }
 
     /// Prints the value of a register.
-    fn say(&self, doing: &str, place: &NamedLocation, value: u32) -> Result<(), DemoError> {
+    fn print_value(&self, doing: &str, place: &NamedLocation, value: u32) -> Result<(), DemoError> {
         let (label, value) = (place.label(RegisterPhase::ALWAYS), place.format(RegisterPhase::ALWAYS, value));
-        self.tell(&format!("{doing} {label} = {value}"))
+        self.print_line(&format!("{doing} {label} = {value}"))
     }
 
     fn place(&self, name: &str) -> Result<NamedLocation, DemoError> {
@@ -106,7 +106,7 @@ impl<'a> Actor<'a> {
         let place = self.place(name)?;
         self.attached.segment().store(place.offset(), place.width(), value)?;
         self.attached.ring()?;
-        self.say("writes", &place, value)
+        self.print_value("writes", &place, value)
     }
 
     /// Waits until a register holds this.
@@ -115,7 +115,7 @@ impl<'a> Actor<'a> {
         let wait =
             self.attached.wait_register(place.offset(), place.width(), PATIENCE, |value| value == wanted);
         match wait {
-            Ok(value) => self.say("finds", &place, value),
+            Ok(value) => self.print_value("finds", &place, value),
             Err(MemoryError::RegisterTimeout { last, .. }) => Err(DemoError::Stuck {
                 what: what.to_owned(),
                 place: place.label(RegisterPhase::ALWAYS),
@@ -131,6 +131,6 @@ impl<'a> Actor<'a> {
     pub(crate) fn switch(&self, power: Power) -> Result<(), DemoError> {
         self.attached.header()?.program.power.store(power.code());
         self.attached.ring()?;
-        self.tell(if power == Power::On { "supply on" } else { "supply off" })
+        self.print_line(if power == Power::On { "supply on" } else { "supply off" })
     }
 }

@@ -40,9 +40,9 @@ fn rows() -> BTreeMap<&'static str, Row> {
 fn words(cell: &'static str, rows: &BTreeMap<&str, Row>) -> BTreeSet<&'static str> {
     let mut words = BTreeSet::new();
     for clause in cell.split(';') {
-        let (said, _) = clause.split_once("as `").unwrap_or((clause, ""));
-        let (said, other) = said.split_once("as of `").unwrap_or((said, ""));
-        words.extend(said.split('`').skip(1).step_by(2));
+        let (own_words, _) = clause.split_once("as `").unwrap_or((clause, ""));
+        let (own_words, other) = own_words.split_once("as of `").unwrap_or((own_words, ""));
+        words.extend(own_words.split('`').skip(1).step_by(2));
         if let Some(kind) = other.split('`').next().filter(|kind| !kind.is_empty()) {
             words.extend(self::words(rows[kind].fields, rows));
         }

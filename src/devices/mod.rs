@@ -93,12 +93,12 @@ pub use traits::{
 };
 
 #[cfg(feature = "emulator")]
-use crate::door::Speech;
+use crate::door::TrafficKind;
 
 /// Returns the messages that a kind of bus carries.
 #[cfg(feature = "cli")]
-pub(crate) fn speech_of(kind: &str) -> Option<Speech> {
-    BUS_KINDS.iter().find(|it| it.name == kind).map(|it| it.speech)
+pub(crate) fn traffic_kind_of(kind: &str) -> Option<TrafficKind> {
+    BUS_KINDS.iter().find(|it| it.name == kind).map(|it| it.traffic_kind)
 }
 
 /// Every kind of bus, the default one first.
@@ -112,8 +112,8 @@ pub static BUS_KINDS: &[BusKind] = &[
         rules: cansync::rules::ALL,
         faults: cansync::faults::KINDS,
         fits: can_faults::fits_cansync,
-        speech: Speech::Frames,
-        says: cansync::records::describe,
+        traffic_kind: TrafficKind::Frames,
+        describe: cansync::records::describe,
         unplugged: || Box::new(cansync::bus::SimBus::unplugged()),
         runs_alone: cansync::bus::runs_alone,
     },
@@ -125,8 +125,8 @@ pub static BUS_KINDS: &[BusKind] = &[
         rules: &[],
         faults: can_faults::OF_CAN,
         fits: can_faults::fits_can,
-        speech: Speech::Frames,
-        says: |_| String::new(),
+        traffic_kind: TrafficKind::Frames,
+        describe: |_| String::new(),
         unplugged: || Box::new(can_bus::CanBus::unplugged()),
         runs_alone: |_| false,
     },
@@ -138,8 +138,8 @@ pub static BUS_KINDS: &[BusKind] = &[
         rules: &[],
         faults: profibus_bus::faults::KINDS,
         fits: |_| Ok(()),
-        speech: Speech::Telegrams,
-        says: |_| String::new(),
+        traffic_kind: TrafficKind::Telegrams,
+        describe: |_| String::new(),
         unplugged: || Box::new(profibus_bus::ProfibusBus::unplugged()),
         runs_alone: |_| false,
     },

@@ -11,9 +11,9 @@ pub(crate) struct TrafficReceivers(Vec<Arc<Guest>>);
 
 impl TrafficReceivers {
     /// Sets or removes the receiver of the messages for guest number `guest`.
-    pub(crate) fn set(&mut self, guest: u8, ear: Option<Arc<Guest>>) {
+    pub(crate) fn set(&mut self, guest: u8, receiver: Option<Arc<Guest>>) {
         self.0.retain(|known| known.number != guest);
-        self.0.extend(ear);
+        self.0.extend(receiver);
     }
 
     /// Removes all receivers.
@@ -23,16 +23,16 @@ impl TrafficReceivers {
 
     /// Sends a message that has arrived at `time_us` to all guests except its sender.
     #[inline]
-    pub(crate) fn send(&self, time_us: u64, sender: Option<u8>, said: impl Fn() -> BusMessage) {
+    pub(crate) fn send(&self, time_us: u64, sender: Option<u8>, message: impl Fn() -> BusMessage) {
         if !self.0.is_empty() {
-            self.send_to_others(time_us, sender, said);
+            self.send_to_others(time_us, sender, message);
         }
     }
 
     #[cold]
-    fn send_to_others(&self, time_us: u64, sender: Option<u8>, said: impl Fn() -> BusMessage) {
-        for ear in self.0.iter().filter(|ear| Some(ear.number) != sender) {
-            ear.hear(time_us, said());
+    fn send_to_others(&self, time_us: u64, sender: Option<u8>, message: impl Fn() -> BusMessage) {
+        for receiver in self.0.iter().filter(|receiver| Some(receiver.number) != sender) {
+            receiver.hear(time_us, message());
         }
     }
 }
@@ -43,22 +43,22 @@ mod tests {
     use crate::identity::BusIndex;
 
     #[test]
-    fn a_guest_hears_others_while_it_has_an_ear() {
+    fn a_guest_receives_messages_of_others_while_it_is_a_receiver() {
         let guests = [1, 2].map(|number| Guest::of_a_test(BusIndex(0), number));
-        let mut ears = TrafficReceivers::default();
-        let said = || BusMessage::burst(vec![0xE5]);
-        ears.send(1, None, said);
+        let mut receivers = TrafficReceivers::default();
+        let message = || BusMessage::burst(vec![0xE5]);
+        receivers.send(1, None, message);
         for guest in &guests {
-            ears.set(guest.number, Some(Arc::clone(guest)));
-            ears.set(guest.number, Some(Arc::clone(guest)));
+            receivers.set(guest.number, Some(Arc::clone(guest)));
+            receivers.set(guest.number, Some(Arc::clone(guest)));
         }
-        ears.send(2, Some(1), said);
-        ears.send(3, None, said);
+        receivers.send(2, Some(1), message);
+        receivers.send(3, None, message);
         assert_eq!(guests.each_ref().map(|guest| guest.heard()), [1, 2]);
-        ears.set(2, None);
-        ears.send(4, None, said);
-        ears.clear();
-        ears.send(5, None, said);
+        receivers.set(2, None);
+        receivers.send(4, None, message);
+        receivers.clear();
+        receivers.send(5, None, message);
         assert_eq!(guests.each_ref().map(|guest| guest.heard()), [2, 2]);
     }
 }

@@ -60,7 +60,7 @@ struct IoThread {
 }
 
 impl IoThread {
-    fn tell(&self, command: Command) {
+    fn send(&self, command: Command) {
         // If the thread is gone, its guests are gone, too.
         let _ = self.commands.send(command);
         let _ = self.waker.wake();
@@ -112,7 +112,7 @@ impl Doors {
         let key = self.next_key;
         self.next_key += 1;
         let (result, opened) = mpsc::sync_channel(1);
-        self.io()?.tell(Command::Open { key, bus, spec, entrance, result });
+        self.io()?.send(Command::Open { key, bus, spec, entrance, result });
         // The thread never blocks, so it answers at once.
         opened.recv().map_err(|_| io::Error::other("the thread of the doors has ended; see the log"))??;
         self.doors.push(Door { bus, spec, key });
@@ -137,7 +137,7 @@ impl Doors {
         let is_meant = |it: &mut Door| it.bus == bus && door.is_none_or(|door| door == it.spec);
         let closed: Vec<Door> = self.doors.extract_if(.., is_meant).collect();
         if let Some(io) = &self.io {
-            closed.iter().for_each(|door| io.tell(Command::Close { key: door.key }));
+            closed.iter().for_each(|door| io.send(Command::Close { key: door.key }));
         }
         before - self.doors.len()
     }
@@ -184,7 +184,7 @@ impl Doors {
 impl Drop for Doors {
     fn drop(&mut self) {
         let Some(mut io) = self.io.take() else { return };
-        io.tell(Command::End);
+        io.send(Command::End);
         if let Some(thread) = io.thread.take() {
             // The thread does not panic; if it did, the result would not matter.
             let _ = thread.join();

@@ -52,8 +52,8 @@ pub(super) enum GuestMessage {
     Heard {
         /// Time of the message.
         time_us: u64,
-        /// Which.
-        said: BusMessage,
+        /// The frame or telegram.
+        message: BusMessage,
     },
     /// The guest has its turn, as requested by [`Adapter::ask`].
     Granted {
@@ -149,11 +149,11 @@ impl Guest {
     }
 
     /// Queues a message that has arrived at this emulated time for the guest, if there is room.
-    pub fn hear(&self, time_us: u64, said: BusMessage) {
+    pub fn hear(&self, time_us: u64, message: BusMessage) {
         let mut inner = self.inner();
         inner.seat.hear();
         if inner.to_guest.len() < ROOM_TO_GUEST {
-            inner.to_guest.push_back(GuestMessage::Heard { time_us, said });
+            inner.to_guest.push_back(GuestMessage::Heard { time_us, message });
         } else {
             inner.dropped += 1;
             inner.overrun = true;
@@ -211,7 +211,7 @@ impl Guest {
 
     /// Whether a message to the guest waits.
     #[must_use]
-    pub fn is_told(&self) -> bool {
+    pub fn has_unread_messages(&self) -> bool {
         !self.inner().to_guest.is_empty()
     }
 
@@ -272,12 +272,12 @@ impl Adapter for &Guest {
         inner.to_guest.clear();
     }
 
-    fn send(&mut self, said: BusMessage) -> bool {
+    fn send(&mut self, message: BusMessage) -> bool {
         let mut inner = self.inner();
         let has_room = inner.to_plant.len() < ROOM_TO_PLANT;
         let may = inner.open == Some(false) && inner.seat.may_speak() && has_room;
         if may {
-            inner.to_plant.push_back(said);
+            inner.to_plant.push_back(message);
         } else {
             inner.refused += 1;
         }
@@ -317,7 +317,7 @@ impl Guest {
     }
 
     /// Sends a frame without data, and receives the permission.
-    pub(crate) fn says(&self, id: u16) {
+    pub(crate) fn sends(&self, id: u16) {
         assert!(
             (&mut &*self)
                 .send(BusMessage::Frame(crate::can::Frame::standard(id, crate::can::Payload::EMPTY)))
@@ -325,7 +325,7 @@ impl Guest {
     }
 
     /// Sends a telegram for a bit time that comes after 50 s at 500 kbit/s, and receives the permission.
-    pub(crate) fn says_later(&self) {
+    pub(crate) fn sends_later(&self) {
         let burst = crate::profibus::Burst { begin: 25_000_000, octets: vec![0xE5] };
         assert!((&mut &*self).send(BusMessage::Burst(burst)));
     }
@@ -338,7 +338,7 @@ impl Guest {
     /// The next message to the guest, if it is bus traffic.
     pub(crate) fn hears(&self) -> Option<BusMessage> {
         match self.take_news()? {
-            GuestMessage::Heard { said, .. } => Some(said),
+            GuestMessage::Heard { message, .. } => Some(message),
             GuestMessage::Granted { .. } => None,
         }
     }

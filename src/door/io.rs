@@ -225,8 +225,8 @@ impl Visit {
                 && let Some(news) = self.guest.take_news()
             {
                 match news {
-                    GuestMessage::Heard { time_us, said } => {
-                        self.session.tell(time_us, &said, &mut self.unwritten);
+                    GuestMessage::Heard { time_us, message } => {
+                        self.session.encode(time_us, &message, &mut self.unwritten);
                     }
                     GuestMessage::Granted { time_us } => {
                         let bit = self.guest.bit_at(time_us);

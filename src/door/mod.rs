@@ -23,7 +23,7 @@ mod wire;
 pub(crate) use descriptors::RESERVED as RESERVED_DESCRIPTORS;
 pub use doors::{DoorError, DoorState, Doors};
 pub use guest::{Guest, GuestRequests, GuestState};
-pub use protocol::{Speech, doors_of};
+pub use protocol::{TrafficKind, doors_of};
 pub use seat::GuestTurn;
 pub use slcan::Rate;
 pub use spec::{BadDoor, Carrier, DoorSpec};

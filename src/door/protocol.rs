@@ -7,18 +7,18 @@ use core::fmt;
 
 /// The kind of messages that a bus and the protocol of a door at it have in common.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Speech {
+pub enum TrafficKind {
     /// Frames of CAN.
     Frames,
     /// Telegrams of PROFIBUS.
     Telegrams,
 }
 
-impl fmt::Display for Speech {
+impl fmt::Display for TrafficKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(match self {
-            Speech::Frames => "CAN",
-            Speech::Telegrams => "PROFIBUS",
+            TrafficKind::Frames => "CAN",
+            TrafficKind::Telegrams => "PROFIBUS",
         })
     }
 }
@@ -29,7 +29,7 @@ pub(super) trait Protocol: Sync {
     fn name(&self) -> &'static str;
 
     /// The kind of messages, which decides at which buses such a door can be.
-    fn speech(&self) -> Speech;
+    fn traffic_kind(&self) -> TrafficKind;
 
     /// Number of its doors over TCP on the channel. The numbers of all doors differ, are not 0, and never change.
     fn tcp_number(&self) -> u16;
@@ -61,7 +61,7 @@ pub(super) trait GuestSession: fmt::Debug + Send {
 
     /// Appends the bytes for a message that has arrived at this emulated time. A message of another kind of bus has no
     /// bytes; a bus with such messages has no such door.
-    fn tell(&self, time_us: u64, said: &BusMessage, to: &mut Vec<u8>);
+    fn encode(&self, time_us: u64, message: &BusMessage, to: &mut Vec<u8>);
 
     /// Whether bytes that the guest does not read in time are lost, as in the receiver of a serial adapter.
     fn loses_unread(&self) -> bool {
@@ -79,16 +79,16 @@ pub(super) fn known_doors() -> String {
         let name = protocol.name();
         let any_port = if index == 0 { " (0: any port)" } else { "" };
         let pty = protocol.pty_number().map_or_else(String::new, |_| format!(" and {name}-pty"));
-        known.push(format!("{name}-tcp:127.0.0.1:0{any_port}{pty} at {}", protocol.speech()));
+        known.push(format!("{name}-tcp:127.0.0.1:0{any_port}{pty} at {}", protocol.traffic_kind()));
     }
     known.join(", ")
 }
 
 /// The names of the doors at buses of this kind, for messages: `slcan-tcp or slcan-pty`.
 #[must_use]
-pub fn doors_of(speech: Speech) -> String {
+pub fn doors_of(traffic_kind: TrafficKind) -> String {
     let mut names = Vec::new();
-    for protocol in PROTOCOLS.iter().filter(|protocol| protocol.speech() == speech) {
+    for protocol in PROTOCOLS.iter().filter(|protocol| protocol.traffic_kind() == traffic_kind) {
         names.push(format!("{}-tcp", protocol.name()));
         names.extend(protocol.pty_number().map(|_| format!("{}-pty", protocol.name())));
     }
@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn messages_name_the_doors_of_a_bus() {
-        assert_eq!(doors_of(Speech::Frames), "slcan-tcp or slcan-pty");
-        assert_eq!(doors_of(Speech::Telegrams), "profibus-tcp or profibus-pty");
+        assert_eq!(doors_of(TrafficKind::Frames), "slcan-tcp or slcan-pty");
+        assert_eq!(doors_of(TrafficKind::Telegrams), "profibus-tcp or profibus-pty");
     }
 }

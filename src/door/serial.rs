@@ -25,8 +25,8 @@ impl GuestSession for Session {
 
     fn grant(&self, _: u64, _: u64, _: &mut Vec<u8>) {}
 
-    fn tell(&self, _: u64, said: &BusMessage, to: &mut Vec<u8>) {
-        if let BusMessage::Burst(burst) = said {
+    fn encode(&self, _: u64, message: &BusMessage, to: &mut Vec<u8>) {
+        if let BusMessage::Burst(burst) = message {
             to.extend_from_slice(&burst.octets);
         }
     }

@@ -9,7 +9,7 @@
 //! One line is our own, with a letter that no adapter has: `KN` requests that emulated time advance by N microseconds, in
 //! hexadecimal digits. The answer follows when it has.
 
-use super::protocol::{GuestSession, Protocol, Speech};
+use super::protocol::{GuestSession, Protocol, TrafficKind};
 use super::spec::Carrier;
 use super::wire::{Adapter, BadLength, BusMessage};
 use crate::can::{ErrorState, ExtendedId, Frame, Id, Payload, StandardId};
@@ -99,8 +99,8 @@ impl Protocol for Slcan {
         "slcan"
     }
 
-    fn speech(&self) -> Speech {
-        Speech::Frames
+    fn traffic_kind(&self) -> TrafficKind {
+        TrafficKind::Frames
     }
 
     fn tcp_number(&self) -> u16 {
@@ -131,9 +131,9 @@ impl GuestSession for Session {
         Session::grant(time_us, to);
     }
 
-    fn tell(&self, time_us: u64, said: &BusMessage, to: &mut Vec<u8>) {
-        if let BusMessage::Frame(frame) = said {
-            self.tell(time_us, frame, to);
+    fn encode(&self, time_us: u64, message: &BusMessage, to: &mut Vec<u8>) {
+        if let BusMessage::Frame(frame) = message {
+            self.encode(time_us, frame, to);
         }
     }
 }
@@ -229,7 +229,7 @@ impl Session {
     }
 
     /// Appends the line for a frame that has arrived at this emulated time.
-    pub(super) fn tell(&self, time_us: u64, frame: &Frame, line: &mut Vec<u8>) {
+    pub(super) fn encode(&self, time_us: u64, frame: &Frame, line: &mut Vec<u8>) {
         let mut text = String::with_capacity(LONGEST);
         let field = frame.arbitration();
         // Into a text, writing cannot fail.
@@ -316,9 +316,9 @@ mod tests {
             self.open = None;
         }
 
-        fn send(&mut self, said: BusMessage) -> bool {
+        fn send(&mut self, message: BusMessage) -> bool {
             let may = self.open == Some(false);
-            match said {
+            match message {
                 BusMessage::Frame(frame) if may => self.sent.push(frame),
                 _ => {}
             }
@@ -366,9 +366,9 @@ mod tests {
             let yes = if line.starts_with(|c: char| c.is_lowercase()) { "z\r" } else { "Z\r" };
             assert_eq!(hear(&mut session, &mut noted, line), yes, "{line}");
             assert_eq!(noted.sent.pop(), Some(frame), "{line}");
-            let mut told = Vec::new();
-            session.tell(0, &frame, &mut told);
-            assert_eq!(String::from_utf8(told).unwrap(), line);
+            let mut sent_bytes = Vec::new();
+            session.encode(0, &frame, &mut sent_bytes);
+            assert_eq!(String::from_utf8(sent_bytes).unwrap(), line);
         }
     }
 
@@ -434,9 +434,9 @@ mod tests {
     fn a_frame_with_a_time_has_its_millisecond() {
         let (mut session, mut noted) = (Session::default(), Noted::default());
         assert_eq!(hear(&mut session, &mut noted, "Z1\r"), "\r");
-        let mut told = Vec::new();
-        session.tell(60_123_999, &standard(0x10, &[5]), &mut told);
-        assert_eq!(told, b"t010105007B\r");
+        let mut sent_bytes = Vec::new();
+        session.encode(60_123_999, &standard(0x10, &[5]), &mut sent_bytes);
+        assert_eq!(sent_bytes, b"t010105007B\r");
     }
 
     #[test]
@@ -444,9 +444,9 @@ mod tests {
         let (mut session, mut noted) = (Session::default(), Noted::default());
         assert_eq!(hear(&mut session, &mut noted, "K1\rK3e8\rKFFFFFFFFFFFFFFFF\r"), "");
         assert_eq!(noted.asked, [1, 1000, u64::MAX]);
-        let mut told = Vec::new();
-        Session::grant(1_000_000, &mut told);
-        assert_eq!(told, b"KF4240\r");
+        let mut sent_bytes = Vec::new();
+        Session::grant(1_000_000, &mut sent_bytes);
+        assert_eq!(sent_bytes, b"KF4240\r");
         for line in ["K", "K0", "K-1", "K+1", "Kx", "K10000000000000000"] {
             assert_eq!(hear(&mut session, &mut noted, &format!("{line}\r")), "\x07", "{line}");
         }
@@ -495,9 +495,9 @@ mod tests {
                 Frame::new(id, Payload::new(&data).unwrap())
             };
             let (mut session, mut noted) = (Session::default(), Noted { open: Some(false), ..Noted::default() });
-            let (mut told, mut answer) = (Vec::new(), Vec::new());
-            session.tell(0, &frame, &mut told);
-            session.hear(&told, &mut noted, &mut answer);
+            let (mut sent_bytes, mut answer) = (Vec::new(), Vec::new());
+            session.encode(0, &frame, &mut sent_bytes);
+            session.hear(&sent_bytes, &mut noted, &mut answer);
             prop_assert_eq!(noted.sent, vec![frame]);
         }
 

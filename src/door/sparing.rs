@@ -38,8 +38,8 @@ mod tests {
         for second in 0..60 {
             assert_eq!(sparing.complains(begin + Duration::from_secs(second)), None);
         }
-        let told = sparing.complains(begin + PAUSE);
-        assert_eq!(told.as_deref(), Some(" (since the last message 60 times more)"));
+        let suffix = sparing.complains(begin + PAUSE);
+        assert_eq!(suffix.as_deref(), Some(" (since the last message 60 times more)"));
         assert_eq!(sparing.complains(begin + 2 * PAUSE).as_deref(), Some(""));
     }
 }

@@ -1,6 +1,6 @@
 //! Specifications of doors: `slcan-tcp:127.0.0.1:0`, `slcan-pty`, `profibus-tcp:127.0.0.1:0`, `profibus-pty`.
 
-use super::protocol::{PROTOCOLS, Protocol, Speech, known_doors};
+use super::protocol::{PROTOCOLS, Protocol, TrafficKind, known_doors};
 use core::fmt;
 use core::str::FromStr;
 use serde::{Deserialize, Serialize};
@@ -141,8 +141,8 @@ impl DoorSpec {
 
     /// The kind of messages of its protocol.
     #[must_use]
-    pub fn speech(self) -> Speech {
-        self.protocol().speech()
+    pub fn traffic_kind(self) -> TrafficKind {
+        self.protocol().traffic_kind()
     }
 
     /// The way of the bytes to a guest.

@@ -2,7 +2,7 @@
 //! bit in 64, and the octets, the low byte of each number first. Without octets it asks for emulated time until this
 //! bit time, or answers such a request. This module only converts bytes; the bus interprets them.
 
-use super::protocol::{GuestSession, Protocol, Speech};
+use super::protocol::{GuestSession, Protocol, TrafficKind};
 use super::serial;
 use super::spec::Carrier;
 use super::wire::{Adapter, BadLength, BusMessage};
@@ -19,8 +19,8 @@ impl Protocol for Telegrams {
         "profibus"
     }
 
-    fn speech(&self) -> Speech {
-        Speech::Telegrams
+    fn traffic_kind(&self) -> TrafficKind {
+        TrafficKind::Telegrams
     }
 
     fn tcp_number(&self) -> u16 {
@@ -47,12 +47,12 @@ impl GuestSession for Session {
     }
 
     fn grant(&self, _: u64, bit: u64, to: &mut Vec<u8>) {
-        tell(&Burst { begin: bit, octets: Vec::new() }, to);
+        encode(&Burst { begin: bit, octets: Vec::new() }, to);
     }
 
-    fn tell(&self, _: u64, said: &BusMessage, to: &mut Vec<u8>) {
-        if let BusMessage::Burst(burst) = said {
-            tell(burst, to);
+    fn encode(&self, _: u64, message: &BusMessage, to: &mut Vec<u8>) {
+        if let BusMessage::Burst(burst) = message {
+            encode(burst, to);
         }
     }
 }
@@ -72,12 +72,12 @@ impl Session {
     pub(super) fn hear(&mut self, bytes: &[u8], adapter: &mut dyn Adapter) -> Result<(), BadLength> {
         self.begun.extend_from_slice(bytes);
         let mut rest = self.begun.as_slice();
-        while let Some((head, behind)) = rest.split_first_chunk::<HEAD>() {
+        while let Some((head, following)) = rest.split_first_chunk::<HEAD>() {
             let (length, begin) = head_of(*head);
             if usize::from(length) > MAX_OCTETS {
                 return Err(BadLength(length));
             }
-            let Some((octets, behind)) = behind.split_at_checked(usize::from(length)) else { break };
+            let Some((octets, following)) = following.split_at_checked(usize::from(length)) else { break };
             if octets.is_empty() {
                 // A guest that asks twice gets one answer.
                 adapter.ask_until(begin);
@@ -85,7 +85,7 @@ impl Session {
                 // A telegram without room counts as refused.
                 adapter.send(BusMessage::Burst(Burst { begin, octets: octets.to_vec() }));
             }
-            rest = behind;
+            rest = following;
         }
         let done = self.begun.len() - rest.len();
         drop(self.begun.drain(..done));
@@ -100,7 +100,7 @@ fn head_of(head: [u8; HEAD]) -> (u16, u64) {
 }
 
 /// Appends a telegram.
-pub(super) fn tell(burst: &Burst, to: &mut Vec<u8>) {
+pub(super) fn encode(burst: &Burst, to: &mut Vec<u8>) {
     // No telegram is longer than MAX_OCTETS.
     to.extend((burst.octets.len() as u16).to_le_bytes());
     to.extend(burst.begin.to_le_bytes());
@@ -125,8 +125,8 @@ mod tests {
 
         fn close(&mut self) {}
 
-        fn send(&mut self, said: BusMessage) -> bool {
-            if let BusMessage::Burst(burst) = said {
+        fn send(&mut self, message: BusMessage) -> bool {
+            if let BusMessage::Burst(burst) = message {
                 self.0.push(burst);
             }
             true
@@ -154,7 +154,7 @@ mod tests {
     #[test]
     fn numbers_have_their_low_byte_first() {
         let mut bytes = Vec::new();
-        tell(&Burst { begin: 0x0102_0304_0506_0708, octets: vec![0xDC, 2, 2] }, &mut bytes);
+        encode(&Burst { begin: 0x0102_0304_0506_0708, octets: vec![0xDC, 2, 2] }, &mut bytes);
         assert_eq!(bytes, [3, 0, 8, 7, 6, 5, 4, 3, 2, 1, 0xDC, 2, 2]);
     }
 
@@ -175,8 +175,8 @@ mod tests {
     fn without_octets_it_asks_for_time() {
         let (mut session, mut noted) = (Session::default(), Noted::default());
         let mut bytes = Vec::new();
-        tell(&Burst { begin: 1500, octets: vec![0xE5] }, &mut bytes);
-        tell(&Burst { begin: 3000, octets: Vec::new() }, &mut bytes);
+        encode(&Burst { begin: 1500, octets: vec![0xE5] }, &mut bytes);
+        encode(&Burst { begin: 3000, octets: Vec::new() }, &mut bytes);
         assert_eq!(session.hear(&bytes, &mut noted), Ok(()));
         assert_eq!((noted.0.len(), noted.1), (1, vec![3000]));
     }
@@ -204,7 +204,7 @@ mod tests {
         #[test]
         fn telegrams_come_in_pieces(bursts in prop::collection::vec(burst(), 0..8), piece in 1..40usize) {
             let (mut session, mut noted, mut bytes) = (Session::default(), Noted::default(), Vec::new());
-            bursts.iter().for_each(|burst| tell(burst, &mut bytes));
+            bursts.iter().for_each(|burst| encode(burst, &mut bytes));
             for piece in bytes.chunks(piece) {
                 prop_assert_eq!(session.hear(piece, &mut noted), Ok(()));
             }

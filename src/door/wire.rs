@@ -33,7 +33,7 @@ pub(super) trait Adapter {
     fn close(&mut self);
 
     /// Sends a message; `false` if the guest does not take part or there is no room.
-    fn send(&mut self, said: BusMessage) -> bool;
+    fn send(&mut self, message: BusMessage) -> bool;
 
     /// Asks for a turn after `us` microseconds of emulated time, or when the guest has received something; until then
     /// it sends nothing. `false` if it does not listen, or waits for a turn already.

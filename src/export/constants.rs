@@ -115,7 +115,7 @@ fn values(prefix: &str, values: &[ValueMeaning], shift: u8) -> Vec<Constant> {
         }
         let name = format!("{prefix}_{words}");
         let name = name.trim_end_matches('_').to_owned();
-        let text = known.told("n");
+        let text = known.text_for("n");
         if first == last {
             constants.push(Constant::new(name, first << shift, text));
         } else {

@@ -57,7 +57,7 @@ fn remark(from: Provenance) -> String {
 }
 
 fn texts<'a>(number: usize, values: impl IntoIterator<Item = (u32, &'a str)>) -> String {
-    let values = values.into_iter().map(|(value, told)| format!("Text({value})=\"{told}\"\n"));
+    let values = values.into_iter().map(|(value, text)| format!("Text({value})=\"{text}\"\n"));
     format!("PrmText={number}\n{}EndPrmText\n\n", values.collect::<String>())
 }
 

@@ -52,11 +52,11 @@ pub(crate) fn names_from(device: &DeviceLayout) -> Option<String> {
 
 /// The addresses of the device and their places in the image.
 pub(crate) fn spaces(device: &DeviceLayout) -> String {
-    let told = |space: &Space| {
+    let describe = |space: &Space| {
         let (first, last) = (space.begin(), space.end());
         format!("`{first}` to `{last}` ({}) from byte {} of the image on", space.doc, space.offset)
     };
-    device.spaces.iter().map(told).collect::<Vec<_>>().join(", ")
+    device.spaces.iter().map(describe).collect::<Vec<_>>().join(", ")
 }
 
 /// The version of commram.

@@ -180,7 +180,7 @@ impl Federation {
     /// In this federate's turn: lets the boards answer the requests of programs in the header page. Returns whether
     /// there was any.
     pub fn look_at_boards(&mut self, plant: &mut Plant) -> bool {
-        if !plant.has_untold() {
+        if !plant.has_undelivered_requests() {
             return false;
         }
         self.gather(plant);
@@ -229,7 +229,7 @@ impl Federation {
         self.asked = target;
         let inputs = core::mem::take(&mut self.inputs);
         let (now, hash) = (plant.now(), plant.journal().hash());
-        self.say(&Message::Turn(Turn { now, inputs, hash, want, watched: watched.clone() }))?;
+        self.broadcast(&Message::Turn(Turn { now, inputs, hash, want, watched: watched.clone() }))?;
         self.turn_over(plant, want, watched);
         Ok(())
     }
@@ -276,7 +276,7 @@ impl Federation {
 
     /// Sends the others a sign of life if they have received nothing for a while.
     fn show_life(&mut self) -> Result<(), FederationError> {
-        if self.is_complete && self.spoken.elapsed() >= ALIVE { self.say(&Message::Alive) } else { Ok(()) }
+        if self.is_complete && self.spoken.elapsed() >= ALIVE { self.broadcast(&Message::Alive) } else { Ok(()) }
     }
 
     /// Sends the others the end of this federate, with the reason if it failed.
@@ -284,7 +284,7 @@ impl Federation {
         self.exchange.leave(&Message::Bye(error.map(ToString::to_string)).to_bytes());
     }
 
-    fn say(&mut self, message: &Message) -> Result<(), FederationError> {
+    fn broadcast(&mut self, message: &Message) -> Result<(), FederationError> {
         self.spoken = Instant::now();
         self.exchange.send(&message.to_bytes()).map_err(FederationError::Exchange)
     }
@@ -336,7 +336,7 @@ impl Federation {
     fn gather(&mut self, plant: &Plant) {
         // A program stores first and then asks a board. So stores are collected after the requests and sent before
         // them.
-        let asked = plant.tell_boards();
+        let asked = plant.deliver_board_requests();
         self.gather_registers(plant);
         self.inputs.extend(asked.into_iter().map(Input::Stored));
     }

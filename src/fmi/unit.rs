@@ -115,7 +115,7 @@ pub struct Unit {
     variables: Vec<Variable>,
     own: UnitFields,
     /// Count of reported entries of the access checker's table.
-    told: usize,
+    reported_findings: usize,
 }
 
 impl Unit {
@@ -132,7 +132,7 @@ impl Unit {
         let variables = variables(&plant, resources.registers())?;
         let shafts = Shafts::of(&plant);
         let own = UnitFields { start_s: 0.0, start_us: plant.now(), shafts };
-        Ok(Self { plant, variables, own, told: 0 })
+        Ok(Self { plant, variables, own, reported_findings: 0 })
     }
 
     /// The variables; the place of one is its reference.
@@ -265,18 +265,18 @@ impl Unit {
     /// The findings of the access checker at registers without an earlier finding, a line each.
     pub fn take_findings(&mut self) -> Vec<String> {
         let findings = self.plant.journal().findings();
-        if findings.len() == self.told {
+        if findings.len() == self.reported_findings {
             return Vec::new();
         }
         let names = self.plant.names();
-        let lines = findings.iter().skip(self.told).map(|entry| {
+        let lines = findings.iter().skip(self.reported_findings).map(|entry| {
             let (rule, fitted) = (entry.last.rule, names.fitted(entry.last.plc));
             let register = entry.last.name(fitted).unwrap_or_default();
             let (severity, value) = (rule.severity(), entry.last.value_text(fitted));
             format!("{severity} {rule}: {register} {value}: {} ({})", rule.text(), rule.source())
         });
         let lines = lines.collect();
-        self.told = findings.len();
+        self.reported_findings = findings.len();
         lines
     }
 
@@ -296,7 +296,7 @@ impl Unit {
         }
         self.plant.restore(&state.snapshot)?;
         self.own = state.own.clone();
-        self.told = self.plant.journal().findings().len();
+        self.reported_findings = self.plant.journal().findings().len();
         Ok(())
     }
 

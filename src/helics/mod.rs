@@ -238,7 +238,7 @@ fn talk(
     joining.set_done();
     let others: Vec<_> = (0..place.count).filter(|number| *number != place.own).collect();
     let ends = AtomicBool::new(false);
-    let said = std::thread::scope(|scope| {
+    let result = std::thread::scope(|scope| {
         let listener = Builder::new().name("helics-listens".to_owned());
         let listener = listener.spawn_scoped(scope, || listen(&federate, place, &others, &ends, report));
         listener.map_err(|error| HelicsError::Thread(error).to_string())?;
@@ -246,12 +246,12 @@ fn talk(
             let command = encode_text(&bytes);
             others.iter().try_for_each(|other| federate.send(&place.name_of(*other), &command))
         };
-        let mut said = Ok(());
-        while said.is_ok() {
-            said = match asked.recv() {
+        let mut result = Ok(());
+        while result.is_ok() {
+            result = match asked.recv() {
                 Ok(Command::Send(bytes)) => to_all(bytes),
                 Ok(Command::Leave(bytes)) => {
-                    said = to_all(bytes);
+                    result = to_all(bytes);
                     break;
                 }
                 Err(_) => break,
@@ -259,10 +259,10 @@ fn talk(
         }
         // The next command ends the wait for commands.
         ends.store(true, Ordering::Release);
-        said.and(federate.send(&own, "end"))
+        result.and(federate.send(&own, "end"))
     });
     federate.leave();
-    said
+    result
 }
 
 /// Passes the commands of the other federates to the emulator.

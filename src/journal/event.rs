@@ -87,7 +87,7 @@ pub enum Keeping {
         /// The value of the request.
         request: u32,
         /// The value of the register now, if more answers to the same request will follow.
-        goes_on: Option<u32>,
+        pending_value: Option<u32>,
     },
     /// In a separate record, after all events that were counted up to here; the event may answer a command.
     State {
@@ -180,8 +180,8 @@ impl Event {
 
 impl<T: EventText> From<T> for Event {
     #[inline]
-    fn from(told: T) -> Self {
-        Event { kind: T::KIND, words: told.words() }
+    fn from(event: T) -> Self {
+        Event { kind: T::KIND, words: event.words() }
     }
 }
 

@@ -30,7 +30,7 @@ struct Group {
     /// Distance of the events, if the group is a single record of counted events.
     period_us: Option<u32>,
     /// The journal still counts the last record.
-    goes_on: bool,
+    may_continue: bool,
 }
 
 impl Folded {
@@ -55,7 +55,7 @@ impl Folded {
             end_us: record.time_us,
             count: u64::from(record.count),
             period_us: (record.count > 1).then_some(record.period_us),
-            goes_on: record.goes_on(),
+            may_continue: record.may_continue(),
         });
     }
 
@@ -73,7 +73,7 @@ impl Group {
         self.count += u64::from(record.count);
         self.begin_us = self.begin_us.min(record.first_us());
         self.end_us = self.end_us.max(record.time_us);
-        self.goes_on |= record.goes_on();
+        self.may_continue |= record.may_continue();
         self.period_us = None;
         self.last = event;
     }
@@ -92,7 +92,7 @@ impl Group {
         if self.first != self.last {
             let _ = write!(line, ", last: {}", values(&self.last));
         }
-        if self.goes_on {
+        if self.may_continue {
             line.push_str(", going on");
         }
         line
@@ -224,7 +224,7 @@ mod tests {
             end_us: 1_500_000,
             count: 3,
             period_us: None,
-            goes_on: true,
+            may_continue: true,
         };
         assert_eq!(group.line(), "RDC1: 0000, 3 times until 1.500000 s, last: 1111, going on");
     }

@@ -331,7 +331,7 @@ mod tests {
         }
     }
 
-    fn told(history: &mut History) -> Vec<(u32, u32, u32, By)> {
+    fn kept_changes(history: &mut History) -> Vec<(u32, u32, u32, By)> {
         let (changes, _) = history.read(0, usize::MAX);
         changes.iter().map(|it| (it.what.offset, it.what.from, it.what.to, it.what.how.by)).collect()
     }
@@ -347,7 +347,7 @@ mod tests {
         rams.store(8, 1);
         history.compare(1, By::Program, &rams, |_| panic!("not wanted in the journal"));
         history.compare(2, By::Firmware, &rams, |_| panic!("nothing has changed"));
-        assert_eq!(told(&mut history), [(2, 0, 1, By::Program), (4, 9, 5, By::Program)]);
+        assert_eq!(kept_changes(&mut history), [(2, 0, 1, By::Program), (4, 9, 5, By::Program)]);
     }
 
     #[test]
@@ -361,7 +361,7 @@ mod tests {
         history.stored(7, stored, |change| noted.push((change.from, change.to, change.how.by)));
         history.compare(7, By::Firmware, &rams, |_| panic!("already reported"));
         assert_eq!(noted, [(4, 5, By::Program), (5, 4, By::Firmware)]);
-        assert!(told(&mut history).is_empty());
+        assert!(kept_changes(&mut history).is_empty());
     }
 
     /// The snapshot is of an earlier moment, at which a program had just written.
@@ -381,15 +381,15 @@ mod tests {
         let store = |value: u32| [2, 4, 6].map(|offset| rams.store(offset, value));
         store(9);
         history.compare(1, By::Program, &rams, drop);
-        let known = told(&mut history).len();
+        let known = kept_changes(&mut history).len();
         store(5);
         history.restore_in_journal(before);
         history.arrived(2, &rams);
-        assert_eq!(told(&mut history)[known..], [(4, 9, 0, By::Channel), (6, 9, 5, By::Channel)]);
+        assert_eq!(kept_changes(&mut history)[known..], [(4, 9, 0, By::Channel), (6, 9, 5, By::Channel)]);
         let mut noted = Vec::new();
         history.compare(3, By::Program, &rams, |change| noted.push((change.offset, change.from, change.to)));
         assert_eq!(noted, [(2, 0, 5), (4, 0, 5)]);
-        assert_eq!(told(&mut history)[known + 2..], [(4, 0, 5, By::Program)]);
+        assert_eq!(kept_changes(&mut history)[known + 2..], [(4, 0, 5, By::Program)]);
     }
 
     #[test]
@@ -400,7 +400,7 @@ mod tests {
         rams.forced = Some(2);
         rams.store(2, 7);
         history.compare(1, By::Firmware, &rams, drop);
-        assert_eq!(told(&mut history), [(2, 0, 7, By::Force)]);
+        assert_eq!(kept_changes(&mut history), [(2, 0, 7, By::Force)]);
     }
 
     #[test]

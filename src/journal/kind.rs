@@ -139,16 +139,16 @@ impl EventKind {
     pub const fn new<T: EventText>(number: u8, name: &'static str, ring: Ring) -> Self {
         let reads = KindDecoders {
             normal: |words, catalogue| {
-                T::read(words).filter(|told| told.is_known(catalogue)).map(|told| told.words())
+                T::read(words).filter(|event| event.is_known(catalogue)).map(|event| event.words())
             },
-            source: |words| T::read(words).map(|told| told.source()),
-            text: |words, reader| T::read(words).map(|told| told.text(reader)),
-            fields: |words, reader| T::read(words).map(|told| told.fields(reader)),
-            frame: |words| T::read(words).and_then(|told| told.frame()),
-            guest: |words| T::read(words).and_then(|told| told.guest()),
-            telegram: |words| T::read(words).and_then(|told| told.telegram()),
-            slot: |words| T::read(words).and_then(|told| told.slot()),
-            stored: |words| T::read(words).and_then(|told| told.stored()),
+            source: |words| T::read(words).map(|event| event.source()),
+            text: |words, reader| T::read(words).map(|event| event.text(reader)),
+            fields: |words, reader| T::read(words).map(|event| event.fields(reader)),
+            frame: |words| T::read(words).and_then(|event| event.frame()),
+            guest: |words| T::read(words).and_then(|event| event.guest()),
+            telegram: |words| T::read(words).and_then(|event| event.telegram()),
+            slot: |words| T::read(words).and_then(|event| event.slot()),
+            stored: |words| T::read(words).and_then(|event| event.stored()),
             #[cfg(test)]
             push: |words, journal, time_us| journal.push(time_us, T::read(words).unwrap()),
         };

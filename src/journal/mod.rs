@@ -166,19 +166,19 @@ impl Journal {
 
     /// Writes an event. Times must not decrease.
     #[inline]
-    pub fn push<T: EventText>(&mut self, time_us: u64, told: T) {
-        self.push_octets(time_us, told, None);
+    pub fn push<T: EventText>(&mut self, time_us: u64, event: T) {
+        self.push_octets(time_us, event, None);
     }
 
     /// Writes the event of a telegram with its octets, as they were on the line. Without octets the event has all of them.
     #[inline]
-    pub fn push_octets<T: EventText>(&mut self, time_us: u64, told: T, octets: Option<&[u8]>) {
-        if let Some(stored) = told.stored()
+    pub fn push_octets<T: EventText>(&mut self, time_us: u64, event: T, octets: Option<&[u8]>) {
+        if let Some(stored) = event.stored()
             && self.follows()
         {
             self.stored(time_us, stored);
         }
-        let (event, keeping) = (Event::from(told), told.keeping());
+        let (event, keeping) = (Event::from(event), event.keeping());
         match &mut self.draft {
             Some(draft) => draft.event(time_us, event, keeping, octets.map(Arc::from)),
             None => self.keep(time_us, event, keeping, octets.map(Arc::from)),
@@ -195,8 +195,8 @@ impl Journal {
                 self.requests.written(time_us, plc, offset, value);
                 self.ring.note(Record::single(time_us, event));
             }
-            Keeping::Answer { plc, offset, request, goes_on } => {
-                match self.requests.answered(time_us, plc, offset, request, goes_on) {
+            Keeping::Answer { plc, offset, request, pending_value } => {
+                match self.requests.answered(time_us, plc, offset, request, pending_value) {
                     None => self.count(time_us, event),
                     latency_us => {
                         self.ring.note(Record { latency_us, ..Record::single(time_us, event) });

@@ -168,12 +168,12 @@ mod tests {
 
     fn lost(selection: Selection, parts: &[&[Record]]) -> u64 {
         let mut printer = Printer::new(Box::new(Candump::new(&names())), selection, 0);
-        let mut told = 0;
+        let mut omitted = 0;
         for part in parts {
             printer.begin_part();
-            told += part.iter().map(|record| printer.print(record, &mut String::new())).sum::<u64>();
+            omitted += part.iter().map(|record| printer.print(record, &mut String::new())).sum::<u64>();
         }
-        told
+        omitted
     }
 
     #[test]

@@ -51,7 +51,7 @@ impl Record {
     }
 
     /// Whether the count of the record may continue.
-    pub fn goes_on(&self) -> bool {
+    pub fn may_continue(&self) -> bool {
         self.seq == Self::PENDING
     }
 

@@ -32,7 +32,7 @@ event_kinds! {
         /// Value that the firmware wrote instead.
         answer: u16,
         /// More answers to the same request are to come.
-        goes_on: bool,
+        more_answers_follow: bool,
     }
 
     /// The firmware changed a register that does not belong to a handshake.
@@ -109,7 +109,7 @@ impl EventText for Handshake {
             plc: self.origin.plc,
             offset: self.offset,
             request: self.request.into(),
-            goes_on: self.goes_on.then_some(self.answer.into()),
+            pending_value: self.more_answers_follow.then_some(self.answer.into()),
         }
     }
 

@@ -57,8 +57,8 @@ impl Requests {
         self.open += u32::from(before.is_none());
     }
 
-    /// Ends a request with its answer; returns the time since the request, if it is known. With `goes_on`, later
-    /// answers belong to the same request, and `goes_on` is the present value of the register.
+    /// Ends a request with its answer; returns the time since the request, if it is known. With `pending_value`, later
+    /// answers belong to the same request, and `pending_value` is the present value of the register.
     #[inline]
     pub(crate) fn answered(
         &mut self,
@@ -66,13 +66,13 @@ impl Requests {
         plc: DeviceIndex,
         offset: u32,
         request: u32,
-        goes_on: Option<u32>,
+        pending_value: Option<u32>,
     ) -> Option<u32> {
         let made = self.take(plc, offset)?;
         if made.value != request {
             return None;
         }
-        if let Some(now) = goes_on {
+        if let Some(now) = pending_value {
             self.written(made.time_us, plc, offset, now);
         }
         made.latency(time_us)

@@ -19,7 +19,7 @@ fn state(to: u16) -> Event {
 
 fn handshake(offset: u32) -> Event {
     let origin = Origin { plc: DeviceIndex(0), node: 2 };
-    Handshake { origin, offset, request: 5, answer: 4, goes_on: false }.into()
+    Handshake { origin, offset, request: 5, answer: 4, more_answers_follow: false }.into()
 }
 
 fn write(offset: u32, value: u32) -> Event {
@@ -179,7 +179,13 @@ fn handshakes_know_how_long_their_request_waited() {
 #[test]
 fn an_answer_that_goes_on_leaves_the_request_open() {
     let origin = Origin { plc: DeviceIndex(0), node: 2 };
-    let answer = |request, answer, goes_on| Handshake { origin, offset: 200_012, request, answer, goes_on };
+    let answer = |request, answer, more_answers_follow| Handshake {
+        origin,
+        offset: 200_012,
+        request,
+        answer,
+        more_answers_follow,
+    };
     let mut journal = journal(&[(100, write(200_012, 3))]);
     journal.push(300, answer(3, 0x0B, true));
     journal.push(700, answer(0x0B, 0x4B, true));

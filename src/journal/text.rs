@@ -30,7 +30,7 @@ impl Text {
             let since = seconds(record.first_us());
             let _ = write!(text, ", {count} times every {period} us since {}", since.trim_start());
         }
-        if record.goes_on() {
+        if record.may_continue() {
             text.push_str(", going on");
         }
         text

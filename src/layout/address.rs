@@ -143,7 +143,7 @@ impl DeviceLayout {
 
     /// `address`, as this device writes it.
     #[must_use]
-    pub fn told(&self, address: Address) -> Address {
+    pub fn in_device_spelling(&self, address: Address) -> Address {
         Address { bit: address.bit, ..self.at(address.width, address.offset) }
     }
 

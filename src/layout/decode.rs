@@ -19,7 +19,7 @@ pub(super) fn decode(ty: RegType, meaning: Option<&'static Meaning>, value: u32)
         return ty.number(value).to_string();
     };
     if let Some(known) = meaning.value(value) {
-        return known.told(value);
+        return known.text_for(value);
     }
     if meaning.bits.is_empty() {
         return NO_MEANING.to_owned();

@@ -63,7 +63,7 @@ impl DeviceLayout {
         let offset = address.offset();
         self.all_areas().find(|area| area.contains(offset)).ok_or_else(|| {
             let hint = self.areas_around(self.space_at(offset), offset.into());
-            LayoutError::NoArea { address: self.told(address).to_string(), hint }
+            LayoutError::NoArea { address: self.in_device_spelling(address).to_string(), hint }
         })
     }
 
@@ -72,8 +72,8 @@ impl DeviceLayout {
         let wanted = |area: &&Area| space.is_none_or(|space| core::ptr::eq(area.space, space));
         let areas = || self.areas.iter().filter(wanted);
         let before = areas().rev().find(|area| i64::from(area.last()) < offset);
-        let behind = areas().find(|area| i64::from(area.first) > offset);
-        match (before, behind) {
+        let next = areas().find(|area| i64::from(area.first) > offset);
+        match (before, next) {
             (Some(a), Some(b)) => {
                 format!("`{}` ends at {}, `{}` starts at {}", a.name, a.end(), b.name, b.begin())
             }
@@ -186,14 +186,18 @@ impl DeviceFit {
     fn no_register(&self, area: &'static Area, address: Address) -> LayoutError {
         let all = || self.placed(area).flat_map(|placed| self.registers_of(area, placed));
         let before = all().filter(|r| r.offset() < address.offset()).max_by_key(RegisterRef::offset);
-        let behind = all().filter(|r| r.offset() > address.offset()).min_by_key(RegisterRef::offset);
-        let hint = match (before, behind) {
+        let next = all().filter(|r| r.offset() > address.offset()).min_by_key(RegisterRef::offset);
+        let hint = match (before, next) {
             (Some(a), Some(b)) => format!("padding between `{}` and `{}`", a.path(), b.path()),
             (Some(a), None) => format!("the last register is `{}` at {}", a.path(), a.address()),
             _ if self.area(area) == Fit::Empty => "nothing is plugged in".to_owned(),
             _ => "plain RAM".to_owned(),
         };
-        LayoutError::NoRegister { address: self.device().told(address).to_string(), area: area.name, hint }
+        LayoutError::NoRegister {
+            address: self.device().in_device_spelling(address).to_string(),
+            area: area.name,
+            hint,
+        }
     }
 }
 

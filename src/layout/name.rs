@@ -56,9 +56,9 @@ impl<'a> Path<'a> {
             let mut index = Vec::new();
             while !rest.is_empty() {
                 let inner = rest.strip_prefix('[').ok_or(wrong("something after a `]`"))?;
-                let (number, behind) = inner.split_once(']').ok_or(wrong("a `[` without `]`"))?;
+                let (number, following) = inner.split_once(']').ok_or(wrong("a `[` without `]`"))?;
                 index.push(number.trim().parse().map_err(|_| wrong("an index that is no number"))?);
-                rest = behind;
+                rest = following;
             }
             match (name.is_empty(), parts.last_mut()) {
                 (false, _) => parts.push(NamePart { name, index }),

@@ -25,7 +25,7 @@ pub(super) struct Pattern(Vec<Token>);
 impl Pattern {
     /// Whether the text is a pattern and not the name of one register.
     pub(super) fn is_one(text: &str) -> bool {
-        let indices = text.split('[').skip(1).filter_map(|behind| behind.split(']').next());
+        let indices = text.split('[').skip(1).filter_map(|following| following.split(']').next());
         text.contains('*') || indices.into_iter().any(|index| index.contains(".."))
     }
 
@@ -37,7 +37,7 @@ impl Pattern {
         let mut tokens = Vec::new();
         let mut rest = text;
         while let Some(letter) = rest.chars().next() {
-            if let Some((inner, behind)) = rest.strip_prefix('[').and_then(|inner| inner.split_once(']')) {
+            if let Some((inner, following)) = rest.strip_prefix('[').and_then(|inner| inner.split_once(']')) {
                 let index = |text: &str| text.trim().parse::<u32>().map_err(|_| wrong());
                 let (first, last) = match inner.split_once("..") {
                     _ if inner.trim() == "*" => (0, u32::MAX),
@@ -48,18 +48,18 @@ impl Pattern {
                     return Err(wrong());
                 }
                 tokens.push(Token::Index(first, last));
-                rest = behind;
+                rest = following;
                 continue;
             }
             if rest.starts_with("..") || matches!(letter, '[' | ']') {
                 return Err(wrong());
             }
-            let (letters, behind) = rest.split_at(letter.len_utf8());
+            let (letters, following) = rest.split_at(letter.len_utf8());
             match letter {
                 '*' => tokens.push(Token::Any),
                 _ => tokens.extend(letters.bytes().map(Token::Letter)),
             }
-            rest = behind;
+            rest = following;
         }
         Ok(Self(tokens))
     }
@@ -87,10 +87,10 @@ impl Pattern {
                 rest = rest.get(len..).unwrap_or_default();
                 continue;
             }
-            let Some((behind, from)) = retry else { return false };
+            let Some((following, from)) = retry else { return false };
             let Some(later) = from.get(1..) else { return false };
-            retry = Some((behind, later));
-            (token, rest) = (behind, later);
+            retry = Some((following, later));
+            (token, rest) = (following, later);
         }
     }
 

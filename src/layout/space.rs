@@ -151,8 +151,8 @@ impl DeviceLayout {
     pub fn all_areas(&'static self) -> impl Iterator<Item = &'static Area> {
         let retain = self.retain.map(|retain| &retain.area);
         let before = retain.filter(|area| self.areas.first().is_none_or(|first| area.first < first.first));
-        let behind = if before.is_none() { retain } else { None };
-        self.front_area.into_iter().chain(before).chain(self.areas).chain(behind)
+        let last = if before.is_none() { retain } else { None };
+        self.front_area.into_iter().chain(before).chain(self.areas).chain(last)
     }
 
     /// Whether byte `offset` of the image is at the front.

@@ -168,18 +168,18 @@ extern "C" fn emulator_lives_on(
     if image.map_or_else(|| gap::close(address), Slot::mend) {
         return;
     }
-    say(LAST_WORDS);
+    write_words(LAST_WORDS);
     // SAFETY: a plain system call; the access is repeated then and ends the process.
     unsafe { libc::signal(libc::SIGBUS, libc::SIG_DFL) };
 }
 
 extern "C" fn client_ends(_signal: libc::c_int, _info: *mut libc::siginfo_t, _context: *mut libc::c_void) {
-    say(CLIENTS_WORDS);
+    write_words(CLIENTS_WORDS);
     // SAFETY: a plain system call, without what runs at the end of a process otherwise.
     unsafe { libc::_exit(EXIT_CODE.load(Ordering::Relaxed)) };
 }
 
-fn say(words: &[u8]) {
+fn write_words(words: &[u8]) {
     // SAFETY: no code here closes descriptor 2; if it is closed, the write fails.
     let _ = rustix::io::write(unsafe { BorrowedFd::borrow_raw(2) }, words);
 }

@@ -54,11 +54,11 @@ impl Segment {
         into.resize(self.blocks(ranges).map(|block| block.len() / 4).sum(), 0);
         let mut rest = into.as_mut_slice();
         for block in self.blocks(ranges).filter(|block| !block.is_empty()) {
-            let (words, behind) = core::mem::take(&mut rest).split_at_mut(block.len() / 4);
+            let (words, following) = core::mem::take(&mut rest).split_at_mut(block.len() / 4);
             // SAFETY: the block is inside the segment, which has a length divisible by 4, and begins at a line; the memory is
             // mapped for as long as `self` lives.
             unsafe { load_words(self.base().add(block.start).cast(), words) };
-            rest = behind;
+            rest = following;
         }
     }
 

@@ -39,7 +39,7 @@ impl Plant {
     /// Sets how many cores the plant may use; the default is 1. The number only affects the run time.
     pub fn set_cores(&mut self, count: NonZero<usize>) {
         let count = if self.named_buses < LEAST { 1 } else { count.get() };
-        self.crew = WorkerPool::of(count - 1);
+        self.workers = WorkerPool::of(count - 1);
         self.drafts = if self.named_buses < LEAST {
             Vec::new()
         } else {
@@ -81,7 +81,7 @@ impl Plant {
         let unnamed = self.buses.split_off(self.named_buses);
         let shares = self.shares();
         let mut last = 0;
-        for ((_, buses, draft), share_last) in self.crew.share(shares, run) {
+        for ((_, buses, draft), share_last) in self.workers.share(shares, run) {
             last = share_last.max(last);
             self.buses.extend(buses);
             self.drafts.push(draft);
@@ -165,7 +165,7 @@ impl Plant {
             }
             (watches, buses, draft)
         };
-        for (watches, buses, draft) in self.crew.share(parts, run) {
+        for (watches, buses, draft) in self.workers.share(parts, run) {
             self.watches.extend(watches);
             self.buses.extend(buses);
             self.drafts.push(draft);

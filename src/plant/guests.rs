@@ -70,10 +70,10 @@ impl Plant {
         self.guests_seen(bus).map_or_else(ErrorState::default, |guests| guests.guest_errors(guest))
     }
 
-    /// The traffic of the bus goes to `ear` from now on, except what this guest sends; with `None` it hears no more.
-    pub fn guest_hears(&mut self, bus: BusIndex, guest: u8, ear: Option<Arc<Guest>>) {
+    /// The traffic of the bus goes to `receiver` from now on, except what this guest sends; with `None` it hears no more.
+    pub fn guest_hears(&mut self, bus: BusIndex, guest: u8, receiver: Option<Arc<Guest>>) {
         if let Some(guests) = self.guests_seen(bus) {
-            guests.guest_hears(guest, ear);
+            guests.guest_hears(guest, receiver);
         }
     }
 
@@ -81,12 +81,17 @@ impl Plant {
     ///
     /// # Errors
     /// [`GuestRefusal`].
-    pub fn guest_sends(&mut self, bus: BusIndex, guest: u8, said: &BusMessage) -> Result<(), GuestRefusal> {
+    pub fn guest_sends(
+        &mut self,
+        bus: BusIndex,
+        guest: u8,
+        message: &BusMessage,
+    ) -> Result<(), GuestRefusal> {
         let now = self.now;
         (self.has_looked, self.is_seen) = (false, false);
         let bus = self.buses[..self.named_buses].get_mut(bus.index());
         let guests = bus.and_then(|bus| bus.guests()).ok_or(GuestRefusal::NotHere)?;
-        guests.guest_sends(guest, said, now, &mut self.journal)
+        guests.guest_sends(guest, message, now, &mut self.journal)
     }
 
     /// The guest that acts by requests, guest 0, takes part in bus number `bus` from now on, and sends a frame if one
@@ -120,7 +125,7 @@ impl Plant {
 
     /// A guest wants to take part, but has named another rate than the rate of the bus, which has this `S` code
     /// (decision D-316).
-    pub fn guest_is_deaf(&mut self, bus: BusIndex, guest: u8, code: u8) {
+    pub fn report_rate_mismatch(&mut self, bus: BusIndex, guest: u8, code: u8) {
         self.journal.find(self.now, Finding::at_bus(&rules::GUEST_BIT_RATE, bus, guest, code.into()));
     }
 
@@ -158,8 +163,8 @@ mod tests {
     /// Frames that have arrived: time, identifier and sender.
     fn arrived(plant: &Plant) -> Vec<(u64, u32, Option<u8>)> {
         let carried = plant.journal().records().filter(|it| it.event.source() == Source::Bus(BusIndex(0)));
-        let told = carried.filter_map(|it| Some((it.time_us, Event::frame(&it.event)?)));
-        told.map(|(at, it)| (at, it.frame.arbitration().number(), it.guest)).collect()
+        let frames = carried.filter_map(|it| Some((it.time_us, Event::frame(&it.event)?)));
+        frames.map(|(at, it)| (at, it.frame.arbitration().number(), it.guest)).collect()
     }
 
     fn lines(plant: &Plant) -> String {
@@ -238,7 +243,7 @@ mod tests {
     #[test]
     fn guests_with_a_wrong_rate_or_format_are_reported() {
         let mut plant = plant(&OPEN.replace("kind = 'can'\n", ""));
-        plant.guest_is_deaf(BusIndex(0), 3, 6);
+        plant.report_rate_mismatch(BusIndex(0), 3, 6);
         plant.guest_joins(BusIndex(0), 1, false);
         // No master runs the bus.
         assert_eq!(plant.guest_sends(BusIndex(0), 1, &frame(1, &[])), Err(GuestRefusal::NotHere));

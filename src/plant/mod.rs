@@ -81,7 +81,7 @@ pub struct Plant {
     /// Journals of buses that run independently: one for each core, if there are many buses.
     drafts: Vec<Journal>,
     /// Worker threads on the other cores.
-    crew: WorkerPool,
+    workers: WorkerPool,
     forces: Forces,
     faults: Faults,
     /// Watches of the access checker over each device; the buses have the watches over ports.
@@ -150,7 +150,7 @@ impl Plant {
             ports,
             journal: Journal::default(),
             drafts: Vec::new(),
-            crew: WorkerPool::default(),
+            workers: WorkerPool::default(),
             watches,
             widths,
             forces: Forces::default(),

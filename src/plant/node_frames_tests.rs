@@ -10,7 +10,7 @@ use crate::memory::header::{BoardSetting, Power, RunSwitch};
 use crate::memory::{Segment, Width};
 
 /// Telegram of a guest to a bus; half of them are of no use to the bus, and refused.
-fn said(head: u8, bytes: &[u8]) -> Option<BusMessage> {
+fn message_of(head: u8, bytes: &[u8]) -> Option<BusMessage> {
     let [low, high, data @ ..] = bytes else { return None };
     let number = u16::from_le_bytes([*low, *high]);
     if head & 0x08 != 0 {
@@ -31,9 +31,9 @@ fn act(plant: &mut Plant, head: u8, bytes: &[u8]) {
     match head & 7 {
         0..=3 => {
             let bus = BusIndex::at(usize::from(head >> 4) % plant.named_buses.max(1));
-            if let Some(said) = said(head, bytes) {
+            if let Some(message) = message_of(head, bytes) {
                 // A bus refuses frames that it cannot carry or has no room for.
-                let _refused = plant.guest_sends(bus, 1, &said);
+                let _refused = plant.guest_sends(bus, 1, &message);
             }
             plant.advance_to(plant.now() + 1_000);
         }
@@ -68,10 +68,10 @@ fn fuzz_node_frames() {
         }
         // This number of rounds takes an acceptable time.
         for _ in 0..200 {
-            let [head, len, behind @ ..] = rest else { break };
-            let (bytes, behind) = behind.split_at(usize::from(*len).min(behind.len()));
+            let [head, len, following @ ..] = rest else { break };
+            let (bytes, following) = following.split_at(usize::from(*len).min(following.len()));
             act(&mut plant, *head, bytes);
-            rest = behind;
+            rest = following;
         }
         for plc in 0..plant.devices().len() {
             for setting in [

@@ -65,18 +65,20 @@ impl Outside {
 impl Plant {
     /// Whether programs have made a request to a board that its firmware has not seen, or the boards have something to
     /// poll.
-    pub(crate) fn has_untold(&self) -> bool {
+    pub(crate) fn has_undelivered_requests(&self) -> bool {
         let is_asked = |device: &dyn Device| device.segment().has_new_requests(device.layout().front);
         self.is_asked() || self.devices().iter().any(|device| is_asked(&**device))
     }
 
     /// Passes the requests of programs in the header pages to the firmware of the boards.
-    pub(crate) fn tell_boards(&self) -> Vec<Stored> {
-        let told = DeviceIndex::enumerate(self.devices()).flat_map(|(plc, device)| {
-            let told = device.segment().deliver_requests(device.layout().front);
-            told.into_iter().map(move |(index, value)| Stored { plc, what: StoreTarget::Board(index, value) })
+    pub(crate) fn deliver_board_requests(&self) -> Vec<Stored> {
+        let stores = DeviceIndex::enumerate(self.devices()).flat_map(|(plc, device)| {
+            let requests = device.segment().deliver_requests(device.layout().front);
+            requests
+                .into_iter()
+                .map(move |(index, value)| Stored { plc, what: StoreTarget::Board(index, value) })
         });
-        told.collect()
+        stores.collect()
     }
 
     /// Repeats the store of a program into the image of another plant like this one, as a program here would make it.

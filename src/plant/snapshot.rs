@@ -281,7 +281,7 @@ impl Plant {
             journal,
             // Empty between events, as the edges are.
             drafts: _,
-            crew: _,
+            workers: _,
             forces,
             faults,
             watches,

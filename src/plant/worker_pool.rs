@@ -110,24 +110,24 @@ mod tests {
     #[test]
     fn parts_come_back_in_their_order_however_many_work() {
         for count in 0..4 {
-            let crew = WorkerPool::of(count);
+            let workers = WorkerPool::of(count);
             for round in 0..50 {
                 let parts: Vec<u64> = (0..round % 7).collect();
                 let squares: Vec<_> = parts.iter().map(|part| part * part).collect();
-                assert_eq!(crew.share(parts, |part| part * part), squares);
+                assert_eq!(workers.share(parts, |part| part * part), squares);
             }
         }
     }
 
     #[test]
     fn a_panic_comes_through_and_the_threads_stay() {
-        let crew = WorkerPool::of(2);
+        let workers = WorkerPool::of(2);
         for bad in 0..3 {
             let run = move |part: u32| if part == bad { panic!("part {part}") } else { part };
-            let outcome = catch_unwind(AssertUnwindSafe(|| crew.share(vec![0, 1, 2], run)));
+            let outcome = catch_unwind(AssertUnwindSafe(|| workers.share(vec![0, 1, 2], run)));
             let panic = outcome.unwrap_err();
             assert_eq!(panic.downcast_ref::<String>(), Some(&format!("part {bad}")));
-            assert_eq!(crew.share(vec![0, 1, 2], |part: u32| part), [0, 1, 2]);
+            assert_eq!(workers.share(vec![0, 1, 2], |part: u32| part), [0, 1, 2]);
         }
     }
 }

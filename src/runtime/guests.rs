@@ -26,11 +26,11 @@ struct GuestEntry {
     /// The guest takes part in the bus.
     is_in: bool,
     /// The bus sends its traffic to the guest.
-    has_ear: bool,
+    is_receiver: bool,
     /// With a stepped clock, the emulated time waits for this guest.
     has_seat: bool,
     /// The bit rates of guest and bus, in bit/s, that a finding has reported as different.
-    deaf: Option<(Rate, u32)>,
+    rate_mismatch: Option<(Rate, u32)>,
     /// A finding has reported an invalid message of this guest.
     is_nonsense: bool,
 }
@@ -148,7 +148,7 @@ impl Guests {
         for it in self.present.iter().filter(|it| it.is_in) {
             plant.guest_joins(it.guest.bus, it.guest.number, true);
         }
-        for it in self.present.iter().filter(|it| it.has_ear) {
+        for it in self.present.iter().filter(|it| it.is_receiver) {
             plant.guest_hears(it.guest.bus, it.guest.number, Some(Arc::clone(&it.guest)));
         }
     }
@@ -201,7 +201,7 @@ impl Guests {
         for it in self.present.iter().filter(|it| it.is_in) {
             it.guest.note_errors(plant.guest_errors(it.guest.bus, it.guest.number));
         }
-        if self.present.iter().any(|it| it.guest.is_told()) {
+        if self.present.iter().any(|it| it.guest.has_unread_messages()) {
             self.doors.announce();
         }
     }
@@ -256,9 +256,9 @@ impl GuestEntry {
             waiting: 0,
             fits: true,
             is_in: false,
-            has_ear: false,
+            is_receiver: false,
             has_seat: false,
-            deaf: None,
+            rate_mismatch: None,
             is_nonsense: false,
         }
     }
@@ -275,15 +275,16 @@ impl GuestEntry {
         let bit_s = plant.buses().get(self.guest.bus.index()).map_or(0, |bus| bus.bit_s());
         self.guest.is_at(bit_s);
         self.fits = self.requests.rate.is_none_or(|rate| rate.fits(bit_s));
-        let deaf = self.requests.rate.filter(|_| self.requests.hears && !self.fits).map(|rate| (rate, bit_s));
-        if let Some((rate, _)) = deaf.filter(|_| self.deaf != deaf) {
-            plant.guest_is_deaf(self.guest.bus, self.guest.number, rate.code());
+        let rate_mismatch =
+            self.requests.rate.filter(|_| self.requests.hears && !self.fits).map(|rate| (rate, bit_s));
+        if let Some((rate, _)) = rate_mismatch.filter(|_| self.rate_mismatch != rate_mismatch) {
+            plant.report_rate_mismatch(self.guest.bus, self.guest.number, rate.code());
         }
-        self.deaf = deaf;
+        self.rate_mismatch = rate_mismatch;
         let hears = self.hears();
-        if core::mem::replace(&mut self.has_ear, hears) != hears {
-            let ear = hears.then(|| Arc::clone(&self.guest));
-            plant.guest_hears(self.guest.bus, self.guest.number, ear);
+        if core::mem::replace(&mut self.is_receiver, hears) != hears {
+            let receiver = hears.then(|| Arc::clone(&self.guest));
+            plant.guest_hears(self.guest.bus, self.guest.number, receiver);
         }
         if let Some(octets) = self.requests.bad_length.filter(|_| !self.is_nonsense) {
             plant.guest_talks_nonsense(self.guest.bus, self.guest.number, octets);
@@ -311,10 +312,10 @@ impl GuestEntry {
     /// Sends the waiting frames; returns false if its controller cannot take them all at once.
     fn send(&mut self, plant: &mut Plant) -> bool {
         while self.waiting > 0
-            && let Some(said) = self.guest.next_to_send()
+            && let Some(message) = self.guest.next_to_send()
         {
             let refusal = if self.is_in {
-                plant.guest_sends(self.guest.bus, self.guest.number, &said)
+                plant.guest_sends(self.guest.bus, self.guest.number, &message)
             } else {
                 Err(GuestRefusal::NotHere)
             };
@@ -354,7 +355,7 @@ mod tests {
         guests.look(&mut plant);
         other.opens();
         one.opens();
-        one.says(0x123);
+        one.sends(0x123);
         guests.bring_in(&mut plant, false);
         assert_eq!((one.state().refused, one.waiting()), (0, 1));
         guests.enter(&mut plant, false);
@@ -368,15 +369,15 @@ mod tests {
     #[test]
     fn a_guest_does_not_keep_a_place_for_unsendable_frames() {
         let kinds: [(_, fn(&Guest)); 2] =
-            [("can", |guest| guest.says(1)), ("profibus", |guest| guest.says_later())];
-        for (kind, says) in kinds {
+            [("can", |guest| guest.sends(1)), ("profibus", |guest| guest.sends_later())];
+        for (kind, send) in kinds {
             let (config, mut plant) =
                 plant(&OPEN.replace("'can'", &format!("'{kind}'")).replace("125", "500"));
             let mut guests = Guests::new(&config, || {}).unwrap();
             let guest = Guest::of_a_test(BusIndex(0), 1);
             guests.present.push(GuestEntry::new(Arc::clone(&guest)));
             guest.opens();
-            (0..200).for_each(|_| says(&guest));
+            (0..200).for_each(|_| send(&guest));
             guest.goes();
             for _ in 0..10 {
                 guests.enter(&mut plant, false);

@@ -85,7 +85,7 @@ fn watch(onlookers: &Onlookers, look: impl Fn(), stop: &StopHandle, ended: &Owne
         for (file, known) in onlookers.images().iter().zip(&mut known) {
             let state = file.look();
             if core::mem::replace(known, state) != state {
-                say(file, state);
+                warn_of(file, state);
             }
             if state == FileState::Shortened {
                 stop.stop_because(format!("another program has shortened {}", file.path().display()));
@@ -98,7 +98,7 @@ fn watch(onlookers: &Onlookers, look: impl Fn(), stop: &StopHandle, ended: &Owne
     }
 }
 
-fn say(file: &ImageFileWatch, state: FileState) {
+fn warn_of(file: &ImageFileWatch, state: FileState) {
     let path = file.path().display();
     match state {
         FileState::Intact | FileState::Shortened => {}

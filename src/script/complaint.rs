@@ -14,8 +14,8 @@ pub(super) fn name_types(engine: &mut Engine) {
 }
 
 /// The message of a script, without our internal name that the engine prints.
-pub(super) fn in_words(said: &str) -> Cow<'_, str> {
-    if said.contains(TEXT) { said.replace(TEXT, "string").into() } else { said.into() }
+pub(super) fn in_words(message: &str) -> Cow<'_, str> {
+    if message.contains(TEXT) { message.replace(TEXT, "string").into() } else { message.into() }
 }
 
 /// Types as the engine names them, and their names in messages.
@@ -127,10 +127,10 @@ mod tests {
     fn types_are_named_in_words() {
         assert_eq!(no_function("+ (integer, ())"), "`+` does not go with an integer and nothing");
         assert_eq!(no_function("a::b ()"), "there is no verb or function `a::b`");
-        let told = no_function("expct (&str | ImmutableString | String, Block)");
+        let message = no_function("expct (&str | ImmutableString | String, Block)");
         assert!(
-            told.starts_with("there is no verb or function `expct` of a text, a function block"),
-            "{told}"
+            message.starts_with("there is no verb or function `expct` of a text, a function block"),
+            "{message}"
         );
     }
 }

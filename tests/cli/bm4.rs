@@ -271,9 +271,12 @@ fn plant_file_errors_name_the_wrong_line() {
         (module("G", "kind = 'can-06'\ndip = 1"), 7, "a BM4-O-CAN-06 has no DIP switches"),
         (format!("sync_source = 'K'\n{}", module("G", master)), 4, "sync_source names slot 'K'"),
     ] {
-        let told = refused(&(device("maxx", &modules) + bus));
-        assert!(told.contains(expected) && told.contains(&format!("line {line}")), "{modules}: {told}");
-        assert!(told.contains("plant.toml"), "{told}");
+        let message = refused(&(device("maxx", &modules) + bus));
+        assert!(
+            message.contains(expected) && message.contains(&format!("line {line}")),
+            "{modules}: {message}"
+        );
+        assert!(message.contains("plant.toml"), "{message}");
     }
     // An error that concerns the whole plant names the device at fault and the line of the later entry.
     let drive = "[[bus.drive]]\nname = 'winder'\nslave_number = 6\n";
@@ -310,7 +313,7 @@ fn plant_file_errors_name_the_wrong_line() {
             "kbit_s of 'b' is 800; it must be 1000, 500, 250 or 125",
         ),
     ] {
-        let told = refused(&text);
-        assert!(told.contains(&format!("plant.toml: line {line}: {expected}")), "{text}\n{told}");
+        let message = refused(&text);
+        assert!(message.contains(&format!("plant.toml: line {line}: {expected}")), "{text}\n{message}");
     }
 }

@@ -120,16 +120,16 @@ fn clients_queued_after_a_killed_client_are_served() {
     let count = || std::fs::read_dir(&nodes).map_or(0, |entries| entries.count());
     let mut busy = Busy::start(&emulator, "step", &["24h"]);
     let before = count();
-    let behind: Vec<_> = (0..3)
+    let waiting: Vec<_> = (0..3)
         .map(|_| {
             let mut step = emulator.command("step", &["1us"]);
             std::thread::spawn(move || finish(&mut step))
         })
         .collect();
-    assert!(eventually(|| count() >= before + behind.len()));
+    assert!(eventually(|| count() >= before + waiting.len()));
     busy.0.kill().unwrap();
     busy.0.wait().unwrap();
-    for client in behind {
+    for client in waiting {
         client.join().unwrap().ok();
     }
 }

@@ -37,15 +37,15 @@ fn wireshark_shows_an_interface_with_its_frames_for_each_bus() {
     for field in ["frame.interface_name", "frame.len", "frame.cap_len", "can.id"] {
         tshark.args(["-e", field]);
     }
-    let told = finish(&mut tshark);
-    assert_eq!(told.code, Some(0), "{}", told.err);
-    let lines: Vec<Vec<_>> = told.out.lines().map(|line| line.split('\t').collect()).collect();
+    let output = finish(&mut tshark);
+    assert_eq!(output.code, Some(0), "{}", output.err);
+    let lines: Vec<Vec<_>> = output.out.lines().map(|line| line.split('\t').collect()).collect();
     let on = |bus| lines.iter().filter(move |line| line[0] == bus);
     // The request without data, and its answer of six octets.
     let telegrams: Vec<_> = on("dp").map(|line| (line[1], line[2], line[3])).collect();
-    assert_eq!(telegrams.last(), Some(&("17", "17", "")), "{}", told.out);
-    assert_eq!(telegrams[0], ("11", "11", ""), "{}", told.out);
-    assert!(on("open").count() > 0 && on("open").all(|line| !line[3].is_empty()), "{}", told.out);
+    assert_eq!(telegrams.last(), Some(&("17", "17", "")), "{}", output.out);
+    assert_eq!(telegrams[0], ("11", "11", ""), "{}", output.out);
+    assert!(on("open").count() > 0 && on("open").all(|line| !line[3].is_empty()), "{}", output.out);
     assert_eq!(on("dp").count() + on("open").count(), lines.len());
     let compared = emulator.run("bus", &["compare", file.path().to_str().unwrap()]);
     assert!(compared.code == Some(0) && compared.out.contains("no difference"), "{}", compared.out);

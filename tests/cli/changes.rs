@@ -60,12 +60,12 @@ fn diff_invents_no_old_value_for_a_missing_register() {
     handshake(&emulator);
     let before = save(&emulator, &directory, "before.json", &["node2"]);
     emulator.poke(&["node2.b_AC=16#FF", "node1.b_AC=16#FF"]);
-    let told = diff(&emulator, &[before.to_str().unwrap()], 1);
-    assert!(told.starts_with("node2.b_AC  %MB3.200013  - -> 16#FF"), "{told}");
-    assert_eq!(told.lines().count(), 1, "the file has only registers of node2: {told}");
+    let printed = diff(&emulator, &[before.to_str().unwrap()], 1);
+    assert!(printed.starts_with("node2.b_AC  %MB3.200013  - -> 16#FF"), "{printed}");
+    assert_eq!(printed.lines().count(), 1, "the file has only registers of node2: {printed}");
     let after = save(&emulator, &directory, "after.json", &["node1"]);
-    let told = diff(&emulator, &[before.to_str().unwrap(), after.to_str().unwrap()], 1);
-    assert!(told.contains("node2.w_OPTION_STATUS  %MW3.200002  16#0002 -> -\n"), "{told}");
+    let printed = diff(&emulator, &[before.to_str().unwrap(), after.to_str().unwrap()], 1);
+    assert!(printed.contains("node2.w_OPTION_STATUS  %MW3.200002  16#0002 -> -\n"), "{printed}");
 }
 
 /// The cyclic structure replaces the structure of the initialization data; the file does not contain its registers.
@@ -190,10 +190,10 @@ fn watching_does_not_change_the_journal() {
 fn the_journal_contains_changes_of_watched_registers() {
     let emulator = Emulator::start(&["--clock", "stepped", "--watch", "node2.w_CPU_CONTROL,node1"]);
     handshake(&emulator);
-    let told = emulator.run("trace", &["--kind", "changed"]);
-    let told = told.ok();
-    assert!(told.contains("w_CPU_CONTROL (%MW3.200000) 16#0000 -> 16#0001 by the channel"), "{told}");
-    assert!(!told.contains("w_OPTION_STATUS"), "only what was asked for: {told}");
+    let printed = emulator.run("trace", &["--kind", "changed"]);
+    let printed = printed.ok();
+    assert!(printed.contains("w_CPU_CONTROL (%MW3.200000) 16#0000 -> 16#0001 by the channel"), "{printed}");
+    assert!(!printed.contains("w_OPTION_STATUS"), "only what was asked for: {printed}");
     let wrong = run(&["run", "-i", "changes-wrong-name", "--watch", "node2.w_CPU_KONTROL"]);
     assert!(wrong.fails(2).contains("w_CPU_KONTROL"));
 }

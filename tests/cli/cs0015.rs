@@ -116,8 +116,8 @@ fn a_program_by_mmap_is_the_master_of_a_node_of_canopen() {
 fn the_board_has_the_switches_and_the_led_of_the_front_panel() {
     let emulator = Emulator::start(&[PLANT, "--clock", "stepped"]);
     let board = || -> Value {
-        let told = emulator.run("board", &["get", "panel", "--format", "json"]);
-        serde_json::from_str::<Value>(told.ok()).unwrap()[0].take()
+        let board = emulator.run("board", &["get", "panel", "--format", "json"]);
+        serde_json::from_str::<Value>(board.ok()).unwrap()[0].take()
     };
     emulator.step(&["300ms"]);
     let running = board();
@@ -129,9 +129,9 @@ fn the_board_has_the_switches_and_the_led_of_the_front_panel() {
     assert_eq!(emulator.peek(&["panel:%IW0", "panel:inputs.S2", "panel:%IX1.8"]), "16#8001 16#07 1");
     assert_eq!((&board()["outputs"], &board()["inputs"]), (&0x8000.into(), &0x8001.into()));
     let locked = emulator.run("board", &["set", "panel:s2=8", "panel:program=stop"]);
-    let told = locked.fails(1);
-    assert!(told.contains("PLC 'panel' refuses program=stop: S1 is at LOCK"), "{told}");
-    assert!(told.contains("set before the error: panel:s2=8"), "{told}");
+    let message = locked.fails(1);
+    assert!(message.contains("PLC 'panel' refuses program=stop: S1 is at LOCK"), "{message}");
+    assert!(message.contains("set before the error: panel:s2=8"), "{message}");
     emulator.run("board", &["set", "panel:s1=unlock", "panel:program=stop"]).ok();
     emulator.step(&["20ms"]);
     let stopped = board();
@@ -157,9 +157,12 @@ fn addresses_are_those_of_the_addressed_device() {
                 _ => text.to_owned(),
             };
             let refused = emulator.run(command, &[&argument]);
-            let told = refused.fails(2);
+            let message = refused.fails(2);
             let own = "%IW0 to %IW3 (inputs), %QW0 to %QW1 (outputs), %MW0 to %MW4095 (flags)";
-            assert!(told.contains(own) && !told.contains("%MB3.80000 to"), "{command} {argument}: {told}");
+            assert!(
+                message.contains(own) && !message.contains("%MB3.80000 to"),
+                "{command} {argument}: {message}"
+            );
         }
     }
     let refused = emulator.run("peek", &["%MX10.16"]);

@@ -79,7 +79,7 @@ impl Guest<TcpStream> {
 }
 
 impl<S: Read + Write> Guest<S> {
-    fn say(&mut self, text: &str) {
+    fn send(&mut self, text: &str) {
         self.0.write_all(text.as_bytes()).unwrap();
     }
 
@@ -97,7 +97,7 @@ impl<S: Read + Write> Guest<S> {
     }
 
     fn ask(&mut self, line: &str) -> String {
-        self.say(&format!("{line}\r"));
+        self.send(&format!("{line}\r"));
         self.hear()
     }
 }
@@ -133,7 +133,7 @@ fn frames_of_a_guest_that_leaves_at_once_are_sent() {
     let mut listener = Guest::open(port);
     {
         let mut hasty = Guest::come(port);
-        hasty.say("S4\rO\rt1230\rt1240\rt1250\rC\r");
+        hasty.send("S4\rO\rt1230\rt1240\rt1250\rC\r");
     }
     assert_eq!([listener.hear(), listener.hear(), listener.hear()], ["t1230\r", "t1240\r", "t1250\r"]);
     assert!(eventually(|| buses(&emulator)[0]["guests"].as_array().unwrap().len() == 1));
@@ -147,7 +147,7 @@ fn bad_lines_are_answered_by_the_bell_and_the_next_one_counts() {
     for line in ["bad", "t12", "t1239", "T123", "t8000", &"t".repeat(5000)] {
         assert_eq!(guest.ask(line), "\x07", "{line}");
     }
-    guest.say("\r\r\r");
+    guest.send("\r\r\r");
     assert_eq!(
         (guest.ask("V"), guest.ask("L"), guest.ask("t1230")),
         ("V0101\r".into(), "\r".into(), "\x07".into())
@@ -159,20 +159,23 @@ fn a_guest_with_another_bit_rate_receives_nothing_and_is_reported() {
     let emulator = start(OPEN, &[]);
     emulator.breaks(&["guest-bit-rate"]);
     let port = port(&emulator);
-    let mut deaf = Guest::come(port);
-    assert_eq!((deaf.ask("S6"), deaf.ask("O")), ("\r".into(), "\r".into()));
+    let mut unready = Guest::come(port);
+    assert_eq!((unready.ask("S6"), unready.ask("O")), ("\r".into(), "\r".into()));
     assert!(eventually(|| emulator.run("check", &[]).out.contains("guest-bit-rate  open:guest1")));
     let mut right = Guest::come(port);
     assert_eq!((right.ask("S4"), right.ask("O")), ("\r".into(), "\r".into()));
     let mut other = Guest::open(port);
-    assert_eq!(deaf.ask("t1110"), "z\r");
+    assert_eq!(unready.ask("t1110"), "z\r");
     assert!(eventually(|| buses(&emulator)[0]["guests"][0]["refused"] == 1));
     assert_eq!(right.ask("t1230"), "z\r");
     assert_eq!(other.hear(), "t1230\r", "and nothing before it");
     // The guest receives frames as soon as it sets the right bit rate. Earlier frames are lost for it.
-    assert_eq!((deaf.ask("C"), deaf.ask("S4"), deaf.ask("O")), ("\r".into(), "\r".into(), "\r".into()));
+    assert_eq!(
+        (unready.ask("C"), unready.ask("S4"), unready.ask("O")),
+        ("\r".into(), "\r".into(), "\r".into())
+    );
     assert_eq!(right.ask("t1240"), "z\r");
-    assert_eq!(deaf.hear(), "t1240\r");
+    assert_eq!(unready.hear(), "t1240\r");
 }
 
 #[test]
@@ -213,7 +216,7 @@ fn guests_receive_frames_of_a_cansync_bus_and_their_frames_are_reported() {
     let log = emulator.run("trace", &["--format", "candump"]).out;
     let frame = log.lines().next().unwrap().rsplit(' ').next().unwrap().replace('#', "");
     assert_eq!(format!("{}{}", &first[1..4], &first[5..first.len() - 1]), frame);
-    one.say("t7FF2BEEF\rT000000010\r");
+    one.send("t7FF2BEEF\rT000000010\r");
     while one.hear() != "Z\r" {}
     emulator.step(&["4ms"]);
     while other.hear() != "t7FF2BEEF\r" {}
@@ -248,7 +251,7 @@ fn a_guest_that_does_not_read_delays_no_other_and_its_losses_are_counted() {
     );
     assert!(emulator.run("bus", &["list"]).ok().contains(" dropped)"));
     // The emulator still reads from the slow guest and answers it.
-    slow.say("F\r");
+    slow.send("F\r");
     assert!(eventually(|| slow.hear() == "F08\r"));
 }
 
@@ -276,9 +279,9 @@ fn a_guest_alone_on_its_bus_is_error_passive_until_another_joins() {
     );
     assert_eq!(one.ask("F"), "F04\r");
     let log = emulator.run("trace", &[]);
-    let told = "16#123 from guest1 is not acknowledged";
+    let expected = "16#123 from guest1 is not acknowledged";
     assert!(
-        log.ok().matches(told).count() == 1 && log.out.contains("guest1 is error-passive, 128 transmit"),
+        log.ok().matches(expected).count() == 1 && log.out.contains("guest1 is error-passive, 128 transmit"),
         "{}",
         log.out
     );
@@ -416,14 +419,14 @@ fn a_log_is_played_and_compared() {
         let emulator = start(OPEN, clock);
         let mut guest = Guest::open(port(&emulator));
         let played = emulator.run("bus", &["play", path]);
-        let is_told = match clock.is_empty() {
+        let is_reported = match clock.is_empty() {
             true => {
                 played.ok().starts_with("3 frames in 10 ms of the log; sent within ")
                     && played.out.contains(" late\n")
             }
             false => played.ok() == "3 frames in 10 ms\n",
         };
-        assert!(is_told, "{}", played.out);
+        assert!(is_reported, "{}", played.out);
         // The last frame has ended on the bus.
         assert_eq!([guest.hear(), guest.hear(), guest.hear()], ["t1231AA\r", "R1FFF00018\r", "t1240\r"]);
         // In real time the machine's load decides when a frame is sent.
@@ -737,7 +740,7 @@ fn guests_leave_descriptors_to_the_channel_and_enter_when_some_are_free() {
     let highest = used_descriptors(&emulator).into_iter().filter(|number| *number < limit).max().unwrap();
     assert!(limit_descriptors(&emulator, highest + 1));
     let mut waiting = Guest::come(port);
-    waiting.say("V\r");
+    waiting.send("V\r");
     drop(guests);
     let answer = waiting.0.read(&mut [0]).map_err(|error| error.kind());
     assert!(matches!(answer, Ok(_) | Err(ErrorKind::ConnectionReset)), "an answer, or the end: {answer:?}");

@@ -42,7 +42,7 @@ fn drives_are_listed_shown_and_set() {
 #[test]
 fn settings_that_a_drive_does_not_accept_are_refused() {
     let emulator = Emulator::stepped();
-    for (args, told) in [
+    for (args, message) in [
         (&["show", "drive9"][..], ", not this one; did you mean drive"),
         (&["set", "drive1", "P4095=1"], "drive 'drive1': P4095 = 1: it has no such parameter"),
         (&["set", "drive1", "P121=1"], "P121 = 1: only the drive itself writes it"),
@@ -50,7 +50,7 @@ fn settings_that_a_drive_does_not_accept_are_refused() {
         (&["set", "drive1", "P167"], "write NUMBER=VALUE"),
     ] {
         let outcome = emulator.run("drive", args);
-        assert!(outcome.fails(2).contains(told), "{told}\n{}", outcome.err);
+        assert!(outcome.fails(2).contains(message), "{message}\n{}", outcome.err);
     }
     emulator.run("fault", &["add", "slave_off", "slave=2"]).ok();
     emulator.step(&["1ms"]);
@@ -96,9 +96,9 @@ fn every_command_reports_a_drive_with_another_bit_rate() {
                 [[bus.drive]]\nname = 'winder'\nslave_number = 3\nkbit_s = 250\n";
     std::fs::write(&plant, text).unwrap();
     let plant = plant.to_str().unwrap();
-    let told = "line 9: warning: drive 'winder' is set to 250 kbit/s and will hear nothing";
+    let message = "line 9: warning: drive 'winder' is set to 250 kbit/s and will hear nothing";
     let checked = run(&["run", "--check", plant]);
-    assert!(checked.ok().contains(told), "{}", checked.out);
+    assert!(checked.ok().contains(message), "{}", checked.out);
     let checked: Value =
         serde_json::from_str(run(&["run", "--check", "--format", "json", plant]).ok()).unwrap();
     assert_eq!((&checked[0]["fine"], &checked[0]["warnings"][0]["line"]), (&true.into(), &9.into()));
@@ -141,8 +141,8 @@ fn poke_says_that_only_the_firmware_writes_a_register() {
     let emulator = Emulator::stepped();
     let outcome = emulator.run("poke", &["node2.w_OPTION_STATUS=16#0042"]);
     assert_eq!((outcome.code, outcome.out.as_str()), (Some(0), ""));
-    let told = "note: only the firmware writes node2.w_OPTION_STATUS (%MW3.200002): the value was written";
-    assert!(outcome.err.contains(told), "{}", outcome.err);
+    let message = "note: only the firmware writes node2.w_OPTION_STATUS (%MW3.200002): the value was written";
+    assert!(outcome.err.contains(message), "{}", outcome.err);
     assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS"]), "16#0042");
     assert_eq!(emulator.run("poke", &["node2.w_CPU_CONTROL=0"]).err, "");
     emulator.breaks(&["owner"]);

@@ -280,7 +280,7 @@ impl Damage {
 
 /// State of the emulator's process during the damage.
 #[derive(Clone, Copy, Debug)]
-enum Life {
+enum ProcessState {
     Running,
     Stopped,
     Dying,
@@ -300,12 +300,12 @@ fn stop_and_clean_reach_the_emulator_despite_damaged_instance_files() {
     assert!(count >= 4, "lock, prefix, ready and what iceoryx2 has made");
     let mut case = 0;
     for subset in 1..1_u32 << count {
-        for life in [Life::Running, Life::Stopped, Life::Dying] {
+        for state in [ProcessState::Running, ProcessState::Stopped, ProcessState::Dying] {
             for damage in DAMAGES {
                 case += 1;
                 // Each subset with each process state, and the damages in turn; the lock alone with all of them.
                 if all || case % 15 == (subset % 5) * 3 {
-                    reach(subset, damage, life);
+                    reach(subset, damage, state);
                 }
             }
         }
@@ -316,29 +316,29 @@ fn directory(emulator: &Emulator) -> PathBuf {
     format!("/dev/shm/commram.{}.iox.d", emulator.name).into()
 }
 
-fn reach(subset: u32, damage: Damage, life: Life) {
+fn reach(subset: u32, damage: Damage, state: ProcessState) {
     let mut emulator = Emulator::stepped();
     let parts = parts(&directory(&emulator));
     let hit: Vec<_> = (0..).zip(&parts).filter(|(n, _)| subset >> n & 1 != 0).map(|(_, path)| path).collect();
-    let what = format!("{hit:?} {damage:?}, {life:?}");
-    if let Life::Stopped = life {
+    let what = format!("{hit:?} {damage:?}, {state:?}");
+    if let ProcessState::Stopped = state {
         emulator.signal("-STOP");
     }
     hit.iter().for_each(|path| damage.hit(path));
-    if let Life::Dying = life {
+    if let ProcessState::Dying = state {
         // The parent process does not wait for it, so it remains a zombie.
         emulator.signal("-KILL");
     }
     let stop = promised(Duration::from_secs(2), || emulator.run("stop", &[]));
     let clean = || emulator.run("stop", &["--clean"]);
-    match life {
-        Life::Dying => {
+    match state {
+        ProcessState::Dying => {
             assert!(stop.code == Some(3) && stop.err.contains("is dead"), "{what}: {stop:?}");
             let clean = promised(Duration::from_secs(2), clean);
             assert_eq!(clean.code, Some(0), "{what}: {clean:?}");
             emulator.kill();
         }
-        Life::Running | Life::Stopped => {
+        ProcessState::Running | ProcessState::Stopped => {
             assert_eq!(stop.code, Some(0), "{what}: {stop:?}");
             // The emulator may refuse to remove some damaged parts of the channel.
             clean();

@@ -133,8 +133,8 @@ fn continuous_commands_exit_with_130_on_ctrl_c() {
         let (out, err) = (child.stdout.take().unwrap(), child.stderr.take().unwrap());
         let (mut out, mut err) = (BufReader::new(out), BufReader::new(err));
         let mut line = String::new();
-        let said = if is_silent { err.read_line(&mut line) } else { out.read_line(&mut line) };
-        assert!(said.unwrap() > 0, "{args:?}");
+        let read = if is_silent { err.read_line(&mut line) } else { out.read_line(&mut line) };
+        assert!(read.unwrap() > 0, "{args:?}");
         assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
         let status = wait_for(&mut child, args[0]);
         assert_eq!(status.code(), Some(130), "{args:?}: {status}");
@@ -204,12 +204,16 @@ fn operations_are_done_although_their_output_cannot_be_written() {
     let full = |args: &[&str]| {
         let outcome = finish_on_a_full_disk(commram().args(args).args(["-i", &name]));
         assert_eq!(outcome.code, Some(4), "{args:?}: {}", outcome.err);
-        let told = "commram: cannot write the output: ";
-        assert!(outcome.err.contains(told) && outcome.err.contains("is done"), "{args:?}: {}", outcome.err);
+        let message = "commram: cannot write the output: ";
+        assert!(
+            outcome.err.contains(message) && outcome.err.contains("is done"),
+            "{args:?}: {}",
+            outcome.err
+        );
         outcome.err
     };
-    let told = full(&["run", "--detach", "--clock", "stepped"]);
-    assert!(told.contains("continues in the background"), "{told}");
+    let message = full(&["run", "--detach", "--clock", "stepped"]);
+    assert!(message.contains("continues in the background"), "{message}");
     full(&["step", "1ms"]);
     let time = run(&["step", "1ms", "-i", &name]);
     assert_eq!(time.ok(), "0.002000 s\n");

@@ -97,7 +97,7 @@ fn every_kind_of_fault_is_accepted_and_recorded_in_the_journal() {
     emulator.step(&["4ms"]);
     assert_eq!(emulator.peek(&job), "16#22 16#0000FFFB", "then the slave refuses");
     let journal = emulator.run("trace", &["--kind", "fault"]).ok().to_owned();
-    for told in [
+    for expected in [
         "fault 1, lose_frame: added",
         "fault 1, lose_frame: hits frame 16#100",
         "fault 1, lose_frame: over",
@@ -109,7 +109,7 @@ fn every_kind_of_fault_is_accepted_and_recorded_in_the_journal() {
         "fault 15, baps_silent: over",
         "fault 16, baps_slow: hits",
     ] {
-        assert!(journal.contains(told), "{told}\n{journal}");
+        assert!(journal.contains(expected), "{expected}\n{journal}");
     }
     let count = emulator.run("fault", &["list", "--format", "csv"]).ok().lines().count() - 1;
     emulator.run("fault", &["clear", "--all"]).ok();

@@ -200,8 +200,8 @@ pub(crate) fn at(emulator: &Emulator, program: &Path) -> Child {
 #[track_caller]
 pub(crate) fn passes(program: Child) {
     let output = program.wait_with_output().unwrap();
-    let said = [output.stdout, output.stderr].concat();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&said));
+    let printed = [output.stdout, output.stderr].concat();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&printed));
 }
 
 pub(crate) fn journal(emulator: &Emulator) -> String {
@@ -321,13 +321,13 @@ fn a_process_that_is_no_federate_of_this_plant_is_refused() {
     let Some(helics) = helics() else { return };
     // A greeting by another version, and an invalid greeting.
     let other_version = "0005392e392e3902000000";
-    for (says, code, complaint) in [
+    for (greeting, code, complaint) in [
         (other_version, 2, "federate 1 is commram 9.9.9"),
         ("nonsense", 1, "federate 1 has sent an unexpected message"),
     ] {
         let broker = Broker::start(&helics, 2);
         let mut python = Command::new(&helics.python);
-        python.args(["-c", IMPOSTOR, &broker.address, says]).stdout(Stdio::null()).stderr(Stdio::null());
+        python.args(["-c", IMPOSTOR, &broker.address, greeting]).stdout(Stdio::null()).stderr(Stdio::null());
         let mut impostor = Ends(python.spawn().unwrap());
         let outcome = ends(&broker.arguments("", "0/2")[1..], &broker.library);
         assert_eq!(outcome.code, Some(code), "{}", outcome.err);
@@ -416,7 +416,7 @@ fn a_mismatched_federate_is_refused_with_a_reason() {
             let other = start(other, part);
             [one.join().unwrap(), other]
         });
-        let is_told = |it: &Outcome| it.code == Some(2) && it.err.contains(complaint);
-        assert!(ended.iter().any(is_told), "{:?}", ended.map(|it| it.err));
+        let is_refused = |it: &Outcome| it.code == Some(2) && it.err.contains(complaint);
+        assert!(ended.iter().any(is_refused), "{:?}", ended.map(|it| it.err));
     }
 }

@@ -61,7 +61,7 @@ fn plants_are_refused_within_the_promised_time() {
     let fault = |_| "[[fault]]\nkind='lose_frame'\nslot='WRC1'\n".to_owned();
     let one_bus = format!("{plc}node2 = 'b'\n[[bus]]\nname = 'b'\n");
     let parameters = format!("{one_bus}[[bus.drive]]\nname='d'\nslave_number=1\nparameters=[");
-    for (name, text, told) in [
+    for (name, text, message) in [
         ("pairs", filled(most, "", pairs, wrong), "there is no such fault"),
         ("drives", filled(most, plc, drives, wrong), "there is no such fault"),
         ("faults", filled(most, &one_bus, fault, ""), "[[fault]] 257: "),
@@ -75,7 +75,7 @@ fn plants_are_refused_within_the_promised_time() {
     ] {
         files.write(name, &text);
         let outcome = files.run(&["run", name, "-i", &unique_name()]);
-        assert!(outcome.fails(2).contains(told), "{name}: {}", &outcome.err[..outcome.err.len().min(400)]);
+        assert!(outcome.fails(2).contains(message), "{name}: {}", &outcome.err[..outcome.err.len().min(400)]);
     }
 }
 
@@ -91,7 +91,7 @@ fn large_plants_are_accepted_within_the_promised_time() {
         head.to_owned() + &(0..count).map(item).collect::<String>()
     };
     let one_bus = "[[plc]]\nname='p'\n[[bus]]\nname='c'\nkind='can'\nkbit_s=125\n";
-    for (name, text, told) in [
+    for (name, text, message) in [
         ("pairs", many("", &pairs), format!("{count} devices, {count} buses")),
         ("stations", many(one_bus, &stations), format!("{} devices, 1 bus with 0 drives", count + 1)),
         ("masters", many("[[plc]]\nname='p'\n", &no_master), format!("bus 'b{}' has no master", count - 1)),
@@ -100,7 +100,7 @@ fn large_plants_are_accepted_within_the_promised_time() {
         let outcome = files.run(&["run", "--check", name]);
         assert_eq!(outcome.code, Some(0), "{name}: {}", outcome.err);
         assert!(
-            outcome.out.contains(&told),
+            outcome.out.contains(&message),
             "{name}: {}",
             &outcome.out[outcome.out.len().saturating_sub(400)..]
         );
@@ -176,7 +176,7 @@ fn declarations_are_refused_within_the_promised_time() {
     let most = 4 * MIB / PART;
     let (layout, end) = (concat!(env!("CARGO_MANIFEST_DIR"), "/layouts/bm4-plc"), "END_TYPE\n");
     let first = "TYPE\nCANsync_MA_CTRL_BMSTRUCT : T0;\n";
-    for (name, text, told) in [
+    for (name, text, message) in [
         ("chain", filled(most, first, |n| format!("T{n} : T{};\n", n + 1), end), "chain"),
         (
             "doubling",
@@ -192,7 +192,7 @@ fn declarations_are_refused_within_the_promised_time() {
     ] {
         files.write(name, &text);
         let outcome = files.run(&["layout", "import", name, "--layout", layout, "--check"]);
-        assert!(outcome.fails(2).contains(told), "{name}: {}", &outcome.err[..outcome.err.len().min(400)]);
+        assert!(outcome.fails(2).contains(message), "{name}: {}", &outcome.err[..outcome.err.len().min(400)]);
     }
 }
 
@@ -204,10 +204,10 @@ fn layouts_are_accepted_or_refused_within_the_promised_time() {
     std::fs::create_dir(&layout).unwrap();
     let head = "name = 'any'\nid = 'ANY'\n";
     let values = |n| format!("[[meaning]]\nname = 'm{n}'\nvalues = [{{ value = {n}, text = 'x' }}]\n");
-    let check = |told: &str| {
+    let check = |message: &str| {
         let outcome = files.run(&["layout", "check", "layout"]);
-        assert!(outcome.out.contains(told), "{told}: {}", &outcome.out[..outcome.out.len().min(400)]);
-        assert_eq!(outcome.code, Some(2), "{told}");
+        assert!(outcome.out.contains(message), "{message}: {}", &outcome.out[..outcome.out.len().min(400)]);
+        assert_eq!(outcome.code, Some(2), "{message}");
     };
     let device = layout.join("device.toml");
     rustix::fs::mkfifoat(rustix::fs::CWD, &device, rustix::fs::Mode::RUSR).unwrap();
@@ -264,7 +264,7 @@ fn many_overlaid_structures_are_accepted_or_refused_within_the_promised_time() {
     let layout = files.0.path().join("layout");
     std::fs::create_dir(&layout).unwrap();
     let long = format!("# {}\n", "x".repeat(MIB - 1000));
-    for (count, words, more, code, told) in [
+    for (count, words, more, code, message) in [
         (400, 8_192, "", 0, "other"),
         (700, 8_192, "", 2, "the structures of all areas up to `S512` in `a` have more than 16777216 bytes"),
         (3, 60_000, &long, 2, "the files of the layout up to this one have more than 2 MiB"),
@@ -272,7 +272,7 @@ fn many_overlaid_structures_are_accepted_or_refused_within_the_promised_time() {
         write_overlaid(&layout, count, words, more);
         let outcome = files.run(&["layout", "check", "layout"]);
         assert_eq!(outcome.code, Some(code), "{}", &outcome.out[..outcome.out.len().min(600)]);
-        assert!(outcome.out.contains(told), "{told}: {}", &outcome.out[..outcome.out.len().min(600)]);
+        assert!(outcome.out.contains(message), "{message}: {}", &outcome.out[..outcome.out.len().min(600)]);
     }
 }
 
@@ -287,13 +287,13 @@ fn snapshots_are_refused_within_the_promised_time() {
         std::fs::read(path).unwrap()
     };
     let longest = usize::try_from(commram::plant::SnapshotFile::LONGEST).unwrap();
-    for (name, bytes, told) in [
+    for (name, bytes, message) in [
         ("zeros", vec![0; longest], "it is not a snapshot"),
         ("longer", vec![0; longest + 1], "more than"),
         ("tail", [&right[..right.len() / 2], &vec![0xFF; longest - right.len()][..]].concat(), "damaged"),
     ] {
         std::fs::write(files.0.path().join(name), bytes).unwrap();
         let outcome = files.run(&["run", "--from", name, "-i", &unique_name()]);
-        assert!(outcome.fails(2).contains(told), "{name}: {}", outcome.err);
+        assert!(outcome.fails(2).contains(message), "{name}: {}", outcome.err);
     }
 }

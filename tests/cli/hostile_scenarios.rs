@@ -39,13 +39,13 @@ fn control_characters_of_scripts_are_spelled_out() {
     assert_eq!(outcome.code, Some(2), "{}", outcome.err);
     let is_harmless = |text: &str| !text.chars().any(|sign| sign.is_control() && sign != '\n');
     assert!(is_harmless(&outcome.out) && is_harmless(&outcome.err), "{:?}", outcome.out);
-    for told in [
+    for message in [
         "  section   part \\u{1b}[2J\n",
         "| says \\u{1b}[2J\\r\\u{9b}1m\n",
         "expect(\"node2.b_BT_0\", 1); // \\u{1b}[2J\n",
         "let x = \"\\u{1b}[2J\"; x +;\n",
     ] {
-        assert!(outcome.out.contains(told), "{}\nlacks {told}", outcome.out);
+        assert!(outcome.out.contains(message), "{}\nlacks {message}", outcome.out);
     }
 }
 
@@ -103,10 +103,10 @@ fn two_reports_in_one_file_are_refused() {
     std::os::unix::fs::symlink("report", scripts.0.path().join("link")).unwrap();
     for page in ["html=report", "html=./report", "html=link"] {
         let outcome = scripts.run(&["a.rhai", "--junit", "report", "--report", page]);
-        let told = outcome.fails(2);
+        let message = outcome.fails(2);
         assert!(
-            told.contains("--junit report --report html=") && told.contains("both name the same file"),
-            "{told}"
+            message.contains("--junit report --report html=") && message.contains("both name the same file"),
+            "{message}"
         );
         assert!(!scripts.0.path().join("report").exists());
     }
@@ -121,9 +121,9 @@ fn a_report_that_is_too_long_names_the_limit() {
     let scripts = Scripts::new(&[("long.rhai", text)]);
     let outcome = scripts.run(&["long.rhai", "--allow-empty"]);
     assert_eq!(outcome.code, Some(1), "{}", outcome.err);
-    let told =
+    let message =
         "long.rhai: its report has 20 MiB, and the limit is 16 MiB: use fewer or shorter texts in section()";
-    assert!(outcome.out.contains(told), "{}", &outcome.out[..outcome.out.len().min(1000)]);
+    assert!(outcome.out.contains(message), "{}", &outcome.out[..outcome.out.len().min(1000)]);
 }
 
 /// Two circular imports, one direct and one through the scenario itself, and one module that is imported twice.
@@ -316,8 +316,8 @@ fn devices_and_pipes_are_refused_as_plant_scenario_import_and_dump() {
         (&["diff", "/dev/zero", "/dev/zero"][..], 2),
     ] {
         let output = commram().args(args).current_dir(scripts.0.path()).output().unwrap();
-        let told = String::from_utf8_lossy(&output.stdout) + String::from_utf8_lossy(&output.stderr);
-        assert!(told.contains(why), "{args:?}: {told}");
-        assert_eq!(output.status.code(), Some(code), "{args:?}: {told}");
+        let message = String::from_utf8_lossy(&output.stdout) + String::from_utf8_lossy(&output.stderr);
+        assert!(message.contains(why), "{args:?}: {message}");
+        assert_eq!(output.status.code(), Some(code), "{args:?}: {message}");
     }
 }

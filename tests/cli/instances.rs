@@ -207,9 +207,12 @@ fn an_address_error_uses_the_words_of_the_devices_of_the_instance() {
             [("peek", text.to_owned()), ("wait", format!("{text}==1")), ("poke", format!("{text}=1"))]
         {
             let refused = emulator.run(command, &[&argument]);
-            let told = refused.fails(2);
-            assert!(told.contains("has several PLCs (gw, panel)"), "{command} {argument}: {told}");
-            assert!(!told.contains("baps") && !told.contains("even address"), "{command} {argument}: {told}");
+            let message = refused.fails(2);
+            assert!(message.contains("has several PLCs (gw, panel)"), "{command} {argument}: {message}");
+            assert!(
+                !message.contains("baps") && !message.contains("even address"),
+                "{command} {argument}: {message}"
+            );
         }
     }
     let refused = emulator.run("peek", &["gw:%MW9999"]);

@@ -220,13 +220,13 @@ fn a_stopped_emulator_can_be_ended() {
         let (name, pid) = (&emulator.name, emulator.pid());
         assert_eq!((outcome.code, outcome.out), (Some(0), format!("instance '{name}' has stopped\n")));
         // The signal that stops the process may take effect only after its end.
-        assert!(outcome.err == goes_on(name, pid) || outcome.err.is_empty(), "{}", outcome.err);
+        assert!(outcome.err == continues_text(name, pid) || outcome.err.is_empty(), "{}", outcome.err);
         assert_eq!(status.code(), Some(0));
         assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
     }
 }
 
-fn goes_on(name: &str, pid: u32) -> String {
+fn continues_text(name: &str, pid: u32) -> String {
     format!("commram: note: instance '{name}' was stopped (process {pid}); it is continued to end\n")
 }
 
@@ -249,7 +249,7 @@ fn stop_ends_an_emulator_that_is_suspended_repeatedly() {
     });
     // `stop` does not wait for the process once it serves no clients.
     emulator.signal("-CONT");
-    assert_eq!((outcome.code, outcome.err), (Some(0), goes_on(&emulator.name, pid)));
+    assert_eq!((outcome.code, outcome.err), (Some(0), continues_text(&emulator.name, pid)));
     assert_eq!(emulator.wait().code(), Some(0));
     assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
 }

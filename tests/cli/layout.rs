@@ -357,15 +357,15 @@ fn a_vendors_declarations_move_registers_and_the_program_no_longer_fits() {
     let import = checkout.import(&["--align", "2", "--format", "json"]);
     assert_eq!(import.code, Some(0), "{}", import.err);
     let rows: Vec<serde_json::Value> = serde_json::from_str(&import.out).unwrap();
-    let told = |name: &str| rows.iter().find(|row| row["member"] == name).unwrap();
+    let row_of = |name: &str| rows.iter().find(|row| row["member"] == name).unwrap();
     assert_eq!(
-        told("w_SPEED"),
+        row_of("w_SPEED"),
         &serde_json::json!({
             "structure": "ETHERNET_DIAGNOSE_BMSTRUCT", "member": "w_SPEED", "verdict": "moved",
             "before": 2, "after": 14, "remark": "",
         })
     );
-    assert_eq!(told("w_RESERVE")["verdict"], "new");
+    assert_eq!(row_of("w_RESERVE")["verdict"], "new");
     assert_eq!(rows.iter().filter(|row| row["verdict"] == "undeclared").count(), 5);
     let text = fs::read_to_string(checkout.layout().join("ETHERNET_DIAGNOSE_BMSTRUCT.toml")).unwrap();
     assert!(text.starts_with("# The manual names the structure and its address"), "{text}");

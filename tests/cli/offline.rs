@@ -232,8 +232,8 @@ fn an_output_that_cannot_be_written_has_its_exit_code() {
     {
         let outcome = finish_on_a_full_disk(commram().args(args));
         assert_eq!(outcome.code, Some(4), "{args:?}: {}", outcome.err);
-        let told = "commram: cannot write the output: ";
-        assert!(outcome.err.starts_with(told), "{args:?}: {}", outcome.err);
+        let message = "commram: cannot write the output: ";
+        assert!(outcome.err.starts_with(message), "{args:?}: {}", outcome.err);
     }
 }
 

@@ -22,10 +22,10 @@ const ANSWER: &str = "16#0080 16#03 16#00001388 16#00001388 301#8813000037800000
 
 /// Runs a program with a separate emulator. The program must succeed, and the drive must have answered.
 #[track_caller]
-fn sees_the_answer(program: impl FnOnce(&Emulator) -> Outcome, says: &str) {
+fn sees_the_answer(program: impl FnOnce(&Emulator) -> Outcome, expected: &str) {
     let emulator = Emulator::start(&[]);
     let outcome = program(&emulator);
-    assert!(outcome.ok().contains(says), "{}", outcome.out);
+    assert!(outcome.ok().contains(expected), "{}", outcome.out);
     assert_eq!(answer(&emulator), ANSWER);
 }
 

@@ -45,8 +45,8 @@ fn an_instance_and_its_journal_give_the_same_plot() {
     assert!(std::fs::read(&png).unwrap().starts_with(b"\x89PNG\r\n"));
     // A register without recorded values has no curve, and the plot contains a note.
     let unknown = emulator.run("plot", &["node1.w_CPU_CONTROL", "-o", &live]);
-    let said = "node1.w_CPU_CONTROL: no change recorded, present value 16#0000";
-    assert!(unknown.code == Some(0) && unknown.err.contains(said), "{}", unknown.err);
+    let note = "node1.w_CPU_CONTROL: no change recorded, present value 16#0000";
+    assert!(unknown.code == Some(0) && unknown.err.contains(note), "{}", unknown.err);
     let hint = "(run --record, record)";
     assert!(unknown.err.contains(hint), "{}", unknown.err);
     let unchanged = emulator.run("plot", &["node2.a_RD_BMARRAY[1][0]", "-o", &live]);
@@ -55,13 +55,13 @@ fn an_instance_and_its_journal_give_the_same_plot() {
         "{}",
         unchanged.err
     );
-    for (args, told) in [
+    for (args, message) in [
         (&["node2.w_CPU_CONTROL", "-o", "x.gif"][..], "must end in .svg or .png"),
         (&["node2.w_CPU_CONTROL", "-o", "x.svg", "--from", "2ms", "--to", "1ms"], "later than --since"),
         (&["%MB3.200001", "-o", "x.svg"], "a part of a register"),
         (&["node2.w_NO", "-o", "x.svg"], "w_NO"),
     ] {
-        assert!(emulator.run("plot", args).fails(2).contains(told), "{told}");
+        assert!(emulator.run("plot", args).fails(2).contains(message), "{message}");
     }
 }
 
@@ -111,8 +111,8 @@ fn a_report_opens_in_a_browser_without_a_complaint() {
     let Some(python) = python(&["websocket"]) else { return };
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/check_page.py");
     let mut browser = Command::new(python.get_program());
-    let told = finish(browser.arg(script).arg("chromium").arg(scripts.0.path().join("report.html")));
-    let shown: Value = serde_json::from_str(told.ok()).unwrap();
+    let output = finish(browser.arg(script).arg("chromium").arg(scripts.0.path().join("report.html")));
+    let shown: Value = serde_json::from_str(output.ok()).unwrap();
     let wanted = json!({
         "title": "commram: not all passed",
         "scripts": 1,
@@ -203,7 +203,7 @@ fn the_drive_turns_only_with_the_right_order() {
     assert!(wrong.find(control) < wrong.find(word) && right.find(control) > right.find(word), "{right}");
     let plant = include_str!("../../tools/examples/wrong-order.toml");
     let scripts = Scripts::new(&[("wrong.rhai", wrong), ("right.rhai", &right), ("wrong-order.toml", plant)]);
-    let stands = scripts.run(&["wrong.rhai"]);
-    assert!(stands.code == Some(1) && stands.out.contains("node2.a_RD_BMARRAY[1][0]"), "{}", stands.out);
+    let failed = scripts.run(&["wrong.rhai"]);
+    assert!(failed.code == Some(1) && failed.out.contains("node2.a_RD_BMARRAY[1][0]"), "{}", failed.out);
     scripts.run(&["right.rhai"]).ok();
 }

@@ -43,11 +43,11 @@ impl Guest {
         Guest(stream)
     }
 
-    fn say(&mut self, octets: &[u8]) {
-        self.say_at(0, octets);
+    fn send(&mut self, octets: &[u8]) {
+        self.send_at(0, octets);
     }
 
-    fn say_at(&mut self, begin: u64, octets: &[u8]) {
+    fn send_at(&mut self, begin: u64, octets: &[u8]) {
         let mut bytes = u16::try_from(octets.len()).unwrap().to_le_bytes().to_vec();
         bytes.extend(begin.to_le_bytes());
         bytes.extend_from_slice(octets);
@@ -93,8 +93,8 @@ fn the_program_of_the_documentation_runs_as_printed() {
     let Some(mut python) = python(&[]) else { return };
     let page = include_str!("../../docs/devices/can-dp2/overview.md");
     let (_, program) = page.split_once("```python\n").unwrap();
-    let (program, behind) = program.split_once("```\n").unwrap();
-    let (_, printed) = behind.split_once("it prints `").unwrap();
+    let (program, following) = program.split_once("```\n").unwrap();
+    let (_, printed) = following.split_once("it prints `").unwrap();
     let (printed, _) = printed.split_once('`').unwrap();
     let file = tempfile::NamedTempFile::new().unwrap();
     std::fs::write(file.path(), program).unwrap();
@@ -190,7 +190,7 @@ fn several_slaves_at_one_serial_line() {
     });
     let mut master = Guest::come(&emulator);
     for station in [7_u8, 8] {
-        master.say(&[0x10, station, 2, 0x49, 0x49 + 2 + station, 0x16]);
+        master.send(&[0x10, station, 2, 0x49, 0x49 + 2 + station, 0x16]);
         assert_eq!(master.hear().1, [0x10, 2, station, 0, station + 2, 0x16]);
     }
     let mut line = slaves.join().unwrap();
@@ -206,10 +206,10 @@ fn foreign_masters_ask_a_slave_and_hear_each_other() {
     let (mut master, mut other) = (Guest::come(&emulator), Guest::come(&emulator));
     assert!(eventually(|| buses(&emulator)[0]["guests"].as_array().unwrap().len() == 2));
     // From the first telegram the slave detects the bit rate.
-    master.say(&[0xDC, 2, 2]);
+    master.send(&[0xDC, 2, 2]);
     let (token_at, token) = other.hear();
     assert_eq!(token, [0xDC, 2, 2]);
-    master.say(&SLAVE_DIAG);
+    master.send(&SLAVE_DIAG);
     let (asked_at, asked) = other.hear();
     assert_eq!(asked, SLAVE_DIAG);
     assert!(asked_at >= token_at + 33 + 33, "{token_at} {asked_at}");
@@ -217,8 +217,8 @@ fn foreign_masters_ask_a_slave_and_hear_each_other() {
     assert_eq!(answer, [0x68, 11, 11, 0x68, 0x82, 0x85, 8, 62, 60, 2, 5, 0, 0xFF, 4, 0xA4, 0x37, 0x16]);
     assert_eq!(answered_at, asked_at + 11 * 11 + 11);
     assert_eq!(other.hear(), (answered_at, answer));
-    let told = emulator.run("trace", &["--bus", "dp"]).out;
-    assert!(told.contains("guest1 takes part") && told.contains("from guest1"), "{told}");
+    let trace = emulator.run("trace", &["--bus", "dp"]).out;
+    assert!(trace.contains("guest1 takes part") && trace.contains("from guest1"), "{trace}");
 }
 
 #[test]
@@ -231,8 +231,8 @@ fn a_length_that_no_telegram_has_closes_the_door_for_this_guest() {
     let findings = || emulator.run("check", &[]).out;
     assert!(eventually(|| findings().contains("guest-telegram")), "{}", findings());
     // Other guests stay connected.
-    other.say(&[0xDC, 2, 2]);
-    other.say(&SLAVE_DIAG);
+    other.send(&[0xDC, 2, 2]);
+    other.send(&SLAVE_DIAG);
     assert_eq!(other.hear().1.len(), 17);
 }
 
@@ -242,8 +242,8 @@ fn a_distant_bit_time_is_refused_with_a_message() {
     let emulator = start();
     emulator.breaks(&["guest-time"]);
     let (mut other, mut guest) = (Guest::come(&emulator), Guest::come(&emulator));
-    guest.say_at(1 << 62, &[0xDC, 2, 2]);
-    guest.say(&[0xDC, 3, 3]);
+    guest.send_at(1 << 62, &[0xDC, 2, 2]);
+    guest.send(&[0xDC, 3, 3]);
     assert_eq!(other.hear().1, [0xDC, 3, 3], "what follows is not kept back");
     let findings = emulator.run("check", &[]).out;
     assert!(findings.contains("guest-time"), "{findings}");
@@ -256,8 +256,8 @@ fn a_request_without_a_pause_is_found() {
     let emulator = start_with(PLANT, &["--clock", "stepped"]);
     emulator.breaks(&["guest-early"]);
     let mut guest = Guest::come(&emulator);
-    guest.say_at(1_000, &[0xDC, 2, 2]);
-    guest.say_at(1_000 + 33 + 11, &SLAVE_DIAG);
+    guest.send_at(1_000, &[0xDC, 2, 2]);
+    guest.send_at(1_000 + 33 + 11, &SLAVE_DIAG);
     assert!(eventually(|| {
         emulator.step(&["10ms"]);
         emulator.run("check", &[]).out.contains("guest-early")
@@ -269,8 +269,8 @@ fn a_request_without_a_pause_is_found() {
 fn the_list_of_buses_has_the_stations_of_a_segment() {
     let emulator = start();
     let mut master = Guest::come(&emulator);
-    master.say(&[0xDC, 2, 2]);
-    master.say(&SLAVE_DIAG);
+    master.send(&[0xDC, 2, 2]);
+    master.send(&SLAVE_DIAG);
     master.hear();
     let list = emulator.run("bus", &["list"]).ok().to_owned();
     for station in ["gw:dp (5, wait_prm)", "gw:mst (1, master)", "guest1 (2, guest)"] {

@@ -87,11 +87,11 @@ fn retain_flags_are_read_and_written_by_their_addresses() {
         "{}",
         one.out
     );
-    let behind = "this PLC has fewer retain flags than this BYTE needs; `retain_bytes` in the plant file gives it more";
+    let message = "this PLC has fewer retain flags than this BYTE needs; `retain_bytes` in the plant file gives it more";
     for (command, access) in [("peek", "%MB10000064"), ("poke", "%MB10000064=1"), ("force", "%MB10000064=1")]
     {
         let outcome = emulator.run(command, &[access]);
-        assert_eq!(outcome.fails(2), format!("commram: %MB10000064: {behind}\n"), "{command}");
+        assert_eq!(outcome.fails(2), format!("commram: %MB10000064: {message}\n"), "{command}");
     }
     assert_eq!(
         emulator.run("dump", &["%MB10000064"]).fails(2),

@@ -250,8 +250,8 @@ fn wrong_use_of_a_verb_says_what_would_be_right() {
         assert!(report.starts_with("broken  one.rhai"), "{script}\n{report}");
         assert!(report.contains(expected), "{script}\n{report}\nlacks: {expected}");
         for ours in ["i64", "&str", "::", "alloc", "Rc<"] {
-            let told = report.split("line      ").next().unwrap().replace("start::", "");
-            assert!(!told.contains(ours), "{script}\n{report}\ntells {ours}");
+            let summary = report.split("line      ").next().unwrap().replace("start::", "");
+            assert!(!summary.contains(ours), "{script}\n{report}\ntells {ours}");
         }
     }
 }

@@ -21,10 +21,10 @@ impl Model {
 
     /// Waits for a successful end and returns its output.
     fn end(mut self) -> String {
-        let mut said = String::new();
-        self.0.stdout.take().unwrap().read_to_string(&mut said).unwrap();
-        assert!(self.0.wait().unwrap().success(), "{said}");
-        said
+        let mut printed = String::new();
+        self.0.stdout.take().unwrap().read_to_string(&mut printed).unwrap();
+        assert!(self.0.wait().unwrap().success(), "{printed}");
+        printed
     }
 }
 
@@ -180,13 +180,13 @@ fn a_sensor_in_python_is_on_a_can_bus() {
         let sensor = Model::start(&helics, &script, &broker, &["50"]);
         let more = ["--exchange", exchange.to_str().unwrap(), "--follow"];
         let mut emulator = broker.emulator(&[plant.to_str().unwrap()], &more);
-        let said = sensor.end();
-        assert!(said.contains("open 720#00") && said.contains("said 50 heard 1"), "{said}");
+        let printed = sensor.end();
+        assert!(printed.contains("open 720#00") && printed.contains("said 50 heard 1"), "{printed}");
         // The process ends after the others have ended.
         assert_eq!(emulator.wait().code(), Some(0));
         let complaints = emulator.complaints();
         assert!(complaints.contains("the other simulators have ended"), "{complaints}");
-        seen.push(said);
+        seen.push(printed);
     }
     assert_eq!(seen[0], seen[1]);
 }

@@ -64,14 +64,14 @@ fn a_failing_round_is_minimized_and_fails_alone() {
 
 #[test]
 fn wrong_use_says_what_would_be_right() {
-    for (args, says) in [
+    for (args, expected) in [
         (&["soak", "--exercise", "nothing"][..], "the exercises are omega-cansync, omega-baps, "),
         (&["soak", "--hours", "0"], "a number above 0"),
         (&["soak", "--jobs", "0"], "0"),
     ] {
         let outcome = run(args);
         assert_eq!(outcome.code, Some(2), "{args:?}");
-        assert!(outcome.err.contains(says), "{args:?}: {}", outcome.err);
+        assert!(outcome.err.contains(expected), "{args:?}: {}", outcome.err);
     }
 }
 

@@ -39,9 +39,9 @@ fn a_detached_emulator_is_ready_when_the_command_returns() {
     let outcome = instance.run("run", &["--detach", "--clock", "stepped"]);
     let (ready, rest) = outcome.ok().split_once('\n').unwrap();
     assert!(ready.starts_with(&format!("commram: instance '{name}' ready: ")), "{ready}");
-    let told = rest.strip_prefix("commram: process ").unwrap();
-    let (pid, told) = told.split_once(' ').unwrap();
-    assert_eq!(told, format!("continues in the background; end it with `commram stop -i {name}`\n"));
+    let message = rest.strip_prefix("commram: process ").unwrap();
+    let (pid, message) = message.split_once(' ').unwrap();
+    assert_eq!(message, format!("continues in the background; end it with `commram stop -i {name}`\n"));
     assert!(PathBuf::from(format!("/proc/{pid}")).exists());
     assert_eq!(instance.run("peek", &["--raw", "node2.w_OPTION_STATUS"]).ok(), "16#0001\n");
     instance.run("stop", &[]).ok();
@@ -69,8 +69,8 @@ fn later_messages_of_a_detached_emulator_go_to_its_log() {
     instance.run("run", &["--detach", "--log", log.to_str().unwrap()]).ok();
     let image = format!("/dev/shm/commram.{}.line", instance.0);
     std::fs::OpenOptions::new().write(true).open(image).unwrap().set_len(0).unwrap();
-    let said = || std::fs::read_to_string(&log).unwrap_or_default();
-    assert!(eventually(|| said().contains("another program has shortened it")), "{}", said());
+    let log_text = || std::fs::read_to_string(&log).unwrap_or_default();
+    assert!(eventually(|| log_text().contains("another program has shortened it")), "{}", log_text());
     let alone = run(&["run", "--log", "x"]);
     assert!(alone.fails(2).contains("--detach"), "{}", alone.err);
 }
@@ -82,9 +82,13 @@ fn a_failed_start_prints_its_reason_in_foreground_and_background() {
     for args in [&[][..], &["no-such-plant.toml"], &["--speed", "0"], &["--clock", "stepped", "--speed", "2"]]
     {
         let here = instance.run("run", args);
-        let behind = instance.run("run", &[&["--detach"], args].concat());
+        let detached = instance.run("run", &[&["--detach"], args].concat());
         assert_ne!(here.code, Some(0));
-        assert_eq!((here.code, &here.out, &here.err), (behind.code, &behind.out, &behind.err), "{args:?}");
+        assert_eq!(
+            (here.code, &here.out, &here.err),
+            (detached.code, &detached.out, &detached.err),
+            "{args:?}"
+        );
     }
 }
 

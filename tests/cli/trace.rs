@@ -373,7 +373,7 @@ fn an_external_reader_finds_registers_frames_and_sync_in_waveforms() {
     let Some(mut python) = python(&["pywellen"]) else { return };
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/check_waves.py");
     let (status, text) = ("line.node2.w_OPTION_STATUS", "line.node2.w_OPTION_STATUS_text");
-    let told = output_of(python.arg(script).arg(&path).args([
+    let output = output_of(python.arg(script).arg(&path).args([
         "line.node2.w_CPU_CONTROL",
         status,
         text,
@@ -384,7 +384,7 @@ fn an_external_reader_finds_registers_frames_and_sync_in_waveforms() {
         "drives.slot",
         "drives.frame_end",
     ]));
-    let lines: Vec<_> = told.lines().collect();
+    let lines: Vec<_> = output.lines().collect();
     assert_eq!(lines[0], "timescale 1 us");
     assert!(lines[1].starts_with("line.node2.w_CPU_CONTROL Reg 0:"), "{}", lines[1]);
     assert!(lines[2].contains(" 500:2 "), "{}", lines[2]);
@@ -416,10 +416,10 @@ fn an_external_reader_finds_registers_frames_and_sync_in_waveforms() {
         let same = directory.path().join("run.fst");
         let mut command = emulator.command("trace", &["--format", "fst"]);
         assert!(command.stdout(fs::File::create(&same).unwrap()).status().unwrap().success());
-        let told =
+        let output =
             output_of(Command::new(python.get_program()).arg(script).arg(&path).arg("--same").arg(&same));
-        let signals: usize = told.lines().last().unwrap().split(' ').next().unwrap().parse().unwrap();
-        assert!(signals > 20 && told.ends_with(" signals are the same\n"), "{told}");
+        let signals: usize = output.lines().last().unwrap().split(' ').next().unwrap().parse().unwrap();
+        assert!(signals > 20 && output.ends_with(" signals are the same\n"), "{output}");
         assert!(fs::metadata(&same).unwrap().len() < fs::metadata(&path).unwrap().len() / 2);
     }
 }

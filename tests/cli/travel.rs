@@ -21,8 +21,8 @@ fn a_file_brings_the_instance_back_and_starts_another_one() {
     let file = file.to_str().unwrap();
     emulator.poke(&["node2.w_CPU_CONTROL=16#0001"]);
     emulator.step(&["5ms"]);
-    let told = emulator.run("snapshot", &[file]);
-    assert!(told.ok().starts_with(&format!("{file}: the state at 0.005000 s, ")), "{told:?}");
+    let outcome = emulator.run("snapshot", &[file]);
+    assert!(outcome.ok().starts_with(&format!("{file}: the state at 0.005000 s, ")), "{outcome:?}");
     emulator.set_up(&[]);
     let later = emulator.peek(&[STATUS]);
     assert_eq!(emulator.run("restore", &[file]).ok(), "0.005000 s\n");
@@ -66,11 +66,15 @@ fn readers_take_a_journal_that_continues_from_a_snapshot() {
                 follower.line();
             }
             for format in ["text", "jsonl", "candump", "vcd", "pcapng"] {
-                let told = emulator.command("trace", &["--format", format]).output().unwrap();
-                let err = String::from_utf8(told.stderr).unwrap();
-                assert_eq!((told.status.code(), err.matches(begin).count()), (Some(0), 1), "{format}: {err}");
+                let outcome = emulator.command("trace", &["--format", format]).output().unwrap();
+                let err = String::from_utf8(outcome.stderr).unwrap();
+                assert_eq!(
+                    (outcome.status.code(), err.matches(begin).count()),
+                    (Some(0), 1),
+                    "{format}: {err}"
+                );
                 assert_eq!(err.lines().count(), 1, "{format}: {err}");
-                assert!(!has_records || told.stdout.len() > 100, "{format}");
+                assert!(!has_records || outcome.stdout.len() > 100, "{format}");
             }
             let compared = emulator.run("bus", &["compare", &log]);
             assert!(matches!(compared.code, Some(0 | 1)) && compared.err.contains(begin), "{compared:?}");
@@ -94,8 +98,8 @@ fn an_invalid_snapshot_or_one_of_another_plant_is_refused_by_name() {
     let middle = bytes.len() / 2;
     bytes[middle] ^= 1;
     fs::write(&file, &bytes).unwrap();
-    let told = emulator.run("restore", &[path]);
-    assert!(told.fails(2).contains("its checksum is wrong"), "{told:?}");
+    let outcome = emulator.run("restore", &[path]);
+    assert!(outcome.fails(2).contains("its checksum is wrong"), "{outcome:?}");
     fs::write(&file, "{}").unwrap();
     assert!(emulator.run("restore", &[path]).fails(2).contains("it is not a snapshot of commram"));
     assert!(run(&["run", "--from", path]).fails(2).contains("it is not a snapshot of commram"));
@@ -103,8 +107,8 @@ fn an_invalid_snapshot_or_one_of_another_plant_is_refused_by_name() {
     fs::write(&plant, "[[plc]]\nname = 'press'\n").unwrap();
     let other = Emulator::start(&[plant.to_str().unwrap(), "--clock", "stepped"]);
     other.run("snapshot", &[path]).ok();
-    let told = emulator.run("restore", &[path]);
-    assert!(told.err.contains("it is of another plant: it has PLCs press and buses none"), "{told:?}");
+    let outcome = emulator.run("restore", &[path]);
+    assert!(outcome.err.contains("it is of another plant: it has PLCs press and buses none"), "{outcome:?}");
 }
 
 #[test]
@@ -122,10 +126,10 @@ fn back_by_a_time_and_to_a_condition() {
     emulator.step(&["10ms"]);
     assert_eq!(emulator.step(&["--back-to", "node2.w_OPTION_STATUS==16#0002"]), "0.000500 s");
     // A condition that was not met is not wrong use.
-    let told = emulator.run("step", &["--back", "1s"]);
-    assert!(told.fails(1).contains("the earliest moment is 0.000000 s, it is 0.0"), "{told:?}");
-    let told = emulator.run("step", &["--back-to", "node2.w_OPTION_STATUS==16#0043"]);
-    assert!(told.fails(1).contains("did not become true since 0.000000 s"), "{told:?}");
+    let outcome = emulator.run("step", &["--back", "1s"]);
+    assert!(outcome.fails(1).contains("the earliest moment is 0.000000 s, it is 0.0"), "{outcome:?}");
+    let outcome = emulator.run("step", &["--back-to", "node2.w_OPTION_STATUS==16#0043"]);
+    assert!(outcome.fails(1).contains("did not become true since 0.000000 s"), "{outcome:?}");
 }
 
 #[test]
@@ -138,8 +142,8 @@ fn a_snapshot_replaces_files_and_nothing_else() {
     let own = directory.path().join("directory");
     fs::create_dir(&own).unwrap();
     for path in [&fifo, &own, Path::new("/dev/null")] {
-        let told = emulator.run("snapshot", &[path.to_str().unwrap()]);
-        assert!(told.fails(2).contains("name a regular file"), "{told:?}");
+        let outcome = emulator.run("snapshot", &[path.to_str().unwrap()]);
+        assert!(outcome.fails(2).contains("name a regular file"), "{outcome:?}");
     }
     assert!(fs::metadata(&fifo).unwrap().file_type().is_fifo() && own.is_dir());
     assert!(fs::metadata("/dev/null").unwrap().file_type().is_char_device());
@@ -151,9 +155,9 @@ fn a_program_that_has_mapped_the_registers_is_named() {
     let emulator = Emulator::stepped();
     emulator.step(&["5ms"]);
     let attached = devices::attach(&emulator.name, "line", AttachMode::ReadWrite).unwrap();
-    let told = emulator.run("step", &["--back", "1ms"]);
+    let outcome = emulator.run("step", &["--back", "1ms"]);
     let me = format!("(process {}), which has mapped the registers, cannot go back", std::process::id());
-    assert!(told.err.contains(&me), "{told:?}");
+    assert!(outcome.err.contains(&me), "{outcome:?}");
     assert_eq!(emulator.step(&["--back", "1ms", "--detached"]), "0.004000 s");
     let snapshot = TempDir::new().unwrap();
     let file = snapshot.path().join("a.snap");
@@ -164,10 +168,10 @@ fn a_program_that_has_mapped_the_registers_is_named() {
     emulator.step(&["2ms"]);
     // The error names a task in lockstep by its event.
     let task = attached.0.join_lockstep(12, Duration::ZERO, Duration::from_secs(60)).unwrap();
-    for told in [emulator.run("step", &["--back", "1ms"]), emulator.run("restore", &[file])] {
+    for outcome in [emulator.run("step", &["--back", "1ms"]), emulator.run("restore", &[file])] {
         let me =
             format!("the task of event 12 of PLC 'line' (process {}), which takes part", std::process::id());
-        assert!(told.fails(1).contains(&me), "{told:?}");
+        assert!(outcome.fails(1).contains(&me), "{outcome:?}");
     }
     assert_eq!(emulator.step(&["--back", "1ms", "--detached"]), "0.005000 s");
     drop(task);
@@ -229,11 +233,11 @@ fn a_guest_at_a_door_is_named() {
     guest.read_exact(&mut answer).unwrap();
     // The guest takes part after the clock advances.
     emulator.step(&["5ms"]);
-    for told in [emulator.run("step", &["--back", "1ms"]), emulator.run("restore", &[file])] {
+    for outcome in [emulator.run("step", &["--back", "1ms"]), emulator.run("restore", &[file])] {
         let named = "at door slcan-tcp:127.0.0.1:";
         assert!(
-            told.fails(1).contains(named) && told.err.contains("of bus 'open' cannot go back"),
-            "{told:?}"
+            outcome.fails(1).contains(named) && outcome.err.contains("of bus 'open' cannot go back"),
+            "{outcome:?}"
         );
     }
     assert_eq!(emulator.step(&["--back", "1ms", "--detached"]), "0.004000 s");

@@ -119,7 +119,7 @@ fn a_shell_runs_lines_from_a_pipe_until_one_fails() {
     let lines = "# bring-up\npoke node2.w_CPU_CONTROL=handshake\nlet at = wait(\"node2.w_OPTION_STATUS\", 2, \"10ms\");\n\
                  if at > 0 {\n  print(`at ${at}`);\n}\npeek --raw node2.w_OPTION_STATUS\n";
     assert_eq!(shell(&emulator, lines).ok(), "at 500\n16#0002\n");
-    for (wrong, said, exit) in [
+    for (wrong, expected, exit) in [
         ("peek node2.nothing", "nothing", 2),
         ("expect(\"node2.w_OPTION_STATUS\", 9)", "16#0002", 1),
         ("pek(1)", "peek", 2),
@@ -127,8 +127,8 @@ fn a_shell_runs_lines_from_a_pipe_until_one_fails() {
         ("peak node2.w_OPTION_STATUS", "did you mean peek", 2),
     ] {
         let outcome = shell(&emulator, &format!("\n{wrong}\nprint(\"further\")\n"));
-        let told = outcome.fails(exit);
-        assert!(told.contains("line 2 failed") && told.contains(said), "{wrong}: {told}");
+        let message = outcome.fails(exit);
+        assert!(message.contains("line 2 failed") && message.contains(expected), "{wrong}: {message}");
     }
     for enough in ["exit", "quit"] {
         assert_eq!(shell(&emulator, &format!("print(1)\n{enough}\nprint(2)\n")).ok(), "1\n");

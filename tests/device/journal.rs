@@ -24,10 +24,10 @@ fn connected(rate: Rate) -> Rig {
 /// `master` and `slave` as the names of their ports.
 fn register_changes(rig: &Rig, from: u64) -> Vec<String> {
     let journal = rig.plant.journal();
-    journal.read(from).filter_map(|record| told_by(rig, &record)).collect()
+    journal.read(from).filter_map(|record| description_of(rig, &record)).collect()
 }
 
-fn told_by(rig: &Rig, record: &Record) -> Option<String> {
+fn description_of(rig: &Rig, record: &Record) -> Option<String> {
     let answered = |it: Handshake| (it.origin.plc, it.offset, it.request.into(), it.answer.into());
     let shown = |it: Register| (it.origin.plc, it.offset, it.from, it.to);
     let (plc, offset, before, after) =

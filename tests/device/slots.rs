@@ -217,9 +217,9 @@ proptest! {
                 Some(FrameKind::Action | FrameKind::Job(_)) => timing.t_CC,
                 _ => timing.t_RC,
             };
-            let behind = (begin - first) % rate.interval_us - u64::from(slot);
-            prop_assert!(behind <= us(5), "{:?} begins {} us behind its slot", frame, behind);
-            prop_assert!(behind == 0 || begin == free, "{:?} waits for no other frame", frame);
+            let delay_us = (begin - first) % rate.interval_us - u64::from(slot);
+            prop_assert!(delay_us <= us(5), "{:?} begins {} us behind its slot", frame, delay_us);
+            prop_assert!(delay_us == 0 || begin == free, "{:?} waits for no other frame", frame);
             free = begin + us(wire::bits(&frame.into()));
         }
     }

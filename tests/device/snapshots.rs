@@ -40,7 +40,7 @@ proptest! {
         which in 0..PLANTS.len(),
         comes_up in prop::bool::weighted(0.7),
         before in prop::collection::vec(act(), 0..60),
-        behind in prop::collection::vec(act(), 1..25),
+        after in prop::collection::vec(act(), 1..25),
     ) {
         let mut plant = plant_of(PLANTS[which]);
         if comes_up {
@@ -54,7 +54,7 @@ proptest! {
         let mut other = plant_of(PLANTS[which]);
         prop_assert_eq!(other.restore(&snapshot), Ok(()));
         prop_assert!(other.snapshot() == snapshot, "what is restored is what was saved");
-        for act in &behind {
+        for act in &after {
             take(&mut plant, act);
             take(&mut other, act);
         }
@@ -72,7 +72,7 @@ proptest! {
         prop_assert_eq!(plant.go_back(&snapshot), Ok(()));
         prop_assert_eq!(records_from(&plant, 0), records);
         prop_assert!(plant.snapshot() == snapshot);
-        for act in &behind {
+        for act in &after {
             take(&mut plant, act);
         }
         plant.advance_to(plant.now() + 3_000);

@@ -203,14 +203,14 @@ fn the_other_bits_written_with_bit_7_act_as_they_do_alone() {
                     if state == 1 {
                         node(&rig, role).write_init_data();
                     }
-                    let stands = regs.w_CPU_CONTROL.load() == command;
-                    let rests = stands || state == 4 && command & 0x0040 != 0;
-                    let is_refused = !rests && next(state, command).is_none();
+                    let is_current = regs.w_CPU_CONTROL.load() == command;
+                    let is_unchanged = is_current || state == 4 && command & 0x0040 != 0;
+                    let is_refused = !is_unchanged && next(state, command).is_none();
                     rig.expect_errors(&vec![&cansync::rules::COMMAND; is_refused.into()]);
                     regs.w_CPU_CONTROL.store(0x0080 | command);
                     rig.step(2000);
                     assert_eq!(regs.w_CPU_CONTROL.load(), command, "bit 7 is cleared, the others stay");
-                    let expected = if stands { state } else { next(state, command).unwrap_or(state) };
+                    let expected = if is_current { state } else { next(state, command).unwrap_or(state) };
                     assert_eq!(
                         regs.w_OPTION_STATUS.load(),
                         status(role)[expected],

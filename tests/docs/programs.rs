@@ -117,12 +117,12 @@ fn each_example_is_one_command() {
         examples.push(("python", "a_RD_BMARRAY[1][0] = 5000\n"));
     }
     examples.push(("scenario", "1 passed, 0 failed, 0 broken; "));
-    for (example, says) in examples {
+    for (example, expected) in examples {
         let mut command = Command::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tools/examples/run"));
         let outcome = crate::common::finish(command.arg(example).env("COMMRAM_PROGRAMS", programs));
-        assert!(outcome.ok().contains(says), "{example}: {}", outcome.out);
-        let (_, behind) = outcome.out.split_once('\'').unwrap();
-        let (instance, _) = behind.split_once('\'').unwrap();
+        assert!(outcome.ok().contains(expected), "{example}: {}", outcome.out);
+        let (_, following) = outcome.out.split_once('\'').unwrap();
+        let (instance, _) = following.split_once('\'').unwrap();
         assert_eq!(crate::common::files_of(instance), Vec::<std::path::PathBuf>::new(), "{example}");
     }
 }

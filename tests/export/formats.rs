@@ -46,8 +46,8 @@ fn every_device_is_exported_in_every_format() {
                     "stored_wakeup_time",
                 ],
             };
-            let told = names.map(|name| export.ok().contains(name));
-            assert_eq!(told, DEVICES.map(|it| it == device), "{device} as {format}");
+            let has_names = names.map(|name| export.ok().contains(name));
+            assert_eq!(has_names, DEVICES.map(|it| it == device), "{device} as {format}");
             // An XML comment cannot contain two consecutive hyphens.
             if !["json", "csv", "svd"].contains(&format) {
                 let command = format!("commram export {format} --device {device}");

@@ -111,10 +111,10 @@ fn located_variables_of_openplc_are_the_registers() {
     drop(emulator);
     let emulator = Emulator::start_as(&name, &["--clock", "stepped"]);
     goes(&emulator);
-    let said = runtime.end();
+    let printed = runtime.end();
     let image = image(&name);
-    assert!(said.starts_with(&format!("{image}: attached\n{image}: ")), "{said}");
-    assert!(said.ends_with(&format!("{image}: attached\noutput 1\n")), "{said}");
+    assert!(printed.starts_with(&format!("{image}: attached\n{image}: ")), "{printed}");
+    assert!(printed.ends_with(&format!("{image}: attached\noutput 1\n")), "{printed}");
 }
 
 #[test]
@@ -151,8 +151,8 @@ fn addresses_that_are_no_registers_are_refused_in_cpp() {
 /// Returns the fenced block of `page` after the paragraph with `marker`.
 pub(crate) fn block(page: &str, marker: &str) -> String {
     let text = fs::read_to_string(Path::new(ROOT).join("docs").join(page)).unwrap();
-    let behind = text.split_once(marker).unwrap_or_else(|| panic!("{page}: {marker}")).1;
-    let fenced = behind.split_once("```").unwrap().1.split_once('\n').unwrap().1;
+    let following = text.split_once(marker).unwrap_or_else(|| panic!("{page}: {marker}")).1;
+    let fenced = following.split_once("```").unwrap().1.split_once('\n').unwrap().1;
     fenced.split_once("\n```").unwrap().0.to_owned() + "\n"
 }
 

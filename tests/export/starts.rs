@@ -241,7 +241,7 @@ fn a_stopped_program_prints_its_reason() {
     let emulator = Emulator::start(&[plant.to_str().unwrap()]);
     let image = format!("/dev/shm/commram.{}.panel", emulator.name);
     let mut command = Command::new("timeout");
-    let said = finish(command.current_dir(directory).args(["-s", "TERM", "4"]).arg(program).arg(image));
-    assert_eq!(said.err, "the program is stopped: the device says that no program is loaded\n");
+    let outcome = finish(command.current_dir(directory).args(["-s", "TERM", "4"]).arg(program).arg(image));
+    assert_eq!(outcome.err, "the program is stopped: the device says that no program is loaded\n");
     assert_eq!(scans(directory), None);
 }

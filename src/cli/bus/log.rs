@@ -12,7 +12,7 @@ use super::super::error::CliError;
 use super::super::output;
 use super::super::session::{Session, number_of_bus};
 use crate::devices;
-use crate::door::Speech;
+use crate::door::TrafficKind;
 use crate::identity::BusIndex;
 use crate::input_file;
 use crate::journal::pcapng;
@@ -62,8 +62,8 @@ impl Buses {
 
     /// Whether a bus carries messages of this kind.
     fn carries(&self, bus: usize, message: &Message) -> bool {
-        let speech = self.states.get(bus).and_then(|state| devices::speech_of(&state.kind));
-        let is_profibus = matches!(speech, Some(Speech::Telegrams));
+        let traffic_kind = self.states.get(bus).and_then(|state| devices::traffic_kind_of(&state.kind));
+        let is_profibus = matches!(traffic_kind, Some(TrafficKind::Telegrams));
         is_profibus == matches!(message, Message::Telegram(_))
     }
 }

@@ -15,13 +15,13 @@ fn is_sign(word: &OsStr) -> bool {
 /// separators separate words.
 pub(crate) fn whole(words: &[OsString]) -> Vec<OsString> {
     let mut all: Vec<OsString> = Vec::new();
-    let mut goes_on = false;
+    let mut follows_sign = false;
     for word in words {
         match all.last_mut() {
-            Some(last) if goes_on || is_sign(word) => last.push(word),
+            Some(last) if follows_sign || is_sign(word) => last.push(word),
             _ => all.push(word.clone()),
         }
-        goes_on = is_sign(word);
+        follows_sign = is_sign(word);
     }
     all
 }

@@ -87,8 +87,8 @@ impl Highlighter for LineHelper {}
 impl Validator for LineHelper {
     fn validate(&self, context: &mut ValidationContext<'_>) -> rustyline::Result<ValidationResult> {
         let text = context.input();
-        let goes_on = !words::is_command(text, &self.command) && words::is_open(text);
-        Ok(if goes_on { ValidationResult::Incomplete } else { ValidationResult::Valid(None) })
+        let is_incomplete = !words::is_command(text, &self.command) && words::is_open(text);
+        Ok(if is_incomplete { ValidationResult::Incomplete } else { ValidationResult::Valid(None) })
     }
 }
 

@@ -6,7 +6,7 @@ use crate::script;
 /// Splits a line into words if it is a command: its first word is the name of a command, and it does not continue
 /// like a call or an assignment. An error if a quote is open, or if the line begins with the name of this program.
 pub(super) fn of_command(line: &str, commands: &clap::Command) -> Option<Result<Vec<String>, &'static str>> {
-    if let Some((_, rest)) = behind(line, "commram")
+    if let Some((_, rest)) = after_first_word(line, "commram")
         && is_command(rest, commands)
     {
         return Some(Err("leave out `commram`: the shell needs only the command"));
@@ -40,7 +40,7 @@ const ENOUGH: [&str; 2] = ["exit", "quit"];
 
 /// If the line ends the shell, returns its exit code.
 pub(super) fn of_end(line: &str) -> Option<Result<u8, &'static str>> {
-    let (_, rest) = ENOUGH.iter().find_map(|word| behind(line, word))?;
+    let (_, rest) = ENOUGH.iter().find_map(|word| after_first_word(line, word))?;
     match rest {
         "" => Some(Ok(0)),
         rest if rest.starts_with(['=', '(']) => None,
@@ -51,7 +51,7 @@ pub(super) fn of_end(line: &str) -> Option<Result<u8, &'static str>> {
 }
 
 /// If `word` is the first word of the line, returns it and the rest of the line.
-fn behind<'a>(line: &'a str, word: &str) -> Option<(&'a str, &'a str)> {
+fn after_first_word<'a>(line: &'a str, word: &str) -> Option<(&'a str, &'a str)> {
     let (first, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
     (first == word).then(|| (first, rest.trim()))
 }
@@ -66,8 +66,8 @@ const STATEMENTS: [&str; 18] = [
 /// without an operator between them.
 pub(super) fn no_command(line: &str, commands: &clap::Command) -> Option<String> {
     let (first, rest) = line.split_once(char::is_whitespace)?;
-    let goes_on = |sign: char| sign.is_alphanumeric() || matches!(sign, '_' | '%' | '\'' | '"');
-    let is_continued = rest.trim_start().starts_with(goes_on) || rest.trim_start().starts_with("--");
+    let begins_word = |sign: char| sign.is_alphanumeric() || matches!(sign, '_' | '%' | '\'' | '"');
+    let is_continued = rest.trim_start().starts_with(begins_word) || rest.trim_start().starts_with("--");
     if !is_continued || !is_word(first) {
         return None;
     }
@@ -178,8 +178,8 @@ mod tests {
         for piece in ["pek(1)", "peak = 1", "1 + 1", "zzzzzzzz 1", "for n in 0..3 {"] {
             assert_eq!(meant(piece, &commands), "", "{piece}");
         }
-        let told = no_command("peak node2.w_CPU_CONTROL", &commands).unwrap();
-        assert!(told.starts_with("there is no command or verb `peak`; did you mean peek"), "{told}");
+        let message = no_command("peak node2.w_CPU_CONTROL", &commands).unwrap();
+        assert!(message.starts_with("there is no command or verb `peak`; did you mean peek"), "{message}");
         assert!(no_command("back_to 1", &commands).unwrap().contains("back_to(...)"));
         for piece in ["peak", "peak = 1", "x + 1", "for n in 0..3 {", "let x = ", "f (1"] {
             assert_eq!(no_command(piece, &commands), None, "{piece}");

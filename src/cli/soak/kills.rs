@@ -82,8 +82,8 @@ impl EmulatorChild {
         let complaints = home.join("complaints");
         let err = fs::File::create(&complaints).map_err(|error| error.to_string())?;
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(err);
-        let mut life = Self(command.spawn().map_err(|error| error.to_string())?);
-        let out = life.0.stdout.take();
+        let mut emulator = Self(command.spawn().map_err(|error| error.to_string())?);
+        let out = emulator.0.stdout.take();
         let (send, receive) = mpsc::channel();
         let listen = move || {
             let mut line = String::new();
@@ -96,9 +96,9 @@ impl EmulatorChild {
         };
         std::thread::Builder::new().spawn(listen).map_err(|error| error.to_string())?;
         if receive.recv_timeout(PATIENCE).is_ok_and(|line| !line.is_empty()) {
-            return Ok(life);
+            return Ok(emulator);
         }
-        drop(life);
+        drop(emulator);
         let error_text = fs::read_to_string(complaints).unwrap_or_default();
         Err(format!("the emulator did not start: {}", error_text.trim_end()))
     }
@@ -173,7 +173,7 @@ pub(super) fn play(
 }
 
 fn live(flags: &mut [RetainFlags], rng: &mut Rng, instance: &str, home: &Path) -> Result<(), String> {
-    let life = EmulatorChild::start(instance, home, rng.bool())?;
+    let emulator = EmulatorChild::start(instance, home, rng.bool())?;
     let is_half_way = rng.u8(..3) == 0;
     for it in &mut *flags {
         let image = Image::attach(instance, &it.device, AttachMode::ReadWrite, None);
@@ -183,16 +183,16 @@ fn live(flags: &mut [RetainFlags], rng: &mut Rng, instance: &str, home: &Path) -
     }
     let asked = !is_half_way && rng.u8(..3) > 0;
     if asked {
-        life.signal(Signal::TERM)?;
+        emulator.signal(Signal::TERM)?;
     }
     // Some of the emulators that are asked to end get all the time they need.
     if !asked || rng.bool() {
         let longest = if asked { LONGEST_END_US } else { LONGEST_LIFE_US };
         std::thread::sleep(Duration::from_micros(rng.u64(..longest)));
         // The process may have ended.
-        let _ = life.signal(Signal::KILL);
+        let _ = emulator.signal(Signal::KILL);
     }
-    let status = life.end()?;
+    let status = emulator.end()?;
     if status.success() {
         flags.iter_mut().for_each(|it| it.kept = it.stored);
     } else if status.code().is_some() {

@@ -34,9 +34,9 @@ fn commit() -> Option<String> {
     let named = COMMITS.iter().find_map(|name| std::env::var(name).ok().filter(|commit| !commit.is_empty()));
     named.or_else(|| {
         let mut git = Command::new("git");
-        let told =
+        let output =
             git.args(["rev-parse", "HEAD"]).stdin(Stdio::null()).stderr(Stdio::null()).output().ok()?;
-        let commit = String::from_utf8(told.stdout).ok()?.trim().to_owned();
-        (told.status.success() && !commit.is_empty()).then_some(commit)
+        let commit = String::from_utf8(output.stdout).ok()?.trim().to_owned();
+        (output.status.success() && !commit.is_empty()).then_some(commit)
     })
 }

@@ -67,13 +67,13 @@ fn play(args: &Args) -> Result<(), CliError> {
     let bench = args.attach.as_deref().map(|instance| attach(instance, limits)).transpose()?;
     let report = run_file(&args.file, bench, limits, |line| {
         // Errors are ignored: this process ends with its parent.
-        let _ = tell(&Message::Printed(line.into()));
+        let _ = send(&Message::Printed(line.into()));
     });
-    tell_report(report)
+    send_report(report)
 }
 
 /// Sends the report, or a short one if the receiver would refuse its length.
-fn tell_report(report: Report) -> Result<(), CliError> {
+fn send_report(report: Report) -> Result<(), CliError> {
     let message = Message::Ended(Box::new(report));
     let line = output::json_line(&message)?;
     let Message::Ended(report) = message else { return Ok(()) };
@@ -87,10 +87,10 @@ fn tell_report(report: Report) -> Result<(), CliError> {
         LONGEST_LINE >> 20
     );
     let short = Report { steps: Vec::new(), findings: Vec::new(), plots: Vec::new(), ..*report };
-    tell(&Message::Ended(Box::new(Report { outcome: Outcome::Died(why), ..short })))
+    send(&Message::Ended(Box::new(Report { outcome: Outcome::Died(why), ..short })))
 }
 
-fn tell(message: &Message) -> Result<(), CliError> {
+fn send(message: &Message) -> Result<(), CliError> {
     output::print(&output::json_line(message)?)
 }
 

@@ -9,7 +9,7 @@ use crate::cli::pause::{Pause, PauseEnd, PollResult, following};
 use crate::cli::session::{self, Session};
 use crate::cli::time;
 use crate::devices;
-use crate::door::Speech;
+use crate::door::TrafficKind;
 use crate::journal::candump::Candump;
 use crate::journal::folded::Folded;
 use crate::journal::jsonl::Jsonl;
@@ -54,9 +54,9 @@ pub(crate) fn print(
 /// The buses and the kinds of their links.
 fn links(session: &Session) -> Result<Vec<(String, Link)>, CliError> {
     let link = |bus: BusState| {
-        let link = match devices::speech_of(&bus.kind) {
-            Some(Speech::Telegrams) => Link::Profibus,
-            Some(Speech::Frames) | None => Link::Can,
+        let link = match devices::traffic_kind_of(&bus.kind) {
+            Some(TrafficKind::Telegrams) => Link::Profibus,
+            Some(TrafficKind::Frames) | None => Link::Can,
         };
         (bus.name, link)
     };

@@ -175,7 +175,7 @@ impl Model {
     /// Sends a task to the emulator.
     pub(super) fn order(&mut self, task: Task) {
         if task.is_long() {
-            self.say(task.progress());
+            self.show_message(task.progress());
         }
         self.orders.push(LinkCommand::Do(task));
     }
@@ -195,7 +195,7 @@ impl Model {
             let Some(info) = &self.info else { return };
             self.frames.turn(open != Some(true), info, &self.scene);
             if self.frames.is_held() {
-                self.say("this interval stays; Right shows the next, End the latest");
+                self.show_message("this interval stays; Right shows the next, End the latest");
             }
         } else if self.pane == Pane::Registers && !self.on_pins {
             self.tree.open(open);
@@ -209,7 +209,7 @@ impl Model {
         let name = Pins::prefix(self.names(), plc) + &place.label(place.last_phase());
         let is_pinned = self.pins.toggle(plc, place);
         self.on_pins &= !self.pins.all.is_empty();
-        self.say(format!("{name} is {}", if is_pinned { "pinned" } else { "no longer pinned" }));
+        self.show_message(format!("{name} is {}", if is_pinned { "pinned" } else { "no longer pinned" }));
     }
 
     fn cancel(&mut self) {
@@ -290,7 +290,7 @@ impl Model {
         match prompt {
             Prompt::Really(question, task) => match key.code {
                 KeyCode::Char('y' | 'Y') => self.order(task),
-                KeyCode::Char('n' | 'N') | KeyCode::Esc => self.say("not done"),
+                KeyCode::Char('n' | 'N') | KeyCode::Esc => self.show_message("not done"),
                 _ => self.prompt = Some(Prompt::Really(question, task)),
             },
             Prompt::Find => self.find(key),

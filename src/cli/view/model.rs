@@ -145,13 +145,13 @@ impl Model {
             LinkReport::Data(seen) => self.see(*seen),
             LinkReport::Busy => self.connection = Connection::Busy,
             LinkReport::Absent(why) => self.connection = Connection::Absent(why),
-            LinkReport::Progress(text) | LinkReport::Done(text) => self.say(text),
+            LinkReport::Progress(text) | LinkReport::Done(text) => self.show_message(text),
             LinkReport::Failed(why) => self.complain(why),
         }
     }
 
     /// Shows a message.
-    pub(super) fn say(&mut self, text: impl Into<String>) {
+    pub(super) fn show_message(&mut self, text: impl Into<String>) {
         self.message = Some(Message { text: text.into(), is_bad: false });
     }
 
@@ -230,7 +230,7 @@ impl Model {
                 self.pins.toggle(number, place);
             }
         }
-        self.say("another emulator of this name has started");
+        self.show_message("another emulator of this name has started");
     }
 
     /// The panes on the screen: the active one, and on a wide screen the changes or the registers beside it.

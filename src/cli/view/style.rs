@@ -88,8 +88,8 @@ pub(super) fn cut_name(name: &str, width: usize) -> String {
     }
     let Some(room) = width.checked_sub(1) else { return String::new() };
     let last = letters.iter().rposition(|letter| *letter == '[').map_or(0, |at| letters.len() - at);
-    let behind = last.max(room / 2).min(room);
-    let (front, end) = (&letters[..room - behind], &letters[letters.len() - behind..]);
+    let kept_end = last.max(room / 2).min(room);
+    let (front, end) = (&letters[..room - kept_end], &letters[letters.len() - kept_end..]);
     front.iter().chain(&['\u{2026}']).chain(end).collect()
 }
 

@@ -45,10 +45,10 @@ impl Screen {
         let screen = Screen;
         execute!(io::stdout(), EnterAlternateScreen, EnableMouseCapture)?;
         // A panic message must appear on the normal screen.
-        let told = panic::take_hook();
+        let previous_hook = panic::take_hook();
         panic::set_hook(Box::new(move |info| {
             give_back();
-            told(info);
+            previous_hook(info);
         }));
         Ok(screen)
     }
@@ -189,9 +189,9 @@ fn show(
         }
         loop {
             match news.try_recv() {
-                Ok(told) => {
+                Ok(report) => {
                     is_new = true;
-                    model.take(told);
+                    model.take(report);
                 }
                 Err(TryRecvError::Empty) => break,
                 Err(TryRecvError::Disconnected) => return Ok(()),

@@ -86,9 +86,9 @@ impl User {
             self.model.orders.drain(..).for_each(|order| self.queue.take(order));
             loop {
                 let news = self.queue.turn(&mut self.host, &mut self.poller);
-                let goes_on = news.iter().any(|news| matches!(news, LinkReport::Progress(_)));
+                let has_progress = news.iter().any(|news| matches!(news, LinkReport::Progress(_)));
                 news.into_iter().for_each(|news| self.model.take(news));
-                if !goes_on {
+                if !has_progress {
                     break;
                 }
             }

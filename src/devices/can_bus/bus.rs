@@ -43,7 +43,7 @@ pub struct CanBus {
     /// Buffer for the receivers of a frame.
     pub(super) receivers: Vec<u16>,
     /// Guests that hear the traffic.
-    pub(super) ears: TrafficReceivers,
+    pub(super) receivers_of_traffic: TrafficReceivers,
     next: u64,
 }
 
@@ -61,7 +61,7 @@ impl CanBus {
             is_lost: false,
             has_state_changes: false,
             receivers: Vec::new(),
-            ears: TrafficReceivers::default(),
+            receivers_of_traffic: TrafficReceivers::default(),
             next: NEVER,
         }
     }
@@ -106,7 +106,7 @@ impl SnapshotFields for CanBus {
             has_state_changes,
             // The buffer is empty between two events.
             receivers: _,
-            ears: _,
+            receivers_of_traffic: _,
             next,
         } = self;
         wire.save(to);
@@ -115,7 +115,7 @@ impl SnapshotFields for CanBus {
     }
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
-        self.ears.clear();
+        self.receivers_of_traffic.clear();
         self.wire.restore(from)?;
         self.stations.restore(from)?;
         let count = self.stations.all().len();
@@ -254,18 +254,18 @@ impl BusGuests for CanBus {
         self.errors_of_guest(guest)
     }
 
-    fn guest_hears(&mut self, guest: u8, ear: Option<Arc<Guest>>) {
-        self.ears.set(guest, ear);
+    fn guest_hears(&mut self, guest: u8, receiver: Option<Arc<Guest>>) {
+        self.receivers_of_traffic.set(guest, receiver);
     }
 
     fn guest_sends(
         &mut self,
         guest: u8,
-        said: &BusMessage,
+        message: &BusMessage,
         now: u64,
         _: &mut Journal,
     ) -> Result<(), GuestRefusal> {
-        let BusMessage::Frame(frame) = said else { return Err(GuestRefusal::NotHere) };
+        let BusMessage::Frame(frame) = message else { return Err(GuestRefusal::NotHere) };
         self.queue_guest_frame(guest, frame, now)
     }
 }

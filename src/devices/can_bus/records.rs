@@ -180,12 +180,13 @@ mod tests {
 
     #[test]
     fn each_end_of_a_frame_has_its_reason() {
-        let told = [Fate::NotAcknowledged, Fate::Disturbed, Fate::Withdrawn, Fate::SenderGone, Fate::Arrives]
-            .map(reason);
-        let names: std::collections::BTreeSet<_> = told.iter().map(|(name, _)| *name).collect();
-        assert_eq!(names.len(), told.len());
+        let reasons =
+            [Fate::NotAcknowledged, Fate::Disturbed, Fate::Withdrawn, Fate::SenderGone, Fate::Arrives]
+                .map(reason);
+        let names: std::collections::BTreeSet<_> = reasons.iter().map(|(name, _)| *name).collect();
+        assert_eq!(names.len(), reasons.len());
         for ((name, text), word) in
-            told.iter().zip(["acknowledged", "destroyed", "given up", "cut off", "arrived"])
+            reasons.iter().zip(["acknowledged", "destroyed", "given up", "cut off", "arrived"])
         {
             assert!(text.contains(word), "{name}: {text}");
         }

@@ -152,17 +152,17 @@ impl Bench {
 
     /// Times, frames and senders in the journal.
     pub(super) fn frames(&self) -> Vec<(u64, Frame, u16)> {
-        let told = |record: crate::journal::Record| {
+        let transmitted = |record: crate::journal::Record| {
             let it: Transmitted = record.event.get()?;
             Some((record.time_us, it.frame, it.sender.plc.0))
         };
-        self.journal.records().filter_map(told).collect()
+        self.journal.records().filter_map(transmitted).collect()
     }
 
     pub(super) fn lost(&self) -> Vec<(u64, (Frame, Fate))> {
-        let told =
+        let lost =
             |record: crate::journal::Record| record.event.get().map(|it: Lost| (record.time_us, it.frame));
-        self.journal.records().filter_map(told).collect()
+        self.journal.records().filter_map(lost).collect()
     }
 }
 
@@ -254,8 +254,8 @@ fn a_station_alone_on_the_bus_becomes_passive_and_repeats_its_frame() {
     assert_eq!(bench.log(), [(0, flag(12), "error_warning", 0), (0, flag(16), "error_passive", 0)]);
     // The journal has the frame once.
     assert_eq!((bench.frames(), bench.lost()), (vec![], vec![(flag(1), (it, Fate::NotAcknowledged))]));
-    let told = bench.journal.records().filter_map(|record| record.event.get::<StateChange>());
-    assert_eq!(told.map(|it| (it.transmit, it.receive)).collect::<Vec<_>>(), [(96, 0), (128, 0)]);
+    let changes = bench.journal.records().filter_map(|record| record.event.get::<StateChange>());
+    assert_eq!(changes.map(|it| (it.transmit, it.receive)).collect::<Vec<_>>(), [(96, 0), (128, 0)]);
     // The passive station waits eight bits between two tries.
     let again = 100 + rate.time_ns(16 * round + 8) / 1000;
     let passive_round = rate.time_ns(round + 8) / 1000;

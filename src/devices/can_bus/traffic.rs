@@ -76,7 +76,7 @@ impl CanBus {
         let (bus, frame, sender) = (self.index, it.frame, self.stations.all()[it.sender].origin);
         self.stations.get_mut(it.sender).controller.is_sending = false;
         if !self.is_lost {
-            self.ears.send(world.now, sender.guest(), || BusMessage::Frame(frame));
+            self.receivers_of_traffic.send(world.now, sender.guest(), || BusMessage::Frame(frame));
             world.journal.push(world.now, Transmitted { bus, frame, sender });
         }
         if self.stations.has_errors() {
@@ -97,15 +97,15 @@ impl CanBus {
         } else {
             self.stations.receivers(&it.frame, &mut receivers);
         }
-        let behind = receivers.partition_point(|station| usize::from(*station) < it.sender);
-        self.receive(&receivers[..behind], it, world);
+        let first_after_sender = receivers.partition_point(|station| usize::from(*station) < it.sender);
+        self.receive(&receivers[..first_after_sender], it, world);
         if is_news {
             let (now, frame) = (world.now, &it.frame);
             self.run(it.sender, now, world.journal, |port, ctx, controller| {
                 port.sent(ctx, controller, frame)
             });
         }
-        self.receive(&receivers[behind..], it, world);
+        self.receive(&receivers[first_after_sender..], it, world);
         self.receivers = receivers;
     }
 

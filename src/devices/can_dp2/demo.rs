@@ -28,7 +28,7 @@ struct Master<'a>(Actor<'a>);
 impl Master<'_> {
     /// Sends a request to the slave; returns the octets of its answer.
     fn ask(&self, called: &str, dsap: u8, octets: &[u8]) -> Result<Vec<u8>, DemoError> {
-        self.0.tell(&format!("asks {called}{}", hex(octets, " ")))?;
+        self.0.print_line(&format!("asks {called}{}", hex(octets, " ")))?;
         let mst: View<CAN_DP2_MST> = self.0.attached.segment().view(MST)?;
         mst.mst_dsap.store(dsap);
         mst.mst_request_len.store(octets.len() as u8);
@@ -38,8 +38,8 @@ impl Master<'_> {
         let length = usize::from(mst.mst_reply_len.load());
         let reply: Vec<u8> = mst.mst_reply.iter().take(length).map(Cell8::load).collect();
         match mst.mst_result.load() {
-            mst_result::RECEIPT => self.0.tell("gets a receipt")?,
-            _ => self.0.tell(&format!("is answered{}", hex(&reply, " ")))?,
+            mst_result::RECEIPT => self.0.print_line("gets a receipt")?,
+            _ => self.0.print_line(&format!("is answered{}", hex(&reply, " ")))?,
         }
         Ok(reply)
     }

@@ -106,8 +106,8 @@ impl Network {
 
     /// Returns the next missing node; each call shows another node in turn.
     pub fn next_missing(&mut self) -> Option<u8> {
-        let behind = self.all_missing().skip_while(|node| Some(*node) != self.shown).nth(1);
-        self.shown = behind.or_else(|| self.all_missing().next());
+        let next = self.all_missing().skip_while(|node| Some(*node) != self.shown).nth(1);
+        self.shown = next.or_else(|| self.all_missing().next());
         self.shown
     }
 

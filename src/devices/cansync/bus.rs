@@ -111,7 +111,7 @@ pub struct SimBus {
     disturbance: Disturbance,
     own_clock: OwnClock,
     /// Guests that hear the traffic.
-    ears: TrafficReceivers,
+    receivers_of_traffic: TrafficReceivers,
 }
 
 impl SimBus {
@@ -161,7 +161,7 @@ impl SimBus {
             response: None,
             disturbance: Disturbance::default(),
             own_clock: OwnClock::default(),
-            ears: TrafficReceivers::default(),
+            receivers_of_traffic: TrafficReceivers::default(),
         }
     }
 

@@ -95,7 +95,7 @@ pub struct ProfibusBus {
     pub(super) ends: Vec<BusPort>,
     pub(super) guests: Guests,
     /// Guests that hear the traffic.
-    ears: TrafficReceivers,
+    receivers_of_traffic: TrafficReceivers,
     /// Telegrams that faults hold back.
     pub(super) held: Vec<HeldTelegram>,
     asked: Option<PendingAnswer>,
@@ -116,7 +116,7 @@ impl ProfibusBus {
             line: Line::default(),
             ends: Vec::new(),
             guests: Guests::default(),
-            ears: TrafficReceivers::default(),
+            receivers_of_traffic: TrafficReceivers::default(),
             held: Vec::new(),
             asked: None,
             next: NEVER,
@@ -279,7 +279,7 @@ impl ProfibusBus {
         // Guests do not receive octets from a collision.
         if !is_garbled {
             let burst = || BusMessage::Burst(Burst { begin: sending.begin, octets: sending.octets.clone() });
-            self.ears.send(now, guest_of(sender), burst);
+            self.receivers_of_traffic.send(now, guest_of(sender), burst);
         }
         // The journal has the hit of the fault that makes the noise.
         if sender == NOISE {
@@ -288,17 +288,17 @@ impl ProfibusBus {
         let (bus, origin) = (self.index, self.origin_of(sender));
         match telegram {
             Some(Telegram::Frame(frame)) => {
-                let told = DpTelegram::new(bus, origin, frame);
-                journal.push_octets(now, told, told.lacks(octets).then_some(octets));
+                let event = DpTelegram::new(bus, origin, frame);
+                journal.push_octets(now, event, event.lacks(octets).then_some(octets));
             }
             Some(other) => {
-                if let Some(told) = short(bus, origin, other) {
-                    journal.push(now, told);
+                if let Some(event) = short(bus, origin, other) {
+                    journal.push(now, event);
                 }
             }
             None => {
-                let told = DpGarbled { bus, sender: origin, octets: octets.len() as u32 };
-                journal.push_octets(now, told, Some(octets));
+                let event = DpGarbled { bus, sender: origin, octets: octets.len() as u32 };
+                journal.push_octets(now, event, Some(octets));
             }
         }
     }
@@ -315,7 +315,7 @@ impl SnapshotFields for ProfibusBus {
             line,
             ends,
             guests,
-            ears: _,
+            receivers_of_traffic: _,
             held,
             asked,
             next,
@@ -326,7 +326,7 @@ impl SnapshotFields for ProfibusBus {
     }
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
-        self.ears.clear();
+        self.receivers_of_traffic.clear();
         self.ends.restore(from)?;
         self.guests.restore(from)?;
         (self.line, self.held, self.asked, self.next) = from.value()?;
@@ -476,7 +476,7 @@ impl BusGuests for ProfibusBus {
     }
 
     fn guest_leaves(&mut self, guest: u8, now: u64) {
-        self.ears.set(guest, None);
+        self.receivers_of_traffic.set(guest, None);
         self.guests.leave(guest, self.rate.bits_at(now));
         self.plan(now);
     }
@@ -486,18 +486,18 @@ impl BusGuests for ProfibusBus {
         self.plan(now);
     }
 
-    fn guest_hears(&mut self, guest: u8, ear: Option<Arc<Guest>>) {
-        self.ears.set(guest, ear);
+    fn guest_hears(&mut self, guest: u8, receiver: Option<Arc<Guest>>) {
+        self.receivers_of_traffic.set(guest, receiver);
     }
 
     fn guest_sends(
         &mut self,
         guest: u8,
-        said: &BusMessage,
+        message: &BusMessage,
         now: u64,
         journal: &mut Journal,
     ) -> Result<(), GuestRefusal> {
-        let taken = self.guests.say(guest, said, self.rate.bits_at(now), self.rate);
+        let taken = self.guests.enqueue(guest, message, self.rate.bits_at(now), self.rate);
         if let Err(GuestRefusal::TooFarAhead { seconds }) = taken {
             let value = u32::try_from(seconds).unwrap_or(u32::MAX);
             journal.find(now, Finding::at_bus(&rules::GUEST_TIME, self.index, guest, value));

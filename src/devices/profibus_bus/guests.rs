@@ -71,7 +71,7 @@ struct BusGuest {
     address: Option<u8>,
     /// The guest has gone, but its waiting telegrams are still sent.
     is_leaving: bool,
-    to_say: VecDeque<WaitingTelegram>,
+    queue: VecDeque<WaitingTelegram>,
 }
 
 /// The guests of a segment.
@@ -83,13 +83,13 @@ impl SnapshotFields for Guests {
         let kept = self
             .0
             .iter()
-            .map(|BusGuest { number, address, is_leaving, to_say }| (number, address, is_leaving, to_say));
+            .map(|BusGuest { number, address, is_leaving, queue }| (number, address, is_leaving, queue));
         to.value(&kept.collect::<Vec<_>>());
     }
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         let guests: Vec<(u8, Option<u8>, bool, VecDeque<WaitingTelegram>)> = from.value()?;
-        let guest = |(number, address, is_leaving, to_say)| BusGuest { number, address, is_leaving, to_say };
+        let guest = |(number, address, is_leaving, queue)| BusGuest { number, address, is_leaving, queue };
         self.0 = guests.into_iter().map(guest).collect();
         Ok(())
     }
@@ -104,8 +104,8 @@ impl Guests {
     pub(super) fn join(&mut self, number: u8) -> bool {
         let is_new = self.get(number).is_none();
         if is_new {
-            let to_say = VecDeque::new();
-            self.0.push(BusGuest { number, address: None, is_leaving: false, to_say });
+            let queue = VecDeque::new();
+            self.0.push(BusGuest { number, address: None, is_leaving: false, queue });
         }
         is_new
     }
@@ -116,35 +116,35 @@ impl Guests {
         if let Some(guest) = self.get(number) {
             guest.is_leaving = true;
         }
-        self.0.retain(|it| !it.is_leaving || !it.to_say.is_empty());
+        self.0.retain(|it| !it.is_leaving || !it.queue.is_empty());
     }
 
     /// Removes the guest's telegrams for a time later than bit time `now`.
     pub(super) fn give_up_later(&mut self, number: u8, now: u64) {
         if let Some(guest) = self.get(number) {
-            guest.to_say.retain(|waiting| waiting.from <= now);
+            guest.queue.retain(|waiting| waiting.from <= now);
         }
     }
 
     /// Queues a telegram of a guest, to begin at bit time `now` or later, on a line of this rate.
-    pub(super) fn say(
+    pub(super) fn enqueue(
         &mut self,
         number: u8,
-        said: &BusMessage,
+        message: &BusMessage,
         now: u64,
         rate: BusRate,
     ) -> Result<(), GuestRefusal> {
-        let BusMessage::Burst(Burst { begin, octets }) = said else { return Err(GuestRefusal::NotHere) };
+        let BusMessage::Burst(Burst { begin, octets }) = message else { return Err(GuestRefusal::NotHere) };
         let guest = self.get(number).ok_or(GuestRefusal::NotHere)?;
         let ahead_us = rate.us_at(begin.saturating_sub(now));
         if ahead_us > MOST_AHEAD_US {
             return Err(GuestRefusal::TooFarAhead { seconds: ahead_us / 1_000_000 });
         }
-        if guest.to_say.len() >= ROOM {
+        if guest.queue.len() >= ROOM {
             return Err(GuestRefusal::Full);
         }
         let turn = if *begin == 0 { begin_condition(octets) } else { BeginCondition::Time };
-        guest.to_say.push_back(WaitingTelegram { from: (*begin).max(now), turn, octets: octets.clone() });
+        guest.queue.push_back(WaitingTelegram { from: (*begin).max(now), turn, octets: octets.clone() });
         Ok(())
     }
 
@@ -163,7 +163,7 @@ impl Guests {
     /// Returns the next telegram with a given bit time: the bit time and the sender.
     pub(super) fn next_exact(&self) -> Option<(u64, usize)> {
         let exact = |it: &BusGuest| {
-            it.to_say
+            it.queue
                 .front()
                 .filter(|waiting| waiting.turn == BeginCondition::Time)
                 .map(|waiting| waiting.from)
@@ -175,7 +175,7 @@ impl Guests {
     /// sender. `kept` returns the bit time until which the line is reserved for others than a sender.
     pub(super) fn next_idle(&self, since: u64, kept: impl Fn(usize) -> u64) -> Option<(u64, usize)> {
         let of = |it: &BusGuest| {
-            let (waiting, sender) = (it.to_say.front()?, sender_of(it.number));
+            let (waiting, sender) = (it.queue.front()?, sender_of(it.number));
             Some((waiting.begin(since, kept(sender))?, sender))
         };
         self.0.iter().filter_map(of).min()
@@ -185,10 +185,10 @@ impl Guests {
     pub(super) fn take(&mut self, sender: usize) -> Option<Vec<u8>> {
         let number = guest_of(sender)?;
         // If two guests have this number, the first one is about to leave.
-        let guest = self.0.iter_mut().find(|it| it.number == number && !it.to_say.is_empty())?;
-        let said = guest.to_say.pop_front();
-        self.0.retain(|it| !it.is_leaving || !it.to_say.is_empty());
-        said.map(|waiting| waiting.octets)
+        let guest = self.0.iter_mut().find(|it| it.number == number && !it.queue.is_empty())?;
+        let telegram = guest.queue.pop_front();
+        self.0.retain(|it| !it.is_leaving || !it.queue.is_empty());
+        telegram.map(|waiting| waiting.octets)
     }
 }
 

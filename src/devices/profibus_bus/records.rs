@@ -225,15 +225,15 @@ mod tests {
     #[test]
     fn an_event_contains_the_telegram_that_was_sent() {
         let frame = Frame { da: 5, sa: 2, fc: 0x6D, dsap: Some(61), ssap: None, data: vec![1, 2, 3, 4, 5] };
-        let told = DpTelegram::new(BusIndex(0), Origin { plc: DeviceIndex(0), node: 1 }, &frame);
+        let event = DpTelegram::new(BusIndex(0), Origin { plc: DeviceIndex(0), node: 1 }, &frame);
         assert_eq!(
-            (told.saps(), told.octets(), hex(&told.frame(None).data, " ").as_str()),
+            (event.saps(), event.octets(), hex(&event.frame(None).data, " ").as_str()),
             ([Some(61), None], 5, " 01 02 03 04")
         );
         let line = Telegram::Frame(frame.clone()).octets().unwrap();
-        assert_eq!((told.frame(Some(&line)), told.lacks(&line)), (frame.clone(), true));
-        assert_eq!(DpTelegram::read(told.words()), Some(told));
-        let Octets { known, length } = told.telegram().unwrap();
+        assert_eq!((event.frame(Some(&line)), event.lacks(&line)), (frame.clone(), true));
+        assert_eq!(DpTelegram::read(event.words()), Some(event));
+        let Octets { known, length } = event.telegram().unwrap();
         let octets = Telegram::Frame(frame.clone()).octets().unwrap();
         assert_eq!((known.as_slice(), length), (&octets[..12], octets.len()), "the fifth octet is not there");
         let short = Frame { data: vec![1, 2, 3, 4], ..frame.clone() };
@@ -242,12 +242,12 @@ mod tests {
         let octets = Telegram::Frame(short.clone()).octets().unwrap();
         assert_eq!(whole, Octets { length: octets.len(), known: octets });
         let fixed = Frame { fc: 0x5D, dsap: None, ..short.clone() };
-        let told = DpTelegram::new(BusIndex(0), Origin { plc: DeviceIndex(0), node: 1 }, &fixed);
+        let event = DpTelegram::new(BusIndex(0), Origin { plc: DeviceIndex(0), node: 1 }, &fixed);
         assert!(
-            !told.lacks(&Telegram::Frame(fixed).octets().unwrap()) && told.lacks(&[0; 14]),
+            !event.lacks(&Telegram::Frame(fixed).octets().unwrap()) && event.lacks(&[0; 14]),
             "another form"
         );
         let other = Frame { data: vec![1, 2, 3, 4, 6], ..frame };
-        assert_ne!(DpTelegram::new(BusIndex(0), Origin { plc: DeviceIndex(0), node: 1 }, &other), told);
+        assert_ne!(DpTelegram::new(BusIndex(0), Origin { plc: DeviceIndex(0), node: 1 }, &other), event);
     }
 }

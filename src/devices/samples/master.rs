@@ -23,11 +23,11 @@ pub(crate) struct Wires {
 impl Wires {
     /// Returns the frames received since the last call: times, identifiers and data.
     pub(crate) fn take_heard(&mut self) -> Vec<(u64, u16, Vec<u8>)> {
-        let told = |(at, frame): (u64, Frame)| match frame.id() {
+        let fields = |(at, frame): (u64, Frame)| match frame.id() {
             Id::Standard(id) => (at, id.as_raw(), frame.data().to_vec()),
             Id::Extended(_) => panic!("{frame:?}"),
         };
-        core::mem::take(&mut self.heard).into_iter().map(told).collect()
+        core::mem::take(&mut self.heard).into_iter().map(fields).collect()
     }
 }
 

@@ -22,8 +22,8 @@ pub struct Context<'a> {
 impl Context<'_> {
     /// Writes an event into the journal at the present time.
     #[inline]
-    pub fn report(&mut self, told: impl EventText) {
-        self.journal.push(self.now, told);
+    pub fn report(&mut self, event: impl EventText) {
+        self.journal.push(self.now, event);
     }
 
     /// Position in the RAM of the register at `offset` of the area.
@@ -35,7 +35,7 @@ impl Context<'_> {
     /// Reports the answer to a handshake register at `offset` of the area, which contained `request`.
     pub fn answered(&mut self, offset: usize, request: u16, answer: u16) {
         let (origin, offset) = (self.origin, self.at(offset));
-        self.report(Handshake { origin, offset, request, answer, goes_on: false });
+        self.report(Handshake { origin, offset, request, answer, more_answers_follow: false });
     }
 
     /// Reports that the PLC has broken a rule at the register at `offset` of the area; the register belongs

@@ -53,10 +53,10 @@ pub trait BusGuests {
         ErrorState::Active
     }
 
-    /// The traffic of the bus goes to `ear` from now on, except what this guest sends; with `None` it hears no more.
+    /// The traffic of the bus goes to `receiver` from now on, except what this guest sends; with `None` it hears no more.
     /// A guest can hear without taking part. Snapshots contain no receivers.
-    fn guest_hears(&mut self, guest: u8, ear: Option<Arc<Guest>>) {
-        let _ = (guest, ear);
+    fn guest_hears(&mut self, guest: u8, receiver: Option<Arc<Guest>>) {
+        let _ = (guest, receiver);
     }
 
     /// A guest that takes part sends a frame, or a telegram.
@@ -66,7 +66,7 @@ pub trait BusGuests {
     fn guest_sends(
         &mut self,
         guest: u8,
-        said: &BusMessage,
+        message: &BusMessage,
         now: u64,
         journal: &mut Journal,
     ) -> Result<(), GuestRefusal>;

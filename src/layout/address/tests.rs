@@ -28,7 +28,7 @@ fn an_address_without_a_name_is_a_byte_of_the_image() {
     assert_eq!(Width::Word.at(200_000).to_string(), "WORD at byte 200000 of the image");
     assert_eq!(DEVICE.at(Width::Dword, 128).to_string(), "DWORD at byte 128 of the image", "the header page");
     assert_eq!(Width::Word.at(200_000), DEVICE.at(Width::Word, 200_000), "the same place");
-    assert_eq!(DEVICE.told(Width::Word.at(200_000)).to_string(), "%MW3.200000");
+    assert_eq!(DEVICE.in_device_spelling(Width::Word.at(200_000)).to_string(), "%MW3.200000");
 }
 
 #[test]
@@ -113,7 +113,7 @@ fn everything_else_is_no_address() {
 
 #[test]
 fn numbers_of_words_count_accesses_of_their_own_width() {
-    for (text, told, offset, bit) in [
+    for (text, spelling, offset, bit) in [
         ("%IW0", "%IW0", 4096, None),
         ("%IX0.03", "%IX0.3", 4096, Some(3)),
         ("%ix1.8", "%IX1.8", 4099, Some(0)),
@@ -127,10 +127,10 @@ fn numbers_of_words_count_accesses_of_their_own_width() {
         ("%MB8191", "%MB8191", 16_383, None),
     ] {
         let address = WORDS.address(text).unwrap();
-        assert_eq!((address.to_string().as_str(), address.offset(), address.bit()), (told, offset, bit));
-        assert_eq!(WORDS.address(told), Ok(address));
+        assert_eq!((address.to_string().as_str(), address.offset(), address.bit()), (spelling, offset, bit));
+        assert_eq!(WORDS.address(spelling), Ok(address));
         if bit.is_none() {
-            assert_eq!(WORDS.at(address.width(), offset).to_string(), told);
+            assert_eq!(WORDS.at(address.width(), offset).to_string(), spelling);
         }
     }
     assert_eq!(

@@ -59,7 +59,7 @@ impl ValueMeaning {
 
     /// The meaning with `{}` replaced by `value`, followed by the decision that it is based on.
     #[must_use]
-    pub fn told(&self, value: impl fmt::Display) -> String {
+    pub fn text_for(&self, value: impl fmt::Display) -> String {
         let text = self.text.replace("{}", &value.to_string());
         match self.source.decision() {
             Some(decision) => format!("{text} ({decision})"),

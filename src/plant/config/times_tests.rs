@@ -45,8 +45,8 @@ fn each_time_has_its_range() {
         };
         assert_eq!(parse(3_600_000_000), Ok(()), "{whose}");
         let line = 1 + format!("{plc}{before}\n").matches('\n').count();
-        let told = format!("test.toml: line {line}: {whose} is {value}; it must be {right}");
-        assert_eq!(parse(value), Err(told));
+        let message = format!("test.toml: line {line}: {whose} is {value}; it must be {right}");
+        assert_eq!(parse(value), Err(message));
     }
 }
 

@@ -394,7 +394,7 @@ fn pending_records_follow_the_end_of_the_journal() {
     host.request(&[Op::Advance { us: 20_000 }]);
     let pending: Vec<_> =
         host.plant.journal().pending().into_iter().map(|record| record.judged_at(20_000)).collect();
-    assert!(pending.iter().any(crate::journal::Record::goes_on));
+    assert!(pending.iter().any(crate::journal::Record::may_continue));
     let end = host.plant.journal().end();
     let mut read = |from, max| host.request(&[Op::Journal { from, max }]).remove(0).journal().unwrap().0;
     let part = read(end - 2, 1);

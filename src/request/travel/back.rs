@@ -50,9 +50,9 @@ fn find_back<T>(
 ) -> Result<T, Refused> {
     let here = host.plant().snapshot();
     // After a stretch: the begin of the next one, and whether `look` succeeds there.
-    let mut behind = (here.time_us(), false);
+    let mut next_stretch = (here.time_us(), false);
     for place in (0..host.plant_and_travel().1.history.len()).rev() {
-        let found = last_in(host, place, behind, &look);
+        let found = last_in(host, place, next_stretch, &look);
         let (found, first) = found.inspect_err(|_| return_to(host, &here))?;
         let is_first = place == 0 && first.1;
         if let Some(target) = found.or(is_first.then_some(first.0)) {
@@ -61,7 +61,7 @@ fn find_back<T>(
                 || Refused::new(Code::SNAPSHOT, "the moment was found, but not again on the way there");
             return look(host)?.ok_or_else(none);
         }
-        behind = first;
+        next_stretch = first;
     }
     return_to(host, &here);
     let earliest = host.plant_and_travel().1.earliest();

@@ -104,7 +104,7 @@ impl Drop for Keeper {
 /// when no more jobs can arrive.
 fn write_all(mut directory: Directory, jobs: &Receiver<Job>) -> Result<(), NovramError> {
     let mut dirty: BTreeMap<String, Content> = BTreeMap::new();
-    let mut said = BTreeMap::new();
+    let mut logged_faults = BTreeMap::new();
     loop {
         let next = match dirty.is_empty() {
             true => jobs.recv().map_err(|_| RecvTimeoutError::Disconnected),
@@ -127,7 +127,7 @@ fn write_all(mut directory: Directory, jobs: &Receiver<Job>) -> Result<(), Novra
         }
         dirty.retain(|name, content| {
             let result = file::store(&mut directory, name, content);
-            log_change(name, &result, &mut said);
+            log_change(name, &result, &mut logged_faults);
             result.is_err()
         });
     }
@@ -145,18 +145,18 @@ fn write_all(mut directory: Directory, jobs: &Receiver<Job>) -> Result<(), Novra
 }
 
 /// Logs the fault of a file once, until it is written or has another fault.
-fn log_change(name: &str, result: &Result<(), NovramError>, said: &mut BTreeMap<String, String>) {
+fn log_change(name: &str, result: &Result<(), NovramError>, logged_faults: &mut BTreeMap<String, String>) {
     match result {
         Ok(()) => {
-            if said.remove(name).is_some() {
+            if logged_faults.remove(name).is_some() {
                 tracing::warn!("NOVRAM {name}: written now");
             }
         }
         Err(error) => {
             let text = error.to_string();
-            if said.get(name) != Some(&text) {
+            if logged_faults.get(name) != Some(&text) {
                 tracing::error!("{text}; next attempts every {RETRY_AFTER:?}");
-                said.insert(name.to_owned(), text);
+                logged_faults.insert(name.to_owned(), text);
             }
         }
     }

@@ -52,12 +52,12 @@ impl Bench {
         let changed = records.iter().filter_map(|record| record.event.get::<Changed>());
         let recorded: HashSet<_> = changed.map(|change| (change.plc, change.offset)).collect();
         // The recorded changes of a register already show the request and the answer.
-        let is_told_twice = |record: &Record| {
+        let is_repeated = |record: &Record| {
             !record.event.is::<Changed>() && register(&record.event).is_some_and(|it| recorded.contains(&it))
         };
         let mut steps = Vec::new();
         for record in &records {
-            match ExchangeKind::of(record).filter(|_| !is_told_twice(record)) {
+            match ExchangeKind::of(record).filter(|_| !is_repeated(record)) {
                 Some(kind) => {
                     steps.push((record.event, ExchangeStep { kind, line: line(record, &mut text) }))
                 }
@@ -87,10 +87,10 @@ fn picture(steps: &[(Event, ExchangeStep)]) -> Vec<ExchangeStep> {
         PictureLine::Step(step) => Some((steps[*step].1.kind, register(&steps[*step].0))),
         PictureLine::Again(..) => None,
     };
-    let told: Vec<_> = pieces.iter().map(of).collect();
+    let line_steps: Vec<_> = pieces.iter().map(of).collect();
     let is_finding =
         |piece: &PictureLine| matches!(piece, PictureLine::Step(step) if steps[*step].0.is::<Found>());
-    let shown = chosen(&told, pieces.iter().position(is_finding));
+    let shown = chosen(&line_steps, pieces.iter().position(is_finding));
     let (mut lines, mut left_out) = (Vec::new(), 0);
     for (number, piece) in pieces.iter().enumerate() {
         if !shown[number] {
@@ -100,18 +100,20 @@ fn picture(steps: &[(Event, ExchangeStep)]) -> Vec<ExchangeStep> {
         let (PictureLine::Step(step) | PictureLine::Again(_, step)) = piece;
         let at_us = steps[*step].1.line.time_us;
         if core::mem::take(&mut left_out) > 0 {
-            lines.push(said(at_us, "...".to_owned()));
+            lines.push(note_line(at_us, "...".to_owned()));
         }
         lines.push(match piece {
             PictureLine::Step(_) => steps[*step].1.clone(),
-            PictureLine::Again(times, _) => said(at_us, format!("the same {times} times more, up to here")),
+            PictureLine::Again(times, _) => {
+                note_line(at_us, format!("the same {times} times more, up to here"))
+            }
         });
     }
     lines
 }
 
 /// A line about steps that are not shown one by one.
-fn said(time_us: u64, what: String) -> ExchangeStep {
+fn note_line(time_us: u64, what: String) -> ExchangeStep {
     let line = JournalLine { time_us, kind: String::new(), text: format!("{}  {what}", seconds(time_us)) };
     ExchangeStep { kind: ExchangeKind::More, line }
 }
@@ -136,15 +138,15 @@ fn folded<K: PartialEq>(keys: &[K]) -> Vec<PictureLine> {
     pieces
 }
 
-/// Which lines are shown, of those with their ways and registers; `finding`: the first finding.
-fn chosen(told: &[Option<(ExchangeKind, Option<RegisterKey>)>], finding: Option<usize>) -> Vec<bool> {
-    let mut shown = vec![false; told.len()];
+/// Chooses the lines to show. `line_steps` has the kind and the register of each line; `finding`: the first finding.
+fn chosen(line_steps: &[Option<(ExchangeKind, Option<RegisterKey>)>], finding: Option<usize>) -> Vec<bool> {
+    let mut shown = vec![false; line_steps.len()];
     shown.iter_mut().rev().take(LAST).for_each(|shown| *shown = true);
-    let handshakes = handshakes(told);
+    let handshakes = handshakes(line_steps);
     let mut wanted: Vec<Range<usize>> = Vec::new();
     if let Some(finding) = finding {
         wanted.push(finding.saturating_sub(BEFORE_FINDING)..finding + 1);
-        let register = told[finding].and_then(|(_, register)| register);
+        let register = line_steps[finding].and_then(|(_, register)| register);
         let before = register.and_then(|register| handshakes.get(&register));
         let before = before.and_then(|all| all.iter().rfind(|range| range.end <= finding));
         wanted.extend(before.cloned());
@@ -154,7 +156,7 @@ fn chosen(told: &[Option<(ExchangeKind, Option<RegisterKey>)>], finding: Option<
     last.sort_by_key(|range| core::cmp::Reverse(range.end));
     wanted.extend(last);
     for range in wanted {
-        let range = range.start.saturating_sub(BESIDE)..(range.end + BESIDE).min(told.len());
+        let range = range.start.saturating_sub(BESIDE)..(range.end + BESIDE).min(line_steps.len());
         let new = shown[range.clone()].iter().filter(|shown| !**shown).count();
         if shown.iter().filter(|shown| **shown).count() + new <= MOST {
             shown[range].fill(true);
@@ -165,11 +167,11 @@ fn chosen(told: &[Option<(ExchangeKind, Option<RegisterKey>)>], finding: Option<
 
 /// The handshakes by register: ranges from the program's request to the firmware's answer.
 fn handshakes(
-    told: &[Option<(ExchangeKind, Option<RegisterKey>)>],
+    line_steps: &[Option<(ExchangeKind, Option<RegisterKey>)>],
 ) -> HashMap<RegisterKey, Vec<Range<usize>>> {
     let (mut asked, mut all) = (HashMap::new(), HashMap::<_, Vec<_>>::new());
-    for (number, told) in told.iter().enumerate() {
-        match told {
+    for (number, line_step) in line_steps.iter().enumerate() {
+        match line_step {
             Some((ExchangeKind::Program, Some(register))) => {
                 asked.insert(*register, number);
             }
@@ -207,33 +209,34 @@ mod tests {
 
     #[test]
     fn the_last_repetitions_of_a_handshake_are_shown_despite_later_steps() {
-        let mut told = Vec::new();
+        let mut line_steps = Vec::new();
         for _ in 0..4 {
-            told.extend([Some((ExchangeKind::Bus, None)); 5]);
-            told.extend([program(9), firmware(9)]);
+            line_steps.extend([Some((ExchangeKind::Bus, None)); 5]);
+            line_steps.extend([program(9), firmware(9)]);
         }
-        told.extend([Some((ExchangeKind::Bus, None)); 60]);
-        let shown = chosen(&told, None);
+        line_steps.extend([Some((ExchangeKind::Bus, None)); 60]);
+        let shown = chosen(&line_steps, None);
         let at = |number: usize| 7 * number + 5;
         assert!(!shown[at(1)] && shown[at(2)] && shown[at(2) + 1] && shown[at(3)] && shown[at(3) + 1]);
-        assert!(!shown[50] && shown[told.len() - LAST] && shown[told.len() - 1]);
+        assert!(!shown[50] && shown[line_steps.len() - LAST] && shown[line_steps.len() - 1]);
     }
 
     #[test]
     fn a_finding_is_shown_with_preceding_steps_and_the_last_good_handshake() {
-        let mut told = vec![program(1), firmware(1)];
-        told.extend([Some((ExchangeKind::Bus, None)); 30]);
-        told.extend([program(1), Some((ExchangeKind::Wrong, Some((DeviceIndex(0), 1)))), firmware(1)]);
-        told.extend([Some((ExchangeKind::Bus, None)); 100]);
-        let shown = chosen(&told, Some(33));
+        let mut line_steps = vec![program(1), firmware(1)];
+        line_steps.extend([Some((ExchangeKind::Bus, None)); 30]);
+        line_steps.extend([program(1), Some((ExchangeKind::Wrong, Some((DeviceIndex(0), 1)))), firmware(1)]);
+        line_steps.extend([Some((ExchangeKind::Bus, None)); 100]);
+        let shown = chosen(&line_steps, Some(33));
         assert!(shown[0] && shown[1] && shown[32] && shown[33] && shown[33 - BEFORE_FINDING]);
         assert!(!shown[15] && !shown[60]);
     }
 
     #[test]
     fn a_picture_has_an_end() {
-        let told: Vec<_> = (0..500).flat_map(|register| [program(register), firmware(register)]).collect();
-        let shown = chosen(&told, Some(3)).into_iter().filter(|shown| *shown).count();
+        let line_steps: Vec<_> =
+            (0..500).flat_map(|register| [program(register), firmware(register)]).collect();
+        let shown = chosen(&line_steps, Some(3)).into_iter().filter(|shown| *shown).count();
         assert!((LAST..=MOST).contains(&shown), "{shown}");
     }
 }

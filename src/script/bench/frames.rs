@@ -328,7 +328,7 @@ fn transmitted(record: &Record, on: BusIndex) -> Option<Frame> {
 fn frame_of(record: &Record, on: BusIndex) -> Option<SeenFrame> {
     let frame = transmitted(record, on)?;
     let kind = BUS_KINDS.iter().find(|kind| kind.records.contains(&record.event.kind()));
-    let text = kind.map_or_else(String::new, |kind| (kind.says)(&frame));
+    let text = kind.map_or_else(String::new, |kind| (kind.describe)(&frame));
     Some(SeenFrame { time_us: record.time_us, frame, text })
 }
 

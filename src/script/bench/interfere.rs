@@ -97,11 +97,11 @@ impl Bench {
         // A fault without hits has taken effect once it has acted.
         let has_acted = |it: &FaultStatus| it.hits > 0 || it.acting && !it.fault.kind().has_hits();
         let has_hits = |kind| devices::fault_kinds().iter().any(|it| it.number() == kind && it.has_hits());
-        let tells =
+        let has_effect =
             |it: &FaultNews| matches!(it.news, News::Hit(_)) || it.news == News::Over && !has_hits(it.kind);
         let struck = |id| {
             there.iter().any(|it| it.id == id && has_acted(it))
-                || over.iter().any(|it| it.id == id && tells(it))
+                || over.iter().any(|it| it.id == id && has_effect(it))
         };
         let Some(missed) = self.required.iter().find(|it| !struck(it.number)) else { return Ok(()) };
         let Required { number, text, place } = missed;

@@ -72,8 +72,8 @@ fn board_map(bench: &mut Bench, plc: &str) -> Result<Map, ScenarioError> {
     }
     for (word, value) in front.into_iter().filter(|(word, _)| !word.is_text) {
         let called = word.called(value);
-        let told = if called == value.to_string() { int(value.into()).into() } else { called.into() };
-        map.insert(word.name.into(), told);
+        let shown_value = if called == value.to_string() { int(value.into()).into() } else { called.into() };
+        map.insert(word.name.into(), shown_value);
     }
     if let Some(modules) = bench.modules(plc)? {
         let modules = modules.into_iter().map(|(port, front)| (port.into(), module_map(front).into()));
@@ -94,11 +94,11 @@ fn module_map(front: ModuleFront) -> Map {
         (name.into(), shown)
     });
     let switches = front.switches.into_iter().map(|(name, switch)| {
-        let stands = match switch {
+        let position = match switch {
             Switch::Number(number) => int(number.into()).into(),
             Switch::Is(on) => on.into(),
         };
-        (name.into(), stands)
+        (name.into(), position)
     });
     let kind = [("kind".into(), front.kind.into()), ("leds".into(), Map::from_iter(leds).into())];
     Map::from_iter(kind.into_iter().chain(switches))

@@ -103,18 +103,18 @@ mod tests {
 
     #[test]
     fn the_error_names_the_right_call() {
-        let told = |name, given: &[Dynamic]| wrong_call(name, given).to_string();
+        let message = |name, given: &[Dynamic]| wrong_call(name, given).to_string();
         assert_eq!(
-            told("wait", &["node2.b_BT_0".into(), 2_i64.into()]),
+            message("wait", &["node2.b_BT_0".into(), 2_i64.into()]),
             "`wait`: 2 arguments are given; write wait(register, value, within)"
         );
         assert_eq!(
-            told("wait", &[5_i64.into(), 2_i64.into(), "1ms".into()]),
+            message("wait", &[5_i64.into(), 2_i64.into(), "1ms".into()]),
             "`wait`: `register` is a text, here it is an integer; write wait(register, value, within)"
         );
         let five = ["open".into(), 1_i64.into(), "*".into(), "1ms".into(), 1_i64.into()];
         assert!(
-            told("expect_frame", &five)
+            message("expect_frame", &five)
                 .contains("`extended` is a bool, here it is an integer; write expect_frame(")
         );
         assert!(takes_all(&verb::called("step"), 1) && takes_all(&verb::called("now"), 0));

@@ -15,7 +15,7 @@ fn granted(line: &str) -> Option<u64> {
 
 /// Returns the frames that a guest receives before its turn, and the time of the turn.
 fn turn(guest: &mut Guest<TcpStream>, us: u64) -> (Vec<String>, u64) {
-    guest.say(&format!("K{us:X}\r"));
+    guest.send(&format!("K{us:X}\r"));
     let mut heard = Vec::new();
     loop {
         let line = guest.hear();
@@ -98,7 +98,7 @@ fn a_guest_that_waits_for_its_turn_cannot_send() {
         (guest.ask("O"), guest.ask("K0"), guest.ask("t1230")),
         ("\r".into(), "\x07".into(), "z\r".into())
     );
-    guest.say("K64\r");
+    guest.send("K64\r");
     assert_eq!((guest.ask("t1240"), guest.ask("K64")), ("\x07".into(), "\x07".into()));
     assert_eq!(guest.ask("C"), "\r");
     emulator.step(&["1ms"]);
@@ -111,19 +111,19 @@ fn a_guest_that_hangs_or_dies_in_its_turn_loses_its_seat() {
     let emulator = start(OPEN, &["--clock", "stepped"]);
     let port = port(&emulator);
     let (mut hangs, mut dies) = (Guest::open(port), Guest::open(port));
-    hangs.say("K1\r");
-    dies.say("K1\r");
+    hangs.send("K1\r");
+    dies.send("K1\r");
     seated(&emulator, 2);
     std::thread::scope(|scope| {
         scope.spawn(move || assert_eq!(dies.hear(), "K1\r"));
         assert_eq!(emulator.step(&["1ms"]), "0.001000 s");
     });
     let log = emulator.run("trace", &["--bus", "open"]);
-    for told in ["guest1 has lost its seat", "guest2 has given its seat back"] {
-        assert_eq!(log.ok().matches(told).count(), 1, "{told}: {}", log.out);
+    for expected in ["guest1 has lost its seat", "guest2 has given its seat back"] {
+        assert_eq!(log.ok().matches(expected).count(), 1, "{expected}: {}", log.out);
     }
     assert_eq!((hangs.hear(), hangs.ask("t1230")), ("K1\r".into(), "z\r".into()));
-    hangs.say("K1\r");
+    hangs.send("K1\r");
     seated(&emulator, 1);
     let mut step = emulator.command("step", &["1ms"]);
     let mut step = step.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
@@ -137,13 +137,14 @@ fn a_guest_that_hangs_or_dies_in_its_turn_loses_its_seat() {
 fn other_clients_are_served_during_turns_of_guests() {
     let mut emulator = start(OPEN, &["--clock", "stepped"]);
     let mut guest = Guest::open(port(&emulator));
-    guest.say("K1\r");
+    guest.send("K1\r");
     seated(&emulator, 1);
     let mut step = emulator.command("step", &["24h"]);
     let mut step = step.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     let turns = std::thread::spawn(move || {
-        let mut told = [0; 64];
-        while guest.0.read(&mut told).is_ok_and(|bytes| bytes > 0) && guest.0.write_all(b"K1\r").is_ok() {}
+        let mut received = [0; 64];
+        while guest.0.read(&mut received).is_ok_and(|bytes| bytes > 0) && guest.0.write_all(b"K1\r").is_ok() {
+        }
     });
     for _ in 0..3 {
         assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS"]), "16#0001");
@@ -165,7 +166,7 @@ fn in_real_time_a_request_is_answered_at_its_time() {
     let (_, first) = turn(&mut one, 1);
     let (_, second) = turn(&mut one, 20_000);
     assert!(second >= first + 20_000, "{first} {second}");
-    one.say("KFFFFFFFFFFFFFFFF\r");
+    one.send("KFFFFFFFFFFFFFFFF\r");
     seated(&emulator, 1);
     assert_eq!(other.ask("t1230"), "z\r");
     assert_eq!(one.hear(), "t1230\r");

@@ -127,8 +127,8 @@ fn angle_references_are_masked_and_followed() {
         bench.step(500);
         assert_eq!(bench.p(258), (200 * 100_000 + 7) & 0xFFFF_FFF0);
         // The drive follows its reference with a delay of one slot, plus or minus the remaining error of the position loop.
-        let behind = (200 * 100_000i64) - i64::from(bench.p(303));
-        assert!((0..150_000).contains(&behind), "{behind}");
+        let lag = (200 * 100_000i64) - i64::from(bench.p(303));
+        assert!((0..150_000).contains(&lag), "{lag}");
     });
 }
 

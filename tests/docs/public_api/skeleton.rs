@@ -120,8 +120,8 @@ fn strip_fields(fields: &mut Fields, all_are_public: bool) -> bool {
 
 /// Keeps the attributes that affect users.
 fn keep_visible_attributes(attributes: &mut Vec<Attribute>) {
-    let told = ["cfg", "derive", "must_use", "non_exhaustive", "repr", "deprecated"];
-    attributes.retain(|attribute| told.iter().any(|name| attribute.path().is_ident(name)));
+    let kept = ["cfg", "derive", "must_use", "non_exhaustive", "repr", "deprecated"];
+    attributes.retain(|attribute| kept.iter().any(|name| attribute.path().is_ident(name)));
 }
 
 fn is_public(visibility: &Visibility) -> bool {

@@ -141,7 +141,7 @@ fn path(text: &str) -> String {
         depth > 0 || c.is_alphanumeric() || "_.]".contains(*c)
     });
     let name: String = of_name.collect();
-    name.split('[').map(|part| part.split_once(']').map_or(part, |(_, behind)| behind)).collect()
+    name.split('[').map(|part| part.split_once(']').map_or(part, |(_, following)| following)).collect()
 }
 
 /// A compiler checks this as well, but not every machine has one.

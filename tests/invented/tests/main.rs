@@ -150,12 +150,12 @@ fn a_value_passes_from_gate_to_gate() {
     }
 
     let trace = emulator.run("trace", &["--format", "jsonl"]);
-    let told: Vec<serde_json::Value> =
+    let records: Vec<serde_json::Value> =
         trace.ok().lines().map(|line| serde_json::from_str(line).unwrap()).collect();
-    let found: Vec<_> = told.iter().filter_map(|record| record["kind"].as_str()).collect();
+    let found: Vec<_> = records.iter().filter_map(|record| record["kind"].as_str()).collect();
     let kinds = ["channel_write", "channel_write", "handshake", "can_frame", "passed"];
     assert_eq!(found, kinds, "{}", trace.out);
-    let (handshake, frame, passed) = (&told[2], &told[3], &told[4]);
+    let (handshake, frame, passed) = (&records[2], &records[3], &records[4]);
     assert_eq!(
         (&handshake["plc"], &handshake["request"], &handshake["answer"]),
         (&"left".into(), &5.into(), &4.into())

@@ -14,7 +14,7 @@ use std::process::Command;
 use tools::python;
 
 /// Returns the output of a command, which must succeed.
-fn said(command: &mut Command) -> String {
+fn output_of(command: &mut Command) -> String {
     let output = command.output().unwrap();
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     assert!(output.status.success(), "{}\n{}", text(&output.stdout), text(&output.stderr));
@@ -70,7 +70,7 @@ fn in_c(ty: &str) -> String {
 fn the_functions_are_those_of_the_headers() {
     let Some(mut command) = python(&["fmpy"]) else { return };
     let script = "import fmpy, os; print(os.path.join(os.path.dirname(fmpy.__file__), 'c-code'))";
-    let headers = PathBuf::from(said(command.args(["-c", script])).trim());
+    let headers = PathBuf::from(output_of(command.args(["-c", script])).trim());
     let declared = std::fs::read_to_string(headers.join("fmi3Functions.h")).unwrap();
     let signatures = commram_fmi::signatures();
     let mut source = String::from(
@@ -95,7 +95,7 @@ fn the_functions_are_those_of_the_headers() {
     std::fs::write(&file, source).unwrap();
     let mut cc = Command::new("cc");
     cc.args(["-std=c11", "-Wall", "-Werror", "-fsyntax-only", "-I"]).arg(headers).arg(file);
-    said(&mut cc);
+    output_of(&mut cc);
 }
 
 /// Actions of a PLC that bring a drive to an actual value: time, register, value; without a value the register is read.
@@ -175,12 +175,12 @@ fn fmpy_runs_a_unit_with_the_values_of_the_plant_alone() {
     let writes = writes();
     std::fs::write(&list, &writes).unwrap();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/python/check_fmu.py");
-    let said = said(command.arg(script).arg(&unit).arg(&list));
-    let said: Vec<_> = said.lines().collect();
+    let lines = output_of(command.arg(script).arg(&unit).arg(&list));
+    let lines: Vec<_> = lines.lines().collect();
     let expected = alone(&writes);
     assert!(expected.last().unwrap().ends_with(&0x1234.to_string()), "{expected:#?}");
-    assert_eq!(said[0], "problems []");
-    assert_eq!(said[1..=expected.len()], expected);
-    assert_eq!(said[1 + expected.len()..][..3], ["loop closed 98", "state True", "refused"]);
-    assert!(said.last().unwrap().starts_with("simulated "), "{said:#?}");
+    assert_eq!(lines[0], "problems []");
+    assert_eq!(lines[1..=expected.len()], expected);
+    assert_eq!(lines[1 + expected.len()..][..3], ["loop closed 98", "state True", "refused"]);
+    assert!(lines.last().unwrap().starts_with("simulated "), "{lines:#?}");
 }

@@ -78,9 +78,9 @@ fn front_lines(face: &DeviceFront, has: &'static [&'static str], theme: Theme) -
     add("power", vec![Span::styled(words.power, power)], Some(("power", &["on", "off"])));
     if let Some(switch) = &words.switch {
         let position = |name: &str| {
-            let stands = name.eq_ignore_ascii_case(switch);
-            let sign = if stands { "\u{25c9} " } else { "\u{25cb} " };
-            Span::styled(format!("{sign}{name}  "), if stands { theme.head() } else { theme.dim() })
+            let is_selected = name.eq_ignore_ascii_case(switch);
+            let sign = if is_selected { "\u{25c9} " } else { "\u{25cb} " };
+            Span::styled(format!("{sign}{name}  "), if is_selected { theme.head() } else { theme.dim() })
         };
         let spans = ["RUN", "STOP", "RESET"].map(position).to_vec();
         add("switch", spans, Some(("switch", &["run", "stop", "reset"])));
@@ -147,12 +147,12 @@ fn module_line(port: &str, module: &ModuleFront, theme: Theme) -> FrontLine {
         spans.push(Span::raw(format!("{name}  ")));
     }
     for (name, switch) in &module.switches {
-        let stands = match switch {
+        let position = match switch {
             Switch::Number(number) => number.to_string(),
             Switch::Is(true) => "on".to_owned(),
             Switch::Is(false) => "off".to_owned(),
         };
-        spans.push(Span::styled(format!("{name} {stands}  "), theme.dim()));
+        spans.push(Span::styled(format!("{name} {position}  "), theme.dim()));
     }
     let has_dip = module.switches.iter().any(|(name, _)| *name == "dip");
     (named(port, spans), has_dip.then(|| (format!("{port}.dip"), vec!["0 to 31".to_owned()])))

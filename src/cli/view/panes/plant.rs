@@ -45,12 +45,12 @@ fn plc_lines(model: &Model, plc: DeviceIndex, name: &str, theme: Theme, lines: &
     if let Some(face) = model.faces.get(plc.index()) {
         let words = face.board.words(devices::board_of(device));
         let display = shown_text(&face.front).or(words.display).filter(|shown| !shown.trim().is_empty());
-        let told = [
+        let parts = [
             Some(format!("power {}", words.power)),
             words.program.map(|program| format!("program {program}")),
             display.map(|shown| format!("display {shown}")),
         ];
-        how = told.into_iter().flatten().collect::<Vec<_>>().join(", ");
+        how = parts.into_iter().flatten().collect::<Vec<_>>().join(", ");
     }
     lines.push(Line::from(vec![
         Span::styled(format!(" {}", padded(name, NAMES)), theme.head()),

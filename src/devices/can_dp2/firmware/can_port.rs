@@ -18,12 +18,12 @@ pub(in crate::devices::can_dp2) struct CanSide {
     registers: Registers,
     gateway: Shared,
     /// State that the journal has last recorded.
-    told: u8,
+    recorded_state: u8,
 }
 
 impl CanSide {
     pub(in crate::devices::can_dp2) fn new(registers: Registers, gateway: Shared) -> Self {
-        CanSide { registers, gateway, told: can_state::OFF }
+        CanSide { registers, gateway, recorded_state: can_state::OFF }
     }
 
     /// Updates filters, frames, LED and journal after any change.
@@ -50,7 +50,7 @@ impl CanSide {
             _ => led_c::ON,
         });
         let state = gateway.state();
-        if core::mem::replace(&mut self.told, state) != state {
+        if core::mem::replace(&mut self.recorded_state, state) != state {
             ctx.report(CanState { plc: ctx.origin.plc, to: state });
         }
     }
@@ -59,14 +59,14 @@ impl CanSide {
 /// The snapshot of this port includes the gateway, which both ports share; the other port omits it.
 impl SnapshotFields for CanSide {
     fn save(&self, to: &mut Saving) {
-        let Self { registers: _, gateway, told } = self;
+        let Self { registers: _, gateway, recorded_state } = self;
         lock(gateway).save(to);
-        to.value(told);
+        to.value(recorded_state);
     }
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         lock(&self.gateway).restore(from)?;
-        self.told = from.value()?;
+        self.recorded_state = from.value()?;
         Ok(())
     }
 }
@@ -75,7 +75,7 @@ impl CanPort for CanSide {
     fn power_on(&mut self, ctx: &mut Context, controller: &mut Controller, _: u8) {
         controller.set_bit_rate(NO_RATE);
         lock(&self.gateway).power_on(ctx.now);
-        self.told = can_state::OFF;
+        self.recorded_state = can_state::OFF;
         self.show(ctx, controller);
     }
 

@@ -178,8 +178,8 @@ fn take(octets: &[u8], has_pages: bool) -> Result<(RawModule<'_>, &[u8]), CfgErr
     if structure & 0x40 != 0 {
         return Err(CfgError::Unit);
     }
-    let said = usize::from(head & 0x0F);
-    let (comment, rest) = rest.split_at(said.min(rest.len()));
+    let comment_length = usize::from(head & 0x0F);
+    let (comment, rest) = rest.split_at(comment_length.min(rest.len()));
     let (length, is_consistent) = (usize::from(structure & 0x3F) + 1, structure & CONSISTENT != 0);
     Ok((RawModule { is_input, length, is_consistent, comment }, rest))
 }
@@ -194,10 +194,10 @@ impl Configuration {
         let mut rest = octets;
         while !rest.is_empty() {
             let module = it.modules.len() as u8;
-            let (written, behind) =
+            let (written, following) =
                 take(rest, parameters.has_pages()).map_err(|error| CfgFault { module, error })?;
             it.add(&written, parameters).map_err(|error| CfgFault { module, error })?;
-            rest = behind;
+            rest = following;
         }
         if parameters.has_pages() {
             it.close_pages(parameters)?;
@@ -216,8 +216,8 @@ impl Configuration {
         } else if parameters.has_pages() {
             (segments::kind(written)?, 0)
         } else {
-            let (id, form, behind) = identifier(comment)?;
-            (self.of_identifier(id, is_input, behind)?, form)
+            let (id, form, following) = identifier(comment)?;
+            (self.of_identifier(id, is_input, following)?, form)
         };
         // A counter takes one more octet; a window has no counter (D-378).
         let counter = match kind {
@@ -252,13 +252,13 @@ impl Configuration {
         written: &RawModule<'_>,
         parameters: &Parameters,
     ) -> Result<(ModuleFunction, u8), CfgError> {
-        let (_, behind) = written.comment.split_at(WINDOW_ID.len());
-        let (&form, behind) = behind.split_first().ok_or(CfgError::Form)?;
+        let (_, following) = written.comment.split_at(WINDOW_ID.len());
+        let (&form, following) = following.split_first().ok_or(CfgError::Form)?;
         let kind = if written.is_input { ModuleFunction::WindowInput } else { ModuleFunction::WindowOutput };
         if !parameters.has_window() || self.modules.iter().any(|module| module.kind == kind) {
             return Err(CfgError::Identifier);
         }
-        match *behind {
+        match *following {
             [] => {}
             [high, low] => self.sync_ms = Some(u16::from_be_bytes([high, low])),
             _ => return Err(CfgError::Identifier),
@@ -266,7 +266,12 @@ impl Configuration {
         Ok((kind, form))
     }
 
-    fn of_identifier(&mut self, id: Id, is_input: bool, behind: &[u8]) -> Result<ModuleFunction, CfgError> {
+    fn of_identifier(
+        &mut self,
+        id: Id,
+        is_input: bool,
+        following: &[u8],
+    ) -> Result<ModuleFunction, CfgError> {
         // P. 10: an identifier can have one direction only.
         let is_other_way = |module: &Module| match module.kind {
             ModuleFunction::Input { id: other, .. } => !is_input && other == id,
@@ -277,7 +282,7 @@ impl Configuration {
             return Err(CfgError::Identifier);
         }
         if is_input {
-            if !behind.is_empty() {
+            if !following.is_empty() {
                 return Err(CfgError::Identifier);
             }
             for module in &mut self.modules {
@@ -287,7 +292,7 @@ impl Configuration {
             }
             return Ok(ModuleFunction::Input { id, is_frozen: false });
         }
-        let cycle_ms = match *behind {
+        let cycle_ms = match *following {
             [] => 0,
             [high, low] => u16::from_be_bytes([high, low]),
             _ => return Err(CfgError::Identifier),

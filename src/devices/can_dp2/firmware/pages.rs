@@ -200,7 +200,7 @@ impl Pages {
             if let [MORE, MORE, MORE, MORE] | [END, END, END, END] = bytes {
                 break bytes[0];
             }
-            let Some((&[a, b, c, d, form, length], behind)) = rest.split_first_chunk::<RECORD>() else {
+            let Some((&[a, b, c, d, form, length], following)) = rest.split_first_chunk::<RECORD>() else {
                 return Err(wrong(Outcome::Mark));
             };
             let id = identifier([a, b, c, d]).ok_or(wrong(Outcome::Identifier))?;
@@ -218,7 +218,7 @@ impl Pages {
                 rx.iter_mut().filter(|it| it.id == id).for_each(|it| it.is_frozen = true);
                 rx.push(Rx { id, form, length, data: [0; 8], count: 0, is_frozen: false });
             }
-            (rest, record) = (behind, record.saturating_add(1));
+            (rest, record) = (following, record.saturating_add(1));
         };
         let is_last = self.next + 1 == number::RX || self.next + 1 == number::DATA;
         match (mark, is_tx) {
@@ -242,9 +242,9 @@ impl Pages {
         let Some(ids) = self.tx_pages.get(usize::from(number - number::DATA)) else { return frames };
         let mut rest = payload;
         for tx in &mut self.tx[ids.clone()] {
-            let Some((&force, behind)) = rest.split_first() else { break };
-            let (data, behind) = behind.split_at(tx.length.min(behind.len()));
-            rest = behind;
+            let Some((&force, following)) = rest.split_first() else { break };
+            let (data, following) = following.split_at(tx.length.min(following.len()));
+            rest = following;
             let is_changed = !tx.data.starts_with(data);
             let is_toggled = core::mem::replace(&mut tx.force, force) != force;
             let is_sent = match force {

@@ -76,8 +76,8 @@ fn fuzz_dp_slave() {
     crate::fuzz("dp_slave", |bytes| {
         let [prm, cfg, rest @ ..] = bytes else { return };
         let part = |rest: &mut &[u8], len: usize| {
-            let (part, behind) = rest.split_at(len.min(rest.len()).min(244));
-            *rest = behind;
+            let (part, following) = rest.split_at(len.min(rest.len()).min(244));
+            *rest = following;
             part.to_vec()
         };
         let rest = &mut &*rest;

@@ -338,14 +338,14 @@ fn fb2_configures_and_exchanges_pages() {
     plc.run(60, |blocks, peripherals| block.call(blocks, peripherals));
     assert_eq!((block.RET_VALUE, block.ERROR, plc.bench.registers.can.page_state.load()), (0, 0, 2));
     block.FREIGABE = true;
-    let mut told = Vec::new();
+    let mut results = Vec::new();
     plc.run(150, |blocks, peripherals| {
         block.call(blocks, peripherals);
-        if told.last() != Some(&block.RET_VALUE) {
-            told.push(block.RET_VALUE);
+        if results.last() != Some(&block.RET_VALUE) {
+            results.push(block.RET_VALUE);
         }
     });
-    assert_eq!((told, block.ERROR), (vec![2, 3, 4], 0));
+    assert_eq!((results, block.ERROR), (vec![2, 3, 4], 0));
     // Force 1 is sent with each page, 3 and 4 once; force 0 and unchanged data never.
     let heard = plc.bench.heard();
     let count = |id: &str| heard.iter().filter(|frame| frame.starts_with(id)).count();
@@ -437,14 +437,14 @@ fn fb3_runs_motors() {
     plc.blocks.set(99, &list());
     plc.blocks.set(100, &[0; 16 * 127]);
     let mut block = FB3 { FREIGABE: true, KONFIG_DB: 93, DATEN_DB: 100, ..Default::default() };
-    let mut told = Vec::new();
+    let mut results = Vec::new();
     plc.run(1500, |blocks, peripherals| {
         block.call(blocks, peripherals);
-        if told.last() != Some(&block.RET_VALUE) {
-            told.push(block.RET_VALUE);
+        if results.last() != Some(&block.RET_VALUE) {
+            results.push(block.RET_VALUE);
         }
     });
-    assert_eq!((told, block.ERROR), (vec![1, 2, 3, 4], 0));
+    assert_eq!((results, block.ERROR), (vec![1, 2, 3, 4], 0));
     // The lists of motors 1, 4 and 8 are finished.
     let status = |motor: usize| plc.blocks.get(98).unwrap()[8 * (motor - 1) + 4..][..2].to_vec();
     assert_eq!([1, 3, 4, 8].map(status), [[0, 1], [0, 0], [0, 1], [0, 1]]);

@@ -16,30 +16,30 @@ const fn bits(us: u64) -> u64 {
 struct Foreign {
     number: u8,
     address: u8,
-    ear: Arc<Guest>,
+    receiver: Arc<Guest>,
     fcb: Option<bool>,
 }
 
 impl Foreign {
     /// Joins as the guest with this number, which is also its address.
     fn come(bench: &mut Bench, number: u8) -> Self {
-        let ear = Guest::of_a_test(BusIndex(0), number);
+        let receiver = Guest::of_a_test(BusIndex(0), number);
         assert!(bench.buses[0].guests().unwrap().guest_joins(number, bench.now));
-        bench.buses[0].guests().unwrap().guest_hears(number, Some(ear.clone()));
-        Foreign { number, address: number, ear, fcb: None }
+        bench.buses[0].guests().unwrap().guest_hears(number, Some(receiver.clone()));
+        Foreign { number, address: number, receiver, fcb: None }
     }
 
-    fn say(&self, bench: &mut Bench, begin: u64, octets: &[u8]) {
-        let said = BusMessage::Burst(Burst { begin, octets: octets.to_vec() });
+    fn send(&self, bench: &mut Bench, begin: u64, octets: &[u8]) {
+        let message = BusMessage::Burst(Burst { begin, octets: octets.to_vec() });
         let now = bench.now;
         assert_eq!(
-            bench.buses[0].guests().unwrap().guest_sends(self.number, &said, now, &mut bench.journal),
+            bench.buses[0].guests().unwrap().guest_sends(self.number, &message, now, &mut bench.journal),
             Ok(())
         );
     }
 
     fn hear(&self) -> Option<Burst> {
-        match self.ear.hears()? {
+        match self.receiver.hears()? {
             BusMessage::Burst(burst) => Some(burst),
             BusMessage::Frame(frame) => panic!("{frame:?}"),
         }
@@ -59,7 +59,7 @@ impl Foreign {
     fn ask(&mut self, bench: &mut Bench, dsap: u8, data: &[u8]) -> Telegram {
         while self.hear().is_some() {}
         let octets = self.request((dsap != 255).then_some(dsap), data);
-        self.say(bench, 0, &octets);
+        self.send(bench, 0, &octets);
         for _ in 0..1000 {
             bench.run(CYCLE);
             if let Some(burst) = self.hear() {
@@ -80,7 +80,7 @@ impl Foreign {
     fn commission(&mut self, bench: &mut Bench) {
         let status = [0x10, 5, self.address, 0x49, 5u8.wrapping_add(self.address).wrapping_add(0x49), 0x16];
         // The slave uses it only to detect the bit rate.
-        self.say(bench, 0, &status);
+        self.send(bench, 0, &status);
         bench.run(MS);
         let mut prm = prm(0, 0);
         (prm[0], prm[1], prm[2]) = (0x88, 10, 1);
@@ -132,7 +132,7 @@ fn a_telegram_with_a_time_begins_at_that_bit() {
     master.commission(&mut bench);
     let (listener, begin) = (Foreign::come(&mut bench, 3), bits(bench.now) + 1003);
     let octets = master.request(Some(60), &[]);
-    master.say(&mut bench, begin, &octets);
+    master.send(&mut bench, begin, &octets);
     bench.run(5 * MS);
     let end = begin + Telegram::bits(octets.len());
     assert_eq!(listener.hear(), Some(Burst { begin, octets }));
@@ -140,7 +140,7 @@ fn a_telegram_with_a_time_begins_at_that_bit() {
     assert_eq!((answer.begin, Some(&answer)), (end + MIN_TSDR_BITS, listener.hear().as_ref()));
     assert_eq!((master.hear(), listener.hear()), (None, None), "a guest does not hear its own telegrams");
     // A time in the past means now.
-    master.say(&mut bench, 1, &[0xDC, 2, 2]);
+    master.send(&mut bench, 1, &[0xDC, 2, 2]);
     let now = bits(bench.now);
     bench.run(MS);
     assert_eq!(listener.hear(), Some(Burst { begin: now, octets: vec![0xDC, 2, 2] }));
@@ -151,9 +151,9 @@ fn a_telegram_without_a_time_waits_for_an_idle_line() {
     let mut bench = Bench::new(5);
     let (one, other, listener) =
         (Foreign::come(&mut bench, 2), Foreign::come(&mut bench, 3), Foreign::come(&mut bench, 4));
-    one.say(&mut bench, 10, &[0xDC, 2, 2]);
-    other.say(&mut bench, 0, &[0xDC, 3, 3]);
-    one.say(&mut bench, 0, &[0xE5]);
+    one.send(&mut bench, 10, &[0xDC, 2, 2]);
+    other.send(&mut bench, 0, &[0xDC, 3, 3]);
+    one.send(&mut bench, 0, &[0xE5]);
     bench.run(MS);
     let heard: Vec<_> = core::iter::from_fn(|| listener.hear()).collect();
     // After the first telegram, an answer may begin sooner than a request or a token.
@@ -173,12 +173,12 @@ fn collisions_are_not_passed_to_guests() {
     let mut bench = Bench::new(5);
     let (one, other, listener) =
         (Foreign::come(&mut bench, 2), Foreign::come(&mut bench, 3), Foreign::come(&mut bench, 4));
-    one.say(&mut bench, 100, &[0xDC, 2, 2]);
-    other.say(&mut bench, 110, &[0xDC, 3, 3]);
+    one.send(&mut bench, 100, &[0xDC, 2, 2]);
+    other.send(&mut bench, 110, &[0xDC, 3, 3]);
     bench.run(MS);
     assert_eq!((one.hear(), other.hear(), listener.hear()), (None, None, None));
     // Octets that are not a telegram are passed on unchanged; stations ignore them.
-    one.say(&mut bench, 0, &[0x10, 5, 2, 0x49, 0, 0x16]);
+    one.send(&mut bench, 0, &[0x10, 5, 2, 0x49, 0, 0x16]);
     bench.run(MS);
     assert_eq!(listener.hear().unwrap().octets, [0x10, 5, 2, 0x49, 0, 0x16]);
     assert_eq!(bench.registers.diag.dp_state.load(), dp_state::BAUD_SEARCH);
@@ -192,9 +192,9 @@ fn the_line_is_reserved_for_an_answer() {
         let (one, other) = (Foreign::come(&mut bench, 2), Foreign::come(&mut bench, 3));
         // No station has address 9.
         let request = [0x10, 9, 2, 0x49, 0x54, 0x16];
-        one.say(&mut bench, 100, &request);
+        one.send(&mut bench, 100, &request);
         bench.run(MS / 2);
-        other.say(&mut bench, 0, &[0xDC, 3, 3]);
+        other.send(&mut bench, 0, &[0xDC, 3, 3]);
         bench.run(100 * MS);
         let asked_until = 100 + Telegram::bits(request.len()) + slot_bits;
         assert_eq!(one.hear().unwrap().begin, asked_until.max(bits(MS / 2)), "factor {factor}");
@@ -211,10 +211,10 @@ fn an_answer_does_not_wait_for_the_end_of_its_slot() {
         for answer in [vec![0xE5], status(0x00), status(0x20), status(0x30)] {
             let mut bench = Bench::with_segment(5, &format!("kbit_s = 500, slot_factor = {factor}"));
             let [one, other, slave] = [2, 3, 9].map(|number| Foreign::come(&mut bench, number));
-            one.say(&mut bench, 100, &[0x10, 9, 2, 0x49, 0x54, 0x16]);
+            one.send(&mut bench, 100, &[0x10, 9, 2, 0x49, 0x54, 0x16]);
             bench.run(MS / 4 + after);
-            other.say(&mut bench, 0, &[0xDC, 3, 3]);
-            slave.say(&mut bench, 0, &answer);
+            other.send(&mut bench, 0, &[0xDC, 3, 3]);
+            slave.send(&mut bench, 0, &answer);
             bench.run(100 * MS);
             let begin = (100 + Telegram::bits(6) + MIN_TSDR_BITS).max(bits(MS / 4 + after));
             let token = begin + Telegram::bits(answer.len()) + SYN_BITS;
@@ -243,8 +243,8 @@ fn a_telegram_that_begins_too_soon_is_reported() {
         let mut bench = Bench::new(5);
         let master = Foreign::come(&mut bench, 2);
         let end = 100 + Telegram::bits(3);
-        master.say(&mut bench, 100, &[0xDC, 2, 2]);
-        master.say(&mut bench, end + pause, octets);
+        master.send(&mut bench, 100, &[0xDC, 2, 2]);
+        master.send(&mut bench, end + pause, octets);
         bench.run(5 * MS);
         let found: Vec<_> = bench.journal.findings().iter().map(|it| (it.last.rule, it.last.value)).collect();
         let expected = if is_early { vec![(&GUEST_EARLY, pause as u32)] } else { vec![] };
@@ -258,21 +258,21 @@ fn a_telegram_for_a_distant_time_is_refused() {
     use crate::check::rules::GUEST_TIME;
     let mut bench = Bench::new(5);
     let (master, listener) = (Foreign::come(&mut bench, 2), Foreign::come(&mut bench, 3));
-    let said = |begin| BusMessage::Burst(Burst { begin, octets: vec![0xDC, 2, 2] });
+    let message = |begin| BusMessage::Burst(Burst { begin, octets: vec![0xDC, 2, 2] });
     let most = 60 * 500_000;
     for (begin, seconds) in
         [(u64::MAX, u32::MAX), (1 << 62, u32::MAX), (most + bits(bench.now) + 500_001, 61)]
     {
         let refused =
-            bench.buses[0].guests().unwrap().guest_sends(2, &said(begin), bench.now, &mut bench.journal);
+            bench.buses[0].guests().unwrap().guest_sends(2, &message(begin), bench.now, &mut bench.journal);
         assert!(matches!(refused, Err(GuestRefusal::TooFarAhead { .. })), "{refused:?}");
         let last = bench.journal.findings().iter().last().map(|it| (it.last.rule, it.last.value));
         assert_eq!(last, Some((&GUEST_TIME, seconds)));
     }
-    master.say(&mut bench, 0, &[0xDC, 2, 2]);
+    master.send(&mut bench, 0, &[0xDC, 2, 2]);
     bench.run(MS);
     assert!(listener.hear().is_some(), "later telegrams are sent");
-    master.say(&mut bench, most, &[0xDC, 2, 2]);
+    master.send(&mut bench, most, &[0xDC, 2, 2]);
 }
 
 /// A DP slave has SRD and SDN. It refuses SDA with a code and without data, and ignores a request with a reserved bit
@@ -293,14 +293,14 @@ fn unsupported_services_get_no_data() {
                 data: vec![0; 2],
             };
             let octets = Telegram::Frame(frame(fc)).octets().unwrap();
-            master.say(&mut bench, 0, &octets);
+            master.send(&mut bench, 0, &octets);
             bench.run(5 * MS);
             let answer = Telegram::parse(&master.hear().unwrap().octets);
             let Ok(Telegram::Frame(refusal)) = answer else { panic!("{answer:?}") };
             assert_eq!((refusal.fc, refusal.data), (0x03, vec![]), "SDA 16#{fc:02X} to {sap:?}");
             for reserved in [fc | 0x80, 0xED, 0xCC] {
                 let octets = Telegram::Frame(frame(reserved)).octets().unwrap();
-                master.say(&mut bench, 0, &octets);
+                master.send(&mut bench, 0, &octets);
                 bench.run(5 * MS);
                 assert_eq!(master.hear(), None, "16#{reserved:02X}");
             }
@@ -317,11 +317,11 @@ fn the_watchdog_stops_a_slave_without_its_master() {
     master.commission(&mut bench);
     master.ask(&mut bench, 255, &[1, 2]);
     let (now, request) = (bench.now, master.request(None, &[3, 4]));
-    master.say(&mut bench, 0, &request);
-    master.say(&mut bench, bits(now + 50 * MS), &[0xDC, 2, 2]);
+    master.send(&mut bench, 0, &request);
+    master.send(&mut bench, bits(now + 50 * MS), &[0xDC, 2, 2]);
     bench.buses[0].guests().unwrap().guest_leaves(2, now);
-    let said = BusMessage::Burst(Burst { begin: 0, octets: vec![0xE5] });
-    let refusal = bench.buses[0].guests().unwrap().guest_sends(2, &said, now, &mut bench.journal);
+    let message = BusMessage::Burst(Burst { begin: 0, octets: vec![0xE5] });
+    let refusal = bench.buses[0].guests().unwrap().guest_sends(2, &message, now, &mut bench.journal);
     assert_eq!(refusal, Err(GuestRefusal::NotHere));
     bench.run(60 * MS);
     assert_eq!(bench.registers.outputs(2), [3, 4], "earlier telegrams are still sent");
@@ -337,7 +337,7 @@ fn the_watchdog_stops_a_slave_without_its_master() {
 fn slaves_ignore_tokens() {
     let mut bench = Bench::new(5);
     let (mut one, mut other) = (Foreign::come(&mut bench, 2), Foreign::come(&mut bench, 3));
-    one.say(&mut bench, 0, &[0xDC, 2, 2]);
+    one.send(&mut bench, 0, &[0xDC, 2, 2]);
     bench.run(MS);
     assert_eq!(bench.registers.diag.dp_state.load(), dp_state::BAUD_CONTROL, "a token gives the rate, too");
     assert!(other.hear().is_some());
@@ -345,12 +345,12 @@ fn slaves_ignore_tokens() {
     while other.hear().is_some() {}
     for round in 0..20u8 {
         assert!(matches!(one.ask(&mut bench, 255, &[round, 0]), Telegram::Frame(_)));
-        one.say(&mut bench, 0, &[0xDC, 3, 2]);
+        one.send(&mut bench, 0, &[0xDC, 3, 2]);
         bench.run(MS);
         let heard: Vec<_> = core::iter::from_fn(|| other.hear()).map(|burst| burst.octets).collect();
         assert_eq!(heard.last().unwrap(), &[0xDC, 3, 2]);
         assert_eq!(other.data(&mut bench, 57), [round, 0]);
-        other.say(&mut bench, 0, &[0xDC, 2, 3]);
+        other.send(&mut bench, 0, &[0xDC, 2, 3]);
         bench.run(MS);
         let heard: Vec<_> = core::iter::from_fn(|| one.hear()).map(|burst| burst.octets).collect();
         assert_eq!(heard.last().unwrap(), &[0xDC, 2, 3]);
@@ -367,13 +367,13 @@ fn a_guest_sends_octets_only_and_its_queue_is_limited() {
         bus.guests().unwrap().guest_sends(2, &BusMessage::Frame(data(1, &[])), 0, journal),
         Err(GuestRefusal::NotHere)
     );
-    let said = BusMessage::Burst(Burst { begin: 0, octets: vec![0xE5] });
+    let message = BusMessage::Burst(Burst { begin: 0, octets: vec![0xE5] });
     let taken =
-        (0..1000).take_while(|_| bus.guests().unwrap().guest_sends(2, &said, 0, journal).is_ok()).count();
+        (0..1000).take_while(|_| bus.guests().unwrap().guest_sends(2, &message, 0, journal).is_ok()).count();
     assert_eq!(
-        (taken, bus.guests().unwrap().guest_sends(2, &said, 0, journal)),
+        (taken, bus.guests().unwrap().guest_sends(2, &message, 0, journal)),
         (64, Err(GuestRefusal::Full))
     );
     bench.run(10 * MS);
-    guest.say(&mut bench, 0, &[0xE5]);
+    guest.send(&mut bench, 0, &[0xE5]);
 }

@@ -20,18 +20,18 @@ const SLAVE: u8 = 9;
 /// A program's end of the door.
 struct Door {
     number: u8,
-    ear: Arc<Guest>,
+    receiver: Arc<Guest>,
 }
 
 impl Door {
     fn come(bench: &mut Bench, number: u8) -> Self {
-        let ear = Guest::of_a_test(BusIndex(0), number);
+        let receiver = Guest::of_a_test(BusIndex(0), number);
         assert!(bench.buses[0].guests().unwrap().guest_joins(number, bench.now));
-        bench.buses[0].guests().unwrap().guest_hears(number, Some(ear.clone()));
-        Door { number, ear }
+        bench.buses[0].guests().unwrap().guest_hears(number, Some(receiver.clone()));
+        Door { number, receiver }
     }
 
-    fn say(&self, bench: &mut Bench, octets: Vec<u8>) {
+    fn send(&self, bench: &mut Bench, octets: Vec<u8>) {
         let now = bench.now;
         assert_eq!(
             bench.buses[0].guests().unwrap().guest_sends(
@@ -45,7 +45,7 @@ impl Door {
     }
 
     fn hear(&self) -> Option<Burst> {
-        match self.ear.hears()? {
+        match self.receiver.hears()? {
             BusMessage::Burst(burst) => Some(burst),
             BusMessage::Frame(frame) => panic!("{frame:?}"),
         }
@@ -133,7 +133,7 @@ impl Master {
         let now = Instant::from_micros(i64::try_from(bench.now).unwrap());
         self.fdl.poll(now, &mut self.phy, &mut self.dp);
         if let Some(octets) = self.phy.to_say.take() {
-            self.door.say(bench, octets);
+            self.door.send(bench, octets);
         }
     }
 
@@ -178,7 +178,7 @@ impl Slave {
             self.answer = Self::reply(&burst).map(|octets| (bench.now + rate.us_at(self.lag), octets));
         }
         if let Some((_, octets)) = self.answer.take_if(|(at, _)| *at <= bench.now) {
-            self.door.say(bench, octets);
+            self.door.send(bench, octets);
         }
     }
 }

@@ -51,8 +51,8 @@ fn answered_from(address: u8) -> Bench {
     assert!(bench.buses[0].guests().unwrap().guest_joins(1, bench.now));
     let (da, fc, dsap, ssap, data) = (1, 0, None, None, vec![]);
     let frame = crate::profibus::Frame { da, sa: address, fc, dsap, ssap, data };
-    let said = BusMessage::burst(Telegram::Frame(frame).octets().unwrap());
-    bench.buses[0].guests().unwrap().guest_sends(1, &said, bench.now, &mut bench.journal).unwrap();
+    let message = BusMessage::burst(Telegram::Frame(frame).octets().unwrap());
+    bench.buses[0].guests().unwrap().guest_sends(1, &message, bench.now, &mut bench.journal).unwrap();
     bench.run(MS);
     bench
 }
@@ -63,8 +63,8 @@ fn asked_from(address: u8) -> Bench {
     assert!(bench.buses[0].guests().unwrap().guest_joins(1, bench.now));
     let (da, fc, dsap, ssap, data) = (9, 0x49, None, None, vec![]);
     let frame = crate::profibus::Frame { da, sa: address, fc, dsap, ssap, data };
-    let said = BusMessage::burst(Telegram::Frame(frame).octets().unwrap());
-    bench.buses[0].guests().unwrap().guest_sends(1, &said, bench.now, &mut bench.journal).unwrap();
+    let message = BusMessage::burst(Telegram::Frame(frame).octets().unwrap());
+    bench.buses[0].guests().unwrap().guest_sends(1, &message, bench.now, &mut bench.journal).unwrap();
     bench.run(MS);
     bench
 }
@@ -76,8 +76,8 @@ fn a_master_that_asks_nothing_shares_no_address() {
     assert!(bench.buses[0].guests().unwrap().guest_joins(1, bench.now));
     for _ in 0..2 {
         let frame = crate::profibus::Frame { da: 9, sa: 1, fc: 0x49, dsap: None, ssap: None, data: vec![] };
-        let said = BusMessage::burst(Telegram::Frame(frame).octets().unwrap());
-        bench.buses[0].guests().unwrap().guest_sends(1, &said, bench.now, &mut bench.journal).unwrap();
+        let message = BusMessage::burst(Telegram::Frame(frame).octets().unwrap());
+        bench.buses[0].guests().unwrap().guest_sends(1, &message, bench.now, &mut bench.journal).unwrap();
         bench.run(5 * MS);
     }
     assert_eq!(broken(&bench), []);

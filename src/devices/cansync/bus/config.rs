@@ -91,7 +91,7 @@ impl BusSection for BusConfig {
     fn doubts(&self, masters: &[MasterConfig]) -> Vec<Doubt> {
         let bus = &self.name;
         let has = |master: &MasterConfig, kbit_s| master.kbit_s.is_empty() || master.kbit_s.contains(&kbit_s);
-        let deaf = |kbit_s: u16| {
+        let rate_conflict = |kbit_s: u16| {
             let master = masters.iter().find(|master| !has(master, kbit_s))?;
             let rates: Vec<_> = master.kbit_s.iter().map(u16::to_string).collect();
             Some(format!(
@@ -102,7 +102,7 @@ impl BusSection for BusConfig {
         };
         let mut doubts = Vec::new();
         if self.drives.iter().any(|drive| drive.kbit_s.is_none())
-            && let Some(why) = deaf(self.kbit_s)
+            && let Some(why) = rate_conflict(self.kbit_s)
         {
             let text = format!(
                 "drives on bus '{bus}' are set to {} kbit/s and will hear nothing: {why}",
@@ -112,7 +112,7 @@ impl BusSection for BusConfig {
         }
         for drive in &self.drives {
             let Some(kbit_s) = drive.kbit_s.filter(|kbit_s| *kbit_s != self.kbit_s) else { continue };
-            let why = deaf(kbit_s).unwrap_or_else(|| {
+            let why = rate_conflict(kbit_s).unwrap_or_else(|| {
                 format!(
                     "its bus '{bus}' is at {} kbit/s, and a bus has one rate, that of its master",
                     self.kbit_s

@@ -84,7 +84,7 @@ impl Run<'_> {
                 None => self.note_frame(frame),
                 Some(guest) => {
                     let bus = self.bus.index;
-                    self.bus.ears.send(now, Some(guest), || BusMessage::Frame(frame.into()));
+                    self.bus.receivers_of_traffic.send(now, Some(guest), || BusMessage::Frame(frame.into()));
                     self.journal.push(now, ForeignFrame { bus, guest, frame });
                 }
             }
@@ -101,9 +101,9 @@ impl Run<'_> {
         if self.faults.is_empty() {
             return self.deliver_to_all(frame, copy);
         }
-        let deaf = self.overruns(frame);
+        let overrun_nodes = self.overruns(frame);
         self.deliver_to_all(frame, copy);
-        for place in deaf {
+        for place in overrun_nodes {
             match place {
                 PortRef::Master(index) => self.bus.masters[index].firmware.frame_is_past(),
                 PortRef::Slave(index) => self.bus.slaves[index].firmware.frame_is_past(),
@@ -132,7 +132,7 @@ impl Run<'_> {
 
     /// Returns the nodes of this bus that lose `frame` to an overrun.
     fn overruns(&mut self, frame: &Frame) -> Vec<PortRef> {
-        let mut deaf = Vec::new();
+        let mut overrun_nodes = Vec::new();
         let bus = &mut *self.bus;
         let sender = match frame.kind() {
             Some(FrameKind::ActualValue(_, number) | FrameKind::Response(number)) => {
@@ -154,11 +154,11 @@ impl Run<'_> {
                 PortRef::Drive(_) => false,
             };
             lost.then(|| {
-                deaf.push(place);
+                overrun_nodes.push(place);
                 Hit::Frame(frame.id().into())
             })
         });
-        deaf
+        overrun_nodes
     }
 
     /// Returns true if a fault loses the present SYNC edge on the line.

@@ -275,18 +275,18 @@ impl Bus for SimBus {
 }
 
 impl BusGuests for SimBus {
-    fn guest_hears(&mut self, guest: u8, ear: Option<Arc<Guest>>) {
-        self.ears.set(guest, ear);
+    fn guest_hears(&mut self, guest: u8, receiver: Option<Arc<Guest>>) {
+        self.receivers_of_traffic.set(guest, receiver);
     }
 
     fn guest_sends(
         &mut self,
         guest: u8,
-        said: &BusMessage,
+        message: &BusMessage,
         now: u64,
         journal: &mut Journal,
     ) -> Result<(), GuestRefusal> {
-        let BusMessage::Frame(frame) = said else { return Err(GuestRefusal::NotHere) };
+        let BusMessage::Frame(frame) = message else { return Err(GuestRefusal::NotHere) };
         self.take_guests_frame(guest, frame, now, journal)
     }
 }

@@ -87,7 +87,7 @@ impl Run<'_> {
 
     pub(super) fn note_frame(&mut self, frame: Frame) {
         if self.bus.is_wired {
-            self.bus.ears.send(self.now, None, || BusMessage::Frame(frame.into()));
+            self.bus.receivers_of_traffic.send(self.now, None, || BusMessage::Frame(frame.into()));
             self.journal.push(self.now, Transmitted { bus: self.bus.index, frame });
         }
         self.show_received(&frame);

@@ -30,7 +30,7 @@ impl SnapshotFields for SimBus {
             response,
             disturbance,
             own_clock,
-            ears: _,
+            receivers_of_traffic: _,
         } = self;
         masters.save(to);
         slaves.save(to);
@@ -44,7 +44,7 @@ impl SnapshotFields for SimBus {
     }
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
-        self.ears.clear();
+        self.receivers_of_traffic.clear();
         self.masters.restore(from)?;
         self.slaves.restore(from)?;
         self.drive_ends.restore(from)?;

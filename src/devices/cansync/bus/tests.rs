@@ -140,7 +140,7 @@ impl Bench {
     }
 
     /// Returns the rates of nodes that receive nothing, and of their buses.
-    fn deaf(&self) -> Vec<(u16, u16)> {
+    fn rate_mismatches(&self) -> Vec<(u16, u16)> {
         let reports = self.journal.records().filter_map(|it| it.event.get::<BaudRateMismatch>());
         reports.map(|it| (it.node_kbit_s, it.bus_kbit_s)).collect()
     }
@@ -250,7 +250,7 @@ fn a_slave_of_another_rate_receives_nothing_and_is_reported() {
         let mut bench = Bench::new(1000, &FOUR, &THREE);
         let order = if slave_first { [SLAVE, MASTER] } else { [MASTER, SLAVE] };
         for place in order {
-            assert_eq!(bench.deaf(), []);
+            assert_eq!(bench.rate_mismatches(), []);
             bench.set_up(place, if place == MASTER { fast } else { slow });
         }
         bench.command(MASTER, 0x0040);
@@ -260,7 +260,7 @@ fn a_slave_of_another_rate_receives_nothing_and_is_reported() {
         bench.run_to(21 * interval_us(fast));
         assert_eq!(bench.master.b_CTRLREG_WRC1.load(), 0x04);
         assert_eq!(bench.slave.b_CTRLREG_WRC1.load(), 0x00);
-        assert_eq!(bench.deaf(), [(500, 1000)], "slave first: {slave_first}");
+        assert_eq!(bench.rate_mismatches(), [(500, 1000)], "slave first: {slave_first}");
         assert_eq!(bench.journal.findings().errors(), [&rules::BUS_BAUD_RATE]);
     }
 }

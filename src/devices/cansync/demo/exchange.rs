@@ -139,7 +139,7 @@ impl<'a> Exchange<'a> {
             let unseen = self.unseen;
             text.push_str(&format!("{unseen} more went by while the soft-PLC did not get the processor\n"));
         }
-        self.trace.say(&text)
+        self.trace.print_text(&text)
     }
 
     fn show_settled(&self) -> Result<(), DemoError> {

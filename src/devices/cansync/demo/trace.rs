@@ -59,7 +59,7 @@ impl<'a> Trace<'a> {
     ///
     /// # Errors
     /// The output is closed.
-    pub(crate) fn say(&self, text: &str) -> Result<(), DemoError> {
+    pub(crate) fn print_text(&self, text: &str) -> Result<(), DemoError> {
         Ok((self.show)(text)?)
     }
 
@@ -77,7 +77,7 @@ impl<'a> Trace<'a> {
     /// As [`Trace::say`].
     pub(crate) fn print(&self) -> Result<(), DemoError> {
         let notes = self.notes.take();
-        self.say(&notes.iter().map(|note| self.line(note)).collect::<Result<String, _>>()?)
+        self.print_text(&notes.iter().map(|note| self.line(note)).collect::<Result<String, _>>()?)
     }
 
     /// Prints the notes, then a headline for the following ones.
@@ -86,7 +86,7 @@ impl<'a> Trace<'a> {
     /// As [`Trace::say`].
     pub(crate) fn headline(&self, text: &str) -> Result<(), DemoError> {
         self.print()?;
-        self.say(&format!("\n{text}\n"))
+        self.print_text(&format!("\n{text}\n"))
     }
 
     /// Notes the value of a register of the master. The register is found by its offset in the structure, so the

@@ -130,9 +130,9 @@ impl EventLog {
             };
         };
         let stride = self.frames.stride();
-        let behind = taken.saturating_sub(self.alike_from).next_multiple_of(stride);
+        let skipped = taken.saturating_sub(self.alike_from).next_multiple_of(stride);
         let (before, rest) = passed.split_at(edge - taken);
-        let (one_by_one, alike) = before.split_at((self.alike_from + behind).max(taken) - taken);
+        let (one_by_one, alike) = before.split_at((self.alike_from + skipped).max(taken) - taken);
         PendingEvents { one_by_one, alike: UniformIntervals { passed: alike, frames: self.frames }, rest }
     }
 }

@@ -39,7 +39,7 @@ impl Drive {
         for (taken, it) in passed.iter().enumerate() {
             match *it {
                 BusEvent::Edge { now_us, interval_us } => {
-                    if interval_us != run.sync_slot_us || !self.sync.goes_on(now_us, interval_us) {
+                    if interval_us != run.sync_slot_us || !self.sync.take_regular_edge(now_us, interval_us) {
                         return taken;
                     }
                     (self.edge_is_missing, self.exchanges) = (false, true);
@@ -71,7 +71,7 @@ impl Drive {
         let heard = alike.heard_at(self.kbit_s);
         if interval_us != run.sync_slot_us
             || !self.card.misses_nothing(references, heard)
-            || !self.sync.goes_on(first_us, interval_us)
+            || !self.sync.take_regular_edge(first_us, interval_us)
         {
             return false;
         }

@@ -55,8 +55,8 @@ impl JobRegisters<'_> {
         if seen != new {
             let (origin, offset) = (ctx.origin, ctx.at(self.offset));
             let (request, answer) = (u16::from(seen), u16::from(new));
-            let goes_on = self.is_masters && answer & 1 != 0;
-            ctx.report(Handshake { origin, offset, request, answer, goes_on });
+            let more_answers_follow = self.is_masters && answer & 1 != 0;
+            ctx.report(Handshake { origin, offset, request, answer, more_answers_follow });
         }
     }
 }

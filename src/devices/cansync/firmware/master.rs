@@ -315,7 +315,7 @@ pub(super) fn acknowledge(ctx: &mut Context, register: &Cell8, offset: usize) ->
             offset: ctx.at(offset),
             request: u16::from(send::RELEASED),
             answer: u16::from(send::SENT),
-            goes_on: false,
+            more_answers_follow: false,
         });
     }
     acknowledged

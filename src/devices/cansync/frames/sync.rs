@@ -86,13 +86,13 @@ impl SyncLock {
     /// As [`SyncLock::edge`] for an edge in time ([`is_in_time`]) while locked. Returns false without an effect if this
     /// is not such an edge.
     #[inline]
-    pub(crate) fn goes_on(&mut self, now_us: u64, interval_us: u32) -> bool {
+    pub(crate) fn take_regular_edge(&mut self, now_us: u64, interval_us: u32) -> bool {
         let in_time = is_in_time(now_us.saturating_sub(self.last), interval_us);
-        let goes_on = self.locked && u64::from(interval_us) == self.interval_us && in_time;
-        if goes_on {
+        let is_regular = self.locked && u64::from(interval_us) == self.interval_us && in_time;
+        if is_regular {
             self.last = now_us;
         }
-        goes_on
+        is_regular
     }
 
     /// Handles further edges of this kind, each in time after the previous one; the last one at `now_us`.

@@ -37,8 +37,8 @@ impl STR {
 fn formatted(form: &[u8], variable: impl Fn(u32) -> Option<Vec<u8>>) -> Option<Vec<u8>> {
     let Some(at) = form.iter().position(|byte| *byte == b'%') else { return Some(form.to_vec()) };
     let (before, rest) = form.split_at(at);
-    let [_, kind, behind @ ..] = rest else { return None };
-    if behind.contains(&b'%') {
+    let [_, kind, following @ ..] = rest else { return None };
+    if following.contains(&b'%') {
         return None;
     }
     let word = || Some(u16::from_le_bytes(variable(2)?.try_into().ok()?));
@@ -53,10 +53,10 @@ fn formatted(form: &[u8], variable: impl Fn(u32) -> Option<Vec<u8>>) -> Option<V
         b'e' | b'E' => exponential(real()?, 3, char::from(*kind)),
         b'g' => general(real()?, 'e'),
         b'G' => general(real()?, 'E'),
-        b'C' => return Some([before, &variable(1)?, behind].concat()),
+        b'C' => return Some([before, &variable(1)?, following].concat()),
         _ => return None,
     };
-    Some([before, value.as_bytes(), behind].concat())
+    Some([before, value.as_bytes(), following].concat())
 }
 
 /// `[-]d.ddde[-]dd`.

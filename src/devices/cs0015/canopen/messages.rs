@@ -65,10 +65,10 @@ mod tests {
         for (name, id) in [("panel_TX_PDO1", 0x185), ("panel_RX_PDO1", 0x205), ("panel_RX_PDO2", 0x305)] {
             assert!(ids.contains(&(name.to_owned(), id)), "{name}: {ids:X?}");
         }
-        let told: Vec<_> = of(&config).into_iter().map(|it| (it.name, it.signals)).collect();
+        let messages: Vec<_> = of(&config).into_iter().map(|it| (it.name, it.signals)).collect();
         for area in ["rx_pdo", "tx_pdo"] {
             let named = format!("panel_{}", area.to_uppercase());
-            let pdos: Vec<_> = told.iter().filter(|(name, _)| name.starts_with(&named)).collect();
+            let pdos: Vec<_> = messages.iter().filter(|(name, _)| name.starts_with(&named)).collect();
             assert_eq!(pdos.len(), PDOS);
             for (pdo, (name, signals)) in (0..).zip(pdos) {
                 assert_eq!(*name, format!("{named}{}", pdo + 1));

@@ -192,9 +192,9 @@ fn without_an_operating_system_only_a_download_helps() {
     bench.run(250 * MS);
     assert_eq!((bench.state(), bench.stat()), ("run".to_owned(), "green 0.5 Hz".to_owned()));
     let why = |record: Record| record.event.get::<CommandRefused>().map(|it| it.why);
-    let told: Vec<_> = bench.journal.records().filter_map(why).collect();
+    let reasons: Vec<_> = bench.journal.records().filter_map(why).collect();
     let expected = [RefusalReason::Locked, RefusalReason::NeedsReset, RefusalReason::State];
-    assert_eq!(told, expected.map(|why| why as u8));
+    assert_eq!(reasons, expected.map(|why| why as u8));
 }
 
 /// Guarding that was active when the supply was switched off is not missed afterwards.

@@ -21,9 +21,9 @@ pub(super) fn request(command: u8, index: u16, sub: u8, value: u32) -> [u8; 8] {
 pub(super) fn write(bench: &mut Bench, index: u16, sub: u8, value: u32, bytes: u8) -> Result<(), u32> {
     let command = 0x23 | (4 - bytes) << 2;
     let answer = transfer(bench, 32, request(command, index, sub, value));
-    let told = u32::from_le_bytes(answer[4..].try_into().unwrap());
+    let abort_code = u32::from_le_bytes(answer[4..].try_into().unwrap());
     if answer[0] == 0x80 {
-        return Err(told);
+        return Err(abort_code);
     }
     assert_eq!(answer, request(0x60, index, sub, 0));
     Ok(())
@@ -98,19 +98,19 @@ fn a_node_id_is_entered_twice_and_takes_effect_at_once() {
     // The answer has the identifier that the master expects.
     assert_eq!(write(&mut bench, 0x20F1, 0, 5, 1), Ok(()));
     assert_eq!(bench.registers.flags.NODEID.load(), 5);
-    let told = |bench: &mut Bench, index, sub| {
+    let read_value = |bench: &mut Bench, index, sub| {
         let answer = transfer(bench, 5, request(0x40, index, sub, 0));
         u32::from_le_bytes(answer[4..].try_into().unwrap())
     };
     let all = [(0x1400, 1), (0x1401, 1), (0x1800, 1), (0x1801, 1), (0x1014, 0), (0x100E, 0), (0x1402, 1)];
     let expected = [0x205, 0x305, 0x185, 0x285, 0x4000_0085, 0x705, 0x382];
-    assert_eq!(all.map(|(index, sub)| told(&mut bench, index, sub)), expected);
+    assert_eq!(all.map(|(index, sub)| read_value(&mut bench, index, sub)), expected);
     assert_eq!(bench.exchange(0x620, &request(0x40, 0x1000, 0, 0)), []);
     bench.ask(0x705);
     bench.run(5 * MS);
     assert_eq!(bench.heard(), [(0x705, vec![0x7F])]);
     bench.power_cycle();
-    assert_eq!((told(&mut bench, 0x100B, 0), bench.device.novram().unwrap().contents().0[21]), (5, 5));
+    assert_eq!((read_value(&mut bench, 0x100B, 0), bench.device.novram().unwrap().contents().0[21]), (5, 5));
     assert_eq!(transfer(&mut bench, 5, request(0x2F, 0x20F0, 0, 128))[0], 0x80);
 }
 

@@ -136,7 +136,7 @@ mod tests {
             "width 0 takes all back"
         );
         assert!(flags.set(6, 2, 0xBEEF).is_some() && flags.set(23, 1, 0x7F).is_some());
-        let behind = FIRST + 24;
+        let after_last = FIRST + 24;
         for offset in [8, 24] {
             flags.segment.store(FIRST + offset, Width::Dword, 9).unwrap();
         }
@@ -144,7 +144,7 @@ mod tests {
         flags.initialize();
         let held = [0, 1, 2, 3, 6, 7, 8, 23].map(|flag| load(&flags, flag));
         assert_eq!(held, [1, 2, 3, 4, 0xEF, 0xBE, 0, 0x7F]);
-        assert_eq!(flags.segment.load(behind, Width::Dword).unwrap(), 9, "after the last flag");
+        assert_eq!(flags.segment.load(after_last, Width::Dword).unwrap(), 9, "after the last flag");
         flags.forget();
         flags.initialize();
         assert_eq!(load(&flags, 23), 0);

@@ -118,8 +118,8 @@ impl Front {
         if core::mem::replace(&mut self.is_used, true) {
             // A process may have come or gone in between.
             self.read(face);
-            let told = ProgramState::from_code(self.seen.program).unwrap_or(self.program);
-            self.note_program(face, told);
+            let reported_state = ProgramState::from_code(self.seen.program).unwrap_or(self.program);
+            self.note_program(face, reported_state);
             self.projects.restart();
         }
         self.halted = false;
@@ -183,8 +183,8 @@ impl Front {
     /// Program and switch: starts and stops the program, shows its state.
     fn see(&mut self, ctx: &mut Context, face: &FirmwareHeader) {
         self.read(face);
-        let told = ProgramState::from_code(self.seen.program).unwrap_or(self.program);
-        self.note_program(face, told);
+        let reported_state = ProgramState::from_code(self.seen.program).unwrap_or(self.program);
+        self.note_program(face, reported_state);
         let is_loaded = self.projects.loaded() != Project::None;
         let may_run = self.switch == RunSwitch::Run && is_loaded;
         if may_run && !self.released {
@@ -199,11 +199,11 @@ impl Front {
 
     /// Takes the program state that the PLC reports: the program comes, goes, or copies the boot
     /// project.
-    fn note_program(&mut self, face: &FirmwareHeader, told: ProgramState) {
+    fn note_program(&mut self, face: &FirmwareHeader, reported_state: ProgramState) {
         use ProgramState::*;
         let before = self.program;
-        self.program = told;
-        match (self.projects.loaded(), told) {
+        self.program = reported_state;
+        match (self.projects.loaded(), reported_state) {
             (Project::None, None) => {}
             (_, None) => {
                 self.projects.taken_back();
@@ -212,8 +212,8 @@ impl Front {
             // A late report of the program of a lost project does not announce a new program.
             (Project::None, Initializing | Cyclic) if self.projects.is_lost() => self.program = None,
             (Project::None, Stopped | Initializing | Cyclic) => self.projects.brought(),
-            (_, ErasingBootProject) if before != told => self.projects.erased(),
-            (_, BootProjectCopied) if before != told => self.projects.copied(),
+            (_, ErasingBootProject) if before != reported_state => self.projects.erased(),
+            (_, BootProjectCopied) if before != reported_state => self.projects.copied(),
             _ => {}
         }
         face.project.store(self.projects.loaded().code());

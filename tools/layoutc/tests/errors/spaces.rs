@@ -12,7 +12,7 @@ fn with(more: &str, expected: &str) {
 
 #[test]
 fn invalid_spaces() {
-    let said = |key: &str, value: u32, by: u32| {
+    let message = |key: &str, value: u32, by: u32| {
         format!(
             "`{key}` of space `memory` is {value}; it must be divisible by {by}, so that data aligned in the space \
              are aligned in the image"
@@ -28,13 +28,13 @@ fn invalid_spaces() {
         "device.toml",
         "offset = 4096",
         "offset = 4098",
-        &format!("device.toml:62:10: {}", said("offset", 4098, 4)),
+        &format!("device.toml:62:10: {}", message("offset", 4098, 4)),
     );
     check(
         "device.toml",
         "first = 0\noffset",
         "first = 2\noffset",
-        &format!("device.toml:61:9: {}", said("first", 2, 4)),
+        &format!("device.toml:61:9: {}", message("first", 2, 4)),
     );
     check(
         "device.toml",

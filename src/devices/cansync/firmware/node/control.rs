@@ -78,8 +78,8 @@ impl Node {
         let kbit_per_s = self.init.as_ref().map_or(500, |init| init.timing.kbit_per_s);
         self.controller.reset(ctx.now, kbit_per_s);
         let (origin, offset, request) = (ctx.origin, ctx.at(0), answer | cpu_control::RESET_CONTROLLER);
-        let goes_on = self.role == Role::Master && answer & 1 != 0;
-        ctx.report(Handshake { origin, offset, request, answer, goes_on });
+        let more_answers_follow = self.role == Role::Master && answer & 1 != 0;
+        ctx.report(Handshake { origin, offset, request, answer, more_answers_follow });
     }
 
     fn read_init_data(&self) -> Result<InitData, InitFault> {
