@@ -42,8 +42,8 @@ pub(super) trait ChannelSite: Sized {
     /// Removes the directory if it is empty.
     fn remove_root(&self);
 
-    /// The site in the directory that has the name now, if that is another directory without an owner: iceoryx2 works
-    /// with paths, so a client that enters while the owner removes the directory makes a new one.
+    /// The site in the directory that now has the name, if this is a new directory without an owner. A client that enters
+    /// while the owner removes the directory makes such a directory, because iceoryx2 works with paths.
     fn made_again(&self) -> Option<Self>;
 }
 

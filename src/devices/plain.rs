@@ -132,7 +132,7 @@ impl<F: Firmware> Plain<F> {
         segment: Segment,
         firmware: F,
     ) -> Result<Self, MemoryError> {
-        let face = segment.face()?;
+        let face = segment.firmware_header()?;
         face.retain_size.store(layout.retain.map_or(0, |retain| retain.default_bytes));
         let (supply, starts) = (Supply::new(&face), Starts::new(&face));
         let name = name.to_owned();

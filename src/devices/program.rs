@@ -27,7 +27,7 @@ struct ProgramCells {
 impl ProgramCells {
     #[inline]
     fn now(face: &FirmwareHeader) -> Self {
-        let asked = face.asked();
+        let asked = face.requested();
         ProgramCells { requests: asked.board_requests.load(), program: asked.program.state.load() }
     }
 }
@@ -105,7 +105,7 @@ pub(super) fn refuse_start(ctx: &mut Context, code: u32) {
 
 /// Answers a client that gives a retain flag an initial value: the device has no cold start that would write it.
 pub(super) fn refuse_initial_flag(face: &FirmwareHeader) {
-    let (slot, request) = (&face.initial_flag, face.asked().initial_flag.request.load());
+    let (slot, request) = (&face.initial_flag, face.requested().initial_flag.request.load());
     if request != slot.answer.load() {
         slot.result.store(InitialFlagResult::NoSuchFlag.code());
         slot.answer.store(request);
@@ -131,7 +131,7 @@ mod tests {
 
     impl Rig {
         fn new() -> Self {
-            let face = Segment::heap(8192).face().unwrap();
+            let face = Segment::heap(8192).firmware_header().unwrap();
             Rig { starts: Starts::new(&face), face, journal: Journal::default() }
         }
 

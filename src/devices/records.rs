@@ -45,7 +45,7 @@ impl Part for BoardEvent {
 pub enum BoardEvent {
     /// Power-on, or RESET was released: all registers have their start values.
     Up {
-        /// The number read at the DIP switches of the device itself; `None` if it has none there.
+        /// Number that the DIP switches of the device itself show; `None` if only its modules have DIP switches, or none.
         dip: Option<u8>,
     },
     /// The supply was switched off, or RESET is held.

@@ -29,7 +29,7 @@ impl Supply {
             is_fed: true,
             is_up: false,
             is_used: false,
-            seen: face.asked().program.power.load(),
+            seen: face.requested().program.power.load(),
         }
     }
 
@@ -51,7 +51,7 @@ impl Supply {
     /// Whether a client has turned the switch since the last poll.
     #[inline]
     pub(super) fn has_changed(&self, face: &FirmwareHeader) -> bool {
-        face.asked().program.power.load() != self.seen
+        face.requested().program.power.load() != self.seen
     }
 
     /// Switches it, as if a client had turned the switch.
@@ -64,7 +64,7 @@ impl Supply {
 
     /// Polls the switch once.
     pub(super) fn look(&mut self, face: &FirmwareHeader) -> FrontAction {
-        self.seen = face.asked().program.power.load();
+        self.seen = face.requested().program.power.load();
         self.switch(self.seen != header::Power::Off.code())
     }
 

@@ -54,7 +54,7 @@ fn areas(scope: &Scope) -> String {
     format!("## Areas\n\n{}\n", table(&["Area", "Addresses", "CPU address", "Page", "What"], rows))
 }
 
-/// The object dictionary; nothing if it has none.
+/// Returns the object dictionary; empty if the device has none.
 fn objects(device: &DeviceLayout) -> String {
     if device.objects.is_empty() {
         return String::new();

@@ -276,7 +276,11 @@ impl Federation {
 
     /// Sends the others a sign of life if they have received nothing for a while.
     fn show_life(&mut self) -> Result<(), FederationError> {
-        if self.is_complete && self.spoken.elapsed() >= ALIVE { self.broadcast(&Message::Alive) } else { Ok(()) }
+        if self.is_complete && self.spoken.elapsed() >= ALIVE {
+            self.broadcast(&Message::Alive)
+        } else {
+            Ok(())
+        }
     }
 
     /// Sends the others the end of this federate, with the reason if it failed.

@@ -135,7 +135,7 @@ pub struct Journal {
     written: u64,
     fingerprint: Fingerprint,
     history: History,
-    turn: HistoryId,
+    history_id: HistoryId,
     /// Emulated time in microseconds from which on it has records: that of the snapshot from which it continues.
     since_us: u64,
     /// Set for a draft: reports are only stored here.
@@ -158,7 +158,7 @@ impl Journal {
             written: 0,
             fingerprint: Fingerprint::new(),
             history: History::new(),
-            turn: HistoryId::default(),
+            history_id: HistoryId::default(),
             since_us: 0,
             draft: None,
         }

@@ -1,4 +1,4 @@
-//! The part of the journal in a snapshot: its position, not its records.
+//! The part of the journal in a snapshot: its position, counts and findings, not its records.
 
 use super::findings::Findings;
 use super::history::FollowedRegister;
@@ -52,7 +52,7 @@ impl Journal {
             written,
             fingerprint,
             history,
-            turn: _,
+            history_id: _,
             // The time of the snapshot.
             since_us: _,
             // A plant's own journal is none.
@@ -68,9 +68,9 @@ impl Journal {
         to.value(&history.in_journal().collect::<Vec<&FollowedRegister>>());
     }
 
-    /// Restores the position of a snapshot. With `goes_back`, this journal has been at that position, so its records
-    /// up to there stay. Otherwise the records are from another plant, and all are dropped. [`Journal::turn`] shows a
-    /// reader of the journal that it has changed.
+    /// Restores the position, the counts and the findings of a snapshot. `goes_back`: the snapshot is an earlier state of
+    /// this journal, which keeps its records up to that position. Otherwise the journal drops all its records, because
+    /// they are from another plant. In both cases a new history begins ([`Journal::history_id`]).
     pub(crate) fn restore(
         &mut self,
         from: &mut Saved<'_>,
@@ -79,7 +79,7 @@ impl Journal {
     ) -> Result<(), Damaged> {
         let end;
         (end, self.next_look, self.written) = from.value()?;
-        self.turn = HistoryId { number: self.turn.number.wrapping_add(1), begin: end };
+        self.history_id = HistoryId { number: self.history_id.number.wrapping_add(1), begin: end };
         self.ring.begin_at(end, goes_back);
         self.tally.restore(from, catalogue)?;
         self.requests.restore(from)?;
@@ -95,10 +95,10 @@ impl Journal {
         Ok(())
     }
 
-    /// Which history its records are of.
+    /// The history that the records belong to.
     #[must_use]
-    pub fn turn(&self) -> HistoryId {
-        self.turn
+    pub fn history_id(&self) -> HistoryId {
+        self.history_id
     }
 
     /// Takes the records out before a search for an earlier moment creates records that are not kept.
@@ -112,7 +112,7 @@ impl Journal {
         self.history.is_searching = false;
         records.begin_at(self.ring.end(), true);
         self.ring = records;
-        self.turn.begin = self.ring.end();
+        self.history_id.begin = self.ring.end();
     }
 }
 

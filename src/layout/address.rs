@@ -120,8 +120,8 @@ impl fmt::Display for Address {
 }
 
 impl DeviceLayout {
-    /// The address of an access at byte `offset` of the image, aligned or not. Where the device has no addresses, the
-    /// result is a byte of the image. The same applies to an access that begins inside the unit that a number counts.
+    /// The address of an access at byte `offset` of the image, aligned or not. The result is a byte of the image in two
+    /// cases: the device has no addresses there, or its addresses count larger units and the access begins inside one.
     #[must_use]
     pub fn at(&self, width: Width, offset: u32) -> Address {
         let space = self.space_at(offset);

@@ -9,8 +9,8 @@ use core::ops::Deref;
 
 /// The header page, for firmware. It dereferences to the page that programs see.
 pub struct FirmwareHeader {
-    shown: View<Header>,
-    asked: View<Header>,
+    current: View<Header>,
+    requested: View<Header>,
 }
 
 impl Deref for FirmwareHeader {
@@ -18,31 +18,31 @@ impl Deref for FirmwareHeader {
 
     #[inline]
     fn deref(&self) -> &Header {
-        &self.shown
+        &self.current
     }
 }
 
 impl FirmwareHeader {
-    pub(super) fn new(shown: View<Header>, asked: View<Header>) -> Self {
-        FirmwareHeader { shown, asked }
+    pub(super) fn new(current: View<Header>, requested: View<Header>) -> Self {
+        FirmwareHeader { current, requested }
     }
 
     /// The page with everything that programs write: switches, requests, the state of a program.
     #[inline]
     #[must_use]
-    pub fn asked(&self) -> &Header {
-        &self.asked
+    pub fn requested(&self) -> &Header {
+        &self.requested
     }
 
     fn is_one_page(&self) -> bool {
-        core::ptr::eq(&raw const *self.shown, &raw const *self.asked)
+        core::ptr::eq(&raw const *self.current, &raw const *self.requested)
     }
 
     /// Applies an action to the cells that programs write, in both pages; once if they are one.
     pub fn both(&self, act: impl Fn(&Header)) {
-        act(&self.asked);
+        act(&self.requested);
         if !self.is_one_page() {
-            act(&self.shown);
+            act(&self.current);
         }
     }
 
@@ -53,11 +53,11 @@ impl FirmwareHeader {
 
     /// Takes a request, if any. If it was replaced meanwhile, the next call takes the new one.
     pub fn take(&self, cell: impl Fn(&Header) -> &Cell32) -> Option<u32> {
-        let request = cell(&self.asked).load();
-        let is_taken = request != 0 && cell(&self.asked).compare_exchange(request, 0).is_ok();
+        let request = cell(&self.requested).load();
+        let is_taken = request != 0 && cell(&self.requested).compare_exchange(request, 0).is_ok();
         if is_taken && !self.is_one_page() {
             // A newer request there is copied to the firmware's page later.
-            let _ = cell(&self.shown).compare_exchange(request, 0);
+            let _ = cell(&self.current).compare_exchange(request, 0);
         }
         is_taken.then_some(request)
     }
@@ -65,6 +65,6 @@ impl FirmwareHeader {
     /// Stores a request, like a program that submits one.
     pub fn ask(&self, cell: impl Fn(&Header) -> &Cell32, request: u32) {
         self.put(cell, request);
-        self.asked.board_requests.increment();
+        self.requested.board_requests.increment();
     }
 }

@@ -33,7 +33,7 @@ impl Segment {
     /// one page.
     fn for_each_request_cell(&self, front: &[FrontWord], mut each: impl FnMut(u16, &Cell32, &Cell32)) {
         let Some(face) = self.both_pages() else { return };
-        let cells = face.asked().request_cells(front).zip((*face).request_cells(front));
+        let cells = face.requested().request_cells(front).zip((*face).request_cells(front));
         iter::zip(0.., cells).for_each(|(index, (asked, written))| each(index, asked, written));
     }
 
@@ -75,19 +75,19 @@ impl Segment {
     pub(crate) fn copy_requests(&self, front: &[FrontWord]) {
         self.for_each_request_cell(front, |_, asked, written| asked.store(written.load()));
         if let Some(face) = self.both_pages() {
-            face.asked().board_requests.store(face.board_requests.load());
+            face.requested().board_requests.store(face.board_requests.load());
         }
     }
 
     fn submit_requests(&self) {
         if let Some(face) = self.both_pages() {
-            face.asked().board_requests.increment();
+            face.requested().board_requests.increment();
         }
     }
 
     /// Both pages; `None` if they are one.
     fn both_pages(&self) -> Option<FirmwareHeader> {
-        self.asked.as_ref().and_then(|_| self.face().ok())
+        self.asked.as_ref().and_then(|_| self.firmware_header().ok())
     }
 }
 
@@ -104,23 +104,26 @@ mod tests {
     #[test]
     fn firmware_with_a_separate_page_reads_only_delivered_requests() {
         let segment = Segment::of(&PANEL).with_request_page();
-        let (header, face) = (segment.header().unwrap(), segment.face().unwrap());
+        let (header, face) = (segment.header().unwrap(), segment.firmware_header().unwrap());
         let word = PANEL.front.iter().find(|word| word.owner == Owner::Plc).unwrap();
         header.board.switch.store(RunSwitch::Stop.code());
         header.front[word.index()].store(3);
         header.interrupts[12].ask(7, true);
         header.program.start_kind.store(9);
-        assert_eq!((face.asked().board.switch.load(), face.asked().interrupts[12].request.load()), (0, 0));
+        assert_eq!(
+            (face.requested().board.switch.load(), face.requested().interrupts[12].request.load()),
+            (0, 0)
+        );
         assert!(segment.has_new_requests(PANEL.front));
-        let before = face.asked().board_requests.load();
+        let before = face.requested().board_requests.load();
         assert_eq!(
             deliver(&segment),
             [0x0007_0003, 1, 3],
             "requests first, and nothing that programs do not write"
         );
         assert!(!segment.has_new_requests(PANEL.front) && deliver(&segment).is_empty());
-        assert_eq!(face.asked().board_requests.load(), before + 1);
-        assert_eq!(face.asked().board.switch.load(), RunSwitch::Stop.code());
+        assert_eq!(face.requested().board_requests.load(), before + 1);
+        assert_eq!(face.requested().board.switch.load(), RunSwitch::Stop.code());
     }
 
     #[test]
@@ -134,8 +137,8 @@ mod tests {
             other.store_request(PANEL.front, index, value);
         }
         other.store_request(PANEL.front, u16::MAX, 1);
-        let face = other.face().unwrap();
-        for page in [face.asked(), &*face] {
+        let face = other.firmware_header().unwrap();
+        for page in [face.requested(), &*face] {
             let triggers = [0, 1, 2].map(|n| page.opt_init.triggers[n].load());
             let request = page.opt_init.request.load();
             assert_eq!((page.board.dip.load(), triggers, request), (21, [0, 4, 0], 1));
@@ -146,7 +149,7 @@ mod tests {
     #[test]
     fn taking_a_request_keeps_the_next_one() {
         let segment = Segment::of(&PANEL).with_request_page();
-        let (header, face) = (segment.header().unwrap(), segment.face().unwrap());
+        let (header, face) = (segment.header().unwrap(), segment.firmware_header().unwrap());
         let request = |page: &Header| page.program.start_request.load();
         header.program.start_request.store(2);
         assert_eq!(deliver(&segment), [2]);
@@ -157,19 +160,19 @@ mod tests {
             "the other one was not delivered yet"
         );
         assert_eq!(face.take(|page| &page.program.start_request), None);
-        assert_eq!((request(face.asked()), request(&header)), (0, 4));
+        assert_eq!((request(face.requested()), request(&header)), (0, 4));
         assert_eq!(deliver(&segment), [4]);
         assert_eq!(face.take(|page| &page.program.start_request), Some(4));
-        assert_eq!((request(face.asked()), request(&header)), (0, 0));
+        assert_eq!((request(face.requested()), request(&header)), (0, 0));
         assert!(deliver(&segment).is_empty());
     }
 
     #[test]
     fn firmware_usually_reads_the_page_that_programs_write() {
         let segment = Segment::of(&PANEL);
-        let (header, face) = (segment.header().unwrap(), segment.face().unwrap());
+        let (header, face) = (segment.header().unwrap(), segment.firmware_header().unwrap());
         header.program.power.store(1);
-        assert_eq!(face.asked().program.power.load(), 1);
+        assert_eq!(face.requested().program.power.load(), 1);
         assert!(!segment.has_new_requests(PANEL.front) && deliver(&segment).is_empty());
         face.both(|page| {
             page.program.restarts.increment();
@@ -183,11 +186,11 @@ mod tests {
     #[test]
     fn a_restored_state_is_requested_as_written() {
         let segment = Segment::of(&PANEL).with_request_page();
-        let (header, face) = (segment.header().unwrap(), segment.face().unwrap());
+        let (header, face) = (segment.header().unwrap(), segment.firmware_header().unwrap());
         header.board.switch.store(1);
         header.board_requests.store(77);
         segment.copy_requests(PANEL.front);
-        assert_eq!((face.asked().board.switch.load(), face.asked().board_requests.load()), (1, 77));
+        assert_eq!((face.requested().board.switch.load(), face.requested().board_requests.load()), (1, 77));
         assert!(!segment.has_new_requests(PANEL.front));
     }
 }

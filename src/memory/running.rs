@@ -162,7 +162,7 @@ fn lock_file(instance: &str) -> Result<Option<LockedFile>, MemoryError> {
     Ok(file.map(|file| LockedFile { path: path.join(LOCK), file }))
 }
 
-/// The same for a directory to which other users can write.
+/// The lock file in the instance's directory if it belongs to this user, although other users can write to the directory.
 fn own_lock_file(instance: &str) -> Result<Option<LockedFile>, MemoryError> {
     let path = names::channel_root(instance)?;
     let file = PrivateDir::find_own_file(&path, LOCK)?;

@@ -152,7 +152,7 @@ impl Segment {
     /// # Errors
     /// The segment is read-only.
     #[cfg(feature = "emulator")]
-    pub fn face(&self) -> Result<FirmwareHeader, MemoryError> {
+    pub fn firmware_header(&self) -> Result<FirmwareHeader, MemoryError> {
         let shown = self.header()?;
         let asked = match &self.asked {
             Some(page) => View::new(Arc::clone(page), 0)?,

@@ -88,7 +88,7 @@ impl Plant {
         let word = device.layout().front.iter().find(is_it);
         let index = word.map(FrontWord::index).filter(|index| *index < FRONT);
         // Firmware has such a front, so it exists.
-        let face = device.segment().face().ok();
+        let face = device.segment().firmware_header().ok();
         index.zip(face).map(|(index, face)| face.put(|page| &page.front[index], value)).is_some()
     }
 

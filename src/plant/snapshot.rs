@@ -151,7 +151,7 @@ impl Plant {
     }
 
     /// Restores a snapshot of this plant, or of a plant with the same plant file. The snapshot does not contain records
-    /// of the journal: all records are dropped, and [`Journal::turn`](crate::journal::Journal::turn) changes for its
+    /// of the journal: all records are dropped, and [`Journal::history_id`](crate::journal::Journal::history_id) changes for its
     /// readers.
     ///
     /// # Errors

@@ -64,7 +64,8 @@ impl FunctionCode {
         octet & (RESERVED | IS_REQUEST) == 0
     }
 
-    /// Returns true if a telegram with this octet is a request that a station answers, even one that no slave here knows.
+    /// Returns true if a telegram with this octet is a request that a station must answer, also one that no slave of
+    /// commram supports.
     #[must_use]
     pub const fn wants_answer(octet: u8) -> bool {
         let [time_event, low, high] = UNANSWERED;

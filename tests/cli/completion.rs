@@ -101,7 +101,7 @@ fn bash_completes() {
     }
 }
 
-/// The name of a file is one word for the shell, with any characters.
+/// A name of a file is one word for the shell, with any characters in it.
 #[test]
 fn bash_runs_nothing_of_a_completed_name() {
     let directory = tempfile::tempdir().unwrap();

@@ -571,7 +571,7 @@ fn a_log_with_more_frames_than_the_journal_keeps_is_played_completely() {
     assert_eq!(played.ok(), "70001 frames in 3599 s\n");
 }
 
-/// At 10 kbit/s the 64 frames that a controller holds, behind ten of another guest, take more than a second.
+/// At 10 kbit/s the 64 frames that a controller holds, after ten of another guest, take more than a second.
 #[test]
 fn a_log_is_played_as_long_as_its_frames_leave() {
     let data = "3C".repeat(8);

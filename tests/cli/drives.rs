@@ -1,4 +1,4 @@
-//! `commram drive`, `commram status`, and the messages about drives whose bit rate differs from that of their bus.
+//! `commram drive`, `commram status`, and the messages about drives with another bit rate than their bus.
 
 use crate::common::{Emulator, run};
 use serde_json::Value;

@@ -192,9 +192,9 @@ fn all_kinds_of_stop_and_a_dying_parent_are_one_orderly_end() {
             pid=$($COMMRAM list --format csv | sed -n 's/^one,[^,]*,\\([0-9]*\\),.*/\\1/p')
             clients=
             for act in 'stop -i one' 'stop --all' 'stop --all --clean' 'stop -i one' 'stop --clean -i one'; do
-                said=$(mktemp $directory/said.XXXXXX)
-                { $COMMRAM $act >$said 2>&1; code=$?
-                  [ $code = 0 ] || { [ $code = 3 ] && grep -q 'is not running' $said; } || echo \"$act: $code, $(cat $said)\"; } &
+                output=$(mktemp $directory/output.XXXXXX)
+                { $COMMRAM $act >$output 2>&1; code=$?
+                  [ $code = 0 ] || { [ $code = 3 ] && grep -q 'is not running' $output; } || echo \"$act: $code, $(cat $output)\"; } &
                 clients=\"$clients $!\"
             done
             kill -TERM $pid 2>/dev/null; kill -INT $pid 2>/dev/null; kill -TERM $pid 2>/dev/null

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 const LAYOUTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/layouts");
 
-/// The structure of the diagnosis registers, whose offsets follow when the library has them in another order.
+/// The structure of the diagnosis registers, in another order than the layout: the import moves their offsets.
 const MEMBERS: [(&str, &str); 5] = [
     ("a_IP_ADDRESS", "IP_BMARRAY"),
     ("a_IP_MASK", "IP_BMARRAY"),

@@ -255,7 +255,8 @@ fn the_wire_is_quiet_after_each_frame() {
     assert_eq!(line.quiet_ns(), Some(second.end_ns + bits(6)));
 }
 
-/// The expected traffic: at each beginning the heads of the queues bit by bit, times from the frames bit by bit.
+/// The expected traffic, computed in another way than by the line: at each start of a frame, arbitrates between the first
+/// frames of the queues bit by bit, and counts the bits of the winner for its duration.
 fn expected(stations: &Stations, bit_ns: u64) -> Vec<(u64, usize, Frame)> {
     let (mut queues, mut free, mut traffic) = (stations.queues.clone(), 0, Vec::new());
     while let Some(earliest) = queues.iter().filter_map(|queue| queue.front()).map(|(ready, _)| *ready).min()

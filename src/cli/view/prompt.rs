@@ -145,7 +145,7 @@ impl Model {
                 let word = format!("{name}={text}");
                 let setting =
                     BoardAssignment::parse(&word).and_then(|word| word.at(self.names().device(*plc)));
-                let setting = setting.map_err(|error| error.right)?;
+                let setting = setting.map_err(|error| error.expected)?;
                 let description = format!("set {}{word}", Pins::prefix(self.names(), *plc));
                 let work = Work::Ops(vec![Op::SetBoard { plc: *plc, setting }]);
                 Ok(Some(Prompt::Really(description.clone(), Task { description, work })))

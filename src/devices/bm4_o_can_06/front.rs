@@ -27,7 +27,7 @@ snapshot_fields!(Front { values: requests; parts: events, supply, starts; built:
 impl Front {
     pub(crate) fn new(face: FirmwareHeader) -> Self {
         let (supply, starts) = (Supply::new(&face), Starts::new(&face));
-        let requests = face.asked().board_requests.load();
+        let requests = face.requested().board_requests.load();
         Front { face, events: Events::default(), supply, starts, requests }
     }
 
@@ -64,7 +64,7 @@ impl Front {
         if !self.has_changed() {
             return FrontAction::Nothing;
         }
-        let requests = self.face.asked().board_requests.load();
+        let requests = self.face.requested().board_requests.load();
         let is_asked = core::mem::replace(&mut self.requests, requests) != requests;
         let look = self.supply.look(&self.face);
         let is_up = look == FrontAction::Nothing && self.is_up();

@@ -54,8 +54,8 @@ impl Leds {
         Leds { h: [h1, h2, interval(interval_us), Led::Off] }
     }
 
-    /// Initialization has ended with an error (p. 29-30): H2 and H4 of a slave for the PLC flash together, H2 of a slave for the
-    /// controller alone.
+    /// Initialization has ended with an error (p. 29-30). On a slave for the PLC, H2 and H4 flash together; on a slave for
+    /// the controller, only H2 flashes.
     pub(super) fn of_init_error(is_for_plc: bool) -> Self {
         let h4 = if is_for_plc { Led::Flashes(1) } else { Led::Off };
         Leds { h: [Led::Off, Led::Flashes(1), Led::Off, h4] }

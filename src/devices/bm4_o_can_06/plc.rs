@@ -122,7 +122,7 @@ impl Bm4Plc {
         config: &Bm4Config,
         segment: Segment,
     ) -> Result<(Self, Vec<Plug>), BuildError> {
-        let face = segment.face()?;
+        let face = segment.firmware_header()?;
         let modules = config.modules.iter().map(|module| Module::new(module, &segment));
         let modules = modules.collect::<Result<Vec<_>, _>>()?;
         let plug = |module: &ModuleConfig| {
@@ -275,7 +275,7 @@ impl Device for Bm4Plc {
         self.front.start(ctx);
         for module in &mut self.modules {
             if module.has_registers {
-                let dip = self.front.face.asked().ports[module.place()].dip.load();
+                let dip = self.front.face.requested().ports[module.place()].dip.load();
                 module.dip = (dip & u32::from(DIP_LAST)) as u8;
             }
             module.edge = None;

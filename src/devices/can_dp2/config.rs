@@ -117,7 +117,7 @@ impl DeviceConfig for CanDp2Config {
             let bus = self.bus(port).map(str::to_owned);
             plugs.push(Plug { number: port.number, family: port.medium, bus, socket });
         }
-        segment.face()?.put(|page| &page.front[FRONT_SWITCHES], self.switches.into());
+        segment.firmware_header()?.put(|page| &page.front[FRONT_SWITCHES], self.switches.into());
         let stored = Stored::new(&segment)?;
         Ok((Box::new(Plain::new(index, &self.name, &DEVICE, segment, stored)?), plugs))
     }

@@ -70,7 +70,7 @@ impl Module {
         Ok(Module {
             node,
             registers: segment.view(AREA)?,
-            face: segment.face()?,
+            face: segment.firmware_header()?,
             written: channels,
             channels,
             is_on: false,
@@ -152,7 +152,7 @@ impl Module {
     }
 
     fn word(&self, front: usize) -> u32 {
-        self.face.asked().front[front].load()
+        self.face.requested().front[front].load()
     }
 
     /// Returns the connectors for which `is` is true, bit n for connector n + 1.

@@ -56,7 +56,7 @@ impl Registers {
             function: segment.view(FUNCTION)?,
             peripherals: segment.view(PERIPHERALS)?,
             slaves: segment.view(SLAVES)?,
-            face: segment.face()?,
+            face: segment.firmware_header()?,
             segment: segment.clone(),
         })
     }
@@ -68,7 +68,7 @@ impl Registers {
 
     /// Reads a word of the front that users turn.
     pub(super) fn turned(&self, word: usize) -> u32 {
-        self.face.asked().front[word].load()
+        self.face.requested().front[word].load()
     }
 
     /// Takes a command at the front.
@@ -85,7 +85,7 @@ impl Registers {
 
     /// Returns the program state that clients have reported.
     pub(super) fn reported_program(&self) -> u32 {
-        self.face.asked().program.state.load()
+        self.face.requested().program.state.load()
     }
 
     /// Orders a start or stop of the program.
@@ -95,7 +95,7 @@ impl Registers {
 
     /// Whether a client has a request that concerns the program.
     pub(super) fn has_program_request(&self) -> bool {
-        let asked = self.face.asked();
+        let asked = self.face.requested();
         asked.program.start_request.load() != 0
             || asked.initial_flag.request.load() != self.face.initial_flag.answer.load()
     }

@@ -59,7 +59,7 @@ impl Plc {
         segment: Segment,
     ) -> Result<(Self, Vec<Plug>), BuildError> {
         let drive = BuiltInDrive::new(&config.name, &config.drive)?;
-        let face = segment.face()?;
+        let face = segment.firmware_header()?;
         face.put(|page| &page.board.dip, u32::from(config.dip));
         face.retain_size.store(config.retain_bytes);
         let lock = SyncLock::new(config.lock_time_us, config.sync_loss_us);

@@ -80,7 +80,7 @@ impl Events {
         face: &FirmwareHeader,
         mut set: impl FnMut(&mut Self, usize, i16, bool) -> InterruptResult,
     ) {
-        for (event, (slot, asked)) in face.interrupts.iter().zip(&face.asked().interrupts).enumerate() {
+        for (event, (slot, asked)) in face.interrupts.iter().zip(&face.requested().interrupts).enumerate() {
             let request = asked.request.load();
             if request == slot.answer.load() {
                 continue;

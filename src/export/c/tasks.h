@@ -110,8 +110,8 @@ commram_join(commram *ram, commram_task *task, uint32_t event, uint32_t patience
         commram_seat *seat = &ram->header->lockstep[i];
         commram_expected asked;
         commram_result result;
-        uint32_t nobody = 0;
-        if (!COMMRAM_SWAP_IF(seat->owner, &nobody, (uint32_t)getpid()))
+        uint32_t free_seat = 0;
+        if (!COMMRAM_SWAP_IF(seat->owner, &free_seat, (uint32_t)getpid()))
             continue;
         task->ram = ram;
         task->seat = seat;

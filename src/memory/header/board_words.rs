@@ -5,12 +5,12 @@ use crate::layout::{DeviceLayout, LayoutError, Owner, RegType, split_plc, value}
 
 /// The reason why a text is not a [`BoardSetting`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{text}`: {right}")]
+#[error("`{text}`: {expected}")]
 pub struct BoardAssignmentError {
     /// The refused text.
     pub text: String,
-    /// The right values.
-    pub right: String,
+    /// The accepted values, as a sentence.
+    pub expected: String,
 }
 
 /// A [`BoardSetting`] as text, before its PLC is looked up.
@@ -63,14 +63,15 @@ impl<'a> BoardAssignment<'a> {
     /// # Errors
     /// The setting is unknown, or it cannot have this value.
     pub fn parse(text: &'a str) -> Result<Self, BoardAssignmentError> {
-        let wrong = |right: &str| BoardAssignmentError { text: text.to_owned(), right: right.to_owned() };
+        let wrong =
+            |expected: &str| BoardAssignmentError { text: text.to_owned(), expected: expected.to_owned() };
         let (place, value) =
             text.split_once('=').ok_or_else(|| wrong("write NAME=VALUE, for example dip=5"))?;
         let (plc, name) = split_plc(place);
         let number = |limit: u8| {
             let number = value::parse(value, RegType::Usint).ok().and_then(|it| u8::try_from(it).ok());
-            let right = format!("{name} is a number from 0 to {limit}");
-            number.filter(|number| *number <= limit).ok_or_else(|| wrong(&right))
+            let expected = format!("{name} is a number from 0 to {limit}");
+            number.filter(|number| *number <= limit).ok_or_else(|| wrong(&expected))
         };
         if let Some((port, name)) = name.split_once('.') {
             return match name {
@@ -106,7 +107,7 @@ impl<'a> BoardAssignment<'a> {
     pub fn at(&self, device: &'static DeviceLayout) -> Result<BoardSetting, BoardAssignmentError> {
         let wrong = |error: LayoutError| BoardAssignmentError {
             text: self.text.to_owned(),
-            right: error.to_string(),
+            expected: error.to_string(),
         };
         match self.what {
             AssignmentTarget::Setting(setting) => Ok(setting),
@@ -115,7 +116,7 @@ impl<'a> BoardAssignment<'a> {
                 Ok(BoardSetting::ModuleDip { port, dip })
             }
             AssignmentTarget::Front { name, value } => {
-                let wrong = |right| BoardAssignmentError { text: self.text.to_owned(), right };
+                let wrong = |expected| BoardAssignmentError { text: self.text.to_owned(), expected };
                 let switches = || device.front.iter().filter(|word| word.owner == Owner::Plc);
                 let Some(word) = switches().find(|word| word.name == name) else {
                     let own: String = switches().map(|word| format!(", {}", word.name)).collect();
@@ -302,12 +303,12 @@ mod tests {
             assert!(!numbers.contains(&(which, value)), "{text}");
             numbers.push((which, value));
         }
-        for (text, right) in [
+        for (text, expected) in [
             ("power=half", "power is on or off"),
             ("start=slow", "starts are cold, warm, hot; stop ends the program"),
             ("project=old", "projects are boot and sent; none deletes the loaded one"),
         ] {
-            assert_eq!(BoardAssignment::parse(text).unwrap_err().right, right);
+            assert_eq!(BoardAssignment::parse(text).unwrap_err().expected, expected);
         }
     }
 

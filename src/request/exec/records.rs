@@ -24,7 +24,7 @@ impl Work<'_> {
         let pending = if records.len() == left { journal.pending() } else { Vec::new() };
         let pending = pending.into_iter().map(|record| record.judged_at(self.host.plant().now()));
         let records = records.into_iter().chain(pending).collect();
-        Ok(Reply::Journal { records, end: journal.end(), turn: journal.turn() })
+        Ok(Reply::Journal { records, end: journal.end(), turn: journal.history_id() })
     }
 
     pub(super) fn follow(
@@ -47,7 +47,7 @@ impl Work<'_> {
 
     pub(super) fn changes(&mut self, from: u64, max: u32) -> Result<Reply, Refused> {
         let (changes, end) = self.host.plant_mut().changes(from, max.min(MAX_RECORDS) as usize);
-        Ok(Reply::Changes { changes, end, turn: self.host.plant().journal().turn() })
+        Ok(Reply::Changes { changes, end, turn: self.host.plant().journal().history_id() })
     }
 
     pub(super) fn findings(&mut self) -> Result<Reply, Refused> {

@@ -55,7 +55,7 @@ function_block! {
     /// Page mode: defines the sent and received identifiers, then exchanges data without end (p. 61-69).
     pub struct FB2(data_blocks: Shared<DataBlocks>, peripherals: Shared<Peripherals>) {
         in {
-            /// FALSE: pages 0 and 1; then TRUE: all other pages, from the start.
+            /// FALSE: exchanges pages 0 and 1. TRUE after that: all other pages, from the first one on.
             FREIGABE: bool;
             /// First output of the page.
             WRITE_ADDRESS: u16;

@@ -45,7 +45,7 @@ impl Registers {
             cfg: segment.view(CFG)?,
             inputs: segment.view(INPUTS)?,
             outputs: segment.view(OUTPUTS)?,
-            face: segment.face()?,
+            face: segment.firmware_header()?,
         })
     }
 
@@ -56,7 +56,7 @@ impl Registers {
 
     /// Reads a word of the front that users turn.
     pub(in crate::devices::can_dp2) fn turned(&self, word: usize) -> u32 {
-        self.face.asked().front[word].load()
+        self.face.requested().front[word].load()
     }
 
     /// Returns the first `octets` inputs.

@@ -185,7 +185,8 @@ macro_rules! par_read_ma {
                     i_SUB_SL: i16;
                     /// Monitoring time in emulated time; preset 3 s.
                     t_TIME: core::time::Duration = $crate::devices::cansync::blocks::par_ma::PRESET_TIME;
-                    /// Starts the job; TRUE until `x_BUSY` falls. FALSE before: cancels, then `x_RESET` is needed.
+                    /// Starts the job. Must stay TRUE until `x_BUSY` falls: FALSE before cancels the job, and the
+                    /// block then needs `x_RESET`.
                     x_EN: bool;
                     /// Resets the block; needed after an error or a cancelled job.
                     x_RESET: bool;
@@ -258,7 +259,8 @@ function_block! {
             ud_PAR_VALUE: u32;
             /// Monitoring time in emulated time; preset 3 s.
             t_TIME: Duration = PRESET_TIME;
-            /// Starts the job; TRUE until `x_BUSY` falls. FALSE before: cancels, then `x_RESET` is needed.
+            /// Starts the job. Must stay TRUE until `x_BUSY` falls: FALSE before cancels the job, and the
+            /// block then needs `x_RESET`.
             x_EN: bool;
             /// Resets the block; needed after an error or a cancelled job.
             x_RESET: bool;

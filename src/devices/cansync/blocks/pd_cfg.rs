@@ -57,11 +57,11 @@ function_block! {
         in {
             /// Reference value (0 to 3) in each word of frame 1; -1 (default): none.
             a_WRC1: [i8; 4] = [NONE; 4];
-            /// TRUE: its high word; default: its low word.
+            /// TRUE: the high word of this value; FALSE: its low word.
             a_HL_WRC1: [bool; 4];
             /// Reference value (4 to 7) in each word of frame 2; -1 (default): none.
             a_WRC2: [i8; 4] = [NONE; 4];
-            /// TRUE: its high word; default: its low word.
+            /// TRUE: the high word of this value; FALSE: its low word.
             a_HL_WRC2: [bool; 4];
         }
     }
@@ -88,11 +88,11 @@ macro_rules! read {
                     si_SL_NR: i8;
                     /// Actual value (0 to 3) for each word of frame 1; -1 (default): none.
                     a_RDC1: [i8; 4] = [NONE; 4];
-                    /// TRUE: its high word; default: its low word.
+                    /// TRUE: the high word of this value; FALSE: its low word.
                     a_HL_RDC1: [bool; 4];
                     /// Actual value (4 to 7) for each word of frame 2; -1 (default): none.
                     a_RDC2: [i8; 4] = [NONE; 4];
-                    /// TRUE: its high word; default: its low word.
+                    /// TRUE: the high word of this value; FALSE: its low word.
                     a_HL_RDC2: [bool; 4];
                 }
             }
@@ -123,19 +123,19 @@ function_block! {
         in {
             /// Reference value (0 to 3) for each word of frame 1; -1 (default): none.
             a_WRC1: [i8; 4] = [NONE; 4];
-            /// TRUE: its high word; default: its low word.
+            /// TRUE: the high word of this value; FALSE: its low word.
             a_HL_WRC1: [bool; 4];
             /// Reference value (4 to 7) for each word of frame 2; -1 (default): none.
             a_WRC2: [i8; 4] = [NONE; 4];
-            /// TRUE: its high word; default: its low word.
+            /// TRUE: the high word of this value; FALSE: its low word.
             a_HL_WRC2: [bool; 4];
             /// Own actual value (0 to 3) in each word of frame 1; -1 (default): none.
             a_RDC1: [i8; 4] = [NONE; 4];
-            /// TRUE: its high word; default: its low word.
+            /// TRUE: the high word of this value; FALSE: its low word.
             a_HL_RDC1: [bool; 4];
             /// Own actual value (4 to 7) in each word of frame 2; -1 (default): none.
             a_RDC2: [i8; 4] = [NONE; 4];
-            /// TRUE: its high word; default: its low word.
+            /// TRUE: the high word of this value; FALSE: its low word.
             a_HL_RDC2: [bool; 4];
         }
     }

@@ -237,7 +237,8 @@ macro_rules! updownload_ma {
                     us_MAX_NR_OF_COMM: u8 = 1;
                     /// Monitoring time of each attempt for a block, in emulated time; preset 30 s.
                     t_TIME: core::time::Duration = $crate::devices::cansync::blocks::updownload_ma::PRESET_TIME;
-                    /// Starts the job; TRUE until `x_BUSY` falls. FALSE before: cancels, then `x_RESET` is needed.
+                    /// Starts the job. Must stay TRUE until `x_BUSY` falls: FALSE before cancels the job, and the
+                    /// block then needs `x_RESET`.
                     x_EN: bool;
                     /// Resets the block; needed after an error or a cancelled job.
                     x_RESET: bool;

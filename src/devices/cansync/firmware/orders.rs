@@ -54,7 +54,7 @@ impl Orders {
     /// The segment is read-only.
     pub(crate) fn new(segment: &Segment, node: usize) -> Result<Self, MemoryError> {
         let mut orders = Orders {
-            face: segment.face()?,
+            face: segment.firmware_header()?,
             node,
             seen: cpu_control::RESTART,
             left_behind: false,
@@ -97,7 +97,7 @@ impl Orders {
     }
 
     fn restarts_written(&self) -> u32 {
-        self.face.asked().ports[self.node].restarts_written.load()
+        self.face.requested().ports[self.node].restarts_written.load()
     }
 }
 

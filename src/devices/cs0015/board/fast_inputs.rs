@@ -11,25 +11,27 @@ const PERIOD: u64 = 1_000_000_000;
 /// Longest time that `CYCLE` returns, in ms.
 const MOST_MS: u64 = 65_535;
 
-/// A square wave with its begin.
+/// A square wave from a moment on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 struct Wave {
+    /// Frequency in millihertz.
     mhz: u32,
+    /// Begin of the wave, in microseconds.
     since: u64,
-    /// Phase at the begin, in parts of a period.
+    /// Phase at the begin, in parts of [`PERIOD`].
     from: u64,
     /// Number of positive edges at the begin.
     edges: u64,
 }
 
 impl Wave {
-    /// Returns the phase, in parts of a period, from the last edge before the begin on.
-    fn way(&self, now: u64) -> u64 {
+    /// Returns the phase since the last edge before the begin, in parts of [`PERIOD`].
+    fn phase(&self, now: u64) -> u64 {
         self.from + now.saturating_sub(self.since) * u64::from(self.mhz)
     }
 
     fn edges(&self, now: u64) -> u64 {
-        self.edges + self.way(now) / PERIOD
+        self.edges + self.phase(now) / PERIOD
     }
 }
 
@@ -45,8 +47,8 @@ impl Signal {
     /// Changes the frequency to this value in mHz from `now` on; 0 stops the signal.
     pub(crate) fn set(&mut self, mhz: u32, now: u64) {
         if mhz != self.wave.mhz {
-            let (way, edges) = (self.wave.way(now) % PERIOD, self.wave.edges(now));
-            self.before = core::mem::replace(&mut self.wave, Wave { mhz, since: now, from: way, edges });
+            let (phase, edges) = (self.wave.phase(now) % PERIOD, self.wave.edges(now));
+            self.before = core::mem::replace(&mut self.wave, Wave { mhz, since: now, from: phase, edges });
         }
     }
 
@@ -58,7 +60,7 @@ impl Signal {
 
     /// Whether the signal is high, in the first half of each period; `None` without a signal.
     pub(crate) fn level(&self, now: u64) -> Option<bool> {
-        (self.wave.mhz != 0).then(|| self.wave.way(now) % PERIOD < PERIOD / 2)
+        (self.wave.mhz != 0).then(|| self.wave.phase(now) % PERIOD < PERIOD / 2)
     }
 
     /// Returns the time from one edge to the next in ms, 0 for a stopped signal.

@@ -84,7 +84,7 @@ impl Hardware {
         shared: Shared,
         pulses: Pulses,
     ) -> Result<Self, MemoryError> {
-        let (flags, face) = (segment.view(FLAGS)?, segment.face()?);
+        let (flags, face) = (segment.view(FLAGS)?, segment.firmware_header()?);
         let (retained, events) = (Retained::new(segment)?, Events::default());
         Ok(Hardware { retained, shared, flags, face, has_program, pulses, events })
     }
@@ -200,7 +200,7 @@ impl Firmware for Hardware {
         if usize::from(word) != FRONT_PROGRAM || value == program::NOTHING {
             return None;
         }
-        let asked = self.face.asked();
+        let asked = self.face.requested();
         if asked.front[FRONT_PROGRAM].load() != program::NOTHING {
             return Some("the previous command waits until the clock advances");
         }

@@ -199,7 +199,7 @@ fn a_program_can_withdraw_an_order() {
     bench.run(5 * MS);
     let requests = bench.heard();
     assert_eq!(requests[0], (0x605, vec![0x80, 0, 0x10, 0, 0, 0, 4, 5]));
-    assert_eq!(requests[1], (0x605, vec![0x40, 1, 0x10, 0, 0, 0, 0, 0]), "the next one's turn");
+    assert_eq!(requests[1], (0x605, vec![0x40, 1, 0x10, 0, 0, 0, 0, 0]), "the next order is processed");
     bench.send(0x585, &[0x4F, 1, 0x10, 0, 0, 0, 0, 0]);
     bench.run(5 * MS);
     assert!(bench.is_answered(1) && !bench.is_answered(0));

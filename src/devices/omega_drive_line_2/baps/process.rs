@@ -63,7 +63,7 @@ impl Process {
     /// # Errors
     /// If the segment is read-only.
     pub(crate) fn new(segment: &Segment) -> Result<Self, MemoryError> {
-        Ok(Process { face: segment.face()?, configured: None, events: 0 })
+        Ok(Process { face: segment.firmware_header()?, configured: None, events: 0 })
     }
 
     /// The board restarts: there is no configuration, as after power-on (manual p. 90).
@@ -152,7 +152,7 @@ impl Process {
                 baps_command::CONFIGURE.into(),
             );
         }
-        if is_too_early(self.face.asked()) {
+        if is_too_early(self.face.requested()) {
             find(
                 ctx,
                 &rules::BAPS_EARLY,
@@ -234,7 +234,7 @@ impl Configured {
         self.wrong_slot = wrong_slot;
     }
 
-    /// Actual value `x` to the PLC; `false` if it cannot be read now.
+    /// Passes actual value `x` to the PLC; returns false if it cannot be read now.
     fn read(&self, x: usize, regs: &BAPS_CTRL_BMSTRUCT, drive: &BuiltInDrive) -> bool {
         let number = self.numbers.reads[x];
         if number == 0 || self.is_undefined(|numbers| numbers.reads[x] != number) {
@@ -249,7 +249,8 @@ impl Configured {
         }
     }
 
-    /// Reference value `x` to the drive; `false` if it cannot be written now. A word takes the low half of the value.
+    /// Passes reference value `x` to the drive; returns false if it cannot be written now. A parameter of one word takes the
+    /// low half of the value.
     fn write(&self, x: usize, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) -> bool {
         let number = self.numbers.writes[x];
         if number == 0 || self.is_undefined(|numbers| numbers.writes[x] != number) {

@@ -72,7 +72,7 @@ impl Front {
         Front {
             flags,
             projects,
-            seen: PolledFront::now(face.asked()),
+            seen: PolledFront::now(face.requested()),
             switch: RunSwitch::Run,
             powered: true,
             program: ProgramState::None,
@@ -101,14 +101,14 @@ impl Front {
     /// Whether a switch was turned since the last poll, or the display must blink.
     #[inline]
     pub(crate) fn has_changed(&self, face: &FirmwareHeader) -> bool {
-        PolledFront::now(face.asked()) != self.seen || self.program == ProgramState::CopyingBootProject
+        PolledFront::now(face.requested()) != self.seen || self.program == ProgramState::CopyingBootProject
     }
 
     /// Power-on or end of reset: reads the DIP switches and returns their number.
     pub(crate) fn start(&mut self, ctx: &mut Context, face: &FirmwareHeader) -> u8 {
         self.up = true;
         self.flags.clear();
-        self.dip = (face.asked().board.dip.load() & u32::from(DIP_LAST)) as u8;
+        self.dip = (face.requested().board.dip.load() & u32::from(DIP_LAST)) as u8;
         face.program.dip_latched.store(self.dip.into());
         // The first start is not reported.
         if face.program.restarts.increment() > 1 {
@@ -150,7 +150,7 @@ impl Front {
 
     /// Takes over the switches of clients. Invalid numbers change nothing.
     fn read(&mut self, face: &FirmwareHeader) {
-        self.seen = PolledFront::now(face.asked());
+        self.seen = PolledFront::now(face.requested());
         self.switch = RunSwitch::from_code(self.seen.switch).unwrap_or(self.switch);
         if let Some(power) = header::Power::from_code(self.seen.power) {
             self.powered = power == header::Power::On;
@@ -279,7 +279,7 @@ impl Front {
 
     /// Initial values that a client gives the retain flags.
     pub(crate) fn look_at_flags(&mut self, face: &FirmwareHeader) {
-        self.flags.look(&face.asked().initial_flag, &face.initial_flag);
+        self.flags.look(&face.requested().initial_flag, &face.initial_flag);
     }
 
     /// Whether a start or stop was ordered since the last call.

@@ -53,9 +53,9 @@ impl Board {
         option_sync_us: Option<u32>,
         project: header::Project,
     ) -> Result<Self, MemoryError> {
-        let face = segment.face()?;
+        let face = segment.firmware_header()?;
         Ok(Board {
-            requests: face.asked().board_requests.load(),
+            requests: face.requested().board_requests.load(),
             front: Front::new(&face, Flags::new(segment)?, project),
             face,
             events: Events::default(),
@@ -112,7 +112,7 @@ impl Board {
     /// Whether a client has turned a switch or entered a request since the last poll. For busy polling.
     #[inline]
     pub fn has_changed(&self) -> bool {
-        self.face.asked().board_requests.load() != self.requests || self.front.has_changed(&self.face)
+        self.face.requested().board_requests.load() != self.requests || self.front.has_changed(&self.face)
     }
 
     /// Polls switches and requests once. Costs a few loads if nothing has changed.
@@ -129,7 +129,7 @@ impl Board {
     }
 
     fn look_at_all(&mut self, ctx: &mut Context) -> FrontAction {
-        let requests = self.face.asked().board_requests.load();
+        let requests = self.face.requested().board_requests.load();
         let asked = requests != self.requests;
         self.requests = requests;
         if asked && self.is_up() {
@@ -155,7 +155,7 @@ impl Board {
         }
         interrupts::look(&mut self.events, ctx, &self.face, &mut self.timers);
         if let Some(result) = self.triggers.look(ctx.now, &self.face, &mut self.timers) {
-            let modes = [0, 1, 2].map(|n| self.face.asked().opt_init.triggers[n].load() as u8);
+            let modes = [0, 1, 2].map(|n| self.face.requested().opt_init.triggers[n].load() as u8);
             report(ctx, BoardEvent::Triggers { modes, result });
         }
         FrontAction::Answered

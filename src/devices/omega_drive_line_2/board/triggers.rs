@@ -58,11 +58,11 @@ impl Triggers {
         face: &FirmwareHeader,
         timers: &mut Timers,
     ) -> Option<OptInitResult> {
-        let request = face.asked().opt_init.request.load();
+        let request = face.requested().opt_init.request.load();
         if request == face.opt_init.answer.load() {
             return None;
         }
-        let result = self.set(now, &face.asked().opt_init, timers);
+        let result = self.set(now, &face.requested().opt_init, timers);
         face.opt_init.result.store(result.code());
         face.opt_init.answer.store(request);
         Some(result)

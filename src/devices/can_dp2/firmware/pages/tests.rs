@@ -60,8 +60,8 @@ impl Master {
     }
 }
 
-/// The sizes of p. 51-53: 82 octets have room for 70, enough for 11 records and a mark; 105 have room for 91, enough
-/// for 13 identifiers with 6 bytes.
+/// The sizes of p. 51-53: a page of 82 octets carries 70 octets of content, enough for 11 records and a mark. A page of
+/// 105 octets carries 91, enough for the data of 13 identifiers with 6 bytes each.
 #[test]
 fn pages_have_the_sizes_of_the_manual() {
     assert_eq!(carries(&segments(&[32, 32, 18])), 70);

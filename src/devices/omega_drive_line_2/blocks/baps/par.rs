@@ -13,8 +13,8 @@ function_block! {
             u_PAR_NR: u16;
             /// Element of the parameter; preset 7, its value.
             us_PAR_ELEMENT: u8 = par_element::VALUE;
-            /// Starts the job; TRUE until `x_BUSY` falls. FALSE before: cancels, then this block and
-            /// `BAPS_SD_CONTROL` need `x_RESET`.
+            /// Starts the job. Must stay TRUE until `x_BUSY` falls: FALSE before cancels the job, and this
+            /// block and `BAPS_SD_CONTROL` then need `x_RESET`.
             x_EN: bool;
             /// Resets the block.
             x_RESET: bool;
@@ -69,8 +69,8 @@ function_block! {
             ud_PAR_VALUE: u32;
             /// TRUE (default): a wrong format is an error; FALSE: it is shown in `i_ERR_DETAIL` only, with `x_OK`.
             x_EN_ERR_FORMAT: bool = true;
-            /// Starts the job; TRUE until `x_BUSY` falls. FALSE before: cancels, then this block and
-            /// `BAPS_SD_CONTROL` need `x_RESET`.
+            /// Starts the job. Must stay TRUE until `x_BUSY` falls: FALSE before cancels the job, and this
+            /// block and `BAPS_SD_CONTROL` then need `x_RESET`.
             x_EN: bool;
             /// Resets the block.
             x_RESET: bool;

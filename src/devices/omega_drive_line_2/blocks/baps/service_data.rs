@@ -17,9 +17,9 @@ pub(super) enum Stage {
     Free,
     /// A block has entered a job.
     Entered(Job),
-    /// `BAPS_SD_CONTROL` has answered it.
+    /// `BAPS_SD_CONTROL` has answered the job.
     Answered(Job, Answer),
-    /// The block that has entered it has dropped it.
+    /// The block that entered the job has dropped it.
     Dropped(JobKind),
 }
 
