@@ -3,6 +3,7 @@
 use super::exit::{self, Exit};
 use super::time;
 use crate::devices::demo::DemoError;
+use crate::devices::folder::FolderError;
 use crate::export::ExportError;
 use crate::fault::FaultError;
 use crate::layout::LayoutError;
@@ -42,6 +43,9 @@ macro_rules! errors {
 }
 
 errors! {
+    /// A folder that is no device.
+    #[error("{0}")]
+    Folder(#[from] FolderError) => Exit::WrongUse,
     /// A register or block that does not exist.
     #[error("{0}")]
     Layout(#[from] LayoutError) => Exit::WrongUse,

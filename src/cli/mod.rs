@@ -11,6 +11,7 @@ mod config;
 mod demo;
 mod detach;
 mod device;
+mod device_folder;
 mod diff;
 mod drive;
 mod dump;
@@ -130,6 +131,7 @@ enum Command {
     Map(map::Args),
     Find(find::Args),
     Export(export::Args),
+    Device(device_folder::Args),
     Layout(layout::Args),
     New(new::Args),
     Plant(plant::Args),
@@ -212,6 +214,7 @@ impl Command {
             Command::Map(args) => map::run(&args),
             Command::Find(args) => find::run(&args),
             Command::Export(args) => export::run(&args),
+            Command::Device(args) => device_folder::run(&args),
             Command::Layout(args) => layout::run(&args),
             Command::New(args) => new::run(&args),
             Command::Plant(args) => plant::run(&args),

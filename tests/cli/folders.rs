@@ -15,7 +15,9 @@ impl Place {
         fs::create_dir_all(place.card()).unwrap();
         for entry in fs::read_dir(EXAMPLE).unwrap() {
             let path = entry.unwrap().path();
-            fs::copy(&path, place.card().join(path.file_name().unwrap())).unwrap();
+            if path.is_file() {
+                fs::copy(&path, place.card().join(path.file_name().unwrap())).unwrap();
+            }
         }
         place.write("plant.toml", "[[device]]\nname = 'io'\nkind = './cards/digital-io'\n");
         place
@@ -78,6 +80,56 @@ fn the_map_and_the_exports_read_a_folder_without_an_emulator() {
     assert!(unknown.fails(2).contains("name a folder with a device.toml"), "{}", unknown.err);
     let unnamed = run(&["map", "--device", "digital-io"]);
     assert!(unnamed.fails(2).contains("[possible values: omega-drive-line-2, "), "{}", unnamed.err);
+}
+
+#[test]
+fn handshakes_of_a_table_pass_their_scenario() {
+    let outcome = run(&["test", &format!("{EXAMPLE}/tests/card.rhai")]);
+    assert_eq!(outcome.code, Some(0), "{}{}", outcome.out, outcome.err);
+    let check = run(&["device", "check", EXAMPLE, "--format", "csv"]);
+    for row in [
+        "answer,control.w_COMMAND,",
+        "watchdog,control.w_WATCHDOG,",
+        "mirror,data.w_OUT,appears in data.w_IN,5,manual",
+    ] {
+        assert!(check.out.contains(row), "{row}: {}", check.out);
+    }
+    assert!(
+        check.err.contains("digital-io (Digital I/O card): 2 areas, 8 registers, 6 handshakes"),
+        "{}",
+        check.err
+    );
+}
+
+/// Each mistake in a table of handshakes has its line and the correct form.
+#[test]
+fn wrong_handshakes_are_refused_with_their_line() {
+    let wrong = [
+        ("after = \"1ms\"", "after = \"soon\"", ":12: ", "`soon` is no time"),
+        ("request = 0x05", "request = 0x12345", ":10: ", "does not fit the register of 16 bits"),
+        ("answer = 0x04", "answer = 0x05", ":11: ", "the answer is the request"),
+        ("register = \"control.w_COMMAND\"", "register = \"control.w_COMAND\"", ":9: ", "w_COMAND"),
+        (
+            "register = \"control.w_COMMAND\"",
+            "register = \"control.w_STATUS\"",
+            ":9: ",
+            "has the owner \"both\"",
+        ),
+        ("every = \"1ms\"", "every = \"1us\"", ":27: ", "it is at least 100 us"),
+        ("to = \"data.w_IN\"", "to = \"control.ud_CYCLES\"", ":41: ", "have other registers"),
+        ("to = \"data.w_IN\"", "to = \"control.w_TOGGLE\"", ":41: ", "the program writes control.w_TOGGLE"),
+        ("set = 0x0002", "set = 0x0002, value = 1", ":13: ", "either a `value`, or different bits"),
+        ("bits = 0x0001", "bits = 0x0001\ncolour = 1", ":21: ", "unknown field `colour`"),
+    ];
+    for (from, to, line, told) in wrong {
+        let place = Place::new();
+        place.edit("handshakes.toml", from, to);
+        let refused = run(&["device", "check", &place.path("cards/digital-io")]).fails(2).to_owned();
+        assert!(
+            refused.contains(&format!("handshakes.toml{line}")) && refused.contains(told),
+            "{to}: {refused}"
+        );
+    }
 }
 
 /// A snapshot has the absolute path, and belongs to the files of the folder.

@@ -1,6 +1,7 @@
 //! A device of a folder as the plant file describes it.
 
 use super::Folder;
+use super::handshakes::Handshakes;
 use crate::devices::{BuildError, Device, DeviceConfig, Plain, Plug};
 use crate::identity::DeviceIndex;
 use crate::layout::DeviceLayout;
@@ -71,7 +72,8 @@ impl DeviceConfig for FolderConfig {
         index: DeviceIndex,
         segment: Segment,
     ) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
-        let device = Plain::new(index, &self.name, self.layout(), segment, ())?;
+        let firmware = Handshakes::new(&self.folder.rows, segment.clone());
+        let device = Plain::new(index, &self.name, self.layout(), segment, firmware)?;
         Ok((Box::new(device), Vec::new()))
     }
 }

@@ -8,6 +8,16 @@ pub enum FolderError {
     /// A file of the layout is wrong; the message begins with file, line and column.
     #[error(transparent)]
     Layout(#[from] commram_layoutc::Error),
+    /// A table of handshakes is wrong.
+    #[error("{}:{line}: {what}", path.display())]
+    Table {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// Description of the error, and of the correct form.
+        what: String,
+    },
     /// The folder cannot be opened.
     #[error("{}: {reason}; name a folder with a device.toml", dir.display())]
     Missing {

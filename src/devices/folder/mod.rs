@@ -6,12 +6,15 @@
 
 mod config;
 mod error;
+mod handshakes;
 mod tables;
 
 pub(crate) use config::FolderConfig;
 pub use error::FolderError;
+pub use handshakes::{MOST_MIRRORED, MOST_ROWS, Row as Handshake};
 
 use super::{Registered, registry};
+use crate::layout::DeviceLayout;
 use crate::memory::InstanceLock;
 use crate::memory::header::{AREAS, DEVICE_LENGTH, TABLE_NAME_LENGTH};
 use commram_layoutc::Layout;
@@ -32,12 +35,20 @@ pub const MOST_FOLDERS: usize = 64;
 pub struct Folder {
     /// Its entry in the registry.
     pub registered: Registered,
+    /// Its handshakes.
+    pub rows: Vec<Handshake>,
     /// Number that differs between folders with different files.
     fingerprint: u64,
 }
 
-/// The folders that this process has read, in this order.
-static LOADED: Mutex<Vec<&'static Folder>> = Mutex::new(Vec::new());
+/// What this process has read, in the order of time. Nothing of it is freed.
+struct Loaded {
+    /// The tables of layouts, by the fingerprints of their files.
+    tables: Vec<(u64, &'static DeviceLayout)>,
+    folders: Vec<&'static Folder>,
+}
+
+static LOADED: Mutex<Loaded> = Mutex::new(Loaded { tables: Vec::new(), folders: Vec::new() });
 
 /// Whether `kind` of a plant file, or the name of a device at the command line, is the path of a folder.
 #[must_use]
@@ -51,38 +62,55 @@ pub fn is_path(kind: &str) -> bool {
 /// [`FolderError`]: a file is wrong, with its line; the device exceeds a limit; or its name is taken.
 pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
     let read = commram_layoutc::read_folder(dir)?;
-    let fingerprint = fingerprint(dir, &read);
+    let handshakes = commram_layoutc::read_file_of_folder(dir, handshakes::FILE)?;
+    let of_layout = fingerprint(dir, &read, None);
+    let fingerprint = fingerprint(dir, &read, handshakes.as_deref());
     let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(known) = loaded.iter().find(|known| known.fingerprint == fingerprint) {
+    if let Some(known) = loaded.folders.iter().find(|known| known.fingerprint == fingerprint) {
         return Ok(known);
     }
     check_limits(dir, &read)?;
-    if loaded.len() >= MOST_FOLDERS {
+    check_names(dir, &read)?;
+    if loaded.tables.len().max(loaded.folders.len()) >= MOST_FOLDERS {
         return Err(FolderError::TooManyFolders { dir: dir.to_owned() });
     }
-    let taken = |what, other: &Registered| FolderError::Taken {
-        dir: dir.to_owned(),
-        what,
-        name: read.device.name.clone(),
-        other: other.layout.name,
+    let layout = match loaded.tables.iter().find(|(known, _)| *known == of_layout) {
+        Some((_, layout)) => layout,
+        None => {
+            let layout = tables::of(&read);
+            loaded.tables.push((of_layout, layout));
+            layout
+        }
+    };
+    let rows = match handshakes {
+        Some(text) => handshakes::read(&dir.join(handshakes::FILE), &text, layout)?,
+        None => Vec::new(),
+    };
+    let folder = Folder { registered: Registered::new(layout), rows, fingerprint };
+    let folder: &'static Folder = Box::leak(Box::new(folder));
+    loaded.folders.push(folder);
+    Ok(folder)
+}
+
+/// Checks that the device has a name and a layout hash of its own.
+fn check_names(dir: &Path, read: &Layout) -> Result<(), FolderError> {
+    let taken = |what, other: &Registered| {
+        let (dir, name) = (dir.to_owned(), read.device.name.clone());
+        Err(FolderError::Taken { dir, what, name, other: other.layout.name })
     };
     if let Some(other) = registry::find(&read.device.name) {
-        return Err(taken("the name", other));
+        return taken("the name", other);
     }
-    let same_hash = |known: &&&Registered| known.layout.layout_hash == read.layout_hash;
-    if let Some(other) = registry::all().iter().find(same_hash) {
-        return Err(taken("the layout hash", other));
+    match registry::all().iter().find(|known| known.layout.layout_hash == read.layout_hash) {
+        Some(other) => taken("the layout hash", other),
+        None => Ok(()),
     }
-    let registered = Registered::new(tables::of(&read));
-    let folder: &'static Folder = Box::leak(Box::new(Folder { registered, fingerprint }));
-    loaded.push(folder);
-    Ok(folder)
 }
 
 /// The device of a folder with this layout hash: the one that was read last, if only facts beside the addresses differ.
 pub(super) fn of_hash(hash: u64) -> Option<&'static Registered> {
     let loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
-    let mut registered = loaded.iter().rev().map(|folder| &folder.registered);
+    let mut registered = loaded.folders.iter().rev().map(|folder| &folder.registered);
     registered.find(|known| known.layout.layout_hash == hash)
 }
 
@@ -107,11 +135,14 @@ pub fn find(base: &Path, path: &str) -> Result<PathBuf, FolderError> {
     }
 }
 
-/// Number over the names and texts of all files.
-fn fingerprint(dir: &Path, read: &Layout) -> u64 {
+/// Number over the names and texts of the layout's files, and over the text of the handshakes.
+fn fingerprint(dir: &Path, read: &Layout, handshakes: Option<&str>) -> u64 {
     let mut all = Vec::new();
-    for (path, text) in &read.inputs {
-        let name = path.strip_prefix(dir).unwrap_or(path).as_os_str().as_encoded_bytes();
+    let inputs = read.inputs.iter().map(|(path, text)| {
+        (path.strip_prefix(dir).unwrap_or(path).as_os_str().as_encoded_bytes(), text.as_str())
+    });
+    let others = handshakes.map(|text| (handshakes::FILE.as_bytes(), text));
+    for (name, text) in inputs.chain(others) {
         for part in [name, text.as_bytes()] {
             all.extend_from_slice(&(part.len() as u64).to_le_bytes());
             all.extend_from_slice(part);

@@ -88,3 +88,11 @@ fn read_from(mut sources: source::Sources) -> Result<Layout, Error> {
     let layout_hash = hash::layout_hash(&device);
     Ok(Layout { device, layout_hash, inputs: sources.into_files() })
 }
+
+/// Reads another file of the folder `dir` as text, with the rules of [`read_folder`]; `None` if there is none.
+///
+/// # Errors
+/// The file is a link, no regular file, too long, or no text.
+pub fn read_file_of_folder(dir: &Path, name: &str) -> Result<Option<String>, Error> {
+    source::Sources::of_folder(dir).read_text(name)
+}

@@ -66,6 +66,16 @@ impl Sources {
         self.reach == Reach::Folder
     }
 
+    /// The text of a file that is no part of the layout; `None` if there is none.
+    pub(crate) fn read_text(&self, name: &str) -> Result<Option<String>, Error> {
+        self.confine(name).map_err(|reason| self.error_of(name, None, reason))?;
+        match read(&self.dir.join(name)) {
+            Ok(text) => Ok(Some(text)),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(self.error_of(name, None, Reason::Unreadable(error.to_string()))),
+        }
+    }
+
     /// Refuses a file that is not in the folder: its name leads out of it, or a link does.
     fn confine(&self, name: &str) -> Result<(), Reason> {
         let mut path = self.dir.clone();

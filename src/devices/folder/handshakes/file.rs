@@ -1,0 +1,125 @@
+//! `handshakes.toml` exactly as written: shape only.
+
+use crate::time;
+use commram_layoutc::model::Provenance;
+use serde::Deserialize;
+use toml::Spanned;
+
+/// The file: lists of tables, each for one kind of behaviour.
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields)]
+pub(super) struct File {
+    #[serde(default)]
+    pub(super) ready: Vec<Ready>,
+    #[serde(default)]
+    pub(super) answer: Vec<Answer>,
+    #[serde(default)]
+    pub(super) toggle: Vec<Toggle>,
+    #[serde(default)]
+    pub(super) counter: Vec<Counter>,
+    #[serde(default)]
+    pub(super) watchdog: Vec<Watchdog>,
+    #[serde(default)]
+    pub(super) mirror: Vec<Mirror>,
+}
+
+/// State after power-on.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Ready {
+    #[serde(default)]
+    pub(super) after: Time,
+    pub(super) state: Vec<Spanned<Change>>,
+    pub(super) page: String,
+    pub(super) source: Provenance,
+}
+
+/// Answer to a value of a register.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Answer {
+    pub(super) register: Spanned<String>,
+    pub(super) request: Spanned<u32>,
+    pub(super) answer: Spanned<u32>,
+    #[serde(default)]
+    pub(super) after: Time,
+    /// Value that follows the answer.
+    pub(super) then: Option<Spanned<u32>>,
+    #[serde(default)]
+    pub(super) then_after: Time,
+    #[serde(default)]
+    pub(super) state: Vec<Spanned<Change>>,
+    pub(super) page: String,
+    pub(super) source: Provenance,
+}
+
+/// Bits that follow the same bits of another register.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Toggle {
+    pub(super) register: Spanned<String>,
+    pub(super) acknowledge: Spanned<String>,
+    pub(super) bits: Spanned<u32>,
+    #[serde(default)]
+    pub(super) after: Time,
+    pub(super) page: String,
+    pub(super) source: Provenance,
+}
+
+/// A register that counts time.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Counter {
+    pub(super) register: Spanned<String>,
+    pub(super) every: Spanned<Time>,
+    pub(super) page: String,
+    pub(super) source: Provenance,
+}
+
+/// A register that the program must change.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Watchdog {
+    pub(super) register: Spanned<String>,
+    pub(super) within: Spanned<Time>,
+    pub(super) state: Vec<Spanned<Change>>,
+    #[serde(default)]
+    pub(super) recovered: Vec<Spanned<Change>>,
+    pub(super) page: String,
+    pub(super) source: Provenance,
+}
+
+/// Registers that follow others.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Mirror {
+    pub(super) from: Spanned<String>,
+    pub(super) to: Spanned<String>,
+    pub(super) page: String,
+    pub(super) source: Provenance,
+}
+
+/// A change of a register: a value, or bits to set and to clear.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Change {
+    pub(super) register: String,
+    pub(super) value: Option<u32>,
+    #[serde(default)]
+    pub(super) set: u32,
+    #[serde(default)]
+    pub(super) clear: u32,
+}
+
+/// An emulated time in microseconds, written as `500us`.
+#[derive(Deserialize, Clone, Copy, Default)]
+#[serde(try_from = "String")]
+pub(super) struct Time(pub(super) u64);
+
+impl TryFrom<String> for Time {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        time::parse(&text).map(Time).map_err(|reason| format!("`{text}` is no time: {reason}"))
+    }
+}

@@ -1,0 +1,184 @@
+//! The firmware that the tables describe.
+
+use super::rule::{Change, Rule};
+use super::{Place, Row};
+use crate::devices::{Context, Firmware};
+use crate::journal::Handshake;
+use crate::memory::Segment;
+use serde::{Deserialize, Serialize};
+
+/// Firmware of a device in a folder: polls the registers of the tables, and acts when their times have come.
+pub(crate) struct Handshakes {
+    rows: &'static [Row],
+    segment: Segment,
+    /// One for each row.
+    steps: Vec<Step>,
+    /// Whether the last poll changed a register, which another row may read.
+    has_moved: bool,
+}
+
+crate::snapshot_fields!(Handshakes { values: steps, has_moved; built: rows, segment });
+
+/// State of a row.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct Step {
+    /// Time of the next action.
+    due: Option<u64>,
+    phase: Phase,
+    /// Last value that the program wrote into the register of a watchdog.
+    seen: u32,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+enum Phase {
+    /// Waits for the program.
+    #[default]
+    Idle,
+    /// A request was seen, or a watchdog is running.
+    Running,
+    /// The answer was given and another value follows, or a watchdog has expired.
+    Second,
+}
+
+impl Handshakes {
+    pub(crate) fn new(rows: &'static [Row], segment: Segment) -> Self {
+        Handshakes { rows, segment, steps: vec![Step::default(); rows.len()], has_moved: true }
+    }
+
+    /// Applies `f` to each row, with its state.
+    fn each(&mut self, mut f: impl FnMut(&Rule, &mut Step, &Segment)) {
+        for (row, step) in self.rows.iter().zip(&mut self.steps) {
+            f(&row.rule, step, &self.segment);
+        }
+    }
+}
+
+impl Firmware for Handshakes {
+    fn start(&mut self, ctx: &mut Context) {
+        self.has_moved = true;
+        self.each(|rule, step, segment| {
+            *step = Step::default();
+            match rule {
+                Rule::Ready { after_us, .. } => step.due = Some(ctx.now.saturating_add(*after_us)),
+                Rule::Counter { every_us, .. } => step.due = Some(ctx.now.saturating_add(*every_us)),
+                Rule::Watchdog { at, .. } => step.seen = at.load(segment),
+                _ => {}
+            }
+        });
+    }
+
+    fn look(&mut self, ctx: &mut Context) {
+        let mut has_moved = false;
+        self.each(|rule, step, segment| {
+            has_moved |= poll(rule, step, segment, ctx);
+            if step.due.is_some_and(|due| due <= ctx.now) {
+                fire(rule, step, segment, ctx);
+                has_moved = true;
+            }
+        });
+        self.has_moved = has_moved;
+    }
+
+    fn is_quiescent(&self) -> bool {
+        !self.has_moved
+    }
+
+    fn next_time(&self) -> u64 {
+        self.steps.iter().filter_map(|step| step.due).min().unwrap_or(u64::MAX)
+    }
+
+    fn due(&mut self, ctx: &mut Context) {
+        self.has_moved = true;
+        self.each(|rule, step, segment| {
+            if step.due.is_some_and(|due| due <= ctx.now) {
+                fire(rule, step, segment, ctx);
+            }
+        });
+    }
+}
+
+/// Reads what the program wrote. Returns whether a register has changed.
+fn poll(rule: &Rule, step: &mut Step, segment: &Segment, ctx: &mut Context) -> bool {
+    let mut wait = |is_wanted: bool, after_us: u64| {
+        // A program that takes its request back starts the time anew with the next one.
+        step.due = is_wanted.then(|| step.due.unwrap_or(ctx.now.saturating_add(after_us)));
+    };
+    match rule {
+        Rule::Ready { .. } | Rule::Counter { .. } => {}
+        Rule::Answer { .. } if step.phase == Phase::Second => {}
+        Rule::Answer { at, request, after_us, .. } => {
+            wait(at.load(segment) == u32::from(*request), *after_us);
+        }
+        Rule::Toggle { from, to, bits, after_us } => {
+            wait((from.load(segment) ^ to.load(segment)) & bits != 0, *after_us);
+        }
+        Rule::Watchdog { at, within_us, recovered, .. } => {
+            let value = at.load(segment);
+            if value != step.seen {
+                if step.phase == Phase::Second {
+                    apply(recovered, ctx, segment);
+                }
+                let due = Some(ctx.now.saturating_add(*within_us));
+                *step = Step { due, phase: Phase::Running, seen: value };
+            }
+        }
+        Rule::Mirror { pairs } => {
+            let copy = |(from, to): &(Place, Place)| {
+                let value = from.load(segment);
+                let (before, now) = to.update(segment, |_| value);
+                before != now
+            };
+            return pairs.iter().fold(false, |any, pair| any | copy(pair));
+        }
+    }
+    false
+}
+
+/// Acts at the time of a row.
+fn fire(rule: &Rule, step: &mut Step, segment: &Segment, ctx: &mut Context) {
+    let due = step.due.take();
+    match rule {
+        Rule::Ready { state, .. } => apply(state, ctx, segment),
+        Rule::Answer { at, request, answer, then, state, .. } => {
+            let (from, to) = match (step.phase, then) {
+                (Phase::Second, Some((then, _))) => (*answer, *then),
+                _ => (*request, *answer),
+            };
+            let is_second = step.phase == Phase::Second;
+            step.phase = Phase::Idle;
+            if at.load(segment) != u32::from(from) {
+                return;
+            }
+            // The state first, so that a program that sees the answer finds the new state.
+            if !is_second {
+                apply(state, ctx, segment);
+            }
+            if at.exchange(segment, from.into(), to.into()) {
+                let goes_on = !is_second && then.is_some();
+                let origin = ctx.origin;
+                ctx.report(Handshake { origin, offset: at.offset, request: from, answer: to, goes_on });
+                if let Some((_, after_us)) = then.filter(|_| goes_on) {
+                    *step =
+                        Step { due: Some(ctx.now.saturating_add(after_us)), phase: Phase::Second, seen: 0 };
+                }
+            }
+        }
+        Rule::Toggle { from, to, bits, .. } => {
+            let wanted = from.load(segment) & bits;
+            to.show(ctx, segment, |value| (value & !bits) | wanted);
+        }
+        Rule::Counter { at, every_us } => {
+            at.update(segment, |value| value.wrapping_add(1));
+            step.due = due.map(|due| due.saturating_add(*every_us));
+        }
+        Rule::Watchdog { state, .. } => {
+            step.phase = Phase::Second;
+            apply(state, ctx, segment);
+        }
+        Rule::Mirror { .. } => {}
+    }
+}
+
+fn apply(changes: &[Change], ctx: &mut Context, segment: &Segment) {
+    changes.iter().for_each(|change| change.apply(ctx, segment));
+}

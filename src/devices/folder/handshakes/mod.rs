@@ -1,0 +1,299 @@
+//! Handshakes of a device in a folder that need no script: `handshakes.toml`.
+//!
+//! Each table of the file becomes a [`Row`]. The firmware polls the rows in the order of the file's kinds: ready flags,
+//! answers, toggle bits, counters, watchdogs, mirrors.
+
+mod file;
+mod firmware;
+mod rule;
+
+pub(super) use firmware::Handshakes;
+use rule::{Change, Place, Rule};
+
+use super::FolderError;
+use crate::layout::{DeviceLayout, Owner, RegisterRef};
+use crate::time::short;
+use commram_layoutc::model::Provenance;
+use core::ops::Range;
+use file::File;
+use std::path::Path;
+use toml::Spanned;
+
+/// Name of the file in the folder.
+pub(super) const FILE: &str = "handshakes.toml";
+/// Most tables of a file: the firmware polls each in every processor cycle.
+pub const MOST_ROWS: usize = 256;
+/// Most registers that the mirrors of a file copy.
+pub const MOST_MIRRORED: usize = 4096;
+/// Shortest time between two counts of a counter in microseconds: each count is an event of the plant.
+const SHORTEST_COUNT_US: u64 = 100;
+
+/// A table of the file: a behaviour, with its source.
+#[derive(Debug)]
+pub struct Row {
+    /// Kind of the table: `answer`, `watchdog` ...
+    pub kind: &'static str,
+    /// Name of the register that the program writes, or that the device changes.
+    pub register: String,
+    /// Description of the behaviour.
+    pub behaviour: String,
+    /// Pages of the manual.
+    pub page: String,
+    /// Source of the behaviour: `manual`, `inferred D-nn`.
+    pub source: String,
+    rule: Rule,
+}
+
+/// Reads the text of the file for a device with this layout.
+///
+/// # Errors
+/// [`FolderError::Table`] with the line.
+pub(super) fn read(path: &Path, text: &str, layout: &'static DeviceLayout) -> Result<Vec<Row>, FolderError> {
+    let reader = Reader { path, text, layout };
+    let file: File = toml::from_str(text).map_err(|error| {
+        let what = error.message().lines().collect::<Vec<_>>().join(", ");
+        reader.wrong(error.span().unwrap_or(0..0), what)
+    })?;
+    reader.rows(file)
+}
+
+/// The file and the layout that its names refer to.
+struct Reader<'a> {
+    path: &'a Path,
+    text: &'a str,
+    layout: &'static DeviceLayout,
+}
+
+impl Reader<'_> {
+    fn wrong(&self, place: Range<usize>, what: String) -> FolderError {
+        let before = self.text.as_bytes().iter().take(place.start);
+        let line = 1 + before.filter(|byte| **byte == b'\n').count();
+        FolderError::Table { path: self.path.to_owned(), line, what }
+    }
+
+    fn rows(&self, file: File) -> Result<Vec<Row>, FolderError> {
+        let File { ready, answer, toggle, counter, watchdog, mirror } = file;
+        let mut rows = Vec::new();
+        ready.into_iter().try_for_each(|it| self.ready(it).map(|row| rows.push(row)))?;
+        answer.into_iter().try_for_each(|it| self.answer(it).map(|row| rows.push(row)))?;
+        toggle.into_iter().try_for_each(|it| self.toggle(it).map(|row| rows.push(row)))?;
+        counter.into_iter().try_for_each(|it| self.counter(it).map(|row| rows.push(row)))?;
+        watchdog.into_iter().try_for_each(|it| self.watchdog(it).map(|row| rows.push(row)))?;
+        let mut mirrored = 0;
+        for it in mirror {
+            rows.push(self.mirror(it, &mut mirrored)?);
+        }
+        if rows.len() > MOST_ROWS {
+            return Err(self.wrong(0..0, format!("{} tables; a device has at most {MOST_ROWS}", rows.len())));
+        }
+        Ok(rows)
+    }
+
+    fn ready(&self, it: file::Ready) -> Result<Row, FolderError> {
+        let (state, told) = self.changes(&it.state)?;
+        let behaviour = format!("after power-on and {}: {told}", short(it.after.0));
+        let register = it.state.first().map(|change| change.get_ref().register.clone());
+        let rule = Rule::Ready { state, after_us: it.after.0 };
+        Ok(row("ready", register.unwrap_or_default(), behaviour, (it.page, &it.source), rule))
+    }
+
+    fn answer(&self, it: file::Answer) -> Result<Row, FolderError> {
+        let at = self.written_by_both(&it.register)?;
+        let [request, answer] = [&it.request, &it.answer];
+        for value in [Some(request), Some(answer), it.then.as_ref()].into_iter().flatten() {
+            self.fits(at, value.span(), *value.get_ref())?;
+            if *value.get_ref() > u32::from(u16::MAX) {
+                let what = "requests and answers are at most 16#FFFF, as in the journal".to_owned();
+                return Err(self.wrong(value.span(), what));
+            }
+        }
+        if request.get_ref() == answer.get_ref() {
+            return Err(
+                self.wrong(answer.span(), "the answer is the request; a program cannot see it".to_owned())
+            );
+        }
+        let (state, told) = self.changes(&it.state)?;
+        let mut behaviour = format!(
+            "16#{:04X} is answered by 16#{:04X} after {}",
+            request.get_ref(),
+            answer.get_ref(),
+            short(it.after.0)
+        );
+        let then = it.then.map(|then| (*then.get_ref() as u16, it.then_after.0));
+        if let Some((then, after_us)) = then {
+            behaviour += &format!(", then 16#{then:04X} after {}", short(after_us));
+        }
+        if !told.is_empty() {
+            behaviour += &format!("; with the answer {told}");
+        }
+        let (request, answer) = (*request.get_ref() as u16, *answer.get_ref() as u16);
+        let rule = Rule::Answer { at, request, answer, after_us: it.after.0, then, state };
+        Ok(row("answer", it.register.into_inner(), behaviour, (it.page, &it.source), rule))
+    }
+
+    fn toggle(&self, it: file::Toggle) -> Result<Row, FolderError> {
+        let (from, to) = (self.place(&it.register)?, self.written_by_firmware(&it.acknowledge)?);
+        let bits = *it.bits.get_ref();
+        self.fits(from, it.bits.span(), bits)?;
+        self.fits(to, it.bits.span(), bits)?;
+        if bits == 0 {
+            return Err(self.wrong(it.bits.span(), "`bits` is a mask of at least one bit".to_owned()));
+        }
+        let acknowledge = it.acknowledge.into_inner();
+        let behaviour = format!("bits 16#{bits:X} appear in {acknowledge} after {}", short(it.after.0));
+        let rule = Rule::Toggle { from, to, bits, after_us: it.after.0 };
+        Ok(row("toggle", it.register.into_inner(), behaviour, (it.page, &it.source), rule))
+    }
+
+    fn counter(&self, it: file::Counter) -> Result<Row, FolderError> {
+        let at = self.written_by_firmware(&it.register)?;
+        let every_us = it.every.get_ref().0;
+        if every_us < SHORTEST_COUNT_US {
+            let what = format!("`every` is {}; it is at least {SHORTEST_COUNT_US} us", short(every_us));
+            return Err(self.wrong(it.every.span(), what));
+        }
+        let behaviour = format!("counts every {}", short(every_us));
+        Ok(row(
+            "counter",
+            it.register.into_inner(),
+            behaviour,
+            (it.page, &it.source),
+            Rule::Counter { at, every_us },
+        ))
+    }
+
+    fn watchdog(&self, it: file::Watchdog) -> Result<Row, FolderError> {
+        let at = self.place(&it.register)?;
+        let within_us = it.within.get_ref().0;
+        if within_us == 0 {
+            return Err(self.wrong(it.within.span(), "`within` is more than 0".to_owned()));
+        }
+        let (state, told) = self.changes(&it.state)?;
+        let (recovered, back) = self.changes(&it.recovered)?;
+        let mut behaviour = format!("without a change for {}: {told}", short(within_us));
+        if !back.is_empty() {
+            behaviour += &format!("; with the next change {back}");
+        }
+        let rule = Rule::Watchdog { at, within_us, state, recovered };
+        Ok(row("watchdog", it.register.into_inner(), behaviour, (it.page, &it.source), rule))
+    }
+
+    fn mirror(&self, it: file::Mirror, mirrored: &mut usize) -> Result<Row, FolderError> {
+        let of = |name: &Spanned<String>| {
+            self.layout.registers(name.get_ref()).map_err(|error| self.wrong(name.span(), error.to_string()))
+        };
+        let (from, to) = (of(&it.from)?, of(&it.to)?);
+        *mirrored += to.len();
+        let widths = |registers: &[RegisterRef]| -> Vec<_> {
+            registers.iter().map(|register| register.address().width()).collect()
+        };
+        let refused = if widths(&from) != widths(&to) {
+            Some(format!("{} and {} have other registers", it.from.get_ref(), it.to.get_ref()))
+        } else if to.iter().any(|register| register.register.owner == Owner::Plc) {
+            Some(format!("the program writes {}; a device mirrors into its own registers", it.to.get_ref()))
+        } else if *mirrored > MOST_MIRRORED {
+            Some(format!(
+                "the mirrors have {mirrored} registers up to here; they have at most {MOST_MIRRORED}"
+            ))
+        } else {
+            None
+        };
+        if let Some(what) = refused {
+            return Err(self.wrong(it.to.span(), what));
+        }
+        let behaviour = format!("appears in {}", it.to.get_ref());
+        let pairs = from.iter().zip(&to).map(|(from, to)| (Place::of(from), Place::of(to))).collect();
+        Ok(row("mirror", it.from.into_inner(), behaviour, (it.page, &it.source), Rule::Mirror { pairs }))
+    }
+
+    fn register(&self, name: &str, place: Range<usize>) -> Result<RegisterRef, FolderError> {
+        self.layout.register(name).map_err(|error| self.wrong(place, error.to_string()))
+    }
+
+    fn place(&self, name: &Spanned<String>) -> Result<Place, FolderError> {
+        Ok(Place::of(&self.register(name.get_ref(), name.span())?))
+    }
+
+    fn written_by_both(&self, name: &Spanned<String>) -> Result<Place, FolderError> {
+        let register = self.register(name.get_ref(), name.span())?;
+        match register.register.owner {
+            Owner::Both => Ok(Place::of(&register)),
+            _ => {
+                let what =
+                    format!("{register} has one writer; a register with an answer has the owner \"both\"");
+                Err(self.wrong(name.span(), what))
+            }
+        }
+    }
+
+    fn written_by_firmware(&self, name: &Spanned<String>) -> Result<Place, FolderError> {
+        let register = self.register(name.get_ref(), name.span())?;
+        self.may_write(&register, name.span())?;
+        Ok(Place::of(&register))
+    }
+
+    fn may_write(&self, register: &RegisterRef, place: Range<usize>) -> Result<(), FolderError> {
+        if register.register.owner == Owner::Plc {
+            let what = format!(
+                "only the program writes {register}; the device changes registers of \"firmware\" or \"both\""
+            );
+            return Err(self.wrong(place, what));
+        }
+        Ok(())
+    }
+
+    fn fits(&self, at: Place, place: Range<usize>, value: u32) -> Result<(), FolderError> {
+        if value & !at.mask() == 0 {
+            return Ok(());
+        }
+        Err(self.wrong(
+            place,
+            format!("16#{value:X} does not fit the register of {} bits", at.mask().count_ones()),
+        ))
+    }
+
+    /// The changes, and their description.
+    fn changes(&self, changes: &[Spanned<file::Change>]) -> Result<(Vec<Change>, String), FolderError> {
+        let mut told = Vec::new();
+        let mut checked = Vec::new();
+        for spanned in changes {
+            let file::Change { register, value, set, clear } = spanned.get_ref();
+            let found = self.register(register, spanned.span())?;
+            self.may_write(&found, spanned.span())?;
+            let at = Place::of(&found);
+            for bits in [value.unwrap_or(0), *set, *clear] {
+                self.fits(at, spanned.span(), bits)?;
+            }
+            let (clear, set) = match value {
+                Some(value) if *set == 0 && *clear == 0 => (at.mask(), *value),
+                None if set & clear == 0 && set | clear != 0 => (*clear, *set),
+                _ => {
+                    let what =
+                        "a change has either a `value`, or different bits to `set` and to `clear`".to_owned();
+                    return Err(self.wrong(spanned.span(), what));
+                }
+            };
+            told.push(match value {
+                Some(value) => format!("{register} = 16#{value:X}"),
+                None => format!("{register} sets 16#{set:X} and clears 16#{clear:X}"),
+            });
+            checked.push(Change { at, clear, set });
+        }
+        Ok((checked, told.join(", ")))
+    }
+}
+
+fn row(
+    kind: &'static str,
+    register: String,
+    behaviour: String,
+    (page, source): (String, &Provenance),
+    rule: Rule,
+) -> Row {
+    let source = match source {
+        Provenance::Manual => "manual".to_owned(),
+        Provenance::Documented(document) => format!("manual: {document}"),
+        Provenance::Inferred(decision) => format!("inferred {decision}"),
+    };
+    Row { kind, register, behaviour, page, source, rule }
+}
