@@ -1,4 +1,4 @@
-//! Commands whose outputs are not read: the first signal ends them in good order, and an emulator serves its clients.
+//! Commands with unread outputs: the first signal ends them in good order, and an emulator serves its clients.
 
 use crate::common::{Emulator, commram, eventually, files_of, finish, promised, unique_name, wait_for};
 use crate::following::{full_pipe, is_blocked_by_output, signal};
@@ -10,14 +10,14 @@ use std::time::Duration;
 
 const NOTHING: Vec<PathBuf> = Vec::new();
 
-/// Starts a command whose outputs are not read.
+/// Starts a command with unread outputs.
 fn unread(command: &mut Command) -> (Child, PipeReader) {
     let (reader, writer) = full_pipe();
     let child = command.stdout(writer.try_clone().unwrap()).stderr(writer).spawn().unwrap();
     (child, reader)
 }
 
-/// The first signal ends a command that writes to an output without a reader.
+/// The first signal ends a command that is writing.
 #[track_caller]
 fn ends_at_the_first_signal(child: &mut Child, what: &str, number: &str) {
     assert!(eventually(|| is_blocked_by_output(child)), "{what} writes");
@@ -31,7 +31,7 @@ fn content(directory: &Path) -> Vec<PathBuf> {
 }
 
 #[test]
-fn a_demonstration_that_is_not_read_ends_at_the_first_signal() {
+fn an_unread_demonstration_ends_at_the_first_signal() {
     for number in ["-INT", "-TERM", "-HUP"] {
         let (mut child, _reader) = unread(commram().arg("demo"));
         ends_at_the_first_signal(&mut child, "demo", number);
@@ -40,7 +40,7 @@ fn a_demonstration_that_is_not_read_ends_at_the_first_signal() {
 }
 
 #[test]
-fn rounds_and_scenarios_that_are_not_read_end_at_the_first_signal() {
+fn unread_rounds_and_scenarios_end_at_the_first_signal() {
     let files = tempfile::tempdir().unwrap();
     // The seed that the command chooses is a note; one round ends soon and has a table.
     for args in [&["--rounds", "100000"][..], &["--rounds", "1", "--seed", "1"]] {
@@ -58,7 +58,7 @@ fn rounds_and_scenarios_that_are_not_read_end_at_the_first_signal() {
 }
 
 #[test]
-fn a_server_that_is_not_read_ends_at_the_first_signal() {
+fn an_unread_server_ends_at_the_first_signal() {
     let (emulator, files) = (Emulator::stepped(), tempfile::tempdir().unwrap());
     let token = files.path().join("token");
     let listen = ["--listen", "127.0.0.1:0", "--token-file", token.to_str().unwrap()];
@@ -67,9 +67,9 @@ fn a_server_that_is_not_read_ends_at_the_first_signal() {
     assert_eq!(content(files.path()), NOTHING);
 }
 
-/// No program has read the message that it is ready.
+/// The line of its start stays unread.
 #[test]
-fn an_emulator_that_is_not_read_serves_and_ends_in_good_order() {
+fn an_unread_emulator_serves_and_ends_in_good_order() {
     for (end, code) in [(Some("-INT"), 130), (Some("-TERM"), 0), (Some("-HUP"), 0), (None, 0)] {
         let name = unique_name();
         let (mut child, _reader) = unread(commram().args(["run", "-i", &name]));
@@ -87,7 +87,7 @@ fn an_emulator_that_is_not_read_serves_and_ends_in_good_order() {
 
 /// A note keeps the emulator in its start. Its images exist already.
 #[test]
-fn a_start_that_is_not_read_ends_in_good_order() {
+fn an_unread_start_ends_in_good_order() {
     let (name, files) = (unique_name(), tempfile::tempdir().unwrap());
     let novram = files.path().join("new");
     let (mut child, _reader) =
