@@ -39,11 +39,21 @@ const OPTIONS: &[(&str, &str, &str)] = &[
     ("--name", "instance", "-i NAME"),
     ("--timeout", "within", "--within TIME"),
     ("--timeout", "connect-timeout", "--connect-timeout TIME"),
+    ("--timeout", "max-real-time", "--max-real-time TIME"),
     ("--daemon", "detach", "--detach"),
     ("--background", "detach", "--detach"),
     ("--stepped", "clock", "--clock stepped"),
     ("--realtime", "clock", "--clock realtime"),
 ];
+
+/// An option of another program that is not needed, an option that the command must have, and the reason.
+const NEEDLESS: &[(&str, &str, &str)] = &[
+    ("--retries", "shard", SAME_RESULT),
+    ("--reruns", "shard", SAME_RESULT),
+    ("--seed", "shard", SAME_RESULT),
+];
+
+const SAME_RESULT: &str = "omit it: a scenario gives the same result in every run";
 
 /// Replaces the suggestions of the parser: it recommends to pass unknown options as values, and takes words for
 /// similar that are not.
@@ -58,7 +68,9 @@ pub(super) fn improve(mut error: Error, commands: &clap::Command) -> Error {
         text(ContextKind::InvalidArg).filter(|_| error.kind() == clap::error::ErrorKind::UnknownArgument);
     let tip = match (&word, &option) {
         (Some(word), _) => of_word(&path, word).map(|right| format!("write `{right}`")),
-        (None, Some(option)) => of_option(&path, option, commands).map(|right| format!("write `{right}`")),
+        (None, Some(option)) => of_option(OPTIONS, &path, option, commands)
+            .map(|right| format!("write `{right}`"))
+            .or_else(|| of_option(NEEDLESS, &path, option, commands).map(str::to_owned)),
         (None, None) => missing(&error, &path),
     };
     if option.is_some() {
@@ -99,10 +111,15 @@ fn of_word(path: &str, word: &str) -> Option<&'static str> {
     WORDS.iter().find(|(below, known, _)| (*below, *known) == (path, word)).map(|(.., right)| *right)
 }
 
-fn of_option(path: &str, option: &str, commands: &clap::Command) -> Option<&'static str> {
+fn of_option(
+    table: &'static [(&str, &str, &str)],
+    path: &str,
+    option: &str,
+    commands: &clap::Command,
+) -> Option<&'static str> {
     let own = path.split(' ').try_fold(commands, |command, word| command.find_subcommand(word))?;
     let has = |long: &str| own.get_arguments().any(|arg| arg.get_long() == Some(long));
-    OPTIONS.iter().find(|(known, needed, _)| *known == option && has(needed)).map(|(.., right)| *right)
+    table.iter().find(|(known, needed, _)| *known == option && has(needed)).map(|(.., right)| *right)
 }
 
 /// The options that are possible in place of a missing argument.

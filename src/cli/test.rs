@@ -53,10 +53,12 @@ Examples:
   commram test --definitions
 
 Exit codes:
-  0  all scenarios passed
-  1  an expectation failed, or a scenario has no expectation, throws, does not end or crashes
-  2  wrong use: a script is missing, does not compile or uses a verb wrongly
-  3  the instance to attach to is not running")]
+  0    all scenarios passed
+  1    an expectation failed, or a scenario has no expectation, throws, does not end or crashes
+  2    wrong use: a script is missing, does not compile or uses a verb wrongly
+  3    all scenarios passed, but a report cannot be written; or the instance to attach to is not running
+  4    all scenarios passed, but the output cannot be written
+  130  ended by Ctrl-C or a signal; the reports are written")]
 pub(crate) struct Args {
     #[command(subcommand)]
     inner: Option<TestCommand>,
@@ -162,11 +164,15 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if args.watch {
         return super::pause::following(|| watch(args, files, &interrupts));
     }
-    let (reports, shown) = match reachable(args.attach.as_deref()) {
-        Ok(()) => play(args, &files, &interrupts)?,
+    let (reports, shown, ending) = match reachable(args.attach.as_deref()) {
+        Ok(()) => {
+            let (reports, shown) = play(args, &files, &interrupts)?;
+            let ending = if interrupts.any() { Err(CliError::Interrupted) } else { verdict(&reports) };
+            (reports, shown, ending)
+        }
         Err(error) => {
             let reports = files.iter().map(|file| process::died(file, &error.to_string())).collect();
-            (reports, Err(error))
+            (reports, Ok(()), Err(error))
         }
     };
     // These reports are written even after other errors.
@@ -174,12 +180,25 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let page = args
         .report
         .as_ref()
-        .map_or(Ok(()), |path| write(path, &html::page(&reports, &Origin::of_this_run())));
+        .map_or(Ok(()), |path| write_report(path, &html::page(&reports, &Origin::of_this_run())));
     // A reader that has gone does not change the verdict.
     let shown =
         shown.or_else(|error| if matches!(error, CliError::BrokenPipe) { Ok(()) } else { Err(error) });
-    shown.and(written).and(page)?;
-    if interrupts.any() { Err(CliError::Interrupted) } else { verdict(&reports) }
+    first_of(ending, [shown, written, page])
+}
+
+/// Returns the first error, and prints the others: a missing report does not hide the verdict.
+fn first_of(
+    ending: Result<(), CliError>,
+    others: impl IntoIterator<Item = Result<(), CliError>>,
+) -> Result<(), CliError> {
+    others.into_iter().fold(ending, |first, other| match (first, other) {
+        (Err(first), Err(other)) => {
+            output::complain(&other.to_string());
+            Err(first)
+        }
+        (first, other) => first.and(other),
+    })
 }
 
 /// Reads a scenario from the standard input, for its process. Refuses to wait for changes of the standard input.
@@ -193,8 +212,13 @@ fn check_input(args: &Args, files: &[PathBuf]) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Refuses two reports in one file: the second one would replace the first one.
+/// Creates the missing directories of the reports. Refuses two reports in one file: the second one would replace the
+/// first one.
 fn check_reports(args: &Args) -> Result<(), CliError> {
+    for report in args.junit.iter().chain(&args.report) {
+        // Paths are compared in existing directories. The write of the report reports the error.
+        let _ = create_directory(report);
+    }
     let (Some(junit), Some(page)) = (&args.junit, &args.report) else { return Ok(()) };
     if !output_file::is_same(junit, page) {
         return Ok(());
@@ -291,7 +315,21 @@ fn write_junit(path: &Path, shard: Option<Shard>, reports: &[Report]) -> Result<
         None => junit(reports),
         Some(shard) => junit_of_shard(reports, &shard.to_string()),
     };
-    write(path, &text.map_err(failed)?)
+    write_report(path, &text.map_err(failed)?)
+}
+
+/// Writes a report, in a directory that a scenario may have removed.
+fn write_report(path: &Path, text: &str) -> Result<(), CliError> {
+    create_directory(path).map_err(|reason| CliError::File { path: path.to_owned(), reason })?;
+    write(path, text)
+}
+
+/// Creates the missing directories of a file.
+fn create_directory(file: &Path) -> io::Result<()> {
+    match file.parent() {
+        Some(directory) if !directory.as_os_str().is_empty() => std::fs::create_dir_all(directory),
+        _ => Ok(()),
+    }
 }
 
 fn write(path: &Path, text: &str) -> Result<(), CliError> {

@@ -1,6 +1,6 @@
 //! `commram test`: the scenarios of the tutorial, and all failures of a scenario.
 
-use crate::common::{Outcome, commram, finish, python, run, skipped};
+use crate::common::{Outcome, commram, finish, finish_on_a_full_disk, python, run, skipped};
 use std::process::Command;
 use tempfile::TempDir;
 
@@ -355,9 +355,31 @@ fn a_missing_scenario_is_wrong_use_and_the_others_run() {
     let empty = Scripts::new(&[]);
     assert!(empty.run(&["."]).fails(2).contains("this directory has no files that end in .rhai"));
     assert!(empty.run(&[]).fails(2).contains("FILE"));
-    let absent = scripts.run(&["good.rhai", "--junit", "no/such/directory.xml"]);
-    assert_eq!(absent.code, Some(3));
-    assert!(absent.err.contains("cannot write no/such/directory.xml: No such file"), "{}", absent.err);
+}
+
+#[test]
+fn a_report_gets_its_directories_and_does_not_hide_the_verdict() {
+    let scripts = Scripts::new(&[
+        ("good.rhai", "expect_no_findings();"),
+        ("bad.rhai", "expect(\"node2.w_OPTION_STATUS\", 7);"),
+        ("broken.rhai", "nothing("),
+        ("file", ""),
+    ]);
+    scripts.run(&["good.rhai", "--junit", "new/a/report.xml", "--report", "html=new/b/report.html"]).ok();
+    assert!(scripts.read("new/a/report.xml").contains("tests=\"1\""));
+    assert!(scripts.read("new/b/report.html").starts_with("<!DOCTYPE html>"));
+    let same = scripts.run(&["good.rhai", "--junit", "c/report", "--report", "html=./c/report"]);
+    assert!(same.fails(2).contains("both name the same file"), "{}", same.err);
+    for (file, code) in [("good.rhai", 3), ("bad.rhai", 1), ("broken.rhai", 2)] {
+        let outcome = scripts.run(&[file, "--junit", "file/report.xml", "--report", "html=file/x"]);
+        let told = &outcome.err;
+        assert_eq!(outcome.code, Some(code), "{file}: {told}");
+        assert!(told.contains("cannot write file/report.xml: "), "{file}: {told}");
+        assert!(told.contains("cannot write file/x: "), "{file}: {told}");
+        let full = finish_on_a_full_disk(&mut scripts.command(&[file]));
+        assert_eq!(full.code, Some(if code == 3 { 4 } else { code }), "{file}: {}", full.err);
+        assert!(full.err.contains("cannot write the output: "), "{file}: {}", full.err);
+    }
 }
 
 const MIXED: [(&str, &str); 3] = [

@@ -32,6 +32,9 @@ fn other_words_lead_to_the_right_command() {
         (&["peek", "--json", "x"], "tip: write `--format json`"),
         (&["list", "--csv"], "tip: write `--format csv`"),
         (&["wait", "a==1", "--timeout", "1s"], "tip: write `--within TIME`"),
+        (&["test", ".", "--timeout", "1s"], "tip: write `--max-real-time TIME`"),
+        (&["test", ".", "--retries", "2"], "tip: omit it: a scenario gives the same result in every run"),
+        (&["test", ".", "--seed", "7"], "tip: omit it: a scenario gives the same result in every run"),
         (&["run", "--daemon"], "tip: write `--detach`"),
         (&[concat!("li", "ts")], "tip: a similar subcommand exists: 'list'"),
     ] {

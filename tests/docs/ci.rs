@@ -1,9 +1,10 @@
 //! Follows docs/guide/ci.md: creates the files of the page and of `tools/ci`, and runs their scripts.
 
-use crate::common::{Outcome, commram, finish, python, python_for};
+use crate::common::{Outcome, commram, finish, python, python_for, wait_for};
+use std::io::{BufRead, BufReader};
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
 use tempfile::TempDir;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
@@ -65,14 +66,21 @@ fn run_script(directory: &Path, script: &str, path: &str, environment: &[(&str, 
     finish(command.envs(environment.iter().copied()))
 }
 
-/// Returns both reports, and removes them.
-fn take_reports(directory: &Path) -> String {
-    let reports = directory.join("commram-reports");
-    let page = std::fs::read_to_string(reports.join("report.html")).unwrap();
+/// Checks the page for people in the directory of reports, and returns the JUnit report.
+fn read_reports(directory: &Path, name: &str) -> String {
+    let page = std::fs::read_to_string(directory.join(format!("{name}.html"))).unwrap();
     assert!(page.starts_with("<!DOCTYPE html>"), "{page}");
-    let junit = std::fs::read_to_string(reports.join("report.xml")).unwrap();
-    std::fs::remove_dir_all(reports).unwrap();
-    junit
+    std::fs::read_to_string(directory.join(format!("{name}.xml"))).unwrap()
+}
+
+/// Runs the command of the page that merges the reports of the shards.
+fn assert_merged(directory: &Path, page: &str, path: &str) {
+    let command = page.lines().find_map(|line| line.split_once("commram test merge "));
+    let (_, arguments) = command.unwrap();
+    let merged = run_script(directory, &format!("commram test merge {arguments}"), path, &[]);
+    assert_eq!(merged.code, Some(0), "{}{}", merged.out, merged.err);
+    let report = std::fs::read_to_string(directory.join("report.xml")).unwrap();
+    assert!(report.contains("tests=\"1\" failures=\"0\" errors=\"0\""), "{report}");
 }
 
 /// The scenario is in the first of two shards. The second shard has no scenario and passes.
@@ -112,11 +120,70 @@ fn the_action_for_github_installs_a_package_and_runs_the_scenarios() {
     let installed = run(install, system, &sum, "");
     assert_eq!(installed.code, Some(0), "{}", installed.err);
     let path = format!("{}:{system}", std::fs::read_to_string(&paths).unwrap().trim());
-    assert_shared(["1/2", "2/2"].map(|shard| {
-        let outcome = run(test, &path, &sum, &format!("--shard {shard}"));
+    std::fs::create_dir(directory.path().join("shards")).unwrap();
+    assert_shared(["1", "2"].map(|shard| {
+        let outcome = run(test, &path, &sum, &format!("--shard {shard}/2"));
         assert_eq!(outcome.code, Some(0), "{}{}", outcome.out, outcome.err);
-        take_reports(directory.path())
+        // The action uploads and downloads the directory as an artifact.
+        let artifact = directory.path().join("shards").join(format!("commram-reports-{shard}"));
+        std::fs::rename(directory.path().join("commram-reports"), &artifact).unwrap();
+        read_reports(&artifact, "report")
     }));
+    assert_merged(directory.path(), &file(".github/workflows/scenarios.yml"), &path);
+
+    // Files with the names of a pattern do not change the pattern.
+    std::fs::write(directory.path().join("st-no"), "").unwrap();
+    let filtered = run(test, &path, &sum, "--filter st*");
+    assert!(filtered.ok().contains("1 passed, 0 failed, 0 broken"), "{}{}", filtered.out, filtered.err);
+}
+
+#[test]
+fn a_wrong_package_is_refused_by_name() {
+    let (directory, sum) = repository();
+    let script = &scripts(&std::fs::read_to_string(Path::new(ROOT).join("tools/ci/gitlab.yml")).unwrap())[0];
+    let line = format!("{sum}  commram-0.1.0-x86_64-linux.tar.gz");
+    for (package, sum, told) in [
+        ("", "", "COMMRAM_PACKAGE: set it to the path or the address (https) of commram-VERSION-"),
+        (
+            "http://localhost/x.tar.gz",
+            "",
+            "http://localhost/x.tar.gz is not encrypted; use an address with https",
+        ),
+        (PACKAGE, line.as_str(), ""),
+    ] {
+        let environment = [("COMMRAM_PACKAGE", package), ("COMMRAM_SHA256", sum)];
+        let outcome = run_script(directory.path(), script, "/usr/local/bin:/usr/bin:/bin", &environment);
+        assert_eq!(outcome.code == Some(0), told.is_empty(), "{}", outcome.err);
+        assert!(outcome.err.contains(told), "{package}: {}", outcome.err);
+    }
+}
+
+/// A server that cancels a job signals only the shell of its step.
+#[test]
+fn a_cancelled_job_writes_its_reports() {
+    let (directory, _) = repository();
+    let endless = "step(\"1ms\"); while true { }";
+    std::fs::write(directory.path().join("scenarios/z.rhai"), endless).unwrap();
+    let test = &scripts(&std::fs::read_to_string(Path::new(ROOT).join("tools/ci/action.yml")).unwrap())[1];
+    let programs = Path::new(commram().get_program()).parent().unwrap().display().to_string();
+    for signal in ["-INT", "-TERM"] {
+        let mut shell = Command::new("bash");
+        shell.args(["-eo", "pipefail", "-c", test]).current_dir(directory.path());
+        shell.env("PATH", format!("{programs}:/usr/local/bin:/usr/bin:/bin"));
+        shell.env("COMMRAM_SCENARIOS", "scenarios");
+        shell.env("COMMRAM_ARGUMENTS", "--jobs 1 --max-operations 1000000000000");
+        let mut shell = shell.stdout(Stdio::piped()).spawn().unwrap();
+        let lines = BufReader::new(shell.stdout.take().unwrap()).lines().map(Result::unwrap);
+        let rest = lines.skip_while(|line| !line.starts_with("passed  scenarios/start.rhai"));
+        let mut rest = rest.peekable();
+        assert!(rest.peek().is_some(), "the first scenario does not end");
+        assert!(Command::new("kill").args([signal, &shell.id().to_string()]).status().unwrap().success());
+        assert_eq!(wait_for(&mut shell, "a cancelled job").code(), Some(130), "{signal}");
+        let reports = directory.path().join("commram-reports");
+        let junit = read_reports(&reports, "report");
+        assert!(junit.contains("tests=\"2\"") && junit.contains("interrupted"), "{signal}: {junit}");
+        std::fs::remove_dir_all(reports).unwrap();
+    }
 }
 
 #[test]
@@ -128,18 +195,24 @@ fn the_job_for_gitlab_installs_a_package_and_runs_the_scenarios() {
     assert!(file(".gitlab-ci.yml").contains("COMMRAM_ARGUMENTS: --shard $CI_NODE_INDEX/$CI_NODE_TOTAL\n"));
     // GitLab runs both parts in one shell.
     let script = parts.concat();
-    assert_shared(["1/2", "2/2"].map(|shard| {
-        let arguments = format!("--shard {shard}");
+    let path = "/usr/local/bin:/usr/bin:/bin";
+    let reports = directory.path().join("commram-reports");
+    assert!(file(".gitlab-ci.yml").contains("COMMRAM_REPORT: report-$CI_NODE_INDEX\n"));
+    assert_shared(["1", "2"].map(|shard| {
+        let (arguments, report) = (format!("--shard {shard}/2"), format!("report-{shard}"));
         let environment = [
             ("COMMRAM_PACKAGE", PACKAGE),
             ("COMMRAM_SHA256", sum.as_str()),
             ("COMMRAM_SCENARIOS", "scenarios"),
             ("COMMRAM_ARGUMENTS", arguments.as_str()),
+            ("COMMRAM_REPORT", report.as_str()),
         ];
-        let outcome = run_script(directory.path(), &script, "/usr/local/bin:/usr/bin:/bin", &environment);
+        let outcome = run_script(directory.path(), &script, path, &environment);
         assert_eq!(outcome.code, Some(0), "{}{}", outcome.out, outcome.err);
-        take_reports(directory.path())
+        read_reports(&reports, &report)
     }));
+    let installed = format!("{}/.commram/bin:{path}", directory.path().display());
+    assert_merged(directory.path(), &file(".gitlab-ci.yml"), &installed);
 }
 
 /// Both servers install the package in the same way.

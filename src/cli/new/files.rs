@@ -26,14 +26,26 @@ struct Extra {
     ignored: &'static str,
     /// Commands that run it.
     commands: &'static [&'static str],
-    /// Image of a container with its tools.
-    image: &'static str,
+    ci: Ci,
+}
+
+/// What a template adds to the files for CI servers.
+#[derive(Default)]
+struct Ci {
+    /// Comment on further variables of the repository.
+    variables: &'static str,
+    /// Steps of the workflow for GitHub before the action.
+    github_before: &'static str,
+    /// Steps of the workflow for GitHub after the action.
+    github_after: &'static str,
+    /// Another job for GitLab.
+    gitlab_job: &'static str,
 }
 
 impl Template {
     fn extra(self) -> Extra {
         match self {
-            Template::Minimal => Extra { files: &[], ignored: "", commands: &[], image: "" },
+            Template::Minimal => Extra { files: &[], ignored: "", commands: &[], ci: Ci::default() },
             Template::SoftPlcC => Extra {
                 files: &[
                     ("soft_plc.c", include_str!("templates/soft-plc-c/soft_plc.c")),
@@ -41,7 +53,11 @@ impl Template {
                 ],
                 ignored: "/soft_plc\n/commram.h\n",
                 commands: &["make run"],
-                image: "gcc:14",
+                ci: Ci {
+                    github_after: include_str!("templates/soft-plc-c/github-after.yml"),
+                    gitlab_job: include_str!("templates/soft-plc-c/gitlab-job.yml"),
+                    ..Ci::default()
+                },
             },
             Template::SoftPlcRust => Extra {
                 files: &[
@@ -50,7 +66,11 @@ impl Template {
                 ],
                 ignored: "/target/\n",
                 commands: &["cargo build", "commram with plant.toml -- target/debug/soft-plc"],
-                image: "rust:1.95",
+                ci: Ci {
+                    github_after: include_str!("templates/soft-plc-rust/github-after.yml"),
+                    gitlab_job: include_str!("templates/soft-plc-rust/gitlab-job.yml"),
+                    ..Ci::default()
+                },
             },
             Template::Pytest => Extra {
                 files: &[
@@ -59,9 +79,32 @@ impl Template {
                 ],
                 ignored: "__pycache__/\n.pytest_cache/\n",
                 commands: &["pip install pytest \"$COMMRAM_WHEEL\"", "pytest"],
-                image: "python:3.13",
+                ci: Ci {
+                    variables: "# COMMRAM_WHEEL is the path or the address of the wheel; pip needs its name, \
+                                commram-VERSION-cp310-abi3-*.whl.\n",
+                    github_before: include_str!("templates/pytest/github-before.yml"),
+                    gitlab_job: include_str!("templates/pytest/gitlab-job.yml"),
+                    ..Ci::default()
+                },
             },
         }
+    }
+}
+
+impl Ci {
+    /// The text of a file with these additions in place of their names.
+    fn completed(&self, text: String) -> String {
+        // Steps before the action do not keep the scenarios from running.
+        let condition = if self.github_before.is_empty() { "" } else { "        if: ${{ !cancelled() }}\n" };
+        [
+            ("@ci_variables@\n", self.variables),
+            ("@github_before@\n", self.github_before),
+            ("@github_condition@\n", condition),
+            ("@github_after@\n", self.github_after),
+            ("@gitlab_job@\n", self.gitlab_job),
+        ]
+        .iter()
+        .fold(text, |text, (name, part)| text.replace(name, part))
     }
 }
 
@@ -95,30 +138,9 @@ impl Project {
         let text = self.words.replaced(text);
         match path {
             ".gitignore" => text + self.extra.ignored,
-            ".github/workflows/commram.yml" => text.replace("@github_step@\n", &self.github_step()),
-            ".gitlab-ci.yml" => text.replace("@gitlab_job@\n", &self.gitlab_job()),
+            ".github/workflows/commram.yml" | ".gitlab-ci.yml" => self.extra.ci.completed(text),
             _ => text,
         }
-    }
-
-    /// The last step of the workflow for GitHub: the commands of the template.
-    fn github_step(&self) -> String {
-        if self.extra.commands.is_empty() {
-            return String::new();
-        }
-        let lines: String = self.extra.commands.iter().map(|line| format!("          {line}\n")).collect();
-        format!(
-            "      - env:\n          COMMRAM_WHEEL: ${{{{ vars.COMMRAM_WHEEL }}}}\n        run: |\n{lines}"
-        )
-    }
-
-    /// The end of the job for GitLab: the commands of the template.
-    fn gitlab_job(&self) -> String {
-        if self.extra.commands.is_empty() {
-            return String::new();
-        }
-        let lines: String = self.extra.commands.iter().map(|line| format!("    - {line}\n")).collect();
-        format!("  image: {}\n  script:\n    - !reference [.commram, script]\n{lines}", self.extra.image)
     }
 
     /// The next commands for a user, a line each.
