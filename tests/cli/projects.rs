@@ -91,6 +91,31 @@ fn a_soft_plc_in_rust_compiles_and_gets_its_answer() {
     }
 }
 
+/// Both servers run pytest and the scenarios, even if one of them fails, and keep both reports.
+#[test]
+fn only_the_project_for_pytest_needs_a_wheel_in_ci() {
+    for template in ["minimal", "soft-plc-c", "soft-plc-rust", "pytest"] {
+        let directory = TempDir::new().unwrap();
+        new(directory.path(), &["--template", template]);
+        let read = |name: &str| fs::read_to_string(directory.path().join("my press").join(name)).unwrap();
+        let (github, gitlab) = (read(".github/workflows/commram.yml"), read(".gitlab-ci.yml"));
+        for text in [&github, &gitlab] {
+            let names_wheel = text.contains("\n# COMMRAM_WHEEL is the path or the address of the wheel");
+            assert_eq!(names_wheel, template == "pytest", "{text}");
+            assert_eq!(text.contains("COMMRAM_WHEEL"), names_wheel, "{text}");
+            assert_eq!(
+                text.contains("pytest --junit-xml commram-reports/pytest.xml\n"),
+                names_wheel,
+                "{text}"
+            );
+            assert!(text.contains(": --max-real-time 2min\n"), "{text}");
+        }
+        assert_eq!(github.contains("if: ${{ !cancelled() }}"), template == "pytest", "{github}");
+        assert!(read(".gitlab/commram.yml").contains("junit: commram-reports/*.xml\n"));
+        assert!(read(".gitignore").contains("\n/commram-report.html\n"));
+    }
+}
+
 #[test]
 fn nothing_is_overwritten_and_an_incomplete_project_is_removed() {
     let directory = TempDir::new().unwrap();
