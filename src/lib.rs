@@ -113,6 +113,8 @@ pub mod script;
 #[cfg(feature = "emulator")]
 pub mod snapshot_fields;
 pub mod time;
+#[cfg(any(feature = "emulator", feature = "export"))]
+mod xml_text;
 
 /// The example of the attach contract is a test.
 #[cfg(all(doctest, feature = "cli"))]

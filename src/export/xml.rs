@@ -1,5 +1,6 @@
 //! A writer for indented XML.
 
+use crate::xml_text;
 use std::fmt::{Display, Write};
 
 /// A document under construction.
@@ -37,7 +38,7 @@ impl Xml {
 
     /// The document.
     pub(crate) fn finish(self) -> String {
-        self.text
+        xml_text::allowed(self.text)
     }
 
     fn line(&mut self, line: &str) {
@@ -56,8 +57,8 @@ mod tests {
     #[test]
     fn elements_are_nested_and_text_is_escaped() {
         let mut xml = Xml::new();
-        xml.node("a", "b=\"c\"", |xml| xml.leaf("d", "1 < 2 & 3"));
+        xml.node("a", "b=\"c\"", |xml| xml.leaf("d", "1 < 2 & 3\u{ffff}"));
         let lines: Vec<_> = xml.finish().lines().skip(1).map(str::to_owned).collect();
-        assert_eq!(lines, ["<a b=\"c\">", "  <d>1 &lt; 2 &amp; 3</d>", "</a>"]);
+        assert_eq!(lines, ["<a b=\"c\">", "  <d>1 &lt; 2 &amp; 3\u{fffd}</d>", "</a>"]);
     }
 }

@@ -3,6 +3,7 @@
 use super::archive::LIBRARY;
 use super::unit::Unit;
 use super::variables::{Causality, Variable, VariableType};
+use crate::xml_text;
 use core::fmt::Write;
 
 /// Units of the variables: name, exponent of each SI unit, and a unit to show it in with its factor.
@@ -89,7 +90,8 @@ fn escaped(text: &str) -> String {
             '<' => escaped.push_str("&lt;"),
             '"' => escaped.push_str("&quot;"),
             control if control.is_control() => escaped.push(' '),
-            other => escaped.push(other),
+            other if xml_text::is_allowed(other) => escaped.push(other),
+            _ => escaped.push(char::REPLACEMENT_CHARACTER),
         }
     }
     escaped
@@ -104,7 +106,7 @@ mod tests {
 
     #[test]
     fn texts_become_attributes() {
-        assert_eq!(escaped("a \"b\" < c & d\n"), "a &quot;b&quot; &lt; c &amp; d ");
+        assert_eq!(escaped("a \"b\" < c & d\n\u{ffff}"), "a &quot;b&quot; &lt; c &amp; d \u{fffd}");
     }
 
     #[test]

@@ -335,6 +335,10 @@ mod tests {
             assert!(svg.contains(text), "{text}\n{svg}");
         }
         assert!(!svg.contains("<b>"));
+        let hostile = plot().with_sections([(0, "\u{1}\u{fffe}\u{ffff}".to_owned())]).svg().unwrap();
+        assert!(
+            hostile.contains("\u{fffd}\u{fffd}\u{fffd}") && hostile.chars().all(crate::xml_text::is_allowed)
+        );
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Plots as files. The font is part of the program: neither the drawing machine nor a test needs an installed font.
 
 use super::{Plot, draw};
+use crate::xml_text;
 use plotters::backend::{BitMapBackend, SVGBackend};
 use plotters::drawing::IntoDrawingArea;
 use plotters::style::{FontStyle, register_font};
@@ -70,7 +71,7 @@ impl Plot {
         let area = SVGBackend::with_string(&mut text, draw::size(self)).into_drawing_area();
         draw::draw(self, &area).and_then(|()| area.present()).map_err(drawing)?;
         drop(area);
-        Ok(text)
+        Ok(xml_text::allowed(text))
     }
 
     /// The plot as PNG.

@@ -1,6 +1,7 @@
 //! The report that CI servers read.
 
 use super::{Outcome, Report};
+use crate::xml_text;
 use quick_junit::{NonSuccessKind, SerializeError, TestCase, TestCaseStatus, TestSuite};
 use std::path::{Component, Path};
 use std::time::Duration;
@@ -46,16 +47,15 @@ fn named(reports: &[Report], name: &str) -> Result<String, SerializeError> {
 /// # Errors
 /// As [`junit`].
 pub(crate) fn junit_text(all: &quick_junit::Report) -> Result<String, SerializeError> {
-    let text = all.to_string()?;
+    // The library removes control characters only.
+    let text = xml_text::allowed(all.to_string()?);
     // The first attribute is in the head.
     let skipped = text.find(" skipped=\"").map(|start| {
         let end = text[start..].match_indices('"').nth(1).map_or(start, |(quote, _)| start + quote + 1);
         start..end
     });
-    let text = skipped
-        .map_or_else(|| text.clone(), |skipped| text[..skipped.start].to_owned() + &text[skipped.end..]);
-    // XML 1.0 has no form for these two.
-    Ok(text.replace(['\u{FFFE}', '\u{FFFF}'], "\u{FFFD}"))
+    Ok(skipped
+        .map_or_else(|| text.clone(), |skipped| text[..skipped.start].to_owned() + &text[skipped.end..]))
 }
 
 fn suite(report: &Report) -> TestSuite {
@@ -129,6 +129,20 @@ fn status(outcome: &Outcome) -> TestCaseStatus {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn texts_with_characters_that_xml_does_not_allow_make_a_whole_report() {
+        let hostile = "x\u{ffff}\u{fffe}\u{1}\u{1b}[0m";
+        let outcomes =
+            [Outcome::Died(hostile.to_owned()), Outcome::NotRun(hostile.to_owned()), Outcome::Passed];
+        let reports = outcomes.map(|outcome| Report {
+            printed: hostile.to_owned(),
+            ..Report::bare(format!("{hostile}.rhai").into(), outcome)
+        });
+        let text = junit(&reports).unwrap();
+        assert!(text.chars().all(xml_text::is_allowed), "{text:?}");
+        assert!(text.contains("name=\"x\u{fffd}\u{fffd}"), "{text}");
+    }
 
     #[test]
     fn a_scenario_that_was_not_run_is_skipped_and_the_head_does_not_say_so() {

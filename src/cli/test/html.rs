@@ -8,6 +8,7 @@ use super::origin::Origin;
 use crate::cli::output;
 use crate::script::{Failure, FoundLine, Outcome, PlotFile, Report, ScriptLocation, Step};
 use crate::time::seconds;
+use crate::xml_text;
 use chrono::{DateTime, SecondsFormat, Utc};
 use std::fmt::{self, Display};
 
@@ -99,8 +100,9 @@ impl<T: Display> Display for EscapedText<T> {
                 '>' => f.write_str("&gt;")?,
                 '"' => f.write_str("&quot;")?,
                 '\'' => f.write_str("&#39;")?,
+                '\n' | '\t' => write!(f, "{letter}")?,
                 // Characters that are not allowed in a page, or that change the direction of the text.
-                sign if output::is_interpreted(sign) && sign != '\n' && sign != '\t' => {
+                sign if output::is_interpreted(sign) || !xml_text::is_allowed(sign) => {
                     f.write_str("\u{FFFD}")?
                 }
                 other => write!(f, "{other}")?,
