@@ -10,7 +10,7 @@ use super::session::Session;
 use super::{Cli, Command, Instance, advice, output, parse};
 use crate::input_file::LONGEST_SCRIPT;
 use crate::request::Op;
-use crate::script::{Bench, Lines, Outcome};
+use crate::script::{Bench, Lines, Outcome, STACK};
 use clap::builder::Resettable;
 use clap::{ArgAction, FromArgMatches};
 use edit::{InputLine, LineReader};
@@ -80,8 +80,15 @@ enum LineResult {
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     // Checks that the instance is running.
     drop(Session::open(&args.instance, 0)?);
-    let mut shell = Shell { instance: args.instance.clone(), lines: None };
-    if io::stdin().is_terminal() { shell.read_terminal() } else { shell.read_pipe() }
+    let read = || {
+        let mut shell = Shell { instance: args.instance.clone(), lines: None };
+        if io::stdin().is_terminal() { shell.read_terminal() } else { shell.read_pipe() }
+    };
+    std::thread::scope(|scope| {
+        let thread = std::thread::Builder::new().stack_size(STACK).spawn_scoped(scope, read);
+        let thread = thread.map_err(|reason| CliError::Process { reason })?;
+        thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    })
 }
 
 /// Ends the shell with this exit code.

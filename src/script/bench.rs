@@ -74,6 +74,8 @@ pub struct Bench {
     limit_us: u64,
     /// Faults that must take effect.
     required: Vec<Required>,
+    /// Snapshots that it keeps, by number.
+    saved: Vec<u32>,
     /// Called regularly while the clock advances: returns true to end the verb.
     interrupt: Option<Box<dyn FnMut() -> bool + Send>>,
 }
@@ -159,6 +161,7 @@ impl Bench {
             started_us,
             limit_us: Self::LIMIT_US,
             required: Vec::new(),
+            saved: Vec::new(),
             interrupt: None,
         })
     }

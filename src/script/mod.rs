@@ -38,6 +38,8 @@ pub(crate) use junit::{junit_text, shard_of_junit};
 pub use lines::Lines;
 pub use part::{is_part, needs};
 pub use report::{FoundLine, Mistake, Outcome, PlotFile, Report, Step};
+#[cfg(feature = "cli")]
+pub(crate) use run::STACK;
 pub use run::{Limits, run_file};
 pub use value::{Span, Value};
 pub use verb::{DEFINITIONS, Verb, verbs};

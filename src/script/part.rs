@@ -1,8 +1,9 @@
 //! Scripts that are parts of others, and the files that a script needs, as far as they are known without running it.
 
 use super::imports::module_file;
+use super::run::stack_guard;
 use crate::input_file;
-use rhai::{Engine, EvalAltResult, Module, ModuleResolver, Position, Scope};
+use rhai::{Dynamic, Engine, EvalAltResult, Module, ModuleResolver, Position, Scope};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
@@ -20,6 +21,8 @@ pub fn is_part(text: &str) -> bool {
     engine.set_max_string_size(SIZE);
     engine.set_max_array_size(SIZE);
     engine.set_max_map_size(SIZE);
+    let is_too_deep = stack_guard();
+    engine.on_progress(move |_| is_too_deep().then_some(Dynamic::UNIT));
     engine.set_module_resolver(Nothing);
     engine.on_print(|_| {});
     engine.on_debug(|_, _, _| {});
@@ -50,8 +53,7 @@ pub fn needs(scenario: &Path) -> Vec<PathBuf> {
     let mut looked_at = 0;
     while let Some(file) = next {
         let text = input_file::read(&file, input_file::LONGEST_SCRIPT).unwrap_or_default();
-        for name in imports(&text) {
-            let file = module_file(name, directory);
+        for file in imports(&text).map(|name| module_file(name, directory)) {
             if !found.contains(&file) {
                 found.push(file);
             }

@@ -23,6 +23,12 @@ const MOST_CALLS: usize = 64;
 /// Deepest nesting of expressions in a script and in its functions.
 const DEEPEST_EXPRESSION: usize = 64;
 
+/// Stack in bytes that a thread needs in which scripts run: calls and expressions of this nesting fit in.
+pub(crate) const STACK: usize = 16 << 20;
+/// Stack in bytes that a script may take, for example by nested `eval`, which does not count as a call. The rest is
+/// for a single step, such as a compilation.
+const MOST_STACK: usize = 12 << 20;
+
 /// Longest text of a message, in characters; more of it came from a script.
 const LONGEST_TEXT: usize = 2000;
 /// Longest line of a script in a report.
@@ -74,7 +80,7 @@ pub fn run_file(
     let mut stage = stage.borrow_mut();
     let mut reads = imported.take();
     reads.extend(stage.plant_file());
-    Report {
+    let report = Report {
         file: file.to_owned(),
         plant: stage.plant_name(),
         outcome,
@@ -88,7 +94,9 @@ pub fn run_file(
         findings: stage.found(),
         plots: stage.plots(),
         reads,
-    }
+    };
+    stage.forget_saved();
+    report
 }
 
 fn run_text(
@@ -126,14 +134,35 @@ fn run_text(
 #[derive(Clone, Copy)]
 struct TooManySteps;
 
+/// Reason for the end of a script that is nested too deep.
+#[derive(Clone, Copy)]
+struct TooDeep;
+
+/// An address in the stack of this thread.
+#[inline(never)]
+fn stack_position() -> usize {
+    let here = 0_u8;
+    core::ptr::from_ref(&here).addr()
+}
+
+/// Returns a function that returns true if the caller's stack has grown by more than a script may take.
+pub(super) fn stack_guard() -> impl Fn() -> bool {
+    let bottom = stack_position();
+    move || bottom.abs_diff(stack_position()) > MOST_STACK
+}
+
 pub(super) fn limit(engine: &mut Engine, limits: Limits, start: Instant) {
     // Counted here: the engine forgets the steps of a closure when a function such as `for_each` has called it.
     let count = Cell::new(0_u64);
+    let is_too_deep = stack_guard();
     engine.on_progress(move |_| {
         let operations = count.get().saturating_add(1);
         count.set(operations);
         if limits.operations > 0 && operations > limits.operations {
             return Some(Dynamic::from(TooManySteps));
+        }
+        if is_too_deep() {
+            return Some(Dynamic::from(TooDeep));
         }
         let look = operations.is_multiple_of(OPERATIONS_PER_LOOK);
         (look && start.elapsed() >= limits.real).then_some(Dynamic::UNIT)
@@ -167,6 +196,9 @@ pub(super) fn ended(
                 limits.operations
             );
             failed(FailureKind::Endless, &text, place, stage)
+        }
+        EvalAltResult::ErrorTerminated(reason, _) if reason.is::<TooDeep>() => {
+            broken(&"calls and `eval` are nested too deep here, deeper than a script may", place)
         }
         EvalAltResult::ErrorTerminated(..) => {
             let text = format!(
@@ -259,23 +291,38 @@ fn innermost(error: &EvalAltResult, file: &Path, directory: &Path) -> ScriptLoca
 mod tests {
     use super::*;
 
-    /// As large as that of the thread in which `commram test` runs a scenario.
-    const STACK: usize = 16 << 20;
+    /// The outcome of a script in a file of its own, in a thread with the stack that scripts need.
+    fn outcome(bytes: &[u8], limits: Limits) -> Outcome {
+        let directory = tempfile::tempdir().unwrap();
+        let file = directory.path().join("own.rhai");
+        std::fs::write(&file, bytes).unwrap();
+        let run = || run_file(&file, None, limits, |_| {}).outcome;
+        std::thread::scope(|scope| {
+            let thread = std::thread::Builder::new().stack_size(STACK).spawn_scoped(scope, run).unwrap();
+            thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        })
+    }
+
+    #[test]
+    fn a_script_that_evaluates_itself_is_refused() {
+        for text in [
+            "let s = \"eval(s)\";\neval(s);",
+            "let s = \"let t = s; eval(t)\";\neval(s);",
+            "let s = \"[eval(s)]\";\neval(s);",
+            "let s = \"if true { eval(s) }\";\neval(s);",
+        ] {
+            let outcome = outcome(text.as_bytes(), Limits::default());
+            let Outcome::Broken(mistake) = outcome else { panic!("{text}: {outcome:?}") };
+            assert!(mistake.what.contains("nested too deep"), "{text}: {mistake}");
+        }
+    }
 
     /// Any script ends with an outcome, and reads and leaves no file except its own.
     #[test]
     fn fuzz_scenario() {
         let limits = Limits { operations: 2_000, time_us: 20_000, real: Duration::from_secs(5) };
         crate::fuzz("scenario", |bytes| {
-            let directory = tempfile::tempdir().unwrap();
-            let file = directory.path().join("fuzzed.rhai");
-            std::fs::write(&file, bytes).unwrap();
-            // Calls may be nested deeper than the stack of a test has room for without optimization.
-            let run = || run_file(&file, None, limits, |_| {}).outcome;
-            let outcome = std::thread::scope(|scope| {
-                let thread = std::thread::Builder::new().stack_size(STACK).spawn_scoped(scope, run).unwrap();
-                thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-            });
+            let outcome = outcome(bytes, limits);
             assert!(!matches!(outcome, Outcome::Died(_) | Outcome::NotRun(_)), "{outcome:?}");
         });
     }

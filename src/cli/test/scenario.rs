@@ -6,15 +6,12 @@ use super::process::LONGEST_LINE;
 use crate::cli::demo::end_with;
 use crate::cli::error::CliError;
 use crate::cli::output;
-use crate::script::{Bench, Limits, Outcome, Report, run_file};
+use crate::script::{Bench, Limits, Outcome, Report, STACK, run_file};
 use rustix::process::{Resource, Rlimit};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::path::PathBuf;
 use std::time::Duration;
-
-/// Scripts can nest calls deeply.
-const STACK: usize = 16 << 20;
 
 /// The process of one scenario of `commram test`.
 #[derive(clap::Args)]

@@ -2,14 +2,11 @@
 
 use crate::cli::error::CliError;
 use crate::input_file;
-use crate::script::{is_part, needs};
+use crate::script::{STACK, is_part, needs};
 use core::fmt;
 use core::num::NonZero;
 use std::collections::HashSet;
 use std::path::{Component, Path, PathBuf};
-
-/// Scripts can nest deeply while they are compiled.
-const STACK: usize = 16 << 20;
 
 /// Every n-th scenario, beginning with the i-th.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -37,7 +37,19 @@ impl Bench {
     /// # Errors
     /// The maximum count is reached, or the clock runs by itself.
     pub fn save(&mut self) -> Result<u32, ScenarioError> {
-        Ok(self.ask(Op::Save)?.value()?)
+        let number = self.ask(Op::Save)?.value()?;
+        self.saved.push(number);
+        Ok(number)
+    }
+
+    /// Releases the snapshots that it keeps. Errors are ignored: another client may have released one, and a plant that
+    /// has gone keeps none.
+    pub(in crate::script) fn forget_saved(&mut self) {
+        for number in core::mem::take(&mut self.saved) {
+            if self.ask(Op::Forget { number }).is_err() {
+                break;
+            }
+        }
     }
 
     /// Goes back to a snapshot: the plant, its clock and its journal are restored. Function blocks and other memory

@@ -121,6 +121,13 @@ impl Stage {
         bench.expect_required_faults()
     }
 
+    /// Releases the snapshots that the scenario keeps: a running instance keeps a limited number of them.
+    pub(crate) fn forget_saved(&mut self) {
+        if let Some(bench) = &mut self.bench {
+            bench.forget_saved();
+        }
+    }
+
     /// A failure at the present moment, unless the plant has gone.
     pub(crate) fn failure(&mut self, what: &str) -> Option<Failure> {
         self.bench().ok()?.failure(what.to_owned(), Location::caller()).ok()

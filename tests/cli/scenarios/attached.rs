@@ -115,6 +115,21 @@ fn a_script_sees_the_same_moments_on_a_running_instance() {
     assert_eq!((own.code, there.code), (Some(1), Some(1)));
 }
 
+/// An instance keeps at most 64 snapshots for all its clients.
+#[test]
+fn the_snapshots_of_a_scenario_are_released_at_its_end() {
+    let emulator = Emulator::stepped();
+    let many = "for number in 0..40 { save(); } expect_that(true, \"\");";
+    let scripts = Scripts::new(&[
+        ("passes.rhai", many),
+        ("fails.rhai", &format!("{many} expect_that(false, \"on purpose\");")),
+    ]);
+    for (script, code) in [("passes.rhai", 0), ("fails.rhai", 1), ("passes.rhai", 0)] {
+        let outcome = scripts.run(&[script, "--attach", &emulator.name]);
+        assert_eq!(outcome.code, Some(code), "{script}: {}", outcome.out);
+    }
+}
+
 #[test]
 fn a_scenario_reports_verbs_that_an_instance_does_not_support() {
     let emulator = Emulator::stepped();
