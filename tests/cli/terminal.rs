@@ -11,7 +11,12 @@ const WATCHDOG: Duration = Duration::from_secs(60);
 
 /// Runs a command at a separate terminal of `columns` and 24 rows, types `input`, and returns all that the terminal
 /// shows until `end` accepts it, or until the command ends.
-fn at_terminal(columns: u16, command: &mut Command, input: &str, end: impl Fn(&str) -> bool) -> String {
+fn at_terminal(
+    columns: u16,
+    command: &mut Command,
+    input: impl AsRef<[u8]>,
+    end: impl Fn(&str) -> bool,
+) -> String {
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
     let terminal = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
     grantpt(&terminal).unwrap();
@@ -24,7 +29,7 @@ fn at_terminal(columns: u16, command: &mut Command, input: &str, end: impl Fn(&s
     let mut child = command.spawn().unwrap();
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     let mut terminal = File::from(terminal);
-    terminal.write_all(input.as_bytes()).unwrap();
+    terminal.write_all(input.as_ref()).unwrap();
     let (mut shown, mut part, start) = (Vec::new(), [0; 4096], Instant::now());
     loop {
         assert!(start.elapsed() < WATCHDOG, "{}", String::from_utf8_lossy(&shown));
@@ -127,6 +132,27 @@ fn a_wide_view_has_two_panes() {
     assert!(wide.contains("registers") && wide.contains("b/B back"), "{wide}");
     let narrow = view(100, |shown| shown.contains("n SYNC"));
     assert!(!narrow.contains(changes), "{narrow}");
+}
+
+/// A pasted text in Latin-1. Neither its part before the byte nor its part after it may be executed.
+#[test]
+fn the_shell_refuses_a_line_that_is_no_text_and_goes_on() {
+    let emulator = Emulator::stepped();
+    let shown = at_terminal(100, &mut emulator.command("shell", &[]), b"step 1ms\xe9\rstep 5ms\r", |shown| {
+        shown.split_once("it was not executed").is_some_and(|(_, rest)| rest.contains("0.000000 s> "))
+    });
+    assert!(shown.contains("no text in UTF-8; it was not executed"), "{shown}");
+    assert!(!shown.contains("0.005000 s") && !shown.contains("cannot write"), "{shown}");
+}
+
+/// Nested `eval` does not count as a nested call.
+#[test]
+fn the_shell_survives_a_text_that_evaluates_itself() {
+    let emulator = Emulator::stepped();
+    let mut file = tempfile::NamedTempFile::new().unwrap();
+    file.write_all(b"let s = \"eval(s)\"; eval(s)\n").unwrap();
+    let outcome = crate::common::finish(emulator.command("shell", &[]).stdin(file.reopen().unwrap()));
+    assert!(outcome.fails(2).contains("nested too deep"), "{}", outcome.err);
 }
 
 #[test]

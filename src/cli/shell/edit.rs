@@ -3,6 +3,7 @@
 use super::{history, words};
 use crate::cli::complete;
 use crate::cli::error::CliError;
+use crate::cli::output;
 use crate::script;
 use crate::time::seconds;
 use clap_complete::engine;
@@ -62,6 +63,12 @@ impl LineReader {
             }
             Err(ReadlineError::Interrupted) => Ok(InputLine::Nothing),
             Err(ReadlineError::Eof) => Ok(InputLine::End),
+            Err(ReadlineError::Io(reason)) if reason.kind() == io::ErrorKind::InvalidData => {
+                // The rest of the line must not be executed as a line.
+                let _ = rustix::termios::tcflush(io::stdin(), rustix::termios::QueueSelector::IFlush);
+                output::complain("this line is no text in UTF-8; it was not executed");
+                Ok(InputLine::Nothing)
+            }
             Err(error) => Err(failed(error)),
         }
     }
