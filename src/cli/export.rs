@@ -7,6 +7,7 @@ mod fmu;
 use super::device::DeviceArg;
 use super::error::CliError;
 use super::output;
+use super::overwrite::refuse_inputs;
 use crate::devices;
 use crate::door::TrafficKind;
 use crate::export::{self, DissectedBus, Format, StCompiler, StForm};
@@ -133,6 +134,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if !is_fmu && (args.model.is_some() || !args.registers.is_empty() || args.library.is_some()) {
         return Err(wrong("PLANT --registers --library", "only `fmu` exports a whole plant"));
     }
+    let inputs = [&args.model, &args.plant, &args.library];
+    refuse_inputs(args.output.as_deref(), inputs.into_iter().filter_map(Option::as_deref))?;
     let text = match args.format {
         FormatArg::Map(format) => of_map(args, format)?,
         FormatArg::Dbc => of_bus(args)?,

@@ -31,6 +31,7 @@ mod map;
 mod new;
 mod number;
 mod output;
+mod overwrite;
 mod parse;
 mod pause;
 mod peek;

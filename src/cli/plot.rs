@@ -5,6 +5,7 @@ mod file;
 use super::complete;
 use super::device::of_any_device;
 use super::error::CliError;
+use super::overwrite::refuse_inputs;
 use super::place::NamedLocation;
 use super::session::{Read, Session};
 use super::time;
@@ -65,6 +66,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let picture =
         Picture::of(name).map_err(|_| wrong(&args.output, &"the file name must end in .svg or .png"))?;
     check(args.registers.len(), args.from, args.to)?;
+    refuse_inputs(Some(&args.output), args.journal.as_deref())?;
     let plot = match &args.journal {
         Some(path) => of_file(args, &RecordedRegisters::read(path)?)?,
         None => of_instance(args)?,
@@ -105,7 +107,7 @@ fn of_instance(args: &Args) -> Result<Plot, CliError> {
 /// up to the present.
 ///
 /// # Errors
-/// A register cannot be drawn, the window has no length, or the emulator has gone.
+/// A register cannot be drawn, the window has no length or begins later than now, or the emulator has gone.
 pub(crate) fn of_session(
     session: &Session,
     registers: &[String],
@@ -145,8 +147,8 @@ fn of_file(args: &Args, journal_data: &RecordedRegisters) -> Result<Plot, CliErr
     let window = Window::of_picture(args.from, to_us);
     let rows = args.registers.iter().map(|text| {
         let place = whole(of_any_device(text)?)?;
-        let address = address_of(&place).to_string();
-        let past = journal_data.register(place.plc.as_deref(), &address, text, window)?;
+        let (plc, address) = (place.plc.as_deref(), address_of(&place));
+        let past = journal_data.register(plc, &address.to_string(), address.width(), text, window)?;
         Ok(Row::of(text.clone(), &place, &past))
     });
     let rows = rows.collect::<Result<Vec<_>, CliError>>()?;

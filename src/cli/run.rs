@@ -4,6 +4,7 @@ use super::demo::end_with;
 use super::detach::{self, Detached};
 use super::error::CliError;
 use super::exit::Exit;
+use super::overwrite::refuse_inputs;
 use super::start::{InitialState, Settings, TerminationSignals, end_at_second_ctrl_c, in_thread};
 use super::table::Format;
 use super::web::WebProcess;
@@ -98,6 +99,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if args.check {
         return plant_check::run(args.plant.as_deref(), args.format.unwrap_or(Format::Text));
     }
+    refuse_inputs(args.log.as_deref(), args.plant.as_deref().into_iter().chain(args.from.as_deref()))?;
     let name = &args.instance.name;
     if args.detach && !args.detached {
         return detach::start(name, reads_input(args));

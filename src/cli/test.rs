@@ -13,6 +13,7 @@ mod watch;
 
 use super::demo::Interrupts;
 use super::error::CliError;
+use super::overwrite::refuse_inputs;
 use super::table::{self, Format, FormatArg};
 use super::{output, time};
 use crate::input_file;
@@ -158,6 +159,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let interrupts = Interrupts::catch()?;
     let files = selection::scenarios(&args.files, &args.filter, args.shard())?;
     check_input(args, &files)?;
+    check_outputs(args, files.iter())?;
     if args.list {
         return list(args.format.format, &files);
     }
@@ -175,6 +177,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             (reports, Ok(()), Err(error))
         }
     };
+    check_outputs(args, reports.iter().flat_map(|report| &report.reads))?;
     // These reports are written even after other errors.
     let written = args.junit.as_ref().map_or(Ok(()), |path| write_junit(path, args.shard(), &reports));
     let page = args
@@ -210,6 +213,14 @@ fn check_input(args: &Args, files: &[PathBuf]) -> Result<(), CliError> {
     }
     input_file::read_bytes(file, input_file::LONGEST_SCRIPT).map_err(|reason| wrong(reason.to_string()))?;
     Ok(())
+}
+
+/// Refuses a report in the file of a scenario, of an import or of a plant.
+fn check_outputs<'a>(args: &Args, inputs: impl Iterator<Item = &'a PathBuf> + Clone) -> Result<(), CliError> {
+    let outputs = [&args.junit, &args.report];
+    outputs
+        .into_iter()
+        .try_for_each(|output| refuse_inputs(output.as_deref(), inputs.clone().map(PathBuf::as_path)))
 }
 
 /// Creates the missing directories of the reports. Refuses two reports in one file: the second one would replace the

@@ -153,8 +153,11 @@ fn logs_and_dumps_are_accepted_or_refused_within_the_promised_time() {
 #[test]
 fn pipes_without_a_writer_do_not_block_a_command() {
     let (files, name) = (Files::new(), unique_name());
-    let pipe = files.0.path().join("pipe");
-    rustix::fs::mkfifoat(rustix::fs::CWD, pipe, rustix::fs::Mode::RUSR).unwrap();
+    for name in ["pipe", "pipe.rhai"] {
+        let pipe = files.0.path().join(name);
+        rustix::fs::mkfifoat(rustix::fs::CWD, pipe, rustix::fs::Mode::RUSR).unwrap();
+    }
+    files.write("import.rhai", "import \"pipe\" as p; import \"pipe\" as q; expect_that(true, \"\");");
     for (args, code) in [
         (&["run", "pipe"][..], 2),
         (&["run", "--check", "pipe"], 2),
@@ -162,11 +165,49 @@ fn pipes_without_a_writer_do_not_block_a_command() {
         (&["diff", "pipe", "pipe"], 2),
         (&["bus", "compare", "pipe"], 3),
         (&["test", "pipe", "--allow-empty"], 0),
+        (&["test", "import.rhai"], 0),
+        (&["plot", "node2.w_CPU_CONTROL", "--journal", "pipe", "-o", "a.svg"], 2),
     ] {
         let instance = ["-i", &name];
-        let with = if matches!(args[0], "diff" | "test") { &[][..] } else { &instance[..] };
+        let with = if matches!(args[0], "diff" | "test" | "plot") { &[][..] } else { &instance[..] };
         let outcome = files.run(&[args, with].concat());
         assert_eq!(outcome.code, Some(code), "{args:?}: {}", outcome.err);
+    }
+}
+
+/// The output would destroy the input.
+#[test]
+fn an_output_that_is_an_input_of_the_command_is_refused() {
+    let files = Files::new();
+    let journal = "{\"v\":1,\"kind\":\"changed\",\"plc\":\"line\",\"address\":\"%MB3.5\",\"to\":1}\n";
+    let inputs = [
+        ("s.rhai", "import \"part\" as p; plant(\"p.toml\"); expect_that(true, \"\");"),
+        ("part.rhai", "fn f() {}"),
+        ("p.toml", "[[plc]]\nname = \"a\"\n[[bus]]\nname = \"c\"\nkind = \"can\"\nkbit_s = 125\n"),
+        ("j.svg", journal),
+    ];
+    inputs.iter().for_each(|(name, text)| drop(files.write(name, text)));
+    std::os::unix::fs::symlink("s.rhai", files.0.path().join("link.xml")).unwrap();
+    let fmu = "--output=p.toml";
+    for args in [
+        &["test", "s.rhai", "--junit", "s.rhai"][..],
+        &["test", "s.rhai", "--junit", "link.xml"],
+        &["test", "s.rhai", "--report", "html=./part.rhai"],
+        &["test", "s.rhai", "--junit", "p.toml"],
+        &["test", "merge", "s.rhai", "p.toml", "--output", "p.toml"],
+        &["export", "dbc", "--plant", "p.toml", "-o", "p.toml"],
+        &["export", "wireshark", "--plant", "p.toml", "-o", "p.toml"],
+        &["export", "fmu", "p.toml", fmu],
+        &["export", "fmu", "--library", "p.toml", fmu],
+        &["plot", "node2.w_CPU_CONTROL", "--journal", "j.svg", "-o", "j.svg"],
+        &["run", "p.toml", "--detach", "--log", "p.toml"],
+    ] {
+        let outcome = files.run(args);
+        assert_eq!(outcome.code, Some(2), "{args:?}: {}{}", outcome.out, outcome.err);
+        assert!(outcome.err.contains("give the output another name"), "{args:?}: {}", outcome.err);
+        for (name, text) in inputs {
+            assert_eq!(std::fs::read_to_string(files.0.path().join(name)).unwrap(), text, "{args:?}");
+        }
     }
 }
 

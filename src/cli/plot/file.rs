@@ -4,6 +4,7 @@ use crate::cli::error::CliError;
 use crate::input_file;
 use crate::journal::jsonl::VERSION;
 use crate::journal::{Past, Window};
+use crate::memory::Width;
 use serde::Deserialize;
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -15,6 +16,9 @@ const MOST_COUNTED: u64 = 1_000_000;
 /// Why a text is no journal that can be read.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 enum JournalFileError {
+    /// No line at all.
+    #[error("it is empty; a journal with records is written by `commram trace --format jsonl`")]
+    Empty,
     /// A line without a record.
     #[error("line {line}: {reason}; such a journal is written by `commram trace --format jsonl`")]
     NoRecord {
@@ -34,6 +38,24 @@ enum JournalFileError {
         line: usize,
         /// Its format.
         found: u64,
+    },
+    /// A value that no register has.
+    #[error("line {line}: {value} is no value of a register; registers have 1, 2 or 4 bytes")]
+    NoValue {
+        /// Number of the line, from 1.
+        line: usize,
+        /// The value as it is in the file.
+        value: serde_json::Value,
+    },
+    /// A value with more bytes than its register.
+    #[error("line {line}: {value} does not fit into {address}")]
+    TooWide {
+        /// Number of the line, from 1.
+        line: usize,
+        /// The value.
+        value: u32,
+        /// Address of the register.
+        address: String,
     },
     /// The counted records have more events than a plot can have.
     #[error(
@@ -112,16 +134,18 @@ impl Line {
     }
 
     /// The new value of the register, and whether every change of this register is recorded.
-    fn value(&self) -> Option<(u32, bool)> {
+    fn value(&self, line: usize) -> Result<Option<(u32, bool)>, JournalFileError> {
         let (value, is_recorded) = match self.kind.as_str() {
             "changed" => (&self.to, true),
             "register" => (&self.to, false),
             "channel_write" => (&self.value, false),
             "handshake" => (&self.answer, false),
-            _ => return None,
+            _ => return Ok(None),
         };
-        let number = value.as_ref()?.as_u64()?;
-        Some((u32::try_from(number).ok()?, is_recorded))
+        let Some(value) = value else { return Ok(None) };
+        let number = value.as_u64().and_then(|number| u32::try_from(number).ok());
+        let number = number.ok_or_else(|| JournalFileError::NoValue { line, value: value.clone() })?;
+        Ok(Some((number, is_recorded)))
     }
 
     /// The events that the record counts.
@@ -151,13 +175,16 @@ impl RecordedRegisters {
             registers: BTreeMap::new(),
             spare: Cell::new(MOST_COUNTED),
         };
+        if text.is_empty() {
+            return Err(JournalFileError::Empty);
+        }
         for (number, line) in (1..).zip(text.lines()) {
             let line = Line::parse(number, line)?;
             journal_data.end_us = journal_data.end_us.max(line.time_us);
             if line.kind == "sync" {
                 journal_data.edges.push(line.run(number, (0, false)));
             }
-            if let (Some(plc), Some(address), Some(value)) = (&line.plc, &line.address, line.value()) {
+            if let (Some(plc), Some(address), Some(value)) = (&line.plc, &line.address, line.value(number)?) {
                 let runs = journal_data.registers.entry((plc.clone(), address.clone())).or_default();
                 runs.push(line.run(number, value));
             }
@@ -178,10 +205,7 @@ impl RecordedRegisters {
             // A line has one event, or a first and a last one.
             let more = (times.size_hint().0 as u64).saturating_sub(2);
             let spare = self.spare.get().checked_sub(more);
-            self.spare.set(spare.ok_or_else(|| CliError::Unreadable {
-                path: self.path.clone(),
-                reason: JournalFileError::TooMany { line: run.line }.to_string(),
-            })?);
+            self.spare.set(spare.ok_or_else(|| self.wrong(&JournalFileError::TooMany { line: run.line }))?);
             events.extend(times.map(|time| (time, run)));
         }
         events.sort_by_key(|(time, _)| *time);
@@ -198,7 +222,20 @@ impl RecordedRegisters {
         Ok(edges)
     }
 
-    fn past(&self, runs: &[Run], window: Window) -> Result<Past, CliError> {
+    fn wrong(&self, reason: &JournalFileError) -> CliError {
+        CliError::Unreadable { path: self.path.clone(), reason: reason.to_string() }
+    }
+
+    /// Returns the values of the register at `address`.
+    fn past(&self, runs: &[Run], address: &str, width: Width, window: Window) -> Result<Past, CliError> {
+        let most = u32::MAX >> (32 - 8 * width.bytes());
+        if let Some(Run { line, value, .. }) = runs.iter().find(|run| run.value > most) {
+            return Err(self.wrong(&JournalFileError::TooWide {
+                line: *line,
+                value: *value,
+                address: address.to_owned(),
+            }));
+        }
         let is_recorded = runs.iter().any(|run| run.is_recorded);
         let mut values: Vec<(u64, u32)> = Vec::new();
         for (time, run) in self.unfold(runs.iter().filter(|run| run.is_recorded == is_recorded), window)? {
@@ -212,11 +249,13 @@ impl RecordedRegisters {
     /// Returns the history of a register; it is empty if the file does not mention the register.
     ///
     /// # Errors
-    /// Registers of several PLCs have this address, and no PLC was named, or the counted records have too many events.
+    /// Registers of several PLCs have this address, and no PLC was named, a value does not fit into the register, or the
+    /// counted records have too many events.
     pub(super) fn register(
         &self,
         plc: Option<&str>,
         address: &str,
+        width: Width,
         text: &str,
         window: Window,
     ) -> Result<Past, CliError> {
@@ -224,7 +263,7 @@ impl RecordedRegisters {
         let mut found = self.registers.iter().filter(|(register, _)| is_it(register));
         match (found.next(), found.next()) {
             (None, _) => Ok(Past::default()),
-            (Some((_, runs)), None) => self.past(runs, window),
+            (Some((_, runs)), None) => self.past(runs, address, width, window),
             (Some(((one, _), _)), Some(((other, _), _))) => {
                 let right = format!(
                     "the journal contains this register for several PLCs; write {one}:{text} or {other}:{text}"
@@ -257,7 +296,7 @@ mod tests {
         let journal_data = RecordedRegisters::parse(core::str::from_utf8(&bytes).unwrap()).unwrap();
         assert_eq!((journal_data.edges(Window::ALL).unwrap(), journal_data.end_us), (vec![2000, 4000], 4100));
         assert_eq!(
-            journal_data.register(None, "%MB3.5", "a", Window::ALL).unwrap().values,
+            journal_data.register(None, "%MB3.5", Width::Byte, "a", Window::ALL).unwrap().values,
             [(100, 5), (500, 4)]
         );
     }
@@ -285,19 +324,48 @@ mod tests {
     fn counted_records_of_a_journal_are_expanded() {
         let journal_data = RecordedRegisters::parse(LINES).unwrap();
         assert_eq!((journal_data.edges(Window::ALL).unwrap(), journal_data.end_us), (vec![2000, 4000], 4100));
-        let five = journal_data.register(None, "%MB3.5", "a", Window::ALL).unwrap();
+        let five = journal_data.register(None, "%MB3.5", Width::Byte, "a", Window::ALL).unwrap();
         assert_eq!(five.values, [(100, 5), (500, 4)]);
         assert!(!five.is_recorded);
-        let six = journal_data.register(Some("line"), "%MB3.6", "a", Window::ALL).unwrap();
+        let six = journal_data.register(Some("line"), "%MB3.6", Width::Byte, "a", Window::ALL).unwrap();
         assert_eq!((six.values.as_slice(), six.is_recorded), (&[(50, 7)][..], true));
         assert!(
             journal_data
-                .register(None, "%MB3.6", "a", Window::ALL)
+                .register(None, "%MB3.6", Width::Byte, "a", Window::ALL)
                 .unwrap_err()
                 .to_string()
                 .contains("line:a or other:a")
         );
-        assert_eq!(journal_data.register(None, "%MB3.7", "a", Window::ALL).unwrap(), Past::default());
+        assert_eq!(
+            journal_data.register(None, "%MB3.7", Width::Byte, "a", Window::ALL).unwrap(),
+            Past::default()
+        );
+    }
+
+    #[test]
+    fn a_value_that_its_register_cannot_have_is_refused_by_its_line() {
+        let line = |kind: &str, key: &str, value: &str| {
+            format!(
+                "{{\"v\":1,\"kind\":\"{kind}\",\"plc\":\"a\",\"address\":\"%MB3.5\",\"{key}\":{value}}}\n"
+            )
+        };
+        let fits = line("changed", "to", "255");
+        for (kind, key) in
+            [("changed", "to"), ("register", "to"), ("channel_write", "value"), ("handshake", "answer")]
+        {
+            let wide = RecordedRegisters::parse(&(fits.clone() + &line(kind, key, "256"))).unwrap();
+            let told = wide.register(None, "%MB3.5", Width::Byte, "a", Window::ALL).unwrap_err().to_string();
+            assert!(told.contains("line 2: 256 does not fit into %MB3.5"), "{told}");
+            for value in ["18446744073709551615", "4294967296", "-1", "1.5", "\"5\""] {
+                let told = RecordedRegisters::parse(&(fits.clone() + &line(kind, key, value)))
+                    .err()
+                    .unwrap()
+                    .to_string();
+                assert!(told.contains(&format!("line 2: {value} is no value of a register")), "{told}");
+            }
+        }
+        let whole = RecordedRegisters::parse(&fits).unwrap();
+        assert_eq!(whole.register(None, "%MB3.5", Width::Byte, "a", Window::ALL).unwrap().values, [(0, 255)]);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use super::selection::Shard;
 use crate::cli::error::CliError;
 use crate::cli::output;
+use crate::cli::overwrite::refuse_inputs;
 use crate::input_file;
 use crate::output_file;
 use crate::plural::plural;
@@ -64,6 +65,7 @@ struct Part<T> {
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    refuse_inputs(args.output.as_deref(), args.reports.iter().map(PathBuf::as_path))?;
     let mut texts = Vec::with_capacity(args.reports.len());
     for path in &args.reports {
         let text = input_file::read(path, input_file::LONGEST);
