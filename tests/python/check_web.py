@@ -57,8 +57,10 @@ class Check:
         self.origin = emulator.address.split("#")[0]
 
     def go(self, name):
-        self.page.value(f"location.hash = '#/{self.emulator.name}/{name}'")
-        self.page.until(f"Boolean(document.getElementById('page-{name}'))", name)
+        target = json.dumps(f"#/{self.emulator.name}/{name}")
+        # The same page with a longer address is drawn again.
+        self.page.value(f"window.old = location.hash.startsWith({target} + '/') && document.getElementById('page-{name}'); location.hash = {target}; true")
+        self.page.until(f"![null, window.old].includes(document.getElementById('page-{name}'))", name)
 
     def waits_for(self, read, wanted, what):
         end = time.monotonic() + PATIENCE
