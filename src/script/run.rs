@@ -24,6 +24,7 @@ const MOST_CALLS: usize = 64;
 const DEEPEST_EXPRESSION: usize = 64;
 
 /// Stack in bytes that a thread needs in which scripts run: calls and expressions of this nesting fit in.
+#[cfg(any(test, feature = "cli"))]
 pub(crate) const STACK: usize = 16 << 20;
 /// Stack in bytes that a script may take, for example by nested `eval`, which does not count as a call. The rest is
 /// for a single step, such as a compilation.

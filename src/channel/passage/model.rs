@@ -210,13 +210,12 @@ impl Site {
         // iceoryx2 works with paths: it makes a missing directory, then directories in it, then the files of the client.
         // Each step fails if the results of the earlier ones have been removed meanwhile.
         self.world.lock().unwrap().make();
-        let makes = || Some(self.world.lock().unwrap().at_path()?.has_remains = true);
+        let makes = || self.world.lock().unwrap().at_path().map(|it| it.has_remains = true).is_some();
         let goes_in = || {
             let mut world = self.world.lock().unwrap();
-            let content = world.at_path().filter(|it| it.has_remains)?;
-            Some(content.inside.push(client))
+            world.at_path().filter(|it| it.has_remains).map(|it| it.inside.push(client)).is_some()
         };
-        if makes().and_then(|()| goes_in()).is_none() {
+        if !(makes() && goes_in()) {
             leaves(&place, client);
             return None;
         }

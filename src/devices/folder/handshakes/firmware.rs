@@ -154,10 +154,16 @@ fn fire(rule: &Rule, step: &mut Step, segment: &Segment, ctx: &mut Context) {
                 apply(state, ctx, segment);
             }
             if at.exchange(segment, from.into(), to.into()) {
-                let goes_on = !is_second && then.is_some();
+                let more_answers_follow = !is_second && then.is_some();
                 let origin = ctx.origin;
-                ctx.report(Handshake { origin, offset: at.offset, request: from, answer: to, goes_on });
-                if let Some((_, after_us)) = then.filter(|_| goes_on) {
+                ctx.report(Handshake {
+                    origin,
+                    offset: at.offset,
+                    request: from,
+                    answer: to,
+                    more_answers_follow,
+                });
+                if let Some((_, after_us)) = then.filter(|_| more_answers_follow) {
                     *step =
                         Step { due: Some(ctx.now.saturating_add(after_us)), phase: Phase::Second, seen: 0 };
                 }
