@@ -134,7 +134,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         None => {
             let instance = name.clone();
             let (send, printed) = mpsc::channel();
-            // An emulator whose output is not read serves its clients.
+            // An emulator with unread output serves its clients.
             in_thread(move || drop(send.send(announce(&instance, &ready).and(let_go()))))?;
             (None, Some(printed))
         }

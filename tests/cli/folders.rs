@@ -108,7 +108,7 @@ fn wrong_handshakes_are_refused_with_their_line() {
         ("after = \"1ms\"", "after = \"soon\"", ":12: ", "`soon` is no time"),
         ("request = 0x05", "request = 0x12345", ":10: ", "does not fit the register of 16 bits"),
         ("answer = 0x04", "answer = 0x05", ":11: ", "the answer is the request"),
-        ("register = \"control.w_COMMAND\"", "register = \"control.w_COMAND\"", ":9: ", "w_COMAND"),
+        ("register = \"control.w_COMMAND\"", "register = \"control.w_COMMANDO\"", ":9: ", "w_COMMANDO"),
         (
             "register = \"control.w_COMMAND\"",
             "register = \"control.w_STATUS\"",
@@ -121,12 +121,12 @@ fn wrong_handshakes_are_refused_with_their_line() {
         ("set = 0x0002", "set = 0x0002, value = 1", ":13: ", "either a `value`, or different bits"),
         ("bits = 0x0001", "bits = 0x0001\ncolour = 1", ":21: ", "unknown field `colour`"),
     ];
-    for (from, to, line, told) in wrong {
+    for (from, to, line, message) in wrong {
         let place = Place::new();
         place.edit("handshakes.toml", from, to);
         let refused = run(&["device", "check", &place.path("cards/digital-io")]).fails(2).to_owned();
         assert!(
-            refused.contains(&format!("handshakes.toml{line}")) && refused.contains(told),
+            refused.contains(&format!("handshakes.toml{line}")) && refused.contains(message),
             "{to}: {refused}"
         );
     }

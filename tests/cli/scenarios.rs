@@ -372,10 +372,10 @@ fn a_report_gets_its_directories_and_does_not_hide_the_verdict() {
     assert!(same.fails(2).contains("both name the same file"), "{}", same.err);
     for (file, code) in [("good.rhai", 3), ("bad.rhai", 1), ("broken.rhai", 2)] {
         let outcome = scripts.run(&[file, "--junit", "file/report.xml", "--report", "html=file/x"]);
-        let told = &outcome.err;
-        assert_eq!(outcome.code, Some(code), "{file}: {told}");
-        assert!(told.contains("cannot write file/report.xml: "), "{file}: {told}");
-        assert!(told.contains("cannot write file/x: "), "{file}: {told}");
+        let printed = &outcome.err;
+        assert_eq!(outcome.code, Some(code), "{file}: {printed}");
+        assert!(printed.contains("cannot write file/report.xml: "), "{file}: {printed}");
+        assert!(printed.contains("cannot write file/x: "), "{file}: {printed}");
         let full = finish_on_a_full_disk(&mut scripts.command(&[file]));
         assert_eq!(full.code, Some(if code == 3 { 4 } else { code }), "{file}: {}", full.err);
         assert!(full.err.contains("cannot write the output: "), "{file}: {}", full.err);

@@ -142,7 +142,7 @@ fn a_wrong_package_is_refused_by_name() {
     let (directory, sum) = repository();
     let script = &scripts(&std::fs::read_to_string(Path::new(ROOT).join("tools/ci/gitlab.yml")).unwrap())[0];
     let line = format!("{sum}  commram-0.1.0-x86_64-linux.tar.gz");
-    for (package, sum, told) in [
+    for (package, sum, message) in [
         ("", "", "COMMRAM_PACKAGE: set it to the path or the address (https) of commram-VERSION-"),
         (
             "http://localhost/x.tar.gz",
@@ -153,8 +153,8 @@ fn a_wrong_package_is_refused_by_name() {
     ] {
         let environment = [("COMMRAM_PACKAGE", package), ("COMMRAM_SHA256", sum)];
         let outcome = run_script(directory.path(), script, "/usr/local/bin:/usr/bin:/bin", &environment);
-        assert_eq!(outcome.code == Some(0), told.is_empty(), "{}", outcome.err);
-        assert!(outcome.err.contains(told), "{package}: {}", outcome.err);
+        assert_eq!(outcome.code == Some(0), message.is_empty(), "{}", outcome.err);
+        assert!(outcome.err.contains(message), "{package}: {}", outcome.err);
     }
 }
 

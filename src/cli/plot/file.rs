@@ -354,14 +354,14 @@ mod tests {
             [("changed", "to"), ("register", "to"), ("channel_write", "value"), ("handshake", "answer")]
         {
             let wide = RecordedRegisters::parse(&(fits.clone() + &line(kind, key, "256"))).unwrap();
-            let told = wide.register(None, "%MB3.5", Width::Byte, "a", Window::ALL).unwrap_err().to_string();
-            assert!(told.contains("line 2: 256 does not fit into %MB3.5"), "{told}");
+            let message = wide.register(None, "%MB3.5", Width::Byte, "a", Window::ALL).unwrap_err().to_string();
+            assert!(message.contains("line 2: 256 does not fit into %MB3.5"), "{message}");
             for value in ["18446744073709551615", "4294967296", "-1", "1.5", "\"5\""] {
-                let told = RecordedRegisters::parse(&(fits.clone() + &line(kind, key, value)))
+                let message = RecordedRegisters::parse(&(fits.clone() + &line(kind, key, value)))
                     .err()
                     .unwrap()
                     .to_string();
-                assert!(told.contains(&format!("line 2: {value} is no value of a register")), "{told}");
+                assert!(message.contains(&format!("line 2: {value} is no value of a register")), "{message}");
             }
         }
         let whole = RecordedRegisters::parse(&fits).unwrap();

@@ -44,7 +44,7 @@ impl Drop for OpenConnections {
 }
 
 /// Waits until all connections are closed, for at most `limit`. A process that ends before has not left the channels,
-/// and nobody would remove its files.
+/// and its files would stay.
 pub(super) fn wait_until_closed(limit: Duration) {
     let open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
     drop(CLOSED.wait_timeout_while(open, limit, |open| *open > 0));

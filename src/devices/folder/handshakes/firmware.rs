@@ -100,7 +100,7 @@ impl Firmware for Handshakes {
 /// Reads what the program wrote. Returns whether a register has changed.
 fn poll(rule: &Rule, step: &mut Step, segment: &Segment, ctx: &mut Context) -> bool {
     let mut wait = |is_wanted: bool, after_us: u64| {
-        // A program that takes its request back starts the time anew with the next one.
+        // A program that takes its request back starts the time again with the next one.
         step.due = is_wanted.then(|| step.due.unwrap_or(ctx.now.saturating_add(after_us)));
     };
     match rule {

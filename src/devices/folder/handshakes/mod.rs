@@ -90,8 +90,8 @@ impl Reader<'_> {
     }
 
     fn ready(&self, it: file::Ready) -> Result<Row, FolderError> {
-        let (state, told) = self.changes(&it.state)?;
-        let behaviour = format!("after power-on and {}: {told}", short(it.after.0));
+        let (state, state_text) = self.changes(&it.state)?;
+        let behaviour = format!("after power-on and {}: {state_text}", short(it.after.0));
         let register = it.state.first().map(|change| change.get_ref().register.clone());
         let rule = Rule::Ready { state, after_us: it.after.0 };
         Ok(row("ready", register.unwrap_or_default(), behaviour, (it.page, &it.source), rule))
@@ -112,7 +112,7 @@ impl Reader<'_> {
                 self.wrong(answer.span(), "the answer is the request; a program cannot see it".to_owned())
             );
         }
-        let (state, told) = self.changes(&it.state)?;
+        let (state, state_text) = self.changes(&it.state)?;
         let mut behaviour = format!(
             "16#{:04X} is answered by 16#{:04X} after {}",
             request.get_ref(),
@@ -123,8 +123,8 @@ impl Reader<'_> {
         if let Some((then, after_us)) = then {
             behaviour += &format!(", then 16#{then:04X} after {}", short(after_us));
         }
-        if !told.is_empty() {
-            behaviour += &format!("; with the answer {told}");
+        if !state_text.is_empty() {
+            behaviour += &format!("; with the answer {state_text}");
         }
         let (request, answer) = (*request.get_ref() as u16, *answer.get_ref() as u16);
         let rule = Rule::Answer { at, request, answer, after_us: it.after.0, then, state };
@@ -168,9 +168,9 @@ impl Reader<'_> {
         if within_us == 0 {
             return Err(self.wrong(it.within.span(), "`within` is more than 0".to_owned()));
         }
-        let (state, told) = self.changes(&it.state)?;
+        let (state, state_text) = self.changes(&it.state)?;
         let (recovered, back) = self.changes(&it.recovered)?;
-        let mut behaviour = format!("without a change for {}: {told}", short(within_us));
+        let mut behaviour = format!("without a change for {}: {state_text}", short(within_us));
         if !back.is_empty() {
             behaviour += &format!("; with the next change {back}");
         }
@@ -254,7 +254,7 @@ impl Reader<'_> {
 
     /// The changes, and their description.
     fn changes(&self, changes: &[Spanned<file::Change>]) -> Result<(Vec<Change>, String), FolderError> {
-        let mut told = Vec::new();
+        let mut state_text = Vec::new();
         let mut checked = Vec::new();
         for spanned in changes {
             let file::Change { register, value, set, clear } = spanned.get_ref();
@@ -273,13 +273,13 @@ impl Reader<'_> {
                     return Err(self.wrong(spanned.span(), what));
                 }
             };
-            told.push(match value {
+            state_text.push(match value {
                 Some(value) => format!("{register} = 16#{value:X}"),
                 None => format!("{register} sets 16#{set:X} and clears 16#{clear:X}"),
             });
             checked.push(Change { at, clear, set });
         }
-        Ok((checked, told.join(", ")))
+        Ok((checked, state_text.join(", ")))
     }
 }
 
