@@ -15,7 +15,7 @@ const GROUPS: &[(&str, &[&str])] = &[
     ("Plants", &["new", "plant", "bus", "drive", "board", "fault"]),
     ("Analysis", &["view", "web", "shell", "trace", "plot", "check"]),
     ("Tests", &["test", "soak"]),
-    ("Register map", &["map", "find", "export", "layout"]),
+    ("Register map", &["map", "find", "export", "layout", "device"]),
     ("Setup", &["completions", "man", "help"]),
 ];
 

@@ -1,13 +1,11 @@
-//! NOVRAM files that an emulator cannot write, and signals during the start of an emulator.
+//! NOVRAM files that an emulator cannot write.
 
-use crate::common::{Emulator, commram, eventually, finish, remove_remains, unique_name, wait_for};
+use crate::common::{Emulator, commram, finish, unique_name};
 use commram::devices::omega_drive_line_2::registers::{LAYOUT_HASH, RETAIN};
 use commram::memory::{AttachMode, Image, Width};
 use std::fs;
-use std::io::Write;
-use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 fn set_flag(emulator: &Emulator, value: u32) {
     let image = Image::attach(&emulator.name, "line", AttachMode::ReadWrite, Some(LAYOUT_HASH)).unwrap();
@@ -60,30 +58,4 @@ fn a_pipe_instead_of_a_file_is_refused_at_once() {
     let arguments = ["run", "--novram", directory.path().to_str().unwrap(), "-i", &unique_name()];
     let outcome = finish(commram().args(arguments));
     assert!(outcome.fails(1).contains("this is a pipe"), "{}", outcome.err);
-}
-
-/// The output of the emulator is not read, so the emulator blocks during its start.
-#[test]
-fn a_signal_ends_an_emulator_that_hangs_in_its_start() {
-    let (_reader, writer) = std::io::pipe().unwrap();
-    fill(&writer);
-    let name = unique_name();
-    let mut command = commram();
-    command.args(["run", "-i", &name]).stdout(writer).stderr(Stdio::null());
-    let mut child = command.spawn().unwrap();
-    let ready = || Image::attach(&name, "line", AttachMode::ReadOnly, None).is_ok();
-    assert!(eventually(ready), "no image");
-    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
-    let status = wait_for(&mut child, "an emulator that hangs");
-    assert_eq!(status.signal(), Some(15));
-    remove_remains(&name);
-}
-
-/// Fills a pipe.
-fn fill(writer: &std::io::PipeWriter) {
-    let flags = rustix::fs::fcntl_getfl(writer).unwrap();
-    rustix::fs::fcntl_setfl(writer, flags | rustix::fs::OFlags::NONBLOCK).unwrap();
-    let mut writing = writer;
-    while writing.write(&[b'.'; 4096]).is_ok() {}
-    rustix::fs::fcntl_setfl(writer, flags).unwrap();
 }

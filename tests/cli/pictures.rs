@@ -51,7 +51,7 @@ fn an_instance_and_its_journal_give_the_same_plot() {
     assert!(unknown.err.contains(hint), "{}", unknown.err);
     let unchanged = emulator.run("plot", &["node2.a_RD_BMARRAY[1][0]", "-o", &live]);
     assert!(
-        unchanged.err.contains("has not changed, holds") && !unchanged.err.contains(hint),
+        unchanged.err.contains("has not changed, present value") && !unchanged.err.contains(hint),
         "{}",
         unchanged.err
     );

@@ -260,8 +260,12 @@ const CLIENT: u32 = 10;
 
 /// Checks all interleavings with few preemptions; no run leaves files.
 fn model(system: System, go: impl Fn(&Site) + Sync + Send + 'static) {
+    model_with(2, system, go);
+}
+
+fn model_with(preemptions: usize, system: System, go: impl Fn(&Site) + Sync + Send + 'static) {
     let mut builder = loom::model::Builder::new();
-    builder.preemption_bound = Some(2);
+    builder.preemption_bound = Some(preemptions);
     builder.check(move || {
         let site = Site { world: Arc::default(), system };
         go(&site);
@@ -340,7 +344,7 @@ fn a_client_that_enters_while_the_owner_ends_leaves_no_files() {
 
 /// Two clients that enter while the owner ends can both make the directory again, and find it locked by each other.
 fn two_enter_at_the_end(system: System) {
-    model(system, |site| {
+    model_with(4, system, |site| {
         let owner = site.opens(FIRST);
         let entering = [CLIENT, CLIENT + 1].map(|client| {
             let site = site.clone();

@@ -354,7 +354,8 @@ mod tests {
             [("changed", "to"), ("register", "to"), ("channel_write", "value"), ("handshake", "answer")]
         {
             let wide = RecordedRegisters::parse(&(fits.clone() + &line(kind, key, "256"))).unwrap();
-            let message = wide.register(None, "%MB3.5", Width::Byte, "a", Window::ALL).unwrap_err().to_string();
+            let message =
+                wide.register(None, "%MB3.5", Width::Byte, "a", Window::ALL).unwrap_err().to_string();
             assert!(message.contains("line 2: 256 does not fit into %MB3.5"), "{message}");
             for value in ["18446744073709551615", "4294967296", "-1", "1.5", "\"5\""] {
                 let message = RecordedRegisters::parse(&(fits.clone() + &line(kind, key, value)))
