@@ -1,7 +1,8 @@
 //! Refuses output files that are input files of the same command: the output would destroy the input.
 
 use super::error::CliError;
-use crate::{input_file, output_file};
+use crate::input_file;
+use crate::output_file;
 use std::path::Path;
 
 /// Checks that an output file is none of the input files, also under other names.
