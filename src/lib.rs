@@ -113,7 +113,7 @@ pub mod script;
 #[cfg(feature = "emulator")]
 pub mod snapshot_fields;
 pub mod time;
-#[cfg(any(feature = "emulator", feature = "export"))]
+#[cfg(any(test, feature = "export", feature = "script", feature = "studio"))]
 mod xml_text;
 
 /// The example of the attach contract is a test.

@@ -2,7 +2,6 @@
 
 /// The document with U+FFFD instead of each character that XML 1.0 (section 2.2) does not allow: control characters
 /// except tabs and line ends, U+FFFE and U+FFFF. A reference such as `&#xFFFF;` is not allowed either.
-#[cfg(any(test, feature = "export", feature = "script", feature = "studio"))]
 pub(crate) fn allowed(document: String) -> String {
     if document.chars().all(is_allowed) {
         return document;
