@@ -59,7 +59,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
         "it wants the shared object beside the program; tools/fmi/tests packs and runs units",
     ),
     ("commram test ", "it needs the user's scenarios; tests/cli/scenarios.rs runs those of the project"),
-    ("./cards/", "it needs the user's folder; tests/cli/folders.rs reads folders"),
+    (" ./cards/", "it needs the user's folder; tests/cli/folders.rs reads folders"),
     ("matiec/iec2c", "tests/export/matiec.rs compiles"),
     ("cc ", "tests/export/c.rs compiles"),
     ("commram bus play", "it needs the user's log; tests/cli/doors.rs plays logs"),
