@@ -8,6 +8,7 @@ use super::style::Theme;
 use crate::cli::error::CliError;
 use crate::cli::exit::Exit;
 use crate::cli::instance::Instance;
+use crate::cli::start::in_thread;
 use crate::cli::style;
 use ratatui::backend::CrosstermBackend;
 use ratatui::crossterm::event::{self, DisableMouseCapture, EnableMouseCapture, Event, KeyEventKind};
@@ -26,7 +27,6 @@ use std::panic;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, TryRecvError};
-use std::thread;
 use std::time::Duration;
 
 /// Longest wait for a key before other work is done.
@@ -84,7 +84,7 @@ pub(super) fn run(mut model: Model, instance: &str) -> Result<(), CliError> {
     let (to_us, news) = mpsc::channel();
     let instance = Instance::running(instance);
     let connect = move || RunningInstance::connect(&instance).map_err(|error| error.to_string());
-    let thread = thread::spawn(move || link::serve(connect, &orders, &to_us));
+    let thread = in_thread(move || link::serve(connect, &orders, &to_us))?;
     let theme = Theme { has_colours: style::is_on(&io::stdout()) };
     let outcome = show(&mut model, theme, &to_thread, &news, &ended);
     drop(to_thread);

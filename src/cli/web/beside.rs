@@ -1,6 +1,7 @@
 //! The server beside an emulator: `commram run --web`.
 
 use crate::cli::error::CliError;
+use crate::cli::start::in_thread;
 use crate::cli::with::ended_like;
 use crate::cli::{demo, output};
 use std::io::{BufRead, BufReader, Read};
@@ -12,6 +13,8 @@ use std::time::Duration;
 
 /// Longest wait for the end of the server, which has nothing to save, before it is killed.
 const PATIENCE: Duration = Duration::from_secs(3);
+/// Pause between two checks whether a server without outputs has ended.
+const LOOK: Duration = Duration::from_millis(50);
 
 /// The process of the server. It ends when this value is dropped.
 pub(crate) struct WebProcess {
@@ -41,13 +44,14 @@ impl WebProcess {
         let has_failed = Arc::new(AtomicBool::new(false));
         let (child, is_ending) = (Arc::new(Mutex::new(child)), Arc::<AtomicBool>::default());
         let (failed, ending, process) = (Arc::clone(&has_failed), Arc::clone(&is_ending), Arc::clone(&child));
-        std::thread::spawn(move || {
+        let this = Self { child, has_failed, is_ending };
+        in_thread(move || {
             if let Some((out, err)) = outputs {
                 pass_on(out, err, &failed, then);
             }
             report_end(&process, &ending);
-        });
-        Ok(Self { child, has_failed, is_ending })
+        })?;
+        Ok(this)
     }
 
     /// Ends the server.
@@ -76,15 +80,21 @@ fn locked(child: &Mutex<Child>) -> MutexGuard<'_, Child> {
     child.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Reports a server that has closed its outputs while the emulator goes on. A server that has seen the end of its
-/// emulator ends with code 0.
+/// Reports the end of a server that has closed its outputs while the emulator goes on. A server that has seen the end of
+/// its emulator ends with code 0. The child is locked only for moments: the end of the emulator needs it, too.
 fn report_end(child: &Mutex<Child>, is_ending: &AtomicBool) {
-    let ended = locked(child).wait();
-    if let Ok(status) = ended
-        && !status.success()
-        && !is_ending.load(Ordering::Relaxed)
-    {
-        output::note(&format!("`commram web` has ended ({status}); the emulator continues without a page"));
+    while !is_ending.load(Ordering::Relaxed) {
+        match locked(child).try_wait() {
+            Ok(None) => {}
+            Ok(Some(status)) if !status.success() => {
+                output::note(&format!(
+                    "`commram web` has ended ({status}); the emulator continues without a page"
+                ));
+                return;
+            }
+            _ => return,
+        }
+        std::thread::sleep(LOOK);
     }
 }
 

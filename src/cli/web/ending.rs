@@ -6,7 +6,7 @@ use crate::cli::error::CliError;
 use crate::cli::exit::Exit;
 use crate::cli::output;
 use crate::cli::session::Session;
-use crate::cli::start::end_at_second_ctrl_c;
+use crate::cli::start::{end_at_second_ctrl_c, in_thread};
 use crate::memory::RunningInstance;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
@@ -66,19 +66,19 @@ fn watch_signals(sender: Arc<watch::Sender<bool>>, by_signal: Arc<AtomicBool>) -
     end_at_second_ctrl_c()?;
     output::give_up_after(Arc::clone(&by_signal));
     let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(refused)?;
-    std::thread::spawn(move || {
+    in_thread(move || {
         for _ in signals.forever() {
             by_signal.store(true, Ordering::Relaxed);
             sender.send_replace(true);
         }
-    });
+    })?;
     Ok(())
 }
 
 fn watch_emulator(name: &str, sender: Arc<watch::Sender<bool>>) -> Result<(), CliError> {
     let running = RunningInstance::find(name)?;
     let name = name.to_owned();
-    std::thread::spawn(move || {
+    in_thread(move || {
         if let Some(running) = running {
             while !running.has_ended() {
                 match running.process() {
@@ -89,6 +89,6 @@ fn watch_emulator(name: &str, sender: Arc<watch::Sender<bool>>) -> Result<(), Cl
         }
         output::note(&format!("instance '{name}' has ended"));
         sender.send_replace(true);
-    });
+    })?;
     Ok(())
 }
