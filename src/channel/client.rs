@@ -126,16 +126,6 @@ impl Client {
         self.cancel = Some(cancel);
     }
 
-    #[cfg(feature = "cli")]
-    fn is_cancelled(&self) -> bool {
-        self.cancel.as_ref().is_some_and(|cancel| cancel.load(Ordering::Relaxed))
-    }
-
-    #[cfg(not(feature = "cli"))]
-    fn is_cancelled(&self) -> bool {
-        false
-    }
-
     /// Sends the operations as one request and waits for the replies, one per operation in the same order.
     ///
     /// A failed operation is answered by [`Reply::Error`], and the operations after it by [`Reply::NotExecuted`].
@@ -207,7 +197,8 @@ impl Client {
                 std::hint::spin_loop();
                 continue;
             }
-            if self.is_cancelled() {
+            #[cfg(feature = "cli")]
+            if self.cancel.as_ref().is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {
                 return Err(self.late(elapsed));
             }
             let Some(rest) = limit.checked_sub(elapsed).filter(|rest| !rest.is_zero()) else {

@@ -228,7 +228,7 @@ impl RecordedRegisters {
 
     /// Returns the values of the register at `address`.
     fn past(&self, runs: &[Run], address: &str, width: Width, window: Window) -> Result<Past, CliError> {
-        let most = u32::MAX >> (32 - 8 * width.bytes());
+        let most = width.max_value();
         if let Some(Run { line, value, .. }) = runs.iter().find(|run| run.value > most) {
             return Err(self.wrong(&JournalFileError::TooWide {
                 line: *line,

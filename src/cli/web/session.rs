@@ -78,7 +78,7 @@ pub(super) async fn open(State(app): State<Arc<App>>, request: Request<Body>) ->
         return Err(Problem::new(StatusCode::UNAUTHORIZED, "unauthorized", detail));
     }
     let key = app.guard.sessions.open().map_err(|reason| CliError::Process { reason })?;
-    // Behind a proxy with TLS the cookie must not go over a connection without it.
+    // Behind a proxy with TLS, the browser must not send the cookie over a connection without TLS.
     let secure = if is_secure { "; Secure" } else { "" };
     Ok(with_cookie(&format!("{}={key}; Path=/; HttpOnly; SameSite=Strict{secure}", app.guard.cookie)))
 }

@@ -70,7 +70,7 @@ pub(super) struct Condition {
 impl Condition {
     /// The mask, if it does not select all bits.
     fn mask(&self) -> Option<u32> {
-        (self.test.mask != u32::MAX >> (32 - 8 * self.width.bytes())).then_some(self.test.mask)
+        (self.test.mask != self.width.max_value()).then_some(self.test.mask)
     }
 
     /// An expression of Rhai; `None` for a signed part of a register.
@@ -230,7 +230,7 @@ fn verb(connection: &Connection, op: &Op, register: Option<&str>) -> Result<Verb
         Op::SetBoard { plc, setting } => board(connection, plc, setting)?,
         Op::BusSend { bus, frame: Some(frame) } => send(&connection.names.bus(bus), frame),
         Op::Wait { plc, offset, width, mask, value: bits, within_us } => {
-            let is_whole = mask == u32::MAX >> (32 - 8 * width.bytes());
+            let is_whole = mask == width.max_value();
             let name = name(plc, offset, width)?;
             return Ok(Verb::Advance(match is_whole {
                 true => format!("wait({name}, {}, \"{within_us}us\");", value(plc, offset, width, bits)?),
