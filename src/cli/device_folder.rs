@@ -85,13 +85,13 @@ struct HandshakeRow {
     register: &'static str,
     behaviour: &'static str,
     page: &'static str,
-    source: &'static str,
+    source: String,
 }
 
 impl HandshakeRow {
     fn of(row: &'static folder::Handshake) -> Self {
         let folder::Handshake { kind, register, behaviour, page, source, .. } = row;
-        Self { kind, register, behaviour, page, source }
+        Self { kind, register, behaviour, page, source: source.to_string() }
     }
 }
 
@@ -100,6 +100,6 @@ impl Row for HandshakeRow {
 
     fn cells(&self) -> Vec<String> {
         let Self { kind, register, behaviour, page, source } = self;
-        [kind, register, behaviour, page, source].map(|text| (*text).to_owned()).to_vec()
+        [kind, register, behaviour, page, source.as_str()].map(str::to_owned).to_vec()
     }
 }

@@ -58,6 +58,15 @@ fn leaked<T>(items: Vec<T>) -> &'static [T] {
     Box::leak(items.into_boxed_slice())
 }
 
+/// The source of a fact, with its text as `lasting` keeps it.
+pub(super) fn provenance(from: &model::Provenance, lasting: impl FnOnce(&str) -> &'static str) -> Provenance {
+    match from {
+        model::Provenance::Manual => Provenance::Manual,
+        model::Provenance::Documented(document) => Provenance::Documented(lasting(document)),
+        model::Provenance::Inferred(decision) => Provenance::Inferred(lasting(decision)),
+    }
+}
+
 /// What areas refer to.
 struct Placed {
     phases: Option<&'static Phases>,
@@ -84,11 +93,7 @@ impl Tables {
     }
 
     fn from(&mut self, from: &model::Provenance) -> Provenance {
-        match from {
-            model::Provenance::Manual => Provenance::Manual,
-            model::Provenance::Documented(document) => Provenance::Documented(self.text(document)),
-            model::Provenance::Inferred(decision) => Provenance::Inferred(self.text(decision)),
-        }
+        provenance(from, |text| self.text(text))
     }
 
     fn meaning(&mut self, device: &model::Device, meaning: &model::Meaning) -> &'static Meaning {

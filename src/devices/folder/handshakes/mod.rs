@@ -10,10 +10,10 @@ mod rule;
 pub(super) use firmware::Handshakes;
 use rule::{Change, Place, Rule};
 
-use super::FolderError;
-use crate::layout::{DeviceLayout, Owner, RegisterRef};
+use super::{FolderError, tables};
+use crate::layout::{DeviceLayout, Owner, Provenance, RegisterRef};
 use crate::time::short;
-use commram_layoutc::model::Provenance;
+use commram_layoutc::model;
 use core::ops::Range;
 use file::File;
 use std::path::Path;
@@ -39,8 +39,8 @@ pub struct Row {
     pub behaviour: String,
     /// Pages of the manual.
     pub page: String,
-    /// Source of the behaviour: `manual`, `inferred D-nn`.
-    pub source: String,
+    /// Source of the behaviour.
+    pub source: Provenance,
     rule: Rule,
 }
 
@@ -254,7 +254,7 @@ impl Reader<'_> {
 
     /// The changes, and their description.
     fn changes(&self, changes: &[Spanned<file::Change>]) -> Result<(Vec<Change>, String), FolderError> {
-        let mut state_text = Vec::new();
+        let mut texts = Vec::new();
         let mut checked = Vec::new();
         for spanned in changes {
             let file::Change { register, value, set, clear } = spanned.get_ref();
@@ -273,13 +273,13 @@ impl Reader<'_> {
                     return Err(self.wrong(spanned.span(), what));
                 }
             };
-            state_text.push(match value {
+            texts.push(match value {
                 Some(value) => format!("{register} = 16#{value:X}"),
                 None => format!("{register} sets 16#{set:X} and clears 16#{clear:X}"),
             });
             checked.push(Change { at, clear, set });
         }
-        Ok((checked, state_text.join(", ")))
+        Ok((checked, texts.join(", ")))
     }
 }
 
@@ -287,13 +287,10 @@ fn row(
     kind: &'static str,
     register: String,
     behaviour: String,
-    (page, source): (String, &Provenance),
+    (page, source): (String, &model::Provenance),
     rule: Rule,
 ) -> Row {
-    let source = match source {
-        Provenance::Manual => "manual".to_owned(),
-        Provenance::Documented(document) => format!("manual: {document}"),
-        Provenance::Inferred(decision) => format!("inferred {decision}"),
-    };
+    // A row lives as long as the process, like the tables of the layout.
+    let source = tables::provenance(source, |text| Box::leak(text.to_owned().into_boxed_str()));
     Row { kind, register, behaviour, page, source, rule }
 }

@@ -43,7 +43,7 @@ impl Place {
 
     /// Its largest value.
     pub(super) fn mask(self) -> u32 {
-        u32::MAX >> (32 - 8 * self.width.bytes())
+        self.width.max_value()
     }
 
     /// The present value. The image has all registers of the layout.
