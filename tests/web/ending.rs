@@ -3,9 +3,10 @@
 use crate::common::{Emulator, commram, eventually, finish, unique_name};
 use crate::server::Server;
 use serde_json::json;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, Lines, Read};
 use std::net::TcpListener;
-use std::process::{Command, Stdio};
+use std::path::Path;
+use std::process::{Child, ChildStdout, Command, Stdio};
 
 #[test]
 fn a_signal_ends_the_server_and_nothing_remains() {
@@ -88,6 +89,18 @@ fn signal(name: &str, pid: u32) {
     assert!(Command::new("kill").args([name, &pid.to_string()]).status().unwrap().success());
 }
 
+/// Starts a stepped emulator with a server, and waits until both are ready. Returns name, process and further lines.
+fn emulator_with_server(runtime: &Path) -> (String, Child, Lines<BufReader<ChildStdout>>) {
+    let name = unique_name();
+    let mut command = commram();
+    command.args(["run", "--clock", "stepped", "-i", &name, "--web=127.0.0.1:0"]);
+    command.env("XDG_RUNTIME_DIR", runtime).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+    assert!(lines.by_ref().take(2).all(|line| line.is_ok()));
+    (name, child, lines)
+}
+
 /// The only child of a process.
 fn child_of(pid: u32) -> u32 {
     let children = std::fs::read_dir(format!("/proc/{pid}/task")).unwrap().find_map(|task| {
@@ -136,13 +149,8 @@ fn files_of_killed_servers_are_removed_by_the_next_one_and_by_stop_clean() {
 
 #[test]
 fn a_stopped_server_does_not_hold_up_the_end_of_its_emulator() {
-    let (name, runtime) = (unique_name(), tempfile::tempdir().unwrap());
-    let mut command = commram();
-    command.args(["run", "--clock", "stepped", "-i", &name, "--web=127.0.0.1:0"]);
-    command.env("XDG_RUNTIME_DIR", runtime.path()).stdout(Stdio::piped()).stderr(Stdio::piped());
-    let mut child = command.spawn().unwrap();
-    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
-    assert!(lines.by_ref().take(2).all(|line| line.is_ok()));
+    let runtime = tempfile::tempdir().unwrap();
+    let (name, mut child, _lines) = emulator_with_server(runtime.path());
     signal("-STOP", child_of(child.id()));
     assert_eq!(finish(commram().args(["stop", "-i", &name])).code, Some(0));
     assert_eq!(child.wait().unwrap().code(), Some(0));
@@ -151,13 +159,8 @@ fn a_stopped_server_does_not_hold_up_the_end_of_its_emulator() {
 
 #[test]
 fn an_emulator_reports_the_end_of_its_server_and_goes_on() {
-    let (name, runtime) = (unique_name(), tempfile::tempdir().unwrap());
-    let mut command = commram();
-    command.args(["run", "--clock", "stepped", "-i", &name, "--web=127.0.0.1:0"]);
-    command.env("XDG_RUNTIME_DIR", runtime.path()).stdout(Stdio::piped()).stderr(Stdio::piped());
-    let mut child = command.spawn().unwrap();
-    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
-    assert!(lines.by_ref().take(2).all(|line| line.is_ok()));
+    let runtime = tempfile::tempdir().unwrap();
+    let (name, mut child, _lines) = emulator_with_server(runtime.path());
     let mut notes = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
     signal("-KILL", child_of(child.id()));
     assert!(notes.any(|note| note.contains("`commram web` has ended (signal: 9")), "the note is missing");
