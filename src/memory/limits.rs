@@ -151,9 +151,10 @@ pub(crate) struct FileLimit {
     pub(crate) most: u64,
 }
 
-/// Difference of the memory of one process from start to start, in bytes: some pages, by random addresses.
+/// Difference of the memory of one process from start to start, in bytes: the heap and the arenas of threads grow in steps
+/// of 132 KiB, and random addresses and the order of threads decide on a step more or less.
 #[cfg(feature = "emulator")]
-const SPREAD: u64 = 64 << 10;
+const SPREAD: u64 = 512 << 10;
 
 /// Checks that this process can have `more` bytes of address space in addition to the present ones.
 ///
