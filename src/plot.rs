@@ -20,7 +20,7 @@ pub struct Plot {
     pub edges: Vec<u64>,
     /// The registers.
     pub rows: Vec<Row>,
-    /// Sections of a scenario, each with its begin in emulated microseconds, ascending.
+    /// Sections of a scenario, each with its start in emulated microseconds, ascending.
     pub sections: Vec<(u64, String)>,
 }
 

@@ -49,7 +49,7 @@ pub struct ErrorCounters {
 const WARNING: u16 = 96;
 /// Up to here a station is error-active.
 const LAST_ACTIVE: u16 = 127;
-/// Up to here it is at the bus.
+/// Up to here it is on the bus.
 const LAST_ON: u16 = 255;
 /// Step of the transmit counter for an error in a transmitted frame.
 const TRANSMIT_STEP: u16 = 8;

@@ -56,7 +56,7 @@ pub trait Firmware: SnapshotFields + Send + 'static {
     /// Stores the contents of the NOVRAM registers.
     fn keep(&mut self) {}
 
-    /// Called when a fault of the device itself is active, at its begin or in a processor cycle: returns the hit, if it
+    /// Called when a fault of the device itself is active, at its start or in a processor cycle: returns the hit, if it
     /// fires.
     fn fire(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
         let _ = (now, effect);

@@ -89,7 +89,7 @@ impl Shared {
         present.new = 0;
     }
 
-    /// Forgets a guest, also if the plant's side does not know it yet.
+    /// Forgets a guest, even if the plant's side does not know it yet.
     pub(super) fn forget(&self, guest: &Arc<Guest>) {
         let mut present = self.present();
         let Some(at) = present.guests.iter().position(|it| Arc::ptr_eq(it, guest)) else { return };

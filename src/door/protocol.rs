@@ -28,7 +28,7 @@ pub(super) trait Protocol: Sync {
     /// Name at the beginning of the names of its doors: `slcan` gives `slcan-tcp`.
     fn name(&self) -> &'static str;
 
-    /// The kind of messages, which decides at which buses such a door can be.
+    /// The kind of messages, which decides on which buses such a door can be.
     fn traffic_kind(&self) -> TrafficKind;
 
     /// Number of its doors over TCP on the channel. The numbers of all doors differ, are not 0, and never change.
@@ -84,7 +84,7 @@ pub(super) fn known_doors() -> String {
     known.join(", ")
 }
 
-/// The names of the doors at buses of this kind, for messages: `slcan-tcp or slcan-pty`.
+/// The names of the doors on buses of this kind, for messages: `slcan-tcp or slcan-pty`.
 #[must_use]
 pub fn doors_of(traffic_kind: TrafficKind) -> String {
     let mut names = Vec::new();

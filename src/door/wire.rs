@@ -9,7 +9,7 @@ use crate::profibus::Burst;
 pub enum BusMessage {
     /// A frame of CAN.
     Frame(Frame),
-    /// Octets at PROFIBUS, with the bit time of their first bit; from a guest 0 is as soon as the line is free.
+    /// Octets on PROFIBUS, with the bit time of their first bit; from a guest 0 is as soon as the line is free.
     Burst(Burst),
 }
 

@@ -34,7 +34,7 @@ use serde::{Deserialize, Serialize};
 
 /// Maximum duration of a fault: one hour of emulated time, in microseconds.
 pub const MAX_DURATION_US: u32 = 3_600_000_000;
-/// Latest begin of a fault: 365 days of emulated time after power-on, in microseconds.
+/// Latest start of a fault: 365 days of emulated time after power-on, in microseconds.
 pub const MAX_AT_US: u64 = 31_536_000_000_000;
 /// Most faults that wait or act at a time.
 pub const MAX_FAULTS: usize = 256;
@@ -61,7 +61,7 @@ pub struct Draft {
     pub target: Target,
     /// Values of the kind's own fields, in their order; none where a field is left out.
     pub values: [Option<u64>; MAX_FIELDS],
-    /// Emulated time of its begin in microseconds since power-on; a time in the past (0, for example) means at once.
+    /// Emulated time of its start in microseconds since power-on; a time in the past (0, for example) means at once.
     pub at_us: u64,
     /// Number of hits after which the fault ends.
     pub count: Option<u64>,
@@ -89,7 +89,7 @@ pub enum Limit {
     UntilCleared,
     /// After this number of hits, at least 1.
     Count(u32),
-    /// After this many emulated microseconds from its begin, 1 to [`MAX_DURATION_US`].
+    /// After this many emulated microseconds from its start, 1 to [`MAX_DURATION_US`].
     Duration(u32),
 }
 
@@ -164,7 +164,7 @@ impl Fault {
         self.values[index]
     }
 
-    /// Emulated time of its begin in microseconds since power-on, at most [`MAX_AT_US`]; a time in the past (0, for example)
+    /// Emulated time of its start in microseconds since power-on, at most [`MAX_AT_US`]; a time in the past (0, for example)
     /// means at once.
     #[must_use]
     pub const fn at_us(&self) -> u64 {

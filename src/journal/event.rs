@@ -47,7 +47,7 @@ pub enum Source {
 }
 
 impl Source {
-    /// From here on, indices of devices are indices of buses, for findings at a bus.
+    /// From here on, indices of devices are indices of buses, for findings on a bus.
     pub(super) const BUSES: u16 = 1 << 15;
 
     /// The device with this index, or the bus.

@@ -11,7 +11,7 @@ use crate::identity::{BusIndex, DeviceIndex};
 use crate::layout::{Address, DeviceFit, RegType, RegisterPhase, RegisterRef, Width, format_value};
 use crate::memory::{HEADER_SIZE, header};
 
-/// At a bus, the numbers of participants follow the numbers of guests.
+/// On a bus, the numbers of participants follow the numbers of guests.
 const PARTICIPANTS: u32 = 0x100;
 
 /// A rule was broken at a register.
@@ -21,7 +21,7 @@ pub struct Finding {
     pub rule: &'static Rule,
     /// Index of the device in the plant; or of a bus, see [`Finding::at_bus`].
     pub plc: DeviceIndex,
-    /// Offset of the register in the device's RAM; at a bus the number of the guest, or that of the participant and 256.
+    /// Offset of the register in the device's RAM; on a bus the number of the guest, or that of the participant and 256.
     pub offset: u32,
     /// Which of the structures that overlay each other the register belongs to.
     pub live: RegisterPhase,
@@ -141,7 +141,7 @@ impl Finding {
         }
     }
 
-    /// Address at the register's own width: `%MW3.200002`; at a bus there is none.
+    /// Address at the register's own width: `%MW3.200002`; none for a finding on a bus.
     #[must_use]
     pub fn address(&self, fitted: impl Into<DeviceFit>) -> Option<Address> {
         if self.is_at_bus() {

@@ -192,7 +192,7 @@ impl PlantConfig {
         can::merged(messages)
     }
 
-    /// The ports at each bus, by its name, each with its device's name.
+    /// The ports on each bus, by its name, each with its device's name.
     fn ports_of_buses(&self) -> BTreeMap<&str, Vec<PortOf<'_>>> {
         let mut found: BTreeMap<_, Vec<_>> = BTreeMap::new();
         for device in &self.devices {

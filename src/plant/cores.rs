@@ -141,7 +141,7 @@ impl Plant {
         is_shared
     }
 
-    /// Calls the functions for the watches of all devices and of all ports, at the buses where they are plugged in.
+    /// Calls the functions for the watches of all devices and of all ports, on the buses where they are plugged in.
     fn each_watch(
         &mut self,
         of_device: impl Fn(DeviceIndex, &mut DeviceWatch, &mut Journal) + Copy + Send + 'static,

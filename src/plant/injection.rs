@@ -5,7 +5,7 @@ use crate::devices;
 use crate::fault::{DeviceSite, Fault, FaultStatus, Owner, Refusal, Sites};
 
 impl Plant {
-    /// Adds a fault; a fault with a begin that has passed begins at once. Returns its number.
+    /// Adds a fault; a fault with a start that has passed begins at once. Returns its number.
     ///
     /// # Errors
     /// [`Refusal`]: the plant has no such bus, slave or port, the target cannot have this fault, or there are

@@ -17,12 +17,12 @@ pub(super) struct Port {
     pub(super) number: u8,
     /// Index of its bus.
     pub(super) bus: BusIndex,
-    /// Place of the port at the bus.
+    /// Place of the port on the bus.
     pub(super) place: usize,
     takes_part: bool,
 }
 
-/// Device and port that are plugged in at a place of a bus.
+/// Device and port that are connected to a place of a bus.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PluggedPort {
     /// Index of the device.
@@ -39,7 +39,7 @@ snapshot_fields!(Ports { parts: of_device; built: ways, seats });
 pub(super) struct Ports {
     of_device: Vec<Vec<Port>>,
     /// For each bus the ports that can take its SYNC signal over: their device, their index there, and that of the port
-    /// at this bus.
+    /// on this bus.
     ways: Vec<Vec<(DeviceIndex, usize, usize)>>,
     /// For each bus the ports at its places.
     seats: Arc<Vec<Vec<PluggedPort>>>,
@@ -89,7 +89,7 @@ impl Ports {
         Ok(())
     }
 
-    /// Device and number of each port at a bus.
+    /// Device and number of each port on a bus.
     pub(super) fn at(&self, bus: BusIndex) -> impl Iterator<Item = Origin> {
         let of_device = move |(plc, ports): (DeviceIndex, &Vec<Port>)| {
             let at = ports.iter().filter(move |port| port.bus == bus);
@@ -115,7 +115,7 @@ impl Ports {
 }
 
 impl Plant {
-    /// The ports that are plugged in at bus number `bus`.
+    /// The ports that are connected to bus number `bus`.
     pub fn ports_at(&self, bus: BusIndex) -> Vec<Origin> {
         self.ports.at(bus).collect()
     }
@@ -221,7 +221,7 @@ impl Plant {
         None
     }
 
-    /// The port with the SYNC signal that the master at a bus passes on now.
+    /// The port with the SYNC signal that the master on a bus passes on now.
     fn sync_comes_from(&self, bus: BusIndex) -> Option<Port> {
         let sync = self.buses.get(bus.index())?.sync()?;
         let takes_it = |&&(device, to, _): &&(DeviceIndex, usize, usize)| {

@@ -126,7 +126,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         Ok(())
     }
 
-    /// A mark at the begin of each section, with its name where there is room for it.
+    /// A mark at the start of each section, with its name where there is room for it.
     fn sections(&self, bottom: i32) -> DrawResult<DB> {
         let ends = self.plot.sections.iter().skip(1).map(|(begin, _)| *begin).chain([self.plot.to_us]);
         for ((begin, name), end) in self.plot.sections.iter().zip(ends) {

@@ -59,7 +59,7 @@ pub(super) async fn answer(
     let mut reader = Reader::new(wish.clone());
     let mut subscription = links.feed.subscribe(wish)?;
     let (sender, body) = mpsc::channel(WAITING);
-    // From the begin of the answer on, errors are events.
+    // From the start of the answer on, errors are events.
     if let Ok(Ok(round)) = tokio::time::timeout(FIRST, subscription.rounds.recv()).await {
         // There is room for the first part.
         let _ = sender.try_send(reader.events(&round).into());

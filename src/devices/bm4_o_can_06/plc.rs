@@ -19,7 +19,7 @@ use crate::memory::header::BoardSetting;
 use crate::memory::{Header, MemoryError, Segment, View};
 use crate::snapshot_fields;
 
-/// DIP switches 3, 2 and 1 of a slave of the controller at 500 kbit/s; used until it is plugged in at its bus.
+/// DIP switches 3, 2 and 1 of a slave of the controller at 500 kbit/s; used until it is connected to its bus.
 const UNPLUGGED_BAUD: u8 = 0b101;
 
 /// Time for which H1 shows a frame (decision D-367).

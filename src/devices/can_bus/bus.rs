@@ -29,7 +29,7 @@ use std::sync::Arc;
 pub struct CanBus {
     pub(super) index: BusIndex,
     name: String,
-    /// `None` for ports that are not plugged in at a bus.
+    /// `None` for ports that are not connected to a bus.
     pub(super) wire: Option<can::Line>,
     pub(super) stations: Stations,
     /// Number of guests that are leaving.
@@ -48,7 +48,7 @@ pub struct CanBus {
 }
 
 impl CanBus {
-    /// The placeholder for ports that are not plugged in at a bus: their firmware runs, and no station receives their
+    /// The placeholder for ports that are not connected to a bus: their firmware runs, and no station receives their
     /// frames.
     pub fn unplugged() -> Self {
         CanBus {

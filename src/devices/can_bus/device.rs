@@ -1,4 +1,4 @@
-//! A device with registers and one port at a CAN bus: the smallest custom device.
+//! A device with registers and one port on a CAN bus: the smallest custom device.
 
 use super::{CanPort, CanSocket, FAMILY};
 use crate::devices::{BuildError, Device, DeviceConfig, Plain, Plug, PortConfig};

@@ -1,4 +1,4 @@
-//! Guests at a CAN bus: stations with a controller and without firmware.
+//! Guests on a CAN bus: stations with a controller and without firmware.
 
 use super::station::Station;
 use super::{CanBus, CanPort, Controller};

@@ -9,7 +9,7 @@ use crate::layout::DeviceLayout;
 use crate::memory::Segment;
 use crate::snapshot_fields::SnapshotFields;
 
-/// Firmware of a device's port at a CAN bus. The bus calls it at whole microseconds of emulated time with the
+/// Firmware of a device's port on a CAN bus. The bus calls it at whole microseconds of emulated time with the
 /// controller of the port.
 pub trait CanPort: Send + SnapshotFields {
     /// The device starts; `address` is the port's number at its switches
@@ -63,7 +63,7 @@ pub trait CanPort: Send + SnapshotFields {
         let _ = (ctx, controller);
     }
 
-    /// Applies a fault of the device to the port, at the begin of the fault or in a processor cycle. Returns whether
+    /// Applies a fault of the device to the port, at the start of the fault or in a processor cycle. Returns whether
     /// and what it hit.
     fn fire(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
         let _ = (now, effect);

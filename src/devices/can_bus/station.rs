@@ -9,7 +9,7 @@ use crate::devices::{BuildError, Context};
 use crate::journal::{Journal, Origin};
 use crate::snapshot_fields;
 
-/// A port at the bus, or a guest.
+/// A port on the bus, or a guest.
 pub(super) struct Station {
     pub(super) origin: Origin,
     base: usize,

@@ -41,7 +41,7 @@ const CYCLE: u64 = 100;
 const MS: u64 = 1000;
 const S: u64 = 1_000_000;
 
-/// Frames that the station at CAN is to send, and frames that it has heard, with times.
+/// Frames that the station on CAN is to send, and frames that it has heard, with times.
 #[derive(Default)]
 struct Wires {
     to_send: Vec<Frame>,
@@ -225,12 +225,12 @@ impl Bench {
         inputs
     }
 
-    /// Sends a frame from the station at CAN.
+    /// Sends a frame from the station on CAN.
     fn send(&mut self, frame: Frame) {
         self.wires.lock().unwrap().to_send.push(frame);
     }
 
-    /// Returns the frames that the station at CAN has heard since the last call: `203: 12 34`, `289: remote 2`.
+    /// Returns the frames that the station on CAN has heard since the last call: `203: 12 34`, `289: remote 2`.
     fn heard(&mut self) -> Vec<String> {
         self.heard_at().into_iter().map(|(_, frame)| frame).collect()
     }

@@ -1,4 +1,4 @@
-//! Modules at a bus with a test master.
+//! Modules on a bus with a test master.
 
 use super::config::Cr201xConfig;
 use super::registers::{

@@ -1,4 +1,4 @@
-//! The demo of `commram demo --device cs0015`: a master and a slave at one bus, the start of the network, PDOs in both
+//! The demo of `commram demo --device cs0015`: a master and a slave on one bus, the start of the network, PDOs in both
 //! directions, a missing slave (Systemhandbuch Platinensteuerung CS0015).
 
 use super::registers::DEVICE;

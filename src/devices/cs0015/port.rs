@@ -308,7 +308,7 @@ impl Firmware {
         self.begin_cycle(ctx.now);
     }
 
-    /// Handles a cycle that does not end: the watchdog resets the device 200 ms after the begin of the cycle (p. 7).
+    /// Handles a cycle that does not end: the watchdog resets the device 200 ms after the start of the cycle (p. 7).
     fn overdue(&mut self, ctx: &mut Context) {
         let bites_at = self.begun_at + WATCHDOG_US;
         self.is_overdue = true;

@@ -34,7 +34,7 @@ use std::sync::Arc;
 /// The time of an event that does not occur.
 const NEVER: u64 = u64::MAX;
 
-/// A port at the segment.
+/// A port on the segment.
 pub(super) struct BusPort {
     origin: Origin,
     base: usize,
@@ -89,7 +89,7 @@ pub struct ProfibusBus {
     pub(super) rate: BusRate,
     /// Time within which an answer must begin, in bit times.
     slot_bits: u64,
-    /// False for the placeholder of ports that are not plugged in at a segment.
+    /// False for the placeholder of ports that are not connected to a segment.
     is_plugged: bool,
     pub(super) line: Line,
     pub(super) ends: Vec<BusPort>,
@@ -103,7 +103,7 @@ pub struct ProfibusBus {
 }
 
 impl ProfibusBus {
-    /// The placeholder for ports that are not plugged in at a segment: their firmware runs, and no station receives
+    /// The placeholder for ports that are not connected to a segment: their firmware runs, and no station receives
     /// their telegrams.
     pub fn unplugged() -> Self {
         let [slowest, ..] = BusRate::ALL;

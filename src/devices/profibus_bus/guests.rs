@@ -1,4 +1,4 @@
-//! Guests at a segment: foreign programs that send octets and receive those of other stations.
+//! Guests on a segment: foreign programs that send octets and receive those of other stations.
 //!
 //! A guest receives a telegram at its end, and its program needs time to answer. A guest can give a bit time for its
 //! telegram. Otherwise the telegram waits until the line has been idle for the time that the standard requires
@@ -53,7 +53,7 @@ struct WaitingTelegram {
 }
 
 impl WaitingTelegram {
-    /// Returns the begin on a line idle since `since` and reserved for others until `kept`; `None` if the line
+    /// Returns the start on a line idle since `since` and reserved for others until `kept`; `None` if the line
     /// does not matter.
     fn begin(&self, since: u64, kept: u64) -> Option<u64> {
         match self.turn {

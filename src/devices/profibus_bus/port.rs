@@ -21,7 +21,7 @@ pub struct Presence {
     pub answers: bool,
 }
 
-/// Firmware of a device's port at PROFIBUS. Events on the line are reported at once, with the bit time in the
+/// Firmware of a device's port on PROFIBUS. Events on the line are reported at once, with the bit time in the
 /// [`Station`]. Own times of the firmware are microseconds of emulated time.
 pub trait ProfibusPort: Send + SnapshotFields {
     /// The device starts.
@@ -37,7 +37,7 @@ pub trait ProfibusPort: Send + SnapshotFields {
         None
     }
 
-    /// Another station at the segment answers at the same address.
+    /// Another station on the segment answers at the same address.
     fn shares_address(&mut self, ctx: &mut Context) {
         let _ = ctx;
     }
@@ -73,7 +73,7 @@ pub trait ProfibusPort: Send + SnapshotFields {
         let _ = (ctx, station);
     }
 
-    /// Applies a fault of the device to the port, at the begin of the fault or in a processor cycle. Returns whether
+    /// Applies a fault of the device to the port, at the start of the fault or in a processor cycle. Returns whether
     /// and what it hit.
     fn fire(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
         let _ = (now, effect);

@@ -1,4 +1,4 @@
-//! A station at a CAN bus under control of the test, next to the port of a device.
+//! A station on a CAN bus under control of the test, next to the port of a device.
 
 use super::tables::STATION;
 use crate::can::Frame;

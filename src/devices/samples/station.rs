@@ -1,4 +1,4 @@
-//! A station at a CAN bus, without registers.
+//! A station on a CAN bus, without registers.
 
 use crate::layout::{Area, DeviceLayout, Port, Provenance, Role, Space, Unit};
 use crate::memory::HEADER_SIZE;
@@ -28,5 +28,5 @@ static AREA: Area = Area {
 };
 static PORTS: [Port; 1] = [Port { name: "can", number: 1, medium: "can", roles: &[Role::Peer], area: &AREA }];
 
-/// A station at a CAN bus, without registers.
+/// A station on a CAN bus, without registers.
 pub(crate) static STATION: DeviceLayout = DeviceLayout { ports: &PORTS, ..DeviceLayout::UNKNOWN };

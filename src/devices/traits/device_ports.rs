@@ -5,7 +5,7 @@ use crate::devices::Context;
 /// A device with number switches, LEDs or a SYNC signal for its ports ([`Device::ports`](crate::devices::Device::ports)). The
 /// plant passes events of the ports to the device.
 pub trait DevicePorts {
-    /// `port` is plugged in at a bus with this bit rate in bit/s; 0 if the bus has none. Called once, before the first
+    /// `port` is connected to a bus with this bit rate in bit/s; 0 if the bus has none. Called once, before the first
     /// start.
     fn plugged_in(&mut self, port: u8, bit_s: u32) {
         let _ = (port, bit_s);

@@ -9,7 +9,7 @@ pub trait Faulty {
         let _ = (now, faults);
     }
 
-    /// Called when one of its faults is active, at the begin of the fault or in a processor cycle: returns a hit if the
+    /// Called when one of its faults is active, at the start of the fault or in a processor cycle: returns a hit if the
     /// fault fires by itself. Faults that fire at an event are found during the event
     /// ([`World::faults`](crate::devices::World::faults)).
     fn fire(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {

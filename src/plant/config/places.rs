@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Keys by which a device is plugged in at a bus.
+/// Keys by which a device is connected to a bus.
 const BUS_KEYS: [&str; 3] = ["node1", "node2", "bus"];
 
 type Value<'t> = Spanned<DeValue<'t>>;
@@ -119,7 +119,7 @@ fn slave_number<'a, 't>(root: &'a DeTable<'t>, bus: &str, number: u8, second: &s
     })
 }
 
-/// Places where a device is plugged in at a bus, in the order of the file: the section, and the bus's name
+/// Places where a device is connected to a bus, in the order of the file: the section, and the bus's name
 /// in it.
 fn plugged_at<'a, 't>(
     root: &'a DeTable<'t>,

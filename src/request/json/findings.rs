@@ -10,7 +10,7 @@ use serde::Serialize;
 pub(crate) struct FindingJson {
     pub severity: &'static str,
     pub rule: &'static str,
-    /// Name of the PLC; empty at a bus.
+    /// Name of the PLC; empty for a finding on a bus.
     pub plc: String,
     /// `None`: further registers of the rule, counted together because there was no room for more entries.
     pub register: Option<String>,

@@ -49,7 +49,7 @@ fn find_back<T>(
     look: impl Fn(&dyn Host) -> Result<Option<T>, Refused>,
 ) -> Result<T, Refused> {
     let here = host.plant().snapshot();
-    // After a stretch: the begin of the next one, and whether `look` succeeds there.
+    // After a stretch: the start of the next one, and whether `look` succeeds there.
     let mut next_stretch = (here.time_us(), false);
     for place in (0..host.plant_and_travel().1.history.len()).rev() {
         let found = last_in(host, place, next_stretch, &look);
@@ -75,7 +75,7 @@ fn find_back<T>(
     Err(Refused::new(Code::NOT_SO_FAR, text))
 }
 
-/// The last moment in a stretch, or at the beginning of the next one, at which `look` became successful; also the begin
+/// The last moment in a stretch, or at the beginning of the next one, at which `look` became successful; also the start
 /// of this stretch and whether `look` succeeds there.
 fn last_in<T>(
     host: &mut dyn Host,

@@ -66,7 +66,7 @@ fn going_back_until_a_condition_became_true() {
     assert_eq!(held(&mut host), Reply::Value(2));
     let replies = host.request(&until(1));
     assert_eq!(replies.last(), Some(&Reply::Waited(Waited { time_us: 2_000, value: 1 })));
-    // The condition has been true since before the begin of the history.
+    // The condition has been true since before the start of the history.
     let replies = host.request(&until(0));
     assert_eq!(replies.last(), Some(&Reply::Waited(Waited { time_us: 0, value: 1 })));
 }

@@ -1,4 +1,4 @@
-//! The port at CAN: frames that the gateway sends and receives, and LED C (p. 15).
+//! The port on CAN: frames that the gateway sends and receives, and LED C (p. 15).
 
 use super::ram::Registers;
 use super::{Shared, lock};
@@ -13,7 +13,7 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 /// A bit rate that no bus has: before data exchange the device does not take part in CAN (p. 12).
 const NO_RATE: u32 = 0;
 
-/// The firmware at CAN.
+/// The firmware on CAN.
 pub(in crate::devices::can_dp2) struct CanSide {
     registers: Registers,
     gateway: Shared,

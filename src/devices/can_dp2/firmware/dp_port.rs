@@ -1,4 +1,4 @@
-//! The port at PROFIBUS: the slave, LEDs D, E and P, address switches (p. 9, 12-15).
+//! The port on PROFIBUS: the slave, LEDs D, E and P, address switches (p. 9, 12-15).
 
 use super::gateway::Gateway;
 use super::ram::Registers;
@@ -32,7 +32,7 @@ pub(in crate::devices::can_dp2) const fn address(switches: u32) -> u32 {
     }
 }
 
-/// The firmware at PROFIBUS.
+/// The firmware on PROFIBUS.
 pub(in crate::devices::can_dp2) struct DpPort {
     registers: Registers,
     gateway: Shared,

@@ -1,4 +1,4 @@
-//! The firmware of a CAN-DP/2: its ports at the PROFIBUS and at the CAN bus, and the gateway between them.
+//! The firmware of a CAN-DP/2: its ports on the PROFIBUS and on the CAN bus, and the gateway between them.
 
 pub(super) mod can_port;
 pub(super) mod dp_port;

@@ -6,7 +6,7 @@ use crate::fault::{Draft, Owner, Target};
 use crate::identity::{BusIndex, DeviceIndex};
 
 impl Bench {
-    /// Activates a fault of the bus at CAN, or of the gateway's controller there, `count` times.
+    /// Activates a fault of the CAN bus, or of the gateway's controller there, `count` times.
     fn fault(&mut self, name: &str, count: u64) {
         let kind = OF_CAN.iter().find(|kind| kind.name() == name).unwrap();
         let target = if name == "overrun" {

@@ -1,4 +1,4 @@
-//! Foreign masters at the segment.
+//! Foreign masters on the segment.
 
 use super::*;
 use crate::devices::GuestRefusal;

@@ -1,5 +1,5 @@
 //! Two foreign DP masters pass a token to each other through the segment's door, with the gateway and a foreign slave
-//! at the segment: `profirust` as programs that receive telegrams at their end and send theirs as soon as the line is
+//! on the segment: `profirust` as programs that receive telegrams at their end and send theirs as soon as the line is
 //! free.
 
 use super::*;

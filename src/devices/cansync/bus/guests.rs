@@ -1,4 +1,4 @@
-//! Guests at a CANsync bus. Guests have no slot: their frames arrive outside of the slots, like frames that a fault
+//! Guests on a CANsync bus. Guests have no slot: their frames arrive outside of the slots, like frames that a fault
 //! repeats (decision D-315).
 
 use super::SimBus;

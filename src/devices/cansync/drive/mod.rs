@@ -222,7 +222,7 @@ impl Drive {
             let status_word = self.status_word();
             self.card.sample(&mut self.regler.store, status_word);
         }
-        // A position reference value from an interval without lock is lost, also if the lock comes immediately
+        // A position reference value from an interval without lock is lost, even if the lock comes immediately
         // afterwards.
         self.go_on(was_synchronized && self.is_synchronized(), now_us, interval_us);
     }

@@ -26,7 +26,7 @@ pub(crate) enum Access {
 struct Work {
     access: Access,
     until: u64,
-    /// The flags at the begin of a write.
+    /// The flags at the start of a write.
     flags: Vec<u16>,
 }
 

@@ -18,14 +18,14 @@ struct Wave {
     mhz: u32,
     /// Begin of the wave, in microseconds.
     since: u64,
-    /// Phase at the begin, in parts of [`PERIOD`].
+    /// Phase at the start, in parts of [`PERIOD`].
     from: u64,
-    /// Number of positive edges at the begin.
+    /// Number of positive edges at the start.
     edges: u64,
 }
 
 impl Wave {
-    /// Returns the phase since the last edge before the begin, in parts of [`PERIOD`].
+    /// Returns the phase since the last edge before the start, in parts of [`PERIOD`].
     fn phase(&self, now: u64) -> u64 {
         self.from + now.saturating_sub(self.since) * u64::from(self.mhz)
     }

@@ -13,7 +13,7 @@ fn receive(bench: &mut Bench, id: u32) -> (u32, u32, Vec<u8>) {
     (results[2], results[3], bench.answer_data())
 }
 
-/// Vectors T7 to T9; p. 28: after power-on the device is at the bus without CANopen.
+/// Vectors T7 to T9; p. 28: after power-on the device is on the bus without CANopen.
 #[test]
 fn messages_wait_for_the_program() {
     let mut bench = Bench::running(ATTACHED);
