@@ -8,12 +8,12 @@ use serde::{Deserialize, Serialize};
 const EXTENDED: u32 = 1 << 31;
 const REMOTE: u32 = 1 << 30;
 
-/// A frame of the standard (11 bits of identifier) or the extended format (29 bits), with up to eight data bytes or, as a
-/// remote frame, with the number of those it asks for.
+/// A frame of the standard (11 bits of identifier) or the extended format (29 bits), with up to eight data bytes. A
+/// remote frame has the number of bytes that it asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Frame {
     arbitration: Arbitration,
-    /// A remote frame's is as long as the data it asks for, and all 0.
+    /// The payload of a remote frame is as long as the data that it asks for, and all 0.
     payload: Payload,
 }
 
@@ -30,7 +30,7 @@ impl Frame {
         Frame::new(StandardId::new(id & 0x7FF).unwrap_or(StandardId::MAX), payload)
     }
 
-    /// A frame that asks for `length` bytes of data (0..=8); `None` if that are more.
+    /// A frame that asks for `length` bytes of data (0..=8); `None` for more.
     #[inline]
     pub fn remote(id: impl Into<Id>, length: usize) -> Option<Self> {
         let payload = Payload::new([0; 8].get(..length)?)?;

@@ -1,4 +1,4 @@
-//! Identifiers in a snapshot: as numbers, since their types are another crate's. To be used as
+//! Identifiers in a snapshot: as numbers, since their types belong to another crate. To be used as
 //! `#[serde(with = "crate::can::kept")]`.
 
 use embedded_can::{ExtendedId, Id, StandardId};

@@ -143,7 +143,7 @@ impl Line {
         matches!(self.state, LinePhase::Idle { .. }) && self.next_sender(now_ns, participants).is_some()
     }
 
-    /// The sender, and its frame, that [`Line::advance`] would start at `now_ns`.
+    /// The sender whose frame [`Line::advance`] would start at `now_ns`, and the frame.
     pub fn next_sender(&self, now_ns: u64, participants: &impl Participants) -> Option<(usize, Frame)> {
         let suspended = self.arbitration(now_ns, participants)?;
         participants.first(now_ns, suspended.map(|(participant, _)| participant))
@@ -234,7 +234,7 @@ impl Line {
         });
     }
 
-    /// No station is left that would acknowledge the frame on the wire.
+    /// The last station that would acknowledge the frame on the wire has left.
     pub fn nobody_left(&mut self, now_ns: u64) {
         self.spoil(now_ns, Fate::NotAcknowledged, |over, to_acknowledgement| {
             (over <= to_acknowledgement).then_some(to_acknowledgement + 1)

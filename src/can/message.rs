@@ -1,4 +1,4 @@
-//! Descriptions of frames, as far as their senders know them: for people and tools, never sent on the bus.
+//! Descriptions of frames, as far as their senders know the content: for people and tools, never sent on the bus.
 
 use super::Arbitration;
 use embedded_can::Id;

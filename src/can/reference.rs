@@ -102,7 +102,7 @@ pub(super) fn arbitration() -> impl Strategy<Value = (Id, bool)> + Clone {
     (id(), any::<bool>())
 }
 
-/// Data bytes by chance, or long runs of equal bits.
+/// Random data bytes, or long runs of equal bits.
 fn bytes() -> impl Strategy<Value = [u8; 8]> {
     let runs = prop::collection::vec(1u32..9, 64).prop_map(|runs| {
         let (mut data, mut used) = (0u64, 0);

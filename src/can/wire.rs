@@ -3,8 +3,8 @@
 //! A frame of the standard format is start bit, identifier (11), RTR, IDE, r0, length (4), data and CRC (15); in the
 //! extended format the identifier is followed by SRR, IDE, its other 18 bits, RTR, r1 and r0. In this part a bit of opposite
 //! value is stuffed in after each five equal bits. Then follow, unstuffed, the CRC delimiter, the acknowledge slot and its
-//! delimiter and the end of frame (7); after it the bus rests for the intermission (3) before a station may start the next
-//! frame (ISO 11898-1).
+//! delimiter and the end of frame (7); after it the bus is idle for the intermission (3) before a station may start the
+//! next frame (ISO 11898-1).
 //!
 //! Every simulated frame passes through here, so both the CRC and the stuff bits come from tables.
 
@@ -19,7 +19,7 @@ const FIXED_PART: u32 = 1 + 1 + 1 + 7;
 pub const RECESSIVE_END: u32 = 1 + 7;
 /// Intermission.
 pub const INTERMISSION: u32 = 3;
-/// Error flag: six equal bits, which are against the rule of stuffing.
+/// Error flag: six equal bits, which violate the rule of stuffing.
 pub const ERROR_FLAG: u32 = 6;
 /// Error delimiter.
 pub const ERROR_DELIMITER: u32 = 8;
@@ -120,7 +120,7 @@ const fn stuff_byte(mut state: usize, changes: usize) -> (usize, u64) {
     (state, stuffed)
 }
 
-/// The bits of the stuffed part, right-aligned and without stuff bits, and how many they are.
+/// The bits of the stuffed part, right-aligned and without stuff bits, and their number.
 #[inline]
 fn stuffed_part(frame: &Frame) -> (u128, u32) {
     let (field, length) = (u64::from(frame.arbitration().bits()), frame.length() as u64);
@@ -149,7 +149,7 @@ fn stuffed_bits(frame: &Frame) -> u32 {
     let changes = (bits ^ bits >> 1) | u128::MAX << (count - 1);
     let bytes = changes.to_be_bytes();
     let [_, _, _, standard @ ..] = &bytes;
-    // As many for each frame of a format, so that the way is straight.
+    // The same number for each frame of a format, so that the code has no branch for it.
     count + if count <= u8::BITS * standard.len() as u32 { stuff_bits(standard) } else { stuff_bits(&bytes) }
 }
 

@@ -1,4 +1,4 @@
-//! Words as the firmware left them, compared with the cells that contain them.
+//! Words as the firmware left them, for comparison with the cells of the image.
 
 use crate::memory::{Block, Cell64};
 
@@ -17,7 +17,7 @@ impl Baseline {
         self.0.get(index / Block::WORDS).map_or(0, |block| block.words()[index % Block::WORDS])
     }
 
-    /// Returns the stored word for a change.
+    /// Returns the stored word, for changing it.
     #[inline]
     pub(crate) fn word_mut(&mut self, index: usize) -> Option<&mut u64> {
         Some(&mut self.0.get_mut(index / Block::WORDS)?.words_mut()[index % Block::WORDS])

@@ -96,7 +96,7 @@ impl HeaderWatch {
         Ok(watch)
     }
 
-    /// Notes the page as the firmware leaves it.
+    /// Stores the present page as the baseline.
     #[inline]
     pub(crate) fn leave(&mut self) {
         self.left.copy(&*self.now);

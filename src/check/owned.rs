@@ -100,7 +100,7 @@ impl OwnedWatch {
         Self::new(plc, segment, owned_in(layout, area))
     }
 
-    /// Notes the registers as the firmware leaves them.
+    /// Stores the present registers as the baseline.
     #[inline]
     pub(crate) fn leave(&mut self) {
         for word in &mut self.words {
@@ -132,7 +132,7 @@ impl OwnedWatch {
         }
     }
 
-    /// A write of `bytes` bytes came through the channel, which is seen even if it has changed no value.
+    /// A write of `bytes` bytes came through the channel; it counts even if it has changed no value.
     pub(crate) fn written(&mut self, offset: u32, bytes: u32, time: u64, journal: &mut Journal) {
         let hit = |register: &&RegisterRef| {
             register.offset() < offset + bytes && offset < register.offset() + register.width()

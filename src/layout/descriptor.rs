@@ -26,8 +26,8 @@ pub struct DeviceLayout {
     pub title: &'static str,
     /// Number of the manual that the pages refer to.
     pub manual: &'static str,
-    /// Facts that the manual does not state, as the end of "it does not state ..."; empty without a gap that concerns
-    /// the whole.
+    /// Facts that the manual does not state, as the end of the sentence "it does not state ..."; empty if no such fact
+    /// concerns the device as a whole.
     pub undocumented: &'static str,
     /// Hash over everything that affects addresses or widths.
     pub layout_hash: u64,
@@ -39,7 +39,7 @@ pub struct DeviceLayout {
     pub retain: Option<&'static Retain>,
     /// The object dictionary, in the order of index and sub-index; empty if there is none.
     pub objects: &'static [Object],
-    /// The data that masters know of a PROFIBUS-DP slave, if the device is a slave.
+    /// The device description (GSD) for masters, if the device is a PROFIBUS-DP slave.
     pub gsd: Option<&'static Gsd>,
     /// The words of the device's front, in the header page.
     pub front: &'static [FrontWord],
@@ -48,8 +48,8 @@ pub struct DeviceLayout {
     pub front_area: Option<&'static Area>,
     /// The ports in the order of their numbers.
     pub ports: &'static [Port],
-    /// The area of the device's separate interface; where ports have names, the device itself has the name of this
-    /// area.
+    /// The area of the device's own interface, separate from its ports. In places where ports have names, the device
+    /// has the name of this area.
     pub own: Option<&'static Area>,
 }
 

@@ -87,7 +87,7 @@ impl Plant {
             |word: &&FrontWord| word.index() == index && word.owner == Owner::Plc && word.takes(value);
         let word = device.layout().front.iter().find(is_it);
         let index = word.map(FrontWord::index).filter(|index| *index < FRONT);
-        // Firmware has such a front, so it exists.
+        // The header page of firmware has this front, so it exists.
         let face = device.segment().firmware_header().ok();
         index.zip(face).map(|(index, face)| face.put(|page| &page.front[index], value)).is_some()
     }

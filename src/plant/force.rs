@@ -32,7 +32,7 @@ pub enum ForceError {
     /// The plant has no such PLC.
     #[error("there is no such PLC")]
     NoSuchPlc,
-    /// Enough are forced.
+    /// Too many registers are forced.
     #[error("{most} registers are forced, which is the maximum; unforce one first", most = Forces::MOST)]
     TooMany,
     /// No register area covers the address.
@@ -46,7 +46,7 @@ pub enum ForceError {
         /// The register there.
         right: Address,
     },
-    /// More bits than the register has.
+    /// The value has more bits than the register.
     #[error("{address}: 16#{value:X} does not fit, a {} holds at most 16#{:X}", .address.width(), .address.width().max_value())]
     TooWide {
         /// The register.

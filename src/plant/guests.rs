@@ -1,4 +1,4 @@
-//! Guests, as the server of the doors adds them. Guests depend only on their own actions: the same actions at the same
+//! Guests, which the server of the doors adds. The plant depends only on their actions: the same actions at the same
 //! emulated times give the same journal.
 
 use super::Plant;
@@ -18,7 +18,7 @@ impl Plant {
         self.guests_seen(bus)
     }
 
-    /// The guests of bus number `bus`, for a look at one of them.
+    /// The guests of bus number `bus`, for reading the state of one of them.
     fn guests_seen(&mut self, bus: BusIndex) -> Option<&mut dyn BusGuests> {
         self.buses[..self.named_buses].get_mut(bus.index())?.guests()
     }
@@ -70,7 +70,8 @@ impl Plant {
         self.guests_seen(bus).map_or_else(ErrorState::default, |guests| guests.guest_errors(guest))
     }
 
-    /// The traffic of the bus goes to `receiver` from now on, except what this guest sends; with `None` it hears no more.
+    /// The traffic of the bus goes to `receiver` from now on, except what this guest sends; with `None` the guest
+    /// receives no more traffic.
     pub fn guest_hears(&mut self, bus: BusIndex, guest: u8, receiver: Option<Arc<Guest>>) {
         if let Some(guests) = self.guests_seen(bus) {
             guests.guest_hears(guest, receiver);

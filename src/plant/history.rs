@@ -16,7 +16,7 @@ pub enum FollowError {
     /// The range is not fully covered by register areas.
     #[error("no register area covers byte {}", .0.offset)]
     Unmapped(Unmapped),
-    /// Enough are followed.
+    /// Too many registers are followed.
     #[error("{MAX_FOLLOWED} registers are followed, which is the maximum")]
     TooMany,
 }
@@ -28,8 +28,8 @@ impl From<Unmapped> for FollowError {
 }
 
 impl Plant {
-    /// Records all changes from now on of the registers in the `len` bytes from `offset` on of PLC `plc`. The plant
-    /// runs as it would without it.
+    /// Records all changes from now on of the registers in the `len` bytes from `offset` on of PLC `plc`. Following
+    /// does not influence the plant.
     ///
     /// # Errors
     /// [`FollowError`]; the registers before the excess register are followed.

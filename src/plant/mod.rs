@@ -56,12 +56,12 @@ const TRIES: u32 = 4;
 pub struct Plant {
     now: u64,
     next_cycle: u64,
-    /// Next time of any device. It may be too early, which does no harm.
+    /// Time of the next event of all devices. It may be too early, which has no effect.
     next_device: u64,
     cycle_us: u64,
-    /// There was no event since a processor cycle.
+    /// No event has occurred since the last processor cycle.
     has_looked: bool,
-    /// The registers were polled, and no register was written since then.
+    /// No register was written since the last poll of the registers.
     is_seen: bool,
     /// Whether a watched event is to stop [`Plant::advance_until`].
     watching: bool,
@@ -71,8 +71,8 @@ pub struct Plant {
     buses: Vec<Box<dyn Bus>>,
     /// Number of buses in the plant file.
     named_buses: usize,
-    /// Next time of each device and bus. Valid while the clock advances; before that, any client may have changed
-    /// something.
+    /// Time of the next event of each device and bus. Valid only while the clock advances: between two advances, any
+    /// client may change it.
     schedule: DueQueue,
     /// `schedule` is stale and must be rebuilt before use.
     is_rescheduled: bool,
@@ -377,7 +377,7 @@ impl Plant {
         }
     }
 
-    /// Asks all buses when they are due.
+    /// Asks all buses for the times of their next events.
     fn schedule_buses(&mut self) {
         for (index, bus) in self.buses.iter().enumerate() {
             self.schedule.set(index, bus.next_time());

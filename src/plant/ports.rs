@@ -38,8 +38,8 @@ snapshot_fields!(Ports { parts: of_device; built: ways, seats });
 #[derive(Default)]
 pub(super) struct Ports {
     of_device: Vec<Vec<Port>>,
-    /// For each bus the ports that can take its SYNC signal over: their device, their index there, and that of the port
-    /// on this bus.
+    /// For each bus the ports that can take over its SYNC signal: their device, their index in the device, and the
+    /// index of the device's port on this bus.
     ways: Vec<Vec<(DeviceIndex, usize, usize)>>,
     /// For each bus the ports at its places.
     seats: Arc<Vec<Vec<PluggedPort>>>,
@@ -221,7 +221,7 @@ impl Plant {
         None
     }
 
-    /// The port with the SYNC signal that the master on a bus passes on now.
+    /// The port that receives the SYNC signal which the master on a bus passes on now.
     fn sync_comes_from(&self, bus: BusIndex) -> Option<Port> {
         let sync = self.buses.get(bus.index())?.sync()?;
         let takes_it = |&&(device, to, _): &&(DeviceIndex, usize, usize)| {

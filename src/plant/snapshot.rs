@@ -119,7 +119,7 @@ impl Plant {
         self.buses.iter_mut().filter_map(|bus| bus.drives_mut()).for_each(|drives| drives.settle());
     }
 
-    /// The state of the plant now. Nothing changes by that.
+    /// The present state of the plant. Taking it changes nothing.
     #[must_use]
     pub fn snapshot(&self) -> Snapshot {
         self.snapshot_reusing(Vec::new())
@@ -160,7 +160,7 @@ impl Plant {
         self.take_over(snapshot, false)
     }
 
-    /// Goes back to a snapshot that this plant has been at: the records of the journal up to there stay.
+    /// Goes back to a snapshot of this plant's own past: the journal keeps its records up to the snapshot.
     ///
     /// # Errors
     /// Same as [`Plant::restore`].

@@ -30,7 +30,7 @@ pub trait FunctionBlock: Default + 'static {
     /// The value of a pin; `None` if there is no such pin.
     fn pin(&self, wires: &Self::Wires, name: &str) -> Option<PinValue>;
 
-    /// A pin to be set; `None` if there is no such pin.
+    /// A pin for setting; `None` if there is no such pin.
     fn pin_mut<'a>(&'a mut self, wires: &'a mut Self::Wires, name: &str) -> Option<&'a mut dyn PinType>;
 
     /// Runs one PLC cycle.
@@ -148,7 +148,7 @@ impl<B: FunctionBlock> BlockInstance for Wired<B> {
     }
 }
 
-/// The function block that a name refers to at a device.
+/// A kind of function block of a device, found by its name.
 #[derive(Debug)]
 pub struct BlockKind {
     /// The block's name.
@@ -166,7 +166,7 @@ impl BlockKind {
         BlockKind { name: B::NAME, structure, pins: B::PINS, make: make::<B> }
     }
 
-    /// Makes one with its presets.
+    /// Makes a block with its presets.
     ///
     /// # Errors
     /// Its registers do not fit there.

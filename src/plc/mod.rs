@@ -3,12 +3,11 @@
 //! Each device has its own function blocks: [`devices`](crate::devices). They have the manual's names, inputs,
 //! outputs and presets, and a `call` for each PLC cycle. A structure that the manual connects to `_BASE` is a
 //! [`Base`], declared at its address with [`Ram::at`]. Blocks access only registers and the clock in the header page.
-//! So they work on the RAM of a plant in this process and on an attached image alike, and monitoring times are in
-//! emulated time.
+//! So they work in the same way on the RAM of a plant in this process and on an attached image, and monitoring times
+//! are in emulated time.
 //!
 //! A call never waits. A block that needs the firmware's answer continues at a later call, so that the same program
-//! runs in real time and with a stepped clock. The function block page of each
-//! device has all inputs and outputs.
+//! runs in real time and with a stepped clock. The function block page of each device has all inputs and outputs.
 
 mod block;
 mod pin;

@@ -4,9 +4,9 @@
 //! between two `advance_to` of a plant in the same process. [`Tasks::run`] does so for an attached image whenever the
 //! emulated clock has advanced.
 //!
-//! The board's switch rules: the program starts when the switch is at RUN, stops at STOP, and starts warm after a
-//! reset, unless its project was only sent and is lost. Tasks do not
-//! interrupt each other; event tasks come first, in the order in which they were given.
+//! The switch of the board decides: the program starts at RUN, stops at STOP, and starts warm after a reset, unless its
+//! project was only sent and is therefore lost. Tasks do not interrupt each other; event tasks come first, in the order
+//! in which they were given.
 
 use super::Ram;
 use crate::memory::header::{Power, ProgramState, Project, RunSwitch, Start};
@@ -20,8 +20,8 @@ pub trait Program {
     /// An error that ends the program.
     type Error;
 
-    /// A start begins: variables get their initial values, at a cold start the retained ones, too (manual
-    /// p. 38). Function blocks are variables.
+    /// A start begins: variables get their initial values; at a cold start also the retained variables (manual p. 38).
+    /// Function blocks are variables.
     fn initialize(&mut self, start: Start);
 
     /// Start task after a cold start: called in every processor cycle until it is [`Progress::Done`].
@@ -44,7 +44,7 @@ pub trait Program {
     /// The program gives up.
     fn cyclic(&mut self) -> Result<Progress, Self::Error>;
 
-    /// The task of an event. `missed` counts events of this number that no call was made for.
+    /// The task of an event. `missed` counts events of this number without a call.
     ///
     /// # Errors
     /// The program gives up.
@@ -116,14 +116,15 @@ impl<P: Program> Tasks<P> {
         let mut orders = header.program.start.rings();
         match ProgramState::from_code(header.program.state.load()) {
             Some(ProgramState::None) if header.project.load() == Project::None.code() => {}
-            // The program of a loaded project: a start that was ordered before it came is still to be done.
+            // The program of a loaded project: a start that was ordered before the program attached is still pending.
             Some(ProgramState::Stopped) => {
                 let kind = Start::from_code(header.program.start_kind.load());
                 if matches!(kind, Some(Start::Cold | Start::Warm | Start::Hot)) {
                     orders = orders.wrapping_sub(1);
                 }
             }
-            // After a program that has not ended in good order, or a moment ago, the board takes this one for the same.
+            // If the previous program has not ended in good order, or ended only a moment ago, the board cannot
+            // distinguish this program from it.
             _ => header.program.start_request.store(Start::Cold.code()),
         }
         header.program.state.store(ProgramState::Stopped.code());
@@ -175,7 +176,7 @@ impl<P: Program> Tasks<P> {
             Phase::Cyclic => {
                 self.run_events()?;
                 if now >= self.next_us {
-                    // The phase is kept; periods that were slept through are left out.
+                    // The phase stays the same; missed periods are skipped.
                     self.next_us += self.period_us * ((now - self.next_us) / self.period_us + 1);
                     self.ram.header().program_cycles.increment();
                     return self.program.cyclic();
@@ -200,7 +201,7 @@ impl<P: Program> Tasks<P> {
         let stepped = self.ram.header().clock_mode.load() == ClockMode::Stepped.code();
         let mut seats = Vec::new();
         for (event, _) in self.events.iter().filter(|_| stepped) {
-            // One of the seats has the turns of orders.
+            // One of the seats gets the turns for orders.
             seats.push(match seats.is_empty() {
                 true => attached.join_with_orders(*event, patience, patience)?,
                 false => attached.join_lockstep(*event, patience, patience)?,
@@ -306,7 +307,7 @@ impl<P: Program> Drop for Tasks<P> {
     fn drop(&mut self) {
         self.ram.header().program.state.store(ProgramState::None.code());
         self.ram.header().submit_request();
-        // The board must see it before the next program is loaded, also while the clock is stopped.
+        // The board must see it before the next program is loaded, even while the clock is stopped.
         self.ram.header().doorbell.ring();
     }
 }

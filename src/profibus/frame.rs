@@ -53,15 +53,15 @@ pub struct Frame {
     pub sa: u8,
     /// Function code: [`FunctionCode`](super::FunctionCode).
     pub fc: u8,
-    /// Service access point there; none is the one that everybody has.
+    /// Service access point of the destination; `None`: the default one, which every station has.
     pub dsap: Option<u8>,
-    /// Service access point here.
+    /// Service access point of the source.
     pub ssap: Option<u8>,
     /// The data; with the service access points [`MAX_DATA`] octets at most.
     pub data: Vec<u8>,
 }
 
-/// Why octets are no telegram, or a telegram no octets.
+/// Why octets are not a telegram, or a telegram cannot be sent as octets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TelegramError {
     /// No telegram begins with this octet.
@@ -81,7 +81,7 @@ pub enum TelegramError {
     /// The two copies of the length differ, or the length is invalid.
     #[error("lengths are {0} and {1}; both must be the same, 4 to 249")]
     Lengths(u8, u8),
-    /// The sum over the octets is another one.
+    /// The check sum is wrong.
     #[error("the check sum is 16#{found:02X}; it must be 16#{expected:02X}")]
     Sum {
         /// The value found.
@@ -301,7 +301,7 @@ mod tests {
         assert_eq!(Telegram::parse(&right[..10]), Err(TelegramError::Length { found: 10, expected: 11 }));
         let long = Frame { data: vec![0; 245], ..diagnosis() };
         assert_eq!(Telegram::Frame(long).octets(), Err(TelegramError::TooLong(247)));
-        // An address that announces a service access point which is not there.
+        // An address that announces a missing service access point.
         let none = [0x10, 0x85, 2, 0x49, 0xD0, 0x16];
         assert_eq!(Telegram::parse(&none), Err(TelegramError::Length { found: 3, expected: 4 }));
     }

@@ -33,9 +33,9 @@ pub enum FunctionCode {
     Request {
         /// The service of the request.
         request: Request,
-        /// Frame count bit: changes with each new request, so that a repeated one is known.
+        /// Frame count bit: changes with each new request, so that a slave recognizes a repetition.
         fcb: bool,
-        /// Whether the frame count bit counts.
+        /// Whether the frame count bit is valid.
         fcv: bool,
         /// Whether the priority is high.
         is_high: bool,

@@ -3,7 +3,7 @@
 use super::Telegram;
 use serde::{Deserialize, Serialize};
 
-/// What becomes of a transmission.
+/// How a transmission reaches the stations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Passage {
     /// All other stations receive it.
@@ -28,7 +28,7 @@ pub struct Sending {
     pub octets: Vec<u8>,
     /// Another station was sending at the same time, so that no station can decode it.
     pub is_garbled: bool,
-    /// What becomes of it.
+    /// How the transmission reaches the stations.
     pub passage: Passage,
 }
 
@@ -64,7 +64,7 @@ impl Line {
         self.sendings.first().map(|sending| sending.end)
     }
 
-    /// The next one that ends, if it has ended at bit time `now`.
+    /// The transmission that ends next, if it has ended at bit time `now`.
     pub fn end(&mut self, now: u64) -> Option<Sending> {
         self.sendings.first().filter(|sending| sending.end <= now)?;
         let sending = self.sendings.remove(0);

@@ -57,7 +57,7 @@ impl BusRate {
     }
 }
 
-/// `value * by / of`, with `round` added before the division; as large as can be if that does not fit.
+/// `value * by / of`, with `round` added before the division; the largest value if the result does not fit.
 const fn scale(value: u64, by: u64, of: u64, round: u64) -> u64 {
     let scaled = (value as u128 * by as u128 + round as u128) / of as u128;
     if scaled > u64::MAX as u128 { u64::MAX } else { scaled as u64 }

@@ -5,7 +5,7 @@ use super::{Answer, BROADCAST, Frame, FunctionCode, Request, Telegram};
 use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 
-/// The result of a request for the user of the station.
+/// What the user of the station has to do about a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Reaction {
     /// The request is for another station.
@@ -63,7 +63,7 @@ impl Responder {
         }
     }
 
-    /// The answer to `request`, which is kept for a master that has not heard it.
+    /// The answer to `request`, which is kept for a master that has not received it.
     pub fn answer(&mut self, request: &Frame, answer: Telegram) -> Telegram {
         if let FunctionCode::Request { fcb, .. } = FunctionCode::parse(request.fc) {
             self.last = Some((request.sa, fcb, answer.clone()));

@@ -26,9 +26,9 @@ use crate::layout::Test;
 /// reply yet, and the caller tries again after every firmware step.
 #[derive(Debug, Default)]
 pub struct Execution {
-    /// Time at which the operation in progress ends at the latest, in emulated microseconds.
+    /// Latest end of the operation in progress, in emulated microseconds.
     end: Option<u64>,
-    /// End of its present part: the parts are the same for any pauses of the operation.
+    /// End of the present part of the operation. Pauses do not change the parts.
     part: Option<u64>,
     /// The operation has advanced the clock.
     has_set_out: bool,
@@ -40,7 +40,7 @@ pub struct Execution {
     octets: Vec<u8>,
     /// Number of the client: clients send files in several requests. 0 for operations of the same process.
     client: u128,
-    /// Number of the client's process, if it is known; only of a client that asks the host to end.
+    /// Process id of a client that asks the host to end, if it is known.
     process: Option<u32>,
 }
 
@@ -81,7 +81,7 @@ impl Execution {
     }
 }
 
-/// An operation and the host that it runs on. The function that executes an operation has its name.
+/// An operation and its host. The function that executes an operation has the name of the operation.
 struct Work<'a> {
     execution: &'a mut Execution,
     host: &'a mut dyn Host,

@@ -22,13 +22,13 @@ pub trait Host {
     /// An operation is about to be executed.
     ///
     /// # Errors
-    /// [`Refused`]: this host cannot have that.
+    /// [`Refused`]: this host does not support the operation.
     fn permit(&mut self, op: &Op) -> Result<(), Refused> {
         let _ = op;
         Ok(())
     }
 
-    /// Whether operations may be executed now that change the plant; if not, they wait.
+    /// Whether operations that change the plant may be executed now; if not, they wait.
     fn may_act(&self) -> bool {
         true
     }
@@ -64,7 +64,7 @@ pub trait Host {
         None
     }
 
-    /// The doors as they are.
+    /// The doors to its buses, for reading.
     fn doors_seen(&self) -> Option<&Doors> {
         None
     }

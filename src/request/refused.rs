@@ -76,7 +76,7 @@ impl Code {
 
     /// A wait for conditions has too many of them, or none.
     pub const CONDITIONS: Self = Self(40);
-    /// A snapshot cannot be kept, read or gone to.
+    /// A snapshot cannot be kept, read or restored.
     pub const SNAPSHOT: Self = Self(50);
     /// An outside participant cannot go back with the plant.
     pub const NOT_ALONE: Self = Self(51);

@@ -1,10 +1,10 @@
 //! Going back: the history of the plant, and the return to a moment of it.
 //!
 //! With a stepped clock only the clock advances between two actions of clients, and a client acts before the clock
-//! advances. It is therefore enough to keep the stores of operations, and a snapshot before the clock advances after
-//! any other action. The plant reaches every later moment by itself, with the same stores, as it did the first time.
-//! Only stores of a program through the map come without a request; going back over such a stretch is reported to the
-//! client.
+//! advances. The history therefore keeps only the stores of operations; after any other action it takes a snapshot
+//! before the clock advances. From a snapshot the plant reaches every later moment with the same stores, as it did the
+//! first time. Only stores of a program through the map come without a request; going back over such a stretch is
+//! reported to the client.
 
 mod back;
 mod file;
@@ -44,7 +44,7 @@ pub struct Travel {
     /// Bytes that it takes, and may take.
     size: usize,
     most: usize,
-    /// An action since the last snapshot of the history is not recorded in it.
+    /// An action since the last snapshot is not recorded in the history.
     is_touched: bool,
     /// The plant has restored a snapshot from outside its history, so the history was dropped.
     came_from_elsewhere: bool,
@@ -53,9 +53,9 @@ pub struct Travel {
 #[derive(Debug)]
 struct KeptSnapshot {
     snapshot: Snapshot,
-    /// Number of events in the journal at that time.
+    /// Number of events in the journal at the time of the snapshot.
     written: u64,
-    /// The plant has come from that snapshot to its present state.
+    /// The present state of the plant follows from the snapshot.
     is_behind: bool,
 }
 
@@ -113,7 +113,7 @@ impl Travel {
         self.history.back().is_none_or(|last| last.begin.time_us() + after_us <= now)
     }
 
-    /// Keeps where the plant is.
+    /// Begins a new stretch of the history at the present moment.
     fn note(&mut self, plant: &mut Plant) {
         plant.settle();
         let now = plant.now();

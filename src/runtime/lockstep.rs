@@ -1,9 +1,10 @@
 //! Tasks of PLC processes in lockstep: the emulated time waits for them.
 //!
-//! When the event of a task has occurred, the plant stops and the task gets a turn. At its end the task claims run time
-//! and gets another turn when that time is over; the clock continues. Tasks of one PLC share its processor. A task of a
-//! higher level interrupts one of a lower level, which then takes that much longer. Tasks of the same level wait for
-//! each other (manual 5.00005.03a p. 43-44, 73). A task that dies, leaves or takes too long is given up.
+//! When the event of a task has occurred, the clock stops and the task gets a turn. At the end of the turn, the task
+//! states its run time; the clock continues, and the task gets another turn when this time is over. Tasks of one PLC
+//! share its processor. A task of a higher level interrupts a task of a lower level, which then ends later by the same
+//! time. Tasks of the same level wait for each other (manual 5.00005.03a p. 43-44, 73). The emulator gives up a task
+//! that dies, leaves or takes too long.
 
 use crate::identity::DeviceIndex;
 use crate::memory::header::{SEAT_ORDERS, Seat, SeatState};

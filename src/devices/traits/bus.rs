@@ -8,7 +8,7 @@ use crate::journal::{Journal, Origin};
 use crate::snapshot_fields::SnapshotFields;
 use core::any::Any;
 
-/// Access of an event to other objects than its own device or bus.
+/// The objects outside its own device or bus that an event can access.
 pub struct World<'a> {
     /// Emulated time in microseconds.
     pub now: u64,
@@ -32,9 +32,9 @@ pub struct Plug {
     pub socket: Box<dyn Any + Send>,
 }
 
-/// A bus of a plant. It runs the firmware of the ports that are attached to it, so an event reaches all affected ports
-/// without a call of their devices. Features that only some buses have are optional methods: a watch over the ports,
-/// guests, a SYNC signal, drives, faults.
+/// A bus of a plant. A bus runs the firmware of the ports that are attached to it, so an event reaches all affected
+/// ports without calls to their devices. Features that only some buses have are optional methods: a watch over the
+/// ports, guests, a SYNC signal, drives, faults.
 pub trait Bus: BusView + Any + Send + SnapshotFields {
     /// Attaches a port: the [`Plug::socket`] of a device. Returns the port's place, which identifies it from now on.
     ///

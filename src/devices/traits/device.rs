@@ -100,7 +100,8 @@ impl dyn Device {
         BoardState::of(self.header())
     }
 
-    /// Whether an access in the right area meets existing memory: the device may have fewer retain flags than fit.
+    /// Whether memory exists for an access in the right area: the device may have fewer retain flags than the area has
+    /// room for.
     pub fn has(&self, offset: u32, width: Width) -> bool {
         let Some(retain) = self.layout().retain.filter(|retain| retain.area.contains(offset)) else {
             return true;

@@ -63,7 +63,7 @@ pub struct Shaft {
     pub angle: u32,
 }
 
-/// A drive with all that can be seen of it.
+/// All visible details of a drive.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DriveDetails {
     /// State of the drive.
@@ -74,7 +74,7 @@ pub struct DriveDetails {
     pub card: Vec<(u8, u16)>,
 }
 
-/// Why a parameter was not set.
+/// Reason for which a parameter was not set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ParameterRefusal {
     /// The drive has no parameter of that number.

@@ -22,7 +22,7 @@ pub struct Events {
     pub stop: bool,
 }
 
-/// The clients that are waited for in lockstep are no part of the plant.
+/// The clients in lockstep are not a part of the plant.
 impl SnapshotFields for Events {
     fn save(&self, to: &mut Saving) {
         let Self { enabled, held, fired, watched: _, stop: _ } = self;
@@ -51,7 +51,7 @@ impl Events {
         self.stop |= self.watched & bit != 0;
     }
 
-    /// The board has ordered a start or stop: tasks that are waited for obey it now.
+    /// The board has ordered a start or stop: tasks in lockstep obey it now.
     pub(in crate::devices) fn note_order(&mut self) {
         self.stop |= self.watched != 0;
     }

@@ -3,7 +3,7 @@
 use crate::devices::Context;
 use crate::memory::header::BoardSetting;
 
-/// Cause that switches a device off or on.
+/// Why a device goes off or on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Power {
     /// Supply off.
@@ -25,7 +25,7 @@ pub enum FrontAction {
     Answered,
     /// RESET is held: the device stops.
     Held,
-    /// The supply failed, with or without RESET: the device stops, and all parts with the same supply.
+    /// The supply failed, with or without RESET: the device and all parts with the same supply stop.
     Off,
     /// Power-on, or RESET was released: the device restarts.
     Up,
@@ -37,8 +37,8 @@ pub trait Front {
     /// if there is no such switch.
     fn turn(&self, setting: BoardSetting) -> bool;
 
-    /// Why the device would not carry out this setting now: a command that its switches or its state do not allow. `None`: it
-    /// would.
+    /// Why the device would not carry out this setting now: its switches or its state do not allow the command. `None`:
+    /// the device would carry it out.
     fn refusal(&self, setting: BoardSetting) -> Option<&'static str> {
         let _ = setting;
         None

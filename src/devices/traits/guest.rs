@@ -1,4 +1,4 @@
-//! Guests: foreign programs that take part in a bus as stations of their own.
+//! Guests: foreign programs that take part in a bus as separate stations.
 
 use crate::can::ErrorState;
 use crate::door::{BusMessage, Guest};
@@ -15,8 +15,7 @@ pub enum GuestRefusal {
     /// The guest has too many frames to send; later there will be room.
     #[error("the guest has as many frames to send as its controller holds")]
     Full,
-    /// The time is too far ahead: no guest waits for it, so later frames would not be sent either; a later time
-    /// would be no better.
+    /// The time is too far ahead: all later frames of the guest would have to wait for it.
     #[error("the time of the guest's telegram lies {seconds} s ahead; it may be 60 s at most")]
     TooFarAhead {
         /// Emulated seconds from now until that time.
@@ -53,8 +52,8 @@ pub trait BusGuests {
         ErrorState::Active
     }
 
-    /// The traffic of the bus goes to `receiver` from now on, except what this guest sends; with `None` it hears no more.
-    /// A guest can hear without taking part. Snapshots contain no receivers.
+    /// The traffic of the bus goes to `receiver` from now on, except what this guest sends; with `None` the guest
+    /// receives no more traffic. A guest can hear without taking part. Snapshots contain no receivers.
     fn guest_hears(&mut self, guest: u8, receiver: Option<Arc<Guest>>) {
         let _ = (guest, receiver);
     }
@@ -95,7 +94,7 @@ pub enum Attendance {
     Seated,
     /// The guest has given its seat back, by leaving the bus or the door.
     SeatBack,
-    /// The seat was taken away: in its turn the guest has neither asked for time nor left for too long.
+    /// The guest has lost its seat: it took too long in its turn, without a request for time.
     SeatLost,
 }
 

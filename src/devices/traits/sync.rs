@@ -3,7 +3,7 @@
 use crate::journal::{Journal, Origin};
 use serde::{Deserialize, Serialize};
 
-/// A SYNC signal, as far as the masters that take it over need it.
+/// The properties of a SYNC signal that the masters which take it over need.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SyncSignal {
     /// Time between two edges in us.

@@ -20,11 +20,11 @@ pub struct EventSlot {
 #[repr(C)]
 pub struct Interrupt {
     /// Bit 0: `x_EN`. Bits 1 to 15: number of the request, different from the one in `answer`. Bits 16 to 31: `i_PAR1`,
-    /// factor of a CPU timer to 50 us.
+    /// the period of a CPU timer in units of 50 us.
     pub request: Cell32,
     /// The request that `result` belongs to.
     pub answer: Cell32,
-    /// An [`InterruptResult`], stored before `answer`. `x_ERR` of the function block is "not 0".
+    /// An [`InterruptResult`], stored before `answer`. Output `x_ERR` of the function block is TRUE if it is not 0.
     pub result: Cell32,
     /// Zero.
     pub reserved: Cell32,

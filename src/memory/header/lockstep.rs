@@ -8,8 +8,8 @@ use crate::memory::struct_tables::publish;
 use crate::memory::{Bell, Cell32, Cell64, SharedRegs};
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 
-/// Flag in the event of a seat: the task gets a turn at once, and whenever the board orders a start or stop of the
-/// program or has been reset, even if no event occurs.
+/// Flag in [`Seat::event`]: in addition to the turns of its event, the task gets a turn directly after it has joined,
+/// when the board orders a start or stop of the program, and after a reset.
 pub const SEAT_ORDERS: u32 = 0x100;
 
 /// The seat of one task in lockstep.
@@ -26,7 +26,7 @@ pub struct Seat {
     pub event: Cell32,
     /// Longest real time of a turn before the task counts as lost, in ms; 0: as long as its process lives.
     pub patience_ms: Cell32,
-    /// Rung by the emulator at the start of a turn: the time stops until `done` has rung as often.
+    /// Rung by the emulator at the start of a turn. The clock stops until `done` has rung the same number of times.
     pub turn: Bell,
     /// Emulated time of the turn in microseconds; written before `turn` rings.
     pub time_us: Cell64,

@@ -41,7 +41,7 @@ pub enum PlantError {
     /// The plant has no PLC.
     #[error("the plant has no PLC; add a [[plc]] section with a name")]
     NoPlc,
-    /// More than journal and channel have numbers for.
+    /// More entries than journal and channel have numbers for.
     #[error("the plant has {count} {}; there can be at most {MOST}", several(what))]
     TooMany {
         /// "PLC" or "bus".
@@ -65,7 +65,7 @@ pub enum PlantError {
         /// The name.
         name: String,
     },
-    /// Another entry is at the place of a section.
+    /// An entry with the name of a section is not a section.
     #[error("{file}: line {line}: [[{name}]] begins a section; there can be several")]
     NoSection {
         /// The file.

@@ -9,7 +9,7 @@ use crate::time;
 
 /// Maximum advance between two calls of [`Host::should_stop`]: 100 ms of emulated time.
 const SLICE_US: u64 = 100_000;
-/// Maximum advance while nothing changes, which takes no longer: a minute.
+/// Maximum advance while nothing changes: a minute, which costs no more real time than a slice.
 const REST_US: u64 = 60_000_000;
 /// Number of events that a wait handles between two calls of [`Host::should_pause`], which may cost as much as an
 /// event.
@@ -78,7 +78,7 @@ impl Execution {
         outcome
     }
 
-    /// Waits until `look` returns true; it also returns a value for the answer.
+    /// Waits until `look` returns true. `look` also returns a value for the answer.
     pub(super) fn wait(
         &mut self,
         host: &mut dyn Host,

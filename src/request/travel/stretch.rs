@@ -24,7 +24,7 @@ pub(super) struct Stretch {
     pub(super) begin: Snapshot,
     /// Stores of operations after the snapshot, in order.
     pub(super) stores: Vec<Store>,
-    /// End of the part without a break.
+    /// Known end of the stretch: the last moment that the plant has reached with these stores.
     end: StretchEnd,
 }
 
@@ -54,7 +54,7 @@ impl Stretch {
         self.stores.len() < MOST_STORES
     }
 
-    /// Time has passed.
+    /// Extends the stretch to the present time.
     pub(super) fn goes_on_to(&mut self, plant: &Plant) {
         self.end =
             StretchEnd { time_us: plant.now(), stores: self.stores.len(), hash: plant.journal().hash() };
@@ -81,13 +81,13 @@ impl Stretch {
         plant.journal().hash() == hash
     }
 
-    /// Returns the way from the beginning on, with the stores up to a moment.
+    /// Returns the stores from the beginning of the stretch up to a moment.
     pub(super) fn way(&self, until_us: u64) -> RemainingStores<'_> {
         RemainingStores(&self.stores[..self.stores.partition_point(|store| store.time_us <= until_us)])
     }
 }
 
-/// Remaining stores of the way.
+/// Stores that are still to be repeated.
 pub(super) struct RemainingStores<'a>(&'a [Store]);
 
 impl RemainingStores<'_> {
