@@ -28,7 +28,7 @@ use std::time::{Duration, Instant};
 type Port = iceoryx2::port::client::Client<Threads, [WireOp], (), [Block], ()>;
 type Pending = PendingResponse<Threads, [WireOp], (), [Block], ()>;
 
-/// Time to sleep before checking that the emulator still runs.
+/// Interval at which a waiting client checks that the emulator still runs.
 const ALIVE_CHECK: Duration = Duration::from_millis(100);
 /// Free space in the memory file system that a client needs, in bytes: for a request of the greatest length, and for
 /// iceoryx2. Without this space the client would be killed.
@@ -119,8 +119,8 @@ impl Client {
         self.patience.reply = reply;
     }
 
-    /// Withdraws requests from now on when `cancel` becomes true: the emulator ends them as those of a client that was
-    /// killed, and the request fails as after its time limit.
+    /// From now on, withdraws a request when `cancel` becomes true: the emulator ends it like a request of a killed
+    /// client, and the request fails as after its time limit.
     #[cfg(feature = "cli")]
     pub(crate) fn set_cancel(&mut self, cancel: Arc<AtomicBool>) {
         self.cancel = Some(cancel);

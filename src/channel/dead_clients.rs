@@ -1,8 +1,7 @@
 //! Finds clients that have died during their requests.
 //!
-//! A killed client cannot withdraw its request, so the request looks as if the client still waited. iceoryx2 detects
-//! the dead node. But the query takes system calls, and in a damaged channel it may never return, so a thread runs it
-//! at intervals.
+//! A killed client cannot withdraw its request, so its client seems to wait. iceoryx2 detects the dead node. But the
+//! query takes system calls, and in a damaged channel it may never return, so a thread runs it at intervals.
 
 use super::domain::Domain;
 use iceoryx2::identifiers::UniqueNodeId;

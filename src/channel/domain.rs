@@ -218,8 +218,8 @@ impl Domain {
         published.map_err(|source| io_error(self.root.path(), source))
     }
 
-    /// True if the server with process id `pid` has announced itself and not withdrawn this. The announcement of a
-    /// killed server has another id.
+    /// True if the server with process id `pid` has announced itself and has not withdrawn the announcement. The
+    /// announcement of a killed server has another id.
     pub(crate) fn is_announced(&self, pid: u32) -> bool {
         self.announced().is_some_and(|process| process.pid == pid)
     }

@@ -6,7 +6,7 @@
 #[cfg(test)]
 mod model;
 
-/// A directory that may have a name; real or modelled.
+/// A directory, real or modelled, which may have lost its name.
 pub(super) trait ChannelRoot {
     /// While it exists, no other process has the lock.
     type Lock;

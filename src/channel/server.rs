@@ -58,7 +58,7 @@ pub struct Server {
     /// arrival. Declared before the port, which they refer to.
     waiting: Vec<(Request, Run)>,
     departed: DeadClients,
-    /// `None` only while it is being dropped.
+    /// `None` only while the server is being dropped.
     port: Option<Port>,
     service: Option<Service<Ipc>>,
     node: Option<Node<Ipc>>,

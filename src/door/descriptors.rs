@@ -1,9 +1,10 @@
-//! Descriptors: doors and guests leave some to the channel, so that its clients are answered however many guests come.
+//! File descriptors: doors and guests leave some to the channel, so that any number of guests leaves its clients a
+//! connection.
 
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::io;
 
-/// Descriptors that neither doors nor guests take. The channel needs some for each client that connects.
+/// File descriptors that neither doors nor guests take. The channel needs some for each client that connects.
 pub(crate) const RESERVED: u64 = 32;
 /// Count of further descriptors that a process requests from the system if doors or guests need some.
 const MORE: u64 = 128;
@@ -11,7 +12,7 @@ const MORE: u64 = 128;
 /// Checks that enough descriptors are left after one was opened.
 ///
 /// # Errors
-/// Only reserved ones are left, and this process may not have more.
+/// Only reserved descriptors are left, and this process may not have more.
 pub(super) fn check_room() -> io::Result<()> {
     let Rlimit { current, maximum } = getrlimit(Resource::Nofile);
     let Some(limit) = current else { return Ok(()) };

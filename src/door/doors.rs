@@ -15,7 +15,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{self, Sender};
 use std::thread::JoinHandle;
 
-/// Why a door does not open.
+/// Reason for which a door does not open.
 #[derive(Debug, thiserror::Error)]
 #[error("{door}: {reason}{}", limits::named(.reason))]
 pub struct DoorError {
@@ -83,8 +83,8 @@ impl Doors {
     /// Opens a door to a bus; returns its specification, with its real port or number.
     ///
     /// # Errors
-    /// [`DoorError`]: the address is taken or not this machine's, there is no pseudo-terminal, no place for the guest at it, or no
-    /// descriptor that is not reserved. The door is then not open.
+    /// [`DoorError`]: the address is taken or not this machine's, there is no pseudo-terminal, no place for the guest
+    /// at it, or only reserved descriptors are left. The door is then not open.
     pub fn open(&mut self, bus: BusIndex, door: DoorSpec) -> Result<DoorSpec, DoorError> {
         self.try_open(bus, door).map_err(|reason| DoorError { door, reason })
     }
@@ -157,7 +157,7 @@ impl Doors {
         of_bus.map(state).collect()
     }
 
-    /// The guests, those included that have come since the last call.
+    /// All guests, also those that have come since the last call.
     pub fn guests(&mut self) -> &[Arc<Guest>] {
         if let Some(io) = &self.io {
             io.shared.take_new(&mut self.guests);

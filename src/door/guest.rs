@@ -73,7 +73,7 @@ pub struct GuestRequests {
     pub rate: Option<Rate>,
     /// The guest has left for good.
     pub has_gone: bool,
-    /// A number of octets that it has announced and no telegram has.
+    /// An impossible number of octets that the guest has announced.
     pub bad_length: Option<u16>,
 }
 
@@ -90,9 +90,9 @@ pub struct GuestState {
     pub bit_s: Option<u32>,
     /// Whether the guest has asked for a time, and emulated time waits for it if the clock is stepped.
     pub seat: bool,
-    /// Frames or telegrams that it was to hear and for which there was no room.
+    /// Frames or telegrams for the guest that were dropped because there was no room.
     pub dropped: u64,
-    /// Frames or telegrams that it wanted to send and that were not taken.
+    /// Frames or telegrams of the guest that were refused.
     pub refused: u64,
 }
 
@@ -141,7 +141,7 @@ impl Guest {
         self.inner().to_plant.front().cloned()
     }
 
-    /// The message was taken; `false`: it is refused for good.
+    /// Removes the message: the bus has taken it, or, with `false`, has refused it for good.
     pub fn sent(&self, was_taken: bool) {
         let mut inner = self.inner();
         inner.to_plant.pop_front();
@@ -191,7 +191,7 @@ impl Guest {
         self.inner().bus_bit_s = bit_s;
     }
 
-    /// Emulated time begins to pass for it, at `now`, if it has asked for that.
+    /// Begins the duration at `now` that the guest has asked for, if any.
     pub fn take_request(&self, now: u64) {
         let mut inner = self.inner();
         let rate = BusRate::new(inner.bus_bit_s);
@@ -204,7 +204,7 @@ impl Guest {
         inner.seat.begin(now);
     }
 
-    /// The bit time on its bus at this emulated one; 0 if its bus counts none.
+    /// The bit time on its bus at this emulated time; 0 if its bus counts no bit times.
     pub(super) fn bit_at(&self, time_us: u64) -> u64 {
         BusRate::new(self.inner().bus_bit_s).map_or(0, |rate| rate.bits_at(time_us))
     }
@@ -290,7 +290,7 @@ impl Adapter for &Guest {
     }
 
     fn ask_until(&mut self, bit: u64) -> bool {
-        // The duration is known when it begins.
+        // The duration is computed when it begins.
         let may = self.ask(u64::MAX);
         if may {
             self.inner().until_bit = Some(bit);

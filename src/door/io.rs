@@ -45,7 +45,7 @@ pub(super) enum Command {
 /// An entrance for guests.
 pub(super) enum Entrance {
     Tcp(TcpListener),
-    /// Here is always one.
+    /// A terminal, which always has one guest.
     Pty(Pty),
 }
 
@@ -57,7 +57,7 @@ pub(super) struct Shared {
 
 #[derive(Debug, Default)]
 struct Present {
-    /// All that the plant's side has not forgotten.
+    /// All guests that the plant's side has not forgotten.
     guests: Vec<Arc<Guest>>,
     /// Count of guests that the plant's side does not know yet.
     new: usize,
@@ -135,7 +135,8 @@ const CHUNK: usize = 4096;
 /// Maximum count of bytes that wait to be written: a guest that does not read is not served.
 const MOST_UNWRITTEN: usize = 16 * CHUNK;
 
-/// After this time the doors accept again, if the system had no descriptor or memory for a guest: nothing reports when it has.
+/// After this time the doors accept guests again, if the system had no descriptor or memory for a guest: no event
+/// reports when the system has some again.
 const RETRY: Duration = Duration::from_millis(100);
 
 const WAKER: Token = Token(0);
@@ -374,7 +375,7 @@ impl Io {
         for station in self.stations.values() {
             let Station::Listener { listener, door, bus, spec } = station else { continue };
             let now = Instant::now();
-            // Guests that come too fast have to wait until others were attended to.
+            // Guests that come too fast have to wait until other guests were served.
             let mut retry = Some(now);
             for _ in 0..MAX_GUESTS {
                 match listener.accept() {
@@ -455,7 +456,7 @@ impl Io {
 
     fn remove(&mut self, token: usize) {
         if let Some(Station::Guest(mut visit)) = self.stations.remove(&token) {
-            // Messages from before it left count.
+            // Messages that the guest sent before it left are still valid.
             for _ in 0..ROOM_TO_GUEST {
                 if !visit.may_read() || visit.read().1 == Presence::Leaves {
                     break;
@@ -463,7 +464,7 @@ impl Io {
             }
             visit.guest.leave();
             if !visit.guest.has_opened() {
-                // The plant has nothing to do with it.
+                // The plant does not know this guest.
                 self.shared.forget(&visit.guest);
             }
         }

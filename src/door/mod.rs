@@ -1,8 +1,8 @@
 //! Doors: entrances for foreign programs to the buses of a running plant.
 //!
-//! A door is an entrance over TCP or over a pseudo-terminal: to CAN in the dialect of SLCAN that serial adapters
-//! speak, or to PROFIBUS in telegrams. A program that connects is a guest, a station on a bus like others. This
-//! module knows no plant: [`Doors`] passes on the messages of guests and takes messages for them. Both ways use
+//! A door is an entrance over TCP or over a pseudo-terminal: to CAN with SLCAN, the protocol of serial adapters, or to
+//! PROFIBUS with telegrams. A program that connects is a guest, a station on a bus like others. This module does not
+//! depend on the plant: [`Doors`] passes on the messages of guests and takes messages for them. Both directions use
 //! bounded queues, so that a slow or dead guest delays no other station. A separate thread does all work that could
 //! block. A guest that asks for emulated time has a [`GuestTurn`] in lockstep.
 

@@ -5,7 +5,7 @@ use super::wire::{Adapter, BadLength, BusMessage};
 use super::{slcan, telegrams};
 use core::fmt;
 
-/// The kind of messages that a bus and the protocol of a door at it have in common.
+/// The kind of messages that a bus and the protocol of its doors have in common.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TrafficKind {
     /// Frames of CAN.

@@ -30,8 +30,8 @@ pub enum GuestTurn {
 }
 
 impl GuestTurn {
-    /// Asks for a duration; `false` if the guest has asked already, or for a duration of 0, which would stop the
-    /// clock for ever.
+    /// Asks for a duration. `false` if the guest has asked already, or asks for a duration of 0, which would stop the
+    /// clock permanently.
     pub(super) fn ask(&mut self, us: u64) -> bool {
         let may = self.may_speak() && us > 0;
         if may {

@@ -68,7 +68,7 @@ impl Session {
     /// Takes bytes of the guest.
     ///
     /// # Errors
-    /// [`BadLength`]: of no telegram.
+    /// [`BadLength`]: no telegram has this length.
     pub(super) fn hear(&mut self, bytes: &[u8], adapter: &mut dyn Adapter) -> Result<(), BadLength> {
         self.begun.extend_from_slice(bytes);
         let mut rest = self.begun.as_slice();

@@ -65,7 +65,7 @@ impl Format for Candump {
 
     fn skip(&mut self, _: &Record) {}
 
-    /// The format has no place for it.
+    /// The format cannot express a gap.
     fn gap(&mut self, _: u64, _: &mut String) -> bool {
         false
     }

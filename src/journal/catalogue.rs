@@ -5,7 +5,7 @@ use super::event::Event;
 use super::kind::EventKind;
 use super::rule::Rule;
 
-/// A kind of fault as far as records need it.
+/// The part of a kind of fault that records need.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FaultName {
     /// Number of the kind.
@@ -46,7 +46,7 @@ impl Catalogue {
         self.faults.iter().find(|fault| fault.number == number).map(|fault| fault.name)
     }
 
-    /// The event with these words; `None` for words that no event has.
+    /// The event with these words; `None` if no event has such words.
     pub fn event(&self, words: Words) -> Option<Event> {
         let [number, ..] = words[0].to_le_bytes();
         let kind = self.kinds.iter().copied().find(|kind| kind.number() == number)?;

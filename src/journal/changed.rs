@@ -49,7 +49,7 @@ impl By {
     }
 }
 
-/// Facts about a change besides the values.
+/// Facts about a change, in addition to the values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChangeDetails {
     /// The register's width.

@@ -35,7 +35,7 @@ pub trait Part: Copy {
     /// Appends the field.
     fn put(self, packer: &mut Packer);
 
-    /// Takes it from there; `None` if the number means nothing.
+    /// Takes the field from the words; `None` if the number has no meaning.
     fn take(unpacker: &mut Unpacker) -> Option<Self>;
 }
 
@@ -183,7 +183,7 @@ pub trait EventSource: Copy {
     /// Index of device or bus, and number of the port.
     fn numbers(self) -> (u16, u8);
 
-    /// The way back.
+    /// The inverse of [`EventSource::numbers`].
     fn of_numbers(index: u16, number: u8) -> Self;
 }
 

@@ -1,5 +1,5 @@
-//! A draft of the journal: events of a reporter that does not yet know the earlier events of other reporters. The
-//! draft is merged into the journal when those are known.
+//! A draft of the journal: events of a reporter, before the earlier events of other reporters are known. When they are
+//! known, the draft is merged into the journal.
 
 use super::{Event, Finding, Journal, Keeping};
 use std::sync::Arc;

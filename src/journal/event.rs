@@ -67,9 +67,9 @@ impl Source {
 pub enum Keeping {
     /// In a separate record.
     Noted,
-    /// Together with equal ones at equal distances.
+    /// Together with equal events at equal distances.
     Counted,
-    /// In a separate record; the event is a request, and its answers shall contain their latency.
+    /// In a separate record; the event is a request, and the records of its answers contain the latency.
     Request {
         /// Index of the device.
         plc: DeviceIndex,
@@ -155,7 +155,7 @@ impl Event {
         self.kind.stored(self.words)
     }
 
-    /// The guest that sent it, if a frame or telegram of a guest has ended.
+    /// The sender, if the event is the end of a frame or telegram of a guest.
     #[must_use]
     pub fn guest(&self) -> Option<u8> {
         self.frame().map_or_else(|| self.kind.guest(self.words), |carried| carried.guest)

@@ -18,14 +18,14 @@ impl Fields {
         Self::default()
     }
 
-    /// A field more.
+    /// Adds a field.
     #[must_use]
     pub fn with(mut self, name: &'static str, value: impl Into<Value>) -> Self {
         self.0.push((name, value.into()));
         self
     }
 
-    /// A field more, if there is a value; else none at all.
+    /// Adds a field if there is a value.
     #[must_use]
     pub fn with_any(self, name: &'static str, value: Option<impl Into<Value>>) -> Self {
         match value {

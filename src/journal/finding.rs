@@ -21,7 +21,8 @@ pub struct Finding {
     pub rule: &'static Rule,
     /// Index of the device in the plant; or of a bus, see [`Finding::at_bus`].
     pub plc: DeviceIndex,
-    /// Offset of the register in the device's RAM; on a bus the number of the guest, or that of the participant and 256.
+    /// Offset of the register in the device's RAM; on a bus the number of the guest, or 256 plus the number of the
+    /// participant.
     pub offset: u32,
     /// Which of the structures that overlay each other the register belongs to.
     pub live: RegisterPhase,
@@ -141,7 +142,7 @@ impl Finding {
         }
     }
 
-    /// Address at the register's own width: `%MW3.200002`; none for a finding on a bus.
+    /// Address at the register's own width: `%MW3.200002`; `None` for a finding on a bus.
     #[must_use]
     pub fn address(&self, fitted: impl Into<DeviceFit>) -> Option<Address> {
         if self.is_at_bus() {

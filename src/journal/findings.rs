@@ -2,9 +2,9 @@
 
 use super::{Finding, Rule, Severity};
 
-/// Most pairs of rule and register that are kept apart.
+/// Most pairs of rule and register that are counted separately.
 pub const MAX_ENTRIES: usize = 256;
-/// Most changes of value of one entry that are worth a record in the journal.
+/// Most changes of the value of one entry that become records of the journal.
 const MAX_RECORDS: u8 = 8;
 
 /// Counters of a rule at a register.
@@ -12,8 +12,8 @@ const MAX_RECORDS: u8 = 8;
 pub struct Entry {
     /// The last finding.
     pub last: Finding,
-    /// False: counts findings of the rule at all the registers for which there was no room; place and value are
-    /// those of the last one.
+    /// False: counts the findings of the rule at all registers without a separate entry; place and value are those of
+    /// the last finding.
     pub is_single: bool,
     /// Count of occurrences.
     pub count: u64,
@@ -55,8 +55,8 @@ pub struct Findings {
 }
 
 impl Findings {
-    /// Counts a finding. Returns whether it deserves a record in the journal: a new rule or register, or another
-    /// value than last time. So a program that repeats an error in every interval does not fill the journal.
+    /// Counts a finding. Returns whether it becomes a record of the journal: a new rule or register, or another value
+    /// than last time. So a program that repeats an error in every interval does not fill the journal.
     pub fn note(&mut self, time_us: u64, finding: Finding) -> bool {
         if let Some(index) = self.entries.iter().position(|entry| entry.is_of(&finding)) {
             let (entry, records) = (&mut self.entries[index], &mut self.records[index]);
@@ -88,7 +88,7 @@ impl Findings {
         (entries, records, further)
     }
 
-    /// A table of such parts; none if they do not belong together.
+    /// A table of such parts; `None` if they do not fit together.
     pub(super) fn of_parts(entries: Vec<Entry>, records: Vec<u8>, further: Vec<Entry>) -> Option<Self> {
         let fits = entries.len() == records.len() && entries.len() <= MAX_ENTRIES;
         fits.then_some(Findings { entries, records, further })

@@ -1,8 +1,8 @@
 //! The running hash over all events: equal hashes prove that two runs are the same run.
 //!
-//! The hash must distinguish runs that differ in a few single bits, as one wrong step of an emulator leaves them.
-//! Hashes made for tables are linear enough that two such differences cancel. XXH3 multiplies unlike halves of a
-//! block, and the same events give the same value on every machine and in every build.
+//! The hash must distinguish runs that differ in a few single bits, for example after one wrong step of an emulator.
+//! Hashes made for tables are linear enough that two such differences cancel. XXH3 multiplies unlike halves of a block,
+//! and the same events give the same value on every machine and in every build.
 //!
 //! The stream is hashed in blocks, and the value of each block is the seed of the next one. So a snapshot only needs
 //! one value and the events of one block to continue in the middle of the stream.
@@ -21,7 +21,7 @@ pub(super) struct Fingerprint {
     /// Hash of all blocks before this one.
     before: u64,
     block: [u8; EVENTS * EVENT],
-    /// Bytes of the block that there are; there is always room for one more event.
+    /// Number of bytes in the block so far; there is always room for one more event.
     len: usize,
 }
 

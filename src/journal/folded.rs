@@ -5,10 +5,10 @@ use super::text::{Text, seconds};
 use super::{Catalogue, ChannelWrite, Format, Names, Record, Ring, Source};
 use std::fmt::Write;
 
-/// Writes records as [`Text`] does, but counts cyclic traffic until something else happens: a quiet period.
+/// Writes records as [`Text`] does, but counts cyclic traffic until another event: a quiet period.
 ///
-/// Cyclic are frames and telegrams, SYNC edges, and handshakes that do not answer a request of the channel. Records are of the same group if their source is the same and their text up to the first `: `; the rest
-/// are values.
+/// Frames, telegrams, SYNC edges, and handshakes that do not answer a request of the channel are cyclic. Records with
+/// the same source and the same text up to the first `: ` are one group; the rest of the text is values.
 pub(crate) struct Folded {
     text: Text,
     /// The traffic since the last other event, in the order of the first records.

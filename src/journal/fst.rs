@@ -1,7 +1,8 @@
 //! Waveforms as FST, the format of GTKWave's own: the same signals as in a value change dump, in less space.
 //!
-//! The writer of the format knows vectors of bits and no texts. A text is a vector of 8 bits for each character as of a
-//! string in Verilog, the last character lowest and zeros above it; viewers show it so if asked for ASCII (D-590).
+//! The writer of the format supports vectors of bits but no texts. A text is a vector of 8 bits for each character,
+//! like a string in Verilog: the last character lowest, and zeros above it. Viewers show it as text in ASCII mode
+//! (D-590).
 
 use super::waves::{Change, Content, Shape, Step, Waves};
 use fst_writer::{

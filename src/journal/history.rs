@@ -59,7 +59,7 @@ pub struct Stored {
     pub now: u32,
 }
 
-/// The device's RAM, as comparisons need it.
+/// Access of comparisons to the RAM of devices.
 pub(crate) trait Rams {
     /// The value of a register of device `plc`.
     fn load(&self, plc: DeviceIndex, offset: u32, width: Width) -> Option<u32>;
@@ -88,7 +88,7 @@ pub(super) struct FollowedRegister {
     live: RegisterPhase,
     in_journal: bool,
     for_onlookers: bool,
-    /// Value that onlookers know, from the moment that the plant goes to another time until they are notified.
+    /// Value that onlookers know, while the plant has gone to another moment and they are not yet notified.
     #[serde(skip)]
     left: Option<u32>,
 }
@@ -206,8 +206,8 @@ impl History {
         }
     }
 
-    /// The plant has gone to another moment: onlookers get the differences. The journal gets none: a comparison must
-    /// still find the program's writes that none has seen yet.
+    /// The plant has gone to another moment: onlookers get the differences. The journal gets none: the next comparison
+    /// must still find writes of programs since the last comparison.
     pub(super) fn arrived(&mut self, time_us: u64, rams: &impl Rams) {
         let History { followed, changes, end, is_searching, .. } = self;
         if *is_searching {

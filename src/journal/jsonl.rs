@@ -112,7 +112,7 @@ impl Format for Jsonl {
 }
 
 fn write(line: &impl Serialize, out: &mut String) {
-    // Numbers and strings under fixed names: there is nothing that could not be written.
+    // Numbers and strings under fixed names, which can always be written.
     out.push_str(&serde_json::to_string(line).unwrap_or_default());
     out.push('\n');
 }

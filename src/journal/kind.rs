@@ -1,5 +1,4 @@
-//! A kind of event: its number and name, the ring that keeps it, and how it reads. Each family has its own;
-//! [`Catalogue`] is their sum.
+//! A kind of event: its number, name, ring and text. Each family has its own kinds; [`Catalogue`] contains all of them.
 
 use super::catalogue::Catalogue;
 use super::coded::{EventCodec, Words};
@@ -70,7 +69,7 @@ pub trait EventText: EventCodec {
         None
     }
 
-    /// The guest that sent the telegram, if one of a guest has ended.
+    /// The sender, if the event is the end of a telegram of a guest.
     fn guest(&self) -> Option<u8> {
         None
     }
@@ -80,7 +79,7 @@ pub trait EventText: EventCodec {
         None
     }
 
-    /// The time slot of the bus that the frame was in, if it has such and this is a frame.
+    /// The time slot of a frame, on a bus with time slots.
     fn slot(&self) -> Option<&'static str> {
         None
     }
@@ -118,7 +117,7 @@ pub struct EventKind {
     reads: KindDecoders,
 }
 
-/// Decoders of the words of a kind. Invalid words never get here: [`Catalogue::event`] refuses them.
+/// Decoders of the words of a kind. They never receive invalid words, because [`Catalogue::event`] refuses them.
 struct KindDecoders {
     normal: fn(Words, &Catalogue) -> Option<Words>,
     source: fn(Words) -> Option<Source>,

@@ -1,8 +1,8 @@
 //! The journal: events with their times in emulated microseconds.
 //!
-//! It has three parts. A running hash over **all** events ever written: two runs are the same run if their
-//! hashes are equal. A table that counts the [`Findings`] of the access checker. And bounded rings of [`Record`]s
-//! for reading, which forget their oldest ones:
+//! The journal has three parts. A running hash covers **all** events ever written: two runs are the same run if their
+//! hashes are equal. A table counts the [`Findings`] of the access checker. Bounded rings keep [`Record`]s for reading
+//! and drop the oldest ones:
 //!
 //! - Frames, register traffic, missed deadlines and states have a ring each, so that bus traffic cannot push out the
 //!   events that an engineer needs.
@@ -112,19 +112,19 @@ pub trait Format<Out = String> {
     /// Appends the lines of a record to `out`, if the format has any for it.
     fn record(&mut self, record: &Record, out: &mut Out);
 
-    /// Takes note of a record without writing it: its effect on the state is needed for later records.
+    /// Processes a record without writing it: later records may depend on its effect on the state.
     fn skip(&mut self, record: &Record);
 
     /// Appends that `lost` records are missing here, if the format can say so; returns whether it can.
     fn gap(&mut self, lost: u64, out: &mut Out) -> bool;
 
-    /// Appends what the format has kept back until the records after it were known.
+    /// Appends the output that the format has held back until the following records were known.
     fn end(&mut self, out: &mut Out) {
         let _ = out;
     }
 }
 
-/// Bounded record of a run.
+/// The bounded journal of a run.
 pub struct Journal {
     ring: Rings,
     tally: Tally,
@@ -136,7 +136,8 @@ pub struct Journal {
     fingerprint: Fingerprint,
     history: History,
     history_id: HistoryId,
-    /// Emulated time in microseconds from which on it has records: that of the snapshot from which it continues.
+    /// Emulated time in microseconds of the first possible record: that of the snapshot from which the journal
+    /// continues.
     since_us: u64,
     /// Set for a draft: reports are only stored here.
     draft: Option<Box<Draft>>,
@@ -207,7 +208,7 @@ impl Journal {
         }
     }
 
-    /// Whether any register is followed: else nothing needs to be compared.
+    /// Whether any register is followed. If not, no comparison is needed.
     #[inline]
     pub(crate) fn follows(&self) -> bool {
         !self.history.is_empty()

@@ -1,7 +1,7 @@
 //! Logs in pcapng, which Wireshark and its tools read and write. Only frames and telegrams; times are emulated time since
 //! power-on. Each bus is an interface of the link type CAN_SOCKETCAN, or PROFIBUS_DL.
 //!
-//! Blocks of three kinds are all there is to it: section, interface, packet.
+//! A log has only three kinds of blocks: section, interface, packet.
 
 mod read;
 mod write;

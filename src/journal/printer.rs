@@ -11,7 +11,7 @@ pub struct Selection {
     pub kinds: Vec<&'static EventKind>,
     /// These buses, by index.
     pub buses: Vec<BusIndex>,
-    /// These PLCs with their nodes, by index. With buses as well: both.
+    /// These PLCs with their nodes, by index. If buses are selected too, records of both are printed.
     pub plcs: Vec<DeviceIndex>,
     /// Excludes records that ended before this emulated time, in microseconds.
     pub since_us: u64,
@@ -35,16 +35,16 @@ impl Selection {
 /// Prints records in the order of their numbers.
 ///
 /// Records are missing where their numbers jump. The printer reports a gap only if it may contain wanted records.
-/// Every ring forgets only its oldest records. So after a record of a ring, no records of that ring are missing in
-/// the same part of the journal.
+/// Every ring drops only its oldest records. So after a record of a ring, no records of that ring are missing in the
+/// same part of the journal.
 pub struct Printer<Out = String> {
     format: Box<dyn Format<Out>>,
     selection: Selection,
-    /// Number of the record to come.
+    /// Number of the next record.
     next: u64,
     /// Count of records missing before the next printed one.
     lost: u64,
-    /// Rings that may have forgotten wanted records in front of the next one.
+    /// Rings that may have dropped wanted records before the next one.
     forgetful: [bool; RINGS],
 }
 
@@ -66,7 +66,7 @@ impl<Out> Printer<Out> {
         kinds.iter().for_each(|kind| self.forgetful[kind.ring() as usize] = true);
     }
 
-    /// Number of the record to come: where to read on.
+    /// Number of the next record, for the next read.
     pub fn next(&self) -> u64 {
         self.next
     }
@@ -107,7 +107,7 @@ impl<Out> Printer<Out> {
         untold
     }
 
-    /// Appends what the format has kept back: no record follows now.
+    /// Appends the output that the format has held back: no record follows now.
     pub fn end(&mut self, out: &mut Out) {
         self.format.end(out);
     }

@@ -1,4 +1,4 @@
-//! The meaning of numbers in records: names, registers, and the valid one of overlaid structures.
+//! The meaning of numbers in records: names, registers, and which of overlaid structures is valid.
 
 use super::catalogue::Catalogue;
 use super::event::{Origin, Source};
@@ -39,7 +39,7 @@ impl Reader {
         }
     }
 
-    /// Takes note of the state and the octets in a record.
+    /// Keeps the state and the octets in a record.
     pub(super) fn observe(&mut self, record: &Record) {
         self.since_power_on.get_or_insert(record.seq == 0);
         self.octets.clone_from(&record.octets);

@@ -6,8 +6,8 @@ use std::sync::Arc;
 /// A line of the journal: an event, or several equal ones at equal distances.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Record {
-    /// Number of the record, from 0; [`Record::PENDING`] while it is still being counted, [`Record::COUNTED`] if it has
-    /// been and has none yet.
+    /// Number of the record, from 0. [`Record::PENDING`] while its events are still counted; [`Record::COUNTED`] if the
+    /// count has ended and the record has no number yet.
     pub seq: u64,
     /// Emulated time in microseconds since power-on; of several events that of the last one.
     pub time_us: u64,
@@ -29,7 +29,7 @@ impl Record {
     /// Number of a record with a running count, which has no number yet.
     pub const PENDING: u64 = u64::MAX;
 
-    /// Number of a record that has none yet, though nothing of it can come any more.
+    /// Number of a record with an ended count, which has no number yet.
     pub const COUNTED: u64 = u64::MAX - 1;
 
     /// A record of one event, without number.

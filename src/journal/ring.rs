@@ -1,7 +1,7 @@
-//! The rings: one for each kind of record, read as one.
+//! The rings: one for each group of kinds of records, read as one sequence.
 //!
-//! A record occupies a [`Line`]. Octets of telegrams are stored beside the lines of their ring, and occupy as much of the
-//! ring's memory as lines of their size: a ring with telegrams has fewer records, not more memory.
+//! A record occupies a [`Line`]. Octets of telegrams are stored beside the lines of their ring and count as lines of
+//! the same size: a ring with telegrams has fewer records, not more memory.
 
 use super::kind::RINGS;
 use super::{Event, Record};
@@ -113,7 +113,7 @@ impl Rings {
         }
     }
 
-    /// The records, while others come here.
+    /// Takes the records out; new records come in their place until they are put back.
     pub(crate) fn lay_aside(&mut self) -> Self {
         let new = Rings { end: self.end, ..Rings::new(self.capacity) };
         core::mem::replace(self, new)

@@ -6,9 +6,9 @@ use core::fmt;
 /// Severity of a violation of a rule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Severity {
-    /// The manual forbids it, or it cannot have the effect that was wanted.
+    /// The manual forbids the act, or the act cannot have the intended effect.
     Error,
-    /// Allowed or without effect, but probably not intended.
+    /// The act is allowed or has no effect, but is probably not intended.
     Warning,
 }
 

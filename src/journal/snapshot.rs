@@ -7,7 +7,7 @@ use super::{Catalogue, Entry, Event, EventCodec, Finding, Found, Journal, Words}
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 
-/// A history: numbers and times of records are comparable within one.
+/// A history. Numbers and times of records are comparable only within one history.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct HistoryId {
     /// Count of returns to an earlier moment or to a snapshot; wraps around after 65535.
@@ -55,7 +55,7 @@ impl Journal {
             history_id: _,
             // The time of the snapshot.
             since_us: _,
-            // A plant's own journal is none.
+            // The journal of a plant is not a draft.
             draft: _,
         } = self;
         to.value(&(ring.end(), next_look, written));
@@ -101,13 +101,13 @@ impl Journal {
         self.history_id
     }
 
-    /// Takes the records out before a search for an earlier moment creates records that are not kept.
+    /// Takes the records out before a search for an earlier moment, which creates records that are not kept.
     pub(crate) fn lay_aside(&mut self) -> Rings {
         self.history.is_searching = true;
         self.ring.lay_aside()
     }
 
-    /// Ends the search: the journal gets its records up to the present position back.
+    /// Ends the search: restores the records up to the present position.
     pub(crate) fn put_back(&mut self, mut records: Rings) {
         self.history.is_searching = false;
         records.begin_at(self.ring.end(), true);

@@ -1,8 +1,8 @@
 //! Counting of events that repeat at equal distances.
 //!
 //! After two equal events, a third one is expected at the same distance. From there on the events are only counted,
-//! until one is missing, comes early, or a second is full. First time, distance and number give the time of each
-//! event, so that no information is lost.
+//! until one is missing or comes early, or the count has lasted a second. First time, distance and number give the time
+//! of each event, so that no information is lost.
 
 use super::catalogue::Catalogue;
 use super::coded::Words;
@@ -19,7 +19,7 @@ const LONGEST_TALLY_US: u64 = 1_000_000;
 const PLACES: usize = 128;
 // Their number is kept in a byte.
 const _: () = assert!(PLACES <= u8::MAX as usize);
-/// Places where one event may be.
+/// Number of places where an event may be stored.
 const WAYS: usize = 4;
 
 /// An event that may repeat.
@@ -28,7 +28,7 @@ struct WatchedEvent {
     event: Event,
     /// Time of the last one.
     last: u64,
-    /// Distance from the previous event; 0 if there was none, or too far away.
+    /// Distance from the previous event; 0 if there was no previous event, or it was too far away.
     period: u32,
     /// Events counted and not noted yet; the last of them came at `last`.
     count: u32,
@@ -98,7 +98,7 @@ impl Tally {
         Ok(())
     }
 
-    /// Sees an event.
+    /// Counts an event, or decides to record it.
     #[inline]
     pub(crate) fn see(&mut self, time_us: u64, event: Event) -> Outcome {
         let key = event.words();
@@ -131,7 +131,7 @@ impl Tally {
         }
     }
 
-    /// The place of the event, else an empty one near by, else that of an event that has not come for longest.
+    /// The place of the event; else an empty place next to it; else the place of the event with the longest absence.
     #[inline]
     fn place(&mut self, key: Words) -> Option<&mut Option<WatchedEvent>> {
         let mixed = key[0].wrapping_add(key[1].rotate_left(24)).wrapping_add(key[2].rotate_left(44));
@@ -147,7 +147,7 @@ impl Tally {
                 }
                 Some(watched) if watched.last < oldest => (best, oldest) = (at, watched.last),
                 Some(_) => {}
-                // Places never become empty again, so the event cannot be further on.
+                // Places never become empty again, so the event cannot be in a later place.
                 None => {
                     best = at;
                     break;

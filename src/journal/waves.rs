@@ -101,7 +101,7 @@ impl Content {
     }
 }
 
-/// The next step of the declaration of signals.
+/// A step of the declaration of signals.
 pub(super) enum Step<'a> {
     /// Into a scope.
     Into(&'a str),
@@ -124,7 +124,7 @@ impl Waves {
         Self::within(Window::ALL, records, wanted, names, catalogue)
     }
 
-    /// As [`Waves::of`], of counted records only the events of this window.
+    /// As [`Waves::of`], with only those events of counted records that are in this window.
     pub(crate) fn within(
         window: Window,
         records: &[Record],

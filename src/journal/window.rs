@@ -1,6 +1,6 @@
 //! The part of emulated time that a reader shows, and its resolution.
 //!
-//! A counted record can stand for millions of events, a picture has a thousand columns.
+//! A counted record can represent millions of events, but a picture has a thousand columns.
 
 /// Parts of a picture's width that count as separate: more than any picture has columns.
 #[cfg(all(feature = "script", feature = "studio"))]

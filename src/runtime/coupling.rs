@@ -17,7 +17,7 @@ impl Emulator {
     }
 
     /// Runs the exchange with other simulators at its time, in this federate's turn; returns true if it did.
-    /// When the others have left, it stops the emulator.
+    /// When the other simulators have left, it stops the emulator.
     pub(super) fn exchange(&mut self) -> Result<bool, FederationError> {
         if !self.membership.has_turn() {
             return Ok(false);

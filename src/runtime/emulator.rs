@@ -83,7 +83,7 @@ pub struct Emulator {
     pub(super) turn_since: Option<Instant>,
     /// Target of a step that has paused to serve other clients.
     pub(super) under_way: Option<u64>,
-    /// Declared before the images: it must write everything before another emulator can have them.
+    /// Declared before the images, so that it writes everything before another emulator can take over the images.
     novram: Keeper,
     /// Declared before the images: it checks their files.
     watch: Watch,
@@ -102,7 +102,8 @@ pub struct Emulator {
     server: Option<Box<crate::channel::Server>>,
     #[cfg(feature = "channel")]
     channel_watch: Option<crate::channel::ChannelWatch>,
-    /// Declared after the images and the server: no other process may be this instance before they are dropped.
+    /// Declared after the images and the server, because no other process may have the instance name before they are
+    /// dropped.
     _lock: InstanceLock,
 }
 
@@ -132,7 +133,8 @@ impl Emulator {
             return Err(RuntimeError::Speed { speed });
         }
         let doors = config.buses.iter().map(|bus| bus.doors().len()).sum();
-        // Before anything of the instance exists: without files left, nothing of it could be removed.
+        // Before anything of the instance exists: without free file descriptors, nothing of the instance could be
+        // removed.
         needs::allow_files_of(config.devices.len(), doors)?;
         needs::allow_memory_of(config.devices.len())?;
         let lock = take_instance(config, &options.instance)?;

@@ -1,4 +1,4 @@
-//! Connects guests with the plant: the frames that they send, and the buses that they hear.
+//! Connects guests with the plant: passes on the frames that they send, and the traffic that they receive.
 //!
 //! In real time this happens after every firmware step. With a stepped clock, frames enter at the beginning of a step
 //! and guests receive frames at its end, unless a guest has a seat in lockstep: see [`super::turns`].
@@ -78,7 +78,8 @@ impl Guests {
         self.doors.is_empty() && self.present.is_empty()
     }
 
-    /// Reads the wishes of the guests. A guest with another bit rate than its bus receives nothing, which is a finding.
+    /// Reads the requests of the guests. A guest with another bit rate than its bus receives nothing, which is a
+    /// finding.
     pub(super) fn look(&mut self, plant: &mut Plant) {
         if self.is_empty() {
             return;
@@ -95,7 +96,7 @@ impl Guests {
     }
 
     /// Connects and disconnects guests and passes their frames to the plant. Guests that asked for a seat get one, and
-    /// the clock starts to advance for all that have asked for time.
+    /// the durations begin that guests have asked for.
     pub(super) fn enter(&mut self, plant: &mut Plant, is_stepped: bool) {
         if self.is_empty() {
             return;
@@ -104,7 +105,7 @@ impl Guests {
         self.bring_in(plant, is_stepped);
     }
 
-    /// Executes the wishes of the last check.
+    /// Carries out the requests of the last check.
     fn bring_in(&mut self, plant: &mut Plant, is_stepped: bool) {
         bring_in_all(&mut self.present, |_| true, plant, is_stepped);
         self.forget_departed();
@@ -120,13 +121,13 @@ impl Guests {
         }
     }
 
-    /// The same during a step, only for guests with a seat.
+    /// As [`Guests::enter`], during a step and only for guests with a seat.
     pub(super) fn enter_seated(&mut self, plant: &mut Plant) {
         learn_all(&mut self.present, |it| it.has_seat, plant);
         bring_in_all(&mut self.present, |it| it.has_seat, plant, true);
     }
 
-    /// Description of a guest that takes part.
+    /// Description of one of the guests that take part.
     pub(super) fn present_one(&self, plant: &Plant) -> Option<String> {
         // Guests that have left are forgotten only when the clock advances.
         let is_here = |it: &&GuestEntry| (it.is_in || it.has_seat) && !it.guest.requests().has_gone;
@@ -177,7 +178,7 @@ impl Guests {
         self.present.iter().any(GuestEntry::has_turn)
     }
 
-    /// Takes the seats of all guests in their turn away.
+    /// Takes away the seats of all guests that have their turn.
     pub(super) fn give_up(&mut self, plant: &mut Plant) {
         for it in self.present.iter_mut().filter(|it| it.has_turn()) {
             if it.guest.give_up() {
@@ -192,8 +193,8 @@ impl Guests {
         }
     }
 
-    /// Sends guests the state of their bus, and wakes the doors if guests have heard something: the buses themselves send
-    /// them their traffic.
+    /// Sends guests the state of their bus, and wakes the doors if guests have received traffic, which the buses
+    /// themselves send to them.
     pub(super) fn send_heard(&mut self, plant: &mut Plant) {
         if !self.present.iter().any(GuestEntry::hears) {
             return;
@@ -207,7 +208,7 @@ impl Guests {
     }
 }
 
-/// Reads the wishes of the selected guests.
+/// Reads the requests of the selected guests.
 fn learn_all(present: &mut [GuestEntry], are_meant: fn(&GuestEntry) -> bool, plant: &mut Plant) {
     // Frames first: a guest that opened before another one sent must be present when that frame enters.
     for it in present.iter_mut().filter(|it| are_meant(it)) {
@@ -216,7 +217,8 @@ fn learn_all(present: &mut [GuestEntry], are_meant: fn(&GuestEntry) -> bool, pla
     present.iter_mut().filter(|it| are_meant(it)).for_each(|it| it.learn(plant));
 }
 
-/// Executes the last wishes of the selected guests: connects and disconnects them and passes their frames to the plant.
+/// Carries out the last requests of the selected guests: connects and disconnects them and passes their frames to the
+/// plant.
 fn bring_in_all(
     present: &mut [GuestEntry],
     are_meant: fn(&GuestEntry) -> bool,
@@ -269,7 +271,7 @@ impl GuestEntry {
         format!("guest{} at door {} of bus '{bus}'", self.guest.number, self.guest.door)
     }
 
-    /// Reads the wishes of the guest.
+    /// Reads the requests of the guest.
     fn learn(&mut self, plant: &mut Plant) {
         self.requests = self.guest.requests();
         let bit_s = plant.buses().get(self.guest.bus.index()).map_or(0, |bus| bus.bit_s());

@@ -50,7 +50,7 @@ struct Turn {
 
 /// Result of a check of a turn.
 enum TurnCheck {
-    /// The turn has ended, and the task claims run time.
+    /// The turn has ended, and the task has stated its run time.
     Ended,
     /// The turn continues, and another client rings.
     Continues,
@@ -70,7 +70,7 @@ pub(super) struct Lockstep {
     stepped: bool,
 }
 
-/// Observer of effects of tasks on a plant outside of events.
+/// Observer of the effects that tasks have on a plant outside of events.
 pub(crate) trait Witness {
     /// Lets the boards answer pending requests; returns whether there were any.
     fn boards(&mut self, plant: &mut Plant) -> bool;
@@ -106,7 +106,7 @@ impl Lockstep {
         Lockstep { turn: None, headers, requests, tasks: Vec::new(), stepped }
     }
 
-    /// Seats tasks that ask for it and forgets those that have left; returns whether there were any.
+    /// Gives seats to tasks that ask for one and forgets tasks that have left; returns whether there were any.
     pub(crate) fn look(&mut self, plant: &mut Plant, witness: &mut dyn Witness) -> bool {
         // During a turn, tasks neither join nor leave.
         if self.turn.is_some() {
@@ -232,7 +232,7 @@ impl Lockstep {
         Some(format!("the task of event {} of PLC '{plc}' (process {process})", task.event))
     }
 
-    /// Description of a task that takes part.
+    /// Description of one of the tasks that take part.
     pub(crate) fn present(&self, plant: &Plant) -> Option<String> {
         // Tasks that have left are forgotten only when the clock advances.
         let task = self.tasks.iter().find(|task| !task.gone())?;
@@ -313,7 +313,7 @@ impl Lockstep {
         task.seat.turn.ring();
     }
 
-    /// Ends the turn; its task runs on for the claimed time.
+    /// Ends the turn; its task continues to run for the stated time.
     fn claim(&mut self, index: usize, plant: &Plant) {
         let task = &mut self.tasks[index];
         let run_us = u64::from(task.seat.run_us.load());

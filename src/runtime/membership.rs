@@ -35,7 +35,8 @@ pub(super) struct Membership {
 }
 
 impl Membership {
-    /// True if input may enter the plant here at this emulated time. The exchange with other simulators comes first.
+    /// True if input may enter the plant in this process at this emulated time. The exchange with other simulators
+    /// comes first.
     pub(super) fn may_act(&self, now: u64) -> bool {
         self.has_turn() && !self.is_exchange_due(now)
     }
@@ -80,7 +81,7 @@ impl Emulator {
         if !self.options.is_federate {
             return Err(FederationError::Unprepared.into());
         }
-        // A federate cannot go back without the others.
+        // A federate cannot go back alone.
         self.travel = Travel::new(0);
         self.membership.federation = Some(Federation::join(part, &self.plant, exchange)?);
         Ok(())

@@ -5,7 +5,7 @@ use super::RuntimeError;
 use crate::door::RESERVED_DESCRIPTORS;
 use crate::memory::limits::{FileLimit, MemoryLimit, allow_files, allow_memory};
 
-/// For each PLC: its image, its NOVRAM, and three of its event service.
+/// For each PLC: its image, its NOVRAM, and three files of its event service.
 const PER_PLC: u64 = 5;
 /// For each door that the plant file opens: a listening socket, or both ends of a terminal.
 const PER_DOOR: u64 = 2;

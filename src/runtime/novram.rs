@@ -1,9 +1,10 @@
 //! The part of the RAM that survives power-off, kept in files.
 //!
-//! The plant's description determines which registers and retain flags of a device are in NOVRAM. commram stores them
-//! in `<plc>.novram` in a directory of the user's choice. It writes a new file, syncs it and renames it, so after a
-//! kill at any moment the file has either the old or the new content. A foreign or damaged file is set aside, never
-//! overwritten. An emulator that finds a file of another version does not start. Only one emulator at a time can use the directory.
+//! The device and the plant file determine which registers and retain flags are in NOVRAM. commram stores them in
+//! `<plc>.novram` in a directory of the user's choice. It writes a new file, syncs it and renames it, so after a kill
+//! at any moment the file has either the old or the new content. A foreign or damaged file is set aside, never
+//! overwritten. An emulator that finds a file of another version does not start. Only one emulator at a time can use
+//! the directory.
 //!
 //! Registers are written when the device has stored them. Retain flags are written once a second if they have changed,
 //! and both at the end. At the end a file is also written if it does not hold its content, because another program has

@@ -1,5 +1,5 @@
-//! Watches the image files: logs changes by other processes, and detects whether another process has one open, so that
-//! the emulator can sleep longer if none has.
+//! Watches the image files: logs changes by other processes, and detects whether another process has an image open. If
+//! no process has, the emulator sleeps longer.
 
 use super::emulator::StopHandle;
 #[cfg(feature = "channel")]

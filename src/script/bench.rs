@@ -42,7 +42,7 @@ use std::path::Path;
 const LAST_ENTRIES: usize = 8;
 /// Count of findings in a failure.
 const FIRST_FINDINGS: usize = 3;
-/// Count of journal records that are searched for them.
+/// Count of journal records that are searched for the entries of a failure.
 const LOOK_BACK: u64 = 512;
 
 /// A plant and the verbs that act on it.
@@ -70,7 +70,7 @@ pub struct Bench {
     section: Option<String>,
     /// Emulated time at the beginning.
     started_us: u64,
-    /// Longest time from there.
+    /// Longest emulated time from the beginning.
     limit_us: u64,
     /// Faults that must take effect.
     required: Vec<Required>,
@@ -136,7 +136,7 @@ impl Bench {
     }
 
     /// Hash over all journal records since power-on, equal for equal runs
-    /// ([`Journal::hash`](crate::journal::Journal::hash)); `None` for a running instance: its journal began
+    /// ([`Journal::hash`](crate::journal::Journal::hash)); `None` for a running instance, because its journal began
     /// earlier.
     pub fn journal_hash(&self) -> Option<u64> {
         self.carrier.journal_hash()
@@ -294,7 +294,7 @@ impl Bench {
         self.ram_of(plc)
     }
 
-    /// The memory of a PLC, as a program on it has it; `""` is the only PLC.
+    /// The memory of a PLC, as a program on this PLC accesses it; `""` is the only PLC.
     ///
     /// # Errors
     /// There is no such PLC, or its RAM cannot be mapped.
@@ -305,7 +305,7 @@ impl Bench {
 
     /// Waits after the call of a block until the board has answered its requests.
     pub(super) fn answer_boards(&mut self) -> Result<(), ScenarioError> {
-        // With a stepped clock the wait ends before any request.
+        // With a stepped clock the wait ends before any other request.
         if self.is_stepped {
             self.ask(Op::Time)?;
         }

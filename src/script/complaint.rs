@@ -8,7 +8,8 @@ use std::borrow::Cow;
 /// The engine's name for a text among the arguments of an unknown call.
 const TEXT: &str = "&str | ImmutableString | String";
 
-/// Numbers have names of the scenarios' language, not of ours: in complaints that a script catches, and in `type_of`.
+/// Gives the types of numbers their names in the language of scenarios, not those of Rust: in errors that a script
+/// catches, and in `type_of`.
 pub(super) fn name_types(engine: &mut Engine) {
     engine.register_type_with_name::<INT>("integer").register_type_with_name::<FLOAT>("float");
 }

@@ -34,7 +34,7 @@ pub(super) fn engine(stage: &Rc<RefCell<Stage>>) -> Engine {
     verbs.engine
 }
 
-/// The stage as all verbs have it.
+/// The stage, shared by all verbs.
 #[derive(Clone)]
 struct Shared(Rc<RefCell<Stage>>);
 
@@ -48,7 +48,7 @@ impl Shared {
         self.with(|stage| stage.bench().and_then(act))
     }
 
-    /// Does the same as [`Shared::act`] for an expectation.
+    /// As [`Shared::act`], for an expectation.
     fn expect<T>(&self, act: impl FnOnce(&mut Bench) -> Result<T, ScenarioError>) -> Fallible<T> {
         self.with(|stage| {
             stage.expectations += 1;
@@ -153,7 +153,7 @@ impl Verbs {
             move |context: NativeCallContext, condition: FnPtr, within: Dynamic| -> Fallible<INT> {
                 let within_us = stage.expect(|bench| bench.span(span(&within)?))?;
                 let start = stage.act(Bench::now)?;
-                // The stage is free meanwhile, as the condition uses verbs.
+                // The stage is not borrowed meanwhile, because the condition uses verbs.
                 while !condition.call_within_context::<bool>(&context, ())? {
                     stage.act(|bench| bench.pass_or_fail(start, within_us, Location::caller()))?;
                 }

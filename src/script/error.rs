@@ -1,4 +1,4 @@
-//! Why a scenario ends before its end.
+//! Errors that end a scenario early.
 
 use super::Failure;
 use super::failure::FailureKind;
@@ -13,7 +13,7 @@ use crate::time::{TimeError, long, seconds};
 use core::fmt;
 use thiserror::Error;
 
-/// Why a scenario ends before its end.
+/// An error that ends a scenario early.
 #[derive(Error)]
 pub enum ScenarioError {
     /// An expectation is not met.

@@ -138,7 +138,7 @@ fn at(error: ScenarioError, position: Position) -> Box<EvalAltResult> {
     error
 }
 
-/// Whether two paths name the same file, also by different routes.
+/// Whether two paths name the same file, even by different directories.
 fn same_file(a: &Path, b: &Path) -> bool {
     let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
     a == b || real(a) == real(b)

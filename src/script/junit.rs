@@ -13,7 +13,8 @@ const NAME: &str = "commram";
 /// number of expectations and the line of a failure are properties of the suite, as far as they are known. A scenario that died
 /// is an error, as is a broken one; one that was not run is skipped.
 ///
-/// Jenkins' schema (junit-10) takes it: that has no properties, file or line in a test case, and no `skipped` at the head (D-552).
+/// The XML conforms to Jenkins' schema (junit-10), which has no properties, file or line in a test case, and no
+/// `skipped` in the root element (D-552).
 ///
 /// # Errors
 /// The XML cannot be written, which does not happen to strings.
@@ -42,14 +43,14 @@ fn named(reports: &[Report], name: &str) -> Result<String, SerializeError> {
     junit_text(&all)
 }
 
-/// The XML, as Jenkins' schema takes it.
+/// The XML, in the form of Jenkins' schema.
 ///
 /// # Errors
 /// As [`junit`].
 pub(crate) fn junit_text(all: &quick_junit::Report) -> Result<String, SerializeError> {
     // The library removes control characters only.
     let text = xml_text::allowed(all.to_string()?);
-    // The first attribute is in the head.
+    // The first such attribute is in the root element.
     let skipped = text.find(" skipped=\"").map(|start| {
         let end = text[start..].match_indices('"').nth(1).map_or(start, |(quote, _)| start + quote + 1);
         start..end
@@ -91,7 +92,7 @@ fn case(report: &Report) -> TestCase {
     case
 }
 
-/// `tests.scenarios.04-deadlines`: servers make a tree of the dots.
+/// `tests.scenarios.04-deadlines`: servers show the parts between the dots as a tree.
 fn class_name(file: &Path) -> String {
     let path = file.with_extension("");
     let names = path.components().filter_map(|part| match part {

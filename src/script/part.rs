@@ -7,9 +7,9 @@ use rhai::{Dynamic, Engine, EvalAltResult, Module, ModuleResolver, Position, Sco
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-/// More steps than constants take, and fewer than do any harm.
+/// Limit of steps: enough for constants, and too few for a noticeable delay.
 const OPERATIONS: u64 = 1_000;
-/// Longest texts, arrays and maps that those steps make.
+/// Longest texts, arrays and maps that these steps may create.
 const SIZE: usize = 1 << 12;
 
 /// Whether a script only defines functions and constants for other scripts, and calls no verb itself.
@@ -31,7 +31,7 @@ pub fn is_part(text: &str) -> bool {
     script.has_functions() && engine.run_ast_with_scope(&mut Scope::new(), &script).is_ok()
 }
 
-/// Finds every import, and nothing in it.
+/// Resolves every import to an empty module.
 struct Nothing;
 
 impl ModuleResolver for Nothing {

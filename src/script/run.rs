@@ -30,7 +30,7 @@ pub(crate) const STACK: usize = 16 << 20;
 /// for a single step, such as a compilation.
 const MOST_STACK: usize = 12 << 20;
 
-/// Longest text of a message, in characters; more of it came from a script.
+/// Longest text of a message, in characters; longer ones contain text of a script.
 const LONGEST_TEXT: usize = 2000;
 /// Longest line of a script in a report.
 const LONGEST_SOURCE: usize = 200;

@@ -96,7 +96,7 @@ fn code(line: &str) -> String {
         }
         let is_quote = sign == '"' && last != '\\';
         in_text ^= is_quote;
-        // As many bytes as in the line, so that places agree.
+        // The same number of bytes as in the line, so that positions agree.
         match in_text && !is_quote {
             true => code.extend(std::iter::repeat_n(' ', sign.len_utf8())),
             false => code.push(sign),

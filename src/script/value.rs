@@ -41,7 +41,7 @@ impl Value {
     }
 }
 
-/// A script may have written the number the one way or the other.
+/// A script may have written the number in decimal or hexadecimal.
 fn both(error: BadValue, number: i64) -> BadValue {
     match error.source {
         ValueError::Range { ty, least, most, mask, .. } if number > 9 => {

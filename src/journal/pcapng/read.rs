@@ -26,12 +26,12 @@ pub fn is_one(log: &[u8]) -> bool {
     log.starts_with(&SECTION.to_be_bytes())
 }
 
-/// Reads a log. Blocks of other kinds, as names and statistics, are passed over. Packets that are no frames of Classical
-/// CAN and no telegrams of PROFIBUS are [`Recording::skipped`]: error messages of SocketCAN, CAN FD, other link types, and
-/// telegrams that a capture has cut off.
+/// Reads a log. Blocks of other kinds, such as names and statistics, are ignored. Packets that are neither frames of
+/// Classical CAN nor telegrams of PROFIBUS are [`Recording::skipped`]: error messages of SocketCAN, CAN FD, other link
+/// types, and telegrams that a capture has cut off.
 ///
 /// # Errors
-/// [`BadLog`]: it is cut off or no pcapng, or has a frame that is not possible on a CAN bus.
+/// [`BadLog`]: the log is cut off or not in pcapng, or has a frame that is not possible on a CAN bus.
 pub fn read(log: &[u8]) -> Result<Recording, BadLog> {
     let (mut recording, mut at) = (Recording::default(), 0);
     let mut section = Section { is_big: false, interfaces: Vec::new() };

@@ -59,7 +59,7 @@ fn is_error(id: &str) -> bool {
     id.len() == 8 && u32::from_str_radix(id, 16).is_ok_and(|raw| raw & ERROR_FLAG != 0)
 }
 
-/// What `candump` shows on a terminal after the interface.
+/// The content of a line of `candump` on a terminal after the interface.
 enum Shown {
     Frame(Option<Direction>, Frame),
     Skipped(&'static str),

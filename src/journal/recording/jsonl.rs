@@ -1,4 +1,4 @@
-//! Lines of `commram trace --format json`: an object per record, of which those of frames and telegrams are taken.
+//! Lines of `commram trace --format json`: an object per record; only frames and telegrams are read.
 
 use super::{Entry, Logged};
 use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
@@ -15,7 +15,7 @@ pub(super) fn is_one(line: &str) -> bool {
     line.starts_with('{')
 }
 
-/// Fields of a record. Other records have none of the optional ones, or others.
+/// Fields of a record. Records of other kinds may lack the optional fields, and have further ones.
 #[derive(Deserialize)]
 struct Line {
     kind: String,

@@ -85,7 +85,7 @@ pub struct BadLine {
 
 /// Reads a text: a log of `candump -L` or `candump -ta` (can-utils), of python-can, a file of GVRET or SavvyCAN in CSV, or
 /// lines of `commram trace --format json`.
-/// Empty lines and comments (`#`, `;`, `//`) are passed over. Error frames and frames of CAN FD and CAN XL are
+/// Empty lines and comments (`#`, `;`, `//`) are ignored. Error frames and frames of CAN FD and CAN XL are
 /// [`Recording::skipped`], as is a last line that was cut off.
 ///
 /// # Errors

@@ -17,8 +17,8 @@ pub(in crate::runtime) const LONGEST_SLEEP: Duration = Duration::from_millis(100
 /// registers this old.
 const UNSEEN_US: u64 = 10_000;
 
-/// Longest step of emulated time. After the machine was suspended there may be hours to catch up with; signals and
-/// clients are handled between the steps.
+/// Longest step of emulated time. After the machine was suspended, the clock may have to catch up with hours; signals
+/// and clients are handled between the steps.
 const LONGEST_STEP_US: u64 = 100_000;
 /// Largest number of register writes that a polling emulator answers at one moment before it does other work.
 const LONGEST_CHAIN: u32 = 16;
@@ -75,8 +75,8 @@ impl Emulator {
         }
     }
 
-    /// A polling client usually writes again immediately: its next answers come first, at the same moment (decision
-    /// D-583).
+    /// A polling client usually writes again immediately: the emulator answers its next writes first, at the same
+    /// moment (decision D-583).
     fn answer_on(&mut self) {
         for _ in 0..LONGEST_CHAIN {
             self.announce();

@@ -10,12 +10,11 @@ use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Longest wait of a starting emulator for the lock: its holder may have been killed a moment ago and not be gone
-/// yet.
+/// Longest wait of a starting emulator for the lock: its holder may have been killed a moment ago and still exist.
 const PATIENCE: Duration = Duration::from_millis(500);
 
-/// Name of the file whose lock one emulator has. Other users cannot open the file, so they cannot take its lock; they can
-/// open, and lock, a directory that they can read.
+/// Name of the lock file. Other users cannot open this file, so they cannot take its lock. The directory itself has no
+/// lock, because a user who can read a directory can also lock it.
 const LOCK: &str = ".lock";
 
 /// Write rights of other users in a mode.

@@ -64,7 +64,7 @@ impl Content {
     }
 }
 
-/// Why the bytes of a file are no content.
+/// Why the bytes of a file cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Unusable {
     /// A file that is damaged, or no NOVRAM file.
@@ -94,7 +94,7 @@ pub(super) fn load(
             Err(Unusable::Damaged) => {
                 (Content::empty(size.registers), RestoreOutcome::SetAside(directory.set_aside(name)?))
             }
-            // Its content is worth something, to the version of commram that has written it.
+            // The content is still valid for the version of commram that has written it.
             Err(Unusable::OtherVersion { found }) => {
                 let path = directory.path_of(name);
                 return Err(NovramError::OtherVersion { path, found, read: VERSION });

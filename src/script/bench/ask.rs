@@ -48,7 +48,8 @@ impl Bench {
         Ok(self.ask(Op::Poke { plc, offset, width, value })?.written()?)
     }
 
-    /// Writes a single bit and leaves the other bits of its register, also if other programs write them at the same time.
+    /// Writes a single bit and leaves the other bits of its register, even if other programs write them at the same
+    /// time.
     pub(super) fn store_bit(
         &mut self,
         plc: DeviceIndex,

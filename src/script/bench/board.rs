@@ -112,8 +112,8 @@ impl Bench {
         }
     }
 
-    /// How often an event of a PLC has come since power-on; `""` is the only PLC. The device's overview page has the numbers
-    /// of the events, which count while they are enabled.
+    /// Number of occurrences of an event of a PLC since power-on; `""` is the only PLC. The device's overview page has
+    /// the numbers of the events, which count while they are enabled.
     ///
     /// # Errors
     /// There is no such PLC or event.
@@ -127,8 +127,8 @@ impl Bench {
         Ok(slot.bell.rings())
     }
 
-    /// How often a trigger of a PLC has pulsed since power-on: 1, 2, or 3 for the trigger controller; `""` is the only
-    /// PLC. `OPT_INIT` routes them.
+    /// Number of pulses of a trigger of a PLC since power-on. Triggers are 1, 2, and 3, the trigger controller;
+    /// `OPT_INIT` routes them. `""` is the only PLC.
     ///
     /// # Errors
     /// There is no such PLC or trigger.

@@ -1,7 +1,7 @@
-//! The exchanges between program, firmware and bus before a failure, as far as they led to it. The report draws them.
+//! The exchanges between program, firmware and bus that may have led to a failure. The report draws them.
 //!
-//! The last steps alone would only show what followed the error. So repetitions become one line. The picture also has
-//! the steps before the first finding, and the last two repetitions of each handshake.
+//! The last steps alone would often show only the time after the error. So repetitions become one line. The picture
+//! also has the steps before the first finding, and the last two repetitions of each handshake.
 
 use super::{Bench, line};
 use crate::devices;
@@ -44,7 +44,7 @@ enum PictureLine {
 }
 
 impl Bench {
-    /// The exchanges of program, firmware and bus up to now, as far as they may have led here, oldest first.
+    /// The exchanges of program, firmware and bus that may have led to the present state, oldest first.
     pub(super) fn last_exchanges(&mut self) -> Result<Vec<ExchangeStep>, ScenarioError> {
         let from = self.journal_end()?.saturating_sub(LOOK_BACK);
         let (records, _) = self.records(from)?;

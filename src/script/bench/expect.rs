@@ -11,7 +11,7 @@ impl Bench {
     /// Waits until the register holds the value; returns the time waited, in microseconds.
     ///
     /// # Errors
-    /// It does not within this time; or wrong use, as with [`Bench::poke`].
+    /// The register does not hold the value within this time; or wrong use, as with [`Bench::poke`].
     #[track_caller]
     pub fn wait(
         &mut self,
@@ -93,7 +93,7 @@ impl Bench {
     /// Expects that the register holds the value.
     ///
     /// # Errors
-    /// It holds another one; or wrong use, as with [`Bench::poke`].
+    /// The register holds another value; or wrong use, as with [`Bench::poke`].
     #[track_caller]
     pub fn expect(&mut self, register: &str, value: impl Into<Value>) -> Result<(), ScenarioError> {
         let at = Location::caller();

@@ -30,7 +30,7 @@ struct Pattern {
     mask: u32,
     /// Whether the identifier has 29 bits.
     extended: bool,
-    /// The data bytes, `None` for any; nothing at all for any data of any length.
+    /// The data bytes, `None` for any byte; no list for any data of any length.
     data: Option<Vec<Option<u8>>>,
 }
 
@@ -83,7 +83,7 @@ impl Pattern {
     }
 }
 
-/// All bits of an identifier, and so the highest one.
+/// All bits of an identifier, which is also the highest identifier.
 const STANDARD: u16 = 0x7FF;
 const EXTENDED: u32 = 0x1FFF_FFFF;
 

@@ -63,7 +63,8 @@ impl Bench {
     /// the value at the call of `record`.
     ///
     /// # Errors
-    /// It has held others; there is no such register, it is a single bit, or it cannot hold one of the values.
+    /// The register has held other values; there is no such register, it is a single bit, or it cannot hold one of the
+    /// values.
     #[track_caller]
     pub fn expect_history<V: Into<Value>>(
         &mut self,

@@ -149,7 +149,7 @@ impl Bench {
     /// Expects that exactly these registers have changed since the snapshot, in any order.
     ///
     /// # Errors
-    /// Others have changed, or some have not; or a name is wrong.
+    /// Other registers have changed, or one of these has not; or a name is wrong.
     #[track_caller]
     pub fn expect_changes(&mut self, since: &MemoryCopy, registers: &[&str]) -> Result<(), ScenarioError> {
         let at = Location::caller();

@@ -1,4 +1,4 @@
-//! Which register, PLC or bus a name means.
+//! Finds the register, PLC or bus that a name means.
 
 use super::ask::Spot;
 use super::{Bench, memory};
@@ -71,7 +71,7 @@ impl Register {
         }
     }
 
-    /// Whether its bits are the same number whichever of overlaid structures is live.
+    /// Whether its bits mean the same number in all of the overlaid structures.
     pub(super) fn is_same_number(&self) -> bool {
         let mut numbers = self.place.area().all_phases().map(|live| self.place.ty(live).number(u32::MAX));
         let first = numbers.next();

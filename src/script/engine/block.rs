@@ -38,7 +38,7 @@ fn unknown(name: &str, device: &Registered) -> ScenarioError {
         [] => "no function blocks".to_owned(),
         _ => names().collect::<Vec<_>>().join(", "),
     };
-    // A question, or nothing.
+    // A suggestion, or an empty text.
     let near = did_you_mean(name, names());
     let end = if near.is_empty() { ";" } else { "" };
     ScenarioError::argument(name, &format!("no such function block{near}{end} {title} has {known}"))
@@ -57,7 +57,7 @@ impl Block {
         name: &str,
         place: &str,
     ) -> Result<Self, ScenarioError> {
-        // A block has an area at all devices that have it or at none; the place determines the device.
+        // A block has an area on all of its devices or on none; the place determines the device.
         let of_any = devices::all().iter().find_map(|device| find(device.blocks, name));
         let Some(of_any) = of_any else {
             let plc = bench.area(place).map(|(plc, _)| plc).or_else(|_| bench.only_plc(place))?;

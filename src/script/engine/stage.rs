@@ -10,7 +10,7 @@ use std::path::PathBuf;
 pub(crate) struct Stage {
     /// `None` until the first verb.
     bench: Option<Bench>,
-    /// Whether the bench is a running instance's.
+    /// Whether the bench belongs to a running instance.
     attached: bool,
     /// Directory that file names start from.
     pub(super) directory: PathBuf,
@@ -62,7 +62,7 @@ impl Stage {
         self.expectations
     }
 
-    /// The file of the plant, if it was to come from one.
+    /// The file of the plant, if the scenario names one.
     pub(crate) fn plant_file(&mut self) -> Option<PathBuf> {
         self.plant_file.take()
     }

@@ -1,4 +1,4 @@
-//! Valid values of registers of the firmware, for any device: values to which the layout gives a meaning.
+//! Valid values of registers that the firmware writes, for any device: values to which the layout gives a meaning.
 
 use crate::layout::{DeviceLayout, Owner, RegisterRef};
 use crate::plant::PlantConfig;

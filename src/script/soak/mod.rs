@@ -83,7 +83,7 @@ pub struct Round {
     wrong: Option<&'static Wrong>,
     /// Moves after the recovery.
     afterwards: Vec<String>,
-    /// Additional actions of a second run, which it takes back; each is a list of lines.
+    /// Additional actions of a second run, which the run undoes again; each is a list of lines.
     detours: Vec<Vec<String>>,
     slice_us: u64,
     /// The function that checks bounds.
@@ -154,8 +154,8 @@ impl Round {
         Self { moves, ..self.clone() }
     }
 
-    /// The scenario. With `another_way` the clock advances in smaller steps, and some actions are done and taken
-    /// back: the result must not depend on this.
+    /// The scenario. With `another_way` the clock advances in smaller steps, and some additional actions are done and
+    /// undone: the result must not depend on this.
     pub fn text(&self, another_way: bool) -> String {
         let mut text = format!(
             "// Random scenario: {}, {}, seed {}.\n\n",

@@ -23,7 +23,7 @@ pub fn shrink<T: Clone>(items: &[T], tries: usize, mut fails: impl FnMut(&[T]) -
         if tries == 0 {
             break;
         }
-        // An item that a removed one needed can be removed now.
+        // An item that only a removed item needed can be removed now.
         part = if part == 1 && kept.len() == before { 0 } else { (part / 2).max(1) };
     }
     kept
