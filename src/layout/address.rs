@@ -9,9 +9,9 @@ use core::cmp::Ordering;
 use core::fmt;
 use core::hash::{Hash, Hasher};
 
-/// A place in the image of a device, with the width of the access. It prints as the device writes it
-/// ([`DeviceLayout::at`], [`DeviceLayout::address`]), for example `%MW3.200002`; of no device ([`Width::at`]), and where the device has no
-/// addresses, as `WORD at byte 200002 of the image`.
+/// A place in the image of a device, with the width of the access. It prints in the notation of the device
+/// ([`DeviceLayout::at`], [`DeviceLayout::address`]), for example `%MW3.200002`. Without a device ([`Width::at`]), and
+/// in places without addresses, it prints as `WORD at byte 200002 of the image`.
 ///
 /// Two addresses are equal if they mean the same bytes, the same bit and the same width.
 #[derive(Debug, Clone, Copy)]

@@ -126,8 +126,8 @@ impl DeviceFit {
         placed.flat_map(move |placed| fitted.registers_of(area, placed))
     }
 
-    /// The registers that are used in this area, structure by structure. Those of one role agree on widths wherever
-    /// structures overlay each other.
+    /// The registers that are used in this area, structure by structure. The registers of one role have the same widths
+    /// wherever structures overlay each other.
     pub fn used_registers(&self, area: &'static Area) -> impl Iterator<Item = RegisterRef> + use<> {
         let fitted = *self;
         self.placed(area).flat_map(move |placed| {

@@ -2,14 +2,14 @@
 
 use super::descriptor::{Provenance, Register};
 
-/// The data that masters know of a PROFIBUS-DP slave.
+/// The device description of a PROFIBUS-DP slave.
 #[derive(Debug)]
 pub struct Gsd {
     /// Pages of the manual.
     pub page: &'static str,
     /// Facts about the slave, in the order of the file.
     pub keys: &'static [Key],
-    /// The user's octets of Set_Prm where no parameter is chosen.
+    /// The user's octets of Set_Prm without the chosen parameters.
     pub constants: &'static [u8],
     /// The data that a user chooses.
     pub parameters: &'static [Parameter],
@@ -37,7 +37,7 @@ pub enum Value {
     Number(u32),
     /// A text, written in quotation marks.
     Text(&'static str),
-    /// A text that does not.
+    /// A text, written without quotation marks.
     Bare(&'static str),
 }
 
@@ -56,9 +56,9 @@ pub struct Parameter {
     pub bit: Option<Bit>,
     /// Default value.
     pub default: u32,
-    /// The least that it can be.
+    /// The lowest value.
     pub from: u32,
-    /// The most that it can be.
+    /// The highest value.
     pub to: u32,
 }
 

@@ -1,4 +1,4 @@
-//! Finds registers for addresses, and both for any text of an engineer.
+//! Finds the registers at an address, and the address and registers that a text means.
 
 use super::address::Address;
 use super::descriptor::{Area, DeviceLayout, RegisterPhase};
@@ -131,7 +131,7 @@ impl DeviceFit {
         let first = address.offset();
         let end = first + address.width().bytes();
         let mut found: Vec<RegisterRef> = Vec::new();
-        // The structure of the last phase first, as it is the one an engineer usually means.
+        // The structure of the last phase first, because an engineer usually means this one.
         for placed in self.placed(area).rev() {
             found.extend(
                 self.registers_of(area, placed)

@@ -2,7 +2,7 @@
 //!
 //! The layout files in `layouts/` are the only source of names, offsets, types, owners, reset values and
 //! meanings. The build compiles them into a module `registers` of each device: typed views for the firmware, and
-//! descriptors for everything that speaks with people:
+//! descriptors for all output for people:
 //!
 //! ```
 //! let device = commram::devices::default().layout;

@@ -8,8 +8,8 @@
 //! and raw accesses therefore has no undefined behaviour. It can only read a mixed value, which is why a register is
 //! *written* at its own width only.
 //!
-//! The access checker reads 128 bytes in a row, thirty-two at a time. The processor may split these into accesses of 64
-//! bits or more, so no register is torn; the checker never writes in this way. Copies of many words use one
+//! The access checker reads 128 consecutive bytes, thirty-two at a time. The processor may split these into accesses of
+//! 64 bits or more, so no register is torn; the checker never writes in this way. Copies of many words use one
 //! instruction, which moves them in the same way.
 //!
 //! On processors other than x86-64, and in Miri, the same functions use Rust's atomics, which compile to these
@@ -46,7 +46,7 @@ pub(super) trait MemoryValue: Copy + Eq {
     unsafe fn compare_exchange(at: *mut Self, current: Self, new: Self) -> Result<Self, Self>;
 }
 
-/// Loads 32-bit words into private memory, each with a separate load, in the order of their addresses.
+/// Loads consecutive 32-bit words into private memory, each with a separate load.
 ///
 /// # Safety
 /// As [`MemoryValue::load`], for all of them.
@@ -188,7 +188,7 @@ mod tests {
     use super::MemoryValue;
     use core::fmt::Debug;
 
-    /// A word in the middle of others, which must not be touched.
+    /// A word between others, which must not change.
     fn round_trip<T: MemoryValue + Debug + Default>(one: T, other: T) {
         let mut memory = [T::default(); 3];
         let at = &raw mut memory[1];

@@ -108,7 +108,7 @@ impl Attached {
         Ok(Attached { file, segment, header, generation })
     }
 
-    /// The same with only the header page mapped, for clients that only ring and wait.
+    /// Maps only the header page, for clients that only ring and wait.
     ///
     /// # Errors
     /// The system refuses.

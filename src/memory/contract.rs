@@ -62,7 +62,7 @@ mod tests {
         }
     }
 
-    /// A field or a code that changes needs a new version. A field that takes a place that was reserved does not, nor a new code.
+    /// A changed field or code needs a new version. A new code, or a new field in a reserved place, does not.
     #[cfg(feature = "emulator")]
     #[test]
     fn the_page_changes_with_the_version_only() {

@@ -11,7 +11,7 @@ use std::fs::File;
 use std::os::fd::{AsRawFd, OwnedFd};
 use std::time::Duration;
 
-/// How many times the kernel's table is read for a held lock: while other locks change, a reader may miss a line.
+/// Number of reads of the kernel's table for a held lock: while other locks change, a reader may miss a line.
 const READS: usize = 3;
 /// Marks the SIGTERM of [`EmulatorProcess::terminate`]. The mark is in the field `si_errno`, which Linux passes on and does
 /// not use.
@@ -42,9 +42,9 @@ pub struct EmulatorProcess {
 }
 
 impl EmulatorProcess {
-    /// Returns the process that has locked `file`, as the kernel names it, independent of the content of files. Only if
-    /// the kernel shows none, returns the one that has `signed`. `None` if it has ended, is not of this user, or cannot
-    /// be seen from here.
+    /// Returns the process that has locked `file`, according to the kernel and independent of the content of files.
+    /// Only if the kernel shows no such process, returns the process that has `signed`. `None` if the process has
+    /// ended, belongs to another user, or is not visible in this pid namespace.
     pub(super) fn holding(file: &File, signed: Option<ProcessId>) -> Result<Option<Self>, MemoryError> {
         for _ in 0..READS {
             let Some(pid) = locks::holder_of(file) else { continue };
@@ -58,7 +58,7 @@ impl EmulatorProcess {
     }
 
     /// Returns the process that serves the image of a PLC. `None` if the image is not locked, or the process has ended,
-    /// is not of this user, or cannot be seen from here.
+    /// belongs to another user, or is not visible in this pid namespace.
     ///
     /// # Errors
     /// Bad names, the image is not one of this user, or the system refuses.

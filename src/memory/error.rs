@@ -35,7 +35,7 @@ pub enum MemoryError {
         offset: usize,
         /// Its length in bytes.
         size: usize,
-        /// One past the last byte it may have.
+        /// One past the last byte that the block may have.
         end: usize,
     },
     /// A typed view at an address its widest register does not allow.
@@ -181,7 +181,7 @@ pub enum MemoryError {
         /// Its mode.
         mode: u32,
     },
-    /// The name of the instance's directory belongs to something else.
+    /// An entry of another kind has the name of the instance's directory.
     #[error("{} is no directory; it is left alone, remove it yourself", .path.display())]
     NotADirectory {
         /// The refused path.
@@ -195,7 +195,7 @@ pub enum MemoryError {
         /// Its first eight bytes, little endian.
         found: u64,
     },
-    /// The image is made to another version of the attach contract.
+    /// The image follows another version of the attach contract.
     #[error("{} has ABI version {found}, this program knows {expected}; use programs of one commram version", .path.display())]
     OtherAbi {
         /// The refused path.

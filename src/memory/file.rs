@@ -32,8 +32,8 @@ impl ImageFile {
         let flags = access | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
         let opened = loop {
             match rustix::fs::open(&path, flags, Mode::empty()) {
-                // The emulator is just checking whether another process has the file open (`Onlookers`). Another user
-                // could keep such a lease on a file of that user.
+                // The emulator is checking whether another process has the file open (`Onlookers`). Another user could
+                // also hold such a lease, on a file of that user.
                 Err(Errno::AGAIN) => {
                     if let Ok(stat) = rustix::fs::lstat(&path) {
                         judge(&path, &stat)?;
@@ -104,14 +104,14 @@ impl ImageFile {
         Ok(())
     }
 
-    /// True if the emulator that wrote `header` still runs: its process exists, or, if that is in a pid namespace
-    /// that we cannot see, the file is locked.
+    /// True if the emulator that wrote `header` still runs: its process exists, or, if the process is in an invisible
+    /// pid namespace, the file is locked.
     pub(crate) fn is_alive(&self, header: &Header) -> bool {
         !State::from_code(header.state.load()).is_some_and(State::is_over)
             && (emulator(header).is_running() || self.is_locked())
     }
 
-    /// Takes a shared lock for a moment; a starting emulator waits long enough for that.
+    /// Takes a shared lock for a moment; a starting emulator waits longer than this moment.
     pub(crate) fn is_locked(&self) -> bool {
         match self.file.try_lock_shared() {
             // If the unlock fails, closing the file releases the lock.

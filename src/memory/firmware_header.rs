@@ -1,8 +1,8 @@
 //! The header page as the firmware of a device sees it: the values that it shows, and the requests that it reads.
 //!
-//! In most plants both are one page. Where several plants must run identically, all of them must get a request of a
-//! program before any firmware reads it. There the firmware reads requests in a separate page, which the emulator
-//! updates.
+//! In most plants both are one page. If several plants must run identically, all of them must get a request of a
+//! program before any firmware reads the request. In such plants the firmware reads requests in a separate page, which
+//! the emulator updates.
 
 use super::{Cell32, Header, View};
 use core::ops::Deref;
@@ -56,7 +56,7 @@ impl FirmwareHeader {
         let request = cell(&self.requested).load();
         let is_taken = request != 0 && cell(&self.requested).compare_exchange(request, 0).is_ok();
         if is_taken && !self.is_one_page() {
-            // A newer request there is copied to the firmware's page later.
+            // A newer request of a program is copied to the firmware's page later.
             let _ = cell(&self.current).compare_exchange(request, 0);
         }
         is_taken.then_some(request)

@@ -17,8 +17,8 @@ use std::os::fd::{BorrowedFd, RawFd};
 
 /// Images of one process that can be guarded at the same time.
 const MAX_GUARDED: usize = 256;
-/// Consecutive faults, with the file at its full length, that may come from other threads; more mean that memory is
-/// missing.
+/// Number of consecutive faults, with the file at its full length, that other threads may cause; more faults mean that
+/// memory is missing.
 const MAX_TRIES: usize = 16;
 /// Message when the process cannot continue.
 const LAST_WORDS: &[u8] =
@@ -55,7 +55,7 @@ impl Slot {
         base > 1 && address.checked_sub(base).is_some_and(|offset| offset < self.size.load(Ordering::Acquire))
     }
 
-    /// Restores the length of the file; returns whether there was memory for it. `None`: the file has its length.
+    /// Restores the length of the file; returns whether there was memory for it. `None`: the file has its full length.
     fn grow_back(&self) -> Option<bool> {
         // SAFETY: the file is open for as long as the slot is taken.
         let file = unsafe { BorrowedFd::borrow_raw(self.file.load(Ordering::Acquire)) };
@@ -175,7 +175,7 @@ extern "C" fn emulator_lives_on(
 
 extern "C" fn client_ends(_signal: libc::c_int, _info: *mut libc::siginfo_t, _context: *mut libc::c_void) {
     write_words(CLIENTS_WORDS);
-    // SAFETY: a plain system call, without what runs at the end of a process otherwise.
+    // SAFETY: a plain system call, without the usual exit handlers of a process.
     unsafe { libc::_exit(EXIT_CODE.load(Ordering::Relaxed)) };
 }
 

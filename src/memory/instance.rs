@@ -1,7 +1,7 @@
 //! The lock of an instance: one emulator per name, independent of the names of its PLCs.
 //!
 //! The lock is a file in the instance's directory, which belongs to one user. The images have separate locks, by which
-//! clients detect a running emulator. Those cannot keep emulators with other PLCs apart.
+//! clients detect a running emulator. These locks do not exclude an emulator with other PLCs.
 
 use super::private::PrivateDir;
 use super::process::ProcessId;
@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 /// The file in the instance's directory; holds process id and start time of the process that has the lock.
 pub(super) const LOCK: &str = "lock";
-/// The file in the instance's directory with the folders of devices that belong to no program, one path in each line.
+/// The file in the instance's directory with the folders of the plant's devices, one path in each line.
 #[cfg(feature = "emulator")]
 const FOLDERS: &str = "devices";
 /// Longest list of folders that is read, in bytes.

@@ -1,4 +1,4 @@
-//! Limits of a process (`ulimit`): checks for enough of them, and texts that name the limit that caused an error.
+//! Limits of a process (`ulimit`): checks whether they suffice, and texts that name the limit that caused an error.
 
 use rustix::io::Errno;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
@@ -152,7 +152,7 @@ pub(crate) struct FileLimit {
 }
 
 /// Difference of the memory of one process from start to start, in bytes: the heap and the arenas of threads grow in steps
-/// of 132 KiB, and random addresses and the order of threads decide on a step more or less.
+/// of 132 KiB, and random addresses and the order of threads decide whether there is one step more or less.
 #[cfg(feature = "emulator")]
 const SPREAD: u64 = 512 << 10;
 

@@ -70,8 +70,8 @@ impl From<&Header> for ImageSummary {
 
 /// All images, sorted by instance and PLC.
 ///
-/// [`IMAGE_DIRECTORY`] cannot be read. An unreadable file is reported as its entry.
-/// [`IMAGE_DIRECTORY`] cannot be read. A single file that cannot is reported in its place.
+/// # Errors
+/// [`IMAGE_DIRECTORY`] cannot be read. A single unreadable file is reported in its entry.
 pub fn list() -> Result<Vec<ImageInfo>, MemoryError> {
     let mut images = Vec::new();
     for_each_name(|instance, plc| images.extend(look_at(instance, plc)))?;

@@ -1,4 +1,4 @@
-//! The kernel's table of file locks, which names the process that holds one.
+//! The kernel's table of file locks, which names the process that holds a lock.
 //!
 //! A lock file and a header page also name a process, but any program of the same user can write them.
 

@@ -1,8 +1,8 @@
-//! Detects whether another process has an image open or mapped; without that it can neither read nor store a register.
+//! Detects whether another process has an image open or mapped: only such a process can read or store a register.
 //!
-//! The kernel reports each open of the file (inotify). A write lease shows whether all others are gone: the kernel
-//! grants it only while no other process has the file open or mapped. It is released immediately. If either is not
-//! available, the image counts as open.
+//! The kernel reports each open of the file (inotify). A write lease shows whether no other process is left: the kernel
+//! grants the lease only while no other process has the file open or mapped. The lease is released immediately. If
+//! inotify or leases are not available, the image counts as open.
 
 use super::image::ImageFileWatch;
 use rustix::buffer::spare_capacity;

@@ -1,8 +1,8 @@
 //! A directory of one user, inside a directory that all users can write to.
 //!
-//! Its name can be guessed, so another user may have created it first, or a link in its place. It is therefore opened
-//! without following links and checked through its descriptor. Its contents are accessed only through that descriptor,
-//! so other users cannot reach them.
+//! Another user can guess the name of the directory, and create it first, or a link in its place. The directory is
+//! therefore opened without following links and checked through its descriptor. Its contents are accessed only through
+//! that descriptor, so other users cannot reach them.
 
 use super::MemoryError;
 use super::directory::Directory;
@@ -33,7 +33,7 @@ impl PrivateDir {
     /// Opens the directory; creates a missing one, accessible to this user only.
     ///
     /// # Errors
-    /// The name belongs to something else, the directory is owned or writable by other users, or the system refuses.
+    /// An entry of another kind has the name, the directory is owned or writable by other users, or the system refuses.
     pub(crate) fn create(path: &Path) -> Result<Self, MemoryError> {
         loop {
             match rustix::fs::mkdir(path, Mode::RWXU) {

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 /// Ranges are extended to multiples of this number of bytes.
 const LINE: usize = 64;
-/// Words that are compared together before single words are: most are unchanged.
+/// Number of words that are compared at once before single words: most words are unchanged.
 const AT_ONCE: usize = 256;
 
 /// A copy of the registers in some ranges.
@@ -74,7 +74,7 @@ impl Segment {
         self.copy_words(ranges, &mut copy.words);
     }
 
-    /// Returns what other processes have stored into these ranges since the copy, and renews the copy.
+    /// Returns the stores of other processes into these ranges since the copy, and renews the copy.
     pub(crate) fn stored_since(&self, ranges: &[Range<usize>], copy: &mut RegisterCopy) -> Vec<StoredBytes> {
         self.copy_words(ranges, &mut copy.now);
         if copy.now == copy.words {
@@ -93,7 +93,7 @@ impl Segment {
         stored
     }
 
-    /// Stores in this segment what another process has stored into a segment of the same device. Ignores words outside.
+    /// Repeats in this segment the store of another process into a segment of the same device. Ignores words outside.
     pub(crate) fn store_bytes(&self, stored: &StoredBytes) {
         let StoredBytes { offset, mask, value } = *stored;
         let _ = self.update(offset, Width::Dword, |word| word & !mask | value & mask);

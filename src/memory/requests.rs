@@ -44,7 +44,7 @@ impl Segment {
         has_any
     }
 
-    /// Copies it to the firmware's page; returns the index and value of each changed cell.
+    /// Copies new requests to the firmware's page; returns the index and value of each changed cell.
     pub(crate) fn deliver_requests(&self, front: &[FrontWord]) -> Vec<(u16, u32)> {
         let mut changed = Vec::new();
         self.for_each_request_cell(front, |index, asked, written| {

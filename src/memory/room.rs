@@ -18,10 +18,11 @@ pub(crate) fn free() -> Option<u64> {
     Some(stat.f_bavail.saturating_mul(stat.f_frsize))
 }
 
-/// Number of free inodes below which they can be the reason for a missing file: those of a channel and some clients.
+/// With fewer free inodes than this number, a lack of inodes can be the reason for an error: a channel and some clients
+/// need this number.
 const FEW_INODES: u64 = 32;
 
-/// Text about free inodes, to append to the error of a system call at `path`; empty if they do not explain it.
+/// Text about free inodes, to append to the error of a system call at `path`; empty if inodes do not explain the error.
 pub(crate) fn named(path: &Path, reason: &io::Error) -> String {
     if Errno::from_io_error(reason) != Some(Errno::NOSPC) {
         return String::new();

@@ -1,7 +1,8 @@
 //! A running instance, even if its directory or files were changed.
 //!
 //! An emulator holds the lock in the instance's directory and those of its images until it has cleaned up. Files opened
-//! here stay the same files when an emulator of the same name follows; so does the pinned process.
+//! here stay the same files, and the pinned process stays the same process, when another emulator of the same name
+//! starts.
 
 use super::file::ImageFile;
 use super::instance::{self, LOCK};
@@ -67,7 +68,7 @@ impl RunningInstance {
             // Other users can write to the directory, but they cannot hold a lock on a file of this user.
             Err(refused @ MemoryError::OpenDirectory { .. }) => (own_lock_file(instance)?, Some(refused)),
             Err(refused) if refused.is_shortage() => return Err(refused),
-            // Something else has the directory's name; the images may still be served.
+            // An entry of another kind has the directory's name; the images may still be served.
             Err(refused) => (None, Some(refused)),
         };
         let is_cleaned = |lock: &Option<LockedFile>| {

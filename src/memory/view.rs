@@ -52,7 +52,7 @@ impl<T: SharedRegs> View<T> {
         View { cells: NonNull::from(part(self)), keep: Arc::clone(&self.keep) }
     }
 
-    /// The segment this view looks into.
+    /// The segment of this view.
     pub fn segment(&self) -> Segment {
         Segment::from_backing(Arc::clone(&self.keep))
     }

@@ -1,4 +1,4 @@
-//! Accesses of any width, applied to registers that each have exactly one width.
+//! Splits accesses of any width into accesses of registers, each at its own width.
 
 use super::{MemoryError, Segment, Width};
 use crate::layout::{DeviceFit, DeviceLayout, RegisterRef};

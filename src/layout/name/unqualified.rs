@@ -56,7 +56,8 @@ impl DeviceFit {
     /// The area or the registers that `name` covers.
     ///
     /// # Errors
-    /// The errors of [`DeviceFit::registers`]; [`LayoutError::UnknownArea`] if `name` looks rather like an area's.
+    /// The errors of [`DeviceFit::registers`]; [`LayoutError::UnknownArea`] if `name` looks more like the name of an
+    /// area.
     pub fn area_or_registers(&self, name: &str) -> Result<AreaOrRegisters, LayoutError> {
         let area = match self.device().area(name) {
             Ok(area) => return Ok(AreaOrRegisters::Area(area)),

@@ -94,7 +94,7 @@ unsafe fn first_unlike(at: *const [u64; BLOCK], blocks: &[Block]) -> Option<usiz
     unsafe { first_unlike_by_words(at, blocks, |_| u64::MAX) }
 }
 
-/// The same, in the bits of `watched` only, which has as many blocks.
+/// As [`first_unlike`], in the bits of `watched` only, which has the same number of blocks.
 ///
 /// # Safety
 /// As [`load`].

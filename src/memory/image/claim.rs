@@ -1,7 +1,8 @@
 //! Decides which process gets the name of an image: emulators that start or end, files of killed emulators, and clients
 //! that check them.
 //!
-//! The process that has the lock of the named file owns the image. No other process names, takes over or removes it.
+//! The process that has the lock of the named file owns the image. No other process gives the image its name, takes it
+//! over or removes it.
 
 #[cfg(test)]
 mod model;
@@ -37,7 +38,7 @@ pub(super) trait ImageName {
     /// Refuses a file unless it is an image of this user.
     fn judge(&self, file: &Self::File) -> Result<(), Self::Error>;
 
-    /// Waits a moment for a lock that another process has; an error if the total wait was long enough.
+    /// Waits a moment for a lock that another process has; an error after the longest total wait.
     fn wait(&self, file: Self::File) -> Result<(), Self::Error>;
 }
 
@@ -78,7 +79,8 @@ pub(super) fn enter<S: ImageCreator>(site: &S) -> Result<S::Image, S::Error> {
         };
         match claim(site, file)? {
             Some(file) if site.fits(&file)? => return site.take_over(file),
-            // Dead, but with another shape: it cannot serve the old clients, so a new file replaces it.
+            // The file of a dead emulator, with another shape: it cannot serve the old clients, so a new file replaces
+            // it.
             Some(file) => file.unlink()?,
             None => {}
         }

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 /// Longest wait of a starting emulator for a lock with a holder that does not look like a running emulator:
 /// it may be ending, or be a client that checks for a running emulator.
 const PATIENCE: Duration = Duration::from_millis(500);
-/// Longest wait if the holder runs: it may have been killed a moment ago and not be gone yet.
+/// Longest wait if the holder runs: it may have been killed a moment ago and still exist.
 const GRACE: Duration = Duration::from_millis(50);
 
 /// The path of an image, the start time of the attempt, and the data of the image.

@@ -73,7 +73,7 @@ impl<W: Word> SeatWords<'_, W> {
             if self.state.exchange(deciding, answer.code()) {
                 return Some((event, is_seated));
             }
-            // The task has left, so the event may be that of the next task, which gets no answer before it asks.
+            // The task has left, so the event may belong to the next task, which gets no answer before it asks.
         }
         None
     }

@@ -1,5 +1,5 @@
 //! Explores every interleaving of tasks that take a seat, ask and leave, with an emulator that answers, gives up and
-//! frees, with the memory orders of [`super::Cell32`]. The model omits times, and bells, which have a separate model.
+//! frees, with the memory orders of [`super::Cell32`]. The model omits times and bells; bells have a separate model.
 
 use super::{NO_OWNER, SeatState, SeatWords, Word};
 use loom::sync::Arc;
