@@ -12,7 +12,7 @@ pub use row::{Row, Style, address_of};
 
 /// Contents of a plot.
 pub struct Plot {
-    /// Begin of the plot, in emulated microseconds since power-on.
+    /// Start of the plot, in emulated microseconds since power-on.
     pub from_us: u64,
     /// End of the plot, later than `from_us`.
     pub to_us: u64,

@@ -92,7 +92,7 @@ pub struct PortConfig<'a> {
     pub number: u8,
     /// Name of the port in the layout.
     pub name: &'a str,
-    /// Bus that the port is plugged in at.
+    /// Bus to which the port is connected.
     pub bus: Option<&'a str>,
     /// Number of the port on the bus, if stations have numbers; a master has none.
     pub address: Option<u8>,

@@ -50,7 +50,7 @@ fn height(row: &Row) -> i32 {
     if row.style == Style::Line { LINE } else { OTHER }
 }
 
-/// Begin of the first row.
+/// Start of the first row.
 fn top(plot: &Plot) -> i32 {
     if plot.sections.is_empty() { HEAD } else { HEAD + SECTIONS }
 }

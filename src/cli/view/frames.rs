@@ -25,7 +25,7 @@ pub(crate) struct BusFrame {
     /// Number of the bus.
     #[serde(skip)]
     bus: BusIndex,
-    /// Begin of the frame, in microseconds.
+    /// Start of the frame, in microseconds.
     pub from_us: u64,
     /// End of reception, in microseconds.
     pub until_us: u64,
@@ -51,7 +51,7 @@ impl BusFrame {
 /// A time window of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub(crate) struct Window {
-    /// Begin of the window: the SYNC edge, if the bus has SYNC.
+    /// Start of the window: the SYNC edge, if the bus has SYNC.
     pub begin_us: u64,
     /// Length of the window.
     pub us: u64,

@@ -163,8 +163,8 @@ impl Bm4Config {
 }
 
 impl Bm4Config {
-    /// Whether the SYNC signal that this master can pass on can reach it: the source module has a signal, and it is not
-    /// the signal of the master's own bus (decision D-646).
+    /// Whether the SYNC signal that this master can pass on can reach it: the source module has a signal, which does
+    /// not come from the master's own bus (decision D-646).
     pub(super) fn hands_sync_to(&self, module: &ModuleConfig) -> bool {
         let source = module.sync_in_from.and_then(|port| self.module(port));
         source.is_some_and(|source| match source.work() {
@@ -229,7 +229,7 @@ impl Bm4Config {
         let name = format!("{}:{}", self.name, module.port.name);
         DriveConfig {
             kbit_s,
-            // The function that runs at all four rates.
+            // The function that supports all four rates.
             card_function: CardFunction::Old,
             lock_time_us: module.lock_time_us,
             sync_loss_us: module.sync_loss_us,
@@ -239,7 +239,7 @@ impl Bm4Config {
 }
 
 impl ModuleSection {
-    /// The module, and the slot that it can have its SYNC signal from.
+    /// The module, and the slot that can give it a SYNC signal.
     fn read(self, plc: &str) -> Result<(ModuleConfig, Option<Spanned<String>>), Error> {
         let Some(port) = port_of(self.slot.get_ref()) else {
             let text = format!("there is no slot '{}'; slots are: {}", self.slot.get_ref(), slots());

@@ -1,5 +1,5 @@
 //! Front of the b maXX PLC around its modules: supply, start of the program, events. The manual of the modules
-//! describes only event 11 (p. 25); the rest is emulated as far as a program needs it (decision D-366).
+//! describes only event 11 (p. 25); everything else is emulated as far as a program needs it (decision D-366).
 
 use crate::devices::Events;
 use crate::devices::program::Starts;

@@ -119,7 +119,7 @@ mod tests {
     use super::*;
     use zerocopy::FromZeros;
 
-    /// P. 28-30: the LEDs of each module that waits, takes part with SYNC and without, and is in BUS-off.
+    /// P. 28-30: the LEDs of each module while it waits, takes part with SYNC and without, and is in BUS-off.
     #[test]
     fn leds_show_the_state_of_the_module() {
         use Led::{Flashes, Off, On};

@@ -25,7 +25,7 @@ const UNPLUGGED_BAUD: u8 = 0b101;
 /// Time for which H1 shows a frame (decision D-367).
 const TRAFFIC_US: u64 = 100_000;
 
-/// A module, seen from the PLC.
+/// A module, as the PLC sees it.
 struct Module {
     /// Number of its port.
     number: u8,
@@ -40,7 +40,7 @@ struct Module {
     takes_part: bool,
     /// Time of the last edge of its SYNC signal, and the interval before it.
     edge: Option<(u64, u64)>,
-    /// When it last sent or received a frame.
+    /// Time of the last frame that it sent or received.
     last_frame: Option<u64>,
 }
 
@@ -221,7 +221,8 @@ impl DeviceView for Bm4Plc {
 }
 
 impl crate::devices::Front for Bm4Plc {
-    /// DIP switches and LEDs are the modules'; a program and a switch for it are not described (decision D-366).
+    /// DIP switches and LEDs belong to the modules; the manual describes no program and no switch for it (decision
+    /// D-366).
     fn turn(&self, setting: BoardSetting) -> bool {
         match setting {
             BoardSetting::Power(power) => self.front.face.put(|page| &page.program.power, power.code()),

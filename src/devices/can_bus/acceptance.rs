@@ -84,7 +84,7 @@ mod tests {
         assert_eq!(receivers(&mut acceptance, 7), (vec![7, 8], 2));
         acceptance.forget();
         assert_eq!(receivers(&mut acceptance, 5), (vec![5, 6], 3));
-        // As many kinds as there is room for, and more receivers than are remembered.
+        // The maximum number of kinds, and more receivers than the maximum.
         for _ in 0..40 {
             for id in 0..0x7FE {
                 assert_eq!(receivers(&mut acceptance, id).0, [id, id + 1]);

@@ -25,7 +25,7 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use core::any::Any;
 use std::sync::Arc;
 
-/// A CAN bus with the ports at it.
+/// A CAN bus with its ports.
 pub struct CanBus {
     pub(super) index: BusIndex,
     name: String,

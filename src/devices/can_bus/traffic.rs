@@ -132,7 +132,7 @@ impl CanBus {
     fn failed(&mut self, it: &OnWire, now: u64, journal: &mut Journal) {
         let (bus, frame, sender) = (self.index, it.frame, self.stations.all()[it.sender].origin);
         self.stations.get_mut(it.sender).controller.is_sending = false;
-        // A station alone on the bus repeats its frame without end.
+        // A station alone on the bus repeats its frame without a limit.
         let unheard = it.fate == Fate::NotAcknowledged;
         let is_known = core::mem::replace(&mut self.stations.get_mut(it.sender).is_unheard, unheard);
         if !(unheard && is_known) {

@@ -60,7 +60,7 @@ impl CanDp2Config {
         Ok(Arc::new(CanDp2Config { name, profibus, can, switches }))
     }
 
-    /// Returns the name of the bus that a port is plugged in at.
+    /// Returns the name of the bus to which a port is connected.
     fn bus(&self, port: &Port) -> Option<&str> {
         if port.medium == can_bus::FAMILY { self.can.as_deref() } else { self.profibus.as_deref() }
     }

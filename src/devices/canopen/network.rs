@@ -196,7 +196,7 @@ mod tests {
         assert_eq!((network.next_time(), network.due(1000)), (u64::MAX, vec![]));
     }
 
-    /// P. 28: the resets are repeated without end.
+    /// P. 28: the resets are repeated without a limit.
     #[test]
     fn a_node_that_does_not_answer_is_reset_until_it_does() {
         let mut network = Network::default();

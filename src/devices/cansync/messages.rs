@@ -1,7 +1,7 @@
 //! Descriptions of all frames of a CANsync bus, for bus databases.
 //!
 //! The words of process data depend on mappings that programs set at run time, so they stay words. Parameter jobs and
-//! up-/downloads have one identifier for each slave; bit 7 of the first byte tells them apart.
+//! up-/downloads have one identifier for each slave; bit 7 of the first byte distinguishes them.
 
 use super::frames::{Channel, FrameKind, LAST_SLAVE};
 use crate::can::{BitOrder, Message, Presence, Signal};

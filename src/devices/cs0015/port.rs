@@ -68,7 +68,7 @@ pub(super) struct Firmware {
     pub(super) is_stopped: bool,
     /// End of the reset, or of the program's present cycle; `None` if nothing runs.
     end_at: Option<u64>,
-    /// Begin of the present cycle.
+    /// Start of the present cycle.
     begun_at: u64,
     /// The present cycle is overdue; the watchdog resets the device at `end_at`.
     is_overdue: bool,

@@ -1,8 +1,8 @@
-//! Why the device of a folder is refused.
+//! Reasons for refusing the device of a folder.
 
 use std::path::PathBuf;
 
-/// Why a folder is no device.
+/// Reason for which a folder is not a device.
 #[derive(Debug, thiserror::Error)]
 pub enum FolderError {
     /// A file of the layout is wrong; the message begins with file, line and column.

@@ -2,7 +2,7 @@
 //!
 //! A plant names the folder as `kind = "./cards/counter"`. From then on, the device is registered like the devices of
 //! commram: its registers have names, owners, meanings and a layout hash. The author of a folder may be unknown, so its
-//! files are bounded and lie in the folder itself.
+//! files are limited in size and must lie in the folder itself.
 
 mod config;
 mod error;
@@ -41,7 +41,7 @@ pub struct Folder {
     fingerprint: u64,
 }
 
-/// What this process has read, in the order of time. Nothing of it is freed.
+/// Folders that this process has read, in the order of time. They are never freed.
 struct Loaded {
     /// The tables of layouts, by the fingerprints of their files.
     tables: Vec<(u64, &'static DeviceLayout)>,
@@ -50,7 +50,7 @@ struct Loaded {
 
 static LOADED: Mutex<Loaded> = Mutex::new(Loaded { tables: Vec::new(), folders: Vec::new() });
 
-/// Whether `kind` of a plant file, or the name of a device at the command line, is the path of a folder.
+/// Whether `kind` of a plant file, or the name of a device on the command line, is the path of a folder.
 #[must_use]
 pub fn is_path(kind: &str) -> bool {
     kind.contains('/')
@@ -107,7 +107,8 @@ fn check_names(dir: &Path, read: &Layout) -> Result<(), FolderError> {
     }
 }
 
-/// The device of a folder with this layout hash: the one that was read last, if only facts beside the addresses differ.
+/// The device of a folder with this layout hash: the last one read, if several folders differ only in facts other than
+/// addresses.
 pub(super) fn of_hash(hash: u64) -> Option<&'static Registered> {
     let loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
     let mut registered = loaded.folders.iter().rev().map(|folder| &folder.registered);
@@ -151,7 +152,7 @@ fn fingerprint(dir: &Path, read: &Layout, handshakes: Option<&str>) -> u64 {
     XxHash3_64::oneshot(&all)
 }
 
-/// Checks the limits that hold for a device of a folder, beside those of every layout.
+/// Checks the limits for a device of a folder, in addition to those of every layout.
 fn check_limits(dir: &Path, read: &Layout) -> Result<(), FolderError> {
     let device = &read.device;
     let too_much = |what, count, most| Err(FolderError::TooMuch { dir: dir.to_owned(), what, count, most });

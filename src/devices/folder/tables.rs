@@ -58,7 +58,7 @@ fn leaked<T>(items: Vec<T>) -> &'static [T] {
     Box::leak(items.into_boxed_slice())
 }
 
-/// The source of a fact, with its text as `lasting` keeps it.
+/// The source of a fact; `lasting` makes its text static.
 pub(super) fn provenance(from: &model::Provenance, lasting: impl FnOnce(&str) -> &'static str) -> Provenance {
     match from {
         model::Provenance::Manual => Provenance::Manual,

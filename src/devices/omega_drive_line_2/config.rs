@@ -36,7 +36,7 @@ pub struct PlcConfig {
     /// Emulated time without SYNC signal that ends that lock, in us, 1 to one hour; left out: two and a half intervals
     /// ([`SyncLock`](crate::devices::cansync::frames::SyncLock)).
     pub sync_loss_us: Option<u64>,
-    /// Period of the SYNC signal of an option card in us, 50..=1000000; without one there is no such card.
+    /// Period of the SYNC signal of an option card in us, 50..=1000000; `None`: no such card.
     pub option_sync_us: Option<u32>,
     /// The drive at the other end of the BAPS.
     #[serde(default)]
@@ -44,7 +44,7 @@ pub struct PlcConfig {
     /// Speed of the Ethernet link in Mbit/s: 100 (default), 10, or 0 for no link.
     #[serde(default = "default_ethernet_mbit")]
     pub ethernet_mbit: u16,
-    /// The project that the PLC has at the first power-on (default: none).
+    /// The project in the PLC at the first power-on (default: none).
     #[serde(default)]
     pub project: ProjectConfig,
     /// Number of retain flags in bytes, 4..=57344 and divisible by 4: `%MB10000000` and up (default 20000; p. 42).

@@ -18,14 +18,14 @@ use core::mem::offset_of;
 use std::net::Ipv4Addr;
 use zerocopy::{FromBytes, IntoBytes};
 
-/// The address of the delivery state, to which the DIP number is added, and its mask (p. 80).
+/// The address at delivery, to which the DIP number is added, and its mask (p. 80).
 const DELIVERY: (Ipv4Addr, Ipv4Addr) = (Ipv4Addr::new(192, 168, 1, 1), Ipv4Addr::new(255, 255, 255, 0));
 
 /// Content of `ETHERNET_CONFIG_BMSTRUCT`, byte by byte.
 pub type Stored = [u8; ETHERNET_CONFIG_BYTES];
 
-/// Address and mask that follow from a configuration and the DIP number; `None` if the address would end in 0 or
-/// 255 or run over, which is not allowed for devices (p. 79-80).
+/// Address and mask that follow from a configuration and the DIP number; `None` if the last byte would be 0, 255 or
+/// more, which is not allowed for devices (p. 79-80).
 pub fn effective(ip_config: u32, address: Ipv4Addr, mask: Ipv4Addr, dip: u8) -> Option<(Ipv4Addr, Ipv4Addr)> {
     let (base, mask, add) = match ip_config {
         ip_config::FIXED => (address, mask, 0),
@@ -166,7 +166,7 @@ impl Ethernet {
         bytes
     }
 
-    /// Address, mask and choice as they were; the routers are another matter.
+    /// Restores address, mask and choice, but not the routers.
     fn put_back(&self) {
         let Some((config, address, mask, _)) = parts(&self.stored) else { return };
         for (cells, bytes) in [(&self.config.a_IP_ADDRESS, address), (&self.config.a_IP_MASK, mask)] {

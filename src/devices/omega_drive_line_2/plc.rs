@@ -202,7 +202,7 @@ impl Device for Plc {
         self.baps.power_on();
     }
 
-    /// The drive only notices that no more requests come.
+    /// The drive only notices that the requests have ended.
     fn stop(&mut self, ctx: &mut Context) {
         self.board.stop();
         self.ethernet.power_off();

@@ -82,7 +82,7 @@ enum LineStep {
     Held(usize),
 }
 
-/// A PROFIBUS segment with the ports at it.
+/// A PROFIBUS segment with its ports.
 pub struct ProfibusBus {
     pub(super) index: BusIndex,
     name: String,

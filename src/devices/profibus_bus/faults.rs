@@ -28,7 +28,7 @@ pub(in crate::devices) enum TelegramEffect {
     WrongFrameCount,
 }
 
-/// Facts about a telegram by which faults choose.
+/// Properties of a telegram by which faults select it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Traits {
     /// Address of the sender, if it is known.
@@ -36,7 +36,7 @@ pub(super) struct Traits {
     is_answer: Option<bool>,
     /// Service access point of the station that answers.
     sap: Option<u8>,
-    /// The telegram is a request with a frame count bit that counts.
+    /// The telegram is a request with a valid frame count bit.
     pub has_frame_count: bool,
 }
 

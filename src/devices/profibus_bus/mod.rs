@@ -1,4 +1,4 @@
-//! A PROFIBUS segment of a plant: the line, the stations at it, and its journal events.
+//! A PROFIBUS segment of a plant: the line, its stations, and its journal events.
 
 mod bus;
 mod config;

@@ -52,7 +52,7 @@ pub struct Paging {
 }
 
 function_block! {
-    /// Page mode: defines the sent and received identifiers, then exchanges data without end (p. 61-69).
+    /// Page mode: defines the sent and received identifiers, then exchanges data continuously (p. 61-69).
     pub struct FB2(data_blocks: Shared<DataBlocks>, peripherals: Shared<Peripherals>) {
         in {
             /// FALSE: exchanges pages 0 and 1. TRUE after that: all other pages, from the first one on.

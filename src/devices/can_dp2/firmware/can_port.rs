@@ -10,7 +10,7 @@ use crate::devices::can_dp2::registers::FRONT_LED_C;
 use crate::devices::can_dp2::registers::values::{bus_state, can_state, led_c};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
-/// A bit rate that no bus has: before data exchange the device does not take part in CAN (p. 12).
+/// A bit rate that no bus has: the device takes part in CAN only after the start of data exchange (p. 12).
 const NO_RATE: u32 = 0;
 
 /// The firmware on CAN.

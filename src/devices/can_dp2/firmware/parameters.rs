@@ -49,7 +49,7 @@ pub(in crate::devices::can_dp2) enum Role {
     Slave(u8),
 }
 
-/// Functions that a master can request and the device does not have (p. 10).
+/// Functions that a master can request but the device does not have (p. 10).
 const UNSUPPORTED: u8 = status::FREEZE_REQ | status::SYNC_REQ;
 
 /// Bits of the first flags that the manual does not use (p. 28).
@@ -107,8 +107,8 @@ impl Parameters {
         }
     }
 
-    /// Returns the time without a request of the master after which the slave leaves data exchange, in us; `None`
-    /// without a watchdog.
+    /// Returns the watchdog time in us, after which the slave leaves data exchange if the master sends no request;
+    /// `None` without a watchdog.
     pub(in crate::devices::can_dp2) fn watchdog_us(&self) -> Option<u64> {
         let factors = u64::from(self.octets[1]) * u64::from(self.octets[2]);
         (self.octets[0] & status::WD_ON != 0).then_some(factors * 10_000)

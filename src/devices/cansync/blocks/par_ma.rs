@@ -155,7 +155,7 @@ impl JobState {
         CallResult { error, number, ..CallResult::default() }
     }
 
-    /// Removes the block's job from the registers. Otherwise a slave without an answer would be asked without end.
+    /// Removes the block's job from the registers. Otherwise the master would ask a silent slave for ever.
     fn withdraw(&self, base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>) {
         if let JobPhase::Running(_) = self.phase
             && let Some((job, _)) = registers(base, self.slave)

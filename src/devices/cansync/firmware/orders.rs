@@ -34,8 +34,7 @@ pub(super) struct Order {
 impl SnapshotFields for Orders {
     fn save(&self, to: &mut Saving) {
         let Self { face: _, node: _, seen, left_behind, restarts } = self;
-        // The header page counts on regardless of a restored snapshot, so the snapshot has the number of unseen
-        // restarts.
+        // The counter in the header page continues after a restore, so the snapshot has the number of unseen restarts.
         to.value(&(seen, left_behind, self.restarts_written().wrapping_sub(*restarts)));
     }
 

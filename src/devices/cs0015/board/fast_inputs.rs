@@ -16,7 +16,7 @@ const MOST_MS: u64 = 65_535;
 struct Wave {
     /// Frequency in millihertz.
     mhz: u32,
-    /// Begin of the wave, in microseconds.
+    /// Start of the wave, in microseconds.
     since: u64,
     /// Phase at the start, in parts of [`PERIOD`].
     from: u64,

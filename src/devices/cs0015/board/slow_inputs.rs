@@ -15,7 +15,7 @@ pub(crate) struct SlowInputs {
     passed: u16,
     /// Levels at the terminals at the last check.
     terminals: u16,
-    /// Begin of the present level of each terminal, in us.
+    /// Start of the present level of each terminal, in us.
     since: [u64; 16],
 }
 

@@ -1,4 +1,4 @@
-//! `handshakes.toml` exactly as written: shape only.
+//! `handshakes.toml` as written, without checks of its values.
 
 use crate::time;
 use commram_layoutc::model::Provenance;

@@ -7,7 +7,7 @@ use crate::journal::Handshake;
 use crate::memory::Segment;
 use serde::{Deserialize, Serialize};
 
-/// Firmware of a device in a folder: polls the registers of the tables, and acts when their times have come.
+/// Firmware of a device in a folder: polls the registers of the tables, and acts at the times in them.
 pub(crate) struct Handshakes {
     rows: &'static [Row],
     segment: Segment,
@@ -100,7 +100,7 @@ impl Firmware for Handshakes {
 /// Reads what the program wrote. Returns whether a register has changed.
 fn poll(rule: &Rule, step: &mut Step, segment: &Segment, ctx: &mut Context) -> bool {
     let mut wait = |is_wanted: bool, after_us: u64| {
-        // A program that takes its request back starts the time again with the next one.
+        // If the program withdraws its request, the time starts again with the next request.
         step.due = is_wanted.then(|| step.due.unwrap_or(ctx.now.saturating_add(after_us)));
     };
     match rule {

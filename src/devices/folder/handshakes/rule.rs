@@ -23,7 +23,7 @@ pub(super) enum Rule {
     Toggle { from: Place, to: Place, bits: u32, after_us: u64 },
     /// Counts time.
     Counter { at: Place, every_us: u64 },
-    /// Shows a state if the program does not change a register in time, and another one when it does so again.
+    /// Shows a state if the program does not change a register in time, and another state when the changes continue.
     Watchdog { at: Place, within_us: u64, state: Vec<Change>, recovered: Vec<Change> },
     /// Copies registers.
     Mirror { pairs: Vec<(Place, Place)> },

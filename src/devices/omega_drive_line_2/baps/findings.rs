@@ -1,4 +1,4 @@
-//! Errors that the drive finds when it takes a command; the access checker counts them.
+//! Errors that the drive finds when it accepts a command; the access checker counts them.
 
 use super::cycle::Cycle;
 use crate::check;
@@ -12,7 +12,7 @@ use crate::memory::Header;
 use crate::memory::header::ProgramState;
 use core::mem::offset_of;
 
-/// Cycles of the PLC program that have to be over before the first configuration (manual 5.00005.03a p. 63).
+/// Cycles of the PLC program that must end before the first configuration (manual 5.00005.03a p. 63).
 const CYCLES_BEFORE: u32 = 5;
 
 /// Whether the PLC program has not reached its sixth cycle yet, as far as the program reports its cycles (decision

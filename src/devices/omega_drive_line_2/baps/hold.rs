@@ -1,4 +1,4 @@
-//! Time at which the drive executes a task at the BAPS: at once, unless a fault makes it slow or silent.
+//! Time at which the drive executes a task from the BAPS: at once, or later if a fault makes the drive slow or silent.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,7 +13,7 @@ pub enum Pace {
     Never,
 }
 
-/// Whether a thing waits.
+/// A task that may wait.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Hold {
     until: Option<u64>,
@@ -30,8 +30,8 @@ impl Hold {
         self.until = None;
     }
 
-    /// Decides how a command is taken in the slice at `now`. `pace` is called when the command appears, and once more
-    /// when the command has waited; its argument distinguishes the two calls. A command waits only once.
+    /// Decides how the drive takes a command in the slice at `now`. `pace` is called when the command appears, and once
+    /// more after its wait; the argument distinguishes the two calls. A command waits only once.
     pub(crate) fn turn(&mut self, now: u64, pace: impl FnOnce(bool) -> Pace) -> Pace {
         if let Some(until) = self.until.filter(|&until| now < until) {
             return Pace::Late((until - now) as u32);

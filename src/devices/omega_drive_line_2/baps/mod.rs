@@ -1,8 +1,8 @@
-//! BAPS: the interface between the Omega Drive-Line II and the drive it is built into (manual 5.00005.03a chapter 6).
+//! BAPS: the interface between the Omega Drive-Line II and the drive that contains it (manual 5.00005.03a chapter 6).
 //!
 //! The registers are described in `docs/devices/omega-drive-line-2/baps.md`; the manual shows them only through its
-//! function blocks. The drive has a time slice of 500 us for them. While no program uses the BAPS there are no slices:
-//! the firmware only polls two registers in every processor cycle.
+//! function blocks. The drive has a time slice of 500 us for them. While no program uses the BAPS, there are no slices:
+//! the firmware only polls two registers in each processor cycle.
 
 mod config;
 mod cycle;
@@ -35,9 +35,9 @@ pub struct Baps {
     powered_on: BuiltInDrive,
     process: Process,
     service: Service,
-    /// Process data, or commands, that the drive is late with.
+    /// Late process data or commands.
     process_hold: Hold,
-    /// Service data, likewise.
+    /// Late service data.
     service_hold: Hold,
     /// Whether the Omega Drive-Line II's side runs; the drive runs without it.
     is_up: bool,
@@ -98,7 +98,7 @@ impl Baps {
         self.service_hold.forget();
     }
 
-    /// Power-off: the drive has the same supply, so it stops as well.
+    /// Power-off: the drive has the same supply and stops, too.
     pub fn power_off(&mut self) {
         self.reset();
         self.drive = self.powered_on.clone();

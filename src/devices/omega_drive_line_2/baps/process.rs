@@ -29,7 +29,7 @@ struct Configured {
     next: u64,
     /// A communication is pending.
     is_due: bool,
-    /// Whether the PLC had given a command for the last communication.
+    /// Whether the PLC gave a command for the last communication.
     is_used: bool,
     /// The wrong SYNC slot (P167) that was reported to the PLC, in us.
     wrong_slot: Option<u32>,
@@ -39,7 +39,7 @@ struct Configured {
 /// State of a re-initialization.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum ReInit {
-    /// No command, or its result was read.
+    /// There is no command, or the PLC has read the result.
     Idle,
     /// The re-initialization still needs `left` communications.
     Active { numbers: Numbers, left: u8 },
@@ -87,7 +87,7 @@ impl Process {
         }
     }
 
-    /// A communication may fall due at `now`.
+    /// Marks the communication as pending if its time has come at `now`.
     pub(crate) fn pass(&mut self, now: u64) {
         if let Some(configured) = &mut self.configured
             && configured.next <= now
@@ -262,7 +262,7 @@ impl Configured {
         regler.write_element(number, VALUE_ELEMENT, format, value).is_ok()
     }
 
-    /// Values that are being re-initialized are not exchanged (manual p. 109: they are not defined).
+    /// Values are not exchanged during their re-initialization (manual p. 109: they are not defined).
     fn is_undefined(&self, changes: impl FnOnce(&Numbers) -> bool) -> bool {
         matches!(&self.re_init, ReInit::Active { numbers, .. } if changes(numbers))
     }

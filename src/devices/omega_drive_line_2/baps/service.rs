@@ -3,8 +3,8 @@
 //! | master | slave | |
 //! |---|---|---|
 //! | 0 | 0 | idle; the PLC may enter a job |
-//! | 1 | 0 | the job is the drive's |
-//! | 1 | 1 | the result is the PLC's |
+//! | 1 | 0 | the drive executes the job |
+//! | 1 | 1 | the PLC may read the result |
 //! | 0 | 1 | the PLC has read it; the drive goes back to idle |
 
 use super::findings::find_wrong_pwm;

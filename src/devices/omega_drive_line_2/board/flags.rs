@@ -42,7 +42,7 @@ impl Flags {
         Ok(Flags { segment: segment.clone(), initial: vec![0; bytes as usize].into() })
     }
 
-    /// Whether any retain flag is not 0: NOVRAM has kept the flags.
+    /// Whether a retain flag is not 0, so NOVRAM has kept the flags.
     pub(crate) fn are_kept(&self) -> bool {
         let mut bytes = vec![0; self.initial.len()];
         self.segment.read_range(FIRST, &mut bytes).is_ok() && bytes.iter().any(|flag| *flag != 0)
@@ -76,7 +76,7 @@ impl Flags {
         Some(())
     }
 
-    /// Forgets the initial values, because the program is gone.
+    /// Deletes the initial values, because the program has ended.
     pub(crate) fn forget(&mut self) {
         self.initial.fill(0);
     }

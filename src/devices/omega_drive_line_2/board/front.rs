@@ -26,7 +26,7 @@ pub(super) struct Front {
     up: bool,
     dip: u8,
     projects: Projects,
-    /// The board was started before: the next power-on is a further one.
+    /// The board was started before: the next power-on is not the first one.
     is_used: bool,
     /// The program was ordered to stop while the switch was at RUN.
     halted: bool,
@@ -39,7 +39,7 @@ pub(super) struct Front {
     flags: Flags,
 }
 
-/// Cells that clients turn, as they stood.
+/// Values of the cells that clients write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct PolledFront {
     switch: u32,
@@ -116,7 +116,7 @@ impl Front {
         }
         // At the first power-on the state of the plant file applies.
         if core::mem::replace(&mut self.is_used, true) {
-            // A process may have come or gone in between.
+            // A process may have joined or left meanwhile.
             self.read(face);
             let reported_state = ProgramState::from_code(self.seen.program).unwrap_or(self.program);
             self.note_program(face, reported_state);
@@ -148,7 +148,7 @@ impl Front {
         self.change(had_supply)
     }
 
-    /// Takes over the switches of clients. Invalid numbers change nothing.
+    /// Takes over the switches that clients have turned. Invalid numbers change nothing.
     fn read(&mut self, face: &FirmwareHeader) {
         self.seen = PolledFront::now(face.requested());
         self.switch = RunSwitch::from_code(self.seen.switch).unwrap_or(self.switch);
@@ -197,8 +197,7 @@ impl Front {
         face.board.display.store(self.character(ctx.now));
     }
 
-    /// Takes the program state that the PLC reports: the program comes, goes, or copies the boot
-    /// project.
+    /// Handles the program state that the PLC reports: the program has started or ended, or copies the boot project.
     fn note_program(&mut self, face: &FirmwareHeader, reported_state: ProgramState) {
         use ProgramState::*;
         let before = self.program;

@@ -44,7 +44,7 @@ snapshot_fields!(Board { values: requests, triggers, timers; parts: events, fron
 
 impl Board {
     /// Creates the board with its header page in `segment`, and with the `project` of the first power-on;
-    /// `option_sync_us` is the period of an option card's SYNC signal, if there is such a card.
+    /// `option_sync_us` is the period of the SYNC signal of an option card, if there is one.
     ///
     /// # Errors
     /// If the segment is read-only.

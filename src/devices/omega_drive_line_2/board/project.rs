@@ -9,7 +9,7 @@ enum Flash {
     Empty,
     /// A boot project.
     Boot,
-    /// The boot project of a process that has loaded it: it goes with the process (decision D-302).
+    /// The boot project of a process; it is deleted when the process ends (decision D-302).
     OfProcess,
 }
 
@@ -43,7 +43,7 @@ impl Projects {
         self.cold
     }
 
-    /// A project that was only sent has been lost; its client may still report until another project is loaded.
+    /// A project that was only sent has been lost; its client may still report states until another project is loaded.
     pub(crate) fn is_lost(&self) -> bool {
         self.lost
     }
@@ -70,7 +70,7 @@ impl Projects {
         (self.loaded, self.cold, self.lost) = (project, true, false);
     }
 
-    /// A process has brought its program, which counts as a boot project.
+    /// A process has loaded its program, which counts as a boot project.
     pub(crate) fn brought(&mut self) {
         if self.flash == Flash::Empty {
             self.flash = Flash::OfProcess;
@@ -100,7 +100,7 @@ impl Projects {
         (self.flash, self.boot_cold) = (Flash::Boot, true);
     }
 
-    /// Power-on or end of a reset: the boot project is loaded, and only that (p. 37).
+    /// Power-on or end of a reset: only the boot project is loaded (p. 37).
     pub(crate) fn restart(&mut self) {
         if self.flash != Flash::Empty {
             (self.loaded, self.cold, self.lost) = (Project::Boot, self.boot_cold, false);

@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Periods are counted in fifths of a microsecond, the clock of 5 MHz, so that no rounding adds up.
+/// Periods are counted in fifths of a microsecond, the clock of 5 MHz, so that rounding errors do not accumulate.
 pub(super) const PER_US: u64 = 5;
 /// Step of the CPU timers, 50 us (manual 5.00005.03a p. 48).
 pub(super) const CPU_STEP: u64 = 50 * PER_US;

@@ -5,7 +5,7 @@ use crate::memory::header::{OptInit, OptInitResult, TRIGGERS, TimerSetup, Trigge
 use crate::memory::{FirmwareHeader, Header};
 use serde::{Deserialize, Serialize};
 
-/// A source of trigger pulses that this emulator has. Interrupts of option cards can be chosen and never pulse.
+/// An emulated source of trigger pulses. Interrupts of option cards can be selected but give no pulses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Source {
     /// SYNC signal of an option card.
@@ -93,7 +93,7 @@ impl Triggers {
     }
 }
 
-/// Mode of trigger 1 and 2 (manual p. 58). 0 is what an open input reads: nothing is connected. Outer `None`:
+/// Mode of trigger 1 and 2 (manual p. 58). 0 is the value of an open input: nothing is connected. Outer `None`:
 /// reserved.
 fn option_mode(mode: u32) -> Option<Option<Source>> {
     match mode {

@@ -12,7 +12,7 @@ use crate::devices::cansync::registers::values::{base_adr, updown_error};
 use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 
-/// AnswerEffect of a sent answer on the transfer.
+/// Effect of a sent answer on the transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum AnswerEffect {
     None,
