@@ -68,7 +68,7 @@ impl DueQueue {
         if from >= self.size {
             return None;
         }
-        // A search over all participants starts at the root and goes down.
+        // A search over all participants starts at the root.
         let mut node = if from == 0 { 1 } else { self.size + from };
         while self.times[node] > now {
             // The next tree to the right; after the last one there is none.

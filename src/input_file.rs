@@ -1,7 +1,8 @@
-//! Files that people hand in: plants, scenarios, dumps, logs.
+//! Input files of users: plants, scenarios, dumps, logs.
 //!
-//! The name can refer to anything. A device such as `/dev/zero` never ends and a pipe without a writer never begins, so
-//! the emulator waits for neither. Pipes with a writer, such as a shell's `<(...)`, are read like files.
+//! A name can refer to any kind of file. Data from a device such as `/dev/zero` never end, and data from a pipe without
+//! a writer never begin; the emulator waits for neither. Pipes with a writer, such as a shell's `<(...)`, are read like
+//! files.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Error, ErrorKind, Read, Result};
@@ -11,7 +12,7 @@ use std::sync::OnceLock;
 
 /// Maximum length of a dump or log, in bytes: frames of five minutes on a CAN bus without idle time.
 pub const LONGEST: u64 = 64 << 20;
-/// Maximum length of a plant. A plant of 1,000 PLCs with 32 drives each fits in.
+/// Maximum length of a plant. Sufficient for a plant of 1,000 PLCs with 32 drives each.
 pub const LONGEST_PLANT: u64 = 8 << 20;
 /// Maximum length of a script; each import counts separately. All of it is compiled before its first line runs, and the
 /// compiler compares the names of a map or the cases of a `switch` pair by pair.
@@ -33,7 +34,7 @@ pub fn text(bytes: Vec<u8>) -> Result<String> {
     String::from_utf8(bytes).map_err(|_| Error::new(ErrorKind::InvalidData, "it is no text in UTF-8"))
 }
 
-/// Reads the contents of a file or pipe; `-` is the standard input; its contents are kept for later calls.
+/// Reads the contents of a file or pipe. `-` is the standard input, whose contents are kept for later calls.
 ///
 /// # Errors
 /// The file cannot be read, is neither file nor pipe, or is longer than `longest` bytes.

@@ -9,17 +9,16 @@ use std::io::{ErrorKind, Result, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
-/// Number of names that are tried: killed processes may have left files with the names that this process would use.
+/// Maximum number of names to try: killed processes may have left files with the names that this process would use.
 const TRIES: u32 = 16;
-/// Links that lead on to links.
+/// Maximum number of links in a chain.
 const MOST_LINKS: u32 = 40;
 
-/// Writes where a shell's `>` would, with the name `-` to the standard output: links are followed, pipes and devices are
-/// written to. A file keeps its permissions.
+/// Writes like a shell's `>`, and to the standard output for the name `-`: follows links, and writes to pipes and
+/// devices. A file keeps its permissions.
 ///
 /// # Errors
-/// The file cannot be written; then its contents are unchanged, except where only the file itself may be changed and no
-/// new file be made beside it.
+/// The file cannot be written; then its contents are unchanged, unless no new file could be created beside it.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     if input_file::is_standard(path) {
         let mut out = std::io::stdout().lock();
@@ -106,7 +105,8 @@ impl<'a> Prepared<'a> {
     }
 }
 
-/// Whether no new file can be made beside a file, or replace it: a directory of another user; a mounted file.
+/// Whether no new file can be created beside a file or replace it, for example in a directory of another user, or if
+/// the file is mounted.
 fn is_only_in_place(reason: &std::io::Error) -> bool {
     matches!(
         reason.kind(),
@@ -124,7 +124,7 @@ pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
 }
 
 /// The name of a new file, which is removed when this value is dropped, unless it was renamed. The open file holds a
-/// lock: without it the file counts as one that a killed process has left.
+/// lock; a file without a lock was left by a killed process.
 struct Unfinished(PathBuf, #[expect(dead_code, reason = "holds the lock")] File);
 
 impl Drop for Unfinished {
@@ -188,7 +188,7 @@ fn create_beside(path: &Path) -> Result<(File, PathBuf)> {
         match File::create_new(&begun) {
             // In a container every process may have the same process id.
             Err(reason) if reason.kind() == ErrorKind::AlreadyExists && tried < TRIES => {}
-            // Another process may have taken the file for a leftover before it was locked.
+            // Another process may have removed the file as a leftover before it was locked.
             Ok(file) if !is_kept(&file) && tried < TRIES => {}
             made => return Ok((made?, begun)),
         }
@@ -205,7 +205,7 @@ fn is_kept(file: &File) -> bool {
     }
 }
 
-/// True if [`write()`] of one would replace what it has written as the other. Pipes and devices take both.
+/// True if writing one of the files with [`write()`] would replace the other. Pipes and devices accept both outputs.
 #[cfg(feature = "cli")]
 pub(crate) fn is_same(one: &Path, other: &Path) -> bool {
     let is_file = |path| fs::metadata(path).map_or(true, |it| it.is_file());
@@ -218,7 +218,7 @@ pub(crate) fn is_same(one: &Path, other: &Path) -> bool {
 }
 
 /// Returns the real path of a file of this name, existing or not; none if the name is an open file of a process, such
-/// as `/dev/stdout`, which other processes have open as well.
+/// as `/dev/stdout`, which other processes may have open, too.
 fn end_of_links(path: &Path) -> Option<PathBuf> {
     let mut path = path.to_owned();
     for _ in 0..MOST_LINKS {

@@ -1,7 +1,7 @@
 //! Plots: registers over emulated time, as SVG or PNG.
 //!
-//! A [`Row`] for each register, one below the other, over the SYNC edges. The plot draws only data of the journal: a
-//! register's line begins with the first known value, and keeps each value until the next one.
+//! There is a [`Row`] for each register, one below the other, over the SYNC edges. The plot uses only data of the
+//! journal: the line of a register begins with the first known value, and keeps each value until the next one.
 
 mod draw;
 mod render;
@@ -33,7 +33,7 @@ impl Plot {
         Self { from_us, to_us, edges, rows, sections: Vec::new() }
     }
 
-    /// The same with marks at the sections that begin in it.
+    /// Returns the same plot with marks at the sections that begin in it.
     #[must_use]
     pub fn with_sections(mut self, sections: impl IntoIterator<Item = (u64, String)>) -> Self {
         let (from_us, to_us) = (self.from_us, self.to_us);

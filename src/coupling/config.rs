@@ -23,7 +23,7 @@ pub struct CouplingConfig {
     pub buses: Vec<BusEntry>,
 }
 
-/// A value and its key: one entry of `[[publish]]` or `[[subscribe]]`.
+/// A value and its key: an entry of `[[publish]]` or `[[subscribe]]`.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ValueEntry {

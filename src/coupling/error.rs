@@ -7,12 +7,12 @@ use core::time::Duration;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CouplingError {
-    /// The file cannot be read or has an impossible value.
+    /// The file cannot be read or has an invalid value.
     #[error("{file}: {what}")]
     File {
         /// Path of the file.
         file: String,
-        /// The fault in the file.
+        /// The error in the file.
         what: String,
     },
     /// The plant has no such value.
@@ -28,7 +28,7 @@ pub enum CouplingError {
     Unfit {
         /// Name in the file.
         name: String,
-        /// The reason, and what would be right.
+        /// The reason, and a correct use.
         why: String,
     },
     /// The connection to the other simulators failed or was never made.

@@ -1,4 +1,4 @@
-//! Exchanges with simulators that the test scripts.
+//! Exchanges with scripted simulators.
 
 use super::*;
 use crate::fmi::{Resources, Unit};
@@ -24,7 +24,7 @@ impl Simulators for ScriptedSimulators {
     fn leave(&mut self) {}
 }
 
-/// A host with the built-in plant, or with that of a plant file.
+/// A host with the built-in plant, or with the plant of a plant file.
 fn host_of(toml: &str) -> TestHost {
     let config = match toml {
         "" => PlantConfig::built_in().unwrap(),

@@ -33,7 +33,7 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
         Ok(())
     }
 
-    /// Settings that are allowed and are probably a mistake, as far as the device can judge them alone.
+    /// Settings that are allowed but are probably a mistake, as far as the device itself can detect them.
     fn doubts(&self) -> Vec<Doubt> {
         Vec::new()
     }
@@ -49,14 +49,14 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
         false
     }
 
-    /// Rates that the device can run at one of its ports, in kbit/s; empty if it accepts any, or the bus has none.
+    /// Rates that the device supports at one of its ports, in kbit/s; empty if it accepts any, or the bus has none.
     fn kbit_s(&self, port: u8) -> Vec<u16> {
         let _ = port;
         Vec::new()
     }
 
-    /// Frames that the device sends and receives at one of its ports with the program that it is delivered with, as far
-    /// as they are known before the device runs.
+    /// Frames that the device sends and receives at one of its ports with the program at delivery, as far as they are
+    /// known before the device runs.
     fn messages(&self, port: u8) -> Vec<Message> {
         let _ = port;
         Vec::new()
@@ -110,7 +110,7 @@ impl<'a> PortConfig<'a> {
 pub struct MasterConfig {
     /// Device and port: `line:node2`.
     pub name: String,
-    /// The rates that it can run at, in kbit/s; empty: any.
+    /// The rates that it supports, in kbit/s; empty: any.
     pub kbit_s: Vec<u16>,
 }
 
@@ -201,7 +201,7 @@ pub struct BusKind {
     /// JSON schema of the keys of that section, except `kind`; `#/definitions/name` is the schema of names. Devices can
     /// use the definitions of this schema, too.
     pub schema: fn() -> serde_json::Value,
-    /// Content of the doors to this bus.
+    /// Type of the messages at the doors to this bus.
     pub traffic_kind: TrafficKind,
     /// Describes the meaning of a frame on this bus, for people; empty if its users define the meaning.
     pub describe: fn(&can::Frame) -> String,

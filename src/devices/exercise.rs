@@ -5,8 +5,8 @@ use core::ops::RangeInclusive;
 /// An exercise: a scenario with a middle part that is generated at random.
 ///
 /// Its [`script`](Exercise::script) defines a function for each [`Move`], and two more: `start()` brings a plant from
-/// power-on to the point where moves can be made, and `recover()` brings it there from any state. Each of these
-/// functions may use `pass(us)`, which advances the clock in the slices of the run, and the names of its
+/// power-on to the state in which moves are possible, and `recover()` brings it to this state from any other. Each of
+/// these functions may use `pass(us)`, which advances the clock in the slices of the run, and the names of its
 /// [setting](Exercise::settings).
 #[derive(Debug)]
 pub struct Exercise {
@@ -22,7 +22,7 @@ pub struct Exercise {
     pub moves: &'static [Move],
     /// Actions that a program must not take.
     pub wrongs: &'static [Wrong],
-    /// Rules of warnings that its right program may meet.
+    /// Rules of warnings that a correct program can cause.
     pub allowed: &'static [&'static str],
 }
 

@@ -6,7 +6,7 @@
 use crate::memory::header::InterruptResult;
 use crate::plc::{Ram, function_block};
 
-/// A request to the board. A power-on or reset drops it, so it counts only until the next power-on or reset.
+/// A request to the board. It is valid until the next power-on or reset, which deletes it.
 #[derive(Clone, Copy, Debug)]
 pub struct Request {
     number: u32,

@@ -1,4 +1,4 @@
-//! A device with only a supply in its front: the frame that an ordinary device needs around its firmware.
+//! A device with only a supply in its front: everything that an ordinary device needs except its firmware.
 
 use super::program::Starts;
 use super::supply::Supply;
@@ -12,8 +12,7 @@ use crate::memory::{FirmwareHeader, Header, MemoryError, Segment};
 use crate::snapshot_fields;
 use crate::snapshot_fields::SnapshotFields;
 
-/// The firmware of a [`Plain`] device, as far as it does not run at its ports. A device without such firmware uses
-/// `()`.
+/// The firmware of a [`Plain`] device, except the firmware of its ports. A device without such firmware uses `()`.
 pub trait Firmware: SnapshotFields + Send + 'static {
     /// Power-on or end of a reset.
     fn start(&mut self, ctx: &mut Context) {
@@ -56,8 +55,8 @@ pub trait Firmware: SnapshotFields + Send + 'static {
     /// Stores the contents of the NOVRAM registers.
     fn keep(&mut self) {}
 
-    /// Called when a fault of the device itself is active, at its start or in a processor cycle: returns the hit, if it
-    /// fires.
+    /// Called while a fault of the device itself is active, at the start of the fault or in a processor cycle: returns
+    /// the hit, if there is one.
     fn fire(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
         let _ = (now, effect);
         None
@@ -74,7 +73,7 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         None
     }
 
-    /// Whether power comes in when the supply is switched on. Called at each poll.
+    /// Whether the supply has power when it is switched on. Called at each poll.
     fn is_fed(&self) -> bool {
         true
     }

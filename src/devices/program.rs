@@ -61,7 +61,7 @@ impl Starts {
         self.is_loaded.then(|| self.order(ctx, face, if self.is_new { Start::Cold } else { Start::Warm }))
     }
 
-    /// A program comes or goes.
+    /// Handles the start or end of a program.
     fn note_program(&mut self, ctx: &mut Context, face: &FirmwareHeader, is_up: bool) -> Option<Start> {
         let is_loaded = self.seen.program != ProgramState::None.code();
         if core::mem::replace(&mut self.is_loaded, is_loaded) == is_loaded {
@@ -98,7 +98,7 @@ pub(super) fn order(face: &FirmwareHeader, kind: Start) {
     face.program.start.ring();
 }
 
-/// Refuses a start that a client asks for.
+/// Refuses a start that a client requests.
 pub(super) fn refuse_start(ctx: &mut Context, code: u32) {
     report(ctx, BoardEvent::StartRefused { code: code as u8 });
 }
@@ -144,7 +144,7 @@ mod tests {
             act(&mut self.starts, ctx, &self.face)
         }
 
-        /// A program reports this.
+        /// Handles the state that a program reports.
         fn report(&mut self, state: ProgramState, is_up: bool) -> Option<Start> {
             self.face.program.state.store(state.code());
             self.with(|starts, ctx, face| starts.look(ctx, face, is_up))

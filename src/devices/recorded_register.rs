@@ -1,15 +1,15 @@
-//! Registers that the firmware fills in for the PLC and that are no handshakes: results, error numbers, states.
+//! Registers in which the firmware shows results, error numbers and states to the PLC, without a handshake.
 
 use crate::devices::Context;
 use crate::journal::Register;
 use crate::memory::{Cell8, Cell16, Cell32};
 
-/// A register with changes that are recorded. Process data are not: the frames contain them.
+/// A register with recorded changes. Process data are not recorded: the frames contain them.
 pub(crate) trait RecordedRegister {
     /// Value of the register.
     type Value;
 
-    /// Stores `value`; a change is noted. `offset` is the register's in its area.
+    /// Stores `value` and records a change. `offset` is the offset of the register in its area.
     fn show(&self, ctx: &mut Context, offset: usize, value: Self::Value);
 }
 

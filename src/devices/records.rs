@@ -45,7 +45,7 @@ impl Part for BoardEvent {
 pub enum BoardEvent {
     /// Power-on, or RESET was released: all registers have their start values.
     Up {
-        /// Number that the DIP switches of the device itself show; `None` if only its modules have DIP switches, or none.
+        /// Number at the DIP switches of the device itself; `None` if it has none, even if its modules have some.
         dip: Option<u8>,
     },
     /// The supply was switched off, or RESET is held.
@@ -65,7 +65,7 @@ pub enum BoardEvent {
         /// The loaded project.
         project: Project,
     },
-    /// A start was requested that is not possible: the switch is not at RUN, or there is no program or no such start.
+    /// A requested start is not possible: the switch is not at RUN, or there is no program or no such start.
     StartRefused {
         /// The number asked for.
         code: u8,
@@ -96,7 +96,7 @@ pub enum BoardEvent {
         /// The number.
         number: u8,
     },
-    /// A task asked to take part in lockstep, or left it.
+    /// A task requested to take part in lockstep, or left it.
     Lockstep {
         /// Its event number.
         event: u8,
@@ -110,7 +110,7 @@ pub enum BoardEvent {
         /// `a_IP_ADDRESS`.
         address: Ipv4Addr,
     },
-    /// An IP address was refused and the old configuration put back: it would end in 0 or 255.
+    /// An IP address was refused because it would end in 0 or 255; the previous configuration was restored.
     AddressRefused {
         /// `d_IP_CONFIG`.
         config: u32,

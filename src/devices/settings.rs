@@ -58,10 +58,10 @@ impl BuildError {
     }
 }
 
-/// Checks that `value` is `allowed`, which `right` says in words.
+/// Checks that `value` is `allowed`; `right` describes a correct value.
 ///
 /// # Errors
-/// [`SettingError`] with the key `what` of the thing called `name`.
+/// [`SettingError`] with the key `what` of the device or bus `name`.
 pub fn range(
     what: &'static str,
     name: &str,

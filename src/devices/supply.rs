@@ -7,10 +7,10 @@ use crate::memory::FirmwareHeader;
 use crate::memory::header;
 use crate::snapshot_fields;
 
-/// Supply and whether the device is up.
+/// State of the supply and of the device.
 pub(super) struct Supply {
     is_powered: bool,
-    /// Whether power comes in when the switch is on.
+    /// Whether the supply has power when the switch is on.
     is_fed: bool,
     is_up: bool,
     /// Whether the device has been up before: the first power-on is no event.
@@ -22,7 +22,7 @@ pub(super) struct Supply {
 snapshot_fields!(Supply { values: is_powered, is_fed, is_up, is_used, seen });
 
 impl Supply {
-    /// On, and the device not started yet.
+    /// Creates a supply that is on, of a device that has not started yet.
     pub(super) fn new(face: &FirmwareHeader) -> Self {
         Supply {
             is_powered: true,
@@ -37,7 +37,7 @@ impl Supply {
         self.is_up
     }
 
-    /// Whether power comes in, by the last report.
+    /// Whether the supply has power, as last reported.
     pub(super) fn is_fed(&self) -> bool {
         self.is_fed
     }
@@ -54,7 +54,7 @@ impl Supply {
         face.requested().program.power.load() != self.seen
     }
 
-    /// Switches it, as if a client had turned the switch.
+    /// Switches the supply, as if a client had turned the switch.
     pub(super) fn set(&mut self, face: &FirmwareHeader, power: Power) -> FrontAction {
         let on = matches!(power, Power::On | Power::ReleaseReset);
         self.seen = if on { header::Power::On } else { header::Power::Off }.code();

@@ -1,5 +1,4 @@
-//! Receivers of a bus's traffic: the guests that hear it. A bus without guests has none, and its traffic costs nothing
-//! more.
+//! Receivers of a bus's traffic: the guests that hear it. Without guests the traffic has no additional costs.
 
 use crate::door::{BusMessage, Guest};
 use std::sync::Arc;

@@ -6,10 +6,10 @@ use crate::journal::Names;
 use crate::layout::{DeviceLayout, did_you_mean};
 use thiserror::Error;
 
-/// Why a fault cannot be. Buses and PLCs are counted from 0; [`FaultError::refused`] has their names.
+/// Why a fault is impossible. Buses and PLCs are counted from 0; [`FaultError::refused`] has their names.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum Refusal {
-    /// A number out of its range.
+    /// A number outside its range.
     #[error("{field} is {}; it must be {} to {}", .field.show_with_unit(*.value), .field.show_with_unit(*.least), .field.show_with_unit(*.most))]
     Range {
         /// The field.
@@ -44,7 +44,7 @@ pub enum Refusal {
         /// The kind.
         kind: &'static FaultKind,
     },
-    /// Two ways to end.
+    /// The fault has two limits.
     #[error("count and duration_us exclude each other; give one of them")]
     TwoLimits,
     /// There is no such bus.

@@ -52,7 +52,7 @@ pub enum Form {
 #[derive(Clone, Copy, Debug)]
 enum Need {
     Optional,
-    /// Left out it has this value.
+    /// The field may be left out; then it has this value.
     Default(u32),
     /// The field is required; the text describes a correct value.
     Required(&'static str),
@@ -181,7 +181,7 @@ impl Field {
         }
     }
 
-    /// The same, followed by a long time in a unit for people: `5000000 (5 s)`.
+    /// The same, but a long time is followed by its value in a larger unit: `5000000 (5 s)`.
     pub(super) fn show_with_unit(&self, value: u64) -> String {
         match self.form {
             Form::Time { .. } if value >= 1_000 && value.is_multiple_of(1_000) => {

@@ -1,11 +1,11 @@
-//! A fault as people write it: with names, in the fields of a plant file.
+//! A fault as users write it: with names, in the fields of a plant file.
 
 use core::fmt;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// The word for a fault that must hit.
+/// Marks a fault that must hit.
 pub(super) const REQUIRED: &str = "required";
 
 /// A `[[fault]]` of a plant file, and the arguments of `commram fault add`: its kind, and its fields with their given

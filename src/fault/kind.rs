@@ -10,7 +10,7 @@ use core::hash::{Hash, Hasher};
 pub const MAX_FIELDS: usize = 5;
 /// Bits that the values of a fault may take, so that it fits into an operation of the channel.
 pub const MAX_BITS: u32 = 88;
-/// Highest number that a participant of a bus is called by in a fault.
+/// Highest number of a participant of a bus in a fault.
 pub const MAX_PARTICIPANT: u8 = 31;
 
 /// A kind of fault. Kinds are equal if their numbers are.
@@ -35,7 +35,7 @@ pub enum TargetKind {
     Bus,
     /// A participant of a bus.
     Participant,
-    /// A port of a device, which is plugged in.
+    /// A port of a device, connected to a bus.
     Port,
     /// A device itself.
     Device,

@@ -1,9 +1,9 @@
-//! Faults to be injected: kind, target, begin and limit.
+//! Faults to be injected: kind, target, start and limit.
 //!
-//! This module knows no kind of fault: the families of devices and buses define theirs ([`FaultKind`]) and apply them. A
-//! [`Fault`] refers to buses and PLCs by index, so it is small and can travel anywhere, and its values are always valid
-//! for its kind. A [`FaultSpec`] is an unchecked fault with names, as in plant files and on the command line.
-//! `docs/reference/faults.md` describes the effects on the plant.
+//! This module does not know any kind of fault: the families of devices and buses define and apply their kinds
+//! ([`FaultKind`]). A [`Fault`] refers to buses and PLCs by index, so it is small and can be sent anywhere, and its
+//! values are always valid for its kind. A [`FaultSpec`] is an unchecked fault with names, as in plant files and on the
+//! command line. `docs/reference/faults.md` describes the effects on the plant.
 
 mod acting;
 mod effect;
@@ -39,7 +39,7 @@ pub const MAX_AT_US: u64 = 31_536_000_000_000;
 /// Most faults that wait or act at a time.
 pub const MAX_FAULTS: usize = 256;
 
-/// Values of a kind's own fields, in their order; none where a field is left out that has no default.
+/// Values of a kind's own fields, in their order; `None` for an omitted field without a default.
 pub type Values = [Option<u32>; MAX_FIELDS];
 
 /// A fault that is valid for its kind. [`Sites::owner`] checks whether an installation can have it.
@@ -59,7 +59,7 @@ pub struct Draft {
     pub kind: &'static FaultKind,
     /// Target of the fault.
     pub target: Target,
-    /// Values of the kind's own fields, in their order; none where a field is left out.
+    /// Values of the kind's own fields, in their order; `None` for an omitted field.
     pub values: [Option<u64>; MAX_FIELDS],
     /// Emulated time of its start in microseconds since power-on; a time in the past (0, for example) means at once.
     pub at_us: u64,

@@ -37,7 +37,7 @@ pub enum Owner {
 }
 
 impl Target {
-    /// Returns the place that kinds must declare to act here.
+    /// Returns the target kind that a fault kind must have to act here.
     #[must_use]
     pub const fn place(self) -> TargetKind {
         match self {

@@ -11,7 +11,7 @@ use crate::journal::Names;
 use crate::layout::{DeviceLayout, Port, did_you_mean};
 
 impl FaultSpec {
-    /// Returns the described fault in an installation with these names, one of these kinds.
+    /// Returns the described fault, of one of these kinds, in an installation with these names.
     ///
     /// # Errors
     /// [`FaultError`] names the field and a correct value. Only the installation can check that the slave
@@ -203,7 +203,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Returns the name of a port in a fault: its number if its name contains no more.
+/// Returns the name of a port in a fault: its number if the name contains nothing else.
 pub(super) fn port_given(port: &Port) -> FieldValue {
     if port.name.strip_prefix(NODE.name()) == Some(&port.number.to_string()) {
         FieldValue::Number(port.number.into())

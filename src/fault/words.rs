@@ -19,8 +19,8 @@ pub struct WordError {
 
 impl FaultSpec {
     /// Reads a kind and its fields, each as `name=value`. The fields are those of a plant file, of any of these kinds.
-    /// Times may have a unit, without `_us` in the field's name then (`delay=500us`), and numbers a base (`id=16#101`).
-    /// [`FaultSpec::resolve`] checks later whether the fields suit the kind.
+    /// A time may have a unit; the field's name then has no `_us` (`delay=500us`). Numbers may have a base
+    /// (`id=16#101`). [`FaultSpec::resolve`] checks later whether the fields suit the kind.
     ///
     /// # Errors
     /// [`WordError`] for the first field that cannot be read.

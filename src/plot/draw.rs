@@ -20,17 +20,17 @@ const RIGHT: i32 = 16;
 /// Title and legend, and below them the names of sections.
 const HEAD: i32 = 44;
 const SECTIONS: i32 = 20;
-/// Height of a row: of numbers that move, and of others.
+/// Height of a row with a line.
 const LINE: i32 = 120;
 const OTHER: i32 = 56;
 /// Space above and below the drawing within a row.
 const GAP: i32 = 14;
 /// The scale of time, with its text.
 const SCALE: i32 = 40;
-/// Height of letters, and how far they go at most to the side.
+/// Height of letters, and their maximum width.
 const LETTERS: i32 = 12;
 const LETTER: i32 = 8;
-/// Edges nearer to each other would be a grey area.
+/// Minimum distance between edges: closer edges would look like a grey area.
 const NEAREST_EDGES: i32 = 4;
 /// Minimum distance between marks of the scale.
 const NEAREST_MARKS: u64 = 110;
@@ -169,7 +169,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         }
     }
 
-    /// Values hold up to the next one; each value is printed if there is space for it.
+    /// Draws each value until the next one, and prints it if there is space for it.
     fn steps(&self, row: &Row, high: i32, low: i32) -> DrawResult<DB> {
         let y = scale_of(row, high, low);
         let mut path = Vec::new();

@@ -1,4 +1,4 @@
-//! Plots as files. The font is part of the program: neither the drawing machine nor a test needs an installed font.
+//! Plots as files. The font is part of the program: no machine needs an installed font.
 
 use super::{Plot, draw};
 use crate::xml_text;
@@ -15,7 +15,7 @@ pub(super) const FONT: &str = "monospace";
 /// Why there is no plot.
 #[derive(Debug, Error)]
 pub enum PlotError {
-    /// A file with a name of neither an SVG nor a PNG.
+    /// The file name does not end in `.svg` or `.png`.
     #[error("`{0}`: the name of a plot ends in .svg or .png")]
     Name(String),
     /// The plot could not be drawn.
@@ -39,7 +39,7 @@ impl Picture {
     /// The format for the name of a file.
     ///
     /// # Errors
-    /// The name ends in something else.
+    /// The name has another ending.
     pub fn of(file: &Path) -> Result<Self, PlotError> {
         match file.extension().and_then(|ending| ending.to_str()) {
             Some("svg") => Ok(Picture::Svg),

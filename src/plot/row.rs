@@ -9,7 +9,7 @@ use crate::layout::{Address, Handshake, Meaning, RegType};
 pub enum Style {
     /// Codes and bits: each value holds until the next.
     Steps,
-    /// A number that moves, from each value to the next.
+    /// A number that changes continuously from each value to the next.
     Line,
     /// Spans from a request to its answer.
     Handshake(Handshake),
@@ -90,7 +90,7 @@ impl Row {
         }
     }
 
-    /// A number moves in the interval in which it changes; before that it holds.
+    /// Keeps a number constant until the interval in which it changes.
     fn hold(&mut self, edges: &[u64]) {
         let mut held: Vec<(u64, i64)> = Vec::with_capacity(2 * self.points.len());
         let mut texts = Vec::with_capacity(2 * self.points.len());

@@ -1,4 +1,4 @@
-//! Snapshots of structures: the contents, and how they are read back.
+//! Snapshots of structures: their contents, and how to restore them.
 //!
 //! A structure mixes data from the plant file (views of registers, tables, names) with data that has changed since. A
 //! snapshot contains only the changed data. It is read into a structure from the same plant file, so that the data of

@@ -4,7 +4,7 @@ use postcard::ser_flavors::Flavor;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// Bytes that are no state of the structure they are read into.
+/// Bytes that are not a state of the structure to be restored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("there is no {what} at byte {at} of the state")]
 pub struct Damaged {
@@ -51,7 +51,7 @@ impl Saving {
         Saving { bytes }
     }
 
-    /// Appends a value. Values without a length known beforehand (iterators that serde cannot count) do not occur.
+    /// Appends a value. The length of every value must be known before (serde cannot count all iterators).
     #[inline]
     pub fn value<T: Serialize + ?Sized>(&mut self, value: &T) {
         let written = postcard::serialize_with_flavor(value, ByteAppender(&mut self.bytes));
@@ -141,7 +141,7 @@ impl<'a> Saved<'a> {
         if self.value::<usize>()? == right { Ok(()) } else { Err(self.no(what)) }
     }
 
-    /// Error for an invalid value.
+    /// Checks a value.
     ///
     /// # Errors
     /// [`Damaged`] unless `holds`.
@@ -149,7 +149,7 @@ impl<'a> Saved<'a> {
         if holds { Ok(()) } else { Err(self.no(what)) }
     }
 
-    /// Error for a `what` that does not exist here.
+    /// Creates the error for a `what` that does not exist here.
     #[must_use]
     pub fn no(&self, what: &'static str) -> Damaged {
         Damaged { what, at: self.all.len() - self.rest.len() }

@@ -12,7 +12,7 @@ use crate::journal::{EventKind, Rule};
 pub struct Emulation {
     /// Reads its section of a plant file; none if only its registers are known.
     pub read: Option<Read<dyn DeviceConfig>>,
-    /// JSON schema of the keys of that section, but for `kind`; `#/definitions/name` is the schema of names.
+    /// JSON schema of the keys of that section, except `kind`; `#/definitions/name` is the schema of names.
     pub schema: Option<&'static str>,
     /// A plant with such a device as a template; the first device shows every key.
     pub template: Option<&'static str>,
