@@ -1,5 +1,4 @@
-//! Times of many participants, arranged so that the next event is found without a search over all of them: a
-//! tournament, in which an event plays only the matches of its own participants.
+//! Times of many participants in a tournament tree, which finds the next event without a search over all participants.
 
 /// No event.
 pub(crate) const NEVER: u64 = u64::MAX;

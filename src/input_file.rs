@@ -34,7 +34,7 @@ pub fn text(bytes: Vec<u8>) -> Result<String> {
     String::from_utf8(bytes).map_err(|_| Error::new(ErrorKind::InvalidData, "it is no text in UTF-8"))
 }
 
-/// Reads the contents of a file or pipe. `-` is the standard input, whose contents are kept for later calls.
+/// Reads the contents of a file or pipe. `-` is the standard input; its bytes are kept for later calls.
 ///
 /// # Errors
 /// The file cannot be read, is neither file nor pipe, or is longer than `longest` bytes.

@@ -1,5 +1,5 @@
-//! One C header, also for C++: header page, constants, structures with every offset and size asserted, and the
-//! functions of `c/attach.h` and `c/tasks.h` to attach an image and to act as its PLC.
+//! One C header, also for C++: header page, constants, structures with checks of every offset and size, and the
+//! functions of `c/attach.h` and `c/tasks.h` to attach to an image and to act as its PLC.
 
 use super::constants;
 use super::members::{self, Member};
@@ -124,7 +124,7 @@ fn meanings(out: &mut String, scope: &Scope) {
     }
 }
 
-/// The bit pattern in all digits of the type.
+/// The bit pattern with all digits of the type.
 fn hex(ty: RegType, value: u32) -> String {
     format!("{}u", format_value(ty, value).replace("16#", "0x"))
 }
@@ -184,7 +184,7 @@ fn assert_size(out: &mut String, name: &str, bytes: u32) {
 }
 
 /// Returns the expression for a register of the image `ram`: the function of its structure, `(&ram)->`, the register.
-/// `name` has an area in front; none if the device has no such register.
+/// `name` begins with an area; `None` if the device has no such register.
 #[cfg(feature = "cli")]
 pub(crate) fn register_expression(device: &'static DeviceLayout, name: &str) -> Option<String> {
     let (area, register) = name.split_once('.')?;

@@ -12,7 +12,7 @@ pub(crate) struct Constant {
     pub value: u32,
     /// Its meaning.
     pub text: String,
-    /// Whether the value is the number of a field's lowest bit instead.
+    /// Whether the value is instead the number of the lowest bit of a field.
     pub is_shift: bool,
 }
 
@@ -27,16 +27,16 @@ impl Constant {
 pub struct Enumeration {
     /// `OPTION_STATUS`.
     pub name: String,
-    /// Whether there are bits, so that its members can be added up.
+    /// Whether the members are bits, which can be combined.
     pub is_flags: bool,
     /// Names without the prefix of the enumeration, values, and meanings.
     pub members: Vec<(String, u32, String)>,
-    /// Full names of the lowest bits' numbers of fields, which are no members.
+    /// Full names for the numbers of the fields' lowest bits; they are not members.
     pub shifts: Vec<(String, u32)>,
 }
 
 impl Enumeration {
-    /// The one of a meaning.
+    /// The enumeration of a meaning.
     pub(crate) fn of(meaning: &Meaning) -> Self {
         let name = upper(meaning.name);
         let (shifts, members): (Vec<_>, Vec<_>) = of(meaning).into_iter().partition(|it| it.is_shift);
@@ -126,7 +126,7 @@ fn values(prefix: &str, values: &[ValueMeaning], shift: u8) -> Vec<Constant> {
     constants
 }
 
-/// The text up to a colon or bracket, which begin details, or to the value's place.
+/// The text before a colon or bracket, which begins details, or before the place of the value.
 fn gist(text: &str) -> &str {
     let details = [":", " (", "{}"].into_iter().filter_map(|sign| text.find(sign)).min();
     details.and_then(|end| text.get(..end)).filter(|gist| !gist.is_empty()).unwrap_or(text)

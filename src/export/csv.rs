@@ -1,4 +1,4 @@
-//! Comma-separated values (RFC 4180): a head line, then one line per register, arrays element by element.
+//! Comma-separated values (RFC 4180): a head line, then one line for each register and each element of an array.
 
 use super::rows;
 use super::scope::Scope;

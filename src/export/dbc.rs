@@ -9,7 +9,7 @@ const UNKNOWN_NODE: &str = "Vector__XXX";
 /// Bit 31 of a number marks an identifier with 29 bits.
 const EXTENDED: u32 = 1 << 31;
 
-/// The text of a database of these messages, which have an identifier each; `about` describes it.
+/// The text of a database of these messages, each with an identifier; `about` describes the database.
 #[must_use]
 pub fn dbc(messages: &[Message], about: &str) -> String {
     let mut nodes: Vec<String> = Vec::new();

@@ -13,11 +13,11 @@ use std::fmt::Write;
 
 /// Bit rates in an electronic data sheet, in kbit/s.
 const RATES: [u16; 8] = [10, 20, 50, 125, 250, 500, 800, 1000];
-/// Entries of these indices every device must have.
+/// Indices of the entries that every device must have.
 const MANDATORY: [u16; 3] = [0x1000, 0x1001, IDENTITY];
 /// Identity object, which no device before CiA 301 version 4 has.
 const IDENTITY: u16 = 0x1018;
-/// Day of a file for a manual that does not name its month.
+/// Date of a file for a manual without a month.
 const UNDATED: &str = "01-01-2000";
 
 /// Generates the file for a device with an object dictionary.

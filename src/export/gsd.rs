@@ -6,7 +6,7 @@ use crate::layout::gsd::{Module, Parameter, Texts, Value};
 use crate::layout::{Gsd, Provenance, ValueMeaning};
 use std::fmt::Write;
 
-/// Number of the text list of bits with 1 as yes, and of the list of bits with 0 as yes.
+/// Numbers of two text lists: of bits in which 1 means yes, and of bits in which 0 means yes.
 const NO_YES: usize = 1;
 const YES_NO: usize = 2;
 
@@ -67,7 +67,7 @@ fn listed(parameter: &Parameter) -> Option<&'static [ValueMeaning]> {
     (parameter.bit.is_none() && values.iter().all(|value| value.first == value.last)).then_some(values)
 }
 
-/// A parameter that a user chooses, after its separate list of texts if it has one.
+/// A parameter that users can set; its separate list of texts precedes it, if there is one.
 fn definition(number: usize, parameter: &Parameter) -> String {
     let Parameter { register, octets, name, bit, default, from, to, .. } = parameter;
     let (mut text, mut list) = (String::new(), None);

@@ -36,8 +36,8 @@ pub(crate) fn generate(scope: &Scope) -> String {
     out
 }
 
-/// The C header. matiec makes types of the same structures, with their names in capitals; some differ here only in
-/// capitals, too.
+/// The C header. matiec declares types for the same structures, with names in capitals; some names here differ from
+/// them only in their case.
 pub(crate) fn header(scope: &Scope, format: &str) -> String {
     c::header(scope, format, "commram_")
 }
@@ -82,8 +82,8 @@ pub(crate) fn tables(scope: &Scope) -> String {
     for space in spaces() {
         let _ = write!(out, " \\\n    || {}", is_meant(space));
     }
-    // Memory is the device's alone, also where the device has none: variables of the program would not overlay each other
-    // (decision D-740).
+    // All `%M` addresses belong to the device, even those without memory: variables of the program would not overlay
+    // each other (decision D-740).
     if spaces().any(|space| space.letter == 'M') {
         out.push_str(" \\\n    || (letter) == 'M'");
     }
@@ -158,8 +158,8 @@ fn stretches(areas: &[&Area]) -> Vec<(u32, u32)> {
     areas
 }
 
-/// Whether the area is memory that programs reach by bits and by any width, where the registers are only names for parts of
-/// it: inputs, outputs, and the flags beside the retain flags or other flags (D-772).
+/// Whether programs access the area by bits and by any width, so that registers only name parts of it: inputs, outputs,
+/// and the flags beside the retain flags or other flags (D-772).
 fn is_programs(scope: &Scope, area: &Area) -> bool {
     let space = area.space;
     let has = |other: Option<&Area>| other.is_some_and(|other| other.space.offset == space.offset);
@@ -167,8 +167,8 @@ fn is_programs(scope: &Scope, area: &Area) -> bool {
     space.segment.is_empty() && (matches!(space.letter, 'I' | 'Q') || has(retain) || has(flags(scope)))
 }
 
-/// Bits of flags, counted through all `areas` of flags, in C: from a place in the image to the number of a bit, and back to the place of
-/// its byte.
+/// Bits of flags, numbered through all `areas` of flags, in C: converts a place in the image to the number of a bit,
+/// and back to the place of its byte.
 fn bits(areas: &[&Area]) -> String {
     let (mut bit, mut byte, mut bytes) = (String::new(), "0u".to_owned(), 0);
     for area in areas {
@@ -196,8 +196,8 @@ pub(crate) fn main(scope: &Scope) -> String {
     runner::generate(scope, &MATIEC)
 }
 
-/// C expression: whether an address with the numbers `a` and `b` belongs to this space. With a segment, the number of
-/// the segment decides; without one, the number itself.
+/// C expression: whether an address with the numbers `a` and `b` belongs to this space. The number of the segment
+/// decides; in a space without a segment, the number itself.
 fn is_meant(space: &Space) -> String {
     let letter = space.letter;
     match space.segment.trim_end_matches('.') {
@@ -231,8 +231,8 @@ fn first_byte(space: &Space) -> u32 {
     space.first * space.unit.width().bytes()
 }
 
-/// Ranges of bytes in registers of the same widths: first byte, end, the sum of the widths, which are powers of two.
-/// Overlaid structures agree on the widths of used registers, except where a module decides which structure lies
+/// Ranges of bytes in registers of the same widths: first byte, end, and the sum of the widths, which are powers of
+/// two. Overlaid structures agree on the widths of used registers, except where a module decides which structure lies
 /// there.
 fn widths(scope: &Scope) -> Vec<(u32, u32, u32)> {
     let mut stretches: Vec<(u32, u32, u32)> = Vec::new();

@@ -1,4 +1,4 @@
-//! The register reference: a chapter per area, a table per structure, and the meanings of values.
+//! The register reference: a chapter for each area, a table for each structure, and the meanings of values.
 
 use super::scope::Scope;
 use super::text;

@@ -75,7 +75,7 @@ pub(crate) fn own_dims(register: &'static Register) -> &'static [Dim] {
     register.dims.get(register.group_dims..).unwrap_or_default()
 }
 
-/// The parts of a structure in ascending order, without a gap.
+/// The parts of a structure in ascending order, without gaps.
 pub(crate) fn of(structure: &'static Structure) -> Vec<Member> {
     members(structure.registers, 0, structure.bytes, |register| {
         if register.group.is_empty() {
@@ -102,7 +102,7 @@ pub(crate) fn groups(structures: &[&'static Structure]) -> Vec<Group> {
     found
 }
 
-/// Converts registers that begin at `start` into parts that fill `bytes`; `part` makes a part of the next register.
+/// Converts registers that begin at `start` into parts that fill `bytes`; `part` converts the next register.
 fn members(
     registers: &'static [Register],
     start: u32,

@@ -160,7 +160,7 @@ pub enum ExportError {
     /// There is no area of that name.
     #[error(transparent)]
     Layout(#[from] LayoutError),
-    /// The front of a device, in a format for its own programs or its processor.
+    /// The front of a device was requested in a format for the device's programs or processor.
     #[error(
         "`{block}` of {device} is in the header page, for which {format} has no addresses; take c, python or a table"
     )]
@@ -177,8 +177,8 @@ pub enum ExportError {
 /// The register map of `device` in `format`; with `block` only that area.
 ///
 /// # Errors
-/// [`ExportError`] if there is no area of that name, if the format has no addresses for it, or if the format does not
-/// fit the device, which has no object dictionary or is no PROFIBUS-DP slave.
+/// [`ExportError`] if there is no area of that name, if the format has no addresses for it, or if the device lacks what
+/// the format describes: an object dictionary, or a PROFIBUS-DP slave.
 pub fn export(
     device: &'static DeviceLayout,
     format: Format,

@@ -76,7 +76,7 @@ fn header_struct(out: &mut String, of: &HeaderStruct) {
     out.push_str("    },\n");
 }
 
-/// An enumeration of the values, or flags if there are bits. Numbers of lowest bits are no members of it.
+/// An enumeration of the values, or flags if there are bits. Numbers of lowest bits are not members.
 fn enumeration(out: &mut String, of: &Enumeration) {
     if !of.members.is_empty() {
         let base = if of.is_flags { "IntFlag" } else { "IntEnum" };
@@ -181,7 +181,7 @@ fn values(values: &[ValueMeaning]) -> String {
     values.iter().map(value).collect::<String>().trim_end().to_owned()
 }
 
-/// The decision that a meaning follows from, or `None`.
+/// The decision from which a meaning follows, or `None`.
 fn decision(source: &Provenance) -> String {
     source.decision().map_or("None".to_owned(), |decision| format!("{decision:?}"))
 }

@@ -3,7 +3,7 @@
 use super::scope::Scope;
 use crate::layout::{Area, AreaStructure, RegisterRef};
 
-/// The registers of all areas, element by element; where structures share one it appears in each.
+/// The registers of all areas, element by element. A register that structures share appears in each of them.
 pub(crate) fn all(scope: &Scope) -> impl Iterator<Item = (&'static AreaStructure, RegisterRef)> {
     scope
         .placed()

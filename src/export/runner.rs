@@ -1,5 +1,5 @@
-//! The program around a compiled IEC 61131-3 program: `plc IMAGE [EVENT [I_PAR1]]`. Its text is the same for all compilers except
-//! for the head, which gives the compiler's names to what the rest uses.
+//! The program around a compiled IEC 61131-3 program: `plc IMAGE [EVENT [I_PAR1]]`. Its text is the same for all
+//! compilers except for the head, which adapts the compiler's names.
 
 use super::scope::Scope;
 use super::text;
@@ -7,11 +7,11 @@ use super::text;
 const USAGE: &str = include_str!("runner/usage.c");
 const SCAN: &str = include_str!("runner/scan.c");
 
-/// A compiler, and what is special about programs that it has compiled.
+/// A compiler, and the special properties of programs compiled by it.
 pub(crate) struct Compiler {
     /// Name in texts.
     pub name: &'static str,
-    /// The export that makes the program.
+    /// The export that generates the program.
     pub format: &'static str,
     /// Declares `config_init__`, `config_run__`, `common_ticktime__` and `__CURRENT_TIME`.
     pub head: &'static str,

@@ -9,7 +9,7 @@ pub struct Scope {
     pub device: &'static DeviceLayout,
     /// The areas, in ascending order.
     pub areas: Vec<&'static Area>,
-    /// The one that was asked for; `None`: all.
+    /// The requested area; `None`: all.
     pub block: Option<&'static str>,
 }
 
@@ -17,7 +17,7 @@ impl Scope {
     /// The whole device, or only the area with the name `block`.
     ///
     /// # Errors
-    /// [`LayoutError`] if there is none.
+    /// [`LayoutError`] if there is no such area.
     pub fn new(device: &'static DeviceLayout, block: Option<&str>) -> Result<Self, LayoutError> {
         let block = block.map(|name| device.area(name)).transpose()?;
         let areas = block.map_or_else(|| device.named_areas().collect(), |area| vec![area]);

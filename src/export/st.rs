@@ -1,5 +1,5 @@
-//! IEC 61131-3 declarations: the structures as types and the variables at their addresses; or one elementary variable
-//! per register. Each type has a separate `TYPE`, which the standard allows and some compilers want.
+//! IEC 61131-3 declarations: the structures as types with variables at their addresses; or one elementary variable for
+//! each register. Each type has a separate `TYPE`, which the standard allows and some compilers require.
 //!
 //! matiec, the compiler of Beremiz and OpenPLC 3, and STruC++, that of OpenPLC 4, have other requirements: see [`StCompiler`].
 
@@ -23,15 +23,15 @@ pub struct StForm {
 /// A compiler with requirements beyond the standard.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StCompiler {
-    /// Declarations as the standard has them.
+    /// Declarations according to the standard.
     #[default]
     Any,
-    /// A whole file for matiec, which includes the program and has its configuration. matiec takes each spelling of
-    /// an address only once. Its C code for an array of arrays does not compile: such arrays have two dimensions
-    /// here.
+    /// A whole file for matiec, which includes the program and has its configuration. matiec accepts each spelling of
+    /// an address only once. Its C code for an array of arrays does not compile: such arrays have two dimensions here.
     Matiec,
-    /// A configuration for STruC++, which gets the program as another file. STruC++ binds only variables of elementary
-    /// types in a configuration, takes each address only once, and knows no further levels (decision D-755).
+    /// A configuration for STruC++, which reads the program from another file. STruC++ binds only variables of
+    /// elementary types in a configuration, accepts each address only once, and does not accept additional levels
+    /// (decision D-755).
     StruCpp,
 }
 
@@ -70,7 +70,7 @@ pub(crate) fn generate(scope: &Scope, form: StForm, blocks: Option<&str>) -> Str
     match form.compiler {
         StCompiler::Any => out + &variables,
         StCompiler::StruCpp => out + &configuration(&variables),
-        // Between types and variables, since matiec takes an include only before a configuration.
+        // Between types and variables, since matiec accepts an include only before a configuration.
         StCompiler::Matiec => out + "{#include \"program.st\"}\n\n" + &configuration(&variables),
     }
 }
@@ -117,8 +117,8 @@ fn structures(scope: &Scope, form: StForm) -> String {
     out
 }
 
-/// Spellings of addresses for places with more than one variable: an appended level of 0 names the same place, for
-/// STruC++ a thousand more in the number of the segment.
+/// Spellings of addresses for places with more than one variable. An appended level of 0 names the same place; for
+/// STruC++, so does a segment number that is higher by 1000.
 #[derive(Default)]
 struct Spellings(BTreeMap<String, usize>);
 

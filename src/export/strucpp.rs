@@ -7,7 +7,7 @@ use super::runner::{self, Compiler};
 use super::scope::Scope;
 use super::text;
 
-/// What files of the compiled program need: global variables that a register can be under.
+/// Code for the files of the compiled program: global variables that can be bound to registers.
 const VARIABLES: &str = include_str!("strucpp/variables.hpp");
 const BINDING: &str = include_str!("strucpp/binding.hpp");
 const STRUCPP: Compiler =

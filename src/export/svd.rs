@@ -1,4 +1,4 @@
-//! CMSIS-SVD, the register description that debuggers and peripheral viewers read. Addresses are the CPU's.
+//! CMSIS-SVD, the register description that debuggers and peripheral viewers read. Addresses are those of the CPU.
 
 use super::constants;
 use super::members::{self, Group, Member};
@@ -83,7 +83,7 @@ fn place(xml: &mut Xml, area: &Area, doc: &str, alternative: Option<&str>, bytes
         xml.leaf("alternatePeripheral", alternative);
     }
     xml.leaf("groupName", area.name);
-    // Without a CPU address, the number of the byte in the image, which keeps areas apart.
+    // Without a CPU address, the number of the byte in the image, which differs for each area.
     let base = area.cpu.map_or(area.first, |(first, _)| first);
     xml.leaf("baseAddress", format!("0x{base:08X}"));
     xml.node("addressBlock", "", |xml| {
@@ -106,7 +106,7 @@ fn group(xml: &mut Xml, group: &Group) {
     });
 }
 
-/// The number of elements and the name with the place of the index.
+/// The number of elements, and the name with a placeholder for the index.
 fn dimensions(xml: &mut Xml, name: &str, dims: &[Dim]) {
     let Some(inner) = dims.last() else {
         return xml.leaf("name", name);

@@ -35,8 +35,8 @@ pub(crate) fn generate(scope: &Scope) -> String {
     out
 }
 
-/// Overlaid structures are in separate maps: one for each phase, and one for each possible role of the ports where
-/// the role decides which structure lies there.
+/// Overlaid structures are in separate maps: one for each phase, and one for each possible role of a port whose
+/// structure depends on the role.
 fn maps(out: &mut String, scope: &Scope) {
     let mut roles = Vec::new();
     for role in scope.placed().filter_map(|(_, placed)| placed.role) {
@@ -144,12 +144,12 @@ fn register(out: &mut String, of: &'static Register, start: u32) {
     let _ = writeln!(out, "    }} {name}{array} @ 0x{:X};", offset - start);
 }
 
-/// Not all names of bits are free: `f_enable`.
+/// Some names of bits are reserved, so they have a prefix: `f_enable`.
 fn field_name(field: &BitField) -> String {
     format!("f_{}", upper(field.name).to_lowercase())
 }
 
-/// Name of the enumeration of a meaning's values or of those of one of its fields.
+/// Name of the enumeration for the values of a meaning, or of one of its fields.
 fn enumeration_of(meaning: &Meaning, field: Option<&BitField>) -> String {
     let of = field.map_or(String::new(), |field| format!("_{}", upper(field.name).to_lowercase()));
     format!("e_{}{of}", meaning.name)

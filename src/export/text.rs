@@ -38,13 +38,13 @@ pub(crate) fn template(scope: &Scope, format: &str, rest: &str) -> String {
     format!("/*\n{head}{rest}")
 }
 
-/// The command that makes the export.
+/// The command that generates the export.
 pub(crate) fn command(scope: &Scope, format: &str) -> String {
     let block = scope.block.map_or_else(String::new, |block| format!(" --block {block}"));
     format!("commram export {format} --device {}{block}", scope.device.name)
 }
 
-/// The decisions that names of areas follow from; `None` if all are the manual's.
+/// The decisions from which names of areas follow; `None` if all names come from the manual.
 pub(crate) fn names_from(device: &DeviceLayout) -> Option<String> {
     let decisions: BTreeSet<_> = device.areas.iter().filter_map(|area| area.name_from.decision()).collect();
     (!decisions.is_empty()).then(|| decisions.into_iter().collect::<Vec<_>>().join(", "))
@@ -69,7 +69,7 @@ pub(crate) fn bounds(dims: &[Dim]) -> String {
     dims.iter().map(|dim| format!("[{}]", dim.count)).collect()
 }
 
-/// Bounds of the part in use, if only a part is: `[0..31][0..7]`.
+/// Bounds of the used part, if only a part is used: `[0..31][0..7]`.
 pub(crate) fn used(register: &Register) -> Option<String> {
     if register.dims.iter().all(|dim| dim.used == dim.count) {
         return None;
@@ -86,7 +86,7 @@ pub(crate) fn remark(register: &Register) -> String {
     format!("{owner}: {doc}{used} (p. {page}{})", inferred(&register.provenance()))
 }
 
-/// Suffix of a variable: empty, or the decision that its name follows from.
+/// Suffix of a variable: empty, or the decision from which its name follows.
 pub(crate) fn made_up(placed: &AreaStructure) -> Option<String> {
     placed.variable_from.decision().map(|decision| format!("name inferred, {decision}"))
 }

@@ -9,7 +9,7 @@ pub enum FederationError {
     /// The connection to the others failed or was never made.
     #[error("{0}")]
     Exchange(String),
-    /// The emulator was not started as one that shares its plant.
+    /// The emulator was not started as a federate.
     #[error(
         "the emulator does not share its plant: set Options::is_federate, so that all hosts handle requests to \
             boards identically"
@@ -51,7 +51,7 @@ pub enum FederationError {
     OtherCount {
         /// Number of the federate.
         federate: u8,
-        /// Number of federates according to that one.
+        /// Number of federates according to that federate.
         theirs: u8,
         /// Number of federates according to this one.
         ours: u8,
@@ -67,7 +67,7 @@ pub enum FederationError {
     /// All federates only follow.
     #[error("all federates follow (--follow), so none advances the clock; start one of them without it")]
     NobodyLeads,
-    /// Input has entered the plant here and not on another host.
+    /// Input has entered the plant on this host but not on another one.
     #[error(
         "at {at_us} us federate {federate} has another journal than this one: a program has stored into an image \
             while the clock advanced or in the turn of another federate, or has set a switch without the \
@@ -85,7 +85,7 @@ pub enum FederationError {
     /// A message is malformed, or arrived in place of another one.
     #[error("federate {federate} has sent an unexpected message; does another program use this federation?")]
     Nonsense {
-        /// Federate that had the turn.
+        /// Federate with the turn.
         federate: u8,
     },
 }

@@ -33,7 +33,7 @@ pub(super) struct Hello {
     pub(super) plant: Vec<u8>,
 }
 
-/// Input of a turn, and how far the sender lets the clock advance.
+/// Input of a turn, and the time to which the sender lets the clock advance.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Turn {
     /// Emulated time of the turn.

@@ -1,10 +1,10 @@
-//! Runs one plant on several hosts. Each federate runs the whole plant, and all input that enters on one host enters on
-//! all.
+//! Runs one plant on several hosts. Each federate runs the whole plant, and input on one host enters the plant on all
+//! hosts.
 //!
 //! A plant is deterministic: the same input at the same emulated time gives the same result. So federates exchange only
 //! the input, not the traffic of the buses: operations of clients, stores of programs, and the time up to which they
 //! have no further input. At each moment the federates take turns in the order of their numbers. Then all clocks
-//! advance to the earliest time that a federate asks for, or to an event at which a federate needs a turn (decision
+//! advance to the earliest time that a federate requests, or to an event at which a federate needs a turn (decision
 //! D-570). Each turn carries a hash of the journal, so that a difference between hosts is detected.
 //!
 //! An [`Exchange`] transports the messages.
@@ -67,19 +67,18 @@ pub struct Federation {
     is_complete: bool,
     /// Number of the federate that has the turn.
     turn: u8,
-    /// Earliest of the times that the federates asked for in this round.
+    /// Earliest of the times that the federates requested in this round.
     want: u64,
-    /// For each federate, turns that arrived before the turn of that federate: messages of several may arrive in any
-    /// order.
+    /// For each federate, turns that arrived too early: messages of several federates may arrive in any order.
     pending: Vec<VecDeque<Turn>>,
-    /// Input that has entered here and was not sent yet.
+    /// Input on this host that was not sent yet.
     inputs: Vec<Input>,
     outside: Outside,
     /// For each federate and device, the events at which the federate needs a turn.
     watched: Vec<Vec<u16>>,
     /// Emulated time at which this federate joined.
     start: u64,
-    /// Emulated time that a client here asked to reach.
+    /// Emulated time requested by a client of this host.
     asked: Option<u64>,
     /// Target that the clock has reached.
     arrived: Option<u64>,
@@ -89,7 +88,7 @@ pub struct Federation {
 }
 
 impl Federation {
-    /// Joins the federation with a plant in which nothing has happened yet.
+    /// Joins the federation with a plant in its initial state.
     ///
     /// # Errors
     /// The message to the others cannot be sent.
@@ -208,7 +207,7 @@ impl Federation {
         periods.saturating_mul(period).saturating_add(self.start)
     }
 
-    /// True if the clock has reached `target`, which [`Federation::end_turn`] asked for.
+    /// True if the clock has reached `target`, which [`Federation::end_turn`] requested.
     pub fn has_reached(&mut self, target: u64) -> bool {
         self.arrived.take_if(|at| *at >= target).is_some()
     }
@@ -235,14 +234,15 @@ impl Federation {
     }
 
     /// Processes the messages of the others in their turns, and advances the clock when all turns are over. In the own
-    /// turn notices that another federate has ended.
+    /// turn it detects that another federate has ended.
     ///
     /// # Errors
     /// [`FederationError`].
     pub fn look(&mut self, host: &mut dyn Host) -> Result<FederationEvent, FederationError> {
         let mut news = FederationEvent::Nothing;
         self.show_life()?;
-        // A client gets the answer to a request that has reached its time before later messages count.
+        // When the clock has reached the requested time of a client, the client gets its answer before later messages
+        // are processed.
         while !(news == FederationEvent::Moved && self.is_own_turn()) {
             let Some((from, bytes)) = self.exchange.receive().map_err(FederationError::Exchange)? else {
                 self.is_in_time()?;
@@ -283,7 +283,7 @@ impl Federation {
         }
     }
 
-    /// Sends the others the end of this federate, with the reason if it failed.
+    /// Informs the others of the end of this federate, with the reason if it failed.
     pub fn leave(mut self, error: Option<&FederationError>) {
         self.exchange.leave(&Message::Bye(error.map(ToString::to_string)).to_bytes());
     }
@@ -338,8 +338,8 @@ impl Federation {
 
     /// In this federate's turn: collects what programs have stored since the last call.
     fn gather(&mut self, plant: &Plant) {
-        // A program stores first and then asks a board. So stores are collected after the requests and sent before
-        // them.
+        // A program first stores, then sends a request to a board. So stores are collected after the requests and sent
+        // before them.
         let asked = plant.deliver_board_requests();
         self.gather_registers(plant);
         self.inputs.extend(asked.into_iter().map(Input::Stored));
@@ -359,7 +359,7 @@ impl Federation {
                 Input::Op(bytes) => {
                     let op =
                         Input::op(&bytes).filter(Op::acts).ok_or(FederationError::Nonsense { federate })?;
-                    // An operation that was refused there is also refused here.
+                    // An operation that the other federate refused is refused here, too.
                     let _ = Execution::default().run(host, &op);
                 }
                 Input::Boards => {

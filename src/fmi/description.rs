@@ -6,7 +6,7 @@ use super::variables::{Causality, Variable, VariableType};
 use crate::xml_text;
 use core::fmt::Write;
 
-/// Units of the variables: name, exponent of each SI unit, and a unit to show it in with its factor.
+/// Units of the variables: name, exponent of each SI unit, and a display unit with its factor.
 const UNITS: &str = "\
   <UnitDefinitions>
     <Unit name=\"s\"><BaseUnit s=\"1\"/></Unit>

@@ -1,7 +1,7 @@
 //! A plant as a unit for co-simulation by FMI 3.0: its variables, its steps, and the archive (FMU) that other
 //! simulators load.
 //!
-//! This module knows no C: `tools/fmi` is the shared object in such an archive, and calls a [`Unit`].
+//! This module has no C interface: `tools/fmi` is the shared object in such an archive, and calls a [`Unit`].
 
 #[cfg(feature = "studio")]
 mod archive;

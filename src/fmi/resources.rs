@@ -9,9 +9,9 @@ use std::path::{Path, PathBuf};
 
 /// The plant file.
 const PLANT: &str = "plant.toml";
-/// The snapshot that it starts from, in place of a plant file.
+/// The snapshot from which it starts, instead of a plant file.
 const SNAPSHOT: &str = "start.snap";
-/// Which registers are variables, a pattern in each line; without the file all are.
+/// Patterns of the registers that are variables, one in each line; without the file all registers are variables.
 const REGISTERS: &str = "registers.txt";
 
 /// The plant of a unit.
@@ -57,7 +57,7 @@ pub enum ResourcesError {
     /// The plant cannot be built.
     #[error(transparent)]
     Memory(#[from] MemoryError),
-    /// The registers that were asked for are not there.
+    /// The requested registers do not exist.
     #[error(transparent)]
     Variables(#[from] VariablesError),
 }
@@ -141,7 +141,7 @@ impl Resources {
         }
     }
 
-    /// Names and patterns of the registers that are variables; none: all are.
+    /// Names and patterns of the registers that are variables; empty: all registers.
     #[must_use]
     pub fn registers(&self) -> &[String] {
         &self.registers

@@ -1,4 +1,4 @@
-//! A plant with a foreign clock.
+//! A plant with the clock of another simulator.
 
 use super::resources::{Resources, ResourcesError};
 use super::values::{Shafts, Value};
@@ -12,27 +12,28 @@ use twox_hash::XxHash3_64;
 
 /// First bytes of a state.
 const MAGIC: [u8; 8] = *b"cmrmunit";
-/// Number of the format of a state. A change of [`UnitFields`] counts it up; the snapshot within has its own number. Format 1 had
-/// neither the magic nor a number. Every later format begins with the magic, the number and the version of commram, and
-/// ends with the checksum of [`seal`].
+/// Number of the format of a state. A change of [`UnitFields`] increments it; the snapshot in it has a separate number.
+/// Format 1 had neither the magic nor a number. Every later format begins with the magic, the number and the version of
+/// commram, and ends with the checksum of [`seal`].
 pub(super) const FORMAT: u16 = 3;
-/// Highest number of a phase that format 1 could hold, in its first byte.
+/// Highest number of a phase in the first byte of format 1.
 const LAST_PHASE_OF_FORMAT_1: u8 = 3;
 
 /// Microseconds per second.
 const MICROS: f64 = 1e6;
-/// Longest time that a step may take it to: of two neighbouring numbers of 64 bits the distance is below a microsecond there.
+/// Longest time that a step may reach: the distance between neighbouring numbers of 64 bits is below a microsecond
+/// there.
 const LONGEST_US: f64 = 9e15;
 
 /// Reason for the failure of a call.
 #[derive(Debug, PartialEq, thiserror::Error)]
 pub enum UnitError {
-    /// A reference that no variable has.
+    /// There is no variable with this reference.
     #[error("there is no variable with value reference {reference}; the highest is {last}")]
     NoVariable {
         /// The given value.
         reference: u32,
-        /// The highest one.
+        /// The highest reference.
         last: usize,
     },
     /// A variable of another type.
@@ -42,7 +43,7 @@ pub enum UnitError {
         name: String,
         /// Type of the variable.
         right: &'static str,
-        /// The type asked for.
+        /// The requested type.
         asked: &'static str,
     },
     /// A variable that cannot be set from outside.
@@ -59,7 +60,7 @@ pub enum UnitError {
         /// The given value.
         value: f64,
     },
-    /// A step that does not begin where the last one has ended.
+    /// A step that does not begin at the end of the last one.
     #[error("a step begins at {given} s, but the unit is at {now} s")]
     OtherTime {
         /// The given value.
@@ -67,7 +68,7 @@ pub enum UnitError {
         /// Present time of the unit.
         now: f64,
     },
-    /// A step back or of no length in time, or one too far.
+    /// A step with a length below or equal to zero, or too long.
     #[error("a step of {size} s; it must not be negative, and the time at its end must be below 9e9 s")]
     Step {
         /// The given value.
@@ -76,7 +77,7 @@ pub enum UnitError {
     /// A state of another unit.
     #[error(transparent)]
     Snapshot(#[from] SnapshotError),
-    /// Bytes that are no state.
+    /// Bytes that are not a state.
     #[error("it is no state of this unit: {0}")]
     State(String),
     /// A state that another version of commram has saved.
@@ -93,7 +94,7 @@ pub enum UnitError {
     },
 }
 
-/// State of the unit outside its plant.
+/// State of the unit except its plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct UnitFields {
     /// Time of the co-simulation at its start, and emulated time then.
@@ -119,7 +120,7 @@ pub struct Unit {
 }
 
 impl Unit {
-    /// Builds the plant, and powers it on or goes to its snapshot.
+    /// Builds the plant, and powers it on or restores its snapshot.
     ///
     /// # Errors
     /// [`ResourcesError`].
@@ -135,7 +136,7 @@ impl Unit {
         Ok(Self { plant, variables, own, reported_findings: 0 })
     }
 
-    /// The variables; the place of one is its reference.
+    /// The variables; the position of a variable is its reference.
     #[must_use]
     pub fn variables(&self) -> &[Variable] {
         &self.variables
@@ -180,7 +181,7 @@ impl Unit {
     }
 
     /// Advances by `size` seconds from `point`. The end is rounded to the next microsecond since the start, so that
-    /// no errors add up (decision D-537). Returns the time that was reached.
+    /// rounding errors do not accumulate (decision D-537). Returns the time that was reached.
     ///
     /// # Errors
     /// [`UnitError`]; then the clock has not advanced.
@@ -188,7 +189,7 @@ impl Unit {
         let to_us = |time: f64| ((time - self.own.start_s) * MICROS).round();
         let (begin, end) = (to_us(point), to_us(point + size));
         let now = (self.plant.now() - self.own.start_us) as f64;
-        // A caller that adds up its steps may be a microsecond off.
+        // The sum of a caller's steps may differ by a microsecond.
         if !begin.is_finite() || (begin - now).abs() > 1.0 {
             return Err(UnitError::OtherTime { given: point, now: self.time_s() });
         }
@@ -238,8 +239,8 @@ impl Unit {
         match (variable.quantity, value) {
             (Quantity::Register { plc, offset, width, ty, owner }, Value::Integer(value)) => {
                 let bits = value as u32 & ty.mask();
-                // Tools that set everything at each step are to leave no stores where a program would not have stored (decision
-                // D-535). Where the firmware writes, too, each store counts.
+                // Some tools set all variables at each step; this must not cause more stores than a program would make
+                // (decision D-535). In a register that the firmware writes, too, each store has an effect.
                 if owner == Owner::Both || self.plant.load(plc, offset, width) != Ok(bits) {
                     let _ = self.plant.store(plc, offset, width, bits);
                 }
@@ -262,7 +263,7 @@ impl Unit {
         Ok(())
     }
 
-    /// The findings of the access checker at registers without an earlier finding, a line each.
+    /// The findings of the access checker at registers without an earlier finding, one line each.
     pub fn take_findings(&mut self) -> Vec<String> {
         let findings = self.plant.journal().findings();
         if findings.len() == self.reported_findings {
@@ -300,7 +301,7 @@ impl Unit {
         Ok(())
     }
 
-    /// A state as bytes, with a number that the caller keeps with it: the phase of its life that the unit was in.
+    /// A state as bytes, with a number from the caller: the present phase in the life cycle of the unit.
     #[must_use]
     pub fn to_bytes(&self, state: &UnitState, phase: u8) -> Vec<u8> {
         let mut to = Saving::default();
@@ -311,11 +312,10 @@ impl Unit {
         seal(to.into_bytes())
     }
 
-    /// Decodes a state, and the phase that was kept with it. [`Unit::restore`] checks whether it is a state of
-    /// this unit.
+    /// Decodes a state and its phase. [`Unit::restore`] checks whether it is a state of this unit.
     ///
     /// # Errors
-    /// The bytes are damaged, no state, or a state of another version of commram.
+    /// The bytes are damaged, are not a state, or are a state of another version of commram.
     pub fn of_bytes(&self, bytes: &[u8]) -> Result<(UnitState, u8), UnitError> {
         let damaged = |error: Damaged| UnitError::State(error.to_string());
         let wrong = || UnitError::State("its checksum is wrong, or its end is missing".to_owned());

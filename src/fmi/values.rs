@@ -1,4 +1,4 @@
-//! Values of variables, and the motors that a model outside turns.
+//! Values of variables, and the motors that an external model turns.
 
 use super::variables::{Quantity, ShaftValue};
 use crate::plant::Plant;
@@ -67,7 +67,7 @@ impl Shafts {
         match quantity {
             Quantity::Time => Value::Float(plant.now() as f64 * 1e-6),
             Quantity::Register { plc, offset, width, ty, .. } => {
-                // The layout has a register there.
+                // The layout has a register at this place.
                 Value::Integer(ty.number(plant.load(plc, offset, width).unwrap_or_default()))
             }
             Quantity::Shaft { drive, value } => self.at_shaft(plant, drive, value),

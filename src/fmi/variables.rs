@@ -123,10 +123,10 @@ pub(crate) enum ShaftValue {
 /// Why there are no such variables.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub enum VariablesError {
-    /// A name that no register has.
+    /// No register has this name.
     #[error(transparent)]
     Layout(#[from] LayoutError),
-    /// A PLC outside the plant.
+    /// The plant does not have this PLC.
     #[error("there is no PLC '{plc}' in the plant; its PLCs are: {known}")]
     UnknownPlc {
         /// The given text.
@@ -134,7 +134,7 @@ pub enum VariablesError {
         /// The known PLCs.
         known: String,
     },
-    /// A value that no drive has.
+    /// No drive has this value.
     #[error("drive '{drive}' has no value '{value}'; it has: {known}")]
     UnknownOfDrive {
         /// The drive.
@@ -144,12 +144,12 @@ pub enum VariablesError {
         /// The known names.
         known: String,
     },
-    /// Two variables of one name.
+    /// Two variables have the same name.
     #[error("two variables are called '{0}'; give the drive another name")]
     Twice(String),
 }
 
-/// The variables of a plant in its present form; the place in the list is a variable's reference.
+/// The variables of a plant in its present form; the position of a variable in the list is its reference.
 pub(super) fn variables(plant: &Plant, patterns: &[String]) -> Result<Vec<Variable>, VariablesError> {
     let mut all = vec![Variable {
         name: "time".to_owned(),

@@ -34,8 +34,8 @@ pub(super) struct ValueFederate {
     federate: Object,
     name: String,
     publications: Vec<Object>,
-    /// Publication that says whether this federate takes part. HELICS does not report leaving federates, so the others
-    /// read it.
+    /// Publication that shows the others whether this federate takes part, because HELICS does not report federates
+    /// that leave.
     runs: Option<Object>,
     inputs: Vec<Object>,
     endpoints: Vec<Object>,
@@ -224,7 +224,8 @@ impl ValueFederate {
         let mut found = Vec::new();
         let Functions { has_message, get_message, bytes_of, count_of, free_message, .. } = self.functions;
         for (place, endpoint) in self.endpoints.iter().copied().enumerate() {
-            // SAFETY: as above; the bytes are the message's, are as many as it says, and are copied before it is freed.
+            // SAFETY: as above; the message owns the bytes and has their correct count; they are copied before it is
+            // freed.
             unsafe {
                 while has_message(endpoint) != 0 {
                     let message = get_message(endpoint);

@@ -122,7 +122,7 @@ pub(super) fn load() -> Result<Functions, HelicsError> {
     for path in candidates {
         match functions(&path) {
             Ok(functions) => return Ok(functions),
-            // The first error belongs to the path that was meant.
+            // The first error belongs to the preferred path.
             Err(error) if reason.is_empty() => reason = error.to_string(),
             Err(_) => {}
         }
@@ -138,7 +138,7 @@ pub(super) fn end_without_it() {
             fn on_exit(function: extern "C" fn(c_int, Object), argument: Object) -> c_int;
         }
         extern "C" fn end(status: c_int, _: Object) {
-            // SAFETY: it ends the process; what Rust has to write is written by then.
+            // SAFETY: it ends the process; Rust has written all of its output before.
             unsafe { libc::_exit(status) }
         }
         // SAFETY: the function is there as long as the process, and needs no argument.

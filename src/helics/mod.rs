@@ -136,15 +136,15 @@ impl Joining {
         Some(missing.to_string())
     }
 
-    /// True if a program accepts connections at the address of the broker, and if the address has another form than
-    /// `tcp://HOST:PORT`.
+    /// False if no program accepts connections at the address of the broker. True for addresses in another form than
+    /// `tcp://HOST:PORT`, which are not checked.
     fn has_broker(&self) -> bool {
         let address = self.broker.rsplit("//").next().unwrap_or_default();
         let Ok(mut addresses) = address.to_socket_addrs() else { return address.rsplit_once(':').is_none() };
         addresses.any(|address| TcpStream::connect_timeout(&address, CONNECT).is_ok())
     }
 
-    /// Longest wait for the end of the thread. A thread that still joins has no message to the others.
+    /// Longest wait for the end of the thread. While it joins, there is no message for the others.
     fn farewell(&self) -> Duration {
         if self.is_done.load(Ordering::Acquire) { FAREWELL } else { Duration::ZERO }
     }
@@ -182,7 +182,7 @@ impl HelicsExchange {
         let joined = joining.clone();
         let run = move || {
             let report = |news: Received| {
-                // The emulator may have ended; then the message is lost on purpose.
+                // If the emulator has ended, the message is not needed.
                 let _ = sender.send(news);
                 wake();
             };

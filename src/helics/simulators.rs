@@ -44,7 +44,7 @@ impl HelicsSimulators {
         let run = move || {
             let queues = (&given, &outputs);
             if let Err(reason) = talk(functions, &place, &joined, &interface, first, queues, &wake) {
-                // The emulator may have ended; then the reason is lost on purpose.
+                // If the emulator has ended, the reason is not needed.
                 let _ = outputs.send(Err(reason));
                 wake();
             }

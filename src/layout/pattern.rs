@@ -17,8 +17,8 @@ enum Token {
 
 /// A pattern of register names.
 ///
-/// It matches names that it describes from the beginning (with the area or the variable in front, or without), up to the
-/// end or up to where indices or registers of a sub-structure follow: an array without indices means all its elements.
+/// It must match a name from its beginning, with or without the area or variable, to its end, or to the place where
+/// indices or registers of a sub-structure follow: an array without indices means all its elements.
 #[derive(Debug)]
 pub(super) struct Pattern(Vec<Token>);
 
@@ -67,7 +67,7 @@ impl Pattern {
     /// Whether the name of a register matches.
     fn matches(&self, name: &str) -> bool {
         let (mut token, mut rest) = (0, name);
-        // The position to continue from if the text after the last `*` does not match here: one letter later.
+        // The position at which to continue if the text after the last `*` does not match: one letter later.
         let mut retry: Option<(usize, &str)> = None;
         loop {
             let fits = match self.0.get(token) {
@@ -111,7 +111,7 @@ fn index_at(text: &str, first: u32, last: u32) -> Option<usize> {
 }
 
 impl DeviceFit {
-    /// The registers that a pattern means, area by area in address order.
+    /// The registers that match a pattern, area by area in address order.
     pub(super) fn matching(&self, text: &str) -> Result<Vec<RegisterRef>, LayoutError> {
         let pattern = Pattern::parse(text)?;
         let areas = self.device().named_areas().filter(|area| self.area(area) != Fit::Empty);

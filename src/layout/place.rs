@@ -42,7 +42,7 @@ impl BitAccess {
 pub struct NamedLocation {
     /// The text as given, without the PLC.
     text: String,
-    /// The PLC in front, if one was given.
+    /// The PLC before the name, if one was given.
     pub plc: Option<String>,
     address: Address,
     area: &'static Area,
@@ -104,7 +104,7 @@ impl NamedLocation {
         self.area.phase(status)
     }
 
-    /// The phase in which the device is operated: for uses to which the present phase makes no difference.
+    /// The phase in which the device is operated, for uses that do not depend on the present phase.
     pub fn last_phase(&self) -> RegisterPhase {
         self.area.phase(None)
     }
@@ -137,7 +137,7 @@ impl NamedLocation {
         self.exact(live).and_then(|register| register.register.meaning)
     }
 
-    /// The register that a single bit belongs to, and the bit's number in it.
+    /// The register to which a single bit belongs, and the number of the bit in it.
     pub fn bit_in(&self) -> Option<(RegisterRef, u32)> {
         let register = self.registers.first()?;
         Some((*register, self.bit_of(register)?))
@@ -154,7 +154,7 @@ impl NamedLocation {
         Some(of_register.unwrap_or(BitAccess { offset: self.offset(), width: self.width(), bit: bit.into() }))
     }
 
-    /// The register's name, with the number of the bit if it was given that way, else the address.
+    /// The name of the register, with the number of the bit if it was given in this form; otherwise the address.
     pub fn name(&self, live: RegisterPhase) -> String {
         if let Some((register, bit)) = self.named_bit() {
             return format!("{register}.{bit}");
@@ -186,7 +186,7 @@ impl NamedLocation {
     /// # Errors
     /// [`BadValue`] with the register.
     pub fn parse_value(&self, text: &str) -> Result<u32, BadValue> {
-        // Which structure is live is not known here, but types at one address differ in name only.
+        // The live structure is not known here, but the types at one address differ only in their names.
         let live = self.last_phase();
         let ty = self.ty(live);
         let named = |error| match (self.bit(), self.exact(live)) {
@@ -225,8 +225,8 @@ impl NamedLocation {
         }
     }
 
-    /// The meaning of the value, as the layout describes it. For a place that is no complete register: the register that
-    /// it is a part of, the registers that it contains, or the meaning of its bit. Special texts for a place without
+    /// The meaning of the value, as the layout describes it. For a place that is not a complete register: the register
+    /// that contains it, the registers that it contains, or the meaning of its bit. Special texts for a place without
     /// register and for an empty slot.
     pub fn meaning(&self, phase: RegisterPhase, value: u32) -> String {
         if self.is_empty {
@@ -277,7 +277,7 @@ pub fn is_live(register: &RegisterRef, live: RegisterPhase) -> bool {
     })
 }
 
-/// Structures that overlay each other share their first registers; this leaves one of each.
+/// Removes duplicates: structures that overlay each other share their first registers.
 pub fn without_twins(registers: Vec<RegisterRef>) -> Vec<RegisterRef> {
     let mut kept: Vec<RegisterRef> = Vec::with_capacity(registers.len());
     for register in registers {

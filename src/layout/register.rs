@@ -1,4 +1,4 @@
-//! A concrete register: a descriptor with its place and its indices.
+//! A particular register: a descriptor with its place and its indices.
 
 use super::address::Address;
 use super::decode;
@@ -43,8 +43,8 @@ impl RegisterRef {
         if self.is_ambiguous() { self.placed.variable } else { self.area.name }
     }
 
-    /// Full name, for example `node2.a_RD_BMARRAY[3][0]`. If the place of a register depends on the role of the port,
-    /// which is not known, the prefix is the variable: `_Master_Slot_G.b_STATREG_RDC1`.
+    /// Full name, for example `node2.a_RD_BMARRAY[3][0]`. If the place of a register depends on an unknown role of the
+    /// port, the prefix is the variable: `_Master_Slot_G.b_STATREG_RDC1`.
     #[must_use]
     pub fn name(&self) -> String {
         self.to_string()
@@ -76,13 +76,13 @@ impl RegisterRef {
         Address::new(Some(self.area.space), Width::of(self.register.ty), self.offset())
     }
 
-    /// Address of bit `bit` of the register; `None` if it has not that many.
+    /// Address of bit `bit` of the register; `None` if there is no such bit.
     #[must_use]
     pub fn bit_address(&self, bit: u32) -> Option<Address> {
         (bit < 8 * self.width()).then(|| self.address().of_bit(bit))
     }
 
-    /// The meaning of bit `bit` with value 0 or 1, followed by the decision that it is based on; empty if the meaning
+    /// The meaning of bit `bit` with value 0 or 1, followed by the decision on which it is based; empty if the meaning
     /// is not known, or the bit has a meaning only together with others.
     #[must_use]
     pub fn decode_bit(&self, bit: u32, is_set: bool) -> String {

@@ -19,7 +19,7 @@ pub struct Space {
     pub unit: Unit,
     /// Number of the first byte or word.
     pub first: u32,
-    /// The byte of the image that it is.
+    /// The first byte in the image.
     pub offset: u32,
     /// Length in bytes.
     pub bytes: u32,
@@ -40,7 +40,7 @@ pub enum Unit {
 }
 
 impl Unit {
-    /// Bytes that one number of an access of this width counts.
+    /// Bytes by which consecutive numbers of this width differ.
     #[must_use]
     pub const fn bytes(self, width: Width) -> u32 {
         match self {
@@ -49,7 +49,7 @@ impl Unit {
         }
     }
 
-    /// The width that `first` of a space counts, and areas count.
+    /// The width in which `first` of a space and areas count.
     #[must_use]
     pub const fn width(self) -> Width {
         match self {
@@ -69,21 +69,20 @@ pub struct Retain {
 }
 
 impl Space {
-    /// Whether byte `offset` of the image is of this space.
+    /// Whether byte `offset` of the image is in this space.
     #[must_use]
     pub const fn contains(&self, offset: u32) -> bool {
         self.offset <= offset && offset - self.offset < self.bytes
     }
 
-    /// The number of the byte, word or double word that begins at byte `offset` of the image; of a byte within, that it is
-    /// in.
+    /// The number in the address of the byte, word or double word at byte `offset` of the image.
     #[must_use]
     pub const fn number(&self, offset: u32, width: Width) -> u32 {
         let first = self.first * self.unit.bytes(self.unit.width());
         (first + (offset - self.offset)) / self.unit.bytes(width)
     }
 
-    /// The byte of the image where number `number` begins, if it is of this space.
+    /// The byte of the image at which number `number` begins, if it is in this space.
     pub(super) fn place(&self, number: u32, width: Width) -> Option<u32> {
         let byte = number.checked_mul(self.unit.bytes(width))?;
         let first = self.first.checked_mul(self.unit.bytes(self.unit.width()))?;
@@ -98,7 +97,7 @@ impl Space {
         self.number(first, width)..=self.number(last, width)
     }
 
-    /// The address of byte `offset` of the image, or of the word that it is in: `%MB3.80000`, `%MW2000`.
+    /// The address of byte `offset` of the image, or of the word that contains it: `%MB3.80000`, `%MW2000`.
     pub(super) fn named(&self, offset: u32) -> String {
         let width = self.unit.width();
         format!("%{}{}{}{}", self.letter, width.letter(), self.segment, self.number(offset, width))
@@ -130,7 +129,7 @@ impl fmt::Display for Space {
 }
 
 impl DeviceLayout {
-    /// The space that byte `offset` of the image is of.
+    /// The space that contains byte `offset` of the image.
     #[must_use]
     pub fn space_at(&self, offset: u32) -> Option<&'static Space> {
         self.spaces.iter().find(|space| space.contains(offset))

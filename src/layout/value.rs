@@ -4,7 +4,7 @@ use super::nearest::nearest;
 use super::{Meaning, RegType, decode};
 use thiserror::Error;
 
-/// A text without a value of the register.
+/// A text that is not a value of the register.
 #[derive(Debug, PartialEq, Eq, Error)]
 pub enum ValueError {
     /// The text is not a number.
@@ -22,7 +22,7 @@ pub enum ValueError {
         text: String,
         /// The names of its values.
         known: String,
-        /// Which may be meant.
+        /// The value that may be meant.
         hint: String,
     },
     /// A name of several values of the register.
@@ -33,7 +33,7 @@ pub enum ValueError {
         /// The numbers.
         values: String,
     },
-    /// A number that the data type does not have.
+    /// A number outside the range of the data type.
     #[error("`{text}` is out of range, {} {ty} holds {least} to {most} (16#0 to 16#{mask:X})", article(*.ty))]
     Range {
         /// The given text.
@@ -50,10 +50,10 @@ pub enum ValueError {
 }
 
 /// Parses a value of a register of type `ty` into its bit pattern. Decimal numbers are numbers of the type,
-/// negative ones for signed types; with a base in front they are bit patterns.
+/// negative ones for signed types; numbers with a base are bit patterns.
 ///
 /// # Errors
-/// [`ValueError`] with the notation or the range that would be right.
+/// [`ValueError`] with a correct notation or range.
 pub fn parse(text: &str, ty: RegType) -> Result<u32, ValueError> {
     let wrong = || ValueError::Notation { text: text.to_owned() };
     let (base, digits) = split_base(text.trim());
@@ -67,7 +67,7 @@ pub fn parse(text: &str, ty: RegType) -> Result<u32, ValueError> {
     if digits.is_empty() || !digits.chars().all(|digit| digit.is_digit(base)) {
         return Err(wrong());
     }
-    // All digits are valid, so all that can be wrong is the size.
+    // All digits are valid, so only the size can be wrong.
     let size = i64::from_str_radix(&digits, base).map_err(|_| range())?;
     let number = if negative { -size } else { size };
     let allowed = if base == 10 { least..=most } else { 0..=i64::from(ty.mask()) };

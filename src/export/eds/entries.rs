@@ -63,7 +63,7 @@ impl<'a> Dictionary<'a> {
         }
     }
 
-    /// The comments on all entries, a line each, without the characters that end a value in some readers.
+    /// The comments on all entries, one line each, without characters that end a value for some readers.
     pub(super) fn comments(&self) -> Vec<String> {
         let mut lines = Vec::new();
         for index in self.indices() {
@@ -96,7 +96,7 @@ impl<'a> Dictionary<'a> {
         text
     }
 
-    /// The name of an object; with the index if the manual has the name for several objects.
+    /// The name of an object, with the index if several objects have this name in the manual.
     fn name(&self, own: &[&Object]) -> String {
         let name = manuals_name(own);
         let index = own.first().map_or(0, |object| object.index);
@@ -125,7 +125,7 @@ impl<'a> Dictionary<'a> {
 
     /// The section of one entry with a value.
     fn variable(&self, object: &Object, section: &str, name: &str) -> String {
-        // A domain is a variable of the type DOMAIN: eds-utils reads no other object type of a single entry.
+        // A domain is a variable of the type DOMAIN: eds-utils accepts no other object type with a single entry.
         let data = match object.ty {
             Some(Type::U8) => UNSIGNED8,
             Some(Type::U16) => 0x6,
@@ -140,7 +140,7 @@ impl<'a> Dictionary<'a> {
             Default::Text(text) => format!("DefaultValue={text}\n"),
         };
         let carrier = self.carriers.get(&(object.index, object.sub)).copied();
-        // D-771: an entry that a PDO writes is no read-only one in a data sheet.
+        // D-771: in a data sheet, an entry that a PDO writes is not read-only.
         let access = match (object.access, carrier) {
             (_, Some(Carrier::Receive)) => "rww",
             (Access::ReadWrite, Some(Carrier::Transmit)) => "rwr",
@@ -154,7 +154,7 @@ impl<'a> Dictionary<'a> {
     }
 }
 
-/// What the manual says of an entry, and which decisions add to it.
+/// The manual's description of an entry, and the decisions about it.
 fn documented(object: &Object) -> String {
     let facts = [("entry", object.row_from), ("default", object.default_from)];
     let from = match Provenance::summary(&facts) {
@@ -171,8 +171,8 @@ fn highest(index: u16, last: u8) -> String {
     )
 }
 
-/// The manual's name of an object: of a record, the name of its sub-index 0, or the words that the names of its entries
-/// begin with.
+/// The manual's name of an object; for a record, the name of its sub-index 0, or the common start of the names of its
+/// entries.
 fn manuals_name(own: &[&Object]) -> String {
     match own {
         [] => "Identity".to_owned(),
@@ -192,7 +192,7 @@ fn manuals_name(own: &[&Object]) -> String {
     }
 }
 
-/// The entries that the mappings of PDOs begin with.
+/// The entries in the default mappings of PDOs.
 fn carriers(objects: &[&Object]) -> HashMap<(u16, u8), Carrier> {
     let mapped = objects.iter().filter(|object| object.sub > 0).filter_map(|object| {
         let carrier = match object.index {
