@@ -4,7 +4,7 @@ use crate::devices;
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, Error};
 
-/// The command before a word, the word, which is no command, and the right command line.
+/// A command, a word after it that is not a command, and the correct command line.
 const WORDS: &[(&str, &str, &str)] = &[
     ("", "back", "commram step --back TIME"),
     ("", "undo", "commram step --back TIME"),
@@ -30,7 +30,7 @@ const WORDS: &[(&str, &str, &str)] = &[
     ("drive", "get", "commram drive show NAME"),
 ];
 
-/// An option of another program, an option that the command must have, and the right option.
+/// An option of another program, an option that the command must have, and the correct option.
 const OPTIONS: &[(&str, &str, &str)] = &[
     ("--json", "format", "--format json"),
     ("--jsonl", "format", "--format jsonl"),
@@ -55,8 +55,8 @@ const NEEDLESS: &[(&str, &str, &str)] = &[
 
 const SAME_RESULT: &str = "omit it: a scenario gives the same result in every run";
 
-/// Replaces the suggestions of the parser: it recommends to pass unknown options as values, and takes words for
-/// similar that are not.
+/// Replaces the suggestions of the parser, which recommends passing unknown options as values and suggests words that
+/// are not similar.
 pub(super) fn improve(mut error: Error, commands: &clap::Command) -> Error {
     let text = |kind| match error.get(kind) {
         Some(ContextValue::String(text)) => Some(text.clone()),

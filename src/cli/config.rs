@@ -59,7 +59,7 @@ fn load() -> &'static (Config, Vec<String>) {
     })
 }
 
-/// The files, that of the highest precedence first.
+/// The files; the first one has the highest precedence.
 fn places() -> Vec<PathBuf> {
     match std::env::var_os(VARIABLE) {
         Some(file) if file.is_empty() => Vec::new(),
@@ -98,7 +98,7 @@ fn read(path: &Path) -> Result<Option<Config>, String> {
         format!("line {line}: {}", error.message().lines().collect::<Vec<_>>().join(", "))
     })?;
     config.check()?;
-    // A plant is named from the directory of the file.
+    // The path of a plant is relative to the directory of the file.
     config.plant = config.plant.map(|plant| path.parent().unwrap_or(Path::new("")).join(plant));
     Ok(Some(config))
 }

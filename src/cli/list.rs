@@ -1,4 +1,4 @@
-//! `commram list`: which instances there are.
+//! `commram list`: the instances.
 
 use super::error::CliError;
 use super::table::{self, FormatArg, Row};

@@ -12,7 +12,7 @@ use tracing::{Event, Level, Metadata, Subscriber};
 /// Prints warnings and errors from now on, with `--verbose` all messages.
 pub(super) fn to_stderr() {
     let most = if output::is_verbose() { Level::DEBUG } else { Level::WARN };
-    // It fails only in a process that has set its own.
+    // It fails only in a process that has set another subscriber.
     let _ = set_global_default(Log { most });
 }
 
@@ -60,7 +60,7 @@ struct Line {
 
 impl Visit for Line {
     fn record_debug(&mut self, field: &Field, value: &dyn Debug) {
-        // A String takes any text.
+        // Writing to a String cannot fail.
         let _ = match field.name() {
             "message" => write!(self.message, "{value:?}"),
             name => write!(self.fields, " {name}={value:?}"),
@@ -83,7 +83,7 @@ mod tests {
         assert_eq!((line.message.as_str(), line.fields.as_str()), ("the text", " reason=entity not found"));
     }
 
-    /// Only the names of fields need it.
+    /// Required only for the names of fields.
     struct NoCallsite;
     static CALLSITE: NoCallsite = NoCallsite;
 

@@ -52,7 +52,7 @@ pub(crate) enum Template {
     Pytest,
 }
 
-/// A device with a plant to begin with.
+/// A device with a template of a plant.
 #[derive(Clone, Copy)]
 pub(crate) struct Device {
     known: &'static Registered,
@@ -67,7 +67,7 @@ impl Device {
     }
 }
 
-/// Accepts the names of devices with a plant to begin with.
+/// Accepts the names of devices with a template of a plant.
 fn with_template() -> impl TypedValueParser<Value = Device> {
     let names = devices::all().iter().filter(|known| Device::of(known).is_some());
     let names = names.map(|known| PossibleValue::new(known.layout.name).help(known.layout.title));
@@ -93,7 +93,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     output::print(&output::harmless(&format!("{names}\nNext:\n{}", project.commands(&args.directory))))
 }
 
-/// Creates all files, or none, also if the user interrupts it.
+/// Creates all files, or none after an error or an interrupt.
 fn create(files: &[(PathBuf, String)], interrupts: &Interrupts) -> Result<(), CliError> {
     for (path, _) in files {
         if path.symlink_metadata().is_ok() {

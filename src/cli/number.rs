@@ -7,15 +7,15 @@ use thiserror::Error;
 /// The text is not a number of the range.
 #[derive(Debug, PartialEq, Eq, Error)]
 pub(crate) enum NumberError {
-    /// The largest number is of no interest to the user.
+    /// The range has no upper limit for the user.
     #[error("write a whole number, {0} or more")]
     AtLeast(u64),
     #[error("write a whole number from {0} to {1}")]
     Within(u64, u64),
 }
 
-/// Returns a parser of whole numbers in a range. A range up to the largest number of 64 bits has no upper limit for
-/// the user.
+/// Returns a parser of whole numbers in a range. For the user, a range up to the largest number of 64 bits has no upper
+/// limit.
 pub(crate) fn within<N: TryFrom<u64>>(
     range: RangeInclusive<u64>,
 ) -> impl Fn(&str) -> Result<N, NumberError> + Clone + Send + Sync + 'static {

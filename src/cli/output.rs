@@ -58,8 +58,8 @@ pub(crate) fn json_line(value: &impl Serialize) -> Result<String, CliError> {
     Ok(json_escaped(&text) + "\n")
 }
 
-/// JSON text with the same meaning in which a terminal interprets no character. JSON itself contains line ends, but no
-/// other control characters, and others only in strings.
+/// JSON text with the same meaning in which a terminal interprets no character. Outside strings, JSON contains no
+/// control characters except line ends.
 fn json_escaped(text: &str) -> String {
     escaped(text, &['\n'], |sign| format!("\\u{:04x}", u32::from(sign)))
 }

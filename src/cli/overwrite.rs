@@ -5,7 +5,7 @@ use crate::input_file;
 use crate::output_file;
 use std::path::Path;
 
-/// Checks that an output file is none of the input files, also under other names.
+/// Checks that an output file is not an input file, even under another name.
 ///
 /// # Errors
 /// The output is an input. Standard input and output are different files.

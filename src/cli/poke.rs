@@ -67,7 +67,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let writes = args.writes.iter().map(parse).collect::<Result<Vec<_>, _>>()?;
     let stores = RegisterWrite::of(&session, &writes)?;
     let mut ops: Vec<_> = stores.iter().map(RegisterWrite::store).collect();
-    // What the notes need is read in the message that writes, so that they cost no further exchange.
+    // The message with the writes also reads the registers for the notes, which saves an exchange.
     let statuses =
         writes.iter().map(|(place, _)| peek_status(&session, place)).collect::<Result<Vec<_>, _>>()?;
     ops.extend(statuses.iter().flatten());

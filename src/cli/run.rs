@@ -19,7 +19,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::time::Duration;
 
-/// Longest time at the end of the emulator in which the line of its start is still waited for.
+/// Longest wait, at the end of the emulator, for the output of the line about its start.
 const LONGEST_PRINT: Duration = Duration::from_millis(500);
 
 /// Run an emulator until it is stopped.

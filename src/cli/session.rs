@@ -1,4 +1,4 @@
-//! Access to an instance: through the channel while its emulator runs, else to the images it left.
+//! Access to an instance: through the channel while its emulator runs, otherwise to the images that it has left.
 
 mod by_channel;
 

@@ -18,7 +18,7 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// How long a signal during the start waits for the end of the start. After that the process ends at once.
+/// Longest wait of a signal during the start for the end of the start. After that the process ends at once.
 const START_PATIENCE: Duration = Duration::from_secs(1);
 
 /// Options of the emulator.

@@ -34,14 +34,14 @@ pub(crate) struct Args {
 const PATIENCE: Duration = Duration::from_secs(10);
 /// Time limit for the system to remove a process that has died.
 const DYING: Duration = Duration::from_secs(1);
-/// How long an emulator that has confirmed its end may take before it also gets a signal: the confirmation in the
-/// header page may have been written by another program.
+/// Longest wait for an emulator that has confirmed its end, before it also gets a signal: another program may have
+/// written the confirmation in the header page.
 const DOUBT: Duration = Duration::from_secs(1);
 /// Pause between two checks for the end.
 const LOOK: Duration = Duration::from_millis(2);
 /// Time limit for connecting to the channel, and for the answer, before the emulator gets a signal.
 const ANSWER: Duration = Duration::from_millis(500);
-/// How many times the removal of files is tried while emulators of this name start and end.
+/// Maximum number of attempts to remove files while emulators of this name start and end.
 const CLEANING_TRIES: u32 = 5;
 
 /// Ends the emulator, or all of them.
@@ -231,7 +231,7 @@ pub(crate) fn remove_remains(instance: &str) -> Result<bool, CliError> {
 }
 
 /// Asks the emulator through its channel to end. An emulator that does not answer, because it has no channel or its
-/// clock waits for a client, gets a signal. A stopped process is continued, also if it is stopped meanwhile.
+/// clock waits for a client, gets a signal. A stopped process is continued, even if it was stopped meanwhile.
 fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     let process = running.process();
     let mut let_go_on = go_on(name, process);

@@ -1,4 +1,4 @@
-//! The answer of `commram --version`: what this build is, and which registers it knows.
+//! The answer of `commram --version`: properties of this build, and its register maps.
 
 use crate::devices;
 use crate::memory::header::ABI_VERSION;

@@ -94,7 +94,7 @@ impl App {
     /// Refuses an operation that changes something, if this server only reads.
     ///
     /// # Errors
-    /// It does.
+    /// The operation changes something, and this server only reads.
     fn check_writes(&self, op: &Op) -> Result<(), Problem> {
         if self.read_only { operations::check_reads_only(op) } else { Ok(()) }
     }

@@ -35,7 +35,7 @@ impl RegisterWrite {
             replies.extend(session.request(part)?);
         }
         let mut replies = replies.into_iter();
-        // An earlier write of the same register changes what a later one finds.
+        // An earlier write of the same register changes the value that a later write finds.
         let mut known: HashMap<(DeviceIndex, u32), u32> = HashMap::new();
         let mut prepared = Vec::with_capacity(writes.len());
         for (place, value) in writes {

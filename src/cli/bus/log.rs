@@ -25,7 +25,7 @@ use select::Select;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// How many positions of skipped entries a note names.
+/// Maximum number of positions of skipped entries in a note.
 const SHOWN_PLACES: usize = 20;
 
 /// A log file after reading.
@@ -87,7 +87,7 @@ fn read(path: &Path) -> Result<Log, CliError> {
 }
 
 impl Log {
-    /// Selects messages and assigns each to a bus. Prints a note for everything that is passed over.
+    /// Selects messages and assigns each to a bus. Prints a note for skipped messages.
     ///
     /// # Errors
     /// The instance has no bus `only`.
@@ -157,7 +157,7 @@ impl Log {
     }
 }
 
-/// Counts of messages that are passed over.
+/// Counts of skipped messages.
 #[derive(Default)]
 struct PassedOver {
     not_selected: u64,
@@ -190,7 +190,7 @@ impl PassedOver {
     }
 }
 
-/// The error for a log in which nothing applies.
+/// The error for a log without a selected message.
 fn nothing(path: &Path, right: &str) -> CliError {
     CliError::Argument { text: path.display().to_string(), right: right.to_owned() }
 }

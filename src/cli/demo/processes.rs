@@ -1,4 +1,4 @@
-//! The processes of the demonstration. All of them end with it, also after an error.
+//! The processes of the demonstration. All of them end with it, even after an error.
 
 use crate::cli::error::CliError;
 use crate::cli::start::in_thread;

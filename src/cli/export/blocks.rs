@@ -1,4 +1,5 @@
-//! Function blocks that `commram export st --blocks` leaves out: matiec takes the name of a block for nothing else.
+//! Function blocks that `commram export st --blocks` omits: matiec does not accept the name of a block for anything
+//! else.
 
 use super::{CliError, wrong};
 

@@ -19,7 +19,7 @@ const COMMON: &[(&str, &str)] = &[
     (".gitlab-ci.yml", include_str!("templates/minimal/gitlab-ci.yml")),
 ];
 
-/// What a template adds to the common files.
+/// Additions of a template to the common files.
 struct Extra {
     files: &'static [(&'static str, &'static str)],
     /// Files that its commands create, for `.gitignore`.
@@ -29,7 +29,7 @@ struct Extra {
     ci: Ci,
 }
 
-/// What a template adds to the files for CI servers.
+/// Additions of a template to the files for CI servers.
 #[derive(Default)]
 struct Ci {
     /// Comment on further variables of the repository.
@@ -92,9 +92,9 @@ impl Template {
 }
 
 impl Ci {
-    /// The text of a file with these additions in place of their names.
+    /// The text of a file in which these additions replace their names.
     fn completed(&self, text: String) -> String {
-        // Steps before the action do not keep the scenarios from running.
+        // The scenarios run even if steps before the action fail.
         let condition = if self.github_before.is_empty() { "" } else { "        if: ${{ !cancelled() }}\n" };
         [
             ("@ci_variables@\n", self.variables),
@@ -143,7 +143,7 @@ impl Project {
         }
     }
 
-    /// The next commands for a user, a line each.
+    /// The next commands for a user, one line each.
     pub(super) fn commands(&self, directory: &Path) -> String {
         let to = format!("cd {}", quoted(&directory.display().to_string()));
         let all = [to.as_str(), "commram plant check plant.toml", "commram test scenarios"];

@@ -1,4 +1,4 @@
-//! What the names in the templates are replaced by: the device, its PLC, and the first exchange in each language.
+//! Replacements for the names in templates: the device, its PLC, and the first exchange in each language.
 
 use super::Device;
 use crate::cli::error::CliError;
@@ -51,7 +51,7 @@ impl Words {
         ]))
     }
 
-    /// The text with the words in place of their names.
+    /// The text in which the words replace their names.
     pub(super) fn replaced(&self, text: &str) -> String {
         self.0.iter().fold(text.to_owned(), |text, (name, word)| text.replace(&format!("@{name}@"), word))
     }

@@ -7,11 +7,11 @@ use std::sync::{Arc, OnceLock};
 use std::thread;
 use std::time::Duration;
 
-/// Longest time after a termination signal in which an output takes nothing and is still waited for.
+/// Longest wait, after a termination signal, for an output that accepts no bytes.
 const PATIENCE: Duration = Duration::from_millis(400);
 /// Real time between two checks for a termination signal.
 const INTERVAL: Duration = Duration::from_millis(20);
-/// Bytes of one write. A terminal or pipe that takes a part is read.
+/// Bytes of one write. If a terminal or pipe accepts a part, it has a reader.
 const PART: usize = 4096;
 
 /// Set by a termination signal. Without a flag, signals end this process or do not concern its outputs.

@@ -13,10 +13,10 @@ use std::path::{Path, PathBuf};
 /// Maximum number of events of counted records in a plot, without the first and the last one of each record.
 const MOST_COUNTED: u64 = 1_000_000;
 
-/// Why a text is no journal that can be read.
+/// Why a text is not a readable journal.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 enum JournalFileError {
-    /// No line at all.
+    /// The text has no lines.
     #[error("it is empty; a journal with records is written by `commram trace --format jsonl`")]
     Empty,
     /// A line without a record.
@@ -39,7 +39,7 @@ enum JournalFileError {
         /// Its format.
         found: u64,
     },
-    /// A value that no register has.
+    /// No register can have this value.
     #[error("line {line}: {value} is no value of a register; registers have 1, 2 or 4 bytes")]
     NoValue {
         /// Number of the line, from 1.
@@ -77,7 +77,7 @@ pub(super) struct RecordedRegisters {
     edges: Vec<Run>,
     /// History of each register by PLC and address.
     registers: BTreeMap<(String, String), Vec<Run>>,
-    /// How many more events of counted records may be drawn.
+    /// Number of events of counted records that may still be drawn.
     spare: Cell<u64>,
 }
 
@@ -96,7 +96,7 @@ struct Run {
     is_recorded: bool,
 }
 
-/// The fields of a line that matter for plots; records of other kinds have further fields.
+/// The fields of a line that plots use; records of other kinds have further fields.
 #[derive(Deserialize)]
 struct Line {
     v: u64,
@@ -112,7 +112,7 @@ struct Line {
     answer: Option<serde_json::Value>,
 }
 
-/// What lines of all versions have.
+/// Fields of the lines in all versions.
 #[derive(Deserialize)]
 struct Versioned {
     v: u64,
@@ -249,7 +249,7 @@ impl RecordedRegisters {
     /// Returns the history of a register; it is empty if the file does not mention the register.
     ///
     /// # Errors
-    /// Registers of several PLCs have this address, and no PLC was named, a value does not fit into the register, or the
+    /// Registers of several PLCs have this address but no PLC was named, a value does not fit into the register, or the
     /// counted records have too many events.
     pub(super) fn register(
         &self,
@@ -288,7 +288,8 @@ mod tests {
 {"v":1,"seq":901,"time_us":4100,"kind":"changed","plc":"other","address":"%MB3.6","from":0,"to":9}
 "#;
 
-    /// A change of what the reader relies on needs a new version, and keeps the sample of the old one.
+    /// If fields that the reader uses change, the format gets a new version, and the sample of the previous one is
+    /// kept.
     #[test]
     fn a_sample_of_the_format_can_be_read() {
         let bytes =

@@ -275,7 +275,7 @@ fn slowdown(attached: &Attached) -> f64 {
     }
 }
 
-/// The time by which operations advance the clock, if one of them does by a known time.
+/// The time by which operations advance the clock, if it is known.
 fn advance(ops: &[Op]) -> Option<u64> {
     ops.iter().find_map(|op| match op {
         Op::Advance { us } => Some(*us),

@@ -6,7 +6,7 @@ use crate::journal::text::Text;
 use crate::journal::{Catalogue, Format, Names, Record};
 use serde_json::{Value, json};
 
-/// Fields of jsonl with a column of their own.
+/// Fields of jsonl with separate columns.
 const FIELDS: [&str; 12] = [
     "seq",
     "time_us",
@@ -66,7 +66,7 @@ impl Format for Csv {
 fn row(fields: Value, description: String) -> String {
     let Value::Object(mut fields) = fields else { return String::new() };
     fields.remove("v");
-    // The description says the same.
+    // The description contains the same text.
     fields.remove("text");
     let mut cells: Vec<_> =
         FIELDS.iter().map(|name| fields.remove(*name).map_or_else(String::new, cell)).collect();

@@ -282,7 +282,7 @@ impl<T: AsRef<[u8]>> LineBuffer<T> {
 mod tests {
     use super::*;
 
-    /// So many events take hours of emulated time, so no test has such a journal.
+    /// This number of events takes hours of emulated time, so no test has such a journal.
     #[test]
     fn a_waveform_with_too_many_events_is_refused() {
         assert!(check_length(MOST_EVENTS).is_ok());

@@ -34,7 +34,7 @@ impl Drives {
             let place = known.iter().position(same);
             let mut points = place.map(|place| known.swap_remove(place).points).unwrap_or_default();
             let at = now_us as f64 / 1e6;
-            // If the clock did not advance or went back, the new point replaces the existing ones.
+            // If the clock did not advance or went back, the new point replaces points that are not earlier.
             points.retain(|(time, ..)| *time < at);
             points.push_back((at, entry.state.speed_reference.into(), entry.state.speed_actual.into()));
             let surplus = points.len().saturating_sub(KEPT);

@@ -77,7 +77,7 @@ pub(crate) struct Frames {
     text: Option<Text>,
     /// The displayed bus.
     pub(super) bus: BusIndex,
-    /// Begin of the held window, in microseconds; `None`: the latest window is displayed.
+    /// Start of the held window, in microseconds; `None`: the latest window is displayed.
     held: Option<u64>,
     /// True if new records were dropped because the memory was full while a window was held.
     has_dropped_records: bool,

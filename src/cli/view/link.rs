@@ -125,7 +125,7 @@ impl TaskQueue {
         reports
     }
 
-    /// Returns the report of a failed request, and drops the tasks if the emulator is gone.
+    /// Returns the report of a failed request, and drops the tasks if the emulator has gone.
     fn report_of(&mut self, trouble: RequestError) -> LinkReport {
         match trouble {
             RequestError::Busy => LinkReport::Busy,

@@ -114,8 +114,8 @@ pub(super) fn run(mut model: Model, instance: &str) -> Result<(), CliError> {
     }
 }
 
-/// Waits at most `longest` for the keyboard; returns true if the terminal is closed. At a closed terminal crossterm
-/// would read without end.
+/// Waits at most `longest` for the keyboard; returns true if the terminal is closed. On a closed terminal, crossterm
+/// would never stop reading.
 fn is_closed(longest: Duration) -> io::Result<bool> {
     let stdin = io::stdin();
     let mut keyboard = [PollFd::new(&stdin, PollFlags::IN)];

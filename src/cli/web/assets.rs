@@ -96,7 +96,7 @@ fn edited(name: &str) -> Option<Vec<u8>> {
     std::fs::read(std::path::PathBuf::from(std::env::var_os(DIRECTORY)?).join(name)).ok()
 }
 
-/// A released program has only its own files.
+/// A released program uses only the files in it.
 #[cfg(not(debug_assertions))]
 fn edited(_: &str) -> Option<Vec<u8>> {
     None

@@ -37,7 +37,7 @@ impl WebProcess {
     ) -> Result<Self, CliError> {
         let mut command = demo::command("web")?;
         command.args(["-i", instance, "--listen", &listen.to_string()]);
-        // An emulator that starts in a moment is waited for.
+        // The server waits for an emulator that is about to start.
         command.env_remove("COMMRAM_CONNECT_TIMEOUT").stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().map_err(|reason| CliError::Process { reason })?;
         let outputs = child.stdout.take().zip(child.stderr.take());
@@ -80,8 +80,8 @@ fn locked(child: &Mutex<Child>) -> MutexGuard<'_, Child> {
     child.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Reports the end of a server that has closed its outputs while the emulator goes on. A server that has seen the end of
-/// its emulator ends with code 0. The child is locked only for moments: the end of the emulator needs it, too.
+/// Reports the end of a server that has closed its outputs while the emulator continues. A server that has seen the end
+/// of its emulator ends with code 0. The child is locked only briefly, because the end of the emulator needs it, too.
 fn report_end(child: &Mutex<Child>, is_ending: &AtomicBool) {
     while !is_ending.load(Ordering::Relaxed) {
         match locked(child).try_wait() {

@@ -10,7 +10,7 @@ use tokio::sync::Notify;
 const MAX_OPEN: usize = 256;
 /// File descriptors that the server needs besides its connections.
 const OTHER_FILES: u64 = 64;
-/// Least number of connections, whatever the limit of descriptors is.
+/// Minimum number of connections, regardless of the limit of descriptors.
 const LEAST_OPEN: usize = 8;
 
 /// Maximum number of connections with the process's limit of open files: an accepted connection must not take the
@@ -59,8 +59,8 @@ impl Connections {
         self.open.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Enters a new connection, and closes the oldest one without a token if there are too many. `None` if all others
-    /// have shown a token.
+    /// Adds a new connection, and closes the oldest one without a token if there are too many. `None` if all existing
+    /// connections have shown a token.
     pub(super) fn enter(&self) -> Option<OpenConnection> {
         let mut open = self.open();
         if open.len() >= self.max {

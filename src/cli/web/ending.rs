@@ -1,4 +1,4 @@
-//! What ends the server: a signal, or the end of its emulator.
+//! Causes for the end of the server: a signal, or the end of its emulator.
 
 use super::hub::Served;
 use crate::cli::Instance;
@@ -59,7 +59,7 @@ impl Ending {
     }
 }
 
-/// The first signal ends the server in good order, the second Ctrl-C at once. Other signals may come several times: a
+/// The first signal ends the server in an orderly way, the second Ctrl-C at once. Other signals may be repeated: a
 /// killed emulator sends one for each of its threads.
 fn watch_signals(sender: Arc<watch::Sender<bool>>, by_signal: Arc<AtomicBool>) -> Result<(), CliError> {
     let refused = |reason: io::Error| CliError::Signals { reason };

@@ -1,4 +1,4 @@
-//! Server-sent events: values, changes, records and states of an instance, as they come.
+//! Server-sent events: values, changes, records and states of an instance.
 //!
 //! One thread for each instance polls the emulator for all readers, and puts each round into a ring. A reader that is
 //! slower than the ring loses rounds and gets their number; it delays neither the emulator nor other readers.

@@ -1,4 +1,4 @@
-//! Checks before a request is handled: its host, its origin, its token. And the headers of every response.
+//! Checks of the host, the origin and the token before a request is handled; and the headers of every response.
 
 use super::connections::Peer;
 use super::problem::Problem;
@@ -8,7 +8,7 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Request, StatusCode
 use std::net::IpAddr;
 use std::sync::Arc;
 
-/// Headers of every response. The page has no inline code, loads nothing from elsewhere, and is in no frame.
+/// Headers of every response. The page has no inline code, loads nothing from other hosts, and cannot be in a frame.
 const HEADERS: [(HeaderName, &str); 6] = [
     (
         header::CONTENT_SECURITY_POLICY,
@@ -56,9 +56,9 @@ impl Origin {
     }
 }
 
-/// What a request must have.
+/// Requirements for requests.
 pub(super) struct Guard {
-    /// For programs, and to get the cookie.
+    /// Token for programs, and for getting the cookie.
     pub token: Secret,
     /// Keys of the browsers that are signed in.
     pub sessions: Sessions,
@@ -142,7 +142,7 @@ impl Guard {
     }
 }
 
-/// A form of another site can send a POST with other content types without asking first.
+/// A form of another site can send a POST with other content types without a preceding request.
 fn check_content_type(method: &Method, headers: &HeaderMap) -> Result<(), Problem> {
     if *method != Method::POST {
         return Ok(());

@@ -17,8 +17,8 @@ pub(super) enum Served {
     All,
 }
 
-/// The connections to an instance. Operations that change nothing have a separate one, so that they are answered while
-/// another one advances the clock.
+/// The connections to an instance. Operations that change nothing have a separate connection, so that they are answered
+/// while another operation advances the clock.
 pub(super) struct InstanceLinks {
     pub looks: Link,
     pub acts: Link,

@@ -1,4 +1,4 @@
-//! A connection to an emulator in a separate thread: requests wait for replies, and the server must not.
+//! A connection to an emulator in a separate thread: requests wait for replies, but the server must not wait.
 
 use super::problem::Problem;
 use crate::cli::Instance;
@@ -43,8 +43,8 @@ impl Drop for OpenConnections {
     }
 }
 
-/// Waits until all connections are closed, for at most `limit`. A process that ends before has not left the channels,
-/// and its files would stay.
+/// Waits until all connections are closed, for at most `limit`. If the process ended earlier, it would not leave the
+/// channels, and its files would stay.
 pub(super) fn wait_until_closed(limit: Duration) {
     let open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
     drop(CLOSED.wait_timeout_while(open, limit, |open| *open > 0));
@@ -66,7 +66,7 @@ impl Connection {
 /// Work with the connection, or with the reason why there is none. Returns whether the connection can be used again.
 type Job = Box<dyn FnOnce(Result<&mut Connection, Problem>) -> bool + Send>;
 
-/// A client that waits for the result of a job. Its end is noticed when this value is dropped.
+/// A client that waits for the result of a job. When this value is dropped, the client has gone.
 #[derive(Default)]
 struct Waiter {
     has_gone: Arc<AtomicBool>,
@@ -78,7 +78,7 @@ impl Drop for Waiter {
     }
 }
 
-/// The way to the thread. The thread ends when the last link is dropped.
+/// Access to the thread. The thread ends when the last link is dropped.
 #[derive(Clone)]
 pub(super) struct Link(SyncSender<Job>);
 

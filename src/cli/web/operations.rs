@@ -1,4 +1,4 @@
-//! Operations of the table by HTTP: nothing here knows a single one of them.
+//! Operations of the table by HTTP; this module does not know any particular operation.
 
 use super::hub::InstanceLinks;
 use super::link::Connection;
@@ -106,7 +106,7 @@ pub(super) fn fields_of_query(operation: &Operation, query: Vec<(String, String)
 /// Refuses an operation that changes something on a server that only reads.
 ///
 /// # Errors
-/// It does.
+/// The operation changes something.
 pub(super) fn check_reads_only(op: &Op) -> Result<(), Problem> {
     if op.class() == Class::Looks {
         return Ok(());

@@ -24,7 +24,7 @@ pub(super) struct Problem {
     detail: String,
     /// Further members.
     members: Map<String, Value>,
-    /// True if the emulator has gone, so that a connection to it is of no more use.
+    /// True if the emulator has gone, so that a connection to it is useless.
     is_gone: bool,
 }
 
@@ -40,7 +40,7 @@ impl Problem {
         Self::new(StatusCode::BAD_REQUEST, "wrong-use", detail).with("exit_code", Exit::WrongUse.code())
     }
 
-    /// A thing that the server does not have.
+    /// The server does not have the requested thing.
     pub(super) fn not_found(detail: impl Into<String>) -> Self {
         Self::new(StatusCode::NOT_FOUND, "not-found", detail)
     }

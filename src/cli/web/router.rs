@@ -77,7 +77,7 @@ async fn asset(request: Request) -> Result<Response, Problem> {
     Ok(assets::answer(request.uri().path(), request.headers()))
 }
 
-/// A path that knows this method only for another path.
+/// The path does not support this method.
 async fn wrong_method(request: Request) -> Problem {
     let detail = format!("{} does not know the method {}", request.uri().path(), request.method());
     Problem::new(StatusCode::METHOD_NOT_ALLOWED, "method", detail)
@@ -147,7 +147,7 @@ pub(super) fn pairs(query: Result<Query<Pairs>, QueryRejection>) -> Result<Pairs
 /// The JSON object in the body of a request; no body is an empty one.
 ///
 /// # Errors
-/// The body is too large, too slow, or something else.
+/// The body is too large, arrives too slowly, or is not a JSON object.
 pub(super) async fn body_of(request: Request) -> Result<Map<String, Value>, Problem> {
     body_within(request, MAX_BODY).await
 }

@@ -19,7 +19,7 @@ use std::sync::Arc;
 /// Maximum number of recorded actions.
 const MAX_ACTIONS: usize = 10_000;
 
-/// What a client has recorded.
+/// Actions recorded by a client.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Recording {
@@ -36,13 +36,13 @@ struct Recording {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Action {
-    /// Emulated time of its begin, in microseconds.
+    /// Emulated time of its start, in microseconds.
     time_us: u64,
     /// Emulated time of its end, if the action advanced the clock or went back.
     end_us: Option<u64>,
     /// The operation, in its JSON form.
     operation: Option<Op>,
-    /// Name of the operation's register, if it is to be another one than that of the last phase.
+    /// Name of the operation's register, if it differs from the name in the last phase.
     register: Option<String>,
     /// An expectation.
     expect: Option<Expectation>,

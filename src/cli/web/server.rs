@@ -17,11 +17,11 @@ use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 
-/// Maximum time to receive the head of a request, also between two requests of a connection.
+/// Maximum time to receive the head of a request, and between two requests of a connection.
 const HEAD_TIME: Duration = Duration::from_secs(30);
-/// Time in milliseconds after which a connection is closed if its peer takes none of the sent data.
+/// Time in milliseconds after which a connection is closed if its peer receives none of the sent data.
 const UNREAD_MS: u32 = 30_000;
-/// Sent bytes that the system keeps for a connection until its peer takes them.
+/// Sent bytes that the system buffers for a connection until its peer receives them.
 const SEND_BUFFER: usize = 256 << 10;
 /// Maximum size of the head of a request, in bytes.
 const MAX_HEAD: usize = 16 << 10;
@@ -53,7 +53,7 @@ pub(super) fn serve(
         let router = router(app);
         tokio::select! {
             () = accept(&listener, &router) => {}
-            // An error means that there is no sender any more, which is an end, too.
+            // An error means that there is no sender any more; this also ends the server.
             _ = end.wait_for(|ends| *ends) => {}
         }
         tokio::time::sleep(LAST_WORDS).await;
@@ -100,7 +100,7 @@ async fn refuse(stream: TcpStream, _permit: OwnedSemaphorePermit) {
 
 /// Serves a connection until one of its ends closes it.
 async fn converse(stream: TcpStream, connection: OpenConnection, router: Router) {
-    // Without these options a connection only lasts longer, takes more memory, or its answers are late.
+    // Without these options a connection only lasts longer, uses more memory, or has late answers.
     let _ = rustix::net::sockopt::set_tcp_user_timeout(&stream, UNREAD_MS);
     let _ = rustix::net::sockopt::set_socket_send_buffer_size(&stream, SEND_BUFFER);
     let _ = stream.set_nodelay(true);
@@ -117,7 +117,7 @@ async fn converse(stream: TcpStream, connection: OpenConnection, router: Router)
         .max_headers(MAX_HEADERS);
     let served = http.serve_connection(TokioIo::new(stream), service);
     tokio::select! {
-        // The client has closed the connection, or sent something else than HTTP.
+        // The client has closed the connection, or does not use HTTP.
         _ = served => {}
         () = connection.peer.closed() => {}
     }

@@ -58,12 +58,12 @@ impl Sessions {
 /// Its path.
 pub(super) const PATH: &str = "/api/v1/session";
 
-/// Confirms that the client is signed in; other clients do not get here.
+/// Confirms that the client is signed in; the request of another client was refused before.
 pub(super) async fn check(State(app): State<Arc<App>>) -> Response {
     json_response(&json!({"read_only": app.read_only}))
 }
 
-/// Sets the cookie for the right token.
+/// Sets the cookie if the token is correct.
 ///
 /// # Errors
 /// The body is not an object with the token, or the kernel has no random numbers.

@@ -92,7 +92,7 @@ impl Fields<'_> {
 
 type Show = fn(&mut Connection, &Fields<'_>) -> Result<Shown, Problem>;
 
-/// What can be shown: name, fields, description, function.
+/// Data that can be shown: name, fields, description, function.
 const SHOWN: &[(&str, &[&str], &str, Show)] = &[
     ("status", &[], "The plant, as `commram status` shows it.", status),
     (
@@ -124,15 +124,15 @@ const SHOWN: &[(&str, &[&str], &str, Show)] = &[
     ("plot.svg", &["name", "since", "until"], "Values of registers over time, as `commram plot`.", picture),
 ];
 
-/// What can be shown, for the description: name, fields, text.
+/// Data that can be shown, for the OpenAPI description: name, fields, text.
 pub(super) fn described() -> impl Iterator<Item = (&'static str, &'static [&'static str], &'static str)> {
     SHOWN.iter().map(|(name, fields, text, _)| (*name, *fields, *text))
 }
 
-/// Shows something.
+/// Answers a request for data.
 ///
 /// # Errors
-/// There is no such thing, a field is wrong, or the emulator has gone.
+/// There is nothing of this name, a field is wrong, or the emulator has gone.
 pub(super) async fn answer(
     State(app): State<Arc<App>>,
     Path((instance, what)): Path<(String, String)>,

@@ -49,7 +49,7 @@ pub(in super::super) struct Compare {
 /// A frame or telegram and its time in microseconds.
 type TimedFrame = (u64, Message);
 
-/// How many missing or extra frames the comparison skips to find a match again.
+/// Maximum number of missing or extra frames that the comparison skips to find a match.
 const WINDOW: usize = 64;
 
 /// Returns the differences between the log and the journal, one per line.

@@ -15,7 +15,7 @@ pub(super) enum Message {
 }
 
 impl Message {
-    /// The message that a record shows, if it shows a whole one.
+    /// The message of a record, if the record contains a complete message.
     pub(super) fn of_record(record: &Record) -> Option<Self> {
         let frame = record.event.frame().map(|carried| Message::Frame(carried.frame));
         frame.or_else(|| {
@@ -34,8 +34,8 @@ impl fmt::Display for Message {
     }
 }
 
-/// Finds the senders of the telegrams of a bus, in their order: a receipt has no address, and is from the station that the
-/// last request went to.
+/// Finds the senders of the telegrams of a bus, in their order: a receipt has no address, and comes from the station to
+/// which the last request was sent.
 #[derive(Debug, Default)]
 pub(super) struct Senders {
     /// Destination of the last request.

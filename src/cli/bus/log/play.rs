@@ -91,14 +91,14 @@ fn check_times(log: &[AddressedMessage], unit: &str, path: &Path) -> Result<(), 
     Ok(())
 }
 
-/// Changes the time of each telegram from its end to its begin, at which it is sent. The first one begins at the earliest
-/// time in the log.
+/// Changes the time of each telegram from its end to its start, at which it is sent. The first telegram starts at the
+/// earliest time in the log.
 fn begin_telegrams(log: &mut [AddressedMessage], buses: &Buses) {
     let duration = |it: &AddressedMessage| match &it.message {
         Message::Frame(_) => 0,
         Message::Telegram(octets) => buses.telegram_us(it.bus, octets),
     };
-    // Times of a log may begin at 0, before which nothing can begin.
+    // Times of a log may begin at 0, and no telegram can start before 0.
     let longest = log.iter().map(duration).max().unwrap_or(0);
     for it in log {
         it.time_us = it.time_us.saturating_add(longest).saturating_sub(duration(it));
@@ -163,7 +163,7 @@ struct Player<'a> {
     next: u64,
     /// Time of the last count of ended frames, in microseconds.
     counted_us: u64,
-    /// Sum of both counts when the last frame moved, and how long the player has waited since.
+    /// Sum of both counts when the last frame moved, and the length of the wait since then.
     moved: usize,
     waited: Duration,
 }

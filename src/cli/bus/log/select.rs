@@ -1,4 +1,4 @@
-//! Which frames of a log are taken.
+//! Selection of the frames of a log.
 
 use crate::can::{Frame, Id};
 use crate::devices::node_sends;
@@ -45,7 +45,7 @@ struct IdFilter {
     id: u32,
     mask: u32,
     is_extended: bool,
-    /// All but these identifiers are taken.
+    /// All identifiers except these are selected.
     is_inverted: bool,
 }
 
@@ -80,12 +80,12 @@ impl IdFilter {
 }
 
 impl Select {
-    /// Whether a frame of the log is taken.
+    /// Whether a frame of the log is selected.
     pub(super) fn takes(&self, interface: &str, direction: Option<Direction>, frame: &Frame) -> bool {
         self.takes_from(interface, direction) && self.takes_id(frame)
     }
 
-    /// Whether a telegram of the log is taken, with the address of its sender.
+    /// Whether a telegram of the log, with the address of its sender, is selected.
     pub(super) fn takes_telegram(
         &self,
         interface: &str,
@@ -100,7 +100,7 @@ impl Select {
             && (self.interface.is_empty() || self.interface.iter().any(|name| name == interface))
     }
 
-    /// Whether a telegram is taken, by its sender only.
+    /// Whether a telegram is selected, by its sender only.
     pub(super) fn takes_sender(&self, sender: Option<u8>) -> bool {
         let is_in = |list: &[u8]| sender.is_some_and(|sender| list.contains(&sender));
         // A telegram has no identifier.
@@ -109,12 +109,12 @@ impl Select {
             && !is_in(&self.without_station)
     }
 
-    /// Whether a frame is taken, by its identifier only.
+    /// Whether a frame is selected, by its identifier only.
     pub(super) fn takes_id(&self, frame: &Frame) -> bool {
         let field = frame.arbitration();
         let filters = |is_inverted| self.id.iter().filter(move |filter| filter.is_inverted == is_inverted);
         let is_one_of = |is_inverted| filters(is_inverted).any(|filter| filter.matches(field.id()));
-        // A frame is from no station of PROFIBUS.
+        // A frame does not come from a PROFIBUS station.
         self.station.is_empty()
             && (filters(false).next().is_none() || is_one_of(false))
             && !is_one_of(true)

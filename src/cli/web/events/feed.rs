@@ -1,4 +1,4 @@
-//! What readers wish to receive, and the thread that polls an instance for all of them.
+//! The requests of readers, and the thread that polls an instance for all of them.
 
 use super::round::{Poller, Round};
 use crate::cli::dump::Blocks;
@@ -17,7 +17,7 @@ use tokio::sync::broadcast;
 
 /// Real time between two polls.
 const INTERVAL: Duration = Duration::from_millis(33);
-/// Rounds that a reader can be late before it loses some.
+/// Maximum number of rounds by which a reader can be late without a loss.
 const KEPT: usize = 16;
 /// Maximum number of followed names, and of their registers, for each reader.
 const MAX_FOLLOWED: usize = 256;
@@ -74,7 +74,7 @@ pub(super) struct Followed {
     pub stretches: Vec<(DeviceIndex, u32, u32)>,
 }
 
-/// What a reader wishes to receive.
+/// Data that a reader requests.
 #[derive(Clone, Default)]
 pub(super) struct Wish {
     pub followed: Vec<Arc<Followed>>,

@@ -35,7 +35,7 @@ pub(super) fn quoted(text: &str) -> String {
     quoted + "\""
 }
 
-/// All lines, with a step before each that begins later than the line before it ends.
+/// All lines, with a step before each line that begins later than the end of the previous one.
 pub(super) fn text(lines: &[Line]) -> String {
     let mut text = String::new();
     let mut now = 0;
@@ -94,7 +94,8 @@ impl Condition {
     }
 }
 
-/// The verb for a wait with these conditions; `None` if there is none, so that only its time passes.
+/// The verb for a wait with these conditions; `None` if there is no such verb, so the scenario only waits for the same
+/// time.
 fn wait_for(conditions: &[Condition], any: bool, within_us: u64) -> Option<String> {
     if let [one] = conditions
         && one.test.compare == Compare::Equal
@@ -110,7 +111,7 @@ fn wait_for(conditions: &[Condition], any: bool, within_us: u64) -> Option<Strin
     (!all.is_empty()).then(|| format!("wait_until(|| {joined}, \"{within_us}us\");"))
 }
 
-/// Adds the lines of an action. `conditions` are those of the actions before it that no wait has used yet.
+/// Adds the lines of an action. `conditions` are those of earlier actions that no wait has used yet.
 ///
 /// # Errors
 /// Why a scenario cannot repeat it.
@@ -192,9 +193,9 @@ fn expected(connection: &Connection, expectation: &Expectation) -> Result<String
     }
 }
 
-/// What a scenario does for an operation.
+/// Equivalent of an operation in a scenario.
 enum Verb {
-    /// The operation only looks, or concerns something beside the plant.
+    /// The operation changes nothing, or concerns something outside the plant.
     Nothing,
     Call(String),
     /// A verb that advances the clock.
