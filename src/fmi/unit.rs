@@ -21,8 +21,7 @@ const LAST_PHASE_OF_FORMAT_1: u8 = 3;
 
 /// Microseconds per second.
 const MICROS: f64 = 1e6;
-/// Longest time that a step may reach: the distance between neighbouring numbers of 64 bits is below a microsecond
-/// there.
+/// Longest time that a step may reach: up to this time, the resolution of an `f64` is better than a microsecond.
 const LONGEST_US: f64 = 9e15;
 
 /// Reason for the failure of a call.

@@ -103,11 +103,10 @@ pub struct Header {
     /// Counted up by clients after each request in [`Header::interrupts`], [`Header::opt_init`],
     /// [`Header::initial_flag`], [`Header::project_request`], [`Header::lockstep`] or [`Program::start_request`].
     pub board_requests: Cell32,
-    /// Cycles of the cyclic task since the last cold or warm start, the present one included; counted by the PLC, 0 if
-    /// it does not.
+    /// Cycles of the cyclic task since the last cold or warm start, the present one included. The PLC counts them; 0:
+    /// not counted.
     pub program_cycles: Cell32,
-    /// `CLOCK_MONOTONIC` at emulated time 0, in ns, extrapolated if the clock has another speed; 0 in stepped
-    /// mode and until the clock runs.
+    /// `CLOCK_MONOTONIC` at emulated time 0, in ns; 0 in stepped mode and until the clock runs.
     pub real_epoch_ns: Cell64,
     /// Offset of the first retain flag in this file; 0 if the device has none.
     pub retain_offset: Cell32,

@@ -2,12 +2,12 @@
 //!
 //! A processor cycle polls the registers; a client does not announce its stores to them. After a processor cycle, if all
 //! ports and devices are quiescent and no register is written, the cycles up to the next event would have the same
-//! result, so the plant skips them. No client can see the difference. Only the client that advances the clock can write
-//! before the time has passed, except a program that has mapped an image. The next poll sees such a write, so the plant
+//! result, so the plant skips them. No client can see the difference: until the time has passed, only the client that
+//! advances the clock can write, and programs that have mapped an image. The next poll sees their writes, so the plant
 //! always polls when [`Plant::advance_to`] reaches a processor cycle for the first time.
 //!
-//! While a bus is busy, a poll also shows the traffic of its moment. If a single call advances the clock over several
-//! polls that find nothing to do, the last poll is sufficient.
+//! While a bus is busy, a poll also updates the registers for the present traffic. If one call advances the clock over
+//! several polls without any work, the last poll is sufficient.
 
 use super::Plant;
 use super::ports::Port;

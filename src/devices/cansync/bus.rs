@@ -98,7 +98,8 @@ pub struct SimBus {
     running: Option<RunningBus>,
     schedule: Schedule,
     next: u64,
-    /// The last frame of each kind. A frame is noted when its slot is fixed, so several may lie in the future.
+    /// The last frame of each kind. A frame is entered when its slot is determined, so the times of several frames may
+    /// be in the future.
     on_wire: [Option<OnWire>; PLACES],
     reference: [Option<Built>; 2],
     actual: [Option<Frame>; 2],

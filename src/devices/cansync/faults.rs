@@ -8,7 +8,7 @@ use crate::devices::can_faults::{
 };
 use crate::fault::{self, Fault, FaultKind, Field, Form, TargetKind};
 
-/// Largest jitter of SYNC edges, in microseconds. At most a quarter of the running interval takes effect.
+/// Largest jitter of SYNC edges, in microseconds. The effective jitter is at most a quarter of the present interval.
 pub const MAX_JITTER_US: u32 = 2_000;
 
 /// Effect of a fault.

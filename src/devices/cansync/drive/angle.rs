@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 
 /// Returns the mask of the effective bits of the angle reference value (table of manual 5.00005.03a p. 74).
 ///
-/// The drive's control interval is half a PWM period: 125 us at 4 kHz. The slot must be divided into equal whole steps.
-/// So the number of masked low bits is the binary logarithm of the number of steps, rounded up. A slot that is not in
-/// the table is rounded up to the next slot of the table (decision D-161).
+/// The drive's control interval is half a PWM period: 125 us at 4 kHz. The drive divides the slot into a power of two
+/// of steps. So the number of masked low bits is the binary logarithm of the number of control intervals, rounded up. A
+/// slot that is not in the table is rounded up to the next slot of the table (decision D-161).
 pub const fn mask(sync_slot_us: u16, pwm_khz: u16) -> u32 {
     if sync_slot_us == 0 {
         return 0xFFF8_0000;
