@@ -60,7 +60,7 @@ pub(crate) fn is_standard(path: &Path) -> bool {
 /// Reads the contents of a regular file of any format.
 ///
 /// # Errors
-/// The file cannot be read, is no regular file, or is longer than `longest` bytes.
+/// The file cannot be read, is not a regular file, or is longer than `longest` bytes.
 #[cfg(feature = "cli")]
 pub(crate) fn read_regular(path: &Path, longest: u64) -> Result<Vec<u8>> {
     let file = open_without_waiting(path)?;

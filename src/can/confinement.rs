@@ -208,7 +208,7 @@ mod tests {
         let rate = BitRate::new(125_000).unwrap();
         let mut it = Recovery::new(1_000_000);
         assert_eq!(it.end_ns(0, rate), 1_000_000 + 128 * 11 * 8_000);
-        // 10 bits are no sequence, 21 are one, and recessive bits before the start do not count.
+        // 10 bits are not a sequence, 21 are one, and recessive bits before the start do not count.
         it.frame_begins(1_080_000, 0, rate);
         it.frame_begins(2_000_000, 2_000_000 - 21 * 8_000, rate);
         assert_eq!(it.end_ns(3_000_000, rate), 3_000_000 + 127 * 11 * 8_000);

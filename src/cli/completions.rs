@@ -64,7 +64,7 @@ fn script(shell: Shell) -> Result<String, CliError> {
                 "        [[ ${words[COMP_CWORD]} == [=:]* ]] || words[COMP_CWORD]=\"$2\"",
                 1,
             )
-            // A candidate is no pattern of file names.
+            // A candidate is not a pattern of file names.
             .replacen(
                 "    COMPREPLY=( ",
                 "    local globbing=\"$(shopt -po noglob)\"\n    set -f\n    COMPREPLY=( ",

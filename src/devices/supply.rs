@@ -13,7 +13,7 @@ pub(super) struct Supply {
     /// Whether the supply has power when the switch is on.
     is_fed: bool,
     is_up: bool,
-    /// Whether the device has been up before: the first power-on is no event.
+    /// Whether the device has been up before: the first power-on is not an event.
     is_used: bool,
     /// The switch, as last seen.
     seen: u32,

@@ -109,7 +109,7 @@ fn values(prefix: &str, values: &[ValueMeaning], shift: u8) -> Vec<Constant> {
     for known in values {
         let ValueMeaning { first, last, text, reserved, .. } = known;
         let words = upper(gist(text));
-        // A plain number is no name.
+        // A plain number is not a name.
         if *reserved || words.is_empty() {
             continue;
         }

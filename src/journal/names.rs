@@ -1,11 +1,11 @@
-//! Names of the things that records refer to by their index.
+//! Names of everything to which records refer by index.
 
 use super::event::{Origin, Source};
 use crate::identity::{BusIndex, DeviceIndex};
 use crate::layout::{DeviceFit, DeviceLayout};
 use std::borrow::Cow;
 
-/// Names of the things that records refer to by their index.
+/// Names of everything to which records refer by index.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Names {
     /// The PLCs, in the order of the plant.

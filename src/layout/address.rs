@@ -150,7 +150,7 @@ impl DeviceLayout {
     /// The address in `text`; letters may be lower case.
     ///
     /// # Errors
-    /// The text is no address, or no address of this device; the error names the right notation.
+    /// The text is not an address, or not one of this device; the error gives the correct notation.
     pub fn address(&'static self, text: &str) -> Result<Address, LayoutError> {
         let wrong = || LayoutError::BadAddress { text: text.to_owned(), known: self.known_spaces() };
         let nowhere = || LayoutError::NoSpace { text: text.to_owned(), known: self.known_spaces() };
@@ -229,7 +229,7 @@ impl DeviceLayout {
         Ok(Address { bit: bit.map(|bit| (bit % 8) as u8), ..address })
     }
 
-    /// Why `number` is no address of `space`.
+    /// Why `number` is not an address of `space`.
     fn outside(&'static self, space: &'static Space, text: &str, number: u32, width: Width) -> LayoutError {
         let byte = u64::from(number) * u64::from(space.unit.bytes(width));
         let first = u64::from(space.first) * u64::from(space.unit.bytes(space.unit.width()));

@@ -75,7 +75,7 @@ pub enum LayoutError {
         /// The device.
         title: &'static str,
     },
-    /// The device is no PROFIBUS-DP slave.
+    /// The device is not a PROFIBUS-DP slave.
     #[error("{title} is no PROFIBUS-DP slave: it has no device description file")]
     NoGsd {
         /// The device.

@@ -150,7 +150,7 @@ impl DeviceFit {
     /// follow a name: `node2.w_CPU_CONTROL.2`, or `.%X2` (IEC 61131-3, 6.5.2.4).
     ///
     /// # Errors
-    /// The error and the right notation. An address in plain RAM is no error.
+    /// The error and the correct notation. An address in plain RAM is not an error.
     pub fn target<'a>(&self, text: &'a str) -> Result<Target<'a>, LayoutError> {
         let (plc, rest) = split_plc(text);
         if rest.starts_with('%') {

@@ -143,7 +143,7 @@ impl NamedLocation {
         Some((*register, self.bit_of(register)?))
     }
 
-    /// How a program writes the single bit; `None` if the place is no single bit. A bit outside of all registers is
+    /// How a program writes the single bit; `None` if the place is not a single bit. A bit outside of all registers is
     /// written with its byte.
     pub fn bit_access(&self) -> Option<BitAccess> {
         let bit = self.bit()?;

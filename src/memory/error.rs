@@ -187,7 +187,7 @@ pub enum MemoryError {
         /// The refused path.
         path: PathBuf,
     },
-    /// The file is no image: it does not begin with the magic.
+    /// The file is not an image: it does not begin with the magic.
     #[error("{} is no commram image (it begins with 16#{found:016X}); it is left alone, remove it yourself", .path.display())]
     WrongMagic {
         /// The refused path.

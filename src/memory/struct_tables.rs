@@ -42,7 +42,7 @@ pub struct Field {
     pub name: &'static str,
     /// Type of the field, or of one element.
     pub kind: FieldKind,
-    /// Number of elements; `None` if it is no array.
+    /// Number of elements; `None` if it is not an array.
     pub count: Option<usize>,
 }
 

@@ -77,7 +77,7 @@ pub enum SnapshotError {
     /// All settings agree, but the state differs.
     #[error("its state differs: its plant file has other faults, or it does not begin at the same moment")]
     OtherState,
-    /// Its bytes are no state of this plant.
+    /// Its bytes are not a state of this plant.
     #[error("it is damaged, or was made by another build of commram: {0}")]
     Damaged(#[from] Damaged),
 }

@@ -277,7 +277,7 @@ mod tests {
             assert_eq!(octets_of_first(rest), Some(telegram.len()));
             rest = &rest[telegram.len()..];
         }
-        // Octets that are no telegram.
+        // Octets that are not a telegram.
         assert_eq!(octets_of_first(&[0x17, 1, 2]), Some(3));
         assert_eq!(octets_of_first(&[0x68, 5, 6]), Some(3));
         assert_eq!(octets_of_first(&[0x68, 3]), Some(2));

@@ -62,8 +62,8 @@ impl Novram {
     /// firmware starts.
     ///
     /// # Errors
-    /// [`NovramError`] if the file cannot be read or written, or has another version. A damaged file is no error, see
-    /// [`RestoreOutcome`].
+    /// [`NovramError`] if the file cannot be read or written, or has another version. A damaged file is not an error,
+    /// see [`RestoreOutcome`].
     pub fn power_on(
         directory: &Directory,
         device: &dyn DeviceConfig,

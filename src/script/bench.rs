@@ -104,7 +104,7 @@ impl Bench {
     /// The plant that a plant file describes, given as its text.
     ///
     /// # Errors
-    /// The text is no plant file, or the plant is refused.
+    /// The text is not a plant file, or the plant is refused.
     pub fn plant(toml: &str) -> Result<Self, ScenarioError> {
         Self::new(&PlantConfig::parse("plant", toml)?)
     }
@@ -112,7 +112,7 @@ impl Bench {
     /// The plant of a plant file.
     ///
     /// # Errors
-    /// The file cannot be read, is no plant file, or the plant is refused.
+    /// The file cannot be read, is not a plant file, or the plant is refused.
     pub fn plant_file(path: impl AsRef<Path>) -> Result<Self, ScenarioError> {
         Self::new(&PlantConfig::load(path.as_ref())?)
     }

@@ -30,7 +30,7 @@ impl Value {
                 Ok(*number as u32 & place.ty(place.last_phase()).mask())
             }
             Value::Number(number) => place.parse_value(&number.to_string()).or_else(|error| {
-                // 16#FFFF is no number of an INT, but a pattern of its bits.
+                // 16#FFFF is not a number of an INT, but a pattern of its bits.
                 let pattern = u32::try_from(*number).ok();
                 let pattern = pattern.filter(|_| place.bit().is_none());
                 pattern
@@ -88,7 +88,7 @@ impl Span {
     /// In microseconds.
     ///
     /// # Errors
-    /// The text is no time.
+    /// The text is not a time.
     pub fn us(&self) -> Result<u64, ScenarioError> {
         match self {
             Span::Us(us) => Ok(*us),

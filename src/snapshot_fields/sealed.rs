@@ -16,7 +16,7 @@ pub(crate) fn save_header(to: &mut Saving, magic: &[u8], format: u16, version: &
 /// Reads the number of the format and the version of commram, which follow the magic.
 ///
 /// # Errors
-/// The bytes end too early, or the version is no text.
+/// The bytes end too early, or the version is not text.
 pub(crate) fn read_format(from: &mut Saved<'_>) -> Result<(u16, String), Damaged> {
     let format = from.raw(size_of::<u16>())?.try_into().map_or(0, u16::from_le_bytes);
     Ok((format, from.value()?))

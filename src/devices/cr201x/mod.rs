@@ -1,6 +1,6 @@
 //! ifm's I/O modules CR2010 and CR2011, simulated as far as a CS0015 can see them (Systemhandbuch Platinensteuerung
-//! CS0015, section 5.10). The inside of the modules is our design (D-450, D-451); this emulation is no reference for a
-//! real module.
+//! CS0015, section 5.10). The inside of the modules is our design (D-450, D-451); this emulation is not a reference for
+//! a real module.
 
 #[cfg(feature = "emulator")]
 mod channels;

@@ -26,7 +26,7 @@ pub enum FolderError {
         /// Why.
         reason: std::io::Error,
     },
-    /// The path has control characters, or is no text.
+    /// The path has control characters, or is not text.
     #[error("{}: the path of a device's folder is text in UTF-8 without control characters", dir.display())]
     BadPath {
         /// The folder.

@@ -6,8 +6,8 @@ use serde_json::{Map, Value, json};
 /// `docs/reference/plant.md` (`lines`).
 ///
 /// The table has the description of the section, the name of the structure, and the words of an error for a section
-/// that is no table. Each key has its description, its type, its schema without the description, an example, and a note
-/// for the page. A key is optional if its type is an `Option`. Every section has the key `name`.
+/// that is not a table. Each key has its description, its type, its schema without the description, an example, and a
+/// note for the page. A key is optional if its type is an `Option`. Every section has the key `name`.
 macro_rules! plant_keys {
     (
         #[doc = $about:literal]

@@ -38,7 +38,7 @@ struct Line {
     first: Option<String>,
 }
 
-/// Reads a line; `None` if its record is no frame and no telegram.
+/// Reads a line; `None` if its record is neither a frame nor a telegram.
 pub(super) fn entry(at: usize, text: &str) -> Result<Option<Entry>, &'static str> {
     let line: Line = serde_json::from_str(text).map_err(|_| NO_LINE)?;
     Ok(match line.kind.as_str() {

@@ -18,7 +18,7 @@ pub enum PlantError {
         /// Why.
         source: std::io::Error,
     },
-    /// The file is no plant file.
+    /// The file is not a plant file.
     #[error("{file}: {}{what}", in_line(*.line))]
     Syntax {
         /// The file.
@@ -89,7 +89,7 @@ pub enum PlantError {
         /// The known kinds.
         known: String,
     },
-    /// The folder that `kind` names is no device.
+    /// The folder that `kind` names is not a device.
     #[error("{file}: line {line}: {source}")]
     Folder {
         /// The file.

@@ -19,7 +19,7 @@ pub struct SnapshotFile {
     pub snapshot: Snapshot,
 }
 
-/// Why bytes are no snapshot that can be used.
+/// Why bytes are not a usable snapshot.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SnapshotFileError {
     /// The bytes are not a snapshot.
@@ -90,7 +90,7 @@ impl SnapshotFile {
     /// Returns the plant of the snapshot; messages call it `file`.
     ///
     /// # Errors
-    /// The text is no plant file.
+    /// The text is not a plant file.
     pub fn config(&self, file: &str) -> Result<PlantConfig, PlantError> {
         PlantConfig::parse(file, &self.plant)
     }

@@ -51,7 +51,7 @@ fn a_sample_of_the_format_can_be_read() {
             plant.advance_to(20_000);
             plant.snapshot_file().to_bytes()
         });
-        // A release counts the version up, which is no change of the format.
+        // A release increments the version, but does not change the format.
         let bytes = with_header(&bytes, FORMAT, env!("CARGO_PKG_VERSION"));
         let file =
             SnapshotFile::of_bytes(&bytes).unwrap_or_else(|error| panic!("{}: {error}", known.layout.name));

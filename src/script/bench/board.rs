@@ -86,7 +86,7 @@ impl Bench {
     /// `%MD10000000`, `line2:%MW10000004`. The default initial value is 0.
     ///
     /// # Errors
-    /// The text is no address of retain flags, the PLC has fewer, or the value does not fit.
+    /// The text is not an address of retain flags, the PLC has fewer, or the value does not fit.
     pub fn initial_flag(&mut self, flag: &str, value: impl Into<Value>) -> Result<(), ScenarioError> {
         let register = self.whole_register(flag)?;
         let (address, bits) = (register.place.address(), value.into().bits(&register.place)?);

@@ -138,7 +138,7 @@ impl Block {
         }
     }
 
-    /// All pins that are no arrays: `x_OK FALSE, w_ERR 16#0801`.
+    /// All pins that are not arrays: `x_OK FALSE, w_ERR 16#0801`.
     fn outputs(&self) -> String {
         let mut text = String::new();
         for pin in self.kind.pins.iter().map(|pin| pin.name) {

@@ -69,7 +69,7 @@ pub(crate) enum Refusal {
     Function,
     /// Arguments are out of their ranges.
     Arguments,
-    /// The device cannot carry out the function now: it is no master, or does not know the node or identifier.
+    /// The device cannot carry out the function now: it is not a master, or does not know the node or identifier.
     State,
     /// The order was started, or waits for another one; it is checked again.
     Later,

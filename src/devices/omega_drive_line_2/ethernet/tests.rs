@@ -81,7 +81,7 @@ fn addresses_are_those_of_the_manual() {
     }
 }
 
-/// p. 79-80: x.y.z.0 and x.y.z.255 are no addresses of devices, and 224 + 31 is 255.
+/// p. 79-80: x.y.z.0 and x.y.z.255 are not addresses of devices, and 224 + 31 is 255.
 #[test]
 fn ends_0_and_255_are_not_allowed() {
     let at = |last: u8| Ip::new(10, 0, 0, last);
