@@ -1,40 +1,40 @@
 //! commram: the communication RAM of drive and fieldbus controllers, emulated register by register: Baumüller's Omega
 //! Drive-Line II and b maXX PLC with CANsync modules, ifm's CANopen controller CS0015, esd's PROFIBUS/CAN gateway CAN-DP/2.
 //!
-//! The RAM of a device is on the heap or in an image file in shared memory, of the first two with `%MB3.n` at byte n.
-//! Firmware, bus and drives run on that memory, driven by one deterministic function,
+//! The RAM of a device is on the heap or in an image file in shared memory; for the first two devices, byte n is
+//! `%MB3.n`. Firmware, buses and drives run on that memory, driven by one deterministic function,
 //! [`Plant::advance_to`](plant::Plant::advance_to).
 //!
-//! | module | what it is |
+//! | module | content |
 //! |---|---|
 //! | [`identity`] | indices of devices and buses |
 //! | [`layout`] | the register maps: typed structures, names, addresses, meanings; generated from `layouts/` |
-//! | [`memory`] | cells, segments, image files, the header page: what a soft-PLC attaches to |
+//! | [`memory`] | cells, segments, and the parts to which a soft-PLC attaches: image files, the header page |
 //! | [`can`] | CAN frames, their time on the wire, a CAN bus |
 //! | [`profibus`] | PROFIBUS telegrams, their time on the line |
-//! | [`door`] | how foreign programs take part in buses |
-//! | [`devices`] | the devices: what each does with its registers, its buses and function blocks |
+//! | [`door`] | interfaces through which foreign programs take part in buses |
+//! | [`devices`] | the devices: behaviour of the registers, buses, function blocks |
 //! | [`plant`] | PLCs, buses and drives from a plant file, with one clock |
 //! | [`plc`] | the PLC side: the RAM as a program sees it, tasks |
-//! | [`check`] | the access checker: what a PLC program does against the manual |
-//! | [`journal`] | what happened, when |
-//! | [`request`] | the operations that an emulator is asked for, their replies, and the one function between them |
+//! | [`check`] | the access checker: violations of the manual by PLC programs |
+//! | [`journal`] | the events with their times |
+//! | [`request`] | operations on an emulator, their replies, and the function that executes them |
 //! | [`fmi`] | a plant as a unit for co-simulation by FMI 3.0 |
 //! | `plot` | registers over time as SVG or PNG (feature `studio`) |
-//! | [`coupling`] | a plant and other simulators that give each other values and frames |
+//! | [`coupling`] | exchange of values and frames with other simulators |
 //! | [`federation`] | one plant over several hosts |
-//! | `helics` | how federates find each other and talk, by HELICS (feature `helics`) |
+//! | `helics` | connections between federates by HELICS (feature `helics`) |
 //! | [`script`] | scenarios: Rust tests and Rhai scripts with the same verbs |
 //! | [`runtime`] | a plant on image files, in real time or stepped |
-//! | [`channel`] | the request-response door for tools and tests |
+//! | [`channel`] | the request-response interface for tools and tests |
 //! | [`export`] | the register map for other languages and tools |
-//! | [`cli`] | the program, for others that have devices of their own |
+//! | [`cli`] | the program, also for programs with additional devices |
 //! | [`time`] | emulated times as text |
-//! | [`input_file`] | text files that people hand in |
+//! | [`input_file`] | input files of users |
 //!
 //! `layout` and `memory` are always available; the others are cargo features: `channel`, `script` and `export` with the
 //! module of their name, `plc` with the function blocks, `emulator` with the emulation of the registers, `cli` with the
-//! program. All are on unless a soft-PLC says `default-features = false, features = ["plc"]`.
+//! program. All are on unless a soft-PLC sets `default-features = false, features = ["plc"]`.
 //!
 //! In a test, without any file or process:
 //!
