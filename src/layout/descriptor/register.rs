@@ -37,7 +37,7 @@ pub struct Register {
     pub reserved: bool,
     /// Purpose of the register.
     pub doc: &'static str,
-    /// Pages of the manual; in a sub-structure those where this structure uses it.
+    /// Pages of the manual; for a register of a sub-structure, the pages for its use in this structure.
     pub page: &'static str,
     /// Meanings of the values; `None` for plain numbers.
     pub meaning: Option<&'static Meaning>,

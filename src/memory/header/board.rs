@@ -24,7 +24,7 @@ pub struct Board {
 #[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
 #[repr(C)]
 pub struct Program {
-    /// A [`ProgramState`], written by the PLC; the firmware writes it where a project comes or goes without the PLC.
+    /// A [`ProgramState`], written by the PLC; also by the firmware, if a project is loaded or deleted without the PLC.
     pub state: Cell32,
     /// Request of a client: a [`Start`]; the firmware sets it back to 0.
     pub start_request: Cell32,
