@@ -74,6 +74,10 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let bytes = plot.render(picture).map_err(|error| wrong(&args.output, &error))?;
     output_file::write(&args.output, &bytes)
         .map_err(|reason| CliError::File { path: args.output.clone(), reason })?;
+    if let Some(to_us) = args.to.filter(|to_us| *to_us > plot.to_us) {
+        let (to, last) = (time::short(to_us), time::short(plot.to_us));
+        output::note(&format!("--until {to}: the plot ends at {last}, the last known time"));
+    }
     for row in &plot.rows {
         let how = if row.is_recorded { "" } else { " (run --record, record)" };
         if let Some(note) = &row.note {
@@ -96,6 +100,19 @@ fn check(registers: usize, from: u64, to: Option<u64>) -> Result<(), CliError> {
     Ok(())
 }
 
+/// Returns the end of the window in microseconds: `to`, or the last known time if that is earlier. Nothing is known after
+/// that time, so nothing is drawn there.
+///
+/// # Errors
+/// The window begins after the last known time.
+fn end_of(from_us: u64, to_us: Option<u64>, last_us: u64, source: &str) -> Result<u64, CliError> {
+    if from_us > last_us {
+        let right = format!("{source} ends at {}; choose an earlier begin", time::short(last_us));
+        return Err(CliError::Argument { text: format!("--since {}", time::short(from_us)), right });
+    }
+    Ok(to_us.map_or(last_us, |to_us| to_us.min(last_us)))
+}
+
 fn of_instance(args: &Args) -> Result<Plot, CliError> {
     for text in &args.registers {
         super::device::of_any_device_or_instance(&args.instance)(text)?;
@@ -107,7 +124,8 @@ fn of_instance(args: &Args) -> Result<Plot, CliError> {
 /// up to the present.
 ///
 /// # Errors
-/// A register cannot be drawn, the window has no length or begins later than now, or the emulator has gone.
+/// A register cannot be drawn, the window has no length or begins later than now, or the emulator has gone. An end later
+/// than now is no error: the plot ends now.
 pub(crate) fn of_session(
     session: &Session,
     registers: &[String],
@@ -121,7 +139,7 @@ pub(crate) fn of_session(
     });
     let places = places.collect::<Result<Vec<_>, CliError>>()?;
     let info = session.info()?;
-    let to_us = to.unwrap_or(info.time_us);
+    let to_us = end_of(from, to, info.time_us, &format!("instance '{}'", session.instance()))?;
     let window = Window::of_picture(from, to_us);
     let records = session.records(0)?;
     let waves = Waves::within(window, &records, &Selection::default(), info.names, devices::catalogue());
@@ -143,7 +161,7 @@ pub(crate) fn of_session(
 }
 
 fn of_file(args: &Args, journal_data: &RecordedRegisters) -> Result<Plot, CliError> {
-    let to_us = args.to.unwrap_or(journal_data.end_us);
+    let to_us = end_of(args.from, args.to, journal_data.end_us, "the journal")?;
     let window = Window::of_picture(args.from, to_us);
     let rows = args.registers.iter().map(|text| {
         let place = whole(of_any_device(text)?)?;

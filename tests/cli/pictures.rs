@@ -25,11 +25,18 @@ fn an_instance_and_its_journal_give_the_same_plot() {
     let registers = ["node2.w_CPU_CONTROL", "node2.w_OPTION_STATUS", "node2.w_OPTION_STATUS.1"];
     let (live, past, png) = (path("live.svg"), path("past.svg"), path("live.png"));
     let plot = |more: &[&str]| emulator.run("plot", &[&registers, more].concat());
-    assert_eq!(plot(&["-o", &live, "--to", "2ms"]).ok(), "");
+    assert_eq!(plot(&["-o", &live, "--to", "1500us"]).ok(), "");
     std::fs::write(path("run.jsonl"), emulator.run("trace", &["--format", "jsonl"]).ok()).unwrap();
     // The file needs no instance.
     let mut of_file = crate::common::commram();
-    of_file.arg("plot").args(registers).args(["--to", "2ms", "--journal", &path("run.jsonl"), "-o", &past]);
+    of_file.arg("plot").args(registers).args([
+        "--to",
+        "1500us",
+        "--journal",
+        &path("run.jsonl"),
+        "-o",
+        &past,
+    ]);
     // The plot needs no font of the machine either.
     of_file
         .env("FONTCONFIG_FILE", "/dev/null")
@@ -38,7 +45,7 @@ fn an_instance_and_its_journal_give_the_same_plot() {
     assert_eq!(finish(&mut of_file).ok(), "");
     let svg = std::fs::read_to_string(&live).unwrap();
     assert_eq!(svg, std::fs::read_to_string(&past).unwrap());
-    for text in ["node2.w_OPTION_STATUS", "16#0002", "500 us", "2 ms"] {
+    for text in ["node2.w_OPTION_STATUS", "16#0002", "500 us", "1500 us"] {
         assert!(svg.contains(text), "{text}\n{svg}");
     }
     plot(&["-o", &png]).ok();
@@ -63,6 +70,46 @@ fn an_instance_and_its_journal_give_the_same_plot() {
     ] {
         assert!(emulator.run("plot", args).fails(2).contains(message), "{message}");
     }
+}
+
+/// Nothing is known after the present, or after the end of a journal.
+#[test]
+fn a_plot_ends_at_the_last_known_time() {
+    let emulator = recorded();
+    let directory = tempfile::tempdir().unwrap();
+    let path = |name: &str| directory.path().join(name).to_str().unwrap().to_owned();
+    std::fs::write(path("run.jsonl"), emulator.run("trace", &["--format", "jsonl"]).ok()).unwrap();
+    let last = emulator.run("trace", &["--format", "jsonl"]).ok().lines().last().unwrap().to_owned();
+    let last: Value = serde_json::from_str(&last).unwrap();
+    let end_us = last["time_us"].as_u64().unwrap();
+    let journal = ["--journal", &path("run.jsonl")];
+    for (source, end_us) in [(&[][..], 2000), (&journal[..], end_us)] {
+        let plot = |more: &[&str]| {
+            let picture = path("a.svg");
+            let _ = std::fs::remove_file(&picture);
+            emulator.run("plot", &[&["node2.w_OPTION_STATUS", "-o", &picture], source, more].concat())
+        };
+        let end = commram::time::short(end_us);
+        for late in ["1h", &format!("{}us", end_us + 1)] {
+            let refused = plot(&["--since", late]);
+            assert!(
+                refused.fails(2).contains(&format!("ends at {end}; choose an earlier begin")),
+                "{}",
+                refused.err
+            );
+            assert!(!directory.path().join("a.svg").exists());
+        }
+        let shorter = plot(&["--until", "1h"]);
+        assert_eq!(shorter.code, Some(0), "{}", shorter.err);
+        let note = format!("note: --until 3600 s: the plot ends at {end}, the last known time");
+        assert!(shorter.err.contains(&note), "{}", shorter.err);
+        let svg = std::fs::read_to_string(path("a.svg")).unwrap();
+        assert!(svg.contains(&format!("Registers from 0 us to {end} of emulated time")), "{svg}");
+        assert_eq!(plot(&["--until", &format!("{end_us}us")]).err, "");
+    }
+    let late = Scripts::new(&[("a.rhai", "step(5); plot(\"a.svg\", [\"node2.w_CPU_CONTROL\"], 6);")]);
+    let refused = late.run(&["a.rhai", "--allow-empty"]);
+    assert!(refused.code == Some(2) && refused.out.contains("the plot ends now, at 5 us"), "{}", refused.out);
 }
 
 /// A scenario with a plot that fails, and one with a hostile name that passes.

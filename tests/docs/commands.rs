@@ -116,6 +116,8 @@ fn every_command_of_the_pages_works() {
     });
     let (built_in, others) = (Shell::new(&[]), Shell::new(&[]));
     built_in.run("commram run --clock stepped --detach").ok();
+    // debugging.md draws a plot that begins at 100 ms.
+    built_in.run("commram step 200ms").ok();
     others
         .run(&format!(
             "cat > plant.toml <<'END'\n{OTHERS}END\ncommram run plant.toml --clock stepped --detach"

@@ -6,6 +6,7 @@ use crate::journal::{Selection, Waves, Window};
 use crate::plot::{Plot, Row, address_of};
 use crate::request::Op;
 use crate::script::ScenarioError;
+use crate::time::short;
 
 /// Most registers in a plot.
 const MOST: usize = 64;
@@ -15,7 +16,7 @@ impl Bench {
     /// change of the registers that are recorded ([`Bench::record`]).
     ///
     /// # Errors
-    /// There is no such register, or there are more than 64.
+    /// There is no such register, there are more than 64, or `from_us` is later than now.
     pub fn plot(&mut self, registers: &[&str], from_us: u64) -> Result<Plot, ScenarioError> {
         if registers.len() > MOST {
             let right = format!("a plot has at most {MOST} registers");
@@ -24,6 +25,10 @@ impl Bench {
         let found = registers.iter().map(|text| self.find(text)).collect::<Result<Vec<_>, _>>()?;
         let (records, _) = self.records(0)?;
         let to_us = self.now()?;
+        if from_us > to_us {
+            let right = format!("the plot ends now, at {}; choose an earlier begin", short(to_us));
+            return Err(ScenarioError::argument(&format!("since {}", short(from_us)), &right));
+        }
         let window = Window::of_picture(from_us, to_us);
         let names = self.names.clone();
         let waves = Waves::within(window, &records, &Selection::default(), names, devices::catalogue());
