@@ -2,8 +2,10 @@
 
 use super::error::CliError;
 use crate::coupling::{Coupling, CouplingConfig};
+use crate::door::DoorSpec;
 use crate::federation::{Exchange, FederateConfig, FederationError, MOST, NoExchange};
 use crate::helics::{HelicsConfig, HelicsExchange, HelicsSimulators};
+use crate::plant::Plant;
 use crate::runtime::{Clock, Emulator};
 use crate::time;
 use std::path::PathBuf;
@@ -79,6 +81,28 @@ impl FederateArgs {
         }
     }
 
+    /// Refuses a plant with doors, given as the name of the bus and the door.
+    ///
+    /// # Errors
+    /// The first door, if the emulator shares its plant.
+    pub(crate) fn check_doors<'a>(
+        &self,
+        mut doors: impl Iterator<Item = (&'a str, DoorSpec)>,
+    ) -> Result<(), CliError> {
+        match doors.next().filter(|_| self.is_federate()) {
+            None => Ok(()),
+            Some((bus, door)) => Err(CliError::Argument {
+                text: format!("door {door} to bus {bus}"),
+                right: "a federate cannot have doors: their guests would be on one host only".to_owned(),
+            }),
+        }
+    }
+
+    /// True if a file describes an exchange with other simulators.
+    pub(crate) fn has_exchange(&self) -> bool {
+        self.exchange.is_some()
+    }
+
     /// True if the emulator shares its plant.
     pub(crate) fn is_federate(&self) -> bool {
         self.federate.is_some() || self.exchange.is_some()
@@ -92,12 +116,7 @@ impl FederateArgs {
         if !self.is_federate() {
             return Ok(());
         }
-        if let Some((bus, door)) = emulator.doors().first() {
-            return Err(CliError::Argument {
-                text: format!("door {door} to bus {bus}"),
-                right: "a federate cannot have doors: their guests would be on one host only".to_owned(),
-            });
-        }
+        self.check_doors(emulator.doors().into_iter())?;
         let (own, count) = self.federate.unwrap_or((0, 1));
         let place = HelicsConfig {
             federation: self.federation.clone(),
@@ -106,7 +125,7 @@ impl FederateArgs {
             broker: self.broker.clone(),
             limit: self.limit,
         };
-        let coupling = self.coupling(emulator)?;
+        let coupling = self.coupling(emulator.plant())?;
         let exchange: Box<dyn Exchange> = match count {
             1 => Box::new(NoExchange),
             _ => Box::new(HelicsExchange::join(place.clone(), emulator.waker())?),
@@ -125,10 +144,14 @@ impl FederateArgs {
         Ok(())
     }
 
-    fn coupling(&self, emulator: &Emulator) -> Result<Option<Coupling>, CliError> {
+    /// Reads the description of the exchange with other simulators, and finds its names in the plant.
+    ///
+    /// # Errors
+    /// The file cannot be read, is wrong, or names what the plant does not have.
+    pub(crate) fn coupling(&self, plant: &Plant) -> Result<Option<Coupling>, CliError> {
         let Some(path) = &self.exchange else { return Ok(None) };
         let coupling = CouplingConfig::load(path)
-            .and_then(|config| Coupling::new(&config, emulator.plant(), self.limit))
+            .and_then(|config| Coupling::new(&config, plant, self.limit))
             .map_err(FederationError::from);
         Ok(Some(coupling.map_err(crate::runtime::RuntimeError::from)?))
     }

@@ -50,7 +50,7 @@ struct CheckArgs {
 /// Runs the subcommand.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     match &args.command {
-        Command::Check(args) => plant_check::run(args.file.as_deref(), args.format.format),
+        Command::Check(args) => plant_check::run(args.file.as_deref(), args.format.format, |_| Ok(())),
         Command::Schema => output::print(&schema()),
     }
 }

@@ -87,15 +87,22 @@ impl Row for PlantVerdict {
     }
 }
 
-/// Checks the file, or the built-in plant.
+/// Checks the file, or the built-in plant, and calls `then` with an accepted plant.
 ///
 /// # Errors
-/// The plant is refused: the error itself, or [`CliError::Reported`] if the table contains it.
-pub(crate) fn run(path: Option<&Path>, format: Format) -> Result<(), CliError> {
+/// The plant is refused: the error itself, or [`CliError::Reported`] if the table contains it. Or `then` fails.
+pub(crate) fn run(
+    path: Option<&Path>,
+    format: Format,
+    then: impl FnOnce(&PlantConfig) -> Result<(), CliError>,
+) -> Result<(), CliError> {
     let read = path.map_or_else(PlantConfig::built_in, PlantConfig::load);
     let file = called(path);
     match read {
-        Ok(config) => table::print(format, &[PlantVerdict::fine(file, &config, &written(path))], text),
+        Ok(config) => {
+            then(&config)?;
+            table::print(format, &[PlantVerdict::fine(file, &config, &written(path))], text)
+        }
         Err(error) if format == Format::Text => Err(error.into()),
         Err(error) => {
             table::print(format, &[PlantVerdict::refused(file, &error)], text)?;

@@ -10,6 +10,9 @@ use super::table::Format;
 use super::web::WebProcess;
 use super::{InstanceName, output, plant_check};
 use crate::input_file;
+use crate::journal::Keep;
+use crate::memory::Segment;
+use crate::plant::{Plant, PlantConfig};
 use crate::runtime::{Clock, Emulator};
 use signal_hook::consts::SIGINT;
 use std::net::SocketAddr;
@@ -50,7 +53,7 @@ pub(crate) struct Args {
     /// Start with the plant and the state of this snapshot, see `commram snapshot`
     #[arg(add = super::complete::files(&["snap"]), long, value_name = "FILE", conflicts_with_all = ["plant", "check"])]
     from: Option<PathBuf>,
-    /// Check the plant file and start nothing
+    /// Check the plant file and the other options, and start nothing
     #[arg(long)]
     check: bool,
     /// Output format of --check
@@ -97,7 +100,8 @@ fn reads_input(args: &Args) -> bool {
 /// Runs the emulator.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if args.check {
-        return plant_check::run(args.plant.as_deref(), args.format.unwrap_or(Format::Text));
+        let format = args.format.unwrap_or(Format::Text);
+        return plant_check::run(args.plant.as_deref(), format, |config| check_options(args, config));
     }
     refuse_inputs(args.log.as_deref(), args.plant.as_deref().into_iter().chain(args.from.as_deref()))?;
     let name = &args.instance.name;
@@ -158,6 +162,28 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         Some(Ok(Err(error @ CliError::Output { .. }))) => Err(error),
         _ => Ok(()),
     }
+}
+
+/// Checks the other options with a plant, as far as it is possible without a start.
+///
+/// # Errors
+/// An option has a value with which the emulator would not start.
+fn check_options(args: &Args, config: &PlantConfig) -> Result<(), CliError> {
+    let clock = args.settings.check()?;
+    args.federate.check(clock, args.settings.keeps_novram())?;
+    args.federate.check_doors(config.buses.iter().flat_map(|bus| {
+        let doors = bus.doors().iter();
+        doors.map(|door| (bus.name(), *door))
+    }))?;
+    // A large plant takes long to build.
+    if !args.settings.has_recorded() && !args.federate.has_exchange() {
+        return Ok(());
+    }
+    let mut plant = Plant::new(config, |_plc, device| Ok::<_, CliError>(Segment::of(device)))?;
+    args.federate.coupling(&plant)?;
+    args.settings.record(&args.instance.name, &plant.names(), |plc, offset, len| {
+        plant.follow_registers(plc, offset, len, Keep::InJournal)
+    })
 }
 
 /// Prints the line of a ready emulator. If the reader has gone or the output is full, the emulator continues.

@@ -3,9 +3,11 @@
 use super::error::CliError;
 use super::{dump, log, number, output, plant_check, snapshot};
 use crate::devices;
+use crate::identity::DeviceIndex;
+use crate::journal::Names;
 use crate::memory::describe_process;
-use crate::plant::PlantConfig;
-use crate::runtime::{Clock, Emulator, Options, RuntimeError};
+use crate::plant::{FollowError, PlantConfig};
+use crate::runtime::{Clock, Directory, Emulator, Options, RuntimeError};
 use clap::ValueEnum;
 use core::num::NonZero;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -135,7 +137,8 @@ impl Settings {
         if let Some(count) = NonZero::new(usize::from(self.threads)) {
             emulator.set_cores(count);
         }
-        self.keep_changes(&mut emulator, instance)?;
+        let names = emulator.plant().names();
+        self.record(instance, &names, |plc, offset, len| emulator.keep_changes(plc, offset, len))?;
         // With a mistyped name, flags and parameters would start with their defaults.
         if let Some(new) = new.filter(|directory| directory.exists()) {
             super::output::note(&format!(
@@ -154,12 +157,37 @@ impl Settings {
         self.novram.is_some()
     }
 
-    /// Records the changes of the --record registers in the journal.
-    fn keep_changes(&self, emulator: &mut Emulator, instance: &str) -> Result<(), CliError> {
-        let names = emulator.plant().names();
+    /// True if changes of registers are recorded.
+    pub(crate) fn has_recorded(&self) -> bool {
+        !self.watch.is_empty()
+    }
+
+    /// Checks options that do not depend on the plant, without a start. Returns the clock.
+    ///
+    /// # Errors
+    /// An emulator with these options would not start.
+    pub(crate) fn check(&self) -> Result<Clock, CliError> {
+        let clock = self.clock()?;
+        clock.check()?;
+        self.layout.as_deref().map_or(Ok(()), check_layout)?;
+        let novram = self.novram.as_deref().map_or(Ok(()), Directory::check);
+        novram.map_err(RuntimeError::from)?;
+        Ok(clock)
+    }
+
+    /// Passes the bytes of the --record registers to `keep`: number of the PLC, first byte in the image, number of bytes.
+    ///
+    /// # Errors
+    /// The plant has no such register, or `keep` refuses it.
+    pub(crate) fn record(
+        &self,
+        instance: &str,
+        names: &Names,
+        mut keep: impl FnMut(DeviceIndex, u32, u32) -> Result<(), FollowError>,
+    ) -> Result<(), CliError> {
         for text in &self.watch {
-            for (plc, offset, len) in dump::stretches(instance, &names, text)? {
-                emulator.keep_changes(plc, offset, len).map_err(|error| CliError::Argument {
+            for (plc, offset, len) in dump::stretches(instance, names, text)? {
+                keep(plc, offset, len).map_err(|error| CliError::Argument {
                     text: format!("--record {text}"),
                     right: error.to_string(),
                 })?;

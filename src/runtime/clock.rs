@@ -1,5 +1,6 @@
 //! Sources of emulated time.
 
+use super::RuntimeError;
 use crate::memory::ClockMode;
 use rustix::time::{ClockId, clock_gettime};
 use std::time::{Duration, Instant};
@@ -21,6 +22,19 @@ impl Clock {
     pub const FASTEST: f64 = 1000.0;
     /// Smallest speed factor.
     pub const SLOWEST: f64 = 0.001;
+
+    /// Checks the speed of this clock.
+    ///
+    /// # Errors
+    /// [`RuntimeError::Speed`]: it is less than [`Clock::SLOWEST`] or more than [`Clock::FASTEST`].
+    pub fn check(self) -> Result<(), RuntimeError> {
+        match self {
+            Clock::RealTime { speed } if !(Self::SLOWEST..=Self::FASTEST).contains(&speed) => {
+                Err(RuntimeError::Speed { speed })
+            }
+            _ => Ok(()),
+        }
+    }
 
     /// Mode of this clock in the header page.
     pub fn mode(self) -> ClockMode {

@@ -127,11 +127,7 @@ impl Emulator {
         options: Options,
         snapshot: Option<&Snapshot>,
     ) -> Result<Self, RuntimeError> {
-        if let Clock::RealTime { speed } = options.clock
-            && !(Clock::SLOWEST..=Clock::FASTEST).contains(&speed)
-        {
-            return Err(RuntimeError::Speed { speed });
-        }
+        options.clock.check()?;
         let doors = config.buses.iter().map(|bus| bus.doors().len()).sum();
         // Before anything of the instance exists: without free file descriptors, nothing of the instance could be
         // removed.

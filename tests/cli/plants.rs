@@ -39,3 +39,47 @@ fn a_plant_is_judged_without_being_started() {
     }
     assert!(run_in(directory.path(), &["run", "--format", "json"]).fails(2).contains("--check"));
 }
+
+/// An option with which the emulator would not start.
+#[test]
+fn the_other_options_are_checked_without_a_start() {
+    let directory = TempDir::new().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(directory.path().join(name), text).unwrap();
+    write("plant.toml", "[[plc]]\nname = 'line'\nnode2 = 'drives'\n[[bus]]\nname = 'drives'\n");
+    write("fine.toml", "period = '1ms'\n[[publish]]\nvalue = 'node2.w_CPU_CONTROL'\n");
+    write("wrong.toml", "period = '1ms'\n[[publish]]\nvalue = 'node2.w_NONE'\n");
+    std::fs::create_dir(directory.path().join("novram")).unwrap();
+    let check = |args: &[&str]| run_in(directory.path(), &[&["run", "--check", "plant.toml"], args].concat());
+    for args in [
+        &["--speed", "10", "--record", "node2.w_CPU_CONTROL,node1"][..],
+        &["--clock", "stepped", "--exchange", "fine.toml"],
+        &["--novram", "novram"],
+        &["--novram", "missing/novram"],
+    ] {
+        assert!(check(args).ok().starts_with("plant.toml: fine"), "{args:?}");
+    }
+    for (args, message) in [
+        (&["--speed", "0"][..], "speed 0: must be 0.001 to 1000"),
+        (&["--speed", "NaN"], "speed NaN: must be 0.001 to 1000"),
+        (&["--clock", "stepped", "--speed", "10"], "so there is no speed"),
+        (&["--record", "node2.w_NONE"], "w_NONE"),
+        (&["--record", "press:node2.w_CPU_CONTROL"], "press"),
+        (&["--clock", "stepped", "--exchange", "none.toml"], "none.toml"),
+        (&["--clock", "stepped", "--exchange", "wrong.toml"], "w_NONE"),
+        (&["--exchange", "fine.toml"], "add --clock stepped"),
+        (&["--layout", "none"], "none"),
+        (&["--novram", "plant.toml"], "plant.toml"),
+    ] {
+        let outcome = check(args);
+        assert!(matches!(outcome.code, Some(1..=3)), "{args:?}: {outcome:?}");
+        assert!(outcome.err.contains(message) && outcome.out.is_empty(), "{args:?}: {outcome:?}");
+        let started = run_in(
+            directory.path(),
+            &[&["run", "plant.toml", "-i", &crate::common::unique_name()], args].concat(),
+        );
+        assert_eq!(started.code, outcome.code, "{args:?}: {}", started.err);
+    }
+    let mut names: Vec<_> = directory.path().read_dir().unwrap().map(|it| it.unwrap().file_name()).collect();
+    names.sort();
+    assert_eq!(names, ["fine.toml", "novram", "plant.toml", "wrong.toml"]);
+}

@@ -30,6 +30,23 @@ pub struct Directory {
 }
 
 impl Directory {
+    /// Checks that a directory belongs to this user alone, without creating, locking or changing it. A missing one is no
+    /// error, because [`Directory::open`] creates it.
+    ///
+    /// # Errors
+    /// As [`Directory::open`], except [`NovramError::InUse`].
+    pub fn check(path: &Path) -> Result<(), NovramError> {
+        let failed = |doing| {
+            move |errno: Errno| NovramError::Io { path: path.to_owned(), doing, source: errno.into() }
+        };
+        let open = match directory::Directory::open(path) {
+            Err(Errno::NOENT) => return Ok(()),
+            opened => opened.map_err(failed("open this directory"))?,
+        };
+        let stat = open.stat().map_err(failed("look at this directory"))?;
+        judge(path, &stat, rustix::process::geteuid().as_raw())
+    }
+
     /// Opens and locks a directory; creates a missing one, accessible to this user only.
     ///
     /// # Errors
