@@ -47,6 +47,7 @@ pub struct Doors {
     doors: Vec<Door>,
     guests: Vec<Arc<Guest>>,
     next_key: usize,
+    is_stepped: bool,
     ring: Arc<dyn Fn() + Send + Sync>,
     io: Option<IoThread>,
 }
@@ -68,9 +69,17 @@ impl IoThread {
 }
 
 impl Doors {
-    /// Creates it without doors. `ring` is called, on a thread of the doors, when a guest has a request.
-    pub fn new(ring: impl Fn() + Send + Sync + 'static) -> Self {
-        Doors { doors: Vec::new(), guests: Vec::new(), next_key: 0, ring: Arc::new(ring), io: None }
+    /// Creates it without doors. `is_stepped`: the clock of the plant is stepped. `ring` is called, on a thread of the doors,
+    /// when a guest has a request.
+    pub fn new(is_stepped: bool, ring: impl Fn() + Send + Sync + 'static) -> Self {
+        Doors {
+            doors: Vec::new(),
+            guests: Vec::new(),
+            next_key: 0,
+            is_stepped,
+            ring: Arc::new(ring),
+            io: None,
+        }
     }
 
     /// Whether there is neither a door nor a guest.
@@ -123,7 +132,7 @@ impl Doors {
     fn io(&mut self) -> io::Result<&IoThread> {
         if self.io.is_none() {
             let (commands, heard) = mpsc::channel();
-            let shared = Arc::new(Shared::default());
+            let shared = Arc::new(Shared::new(self.is_stepped));
             let (io, waker) = Io::new(heard, Arc::clone(&shared), Arc::clone(&self.ring))?;
             let thread = std::thread::Builder::new().name("doors".to_owned()).spawn(move || io.run())?;
             self.io = Some(IoThread { commands, shared, waker, thread: Some(thread) });

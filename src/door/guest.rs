@@ -29,6 +29,8 @@ struct Inner {
     open: Option<bool>,
     rate: Option<Rate>,
     has_gone: bool,
+    /// Whether its unsent messages were discarded after it had left.
+    is_given_up: bool,
     /// Whether the guest has taken part or listened, now or before.
     has_opened: bool,
     to_plant: VecDeque<BusMessage>,
@@ -241,6 +243,18 @@ impl Guest {
         let mut inner = self.inner();
         inner.has_gone = true;
         inner.seat = GuestTurn::Free;
+    }
+
+    /// Discards the messages that the plant has not taken from a guest that has left.
+    pub(super) fn give_up_unsent(&self) {
+        let mut inner = self.inner();
+        inner.to_plant.clear();
+        inner.is_given_up = true;
+    }
+
+    /// Whether its unsent messages were discarded.
+    pub(super) fn is_given_up(&self) -> bool {
+        self.inner().is_given_up
     }
 
     /// The next message to the guest; `None` if none waits.

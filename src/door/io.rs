@@ -50,8 +50,9 @@ pub(super) enum Entrance {
 }
 
 /// Data that both sides share.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Shared {
+    is_stepped: bool,
     all: Mutex<Present>,
 }
 
@@ -76,7 +77,19 @@ enum NoPlace {
     Kept,
 }
 
+impl Present {
+    /// Count of guests that take a place in the number of known ones.
+    fn known(&self) -> usize {
+        self.guests.iter().filter(|guest| !guest.is_given_up()).count()
+    }
+}
+
 impl Shared {
+    /// Without guests. `is_stepped`: the clock of the plant is stepped.
+    pub(super) fn new(is_stepped: bool) -> Self {
+        Self { is_stepped, all: Mutex::default() }
+    }
+
     fn present(&self) -> std::sync::MutexGuard<'_, Present> {
         self.all.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -98,14 +111,17 @@ impl Shared {
         present.guests.remove(at);
     }
 
-    /// Admits a guest, under the first free number of its bus. Guests that have left take no place.
+    /// Admits a guest, under the first free number of its bus. Guests that have left take no place. In real time a new guest
+    /// takes the place of the one that left first, whose unsent frames are discarded: a slow bus would need seconds for
+    /// them (D-820).
     fn admit(&self, bus: BusIndex, door: DoorSpec) -> Result<Arc<Guest>, NoPlace> {
         let mut present = self.present();
         if present.guests.iter().filter(|it| !it.has_gone()).count() >= MAX_GUESTS {
             return Err(NoPlace::Taken);
         }
-        if present.guests.len() >= MAX_KNOWN_GUESTS {
-            return Err(NoPlace::Kept);
+        if present.known() >= MAX_KNOWN_GUESTS {
+            let departed = present.guests.iter().find(|it| it.has_gone() && !it.is_given_up());
+            departed.filter(|_| !self.is_stepped).ok_or(NoPlace::Kept)?.give_up_unsent();
         }
         let is_taken = |number: &u8| present.guests.iter().any(|it| it.bus == bus && it.number == *number);
         let number = (1..=u8::MAX).find(|number| !is_taken(number)).ok_or(NoPlace::Kept)?;

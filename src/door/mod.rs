@@ -32,7 +32,8 @@ pub use wire::BusMessage;
 /// Maximum count of guests of an instance at once.
 pub const MAX_GUESTS: usize = 64;
 /// Maximum count of guests that an instance knows. The count includes guests that have left but have frames that will
-/// still enter the plant, which with a stepped clock happens at the next step.
+/// still enter the plant, which with a stepped clock happens at the next step. In real time the guest that left first loses
+/// such frames if the count is reached.
 pub const MAX_KNOWN_GUESTS: usize = 192;
 /// Frames or telegrams of a guest that wait until the plant takes them. A guest that sends more gets the protocol's
 /// error answer, if there is one.

@@ -182,7 +182,7 @@ impl Emulator {
         images.iter().for_each(Image::set_ready);
         // `Plant::new` refuses a plant without a PLC.
         let bell = images[0].header().clone();
-        let guests = Guests::new(config, move || bell.doorbell.ring())?;
+        let guests = Guests::new(config, options.clock.is_stepped(), move || bell.doorbell.ring())?;
         let stop = StopHandle { stop: Arc::default(), header: images[0].header().clone() };
         // After the event services: the watch includes their memory.
         #[cfg(feature = "channel")]

@@ -42,9 +42,10 @@ impl Guests {
     /// A door cannot be opened.
     pub(super) fn new(
         config: &PlantConfig,
+        is_stepped: bool,
         ring: impl Fn() + Send + Sync + 'static,
     ) -> Result<Self, DoorError> {
-        let mut doors = Doors::new(ring);
+        let mut doors = Doors::new(is_stepped, ring);
         for (index, bus) in BusIndex::enumerate(&config.buses) {
             for door in bus.doors() {
                 doors.open(index, *door)?;
@@ -349,7 +350,7 @@ mod tests {
     #[test]
     fn a_frame_that_comes_while_guests_are_brought_in_is_not_lost() {
         let (config, mut plant) = plant(OPEN);
-        let mut guests = Guests::new(&config, || {}).unwrap();
+        let mut guests = Guests::new(&config, false, || {}).unwrap();
         let [one, other] = [1, 2].map(|number| Guest::of_a_test(BusIndex(0), number));
         for guest in [&one, &other] {
             guests.present.push(GuestEntry::new(Arc::clone(guest)));
@@ -375,7 +376,7 @@ mod tests {
         for (kind, send) in kinds {
             let (config, mut plant) =
                 plant(&OPEN.replace("'can'", &format!("'{kind}'")).replace("125", "500"));
-            let mut guests = Guests::new(&config, || {}).unwrap();
+            let mut guests = Guests::new(&config, false, || {}).unwrap();
             let guest = Guest::of_a_test(BusIndex(0), 1);
             guests.present.push(GuestEntry::new(Arc::clone(&guest)));
             guest.opens();

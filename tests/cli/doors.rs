@@ -644,6 +644,14 @@ fn times_that_cannot_be_played_are_reported_with_their_line() {
         assert!(played.out.starts_with("4 frames in 2 ms"), "{}", played.out);
         let note = "line 4: its time is before the time of an earlier frame, and 1 more frames; they are sent at once";
         assert!(played.err.contains(note), "{}", played.err);
+        // The last times that a log can have, with more frames than a controller holds.
+        write(&["18446744073709.551615"; 200]);
+        let played = emulator.run("bus", &["play", path]);
+        assert_eq!(played.code, Some(0), "{}", played.err);
+        assert!(played.out.starts_with("200 frames in "), "{}", played.out);
+        write(&["18446744073709.551616"]);
+        let refused = emulator.run("bus", &["play", path]);
+        assert!(refused.fails(2).contains("line 2"), "{}", refused.err);
     }
 }
 
@@ -696,6 +704,31 @@ fn departed_or_silent_guests_take_no_place() {
     assert_eq!(speaker.ask("t1230"), "z\r");
     emulator.step(&["5ms"]);
     assert_eq!(hearer.hear(), "t1230\r");
+}
+
+/// The bus would need minutes for the frames of guests that have left.
+#[test]
+fn departed_guests_take_no_place_while_the_bus_is_slow() {
+    let emulator = start(OPEN, &[]);
+    let port = port(&emulator);
+    let _hearer = Guest::open(port);
+    let frames = "t1238AABBCCDDEEFF0011\r".repeat(500);
+    for _ in 0..250 {
+        let mut guest = Guest::come(port);
+        guest.send("O\r");
+        // The emulator may close the connection before it has taken all.
+        let _ = guest.0.write_all(frames.as_bytes());
+        let _ = guest.0.shutdown(std::net::Shutdown::Write);
+        let _ = guest.0.read_to_end(&mut Vec::new());
+    }
+    assert_eq!(buses(&emulator)[0]["guests"].as_array().unwrap().len(), 1);
+    let sent_away = || buses(&emulator)[0]["sent_away"].as_u64().unwrap();
+    let before = sent_away();
+    let mut guests: Vec<_> = (0..63).map(|_| Guest::come(port)).collect();
+    for guest in &mut guests {
+        assert_eq!(guest.ask("O"), "\r");
+    }
+    assert_eq!(sent_away(), before);
 }
 
 /// Returns the numbers of the emulator's open file descriptors.
