@@ -13,7 +13,8 @@ pub use simulators::HelicsSimulators;
 use crate::federation::Exchange;
 use federate::CommandFederate;
 use library::{Functions, VARIABLE};
-use std::net::{TcpStream, ToSocketAddrs};
+use std::io::Read;
+use std::net::{SocketAddr, TcpStream, ToSocketAddrs};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,8 +24,10 @@ use std::time::Duration;
 
 /// Longest time for the last message to the others.
 const FAREWELL: Duration = Duration::from_secs(3);
-/// Longest time for the check whether a broker runs.
+/// Longest time for the check whether a broker runs: to connect, and then to receive its greeting.
 const CONNECT: Duration = Duration::from_millis(500);
+/// Port of a broker if its address has none.
+const PORT: u16 = 23404;
 
 /// Reasons why HELICS cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -136,18 +139,26 @@ impl Joining {
         Some(missing.to_string())
     }
 
-    /// False if no program accepts connections at the address of the broker. True for addresses in another form than
-    /// `tcp://HOST:PORT`, which are not checked.
+    /// True if a broker answers at its address, `HOST`, `HOST:PORT` or `tcp://HOST:PORT`.
     fn has_broker(&self) -> bool {
         let address = self.broker.rsplit("//").next().unwrap_or_default();
-        let Ok(mut addresses) = address.to_socket_addrs() else { return address.rsplit_once(':').is_none() };
-        addresses.any(|address| TcpStream::connect_timeout(&address, CONNECT).is_ok())
+        let has_port = address.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_ok());
+        let address = if has_port { address.to_owned() } else { format!("{address}:{PORT}") };
+        address.to_socket_addrs().is_ok_and(|mut addresses| addresses.any(greets))
     }
 
     /// Longest wait for the end of the thread. While it joins, there is no message for the others.
     fn farewell(&self) -> Duration {
         if self.is_done.load(Ordering::Acquire) { FAREWELL } else { Duration::ZERO }
     }
+}
+
+/// True if the program at this address speaks ZeroMQ, which a broker does: it sends a greeting at once.
+fn greets(address: SocketAddr) -> bool {
+    let Ok(mut stream) = TcpStream::connect_timeout(&address, CONNECT) else { return false };
+    let mut signature = [0; 10];
+    let is_read = stream.set_read_timeout(Some(CONNECT)).is_ok() && stream.read_exact(&mut signature).is_ok();
+    is_read && matches!(signature, [0xFF, .., 0x7F])
 }
 
 /// Request of the emulator to the sending thread.
@@ -314,6 +325,36 @@ fn decode_text(text: &str) -> Option<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A program that accepts connections is not always a broker.
+    #[test]
+    fn only_a_program_with_the_greeting_of_zeromq_is_a_broker() {
+        let joining =
+            |broker: String| Joining { is_done: Arc::default(), broker, limit: Duration::from_secs(2) };
+        for (greeting, is_broker) in [
+            (&b"\xFF\0\0\0\0\0\0\0\x01\x7F\x03"[..], true),
+            (b"HTTP/1.1 400 Bad Request\r\n", false),
+            (b"\xFF", false),
+            (b"", false),
+        ] {
+            let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+            let broker = format!("tcp://{}", listener.local_addr().unwrap());
+            let guest = std::thread::spawn(move || {
+                let (mut stream, _) = listener.accept().unwrap();
+                std::io::Write::write_all(&mut stream, greeting).unwrap();
+                // Waits until the other side has closed the connection.
+                let _ = stream.read(&mut [0]);
+            });
+            let missing = joining(broker).missing().unwrap();
+            assert_eq!(missing.contains("has waited for more federates"), is_broker, "{missing}");
+            assert_eq!(missing.contains("no HELICS broker answers"), !is_broker, "{missing}");
+            guest.join().unwrap();
+        }
+        let closed = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+        for broker in [format!("tcp://{closed}"), closed.to_string(), "x.invalid".to_owned()] {
+            assert!(!joining(broker).has_broker());
+        }
+    }
 
     #[test]
     fn bytes_survive_the_text_encoding() {

@@ -138,6 +138,10 @@ impl Emulator {
                 self.sleep(LONGEST_SLEEP);
             }
         }
+        if let Err(error) = &outcome {
+            // Waiting clients get it.
+            self.stop.make(Some(error.to_string()));
+        }
         if let Some(mut coupling) = self.membership.coupling.take() {
             coupling.leave();
         }

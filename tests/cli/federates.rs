@@ -347,7 +347,13 @@ fn a_dead_federate_is_noticed_and_an_orderly_end_ends_all() {
     leads.step(&["1ms"]);
     let back = leads.run("step", &["--back", "1ms"]);
     assert!(back.fails(1).contains("the other federates cannot go back"), "{}", back.err);
+    let step = leads.command("step", &["24h"]).stderr(Stdio::piped()).spawn().unwrap();
+    assert!(eventually(|| !follows.run("status", &[]).ok().contains("at 0.001000 s")));
     follows.kill();
+    let reason = format!("instance '{}' is ending: federate 1 has sent nothing for 3 s", leads.name);
+    let output = step.wait_with_output().unwrap();
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(3) && message.contains(&reason), "{message}");
     // An idle federate notices its absence. Without the broker it could not connect either.
     drop(broker);
     assert_eq!(leads.wait().code(), Some(3));
