@@ -259,18 +259,18 @@ fn wanted<'a>(args: &'a Args, plant: &PlantConfig) -> Result<Option<&'a str>, Cl
 fn of_buses(args: &Args) -> Result<String, CliError> {
     let (path, plant) = plant_of(args, "wireshark", "a dissector")?;
     let wanted = wanted(args, &plant)?;
-    let buses = plant.buses.iter().filter(|bus| wanted.is_none_or(|name| name == bus.name()));
-    let buses = buses.map(|bus| DissectedBus {
+    let buses = plant.messages_of_buses(|bus| wanted.is_none_or(|name| name == bus));
+    let buses = buses.map(|(bus, messages)| DissectedBus {
         name: bus.name(),
         kind: bus.family(),
         is_can: devices::BUS_KINDS
             .iter()
             .any(|it| it.name == bus.family() && it.traffic_kind == TrafficKind::Frames),
-        messages: plant.messages(bus.name()),
+        messages,
     });
     let file = path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
     let about = format!("Wireshark's dissector of the buses of {file}; made by commram export wireshark");
-    Ok(export::wireshark(&buses.collect::<Vec<_>>(), &devices::dissectors(), &about))
+    Ok(export::wireshark(buses, &devices::dissectors(), &about))
 }
 
 fn of_bus(args: &Args) -> Result<String, CliError> {

@@ -16,13 +16,17 @@ pub struct DissectedBus<'a> {
     pub messages: Vec<Message>,
 }
 
-/// The text of a dissector of these buses; `decoders` fills the table `decoders`, by the kinds of buses, and `about`
+/// The text of a dissector of these buses, which are taken one after the other; `decoders` fills the table `decoders`, by the kinds of buses, and `about`
 /// describes the file.
 #[must_use]
-pub fn wireshark(buses: &[DissectedBus<'_>], decoders: &str, about: &str) -> String {
+pub fn wireshark<'a>(
+    buses: impl IntoIterator<Item = DissectedBus<'a>>,
+    decoders: &str,
+    about: &str,
+) -> String {
     let mut text =
         format!("-- {about}.\n\n{}{decoders}\nlocal buses = {{\n", include_str!("wireshark/begin.lua"));
-    for (bus, number) in buses.iter().zip(1..) {
+    for (bus, number) in buses.into_iter().zip(1..) {
         let DissectedBus { name, kind, is_can, messages } = bus;
         // Into a text, writing cannot fail. Keys of preferences have lower-case letters and digits only.
         let _ = writeln!(

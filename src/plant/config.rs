@@ -182,14 +182,31 @@ impl PlantConfig {
 
     /// The messages of a bus, as far as its devices know them before they run.
     pub fn messages(&self, bus: &str) -> Vec<Message> {
-        let of_bus = self.buses.iter().find(|it| it.name() == bus);
-        let mut messages = of_bus.map(|it| it.messages()).unwrap_or_default();
+        let mut found = self.messages_of_buses(|name| name == bus);
+        found.next().map(|(_, messages)| messages).unwrap_or_default()
+    }
+
+    /// The selected buses with their messages, as far as their devices know them before they run. A plant can have many
+    /// buses, so the messages of one are made when it is its turn, and the devices are searched only once.
+    pub fn messages_of_buses(
+        &self,
+        is_selected: impl Fn(&str) -> bool,
+    ) -> impl Iterator<Item = (&dyn BusSection, Vec<Message>)> {
+        let mut ports: HashMap<_, Vec<_>> = HashMap::new();
         for device in &self.devices {
-            for port in device.ports().iter().filter(|port| port.bus == Some(bus)) {
-                messages.extend(device.messages(port.number));
+            for port in device.ports() {
+                let Some(bus) = port.bus.filter(|bus| is_selected(bus)) else { continue };
+                ports.entry(bus).or_default().push((device, port.number));
             }
         }
-        can::merged(messages)
+        let buses = self.buses.iter().filter(move |bus| is_selected(bus.name()));
+        buses.map(move |bus| {
+            let mut messages = bus.messages();
+            for (device, port) in ports.remove(bus.name()).unwrap_or_default() {
+                messages.extend(device.messages(port));
+            }
+            (&**bus, can::merged(messages))
+        })
     }
 
     /// The ports on each bus, by its name, each with its device's name.

@@ -107,6 +107,25 @@ fn large_plants_are_accepted_within_the_promised_time() {
     }
 }
 
+/// One pass over the devices gives the messages of all buses.
+#[test]
+fn exports_of_large_plants_end_within_the_promised_time() {
+    let files = Files::new();
+    let stations = |n| {
+        format!(
+            "[[bus]]\nname='b{n}'\nkind='can'\nkbit_s=125\n[[device]]\nkind='cs0015'\nname='d{n}'\nbus='b{n}'\n"
+        )
+    };
+    let count = 40_000 / PART;
+    files.write("p.toml", &(0..count).map(stations).collect::<String>());
+    let outcome = files.run(&["export", "wireshark", "--plant", "p.toml", "-o", "p.lua"]);
+    assert_eq!(outcome.code, Some(0), "{}", outcome.err);
+    let text = std::fs::read_to_string(files.0.path().join("p.lua")).unwrap();
+    assert_eq!(text.matches("kind = \"can\"").count(), count);
+    let last = format!("b{}", count - 1);
+    files.run(&["export", "dbc", "--plant", "p.toml", "--bus", &last, "-o", "p.dbc"]);
+}
+
 /// A script is compiled completely before it runs.
 #[test]
 fn scripts_are_compiled_or_refused_within_the_promised_time() {
