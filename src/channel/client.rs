@@ -126,6 +126,13 @@ impl Client {
         self.cancel = Some(cancel);
     }
 
+    /// True if another program has shortened a part of the channel, so that a request, and leaving the channel, could read
+    /// zeros.
+    #[cfg(feature = "web")]
+    pub(crate) fn is_shortened(&self) -> bool {
+        self.guest.domain().is_shortened()
+    }
+
     /// Sends the operations as one request and waits for the replies, one per operation in the same order.
     ///
     /// A failed operation is answered by [`Reply::Error`], and the operations after it by [`Reply::NotExecuted`].

@@ -8,7 +8,7 @@
 //! instance sweeps the domain before the start and after the end, if no living process uses it. A client that outlives
 //! the emulator does so when it leaves ([`Guest`](super::guest::Guest)).
 
-use super::limit;
+use super::limit::{self, LimitError};
 use super::passage::{self, ChannelRoot, ChannelSite};
 use super::shm::{self, settles};
 use super::wire::{Block, WireOp};
@@ -241,6 +241,12 @@ impl Domain {
         }
     }
 
+    /// True if another program has shortened a part of the domain that this process has mapped.
+    #[cfg(feature = "web")]
+    pub(super) fn is_shortened(&self) -> bool {
+        shm::is_shortened(&self.prefix)
+    }
+
     /// The shared memory objects of the domain with their lengths in bytes.
     pub(crate) fn lengths(&self) -> Vec<(PathBuf, u64)> {
         shm::lengths(&self.prefix)
@@ -313,13 +319,15 @@ impl ChannelSite for Domain {
         self.root.remove(READY);
     }
 
-    /// If iceoryx2 cannot list the nodes because of damage, the domain counts as unused.
+    /// If iceoryx2 cannot list the nodes because of damage, the domain counts as unused. Without a thread for the list it
+    /// counts as used.
     fn in_use(&self) -> bool {
         if !self.root.path().join(DIRECTORIES[0]).exists() {
             return false;
         }
         let config = self.config.clone();
-        limit::on_a_thread(limit::SHORT, move || has_living_node(&config)).unwrap_or(false)
+        let listed = limit::on_a_thread(limit::SHORT, move || has_living_node(&config));
+        listed.unwrap_or_else(|why| matches!(why, LimitError::NoThread(_)))
     }
 
     fn has_files(&self) -> bool {

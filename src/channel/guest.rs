@@ -44,8 +44,13 @@ impl Drop for Guest {
             drop(node);
             passage::leave(&domain);
         });
-        if left.is_err() {
-            tracing::debug!("leaving a damaged channel takes too long; its thread is abandoned");
+        match left {
+            Ok(()) => {}
+            // The node is dropped already.
+            Err(LimitError::NoThread(_)) => passage::leave(&self.domain),
+            Err(LimitError::Late | LimitError::Ended) => {
+                tracing::debug!("leaving a damaged channel takes too long; its thread is abandoned");
+            }
         }
     }
 }
@@ -53,7 +58,7 @@ impl Drop for Guest {
 /// Calls `enter`, which enters the channel of `instance`, in a separate thread, and waits at most `limit` for its result.
 ///
 /// # Errors
-/// As `enter`, or [`ClientError::Stuck`].
+/// As `enter`, [`ClientError::Stuck`] or [`ClientError::NoThread`].
 pub(super) fn enter_within<R: Send + 'static>(
     limit: Duration,
     instance: &str,
@@ -64,6 +69,7 @@ pub(super) fn enter_within<R: Send + 'static>(
         Err(match why {
             LimitError::Late => ClientError::Stuck { instance, after: limit },
             LimitError::Ended => ClientError::Broken { instance },
+            LimitError::NoThread(reason) => ClientError::NoThread { instance, reason },
         })
     })
 }

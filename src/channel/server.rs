@@ -14,10 +14,12 @@ pub use watch::ChannelWatch;
 
 use super::dead_clients::DeadClients;
 use super::domain::{Domain, Ipc, Service};
+use super::limit::{self, LimitError};
 use super::passage::ChannelSite;
 use super::run::{Progress, Run};
 use super::wire::{Block, WireOp};
-use super::{Bells, EventNotifier, limit};
+use super::{Bells, EventNotifier};
+use crate::memory::limits;
 use crate::request::{Host, Refused};
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::identifiers::{UniqueClientId, UniqueNodeId};
@@ -307,10 +309,16 @@ impl Drop for Server {
         if let Some(node) = self.node.take() {
             let domain = self.domain.clone();
             let cleaned = limit::on_a_thread(limit::SHORT, move || domain.clean_up_after_the_dead(&node));
-            if cleaned.is_err() {
-                tracing::warn!(
-                    "another program has damaged the channel; its remaining files are removed by force"
-                );
+            if let Err(why) = cleaned {
+                let reason = match why {
+                    LimitError::NoThread(reason) => {
+                        format!("cannot start a thread: {reason}{}", limits::named(&reason))
+                    }
+                    LimitError::Late | LimitError::Ended => {
+                        "another program has damaged the channel".to_owned()
+                    }
+                };
+                tracing::warn!("{reason}; the remaining files of the channel are removed by force");
                 self.domain.sweep();
             }
         }

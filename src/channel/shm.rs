@@ -37,6 +37,32 @@ pub(super) fn length(path: &Path) -> Option<u64> {
     Some(path.symlink_metadata().ok()?.len())
 }
 
+/// True if this process has mapped more of an object with this prefix than the object still has: another program has
+/// shortened it.
+#[cfg(feature = "web")]
+pub(super) fn is_shortened(prefix: &str) -> bool {
+    let maps = std::fs::read_to_string("/proc/self/maps").unwrap_or_default();
+    maps.lines().any(|line| is_longer_than_file(line, prefix).unwrap_or(false))
+}
+
+/// True if the map of a line in `/proc/self/maps` is longer than its object; `None` for other lines, and if the object was
+/// removed.
+#[cfg(feature = "web")]
+fn is_longer_than_file(line: &str, prefix: &str) -> Option<bool> {
+    let path = Path::new(line.get(line.find('/')?..)?);
+    let name = path.strip_prefix(SHM).ok()?.to_str()?;
+    if !name.starts_with(prefix) {
+        return None;
+    }
+    let mut fields = line.split_ascii_whitespace();
+    let (first, end) = fields.next()?.split_once('-')?;
+    let hexadecimal = |digits| u64::from_str_radix(digits, 16).ok();
+    let mapped = hexadecimal(fields.nth(1)?)? + (hexadecimal(end)? - hexadecimal(first)?);
+    // The last page of a map may have more than the object.
+    let length = length(path)?.next_multiple_of(crate::memory::page_size().max(1) as u64);
+    Some(mapped > length)
+}
+
 /// Removes all these objects.
 pub(super) fn remove(prefix: &str) {
     for path in objects(prefix) {

@@ -1,20 +1,47 @@
-//! Messages of the library on the standard error output: ` WARN the text key=value`.
+//! Messages of the library on the standard error output: ` WARN the text key=value`. The threads of an emulator write
+//! them, so an output that is not read delays no thread for long: messages that it does not take are counted.
 
 use super::output;
 use core::fmt::{Debug, Write};
+use core::sync::atomic::{AtomicU64, Ordering};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use std::backtrace::{Backtrace, BacktraceStatus};
 use std::io;
+use std::os::fd::AsFd;
+use std::{panic, thread};
 use tracing::field::{Field, Visit};
 use tracing::level_filters::LevelFilter;
 use tracing::span::{Attributes, Id, Record};
 use tracing::subscriber::set_global_default;
 use tracing::{Event, Level, Metadata, Subscriber};
 
-/// Prints warnings and errors from now on, with `--verbose` all messages.
+/// Longest wait for an output that is full, in nanoseconds. It is short, and there is none before the first message that is
+/// taken again.
+const PATIENCE_NS: i64 = 20_000_000;
+/// Bytes that an output takes at once if it reports room for any: `PIPE_BUF` of Linux.
+const PART: usize = 4096;
+
+/// Prints warnings and errors from now on, with `--verbose` all messages, and the messages of panics. A panic in a damaged
+/// channel does not end the process.
 pub(super) fn to_stderr() {
     let most = if output::is_verbose() { Level::DEBUG } else { Level::WARN };
     // It fails only in a process that has set another subscriber.
     let _ = set_global_default(Log { most });
+    panic::set_hook(Box::new(|info| {
+        let thread = thread::current();
+        let name = thread.name().unwrap_or("<unnamed>");
+        let mut text = format!("\nthread '{name}' {info}\n");
+        let trace = Backtrace::capture();
+        if trace.status() == BacktraceStatus::Captured {
+            // A String takes any text.
+            let _ = write!(text, "{trace}");
+        }
+        write_counting(&io::stderr(), &text, &LOST);
+    }));
 }
+
+/// Count of messages that the standard error output has not taken since the last one that it took.
+static LOST: AtomicU64 = AtomicU64::new(0);
 
 /// Prints events. There are no spans in this program.
 struct Log {
@@ -34,8 +61,7 @@ impl Subscriber for Log {
         let mut line = Line::default();
         event.record(&mut line);
         let text = format!("{:>5} {}{}\n", event.metadata().level().as_str(), line.message, line.fields);
-        // Write errors are ignored.
-        let _ = io::Write::write_all(&mut io::stderr().lock(), text.as_bytes());
+        write_counting(&io::stderr(), &text, &LOST);
     }
 
     fn new_span(&self, _: &Attributes<'_>) -> Id {
@@ -49,6 +75,31 @@ impl Subscriber for Log {
     fn enter(&self, _: &Id) {}
 
     fn exit(&self, _: &Id) {}
+}
+
+/// Writes a message, and before it the number of lost ones. Write errors are ignored.
+fn write_counting(output: &impl AsFd, text: &str, lost: &AtomicU64) {
+    let before = lost.load(Ordering::Relaxed);
+    let patience_ns = if before == 0 { PATIENCE_NS } else { 0 };
+    let whole = match before {
+        0 => text.to_owned(),
+        _ => format!(" WARN {before} messages before this one were lost: the output was not read\n{text}"),
+    };
+    let mut parts = whole.as_bytes().chunks(PART);
+    // Without the lock of the standard error output, which a thread may hold that the output blocks.
+    let is_written = parts.all(|part| takes(output, patience_ns) && rustix::io::write(output, part).is_ok());
+    match is_written {
+        true => lost.fetch_sub(before, Ordering::Relaxed),
+        false => lost.fetch_add(1, Ordering::Relaxed),
+    };
+}
+
+/// True if a write to the output does not block.
+fn takes(output: &impl AsFd, patience_ns: i64) -> bool {
+    let patience = Timespec { tv_sec: 0, tv_nsec: patience_ns };
+    let mut polled = [PollFd::new(output, PollFlags::OUT)];
+    // An output that was closed takes the bytes without effect.
+    rustix::io::retry_on_intr(|| poll(&mut polled, Some(&patience))).is_ok_and(|ready| ready > 0)
 }
 
 /// The parts of a line.
@@ -81,6 +132,29 @@ mod tests {
         line.record_debug(&reason_field, &tracing::field::display(&reason));
         line.record_debug(&message, &format_args!("the text"));
         assert_eq!((line.message.as_str(), line.fields.as_str()), ("the text", " reason=entity not found"));
+    }
+
+    #[test]
+    fn an_output_that_is_not_read_loses_messages_and_blocks_nothing() {
+        let (mut reader, writer) = std::io::pipe().unwrap();
+        let lost = AtomicU64::new(0);
+        let write = |text: &str| write_counting(&writer, text, &lost);
+        // A pipe has room for 65,536 bytes. A message that is not taken as a whole is lost.
+        (0..100).for_each(|_| write(&("x".repeat(1023) + "\n")));
+        let mut read = [0; 65_536];
+        let count = io::Read::read(&mut reader, &mut read).unwrap();
+        let taken = count / 1024;
+        assert!((60..=64).contains(&taken), "{taken}");
+        write("after\n");
+        let count = io::Read::read(&mut reader, &mut read).unwrap();
+        let expected = format!(
+            " WARN {} messages before this one were lost: the output was not read\nafter\n",
+            100 - taken
+        );
+        assert_eq!(core::str::from_utf8(&read[..count]).unwrap(), expected);
+        write("next\n");
+        let count = io::Read::read(&mut reader, &mut read).unwrap();
+        assert_eq!(&read[..count], b"next\n");
     }
 
     /// Required only for the names of fields.

@@ -22,7 +22,8 @@ pub(crate) use beside::WebProcess;
 pub(crate) use secret::remove_left_files;
 
 use super::error::CliError;
-use super::{Instance, demo, output};
+use super::{Instance, demo, log, output};
+use crate::memory::{limits, survive_lost_channels};
 use crate::request::Op;
 use guard::{Guard, Origin};
 use hub::{Hub, Served};
@@ -117,6 +118,10 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if let Some(parent) = args.parent {
         demo::end_with(parent)?;
     }
+    log::to_stderr();
+    survive_lost_channels().map_err(|reason| CliError::Signals { reason })?;
+    // If the limit cannot be raised, there are fewer connections.
+    let _ = limits::allow_files(0, connections::WISHED_FILES);
     let served = if args.all { Served::All } else { Served::One(args.instance.name().to_owned()) };
     let ending = ending::Ending::watch(&served, &args.instance)?;
     let refused = |reason| CliError::Listen { address: args.listen, reason };

@@ -9,6 +9,8 @@ mod gap;
 
 #[cfg(feature = "channel")]
 pub(crate) use gap::channel_has_gaps;
+#[cfg(feature = "web")]
+pub(crate) use gap::{page_size, take_gap_of_thread};
 
 use core::sync::atomic::{AtomicBool, AtomicI32, AtomicUsize, Ordering};
 use rustix::fs::FallocateFlags;
@@ -140,6 +142,17 @@ pub fn end_on_shortened_files(exit_code: u8) -> io::Result<()> {
     handle(client_ends)
 }
 
+/// From now on missing pages of images and channels read as zeros in this process, and the reading thread learns that the
+/// channel is damaged ([`take_gap_of_thread`]). For a client program of several instances.
+///
+/// # Errors
+/// The system refuses.
+#[cfg(feature = "web")]
+pub(crate) fn survive_lost_channels() -> io::Result<()> {
+    gap::prepare();
+    handle(client_lives_on)
+}
+
 static EXIT_CODE: AtomicI32 = AtomicI32::new(1);
 
 type Handler = extern "C" fn(libc::c_int, *mut libc::siginfo_t, *mut libc::c_void);
@@ -171,6 +184,15 @@ extern "C" fn emulator_lives_on(
     write_words(LAST_WORDS);
     // SAFETY: a plain system call; the access is repeated then and ends the process.
     unsafe { libc::signal(libc::SIGBUS, libc::SIG_DFL) };
+}
+
+#[cfg(feature = "web")]
+extern "C" fn client_lives_on(signal: libc::c_int, info: *mut libc::siginfo_t, context: *mut libc::c_void) {
+    // SAFETY: the kernel passes the description of a SIGBUS, which has an address.
+    let address = unsafe { (*info).si_addr() }.addr();
+    if !gap::close(address) && !gap::close_image(address) {
+        client_ends(signal, info, context);
+    }
 }
 
 extern "C" fn client_ends(_signal: libc::c_int, _info: *mut libc::siginfo_t, _context: *mut libc::c_void) {

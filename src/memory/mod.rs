@@ -57,6 +57,8 @@ pub use firmware_header::FirmwareHeader;
 #[cfg(feature = "channel")]
 pub(crate) use guard::channel_has_gaps;
 pub use guard::{end_on_shortened_files, survive_shortened_files};
+#[cfg(feature = "web")]
+pub(crate) use guard::{page_size, survive_lost_channels, take_gap_of_thread};
 pub use header::{Board, ClockMode, EventSlot, HEADER_SIZE, Header, RunSwitch, State};
 pub use image::{FileState, Image, ImageFileWatch, ImageSpec};
 pub use instance::InstanceLock;

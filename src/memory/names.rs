@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 pub const IMAGE_DIRECTORY: &str = "/dev/shm";
 /// Longest instance or PLC name in bytes.
 pub const MAX_NAME: usize = 31;
-const PREFIX: &str = "commram.";
+pub(super) const PREFIX: &str = "commram.";
 /// Ends the name of an instance's directory.
 const DIRECTORY: &str = ".iox.d";
 /// Prefix of the names of the shared memory objects of all channels.

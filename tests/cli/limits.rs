@@ -237,3 +237,56 @@ fn a_limit_of_file_sizes_that_keeps_a_client_out_is_named() {
     let refused = limited("-f 8", &["status", "-i", &emulator.name]);
     assert!(refused.fails(3).contains("(`ulimit -f`)"), "{}", refused.err);
 }
+
+/// A limit of the threads of a user. The test is another user, because the limit does not concern root and counts all
+/// processes of a user.
+#[test]
+fn too_few_threads_are_named_and_cause_no_wrong_advice() {
+    if !rustix::process::geteuid().is_root() {
+        eprintln!("SKIPPED: only root can be another user");
+        return;
+    }
+    let (name, uid) = (unique_name(), (70_000 + std::process::id() % 100_000).to_string());
+    let as_user = |limit: &str, args: &[&str]| {
+        let mut command = Command::new("setpriv");
+        command.args(["--reuid", &uid, "--regid", &uid, "--clear-groups", "prlimit", limit]);
+        command.arg(commram().get_program()).args(args).env("COMMRAM_INSTANCE", &name).current_dir("/");
+        finish(command.env("COMMRAM_CONNECT_TIMEOUT", "0s").env("HOME", "/nonexistent"))
+    };
+    as_user("--core=0", &["run", "--clock", "stepped", "--detach"]).ok();
+    for few in [1, 3, 5, 7, 9, 11] {
+        let limit = format!("--nproc={few}");
+        for args in [&["peek", "node2.w_CPU_CONTROL"][..], &["step", "1us"], &["poke", "node2.b_AM=1"]] {
+            let outcome = as_user(&limit, args);
+            let is_named = outcome.code == Some(3) && outcome.err.contains("(`ulimit -u`)");
+            assert!(outcome.code == Some(0) || is_named, "{few} {args:?}: {outcome:?}");
+        }
+        for args in [&["with", "--", "true"][..], &["demo"], &["run", "--detach", "-i", "few"]] {
+            let outcome = as_user(&limit, args);
+            let is_right = !outcome.err.contains("damaged") && outcome.code != Some(101);
+            assert!(is_right && outcome.code.is_some(), "{few} {args:?}: {outcome:?}");
+            as_user("--core=0", &["stop", "-i", "few"]);
+        }
+    }
+    as_user("--core=0", &["stop"]).ok();
+    assert_eq!(files_of(&name), Vec::<PathBuf>::new());
+}
+
+/// Without `/proc` a process cannot list its open files; it must not invent a number or a limit.
+#[test]
+fn nothing_is_invented_without_proc() {
+    let script = "mount -t tmpfs tmpfs /dev/shm || exit 77
+        $COMMRAM run --clock stepped --detach; mount -t tmpfs tmpfs /proc || exit 77
+        $COMMRAM peek --raw node2.w_OPTION_STATUS; echo peek $?
+        $COMMRAM step 1ms; echo step $?
+        $COMMRAM with --clock stepped -- true; echo with $?
+        $COMMRAM run --clock stepped --detach -i other; echo run $?
+        umount /proc; $COMMRAM stop; echo stop $?; ls /dev/shm";
+    let Some(outcome) = in_mount_namespace(script, Some("bare")) else { return };
+    assert!(!outcome.err.contains("open files") && !outcome.err.contains("ulimit"), "{outcome:?}");
+    for done in ["16#0001\npeek 0", "step 0", "with 1", "run 3", "stop 0\n"] {
+        assert!(outcome.out.contains(done), "{done}: {outcome:?}");
+    }
+    assert!(outcome.out.ends_with("stop 0\n"), "{outcome:?}");
+    assert_eq!(outcome.err.to_lowercase().matches("is /proc mounted?").count(), 2, "{outcome:?}");
+}

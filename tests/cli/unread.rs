@@ -98,6 +98,32 @@ fn an_unread_start_ends_in_good_order() {
     assert_eq!((status.code(), files_of(&name)), (Some(0), NOTHING), "{status}");
 }
 
+/// A warning of the emulator itself: the channel that another program has shortened is lost.
+#[test]
+fn an_unread_warning_delays_no_end() {
+    for number in ["-INT", "-TERM"] {
+        let name = unique_name();
+        let (reader, writer) = full_pipe();
+        let mut child =
+            commram().args(["run", "-i", &name]).stdout(Stdio::null()).stderr(writer).spawn().unwrap();
+        let command = |args: &[&str]| finish(commram().args(args).args(["-i", &name]));
+        assert!(eventually(|| command(&["status"]).code == Some(0)));
+        let prefix = std::fs::read_to_string(format!("/dev/shm/commram.{name}.iox.d/prefix")).unwrap();
+        for entry in std::fs::read_dir("/dev/shm").unwrap().flatten() {
+            if entry.file_name().to_string_lossy().starts_with(prefix.trim_end()) {
+                std::fs::File::options().write(true).open(entry.path()).unwrap().set_len(0).unwrap();
+            }
+        }
+        // Registers are then read from the image.
+        let is_lost = || command(&["peek", "node2.w_CPU_CONTROL"]).err.contains("has no channel");
+        assert!(eventually(is_lost));
+        signal(&child, number);
+        promised(Duration::from_secs(2), || wait_for(&mut child, "an emulator"));
+        assert_eq!(files_of(&name), NOTHING);
+        drop(reader);
+    }
+}
+
 /// The background process would write its messages to a pipe that its parent reads to the end.
 #[test]
 fn the_log_of_a_background_process_is_none_of_its_outputs() {

@@ -229,7 +229,7 @@ fn a_connection_without_room_is_refused_with_a_problem() {
 #[test]
 fn few_descriptors_leave_room_for_the_connection_to_the_emulator() {
     let emulator = Emulator::stepped();
-    let limited = Server::with_files(&emulator, 100);
+    let limited = Server::with_files(&emulator, "-HS", 100);
     let idle: Vec<_> = (0..100).map(|_| limited.connect()).collect();
     answers(&limited);
     drop(idle);
@@ -281,4 +281,58 @@ fn paths_lead_nowhere_else() {
     server.raw(b"GET / HTTP/1.1\r\nconnection: close\r\n\r\n").problem(400);
     server.raw(b"GET / HTTP/1.1\r\nhost: localhost\r\nhost: evil\r\nconnection: close\r\n\r\n").problem(400);
     answers(&server);
+}
+
+/// The process gets SIGBUS when it accesses the missing part.
+#[test]
+fn a_shortened_channel_of_one_instance_ends_no_other() {
+    let emulators = [Emulator::stepped(), Emulator::stepped()];
+    let mut server = Server::start(&emulators[0].name, &["--all"]);
+    let path = |of: usize, rest: &str| format!("/api/v1/instances/{}/{rest}", emulators[of].name);
+    for of in [0, 1] {
+        server.get(&path(of, "time")).ok();
+        server.post(&path(of, "advance"), &json!({"us": 1})).ok();
+    }
+    let _events = server.events("clock=1");
+    let prefix =
+        std::fs::read_to_string(format!("/dev/shm/commram.{}.iox.d/prefix", emulators[0].name)).unwrap();
+    for entry in std::fs::read_dir("/dev/shm").unwrap().flatten() {
+        if entry.file_name().to_string_lossy().starts_with(prefix.trim_end()) {
+            std::fs::File::options().write(true).open(entry.path()).unwrap().set_len(0).unwrap();
+        }
+    }
+    for _ in 0..20 {
+        let lost = server.get(&path(0, "time")).problem(503);
+        let detail = lost["detail"].as_str().unwrap();
+        assert!(detail.contains("the channel is damaged") || detail.contains("no channel"), "{lost}");
+        assert_eq!(server.post(&path(0, "advance"), &json!({"us": 1})).status, 503);
+        server.get(&path(1, "time")).ok();
+        server.post(&path(1, "advance"), &json!({"us": 1})).ok();
+    }
+    // The next emulator of that name is served again.
+    emulators[0].run("stop", &[]).ok();
+    let again = Emulator::start_with(&emulators[0].name, &["--clock", "stepped"], &[]);
+    assert!(crate::common::eventually(|| server.get(&path(0, "time")).status == 200));
+    drop(again);
+    rustix::process::kill_process(
+        rustix::process::Pid::from_child(&server.child),
+        rustix::process::Signal::TERM,
+    )
+    .unwrap();
+    assert_eq!(server.wait().code(), Some(130));
+    assert!(std::fs::read_dir(server.runtime()).unwrap().next().is_none());
+}
+
+/// The soft limit is for programs that use `select`.
+#[test]
+fn a_server_raises_its_soft_limit_of_open_files() {
+    let emulator = Emulator::stepped();
+    let server = Server::with_files(&emulator, "-S", 80);
+    let idle: Vec<_> = (0..100).map(|_| server.connect()).collect();
+    answers(&server);
+    let limits = std::fs::read_to_string(format!("/proc/{}/limits", server.child.id())).unwrap();
+    let files = limits.lines().find(|line| line.starts_with("Max open files")).unwrap();
+    let soft: u64 = files.split_ascii_whitespace().nth(3).unwrap().parse().unwrap();
+    assert!(soft > 80, "{files}");
+    drop(idle);
 }

@@ -79,11 +79,13 @@ impl Server {
         Self::start_by(commram(), instance, args)
     }
 
-    /// Starts a server that may have at most `files` open files.
-    pub(crate) fn with_files(emulator: &Emulator, files: u32) -> Self {
+    /// Starts a server that may have at most `files` open files, by the hard (`-H`) or soft limit (`-S`), or both.
+    pub(crate) fn with_files(emulator: &Emulator, limit: &str, files: u32) -> Self {
         let mut shell = std::process::Command::new("sh");
         let program = commram();
-        shell.args(["-c", &format!("ulimit -n {files}; exec \"$0\" \"$@\"")]).arg(program.get_program());
+        shell
+            .args(["-c", &format!("ulimit {limit} -n {files}; exec \"$0\" \"$@\"")])
+            .arg(program.get_program());
         Self::start_by(shell, &emulator.name, &["-i", &emulator.name])
     }
 

@@ -44,6 +44,14 @@ pub enum ClientError {
         /// Length of the attempt.
         after: Duration,
     },
+    /// The system has no thread, which a client needs to enter the channel within a time limit.
+    #[error("instance '{instance}': a client cannot start a thread: {reason}{}", limits::named(.reason))]
+    NoThread {
+        /// Name of the instance.
+        instance: String,
+        /// Error of the system.
+        reason: std::io::Error,
+    },
     /// A part of the channel is invalid.
     #[error(
         "instance '{instance}': the channel is damaged; end the emulator with `commram stop -i {instance}`, and \

@@ -84,6 +84,12 @@ impl Session {
         }
     }
 
+    /// True if another program has shortened a part of the channel.
+    #[cfg(feature = "web")]
+    pub(crate) fn has_shortened_channel(&self) -> bool {
+        matches!(&self.door, Access::Channel(client) if client.is_shortened())
+    }
+
     /// Returns the client connection.
     ///
     /// # Errors

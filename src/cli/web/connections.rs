@@ -10,6 +10,8 @@ use tokio::sync::Notify;
 const MAX_OPEN: usize = 256;
 /// File descriptors that the server needs besides its connections.
 const OTHER_FILES: u64 = 64;
+/// Open files that the server asks for: for all connections, and for several instances.
+pub(super) const WISHED_FILES: u64 = MAX_OPEN as u64 + 16 * OTHER_FILES;
 /// Minimum number of connections, regardless of the limit of descriptors.
 const LEAST_OPEN: usize = 8;
 

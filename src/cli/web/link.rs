@@ -1,26 +1,36 @@
 //! A connection to an emulator in a separate thread: requests wait for replies, but the server must not wait.
 
 use super::problem::Problem;
+use crate::channel::ClientError;
 use crate::cli::Instance;
 use crate::cli::error::CliError;
 use crate::cli::session::Session;
 use crate::journal::Names;
+use crate::memory::take_gap_of_thread;
+use std::cell::Cell;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, SyncSender};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 
 /// Requests that wait for the connection; further ones are refused.
 const WAITING: usize = 64;
+
+/// Real time between two checks whether a channel is shortened.
+const CHECK: Duration = Duration::from_millis(20);
 
 /// An open connection.
 pub(super) struct Connection {
     pub session: Session,
     /// Names of PLCs and buses.
     pub names: Names,
+    /// Time of the last check whether the channel is shortened.
+    checked: Cell<Instant>,
+    is_damaged: Cell<bool>,
     // After the session: the connection is closed when this is dropped.
-    _open: OpenConnections,
+    open: OpenConnections,
 }
 
 /// Counts the open connections of this process while it exists.
@@ -59,7 +69,31 @@ impl Connection {
         let session = Session::open(&Instance::running(instance), 0)?;
         let open = OpenConnections::enter();
         let names = session.info()?.names;
-        Ok(Self { session, names, _open: open })
+        Ok(Self { session, names, checked: Cell::new(Instant::now()), is_damaged: Cell::default(), open })
+    }
+
+    /// The reason why this connection is of no use, if another program has shortened the channel: this thread has read zeros
+    /// instead of the missing part, or would do so.
+    fn damage(&self) -> Option<CliError> {
+        if take_gap_of_thread() {
+            self.is_damaged.set(true);
+        }
+        if !self.is_damaged.get() && self.checked.get().elapsed() >= CHECK {
+            self.checked.set(Instant::now());
+            self.is_damaged.set(self.session.has_shortened_channel());
+        }
+        let broken = || ClientError::Broken { instance: self.session.instance().to_owned() }.into();
+        self.is_damaged.get().then(broken)
+    }
+
+    /// Closes the connection. A connection through a damaged channel is given up instead: leaving it could end this
+    /// process, which serves other instances.
+    pub(super) fn close(self) {
+        if self.damage().is_some() || self.session.has_shortened_channel() {
+            let Self { session, open, .. } = self;
+            core::mem::forget(session);
+            drop(open);
+        }
     }
 }
 
@@ -115,7 +149,7 @@ impl Link {
             }
             let result = connection.and_then(|connection| {
                 connection.session.set_cancel(has_gone);
-                work(connection)
+                guarded(connection, |it| it, work)
             });
             let is_usable = !matches!(&result, Err(problem) if problem.is_gone());
             // Fails if the client has gone.
@@ -130,16 +164,42 @@ impl Link {
     }
 }
 
+/// Does `work` with a value that has a connection, unless the channel is damaged, or turns out to be damaged during the
+/// work: what it has read may be wrong then, and iceoryx2 can panic.
+///
+/// # Errors
+/// The errors of `work`, or [`ClientError::Broken`].
+pub(super) fn guarded<C, T, E: From<CliError>>(
+    user: &mut C,
+    connection: impl Fn(&C) -> &Connection,
+    work: impl FnOnce(&mut C) -> Result<T, E>,
+) -> Result<T, E> {
+    if let Some(damage) = connection(user).damage() {
+        return Err(damage.into());
+    }
+    let result = catch_unwind(AssertUnwindSafe(|| work(user)));
+    match connection(user).damage() {
+        Some(damage) => Err(damage.into()),
+        None => result.unwrap_or_else(|panic| resume_unwind(panic)),
+    }
+}
+
 fn serve(instance: &str, jobs: &Receiver<Job>) {
-    let mut connection = None;
+    let mut connection: Option<Connection> = None;
     for job in jobs {
         let opened = match connection.take() {
             Some(open) => Ok(open),
             None => Connection::open(instance).map_err(Problem::from),
         };
         match opened {
-            Ok(mut open) => connection = job(Ok(&mut open)).then_some(open),
+            Ok(mut open) => match job(Ok(&mut open)) {
+                true => connection = Some(open),
+                false => open.close(),
+            },
             Err(problem) => drop(job(Err(problem))),
         }
+    }
+    if let Some(open) = connection {
+        open.close();
     }
 }

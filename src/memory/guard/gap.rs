@@ -2,9 +2,10 @@
 //!
 //! iceoryx2 does not report where it maps its memory, so the handler finds the map in the process's list of maps. The
 //! effect of the zeros on iceoryx2 does not matter: the emulator gives up the channel as soon as iceoryx2 returns
-//! ([`channel_has_gaps`]).
+//! ([`channel_has_gaps`]), and a client of several instances the connection of the thread ([`take_gap_of_thread`]).
 
-use crate::memory::names::{CHANNEL_PREFIX, IMAGE_DIRECTORY};
+use crate::memory::names::{CHANNEL_PREFIX, IMAGE_DIRECTORY, PREFIX};
+use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use rustix::fs::{Mode, OFlags};
 use rustix::mm::{MapFlags, ProtFlags};
@@ -15,11 +16,28 @@ const LINE: usize = 160;
 static PAGE: AtomicUsize = AtomicUsize::new(0);
 static GAPS: AtomicBool = AtomicBool::new(false);
 
+thread_local! {
+    /// True if this thread has accessed a missing part of a channel. A signal handler may set it: it needs no memory and
+    /// nothing happens at its end.
+    static GAP_OF_THREAD: Cell<bool> = const { Cell::new(false) };
+}
+
 /// Reads values that a signal handler cannot read.
 pub(super) fn prepare() {
+    PAGE.store(page_size(), Ordering::Relaxed);
+}
+
+/// Size of a page of memory, in bytes; 0 if it is unknown.
+pub(crate) fn page_size() -> usize {
     // SAFETY: a question without side effects.
     let page = unsafe { libc::sysconf(libc::_SC_PAGESIZE) };
-    PAGE.store(usize::try_from(page).unwrap_or(0), Ordering::Relaxed);
+    usize::try_from(page).unwrap_or(0)
+}
+
+/// True if this thread has accessed a missing part of a channel since the last call.
+#[cfg(feature = "web")]
+pub(crate) fn take_gap_of_thread() -> bool {
+    GAP_OF_THREAD.replace(false)
 }
 
 /// True if a part of the channel was missing when this process accessed it.
@@ -32,11 +50,26 @@ pub(crate) fn channel_has_gaps() -> bool {
 /// Maps zeros at `address` if it belongs to a map of the channel; returns whether the access can be repeated. A signal
 /// handler may call it.
 pub(super) fn close(address: usize) -> bool {
+    let is_closed = is_in(address, names_the_channel) && fill(address);
+    if is_closed {
+        GAPS.store(true, Ordering::Release);
+        GAP_OF_THREAD.set(true);
+    }
+    is_closed
+}
+
+/// The same for an image in a client, which does not need it any more.
+#[cfg(feature = "web")]
+pub(super) fn close_image(address: usize) -> bool {
+    is_in(address, names_an_image) && fill(address)
+}
+
+/// Maps zeros over the page at `address`, which belongs to a map of shared memory; returns whether it could.
+fn fill(address: usize) -> bool {
     let page = PAGE.load(Ordering::Relaxed);
-    if page == 0 || !is_of_the_channel(address) {
+    if page == 0 {
         return false;
     }
-    GAPS.store(true, Ordering::Release);
     let start = core::ptr::without_provenance_mut(address - address % page);
     let rights = ProtFlags::READ | ProtFlags::WRITE;
     // SAFETY: the page belongs to a map of shared memory without Rust references, because others write there, too. It
@@ -44,8 +77,9 @@ pub(super) fn close(address: usize) -> bool {
     unsafe { rustix::mm::mmap_anonymous(start, page, rights, MapFlags::PRIVATE | MapFlags::FIXED) }.is_ok()
 }
 
-/// Reads the list of maps without allocating memory, as a signal handler must.
-fn is_of_the_channel(address: usize) -> bool {
+/// True if the line of the map at `address` fulfils `names`. Reads the list of maps without allocating memory, as a signal
+/// handler must.
+fn is_in(address: usize, names: fn(&[u8]) -> bool) -> bool {
     let Ok(maps) = rustix::fs::open(c"/proc/self/maps", OFlags::RDONLY | OFlags::CLOEXEC, Mode::empty())
     else {
         return false;
@@ -61,7 +95,7 @@ fn is_of_the_channel(address: usize) -> bool {
                     length += 1;
                 }
             } else if covers(line.get(..length).unwrap_or_default(), address) {
-                return names_the_channel(line.get(..length).unwrap_or_default());
+                return names(line.get(..length).unwrap_or_default());
             } else {
                 length = 0;
             }
@@ -84,10 +118,20 @@ fn covers(line: &[u8], address: usize) -> bool {
 
 /// True if the line ends with the path of a part of a channel.
 fn names_the_channel(line: &[u8]) -> bool {
+    has_name(line, CHANNEL_PREFIX)
+}
+
+/// True if the line ends with the path of an image.
+#[cfg(any(test, feature = "web"))]
+fn names_an_image(line: &[u8]) -> bool {
+    has_name(line, PREFIX)
+}
+
+/// True if the line ends with the path of a file in the directory of images whose name begins with `prefix`.
+fn has_name(line: &[u8], prefix: &str) -> bool {
     let path = line.iter().position(|&byte| byte == b'/').and_then(|at| line.get(at..));
     let rest = path.and_then(|path| path.strip_prefix(IMAGE_DIRECTORY.as_bytes()));
-    rest.and_then(|rest| rest.strip_prefix(b"/"))
-        .is_some_and(|name| name.starts_with(CHANNEL_PREFIX.as_bytes()))
+    rest.and_then(|rest| rest.strip_prefix(b"/")).is_some_and(|name| name.starts_with(prefix.as_bytes()))
 }
 
 #[cfg(test)]
@@ -110,6 +154,7 @@ mod tests {
             b"",
         ] {
             assert!(!names_the_channel(other));
+            assert_eq!(names_an_image(other), other.ends_with(b".line"));
         }
         assert!(!covers(b"", 0) && !covers(b"zz-7f rw", 1));
     }
@@ -117,7 +162,7 @@ mod tests {
     #[test]
     fn this_process_has_maps_and_none_of_a_channel() {
         let local = 0;
-        assert!(!is_of_the_channel((&raw const local).addr()));
-        assert!(!is_of_the_channel(0));
+        assert!(!is_in((&raw const local).addr(), names_the_channel));
+        assert!(!is_in(0, names_the_channel));
     }
 }

@@ -87,6 +87,11 @@ impl ImageCreator for ImageSite<'_, &ImageSpec> {
         match rustix::fs::linkat(CWD, nameless, CWD, &self.path, AtFlags::SYMLINK_FOLLOW) {
             Ok(()) => Ok(true),
             Err(Errno::EXIST) => Ok(false),
+            Err(Errno::NOENT) => Err(MemoryError::System {
+                path: self.path.clone(),
+                doing: "create",
+                reason: std::io::Error::other("there is no /proc/self/fd; is /proc mounted?"),
+            }),
             Err(errno) => Err(self.failed(errno)),
         }
     }

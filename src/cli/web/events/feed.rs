@@ -264,9 +264,12 @@ fn poll(shared: &Shared, rounds: &broadcast::Sender<Arc<Round>>) {
                 // Later readers get another thread.
                 shared.state().rounds = None;
                 drop(rounds.send(Arc::new(Round::end(error.to_string()))));
-                return;
+                break;
             }
         }
         std::thread::sleep(INTERVAL.saturating_sub(start.elapsed()));
+    }
+    if let Some(poller) = poller {
+        poller.close();
     }
 }

@@ -4,7 +4,7 @@ use super::feed::{self, Followed, StateKind, Wish};
 use crate::channel::ClientError;
 use crate::cli::error::CliError;
 use crate::cli::peek::{self, ReadTarget, RegisterReading};
-use crate::cli::web::link::Connection;
+use crate::cli::web::link::{Connection, guarded};
 use crate::cli::{board, output, status, watch};
 use crate::devices;
 use crate::journal::jsonl::Jsonl;
@@ -107,11 +107,16 @@ impl Poller {
     /// # Errors
     /// The emulator has gone.
     pub(super) fn poll(&mut self, wish: &Wish) -> Result<Option<Round>, CliError> {
-        match self.round(wish) {
+        match guarded(self, |it| &it.connection, |it| it.round(wish)) {
             Ok(round) => Ok(Some(round)),
             Err(CliError::Busy { .. } | CliError::Client(ClientError::Timeout { .. })) => Ok(None),
             Err(error) => Err(error),
         }
+    }
+
+    /// Closes the connection.
+    pub(super) fn close(self) {
+        self.connection.close();
     }
 
     fn round(&mut self, wish: &Wish) -> Result<Round, CliError> {
