@@ -51,8 +51,8 @@ macro_rules! indices {
 indices! {
     /// A device of a plant, by its place in the plant file, from 0.
     DeviceIndex: u16;
-    /// A bus of a plant, by its place in the plant file, from 0. A plant file has fewer than 65,536 buses; placeholders
-    /// for ports without a bus follow them, so the index has more than 16 bits.
+    /// A bus of a plant, by its place in the plant file, from 0. A plant file has fewer than 65,536 buses. Placeholders for
+    /// ports without a bus follow, so the index has more than 16 bits.
     BusIndex: u32;
 }
 
