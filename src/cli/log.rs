@@ -1,5 +1,5 @@
 //! Messages of the library on the standard error output: ` WARN the text key=value`. The threads of an emulator write
-//! them, so an output that is not read delays no thread for long: messages that it does not take are counted.
+//! them. An output without a reader delays a thread only briefly: it loses messages, and this module counts them.
 
 use super::output;
 use core::fmt::{Debug, Write};
@@ -15,8 +15,8 @@ use tracing::span::{Attributes, Id, Record};
 use tracing::subscriber::set_global_default;
 use tracing::{Event, Level, Metadata, Subscriber};
 
-/// Longest wait for an output that is full, in nanoseconds. It is short, and there is none before the first message that is
-/// taken again.
+/// Longest wait for a full output, in nanoseconds. After a lost message there is no wait until the output accepts a message
+/// again.
 const PATIENCE_NS: i64 = 20_000_000;
 /// Bytes that an output takes at once if it reports room for any: `PIPE_BUF` of Linux.
 const PART: usize = 4096;
@@ -135,11 +135,11 @@ mod tests {
     }
 
     #[test]
-    fn an_output_that_is_not_read_loses_messages_and_blocks_nothing() {
+    fn an_output_without_a_reader_loses_messages_and_blocks_nothing() {
         let (mut reader, writer) = std::io::pipe().unwrap();
         let lost = AtomicU64::new(0);
         let write = |text: &str| write_counting(&writer, text, &lost);
-        // A pipe has room for 65,536 bytes. A message that is not taken as a whole is lost.
+        // A pipe has room for 65,536 bytes. A message that does not fit as a whole is lost.
         (0..100).for_each(|_| write(&("x".repeat(1023) + "\n")));
         let mut read = [0; 65_536];
         let count = io::Read::read(&mut reader, &mut read).unwrap();
