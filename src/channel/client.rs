@@ -126,7 +126,7 @@ impl Client {
         self.cancel = Some(cancel);
     }
 
-    /// True if another program has shortened a part of the channel, so that a request, and leaving the channel, could read
+    /// True if another program has shortened a part of the channel, so a request or leaving the channel could read
     /// zeros.
     #[cfg(feature = "web")]
     pub(crate) fn is_shortened(&self) -> bool {

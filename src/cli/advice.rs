@@ -4,7 +4,7 @@ use crate::devices;
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, Error};
 
-/// A command, a word after it that is not a command, and the correct command line.
+/// A command, an invalid word after it, and the correct command line.
 const WORDS: &[(&str, &str, &str)] = &[
     ("", "back", "commram step --back TIME"),
     ("", "undo", "commram step --back TIME"),
@@ -46,7 +46,7 @@ const OPTIONS: &[(&str, &str, &str)] = &[
     ("--realtime", "clock", "--clock realtime"),
 ];
 
-/// An option of another program that is not needed, an option that the command must have, and the reason.
+/// An unnecessary option of another program, an option that the command must have, and the reason.
 const NEEDLESS: &[(&str, &str, &str)] = &[
     ("--retries", "shard", SAME_RESULT),
     ("--reruns", "shard", SAME_RESULT),

@@ -43,7 +43,7 @@ macro_rules! errors {
 }
 
 errors! {
-    /// A folder that is not a device.
+    /// The folder is not a device.
     #[error("{0}")]
     Folder(#[from] FolderError) => Exit::WrongUse,
     /// A register or block that does not exist.

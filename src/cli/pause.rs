@@ -17,8 +17,8 @@ use std::time::Duration;
 
 /// Real time between two polls.
 const INTERVAL: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
-/// Longest real time between a signal and the end of the process: the process may be blocked by an output that is not
-/// read, or wait for the emulator.
+/// Longest real time between a signal and the end of the process: the process may be blocked by an unread output, or
+/// wait for the emulator.
 const LONGEST_END: Duration = Duration::from_secs(1);
 
 /// Result of a poll.

@@ -251,7 +251,7 @@ fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     if refused.is_some() {
         terminate()?;
     }
-    // An emulator that is not visible gets no signal; usually it has just died.
+    // An invisible emulator gets no signal; usually it has just died.
     let unseen = refused.filter(|_| process.is_none());
     let patience = if unseen.is_some() { DYING } else { PATIENCE };
     let start = Instant::now();

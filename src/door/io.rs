@@ -78,7 +78,7 @@ enum NoPlace {
 }
 
 impl Present {
-    /// Count of guests that take a place in the number of known ones.
+    /// Count of known guests that occupy a place.
     fn known(&self) -> usize {
         self.guests.iter().filter(|guest| !guest.is_given_up()).count()
     }

@@ -187,7 +187,7 @@ impl PlantConfig {
     }
 
     /// The selected buses with their messages, as far as their devices know them before they run. A plant can have many
-    /// buses, so the messages of one are made when it is its turn, and the devices are searched only once.
+    /// buses, so the messages of each bus are created when it is processed, and the devices are searched only once.
     pub fn messages_of_buses(
         &self,
         is_selected: impl Fn(&str) -> bool,

@@ -39,7 +39,7 @@ pub(crate) struct RunOptions {
 /// Makes sure that scenarios can have as much memory as an emulator: their processes have the limits of this one.
 ///
 /// # Errors
-/// The limit that is too low.
+/// The limit is too low.
 pub(crate) fn allow_memory() -> Result<(), CliError> {
     limits::allow_memory(runtime::MEMORY).map_err(|limit| CliError::LimitedMemory { limit })
 }

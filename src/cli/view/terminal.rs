@@ -128,7 +128,7 @@ fn is_closed(longest: Duration) -> io::Result<bool> {
     }
 }
 
-/// The part of a terminal of this size that is drawn.
+/// The drawn part of a terminal of this size.
 fn area_to_draw(size: Size) -> Rect {
     Rect::new(0, 0, size.width.min(LARGEST), size.height.min(LARGEST))
 }

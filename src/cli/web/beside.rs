@@ -37,7 +37,7 @@ impl WebProcess {
     ) -> Result<Self, CliError> {
         let mut command = demo::command("web")?;
         command.args(["-i", instance, "--listen", &listen.to_string()]);
-        // The server waits for an emulator that is about to start.
+        // The server waits for a starting emulator.
         command.env_remove("COMMRAM_CONNECT_TIMEOUT").stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().map_err(|reason| CliError::Process { reason })?;
         let outputs = child.stdout.take().zip(child.stderr.take());

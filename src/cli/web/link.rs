@@ -164,8 +164,8 @@ impl Link {
     }
 }
 
-/// Does `work` with a value that has a connection, unless the channel is damaged, or turns out to be damaged during the
-/// work: what it has read may be wrong then, and iceoryx2 can panic.
+/// Does `work` with a value that has a connection. Fails if the channel is damaged before or during the work: the data
+/// read may then be wrong, and iceoryx2 can panic.
 ///
 /// # Errors
 /// The errors of `work`, or [`ClientError::Broken`].

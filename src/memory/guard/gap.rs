@@ -17,8 +17,8 @@ static PAGE: AtomicUsize = AtomicUsize::new(0);
 static GAPS: AtomicBool = AtomicBool::new(false);
 
 thread_local! {
-    /// True if this thread has accessed a missing part of a channel. A signal handler may set it: it needs no memory and
-    /// nothing happens at its end.
+    /// True if this thread has accessed a missing part of a channel. A signal handler may set it, because it needs no
+    /// allocation and no destructor.
     static GAP_OF_THREAD: Cell<bool> = const { Cell::new(false) };
 }
 
