@@ -3,6 +3,7 @@
 use super::error::CliError;
 use super::output;
 use super::table::{self, FormatArg, Row};
+use super::test::LimitArgs;
 use crate::devices::folder;
 use crate::devices::folder::Folder;
 use crate::plural::{plural, plural_of};
@@ -10,13 +11,14 @@ use clap::Subcommand;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Check a device in a folder.
+/// Check or test a device in a folder.
 #[derive(clap::Args)]
 #[command(
     arg_required_else_help = true,
     after_help = "\
 Examples:
   commram device check ./cards/counter
+  commram device test ./cards/counter
   commram map --device ./cards/counter"
 )]
 pub(crate) struct Args {
@@ -27,6 +29,7 @@ pub(crate) struct Args {
 #[derive(Subcommand)]
 enum Command {
     Check(CheckArgs),
+    Test(TestArgs),
 }
 
 /// Check the files of a device in a folder, and list its handshakes.
@@ -47,10 +50,39 @@ struct CheckArgs {
     format: FormatArg,
 }
 
+/// Run the scenarios of a device in a folder.
+///
+/// The scenarios are the .rhai files in the directory tests of the folder. A scenario that names no plant gets one with the
+/// device alone.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram device test ./cards/counter
+  commram device test ./cards/counter ./cards/counter/tests/start.rhai
+
+Exit codes:
+  0    all scenarios passed
+  1    an expectation failed, or a scenario has no expectation, throws, does not end or crashes
+  2    wrong use: the folder is no device, or a script does not compile or uses a verb wrongly
+  130  ended by Ctrl-C or a signal")]
+struct TestArgs {
+    /// Folder with a device.toml
+    #[arg(value_name = "DIR")]
+    dir: PathBuf,
+    /// Scripts or directories in place of the directory tests of the folder
+    #[arg(add = super::complete::files(&["rhai"]), value_name = "FILE")]
+    files: Vec<PathBuf>,
+    #[command(flatten)]
+    limits: LimitArgs,
+    #[command(flatten)]
+    format: FormatArg,
+}
+
 /// Runs the subcommand.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     match &args.command {
         Command::Check(args) => check(args),
+        Command::Test(args) => test(args),
     }
 }
 
@@ -62,13 +94,25 @@ fn check(args: &CheckArgs) -> Result<(), CliError> {
     table::print(args.format.format, &rows, table::aligned)
 }
 
+fn test(args: &TestArgs) -> Result<(), CliError> {
+    let dir = folder::find(Path::new(""), &args.dir.display().to_string())?;
+    folder::load(&dir)?;
+    let own = [args.dir.join("tests")];
+    let files = if args.files.is_empty() { &own[..] } else { &args.files };
+    super::test::run_for_device(&dir, files, args.limits, args.format.format)
+}
+
 /// `digital-io (Digital I/O card): 2 areas, 8 registers, 6 handshakes, layout 16#...`
 fn summary(folder: &Folder) -> String {
     let layout = folder.registered.layout;
     let registers = layout.areas.iter().flat_map(|area| area.structures);
     let registers: usize = registers.map(|placed| placed.structure.registers.len()).sum();
+    let script = match folder.has_script() {
+        true => format!(", script with {}", plural_of(&folder.hooks(), "hook")),
+        false => String::new(),
+    };
     format!(
-        "{} ({}): {}, {}, {}, layout 16#{:016X}",
+        "{} ({}): {}, {}, {}{script}, layout 16#{:016X}",
         layout.name,
         layout.title,
         plural_of(layout.areas, "area"),

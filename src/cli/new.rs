@@ -1,5 +1,6 @@
 //! `commram new`: a project with a plant, a scenario, files for CI and settings of an editor.
 
+mod device_files;
 mod files;
 mod words;
 
@@ -26,6 +27,7 @@ Examples:
   commram new press && cd press && commram test scenarios
   commram new press --template soft-plc-c
   commram new press --device DEVICE --template pytest
+  commram new cards/counter --template device
   commram new - --device DEVICE > plant.toml")]
 pub(crate) struct Args {
     /// The directory, which is created if it does not exist
@@ -50,6 +52,8 @@ pub(crate) enum Template {
     SoftPlcRust,
     /// A test for pytest
     Pytest,
+    /// A device of your own in a folder, with script, scenario and program in C
+    Device,
 }
 
 /// A device with a template of a plant.
@@ -78,6 +82,9 @@ fn with_template() -> impl TypedValueParser<Value = Device> {
 
 /// Creates the project.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    if args.template == Template::Device {
+        return create_device(args);
+    }
     let project = Project::new(args.device, args.template)?;
     if is_standard(&args.directory) {
         if args.template != Template::Minimal {
@@ -86,11 +93,28 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         }
         return output::print(&plant::with_schema(args.device.plant));
     }
-    let files: Vec<_> =
-        project.files().into_iter().map(|(name, text)| (args.directory.join(name), text)).collect();
+    write(&args.directory, project.files(), &project.commands(&args.directory))
+}
+
+/// Creates the files of a device in a folder.
+fn create_device(args: &Args) -> Result<(), CliError> {
+    let refused =
+        |text: &str, right: &str| Err(CliError::Argument { text: text.to_owned(), right: right.to_owned() });
+    if is_standard(&args.directory) {
+        return refused("-", "a device has several files; give a directory");
+    }
+    if args.device.known.layout.name != devices::default().layout.name {
+        return refused("--device", "the template makes a new type of device; omit --device");
+    }
+    write(&args.directory, device_files::files(&args.directory)?, &device_files::commands(&args.directory))
+}
+
+/// Creates the files, and prints their paths and the next commands.
+fn write(directory: &Path, files: Vec<(&'static str, String)>, commands: &str) -> Result<(), CliError> {
+    let files: Vec<_> = files.into_iter().map(|(name, text)| (directory.join(name), text)).collect();
     create(&files, &Interrupts::catch()?)?;
     let names: String = files.iter().map(|(path, _)| format!("{}\n", path.display())).collect();
-    output::print(&output::harmless(&format!("{names}\nNext:\n{}", project.commands(&args.directory))))
+    output::print(&output::harmless(&format!("{names}\nNext:\n{commands}")))
 }
 
 /// Creates all files, or none after an error or an interrupt.

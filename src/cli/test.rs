@@ -146,6 +146,23 @@ pub(crate) struct LimitArgs {
     max_memory: u64,
 }
 
+/// Runs scenarios of the device in the folder `dir`: those that name no plant get a plant with this device alone.
+pub(crate) fn run_for_device(
+    dir: &Path,
+    files: &[PathBuf],
+    limits: LimitArgs,
+    format: Format,
+) -> Result<(), CliError> {
+    process::allow_memory()?;
+    let interrupts = Interrupts::catch()?;
+    let files = selection::scenarios(files, &[], None)?;
+    let setting = RunOptions { attach: None, device: Some(dir.to_owned()), limits, allow_empty: false };
+    let round = Round { setting, jobs: None, fail_fast: false };
+    let (reports, shown) = play_round(&round, &files, (format, None), &interrupts)?;
+    let ending = if interrupts.any() { Err(CliError::Interrupted) } else { verdict(&reports) };
+    first_of(ending, [shown])
+}
+
 /// Runs the scenarios, and prints and writes their results.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if let Some(TestCommand::Merge(args)) = &args.inner {
@@ -267,22 +284,33 @@ fn play(
     let round = Round {
         setting: RunOptions {
             attach: args.attach.clone(),
+            device: None,
             limits: args.limits,
             allow_empty: args.allow_empty,
         },
         jobs: if args.attach.is_some() { NonZero::new(1) } else { args.jobs },
         fail_fast: args.fail_fast,
     };
+    play_round(&round, files, (args.format.format, args.shard()), interrupts)
+}
+
+/// Runs the scenarios of a round, and shows their results.
+fn play_round(
+    round: &Round,
+    files: &[PathBuf],
+    (format, shard): (Format, Option<Shard>),
+    interrupts: &Interrupts,
+) -> Result<(Vec<Report>, Result<(), CliError>), CliError> {
     let mut reports = Vec::with_capacity(files.len());
     let mut shown = Ok(());
     round.run(files, &|| interrupts.any(), |report| {
-        if shown.is_ok() && args.format.format == Format::Text {
+        if shown.is_ok() && format == Format::Text {
             shown = output::print_while_read(line::text(&report).as_bytes());
         }
         reports.push(report);
     })?;
-    let lines = |reports: &[Report]| reports.iter().map(|it| Line::of(it, args.shard())).collect::<Vec<_>>();
-    let last = || match args.format.format {
+    let lines = |reports: &[Report]| reports.iter().map(|it| Line::of(it, shard)).collect::<Vec<_>>();
+    let last = || match format {
         Format::Text => Ok(summary(&reports)),
         format => table::formatted(format, &lines(&reports), |_| String::new()),
     };

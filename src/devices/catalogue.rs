@@ -1,7 +1,7 @@
 //! Catalogue of everything that can occur in a journal, for all devices: the sum of all registrations.
 
 use super::traits::guest;
-use super::{BUS_KINDS, all, of_hash, records};
+use super::{BUS_KINDS, all, folder, of_hash, records};
 use crate::check;
 use crate::door::{DoorSpec, TrafficKind, doors_of};
 use crate::fault;
@@ -26,6 +26,7 @@ pub(super) fn generic() -> impl Iterator<Item = Generic> {
         Generic { owner: "fault", records: fault::KINDS, rules: &[], faults: &[] },
         Generic { owner: "check", records: &[], rules: check::rules::ALL, faults: &[] },
         Generic { owner: "devices", records: records::KINDS, rules: &[], faults: &[] },
+        Generic { owner: "folder", records: folder::records::KINDS, rules: folder::rules::ALL, faults: &[] },
         Generic { owner: "guests", records: guest::KINDS, rules: &[], faults: &[] },
     ];
     let of_media = BUS_KINDS.iter().map(|kind| Generic {

@@ -7,7 +7,7 @@ use crate::fault::{Effect, Faults, Hit, Owner, Target};
 use crate::identity::DeviceIndex;
 use crate::layout;
 use crate::layout::{Area, DeviceFit};
-use crate::memory::header::BoardSetting;
+use crate::memory::header::{BoardSetting, Start};
 use crate::memory::{FirmwareHeader, Header, MemoryError, Segment};
 use crate::snapshot_fields;
 use crate::snapshot_fields::SnapshotFields;
@@ -20,7 +20,14 @@ pub trait Firmware: SnapshotFields + Send + 'static {
     }
 
     /// Power-off or reset.
-    fn stop(&mut self) {}
+    fn stop(&mut self, ctx: &mut Context) {
+        let _ = ctx;
+    }
+
+    /// The board has ordered a start or stop of the program of a client.
+    fn ordered(&mut self, ctx: &mut Context, order: Start) {
+        let _ = (ctx, order);
+    }
 
     /// The processor cycle: polls the registers that belong to no port.
     fn look(&mut self, ctx: &mut Context) {
@@ -29,6 +36,11 @@ pub trait Firmware: SnapshotFields + Send + 'static {
 
     /// Same as [`Device::is_quiescent`].
     fn is_quiescent(&self) -> bool {
+        false
+    }
+
+    /// Same as [`Device::needs_each_cycle`].
+    fn needs_each_cycle(&self) -> bool {
         false
     }
 
@@ -140,10 +152,11 @@ impl<F: Firmware> Plain<F> {
         Ok(it)
     }
 
-    fn note_order(&mut self) {
+    fn note_order(&mut self, ctx: &mut Context, order: Start) {
         if let Some(events) = self.firmware.events() {
             events.note_order();
         }
+        self.firmware.ordered(ctx, order);
     }
 
     /// Sets every register to its value after power-on.
@@ -202,8 +215,8 @@ impl<F: Firmware> Front for Plain<F> {
         let look = self.supply.feed(&self.face, self.firmware.is_fed());
         if !self.firmware.starts_program() {
             let is_up = look == FrontAction::Nothing && self.supply.is_up();
-            if self.starts.look(ctx, &self.face, is_up).is_some() {
-                self.note_order();
+            if let Some(order) = self.starts.look(ctx, &self.face, is_up) {
+                self.note_order(ctx, order);
             }
         }
         if look == FrontAction::Nothing { FrontAction::Answered } else { look }
@@ -226,13 +239,15 @@ impl<F: Firmware> Device for Plain<F> {
         // The registers were accessible when the device was built.
         let _ = self.reset_registers();
         self.firmware.start(ctx);
-        if !self.firmware.starts_program() && self.starts.start(ctx, &self.face).is_some() {
-            self.note_order();
+        if !self.firmware.starts_program()
+            && let Some(order) = self.starts.start(ctx, &self.face)
+        {
+            self.note_order(ctx, order);
         }
     }
 
     fn stop(&mut self, ctx: &mut Context) {
-        self.firmware.stop();
+        self.firmware.stop(ctx);
         self.supply.stop(ctx);
     }
 
@@ -242,6 +257,10 @@ impl<F: Firmware> Device for Plain<F> {
 
     fn is_quiescent(&self) -> bool {
         self.firmware.is_quiescent() && !self.front_has_changed()
+    }
+
+    fn needs_each_cycle(&self) -> bool {
+        self.supply.is_up() && self.firmware.needs_each_cycle()
     }
 
     fn events(&mut self) -> Option<&mut Events> {

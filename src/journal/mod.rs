@@ -171,7 +171,8 @@ impl Journal {
         self.push_octets(time_us, event, None);
     }
 
-    /// Writes the event of a telegram with its octets, as they were on the line. Without octets the event has all of them.
+    /// Writes the event of a telegram with its octets, as they were on the line, or an event with its text. Without octets the
+    /// event has all of them.
     #[inline]
     pub fn push_octets<T: EventText>(&mut self, time_us: u64, event: T, octets: Option<&[u8]>) {
         if let Some(stored) = event.stored()

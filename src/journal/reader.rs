@@ -54,7 +54,7 @@ impl Reader {
         self.live.clear();
     }
 
-    /// The octets of the record, if it is a telegram and its event does not have all of them.
+    /// The octets of the record, if it is a telegram or a text and its event does not have all of them.
     pub(crate) fn octets(&self) -> Option<Arc<[u8]>> {
         self.octets.clone()
     }

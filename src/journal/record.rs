@@ -20,8 +20,8 @@ pub struct Record {
     /// For a handshake or a state: microseconds from the request to this answer, if the request came through the
     /// channel.
     pub latency_us: Option<u32>,
-    /// Octets of a telegram as they were on the line, at most 255; `None` if it is not a telegram, or if its event
-    /// already has all octets.
+    /// Octets of a telegram as they were on the line, or of a text, at most 255; `None` if the event has neither, or already
+    /// has all octets.
     pub octets: Option<Arc<[u8]>>,
 }
 

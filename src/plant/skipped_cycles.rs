@@ -89,7 +89,8 @@ impl Plant {
         devices.all(|(device, ports)| {
             let in_vain =
                 |port: &Port| self.buses[port.bus.index()].poll_changes_nothing(port.place, now, is_seen);
-            (is_seen || device.poll_changes_nothing()) && (!device.is_up() || ports.iter().all(in_vain))
+            let is_idle = is_seen && !device.needs_each_cycle() || device.poll_changes_nothing();
+            is_idle && (!device.is_up() || ports.iter().all(in_vain))
         })
     }
 

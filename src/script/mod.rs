@@ -40,6 +40,6 @@ pub use part::{is_part, needs};
 pub use report::{FoundLine, Mistake, Outcome, PlotFile, Report, Step};
 #[cfg(feature = "cli")]
 pub(crate) use run::STACK;
-pub use run::{Limits, run_file};
+pub use run::{Limits, run_file, run_file_for};
 pub use value::{Span, Value};
 pub use verb::{DEFINITIONS, Verb, verbs};

@@ -8,11 +8,13 @@ use super::imports::{Imports, module_file};
 use super::printed::Printed;
 use super::report::{Mistake, Outcome, Report};
 use super::{Bench, ScenarioError};
+use crate::devices::folder::stack_position;
 use crate::input_file;
+use crate::plant::PlantConfig;
 use crate::time::short;
 use core::cell::{Cell, RefCell};
 use rhai::{Dynamic, Engine, EvalAltResult, ParseError, Scope};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::{Duration, Instant, SystemTime};
 
@@ -60,9 +62,31 @@ pub fn run_file(
     limits: Limits,
     print: impl FnMut(&str) + 'static,
 ) -> Report {
+    let directory = directory_of(file);
+    run_on(file, Stage::new(bench, directory, limits.time_us), limits, print)
+}
+
+/// Does the same as [`run_file`]; a script that names no plant gets `plant`, called `name` in the report.
+pub fn run_file_for(
+    file: &Path,
+    (name, plant): (&str, PlantConfig),
+    limits: Limits,
+    print: impl FnMut(&str) + 'static,
+) -> Report {
+    let mut stage = Stage::new(None, directory_of(file), limits.time_us);
+    stage.set_unnamed(name, plant);
+    run_on(file, stage, limits, print)
+}
+
+/// The directory of a script.
+fn directory_of(file: &Path) -> PathBuf {
+    file.parent().unwrap_or(Path::new("")).to_owned()
+}
+
+fn run_on(file: &Path, stage: Stage, limits: Limits, print: impl FnMut(&str) + 'static) -> Report {
     let (started, start) = (SystemTime::now(), Instant::now());
-    let directory = file.parent().unwrap_or(Path::new("")).to_owned();
-    let stage = Rc::new(RefCell::new(Stage::new(bench, directory.clone(), limits.time_us)));
+    let directory = directory_of(file);
+    let stage = Rc::new(RefCell::new(stage));
     let printed = Rc::new(RefCell::new(Printed::new(print)));
     let imported = Rc::default();
     let outcome = match input_file::read(file, input_file::LONGEST_SCRIPT) {
@@ -138,13 +162,6 @@ struct TooManySteps;
 /// Reason for the end of a script that is nested too deep.
 #[derive(Clone, Copy)]
 struct TooDeep;
-
-/// An address in the stack of this thread.
-#[inline(never)]
-fn stack_position() -> usize {
-    let here = 0_u8;
-    core::ptr::from_ref(&here).addr()
-}
 
 /// Returns a function that returns true if the caller's stack has grown by more than a script may take.
 pub(super) fn stack_guard() -> impl Fn() -> bool {

@@ -101,6 +101,48 @@ fn handshakes_of_a_table_pass_their_scenario() {
     );
 }
 
+/// Every example has scenarios of its own.
+#[test]
+fn the_examples_pass_their_scenarios() {
+    let examples = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/devices");
+    let mut count = 0;
+    for entry in fs::read_dir(examples).unwrap() {
+        let dir = entry.unwrap().path();
+        let outcome = run(&["device", "test", dir.to_str().unwrap()]);
+        assert!(outcome.ok().contains("1 passed, 0 failed, 0 broken"), "{}", outcome.out);
+        let files = fs::read_dir(&dir).unwrap().map(|entry| entry.unwrap().path());
+        let texts = files.filter(|path| path.is_file()).map(|path| fs::read_to_string(path).unwrap());
+        let lines: usize = texts.map(|text| text.lines().count()).sum();
+        assert!(lines <= 120, "{}: {lines} lines", dir.display());
+        count += 1;
+    }
+    assert!(count >= 3);
+    let missing = run(&["device", "test", examples]);
+    assert!(missing.fails(2).contains("device.toml"), "{}", missing.err);
+}
+
+/// An error of the script has its place in the journal, and the front shows it.
+#[test]
+fn a_stopped_script_is_visible_in_every_command() {
+    let place = Place::new();
+    let script = "fn written(register, old, value) {\n    throw \"no such output\";\n}\n";
+    fs::write(place.card().join("firmware.rhai"), script).unwrap();
+    let check = run(&["device", "check", &place.path("cards/digital-io")]);
+    assert!(check.err.contains("6 handshakes, script with 1 hook, "), "{}", check.err);
+    let emulator = Emulator::start(&[&place.path("plant.toml"), "--clock", "stepped"]);
+    assert!(emulator.run("board", &["get"]).ok().contains("script running"));
+    emulator.poke(&["io:data.w_OUT=1"]);
+    emulator.step(&["1ms"]);
+    assert!(emulator.run("board", &["get"]).ok().contains("script stopped"));
+    let trace = emulator.run("trace", &[]);
+    assert!(trace.ok().contains("script stopped: firmware.rhai:2: no such output"), "{}", trace.out);
+    let json = emulator.run("trace", &["--kind", "stopped", "--format", "jsonl"]);
+    assert!(json.ok().contains("\"text\":\"firmware.rhai:2: no such output\""), "{}", json.out);
+    // The tables of the device continue.
+    emulator.step(&["20ms"]);
+    assert_eq!(emulator.peek(&["data.w_IN"]), "16#0001");
+}
+
 /// Each mistake in a table of handshakes has its line and the correct form.
 #[test]
 fn wrong_handshakes_are_refused_with_their_line() {

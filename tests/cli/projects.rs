@@ -68,6 +68,36 @@ fn a_soft_plc_in_c_compiles_and_gets_its_answer() {
     }
 }
 
+/// The device has the name of its directory, and passes its own scenario.
+#[test]
+fn a_device_in_a_folder_passes_its_scenario_and_serves_its_program() {
+    let directory = TempDir::new().unwrap();
+    let card = directory.path().join("counter");
+    let outcome =
+        finish(commram().args(["new", "counter", "--template", "device"]).current_dir(directory.path()));
+    let (_, commands) = outcome.ok().split_once("\n\nNext:\n").unwrap();
+    let mut commands: Vec<_> = commands.lines().map(|line| line.trim().to_owned()).collect();
+    assert_eq!(commands, ["cd counter", "commram device check ./", "commram device test ./", "make run"]);
+    if !is_there("make") || !is_there("cc") {
+        commands.pop();
+    }
+    let flags = [("CFLAGS", "-std=c11 -O1 -Wall -Wextra -Werror"), ("MAKEFLAGS", "-e")];
+    let outcome = follow(directory.path(), &commands, &flags);
+    let out = outcome.ok();
+    assert!(out.contains("1 passed, 0 failed, 0 broken") && out.contains("card.w_STATUS"), "{out}");
+    assert!(
+        outcome.err.contains("counter (Counter card)") && outcome.err.contains("script with 2 hooks"),
+        "{}",
+        outcome.err
+    );
+    assert!(commands.len() < 4 || out.ends_with("count 20\n"), "{out}");
+    for file in ["device.toml", "CARD.toml", "firmware.rhai", "tests/start.rhai", "client.c"] {
+        assert!(card.join(file).is_file(), "{file}");
+    }
+    let message = run(&["new", "x", "--template", "device", "--device", "cs0015"]).fails(2).to_owned();
+    assert!(message.contains("omit --device"), "{message}");
+}
+
 /// The package comes from the sources of this checkout, with the dependencies of its lock file.
 #[test]
 #[ignore = "it compiles the library once more; tools/nightly runs it"]

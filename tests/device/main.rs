@@ -13,6 +13,8 @@ mod check;
 mod clusters;
 mod determinism;
 mod faults;
+#[cfg(feature = "script")]
+mod folders;
 mod forces;
 mod history;
 mod jobs;

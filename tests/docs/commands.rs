@@ -83,10 +83,7 @@ const SESSIONS: &[(&str, &str)] = &[
     ("guide/helics.md", "tests/cli/federates.rs and simulators.rs: it needs a broker and other federates"),
     ("guide/plc-programs.md", "tests/export/openplc.rs: it needs the sources of OpenPLC and Beremiz"),
     ("guide/openplc-4.md", "tests/export/strucpp.rs: it needs STruC++"),
-    (
-        "guide/own-device.md",
-        "tests/cli/folders.rs: its folder is that of the user, like tools/devices/digital-io",
-    ),
+    ("guide/own-device.md", "pages.rs"),
     ("internals/architecture.md", "it shows no commands, but how one goes its way"),
 ];
 

@@ -192,3 +192,43 @@ fn the_session_of_getting_started_works_as_printed() {
 fn the_session_of_snapshots_works_as_printed() {
     type_in(&session(include_str!("../../docs/guide/snapshots.md")));
 }
+
+/// Blocks of code of a page: language and text.
+fn blocks(page: &str) -> Vec<(&str, &str)> {
+    let mut blocks = page.split("\n```").skip(1).step_by(2);
+    std::iter::from_fn(|| blocks.next()).filter_map(|block| block.split_once('\n')).collect()
+}
+
+/// The file that a block names in a comment in its first line.
+fn file_of(block: &str) -> Option<&str> {
+    let line = block.lines().next()?;
+    let comment = ["# ", "// ", "/* "].iter().find_map(|sign| line.strip_prefix(sign))?;
+    let name = comment.trim_end_matches(" */");
+    (name.contains('.') && !name.contains(' ')).then_some(name)
+}
+
+/// Writes the files that the page shows, and runs its commands, in the order of the page.
+#[test]
+fn the_session_of_own_device_works_as_printed() {
+    let shell = Shell::new(&[]);
+    let (mut files, mut commands) = (0, 0);
+    for (language, text) in blocks(include_str!("../../docs/guide/own-device.md")) {
+        if let Some(name) = file_of(text) {
+            let path = shell.directory().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            // The program names the instance that the commands start.
+            std::fs::write(&path, shell.as_typed(&format!("{text}\n"))).unwrap();
+            files += 1;
+        }
+        let lines = text.lines().filter(|_| language == "console");
+        for command in lines.filter_map(|line| line.strip_prefix("$ ")) {
+            let outcome = shell.run(command);
+            assert_eq!(outcome.code, Some(0), "{command}\n{}{}", outcome.out, outcome.err);
+            if command == "./client" {
+                assert_eq!(outcome.out, "status 0003\n");
+            }
+            commands += 1;
+        }
+    }
+    assert_eq!((files, commands), (8, 11));
+}

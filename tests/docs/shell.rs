@@ -42,6 +42,11 @@ impl Shell {
         output.replace(&self.name, "default")
     }
 
+    /// Returns a text of a page with the private instance in place of the default one.
+    pub(crate) fn as_typed(&self, text: &str) -> String {
+        text.replace("commram.default.", &format!("commram.{}.", self.name))
+    }
+
     /// Runs a command or a script, which ends at its first failure.
     pub(crate) fn run(&self, script: &str) -> Outcome {
         let programs = Path::new(env!("CARGO_BIN_EXE_commram")).parent().unwrap();

@@ -45,7 +45,10 @@ struct Ci {
 impl Template {
     fn extra(self) -> Extra {
         match self {
-            Template::Minimal => Extra { files: &[], ignored: "", commands: &[], ci: Ci::default() },
+            // The files of a device are in `device_files.rs`.
+            Template::Minimal | Template::Device => {
+                Extra { files: &[], ignored: "", commands: &[], ci: Ci::default() }
+            }
             Template::SoftPlcC => Extra {
                 files: &[
                     ("soft_plc.c", include_str!("templates/soft-plc-c/soft_plc.c")),
@@ -152,7 +155,7 @@ impl Project {
 }
 
 /// A word of a shell.
-fn quoted(word: &str) -> String {
+pub(super) fn quoted(word: &str) -> String {
     let plain = |sign: char| sign.is_ascii_alphanumeric() || "/._-".contains(sign);
     if word.chars().all(plain) && !word.starts_with('-') {
         return word.to_owned();

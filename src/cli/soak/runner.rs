@@ -49,7 +49,7 @@ impl RoundRunner {
         let directory = std::env::temp_dir().join(format!("commram-soak-{}", std::process::id()));
         std::fs::create_dir(&directory)
             .map_err(|reason| CliError::File { path: directory.clone(), reason })?;
-        let setting = RunOptions { attach: None, limits, allow_empty: true };
+        let setting = RunOptions { attach: None, device: None, limits, allow_empty: true };
         Ok(Self { exercises, keep: keep.to_owned(), directory, setting, files: AtomicUsize::new(0) })
     }
 

@@ -10,7 +10,7 @@ use crate::runtime;
 use crate::script::{Outcome, Report};
 use crate::time::short;
 use std::io::{self, BufRead, BufReader, Read, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, ExitStatus, Stdio};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::thread::JoinHandle;
@@ -30,6 +30,8 @@ const COMPLAINTS: usize = 4096;
 pub(crate) struct RunOptions {
     /// The instance to run on.
     pub attach: Option<String>,
+    /// Folder of the device that scenarios without a plant get; `None`: they get the built-in plant.
+    pub device: Option<PathBuf>,
     /// Limits of each scenario.
     pub limits: LimitArgs,
     /// True if scenarios without expectations pass.
@@ -83,6 +85,9 @@ impl Scenario {
         command.args(["--max-memory", &max_memory.to_string()]);
         if let Some(instance) = &setting.attach {
             command.args(["--attach", instance]);
+        }
+        if let Some(dir) = &setting.device {
+            command.arg("--device").arg(dir);
         }
         command.arg("--").arg(file).stdout(Stdio::piped()).stderr(Stdio::piped());
         let script = match is_standard(file) {

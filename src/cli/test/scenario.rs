@@ -6,11 +6,13 @@ use super::process::LONGEST_LINE;
 use crate::cli::demo::end_with;
 use crate::cli::error::CliError;
 use crate::cli::output;
-use crate::script::{Bench, Limits, Outcome, Report, STACK, run_file};
+use crate::devices::folder;
+use crate::plant::PlantConfig;
+use crate::script::{Bench, Limits, Outcome, Report, STACK, run_file, run_file_for};
 use rustix::process::{Resource, Rlimit};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// The process of one scenario of `commram test`.
@@ -24,6 +26,9 @@ pub(crate) struct Args {
     /// Run on this running instance
     #[arg(long, value_name = "NAME", value_parser = crate::cli::instance_name)]
     attach: Option<String>,
+    /// Folder of the device that the scenario gets if it names no plant
+    #[arg(long, value_name = "DIR", conflicts_with = "attach")]
+    device: Option<PathBuf>,
     #[command(flatten)]
     limits: LimitArgs,
     /// End when the process with this id ends
@@ -61,12 +66,30 @@ fn play(args: &Args) -> Result<(), CliError> {
         time_us: args.limits.max_time,
         real: Duration::from_micros(args.limits.max_real_time),
     };
-    let bench = args.attach.as_deref().map(|instance| attach(instance, limits)).transpose()?;
-    let report = run_file(&args.file, bench, limits, |line| {
+    let print = |line: &str| {
         // Errors are ignored: this process ends with its parent.
         let _ = send(&Message::Printed(line.into()));
-    });
+    };
+    let report = match &args.device {
+        Some(dir) => {
+            let (name, plant) = plant_of(dir)?;
+            run_file_for(&args.file, (&name, plant), limits, print)
+        }
+        None => {
+            let bench = args.attach.as_deref().map(|instance| attach(instance, limits)).transpose()?;
+            run_file(&args.file, bench, limits, print)
+        }
+    };
     send_report(report)
+}
+
+/// A plant with the device in this folder alone, and its description.
+fn plant_of(dir: &Path) -> Result<(String, PlantConfig), CliError> {
+    let dir = folder::find(Path::new(""), &dir.display().to_string())?;
+    let name = folder::load(&dir)?.registered.layout.name;
+    let kind = toml::Value::from(dir.display().to_string());
+    let text = format!("[[device]]\nname = {}\nkind = {kind}\n", toml::Value::from(name));
+    Ok((format!("the device {}", dir.display()), PlantConfig::parse("the device", &text)?))
 }
 
 /// Sends the report, or a short one if the receiver would refuse its length.

@@ -1,7 +1,10 @@
 //! A device of a folder as the plant file describes it.
 
 use super::Folder;
+use super::card::Card;
+use super::firmware::FolderFirmware;
 use super::handshakes::Handshakes;
+use super::part::Part;
 use crate::devices::{BuildError, Device, DeviceConfig, Plain, Plug};
 use crate::identity::DeviceIndex;
 use crate::layout::DeviceLayout;
@@ -72,7 +75,17 @@ impl DeviceConfig for FolderConfig {
         index: DeviceIndex,
         segment: Segment,
     ) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
-        let firmware = Handshakes::new(&self.folder.rows, segment.clone());
+        let script = self.folder.script.as_ref();
+        let mut card = Card::new(segment.clone(), segment.firmware_header()?, script.is_some());
+        let mut parts: Vec<Box<dyn Part>> = Vec::new();
+        if let Some(script) = script {
+            if script.watches() {
+                card.watch(self.layout());
+            }
+            parts.push(script.firmware(self.layout()));
+        }
+        parts.push(Box::new(Handshakes::new(&self.folder.rows)));
+        let firmware = FolderFirmware::new(parts, card);
         let device = Plain::new(index, &self.name, self.layout(), segment, firmware)?;
         Ok((Box::new(device), Vec::new()))
     }

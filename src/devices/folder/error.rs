@@ -18,6 +18,22 @@ pub enum FolderError {
         /// Description of the error, and of the correct form.
         what: String,
     },
+    /// The script is wrong.
+    #[error("{}:{line}: {what}", path.display())]
+    Script {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// Description of the error, and of the correct form.
+        what: String,
+    },
+    /// The folder has a script, but this library was built without feature `script`.
+    #[error("{}: the device has a firmware.rhai; this library was built without the feature `script`", dir.display())]
+    NoScripts {
+        /// The folder.
+        dir: PathBuf,
+    },
     /// The folder cannot be opened.
     #[error("{}: {reason}; name a folder with a device.toml", dir.display())]
     Missing {

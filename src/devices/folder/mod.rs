@@ -4,14 +4,28 @@
 //! commram: its registers have names, owners, meanings and a layout hash. The author of a folder may be unknown, so its
 //! files are limited in size and must lie in the folder itself.
 
+mod card;
 mod config;
 mod error;
+mod firmware;
 mod handshakes;
+mod part;
+pub mod records;
+pub mod rules;
+#[cfg_attr(not(feature = "script"), path = "absent.rs")]
+mod script;
+mod state_word;
 mod tables;
 
 pub(crate) use config::FolderConfig;
 pub use error::FolderError;
 pub use handshakes::{MOST_MIRRORED, MOST_ROWS, Row as Handshake};
+#[cfg(feature = "cli")]
+pub(crate) use script::DEFINITIONS;
+#[cfg(feature = "script")]
+pub(crate) use script::stack_position;
+
+use script::Script;
 
 use super::{Registered, registry};
 use crate::layout::DeviceLayout;
@@ -30,6 +44,9 @@ pub const LARGEST_IMAGE: u64 = 16 << 20;
 /// Most different folders that a process reads: their tables are never freed.
 pub const MOST_FOLDERS: usize = 64;
 
+/// File with the script of a device.
+const SCRIPT: &str = "firmware.rhai";
+
 /// A device of a folder.
 #[derive(Debug)]
 pub struct Folder {
@@ -37,8 +54,23 @@ pub struct Folder {
     pub registered: Registered,
     /// Its handshakes.
     pub rows: Vec<Handshake>,
+    script: Option<Script>,
     /// Number that differs between folders with different files.
     fingerprint: u64,
+}
+
+impl Folder {
+    /// Names of the hooks of its script; none without a script.
+    #[must_use]
+    pub fn hooks(&self) -> Vec<String> {
+        self.script.as_ref().map(Script::hooks).unwrap_or_default()
+    }
+
+    /// Whether it has a script.
+    #[must_use]
+    pub fn has_script(&self) -> bool {
+        self.script.is_some()
+    }
 }
 
 /// Folders that this process has read, in the order of time. They are never freed.
@@ -61,10 +93,17 @@ pub fn is_path(kind: &str) -> bool {
 /// # Errors
 /// [`FolderError`]: a file is wrong, with its line; the device exceeds a limit; or its name is taken.
 pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
-    let read = commram_layoutc::read_folder(dir)?;
+    let mut read = commram_layoutc::read_folder(dir)?;
     let handshakes = commram_layoutc::read_file_of_folder(dir, handshakes::FILE)?;
-    let of_layout = fingerprint(dir, &read, None);
-    let fingerprint = fingerprint(dir, &read, handshakes.as_deref());
+    let mut script = Script::read(dir)?;
+    if script.is_some() {
+        state_word::add(dir, &mut read.device)?;
+    }
+    // A script adds a word to the front.
+    let of_layout = fingerprint(dir, &read, script.iter().map(|_| (SCRIPT, "")));
+    let others = handshakes.iter().map(|text| (handshakes::FILE, text.as_str()));
+    let of_script = script.iter().flat_map(Script::files).map(|(name, text)| (name.as_str(), text.as_str()));
+    let fingerprint = fingerprint(dir, &read, others.chain(of_script));
     let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(known) = loaded.folders.iter().find(|known| known.fingerprint == fingerprint) {
         return Ok(known);
@@ -86,7 +125,10 @@ pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
         Some(text) => handshakes::read(&dir.join(handshakes::FILE), &text, layout)?,
         None => Vec::new(),
     };
-    let folder = Folder { registered: Registered::new(layout), rows, fingerprint };
+    if let Some(script) = &mut script {
+        script.check(dir, layout)?;
+    }
+    let folder = Folder { registered: Registered::new(layout), rows, script, fingerprint };
     let folder: &'static Folder = Box::leak(Box::new(folder));
     loaded.folders.push(folder);
     Ok(folder)
@@ -136,13 +178,13 @@ pub fn find(base: &Path, path: &str) -> Result<PathBuf, FolderError> {
     }
 }
 
-/// Number over the names and texts of the layout's files, and over the text of the handshakes.
-fn fingerprint(dir: &Path, read: &Layout, handshakes: Option<&str>) -> u64 {
+/// Number over the names and texts of the layout's files, and of other files.
+fn fingerprint<'a>(dir: &Path, read: &'a Layout, others: impl Iterator<Item = (&'a str, &'a str)>) -> u64 {
     let mut all = Vec::new();
     let inputs = read.inputs.iter().map(|(path, text)| {
         (path.strip_prefix(dir).unwrap_or(path).as_os_str().as_encoded_bytes(), text.as_str())
     });
-    let others = handshakes.map(|text| (handshakes::FILE.as_bytes(), text));
+    let others = others.map(|(name, text)| (name.as_bytes(), text));
     for (name, text) in inputs.chain(others) {
         for part in [name, text.as_bytes()] {
             all.extend_from_slice(&(part.len() as u64).to_le_bytes());

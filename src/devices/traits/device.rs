@@ -37,6 +37,12 @@ pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
         false
     }
 
+    /// Whether the device needs its next processor cycle even if no register is written and its front stays unchanged. The
+    /// plant otherwise skips cycles if it advances over several at once.
+    fn needs_each_cycle(&self) -> bool {
+        false
+    }
+
     /// Whether polling the front and the registers and a processor cycle would change nothing now, at any time, for any
     /// origin of the present register contents. When in doubt, returns false.
     fn poll_changes_nothing(&self) -> bool {

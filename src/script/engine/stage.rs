@@ -10,6 +10,8 @@ use std::path::PathBuf;
 pub(crate) struct Stage {
     /// `None` until the first verb.
     bench: Option<Bench>,
+    /// The plant of a script that names none; `None` is the built-in one.
+    unnamed: Option<PlantConfig>,
     /// Whether the bench belongs to a running instance.
     attached: bool,
     /// Directory that file names start from.
@@ -34,6 +36,7 @@ impl Stage {
         let attached = bench.is_some();
         let mut stage = Self {
             attached,
+            unnamed: None,
             bench: None,
             directory,
             limit_us,
@@ -138,11 +141,18 @@ impl Stage {
         bench
     }
 
-    /// The plant; the built-in one if none was named.
+    /// Gives the script this plant, called `name` in reports, unless it names another one.
+    pub(crate) fn set_unnamed(&mut self, name: &str, plant: PlantConfig) {
+        name.clone_into(&mut self.plant_name);
+        self.unnamed = Some(plant);
+    }
+
+    /// The plant; [`Stage::set_unnamed`] or the built-in one if none was named.
     pub(super) fn bench(&mut self) -> Result<&mut Bench, ScenarioError> {
-        let bench = match self.bench.take() {
-            Some(bench) => bench,
-            None => self.limited(Bench::built_in()?),
+        let bench = match (self.bench.take(), &self.unnamed) {
+            (Some(bench), _) => bench,
+            (None, Some(plant)) => self.limited(Bench::new(plant)?),
+            (None, None) => self.limited(Bench::built_in()?),
         };
         Ok(self.bench.insert(bench))
     }

@@ -60,7 +60,7 @@ impl SnapshotFields for Stored {
 }
 
 impl Firmware for Stored {
-    fn stop(&mut self) {
+    fn stop(&mut self, _: &mut Context) {
         self.keep();
     }
 

@@ -124,7 +124,7 @@ impl Firmware for Hardware {
         self.shared.change(|defects| (defects.is_fatal, defects.has_been_erased) = (false, false));
     }
 
-    fn stop(&mut self) {
+    fn stop(&mut self, _: &mut Context) {
         self.retained.keep();
         self.shared.change(|defects| defects.wants_restart = false);
     }

@@ -1,23 +1,23 @@
 //! The firmware that the tables describe.
 
+use super::Row;
 use super::rule::{Change, Rule};
-use super::{Place, Row};
-use crate::devices::{Context, Firmware};
+use crate::devices::Context;
+use crate::devices::folder::card::{Card, Place};
+use crate::devices::folder::part::Part;
 use crate::journal::Handshake;
-use crate::memory::Segment;
 use serde::{Deserialize, Serialize};
 
 /// Firmware of a device in a folder: polls the registers of the tables, and acts at the times in them.
 pub(crate) struct Handshakes {
     rows: &'static [Row],
-    segment: Segment,
     /// One for each row.
     steps: Vec<Step>,
     /// Whether the last poll changed a register, which another row may read.
     has_moved: bool,
 }
 
-crate::snapshot_fields!(Handshakes { values: steps, has_moved; built: rows, segment });
+crate::snapshot_fields!(Handshakes { values: steps, has_moved; built: rows });
 
 /// State of a row.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
@@ -41,38 +41,38 @@ enum Phase {
 }
 
 impl Handshakes {
-    pub(crate) fn new(rows: &'static [Row], segment: Segment) -> Self {
-        Handshakes { rows, segment, steps: vec![Step::default(); rows.len()], has_moved: true }
+    pub(crate) fn new(rows: &'static [Row]) -> Self {
+        Handshakes { rows, steps: vec![Step::default(); rows.len()], has_moved: true }
     }
 
     /// Applies `f` to each row, with its state.
-    fn each(&mut self, mut f: impl FnMut(&Rule, &mut Step, &Segment)) {
+    fn each(&mut self, mut f: impl FnMut(&Rule, &mut Step)) {
         for (row, step) in self.rows.iter().zip(&mut self.steps) {
-            f(&row.rule, step, &self.segment);
+            f(&row.rule, step);
         }
     }
 }
 
-impl Firmware for Handshakes {
-    fn start(&mut self, ctx: &mut Context) {
+impl Part for Handshakes {
+    fn start(&mut self, ctx: &mut Context, card: &mut Card) {
         self.has_moved = true;
-        self.each(|rule, step, segment| {
+        self.each(|rule, step| {
             *step = Step::default();
             match rule {
                 Rule::Ready { after_us, .. } => step.due = Some(ctx.now.saturating_add(*after_us)),
                 Rule::Counter { every_us, .. } => step.due = Some(ctx.now.saturating_add(*every_us)),
-                Rule::Watchdog { at, .. } => step.seen = at.load(segment),
+                Rule::Watchdog { at, .. } => step.seen = card.load(*at),
                 _ => {}
             }
         });
     }
 
-    fn look(&mut self, ctx: &mut Context) {
+    fn look(&mut self, ctx: &mut Context, card: &mut Card) {
         let mut has_moved = false;
-        self.each(|rule, step, segment| {
-            has_moved |= poll(rule, step, segment, ctx);
+        self.each(|rule, step| {
+            has_moved |= poll(rule, step, card, ctx);
             if step.due.is_some_and(|due| due <= ctx.now) {
-                fire(rule, step, segment, ctx);
+                fire(rule, step, card, ctx);
                 has_moved = true;
             }
         });
@@ -87,18 +87,18 @@ impl Firmware for Handshakes {
         self.steps.iter().filter_map(|step| step.due).min().unwrap_or(u64::MAX)
     }
 
-    fn due(&mut self, ctx: &mut Context) {
+    fn due(&mut self, ctx: &mut Context, card: &mut Card) {
         self.has_moved = true;
-        self.each(|rule, step, segment| {
+        self.each(|rule, step| {
             if step.due.is_some_and(|due| due <= ctx.now) {
-                fire(rule, step, segment, ctx);
+                fire(rule, step, card, ctx);
             }
         });
     }
 }
 
 /// Reads what the program wrote. Returns whether a register has changed.
-fn poll(rule: &Rule, step: &mut Step, segment: &Segment, ctx: &mut Context) -> bool {
+fn poll(rule: &Rule, step: &mut Step, card: &mut Card, ctx: &mut Context) -> bool {
     let mut wait = |is_wanted: bool, after_us: u64| {
         // If the program withdraws its request, the time starts again with the next request.
         step.due = is_wanted.then(|| step.due.unwrap_or(ctx.now.saturating_add(after_us)));
@@ -107,25 +107,25 @@ fn poll(rule: &Rule, step: &mut Step, segment: &Segment, ctx: &mut Context) -> b
         Rule::Ready { .. } | Rule::Counter { .. } => {}
         Rule::Answer { .. } if step.phase == Phase::Second => {}
         Rule::Answer { at, request, after_us, .. } => {
-            wait(at.load(segment) == u32::from(*request), *after_us);
+            wait(card.load(*at) == u32::from(*request), *after_us);
         }
         Rule::Toggle { from, to, bits, after_us } => {
-            wait((from.load(segment) ^ to.load(segment)) & bits != 0, *after_us);
+            wait((card.load(*from) ^ card.load(*to)) & bits != 0, *after_us);
         }
         Rule::Watchdog { at, within_us, recovered, .. } => {
-            let value = at.load(segment);
+            let value = card.load(*at);
             if value != step.seen {
                 if step.phase == Phase::Second {
-                    apply(recovered, ctx, segment);
+                    apply(recovered, ctx, card);
                 }
                 let due = Some(ctx.now.saturating_add(*within_us));
                 *step = Step { due, phase: Phase::Running, seen: value };
             }
         }
         Rule::Mirror { pairs } => {
-            let copy = |(from, to): &(Place, Place)| {
-                let value = from.load(segment);
-                let (before, now) = to.update(segment, |_| value);
+            let mut copy = |(from, to): &(Place, Place)| {
+                let value = card.load(*from);
+                let (before, now) = card.update(*to, |_| value);
                 before != now
             };
             return pairs.iter().fold(false, |any, pair| any | copy(pair));
@@ -135,10 +135,10 @@ fn poll(rule: &Rule, step: &mut Step, segment: &Segment, ctx: &mut Context) -> b
 }
 
 /// Acts at the time of a row.
-fn fire(rule: &Rule, step: &mut Step, segment: &Segment, ctx: &mut Context) {
+fn fire(rule: &Rule, step: &mut Step, card: &mut Card, ctx: &mut Context) {
     let due = step.due.take();
     match rule {
-        Rule::Ready { state, .. } => apply(state, ctx, segment),
+        Rule::Ready { state, .. } => apply(state, ctx, card),
         Rule::Answer { at, request, answer, then, state, .. } => {
             let (from, to) = match (step.phase, then) {
                 (Phase::Second, Some((then, _))) => (*answer, *then),
@@ -146,14 +146,14 @@ fn fire(rule: &Rule, step: &mut Step, segment: &Segment, ctx: &mut Context) {
             };
             let is_second = step.phase == Phase::Second;
             step.phase = Phase::Idle;
-            if at.load(segment) != u32::from(from) {
+            if card.load(*at) != u32::from(from) {
                 return;
             }
             // The state first, so that a program that sees the answer finds the new state.
             if !is_second {
-                apply(state, ctx, segment);
+                apply(state, ctx, card);
             }
-            if at.exchange(segment, from.into(), to.into()) {
+            if card.exchange(*at, from.into(), to.into()) {
                 let more_answers_follow = !is_second && then.is_some();
                 let origin = ctx.origin;
                 ctx.report(Handshake {
@@ -170,21 +170,21 @@ fn fire(rule: &Rule, step: &mut Step, segment: &Segment, ctx: &mut Context) {
             }
         }
         Rule::Toggle { from, to, bits, .. } => {
-            let wanted = from.load(segment) & bits;
-            to.show(ctx, segment, |value| (value & !bits) | wanted);
+            let wanted = card.load(*from) & bits;
+            card.show(ctx, *to, |value| (value & !bits) | wanted);
         }
         Rule::Counter { at, every_us } => {
-            at.update(segment, |value| value.wrapping_add(1));
+            card.update(*at, |value| value.wrapping_add(1));
             step.due = due.map(|due| due.saturating_add(*every_us));
         }
         Rule::Watchdog { state, .. } => {
             step.phase = Phase::Second;
-            apply(state, ctx, segment);
+            apply(state, ctx, card);
         }
         Rule::Mirror { .. } => {}
     }
 }
 
-fn apply(changes: &[Change], ctx: &mut Context, segment: &Segment) {
-    changes.iter().for_each(|change| change.apply(ctx, segment));
+fn apply(changes: &[Change], ctx: &mut Context, card: &mut Card) {
+    changes.iter().for_each(|change| change.apply(ctx, card));
 }

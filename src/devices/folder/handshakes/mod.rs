@@ -8,8 +8,9 @@ mod firmware;
 mod rule;
 
 pub(super) use firmware::Handshakes;
-use rule::{Change, Place, Rule};
+use rule::{Change, Rule};
 
+use super::card::Place;
 use super::{FolderError, tables};
 use crate::layout::{DeviceLayout, Owner, Provenance, RegisterRef};
 use crate::time::short;

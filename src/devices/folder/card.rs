@@ -1,0 +1,247 @@
+//! The registers and events of a device in a folder, as its tables and its script access them.
+
+use crate::devices::{Context, Events};
+use crate::journal::Register;
+use crate::layout::place::{is_live, status_of};
+use crate::layout::{Area, DeviceFit, DeviceLayout, Owner, RegisterPhase, RegisterRef, Width};
+use crate::memory::header::InterruptResult;
+use crate::memory::{Cell32, FirmwareHeader, HEADER_SIZE, Segment};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
+use core::mem;
+use std::sync::Arc;
+
+/// Interrupt events of a device with a script (D-803).
+const EVENTS: usize = 16;
+
+/// The place of a register in the image.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    pub(super) offset: u32,
+    pub(super) width: Width,
+    /// The word, if it is one of the front, in the header page.
+    front: Option<FrontCell>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct FrontCell {
+    index: usize,
+    /// Whether programs write it.
+    is_request: bool,
+}
+
+impl Place {
+    pub(super) fn of(register: &RegisterRef) -> Self {
+        let is_front = (register.offset() as usize) < HEADER_SIZE;
+        let is_request = register.register.owner == Owner::Plc;
+        let index = (register.offset_in_structure() / 4) as usize;
+        let front = is_front.then_some(FrontCell { index, is_request });
+        Place { offset: register.offset(), width: register.address().width(), front }
+    }
+
+    /// Its largest value.
+    pub(super) fn mask(self) -> u32 {
+        self.width.max_value()
+    }
+}
+
+/// A register that programs write, with the last known value.
+#[derive(Clone, Debug)]
+struct Watched {
+    register: RegisterRef,
+    place: Place,
+    last: u32,
+}
+
+/// A write of a program: the register, its old and its new value.
+pub(super) type Written = (RegisterRef, u32, u32);
+
+/// Registers and events of the device.
+pub(super) struct Card {
+    segment: Segment,
+    face: Arc<FirmwareHeader>,
+    /// Registers whose changes by programs are reported, by offset; empty if nobody asks for them.
+    watched: Vec<Watched>,
+    events: Events,
+    /// Whether the device has events.
+    has_events: bool,
+    /// Requests of clients seen so far.
+    requests: u32,
+}
+
+impl Card {
+    pub(super) fn new(segment: Segment, face: FirmwareHeader, has_events: bool) -> Self {
+        let face = Arc::new(face);
+        Card { segment, face, watched: Vec::new(), events: Events::default(), has_events, requests: 0 }
+    }
+
+    /// The same registers for a call of the script; [`Card::give_back`] returns what has changed.
+    #[cfg(feature = "script")]
+    pub(super) fn lend(&mut self) -> Card {
+        Card {
+            segment: self.segment.clone(),
+            face: Arc::clone(&self.face),
+            watched: mem::take(&mut self.watched),
+            ..*self
+        }
+    }
+
+    #[cfg(feature = "script")]
+    pub(super) fn give_back(&mut self, lent: Card) {
+        (self.watched, self.events) = (lent.watched, lent.events);
+    }
+
+    fn front_cell(&self, cell: FrontCell) -> Option<&Cell32> {
+        let page = if cell.is_request { self.face.requested() } else { &**self.face };
+        page.front.get(cell.index)
+    }
+
+    /// The present value. The image has all registers of the layout.
+    pub(super) fn load(&self, place: Place) -> u32 {
+        match place.front {
+            Some(cell) => self.front_cell(cell).map_or(0, Cell32::load),
+            None => self.segment.load(place.offset, place.width).unwrap_or(0),
+        }
+    }
+
+    /// Replaces `from` by `to`; returns false if the program has written another value meanwhile.
+    pub(super) fn exchange(&mut self, place: Place, from: u32, to: u32) -> bool {
+        let is_done = match place.front {
+            Some(cell) => self.front_cell(cell).is_some_and(|cell| cell.compare_exchange(from, to).is_ok()),
+            None => {
+                matches!(self.segment.compare_exchange(place.offset, place.width, from, to), Ok(Ok(_)))
+            }
+        };
+        if is_done {
+            self.note(place, to);
+        }
+        is_done
+    }
+
+    /// Replaces the value; returns the old and the new value.
+    pub(super) fn update(&mut self, place: Place, f: impl Fn(u32) -> u32) -> (u32, u32) {
+        let f = |value| f(value) & place.mask();
+        let before = match place.front {
+            Some(cell) => self.front_cell(cell).map_or(0, |cell| {
+                let before = cell.load();
+                cell.store(f(before));
+                before
+            }),
+            None => self.segment.update(place.offset, place.width, f).unwrap_or(0),
+        };
+        self.note(place, f(before));
+        (before, f(before))
+    }
+
+    /// As [`Card::update`], with a record of a change in the journal.
+    pub(super) fn show(&mut self, ctx: &mut Context, place: Place, f: impl Fn(u32) -> u32) {
+        let (from, to) = self.update(place, f);
+        if from != to {
+            let origin = ctx.origin;
+            ctx.report(Register { origin, offset: place.offset, from, to });
+        }
+    }
+
+    /// Takes note of a value that the device itself has written: no program wrote it.
+    fn note(&mut self, place: Place, value: u32) {
+        let first = self.watched.partition_point(|watched| watched.place.offset < place.offset);
+        let same = self.watched.iter_mut().skip(first);
+        same.take_while(|watched| watched.place.offset == place.offset).for_each(|it| it.last = value);
+    }
+
+    /// Compares the registers that programs write from now on.
+    pub(super) fn watch(&mut self, layout: &'static DeviceLayout) {
+        let fitted = DeviceFit::unknown(layout);
+        let registers = layout.areas.iter().flat_map(|area| fitted.used_registers(area));
+        let written = registers.filter(|it| it.register.owner != Owner::Firmware && !it.is_reserved());
+        let watched = |register: RegisterRef| Watched { place: Place::of(&register), register, last: 0 };
+        self.watched = written.map(watched).collect();
+        self.watched.sort_by_key(|watched| watched.place.offset);
+    }
+
+    /// The watched registers have their values after power-on.
+    #[cfg(feature = "script")]
+    pub(super) fn forget_changes(&mut self) {
+        let _ = self.changes();
+    }
+
+    /// What programs have written since the last call, in the order of addresses: only registers of structures that are
+    /// valid now.
+    #[cfg(feature = "script")]
+    pub(super) fn changes(&mut self) -> Vec<Written> {
+        let mut changes = Vec::new();
+        for watched in &mut self.watched {
+            let now = self.segment.load(watched.place.offset, watched.place.width).unwrap_or(watched.last);
+            if now != watched.last {
+                changes.push((watched.register, mem::replace(&mut watched.last, now), now));
+            }
+        }
+        changes.retain(|(register, ..)| is_live(register, self.phase(register.area)));
+        changes
+    }
+
+    /// The phase of an area.
+    #[cfg(feature = "script")]
+    pub(super) fn phase(&self, area: &'static Area) -> RegisterPhase {
+        let status = status_of(area).map(|status| self.load(Place::of(&status)));
+        area.phase(status)
+    }
+
+    /// Power-on: no event is enabled.
+    pub(super) fn start(&mut self) {
+        self.events.disable_all();
+        self.requests = self.face.requested().board_requests.load();
+    }
+
+    /// Answers requests of clients for events.
+    pub(super) fn answer_requests(&mut self, ctx: &mut Context) {
+        let requests = self.face.requested().board_requests.load();
+        if !self.has_events || mem::replace(&mut self.requests, requests) == requests {
+            return;
+        }
+        self.events.answer(ctx, &self.face, |events, event, _, enable| {
+            if event >= EVENTS {
+                return InterruptResult::NoSuchEvent;
+            }
+            let bit = 1 << event;
+            events.enabled = if enable { events.enabled | bit } else { events.enabled & !bit };
+            InterruptResult::Done
+        });
+    }
+
+    /// The events, if the device has any.
+    pub(super) fn events(&mut self) -> Option<&mut Events> {
+        self.has_events.then_some(&mut self.events)
+    }
+
+    /// Interrupt level of an event; all are equal.
+    pub(super) fn event_level(&self, event: usize) -> Option<u8> {
+        (self.has_events && event < EVENTS).then_some(0)
+    }
+
+    /// Raises an event at `now`; returns false if the device has no such event.
+    #[cfg(feature = "script")]
+    pub(super) fn raise(&mut self, event: usize, now: u64) -> bool {
+        if event < EVENTS {
+            self.events.fire(&self.face, event, now);
+        }
+        event < EVENTS
+    }
+}
+
+/// The registers themselves are a part of the plant's snapshot.
+impl SnapshotFields for Card {
+    fn save(&self, to: &mut Saving) {
+        let Self { segment: _, face: _, watched, events, has_events: _, requests } = self;
+        to.value(&watched.iter().map(|watched| watched.last).collect::<Vec<_>>());
+        to.value(requests);
+        events.save(to);
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        let last: Vec<u32> = from.value()?;
+        from.check(last.len() == self.watched.len(), "value of each watched register")?;
+        self.watched.iter_mut().zip(last).for_each(|(watched, last)| watched.last = last);
+        self.requests = from.value()?;
+        self.events.restore(from)
+    }
+}

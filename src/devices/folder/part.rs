@@ -1,0 +1,34 @@
+//! What the firmware of a device in a folder consists of: its script, and its tables of handshakes.
+
+use super::card::Card;
+use crate::devices::Context;
+use crate::memory::header::Start;
+use crate::snapshot_fields::SnapshotFields;
+
+/// A part of the firmware. All parts share the registers.
+pub(super) trait Part: SnapshotFields + Send {
+    /// Power-on: the registers have their reset values.
+    fn start(&mut self, ctx: &mut Context, card: &mut Card);
+
+    /// Power-off.
+    fn stop(&mut self, ctx: &mut Context, card: &mut Card) {
+        let _ = (ctx, card);
+    }
+
+    /// The processor cycle.
+    fn look(&mut self, ctx: &mut Context, card: &mut Card);
+
+    /// Whether the last poll changed nothing, and the next ones will change nothing until a register is written.
+    fn is_quiescent(&self) -> bool;
+
+    /// Time of the next action; `u64::MAX` if there is none.
+    fn next_time(&self) -> u64;
+
+    /// Acts if a time has come.
+    fn due(&mut self, ctx: &mut Context, card: &mut Card);
+
+    /// The board has ordered a start or stop of the program.
+    fn ordered(&mut self, ctx: &mut Context, card: &mut Card, order: Start) {
+        let _ = (ctx, card, order);
+    }
+}

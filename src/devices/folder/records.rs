@@ -1,0 +1,86 @@
+//! Journal records of devices in folders: texts of their scripts. The text is in the octets of the record.
+
+use crate::event_kinds;
+use crate::identity::DeviceIndex;
+use crate::journal::{EventCodec, EventKind, EventText, Fields, Journal, Reader};
+use twox_hash::XxHash3_64;
+
+/// All kinds.
+pub static KINDS: &[&EventKind] = &[Note::KIND, Stopped::KIND];
+
+/// Longest text of a record in bytes.
+pub const LONGEST_NOTE: usize = 200;
+
+event_kinds! {
+    /// A script has written a text.
+    Note = 77, "note", Registers, at plc {
+        /// XXH3 of the text.
+        sum: u64,
+    }
+    /// A script has stopped after an error; the device does nothing until its next power-on.
+    Stopped = 78, "stopped", Rare, at plc {
+        /// XXH3 of the text.
+        sum: u64,
+    }
+}
+
+impl Note {
+    /// Writes `text` into the journal, at most [`LONGEST_NOTE`] bytes of it.
+    pub fn write(journal: &mut Journal, now: u64, plc: DeviceIndex, text: &str) {
+        let (text, sum) = shortened(text);
+        journal.push_octets(now, Note { plc, sum }, Some(text.as_bytes()));
+    }
+}
+
+impl Stopped {
+    /// As [`Note::write`].
+    pub fn write(journal: &mut Journal, now: u64, plc: DeviceIndex, text: &str) {
+        let (text, sum) = shortened(text);
+        journal.push_octets(now, Stopped { plc, sum }, Some(text.as_bytes()));
+    }
+}
+
+/// The beginning of a text up to its limit, and its sum.
+fn shortened(text: &str) -> (&str, u64) {
+    let text = &text[..text.floor_char_boundary(LONGEST_NOTE)];
+    (text, XxHash3_64::oneshot(text.as_bytes()))
+}
+
+/// The text of the record. Journals may come from strangers, so control characters are replaced.
+fn text(reader: &Reader) -> String {
+    let octets = reader.octets().unwrap_or_default();
+    String::from_utf8_lossy(&octets).chars().map(|it| if it.is_control() { ' ' } else { it }).collect()
+}
+
+impl EventText for Note {
+    fn text(&self, reader: &mut Reader) -> String {
+        text(reader)
+    }
+
+    fn fields(&self, reader: &mut Reader) -> Fields {
+        Fields::new().with("text", text(reader))
+    }
+}
+
+impl EventText for Stopped {
+    fn text(&self, reader: &mut Reader) -> String {
+        format!("script stopped: {}", text(reader))
+    }
+
+    fn fields(&self, reader: &mut Reader) -> Fields {
+        Fields::new().with("text", text(reader))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_texts_are_cut_between_characters() {
+        let long = "ä".repeat(150);
+        let (text, sum) = shortened(&long);
+        assert_eq!((text.len(), text.chars().count()), (200, 100));
+        assert_ne!(sum, shortened("ä").1);
+    }
+}

@@ -1,0 +1,102 @@
+//! Steps that a script may take.
+
+use core::cell::Cell;
+use serde::{Deserialize, Serialize};
+
+/// Steps of a script within a millisecond of emulated time (D-801).
+pub(super) const MOST_OPERATIONS: u64 = 200_000;
+/// Steps that a call of a hook costs, so that empty hooks cannot be called without an end either.
+const CALL: u64 = 20;
+/// Stack in bytes that a hook may take, from the call on.
+const MOST_STACK: usize = 1 << 20;
+
+/// Steps taken in the present millisecond. A part of snapshots: the same steps stop a script after a return, too.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Budget {
+    millisecond: u64,
+    used: u64,
+}
+
+impl Budget {
+    /// A call begins at `now`. Returns the steps that it may take.
+    pub(super) fn begin(&mut self, now: u64) -> u64 {
+        let millisecond = now / 1000;
+        if self.millisecond != millisecond {
+            *self = Budget { millisecond, used: 0 };
+        }
+        self.used = self.used.saturating_add(CALL);
+        MOST_OPERATIONS.saturating_sub(self.used)
+    }
+
+    /// The call has taken this number of steps.
+    pub(super) fn end(&mut self, operations: u64) {
+        self.used = self.used.saturating_add(operations);
+    }
+}
+
+/// Steps and stack of a running call.
+#[derive(Debug, Default)]
+pub(super) struct Meter {
+    operations: Cell<u64>,
+    allowed: Cell<u64>,
+    bottom: Cell<usize>,
+}
+
+/// What a call has exceeded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Exceeded {
+    Operations,
+    Stack,
+}
+
+impl Meter {
+    /// A call begins.
+    pub(super) fn begin(&self, allowed: u64) {
+        self.operations.set(0);
+        self.allowed.set(allowed);
+        self.bottom.set(stack_position());
+    }
+
+    /// Steps of the call so far.
+    pub(super) fn operations(&self) -> u64 {
+        self.operations.get()
+    }
+
+    /// Counts a step.
+    pub(super) fn step(&self) -> Option<Exceeded> {
+        self.operations.set(self.operations.get() + 1);
+        if self.operations.get() > self.allowed.get() {
+            return Some(Exceeded::Operations);
+        }
+        (self.bottom.get().abs_diff(stack_position()) > MOST_STACK).then_some(Exceeded::Stack)
+    }
+}
+
+/// An address in the stack of this thread.
+#[inline(never)]
+pub(crate) fn stack_position() -> usize {
+    let here = 0_u8;
+    core::ptr::from_ref(&here).addr()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_count_within_a_millisecond() {
+        let mut budget = Budget::default();
+        let most = MOST_OPERATIONS - CALL;
+        assert_eq!(budget.begin(500), most);
+        budget.end(most);
+        assert_eq!((budget.begin(999), budget.begin(1000)), (0, most));
+    }
+
+    #[test]
+    fn a_call_ends_after_its_steps() {
+        let meter = Meter::default();
+        meter.begin(2);
+        assert_eq!([meter.step(), meter.step(), meter.step()], [None, None, Some(Exceeded::Operations)]);
+        assert_eq!(meter.operations(), 3);
+    }
+}

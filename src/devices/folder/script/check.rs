@@ -1,0 +1,136 @@
+//! Checks of a script before it runs: what its text shows.
+
+use super::budget::{MOST_OPERATIONS, Meter};
+use super::desk::Desk;
+use super::engine::{MISSING, engine};
+use super::mistake::Mistake;
+use super::verbs::OF_REGISTERS;
+use super::{Hooks, MAIN, Script};
+use crate::layout::DeviceLayout;
+use core::cell::RefCell;
+use rhai::{AST, ASTNode, Expr, FnCallExpr, Position, Stmt};
+use std::collections::BTreeSet;
+use std::rc::Rc;
+
+/// Most arguments of a call: they are evaluated before the limits of variables hold.
+const MOST_ARGUMENTS: usize = 16;
+
+/// A line and the error in it.
+type Wrong = (Position, String);
+
+/// Checks all files, and finds the hooks in the main one.
+///
+/// # Errors
+/// [`Mistake`] with file and line.
+pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Hooks, Mistake> {
+    let (desk, meter) = (Rc::new(RefCell::new(Desk::new(layout))), Rc::new(Meter::default()));
+    let engine = engine(&desk, &meter, &script.files);
+    let mut hooks = Hooks::default();
+    for (file, text) in script.files.iter() {
+        let mut ast = engine.compile(text).map_err(|error| Mistake::misread(file, &error))?;
+        ast.set_source(file.as_str());
+        let at = |(position, what): Wrong| Mistake { file: file.clone(), line: position.line(), what };
+        Calls { layout, functions: functions(&ast) }.check(&ast).map_err(at)?;
+        if file == MAIN {
+            hooks = hooks_of(&ast)?;
+        }
+        // Constants and imports; a verb is refused here.
+        meter.begin(MOST_OPERATIONS);
+        engine.run_ast(&ast).map_err(|error| {
+            let mistake = Mistake::ran(&error);
+            // The engine names no file for an error in the statements of the file itself.
+            if mistake.file == MAIN { Mistake { file: file.clone(), ..mistake } } else { mistake }
+        })?;
+    }
+    Ok(hooks)
+}
+
+/// Names of the functions in the file.
+fn functions(ast: &AST) -> BTreeSet<String> {
+    ast.iter_functions().map(|function| function.name.to_owned()).collect()
+}
+
+/// The hooks of the main file.
+fn hooks_of(ast: &AST) -> Result<Hooks, Mistake> {
+    let mut hooks = Hooks::default();
+    for function in ast.iter_functions() {
+        let Some(flag) = hooks.flag(function.name) else { continue };
+        let known = Hooks::ALL.iter().find(|(name, _)| *name == function.name);
+        let parameters = known.map_or(&[][..], |(_, parameters)| parameters);
+        if function.params.len() != parameters.len() {
+            let (name, right) = (function.name, parameters.join(", "));
+            return Err(Mistake::new(format!("the hook {name} is a function {name}({right})")));
+        }
+        *flag = true;
+    }
+    Ok(hooks)
+}
+
+/// Checks of the calls in a file.
+struct Calls {
+    layout: &'static DeviceLayout,
+    functions: BTreeSet<String>,
+}
+
+impl Calls {
+    fn check(&self, ast: &AST) -> Result<(), Wrong> {
+        let mut wrong = Ok(());
+        ast.walk(&mut |path: &[ASTNode<'_>]| {
+            let found = match path.last() {
+                Some(ASTNode::Expr(Expr::FnCall(call, at)) | ASTNode::Stmt(Stmt::FnCall(call, at))) => {
+                    self.call(call, *at)
+                }
+                Some(ASTNode::Expr(Expr::MethodCall(call, at))) => any_call(call, *at),
+                _ => Ok(()),
+            };
+            wrong = found;
+            wrong.is_ok()
+        });
+        wrong
+    }
+
+    /// Checks a call: names of registers and functions that it has as texts.
+    fn call(&self, call: &FnCallExpr, at: Position) -> Result<(), Wrong> {
+        any_call(call, at)?;
+        let name = call.name.as_str();
+        if self.functions.contains(name) {
+            return Ok(());
+        }
+        if let (Some((_, is_single)), Some(register)) =
+            (OF_REGISTERS.iter().find(|(verb, _)| *verb == name), text(call, 0))
+        {
+            let found = match is_single {
+                true => self.layout.register(register).map(drop),
+                false => self.layout.registers(register).map(drop),
+            };
+            return found.map_err(|error| (at, error.to_string()));
+        }
+        if ["after", "at"].contains(&name)
+            && let Some(function) = text(call, 1)
+            && !self.functions.contains(function)
+        {
+            return Err((at, format!("there is no function `{function}` to call later")));
+        }
+        Ok(())
+    }
+}
+
+/// Checks what holds for calls of functions and methods.
+fn any_call(call: &FnCallExpr, at: Position) -> Result<(), Wrong> {
+    if MISSING.contains(&call.name.as_str()) {
+        return Err((at, format!("scripts of devices have no `{}`", call.name)));
+    }
+    if call.args.len() > MOST_ARGUMENTS {
+        let count = call.args.len();
+        return Err((at, format!("a call with {count} arguments; it has at most {MOST_ARGUMENTS}")));
+    }
+    Ok(())
+}
+
+/// The argument, if it is a text.
+fn text(call: &FnCallExpr, argument: usize) -> Option<&str> {
+    match call.args.get(argument)? {
+        Expr::StringConstant(text, _) => Some(text),
+        _ => None,
+    }
+}

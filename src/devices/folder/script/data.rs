@@ -1,0 +1,224 @@
+//! Values of a script between two calls: data that snapshots can keep.
+//!
+//! A value is a list of items, each container before its contents, so that reading it back from a stranger's snapshot takes
+//! no more memory than its bytes, and no more stack than its permitted depth.
+
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
+use core::slice::Iter;
+use rhai::{Array, Blob, Dynamic, INT, Map};
+use serde::{Deserialize, Serialize};
+
+/// Most items of a value, counting each key and each element.
+const MOST_ITEMS: usize = 4096;
+/// Most bytes of texts and bytes in a value.
+const MOST_BYTES: usize = 64 << 10;
+/// Deepest nesting of arrays and maps in a value.
+const DEEPEST: usize = 16;
+
+/// A number, a text, or what follows in the list.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+enum Item {
+    Nothing,
+    Bool(bool),
+    Int(i64),
+    /// Bits of a number with decimals.
+    Float(u64),
+    Char(char),
+    Text(String),
+    Bytes(Vec<u8>),
+    /// As many values follow.
+    Array(u32),
+    /// As many pairs of a text and a value follow.
+    Map(u32),
+}
+
+/// A value as data.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Data(Vec<Item>);
+
+impl Data {
+    /// An empty map.
+    pub(super) fn empty_map() -> Self {
+        Data(vec![Item::Map(0)])
+    }
+
+    /// An empty array.
+    pub(super) fn empty_array() -> Self {
+        Data(vec![Item::Array(0)])
+    }
+
+    /// Converts a value of the engine.
+    ///
+    /// # Errors
+    /// It is too large, nested too deep, or has contents that are no data.
+    pub(super) fn of(value: &Dynamic) -> Result<Self, String> {
+        let mut data = Data(Vec::new());
+        let mut bytes = 0;
+        data.push(value, 0, &mut bytes)?;
+        Ok(data)
+    }
+
+    fn push(&mut self, value: &Dynamic, depth: usize, bytes: &mut usize) -> Result<(), String> {
+        if self.0.len() >= MOST_ITEMS {
+            return Err(format!("this value has more than {MOST_ITEMS} elements"));
+        }
+        if depth > DEEPEST {
+            return Err(format!("this value is nested more than {DEEPEST} deep"));
+        }
+        if let Some(array) = value.read_lock::<Array>() {
+            self.0.push(Item::Array(array.len() as u32));
+            return array.iter().try_for_each(|value| self.push(value, depth + 1, bytes));
+        }
+        if let Some(map) = value.read_lock::<Map>() {
+            self.0.push(Item::Map(map.len() as u32));
+            return map.iter().try_for_each(|(key, value)| {
+                self.push_item(Item::Text(key.to_string()), bytes)?;
+                self.push(value, depth + 1, bytes)
+            });
+        }
+        self.push_item(item(value)?, bytes)
+    }
+
+    fn push_item(&mut self, item: Item, bytes: &mut usize) -> Result<(), String> {
+        *bytes += match &item {
+            Item::Text(text) => text.len(),
+            Item::Bytes(all) => all.len(),
+            _ => 0,
+        };
+        if *bytes > MOST_BYTES {
+            return Err(format!("this value has more than {MOST_BYTES} bytes of texts"));
+        }
+        self.0.push(item);
+        Ok(())
+    }
+
+    /// The value for the engine.
+    pub(super) fn value(&self) -> Dynamic {
+        read(&mut self.0.iter(), 0).unwrap_or(Dynamic::UNIT)
+    }
+
+    /// The values of an array; one value if it is none.
+    pub(super) fn values(&self) -> Vec<Dynamic> {
+        let value = self.value();
+        value.clone().try_cast::<Array>().unwrap_or_else(|| vec![value])
+    }
+
+    /// Whether the items are exactly one value within the limits.
+    fn is_whole(&self) -> bool {
+        let mut items = self.0.iter();
+        self.0.len() <= 2 * MOST_ITEMS && read(&mut items, 0).is_some() && items.next().is_none()
+    }
+}
+
+/// A value without contents.
+fn item(value: &Dynamic) -> Result<Item, String> {
+    if value.is_unit() {
+        return Ok(Item::Nothing);
+    }
+    let number = value.as_bool().map(Item::Bool).or_else(|_| value.as_int().map(Item::Int));
+    let number = number.or_else(|_| value.as_float().map(|float| Item::Float(float.to_bits())));
+    if let Ok(item) = number.or_else(|_| value.as_char().map(Item::Char)) {
+        return Ok(item);
+    }
+    if let Some(bytes) = value.read_lock::<Blob>() {
+        return Ok(Item::Bytes(bytes.to_vec()));
+    }
+    match value.as_immutable_string_ref() {
+        Ok(text) => Ok(Item::Text(text.to_string())),
+        Err(other) => Err(format!(
+            "a snapshot cannot keep a value of type {other}; keep numbers, texts, arrays and maps"
+        )),
+    }
+}
+
+/// The next value; `None` if there is none within the limits.
+fn read(items: &mut Iter<'_, Item>, depth: usize) -> Option<Dynamic> {
+    if depth > DEEPEST {
+        return None;
+    }
+    Some(match items.next()? {
+        Item::Nothing => Dynamic::UNIT,
+        Item::Bool(value) => (*value).into(),
+        Item::Int(value) => Dynamic::from_int(INT::from(*value)),
+        Item::Float(bits) => f64::from_bits(*bits).into(),
+        Item::Char(value) => (*value).into(),
+        Item::Text(text) => text.as_str().into(),
+        Item::Bytes(bytes) => Dynamic::from_blob(bytes.clone()),
+        Item::Array(count) => {
+            let mut array = Array::new();
+            for _ in 0..*count {
+                array.push(read(items, depth + 1)?);
+            }
+            array.into()
+        }
+        Item::Map(count) => {
+            let mut map = Map::new();
+            for _ in 0..*count {
+                let Item::Text(key) = items.next()? else { return None };
+                let key = key.as_str().into();
+                map.insert(key, read(items, depth + 1)?);
+            }
+            map.into()
+        }
+    })
+}
+
+impl SnapshotFields for Data {
+    fn save(&self, to: &mut Saving) {
+        to.value(&self.0);
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        *self = Data(from.value()?);
+        from.check(self.is_whole(), "value of a script")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn nested(depth: usize) -> Dynamic {
+        (0..depth).fold(Dynamic::UNIT, |inner, _| vec![inner].into())
+    }
+
+    #[test]
+    fn values_come_back_as_they_were() {
+        let map = Map::from([
+            ("text".into(), "ä".into()),
+            ("numbers".into(), vec![Dynamic::from_int(-1), 0.5.into(), 'x'.into(), true.into()].into()),
+            ("bytes".into(), Dynamic::from_blob(vec![1, 2])),
+            ("none".into(), Dynamic::UNIT),
+        ]);
+        let data = Data::of(&map.into()).unwrap();
+        let mut saving = Saving::default();
+        data.save(&mut saving);
+        let mut back = Data::empty_map();
+        back.restore(&mut Saved::new(saving.bytes())).unwrap();
+        assert_eq!((&back, Data::of(&back.value()).unwrap()), (&data, data.clone()));
+    }
+
+    #[test]
+    fn values_have_limits() {
+        assert!(Data::of(&nested(DEEPEST)).is_ok());
+        assert!(Data::of(&nested(DEEPEST + 1)).unwrap_err().contains("16 deep"));
+        let large: Array = vec![Dynamic::UNIT; MOST_ITEMS + 1];
+        assert!(Data::of(&large.into()).unwrap_err().contains("4096 elements"));
+        let long: Array = vec!["x".repeat(MOST_BYTES / 2 + 1).into(); 2];
+        assert!(Data::of(&long.into()).unwrap_err().contains("65536 bytes"));
+    }
+
+    /// Items of a stranger's snapshot end early, are too many, or are nested without an end.
+    #[test]
+    fn wrong_items_are_refused() {
+        let deep = vec![Item::Array(1); 100_000];
+        for items in
+            [vec![], vec![Item::Array(1)], vec![Item::Map(1), Item::Int(1)], vec![Item::Int(1); 2], deep]
+        {
+            let mut saving = Saving::default();
+            saving.value(&items);
+            let restored = Data::empty_map().restore(&mut Saved::new(saving.bytes()));
+            assert!(restored.is_err(), "{} items", items.len());
+        }
+    }
+}

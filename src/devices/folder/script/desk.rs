@@ -1,0 +1,152 @@
+//! What the verbs of a script act on while one of its functions runs.
+
+use super::engine::LARGEST_ARRAY;
+use super::timers::Timers;
+use crate::devices::Context;
+use crate::devices::folder::card::{Card, Place};
+use crate::devices::folder::records::Note;
+use crate::devices::folder::rules;
+use crate::journal::{Finding, Handshake, Origin, Register};
+use crate::layout::{DeviceLayout, RegisterRef};
+use std::collections::HashMap;
+use std::rc::Rc;
+
+/// Most registers, each once for every name that covers it, that a thread remembers for a script. Other names are looked up
+/// each time.
+const MOST_REMEMBERED: usize = 16 << 10;
+
+/// A register with its place in the image.
+#[derive(Clone, Copy)]
+pub(super) struct Found {
+    pub(super) register: RegisterRef,
+    pub(super) place: Place,
+}
+
+/// The device during a call.
+pub(super) struct Acting {
+    /// Emulated time in microseconds.
+    pub(super) now: u64,
+    pub(super) origin: Origin,
+    pub(super) card: Card,
+    pub(super) timers: Timers,
+    /// For the journal, in the order of time.
+    pub(super) reports: Vec<Report>,
+}
+
+/// An entry for the journal.
+pub(super) enum Report {
+    Note(String),
+    Changed(Register),
+    Answered(Handshake),
+    Violated(Finding),
+}
+
+impl Report {
+    /// Writes it into the journal.
+    pub(super) fn write(self, ctx: &mut Context) {
+        match self {
+            Report::Note(text) => Note::write(ctx.journal, ctx.now, ctx.origin.plc, &text),
+            Report::Changed(event) => ctx.report(event),
+            Report::Answered(event) => ctx.report(event),
+            Report::Violated(finding) => ctx.journal.find(ctx.now, finding),
+        }
+    }
+}
+
+impl Acting {
+    /// Writes a register of the device.
+    pub(super) fn write(&mut self, found: Found, is_recorded: bool, f: impl Fn(u32) -> u32) {
+        let (from, to) = self.card.update(found.place, f);
+        if is_recorded && from != to {
+            let (origin, offset) = (self.origin, found.place.offset);
+            self.reports.push(Report::Changed(Register { origin, offset, from, to }));
+        }
+    }
+
+    /// Replaces `request` by `answer`; returns false if the register has another value.
+    pub(super) fn exchange(&mut self, found: Found, request: u32, answer: u32) -> bool {
+        if !self.card.exchange(found.place, request, answer) {
+            return false;
+        }
+        let (origin, offset) = (self.origin, found.place.offset);
+        self.reports.push(match (u16::try_from(request), u16::try_from(answer)) {
+            (Ok(request), Ok(answer)) => {
+                Report::Answered(Handshake { origin, offset, request, answer, more_answers_follow: false })
+            }
+            _ => Report::Changed(Register { origin, offset, from: request, to: answer }),
+        });
+        true
+    }
+
+    /// A program has broken a rule of the device.
+    pub(super) fn violation(&mut self, found: Found, text: String) {
+        self.reports.push(Report::Note(text));
+        let (plc, offset, live) = (self.origin.plc, found.place.offset, found.register.placed.live);
+        let value = self.card.load(found.place);
+        let rule = &rules::OWN_RULE;
+        self.reports.push(Report::Violated(Finding { rule, plc, offset, live, value, late_us: 0 }));
+    }
+}
+
+/// The verbs' access to the device, if a function runs.
+pub(super) struct Desk {
+    layout: &'static DeviceLayout,
+    names: HashMap<String, Rc<[Found]>>,
+    /// Sum of the registers in `names`.
+    remembered: usize,
+    pub(super) acting: Option<Acting>,
+}
+
+impl Desk {
+    pub(super) fn new(layout: &'static DeviceLayout) -> Self {
+        Desk { layout, names: HashMap::new(), remembered: 0, acting: None }
+    }
+
+    /// The device.
+    ///
+    /// # Errors
+    /// No hook runs.
+    pub(super) fn device(&mut self) -> Result<&mut Acting, String> {
+        let refused =
+            "a verb works in a function only; outside of functions a script has constants and imports";
+        self.acting.as_mut().ok_or_else(|| refused.to_owned())
+    }
+
+    /// The register of this name.
+    ///
+    /// # Errors
+    /// There is none, or there are several.
+    pub(super) fn register(&mut self, name: &str) -> Result<Found, String> {
+        match *self.registers(name)? {
+            [found] => Ok(found),
+            ref several => Err(format!(
+                "`{name}` is {} registers; name one of them, or use read_all or output_all",
+                several.len()
+            )),
+        }
+    }
+
+    /// All registers of this name: one register, an array, or a pattern.
+    ///
+    /// # Errors
+    /// There is none, or there are too many.
+    pub(super) fn registers(&mut self, name: &str) -> Result<Rc<[Found]>, String> {
+        if let Some(known) = self.names.get(name) {
+            return Ok(Rc::clone(known));
+        }
+        let registers = self.layout.registers(name).map_err(|error| error.to_string())?;
+        if registers.len() > LARGEST_ARRAY {
+            return Err(format!(
+                "`{name}` is {} registers; a verb takes at most {LARGEST_ARRAY}",
+                registers.len()
+            ));
+        }
+        let found = |register: RegisterRef| Found { place: Place::of(&register), register };
+        let found: Rc<[Found]> = registers.into_iter().map(found).collect();
+        if self.remembered + found.len() <= MOST_REMEMBERED {
+            self.remembered += found.len();
+            self.names.insert(name.to_owned(), Rc::clone(&found));
+        }
+        Ok(found)
+    }
+}

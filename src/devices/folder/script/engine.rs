@@ -1,0 +1,56 @@
+//! The engine of a script, with its limits.
+//!
+//! The limits bound the memory of a running script to some tens of megabytes: calls times variables times the largest value.
+//! A language element is missing if its values have no limit: functions as values (closures, `curry`) can contain each
+//! other, and nothing counts them.
+
+use super::Files;
+use super::budget::Meter;
+use super::desk::Desk;
+use super::imports::Imports;
+use super::verbs;
+use core::cell::RefCell;
+use rhai::{Dynamic, Engine};
+use std::rc::Rc;
+
+/// Deepest nesting of function calls.
+const MOST_CALLS: usize = 16;
+/// Deepest nesting of expressions.
+const DEEPEST_EXPRESSION: usize = 32;
+/// Longest text in bytes.
+const LONGEST_TEXT: usize = 4096;
+/// Most elements of an array with all arrays in it.
+pub(super) const LARGEST_ARRAY: usize = 2048;
+/// Most entries of a map with all maps in it.
+const LARGEST_MAP: usize = 512;
+/// Most variables of a function.
+const MOST_VARIABLES: usize = 64;
+/// Most functions in a file.
+const MOST_FUNCTIONS: usize = 512;
+
+/// Names that a script cannot use: they evaluate texts, make functions, or wait in real time.
+pub(super) const MISSING: [&str; 8] =
+    ["eval", "Fn", "call", "curry", "is_shared", "sleep", "parse_json", "timestamp"];
+
+/// An engine whose verbs act on the desk, and whose steps the meter counts.
+pub(super) fn engine(desk: &Rc<RefCell<Desk>>, meter: &Rc<Meter>, files: &Files) -> Engine {
+    let mut engine = Engine::new();
+    engine.set_max_call_levels(MOST_CALLS);
+    engine.set_max_expr_depths(DEEPEST_EXPRESSION, DEEPEST_EXPRESSION);
+    engine.set_max_string_size(LONGEST_TEXT);
+    engine.set_max_array_size(LARGEST_ARRAY);
+    engine.set_max_map_size(LARGEST_MAP);
+    engine.set_max_variables(MOST_VARIABLES);
+    engine.set_max_functions(MOST_FUNCTIONS);
+    engine.set_max_modules(super::MOST_FILES);
+    engine.set_allow_anonymous_fn(false);
+    engine.set_fail_on_invalid_map_property(true);
+    for name in MISSING {
+        engine.disable_symbol(name);
+    }
+    engine.set_module_resolver(Imports::new(files));
+    let meter = Rc::clone(meter);
+    engine.on_progress(move |_| meter.step().map(Dynamic::from));
+    verbs::register(&mut engine, desk);
+    engine
+}

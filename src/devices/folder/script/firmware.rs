@@ -1,0 +1,164 @@
+//! The firmware that a script describes.
+
+use super::Script;
+use super::budget::Budget;
+use super::data::Data;
+use super::desk::Acting;
+use super::mistake::Mistake;
+use super::program::{Outcome, Program};
+use super::timers::Timers;
+use crate::devices::Context;
+use crate::devices::folder::card::{Card, Place};
+use crate::devices::folder::part::Part;
+use crate::devices::folder::records::Stopped;
+use crate::devices::folder::state_word;
+use crate::layout::DeviceLayout;
+use crate::memory::header::Start;
+use core::mem;
+use rhai::{Dynamic, INT};
+
+/// Calls the functions of a script when they are due.
+pub(super) struct ScriptFirmware {
+    script: &'static Script,
+    layout: &'static DeviceLayout,
+    /// `this`, a map.
+    state: Data,
+    timers: Timers,
+    budget: Budget,
+    /// Whether an error has stopped the script until the next power-on.
+    is_stopped: bool,
+    /// Whether a function has run since the last poll: it may have written registers that other parts read.
+    has_moved: bool,
+}
+
+crate::snapshot_fields!(ScriptFirmware {
+    values: budget, is_stopped, has_moved;
+    parts: state, timers;
+    built: script, layout
+});
+
+impl ScriptFirmware {
+    pub(super) fn new(script: &'static Script, layout: &'static DeviceLayout) -> Self {
+        ScriptFirmware {
+            script,
+            layout,
+            state: Data::empty_map(),
+            timers: Timers::default(),
+            budget: Budget::default(),
+            is_stopped: false,
+            has_moved: true,
+        }
+    }
+
+    /// Calls a function of the script.
+    fn call(&mut self, ctx: &mut Context, card: &mut Card, function: &str, arguments: Vec<Dynamic>) {
+        if self.is_stopped {
+            return;
+        }
+        self.has_moved = true;
+        let program = match Program::of(self.script, self.layout) {
+            Ok(program) => program,
+            Err(mistake) => return self.halt(ctx, card, &mistake),
+        };
+        let acting = Acting {
+            now: ctx.now,
+            origin: ctx.origin,
+            card: card.lend(),
+            timers: mem::take(&mut self.timers),
+            reports: Vec::new(),
+        };
+        let allowed = self.budget.begin(ctx.now);
+        let Outcome { state, acting, operations } =
+            program.call(acting, allowed, &self.state, function, arguments);
+        self.budget.end(operations);
+        if let Some(acting) = acting {
+            card.give_back(acting.card);
+            self.timers = acting.timers;
+            acting.reports.into_iter().for_each(|report| report.write(ctx));
+        }
+        match state {
+            Ok(state) => self.state = state,
+            Err(mistake) => self.halt(ctx, card, &mistake),
+        }
+    }
+
+    /// The script stops after an error. The emulator and the other devices continue.
+    fn halt(&mut self, ctx: &mut Context, card: &mut Card, mistake: &Mistake) {
+        self.is_stopped = true;
+        self.timers.clear();
+        Stopped::write(ctx.journal, ctx.now, ctx.origin.plc, &mistake.to_string());
+        self.show_state(card);
+    }
+
+    /// Shows in the front whether the script runs.
+    fn show_state(&self, card: &mut Card) {
+        if let Ok(word) = self.layout.register(state_word::NAME) {
+            card.update(Place::of(&word), |_| self.is_stopped.into());
+        }
+    }
+
+    /// Calls the functions whose time has come.
+    fn run_timers(&mut self, ctx: &mut Context, card: &mut Card) {
+        while let Some(timer) = self.timers.take(ctx.now) {
+            self.call(ctx, card, &timer.function, timer.arguments.values());
+        }
+    }
+}
+
+impl Part for ScriptFirmware {
+    fn start(&mut self, ctx: &mut Context, card: &mut Card) {
+        self.state = Data::empty_map();
+        self.timers = Timers::default();
+        self.is_stopped = false;
+        self.has_moved = true;
+        card.forget_changes();
+        self.show_state(card);
+        if self.script.hooks.power_on {
+            self.call(ctx, card, "power_on", Vec::new());
+        }
+    }
+
+    fn stop(&mut self, ctx: &mut Context, card: &mut Card) {
+        if self.script.hooks.power_off {
+            self.call(ctx, card, "power_off", Vec::new());
+        }
+        self.timers.clear();
+    }
+
+    fn look(&mut self, ctx: &mut Context, card: &mut Card) {
+        self.has_moved = false;
+        if self.is_stopped {
+            return;
+        }
+        if self.script.hooks.written {
+            for (register, old, new) in card.changes() {
+                let number = |value| Dynamic::from_int(INT::from(register.ty().number(value)));
+                let arguments = vec![register.name().into(), number(old), number(new)];
+                self.call(ctx, card, "written", arguments);
+            }
+        }
+        self.run_timers(ctx, card);
+        if self.script.hooks.poll {
+            self.call(ctx, card, "poll", Vec::new());
+        }
+    }
+
+    fn is_quiescent(&self) -> bool {
+        self.is_stopped || !self.has_moved && !self.script.hooks.poll
+    }
+
+    fn next_time(&self) -> u64 {
+        self.timers.next()
+    }
+
+    fn due(&mut self, ctx: &mut Context, card: &mut Card) {
+        self.run_timers(ctx, card);
+    }
+
+    fn ordered(&mut self, ctx: &mut Context, card: &mut Card, order: Start) {
+        if self.script.hooks.board {
+            let order = format!("{order:?}").to_lowercase();
+            self.call(ctx, card, "board", vec![order.into()]);
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! An error in a script: its place and its description.
+
+use super::budget::{Exceeded, MOST_OPERATIONS};
+use core::fmt;
+use rhai::{EvalAltResult, ParseError};
+
+/// Longest description in bytes.
+const LONGEST: usize = 160;
+
+/// Why a script is refused or has stopped.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Mistake {
+    /// Name of the file in the folder.
+    pub(super) file: String,
+    /// The line, from 1, if it is known.
+    pub(super) line: Option<usize>,
+    /// Description of the error.
+    pub(super) what: String,
+}
+
+impl fmt::Display for Mistake {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.line {
+            Some(line) => write!(f, "{}:{line}: {}", self.file, self.what),
+            None => write!(f, "{}: {}", self.file, self.what),
+        }
+    }
+}
+
+impl Mistake {
+    /// An error in no particular line.
+    pub(super) fn new(what: impl Into<String>) -> Self {
+        Mistake { file: super::MAIN.to_owned(), line: None, what: what.into() }
+    }
+
+    /// A text that is no script.
+    pub(super) fn misread(file: &str, error: &ParseError) -> Self {
+        Mistake {
+            file: file.to_owned(),
+            line: error.position().line(),
+            what: shortened(error.err_type().to_string()),
+        }
+    }
+
+    /// An error while a script ran: the innermost line.
+    pub(super) fn ran(error: &EvalAltResult) -> Self {
+        let (mut file, mut line) = (super::MAIN.to_owned(), error.position().line());
+        let mut at = error;
+        while let EvalAltResult::ErrorInFunctionCall(_, source, inner, _)
+        | EvalAltResult::ErrorInModule(source, inner, _) = at
+        {
+            if !source.is_empty() {
+                file.clone_from(source);
+            }
+            line = inner.position().line().or(line);
+            at = inner;
+        }
+        Mistake { file, line, what: shortened(description(at)) }
+    }
+}
+
+/// The error without its position.
+fn description(error: &EvalAltResult) -> String {
+    match error {
+        EvalAltResult::ErrorTerminated(reason, _) => match reason.clone().try_cast::<Exceeded>() {
+            Some(Exceeded::Stack) => "calls are nested too deep here".to_owned(),
+            _ => format!("the script does not end: it takes more than {} steps", MOST_OPERATIONS),
+        },
+        EvalAltResult::ErrorRuntime(thrown, _) => thrown.to_string(),
+        EvalAltResult::ErrorFunctionNotFound(signature, _) => {
+            let name = signature.split(" (").next().unwrap_or(signature);
+            let near = crate::layout::did_you_mean(name, super::verbs::NAMES.iter().copied());
+            format!("there is no function {signature}{near}")
+        }
+        EvalAltResult::ErrorStackOverflow(_) => "calls are nested too deep here".to_owned(),
+        EvalAltResult::ErrorModuleNotFound(name, _) => {
+            format!("the folder has no script `{name}` to import; it lies beside {}", super::MAIN)
+        }
+        EvalAltResult::ErrorParsing(reason, _) => reason.to_string(),
+        other => {
+            let mut text = other.to_string();
+            if let Some(end) = text.rfind(" (line ") {
+                text.truncate(end);
+            }
+            text
+        }
+    }
+}
+
+/// Texts of a script may be of any length.
+fn shortened(mut text: String) -> String {
+    if text.len() > LONGEST {
+        text.truncate(text.floor_char_boundary(LONGEST - 3));
+        text.push_str("...");
+    }
+    text.replace(|letter: char| letter.is_control(), " ")
+}

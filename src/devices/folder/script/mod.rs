@@ -1,0 +1,174 @@
+//! `firmware.rhai`: firmware of a device in a folder as a script.
+//!
+//! The script has functions with fixed names, its hooks, which the device calls when they are due. A hook works on a map,
+//! `this`, which snapshots keep. The author of a script may be unknown: it sees no clock, no file and no other device, and
+//! its steps, its memory and its nesting are bounded.
+//!
+//! The engine of scripts belongs to one thread, and a plant may move to another. So each thread compiles a script once
+//! ([`program`]), and the device itself keeps only data.
+
+mod budget;
+mod check;
+mod data;
+mod desk;
+mod engine;
+mod firmware;
+mod imports;
+mod mistake;
+mod program;
+mod timers;
+mod verbs;
+
+pub(crate) use budget::stack_position;
+
+use super::FolderError;
+use super::part::Part;
+use crate::layout::DeviceLayout;
+use firmware::ScriptFirmware;
+use mistake::Mistake;
+use std::path::Path;
+use std::sync::Arc;
+use twox_hash::XxHash3_64;
+
+/// File whose functions are the hooks.
+const MAIN: &str = super::SCRIPT;
+/// File of a folder that is no part of the firmware.
+const EXERCISE: &str = "exercise.rhai";
+/// Most files that a script consists of.
+const MOST_FILES: usize = 16;
+/// Most bytes of text in all files of a script.
+const LONGEST_SCRIPT: usize = 256 << 10;
+
+/// Name and text of each file of a script, the main file first.
+type Files = Arc<[(String, String)]>;
+
+/// Definitions of the verbs for editors that know Rhai.
+pub(crate) const DEFINITIONS: &str = include_str!("firmware.d.rhai");
+
+/// The script of a folder: all its files, and the hooks that it has.
+#[derive(Debug)]
+pub(super) struct Script {
+    files: Files,
+    /// Number over all texts, by which threads find their compiled script.
+    id: u64,
+    hooks: Hooks,
+}
+
+/// Hooks that a script has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Hooks {
+    power_on: bool,
+    power_off: bool,
+    poll: bool,
+    written: bool,
+    board: bool,
+}
+
+impl Hooks {
+    /// Names of the hooks, each with its parameters.
+    const ALL: [(&'static str, &'static [&'static str]); 5] = [
+        ("power_on", &[]),
+        ("power_off", &[]),
+        ("poll", &[]),
+        ("written", &["register", "old", "value"]),
+        ("board", &["order"]),
+    ];
+
+    fn flag(&mut self, name: &str) -> Option<&mut bool> {
+        match name {
+            "power_on" => Some(&mut self.power_on),
+            "power_off" => Some(&mut self.power_off),
+            "poll" => Some(&mut self.poll),
+            "written" => Some(&mut self.written),
+            "board" => Some(&mut self.board),
+            _ => None,
+        }
+    }
+}
+
+impl Script {
+    /// Reads the script in `dir`: `firmware.rhai` and the other scripts beside it. `None` if there is none.
+    ///
+    /// # Errors
+    /// A file is a link, too long, no text, or there are too many of them.
+    pub(super) fn read(dir: &Path) -> Result<Option<Self>, FolderError> {
+        let Some(main) = commram_layoutc::read_file_of_folder(dir, MAIN)? else { return Ok(None) };
+        let mut files = vec![(MAIN.to_owned(), main)];
+        for name in other_names(dir)? {
+            if let Some(text) = commram_layoutc::read_file_of_folder(dir, &name)? {
+                files.push((name, text));
+            }
+        }
+        let too_much = |what, count: usize, most: usize| {
+            Err(FolderError::TooMuch { dir: dir.to_owned(), what, count: count as u64, most: most as u64 })
+        };
+        if files.len() > MOST_FILES {
+            return too_much("files of its script", files.len(), MOST_FILES);
+        }
+        let bytes = files.iter().map(|(_, text)| text.len()).sum();
+        if bytes > LONGEST_SCRIPT {
+            return too_much("bytes of its script", bytes, LONGEST_SCRIPT);
+        }
+        let all: Vec<u8> =
+            files.iter().flat_map(|(name, text)| [name, "\0", text, "\0"]).flat_map(str::bytes).collect();
+        Ok(Some(Script { id: XxHash3_64::oneshot(&all), files: files.into(), hooks: Hooks::default() }))
+    }
+
+    /// Name and text of each file.
+    pub(super) fn files(&self) -> &[(String, String)] {
+        &self.files
+    }
+
+    /// Compiles the script for this layout, and finds its hooks.
+    ///
+    /// # Errors
+    /// [`FolderError::Script`] with file and line.
+    pub(super) fn check(&mut self, dir: &Path, layout: &'static DeviceLayout) -> Result<(), FolderError> {
+        self.hooks = check::check(self, layout).map_err(|mistake| {
+            let Mistake { file, line, what } = mistake;
+            FolderError::Script { path: dir.join(file), line: line.unwrap_or(1), what }
+        })?;
+        Ok(())
+    }
+
+    /// Names of the hooks that it has.
+    pub(super) fn hooks(&self) -> Vec<String> {
+        let mut hooks = self.hooks;
+        let has = |(name, _): &(&str, _)| hooks.flag(name).is_some_and(|flag| *flag);
+        Hooks::ALL.into_iter().filter(has).map(|(name, _)| name.to_owned()).collect()
+    }
+
+    /// Whether it wants to know what programs write.
+    pub(super) fn watches(&self) -> bool {
+        self.hooks.written
+    }
+
+    /// The firmware of a device with this layout.
+    pub(super) fn firmware(&'static self, layout: &'static DeviceLayout) -> Box<dyn Part> {
+        Box::new(ScriptFirmware::new(self, layout))
+    }
+}
+
+/// Scripts beside the main one, in the order of their names.
+fn other_names(dir: &Path) -> Result<Vec<String>, FolderError> {
+    let missing = |reason| FolderError::Missing { dir: dir.to_owned(), reason };
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(dir).map_err(missing)? {
+        let name = entry.map_err(missing)?.file_name();
+        match name.to_str() {
+            // The directory `.rhai` has definitions for editors.
+            Some(name)
+                if name.ends_with(".rhai") && !name.starts_with('.') && name != MAIN && name != EXERCISE =>
+            {
+                names.push(name.to_owned());
+            }
+            _ => {}
+        }
+        // The caller refuses more files.
+        if names.len() > MOST_FILES {
+            break;
+        }
+    }
+    names.sort();
+    Ok(names)
+}

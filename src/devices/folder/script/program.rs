@@ -1,0 +1,114 @@
+//! A compiled script of this thread.
+
+use super::budget::Meter;
+use super::data::Data;
+use super::desk::{Acting, Desk};
+use super::engine::engine;
+use super::mistake::Mistake;
+use super::{Files, Script};
+use crate::layout::DeviceLayout;
+use core::cell::RefCell;
+use rhai::{AST, CallFnOptions, Dynamic, Engine, Scope};
+use std::rc::Rc;
+
+thread_local! {
+    /// The scripts that this thread has compiled, by their numbers and layouts. A process has few different ones.
+    static COMPILED: RefCell<Vec<(u64, *const DeviceLayout, Rc<Program>)>> = const { RefCell::new(Vec::new()) };
+}
+
+/// A compiled script with its engine.
+pub(super) struct Program {
+    engine: Engine,
+    ast: AST,
+    /// Text of the main file.
+    text: String,
+    /// Whether it has constants or imports outside of functions.
+    has_statements: bool,
+    desk: Rc<RefCell<Desk>>,
+    meter: Rc<Meter>,
+}
+
+/// What a call has left.
+pub(super) struct Outcome {
+    /// `this` after the call.
+    pub(super) state: Result<Data, Mistake>,
+    /// The device; `None` cannot happen.
+    pub(super) acting: Option<Acting>,
+    /// Steps taken.
+    pub(super) operations: u64,
+}
+
+impl Program {
+    /// The script of this thread.
+    ///
+    /// # Errors
+    /// It is no script.
+    pub(super) fn of(script: &'static Script, layout: &'static DeviceLayout) -> Result<Rc<Self>, Mistake> {
+        let key = (script.id, core::ptr::from_ref(layout));
+        let known = COMPILED.with_borrow(|all| {
+            all.iter().find(|(id, layout, _)| (*id, *layout) == key).map(|(.., program)| Rc::clone(program))
+        });
+        if let Some(known) = known {
+            return Ok(known);
+        }
+        let program = Rc::new(Program::compile(&script.files, layout)?);
+        COMPILED.with_borrow_mut(|all| all.push((key.0, key.1, Rc::clone(&program))));
+        Ok(program)
+    }
+
+    /// Compiles the files.
+    ///
+    /// # Errors
+    /// The main file is no script.
+    fn compile(files: &Files, layout: &'static DeviceLayout) -> Result<Self, Mistake> {
+        let desk = Rc::new(RefCell::new(Desk::new(layout)));
+        let meter = Rc::new(Meter::default());
+        let engine = engine(&desk, &meter, files);
+        let text = files.first().map_or("", |(_, text)| text);
+        let ast = engine.compile(text).map_err(|error| Mistake::misread(super::MAIN, &error))?;
+        let has_statements = !ast.statements().is_empty();
+        Ok(Program { engine, ast, text: text.to_owned(), has_statements, desk, meter })
+    }
+
+    /// Calls a function with `state` as `this`.
+    pub(super) fn call(
+        &self,
+        acting: Acting,
+        allowed: u64,
+        state: &Data,
+        function: &str,
+        arguments: Vec<Dynamic>,
+    ) -> Outcome {
+        let mut this = state.value();
+        self.desk.borrow_mut().acting = Some(acting);
+        self.meter.begin(allowed);
+        let options = CallFnOptions::new().eval_ast(self.has_statements).bind_this_ptr(&mut this);
+        let mut scope = Scope::new();
+        let result =
+            self.engine.call_fn_with_options::<Dynamic>(options, &mut scope, &self.ast, function, arguments);
+        let acting = self.desk.borrow_mut().acting.take();
+        let state = match result {
+            Ok(_) => Data::of(&this).map_err(|what| {
+                self.placed(Mistake::new(format!("`this` after {function}: {what}")), function)
+            }),
+            Err(error) => Err(self.placed(Mistake::ran(&error), function)),
+        };
+        Outcome { state, acting, operations: self.meter.operations() }
+    }
+
+    /// The error with a line: that of the function if the engine does not know it, as in an empty loop.
+    fn placed(&self, mistake: Mistake, function: &str) -> Mistake {
+        if mistake.line.is_some() || mistake.file != super::MAIN {
+            return mistake;
+        }
+        let head = |line: &str| {
+            let name = line
+                .trim_start()
+                .strip_prefix("fn ")
+                .and_then(|rest| rest.trim_start().strip_prefix(function));
+            name.is_some_and(|rest| rest.trim_start().starts_with('('))
+        };
+        let line = self.text.lines().position(head).map(|index| index + 1);
+        Mistake { line, ..mistake }
+    }
+}

@@ -1,0 +1,356 @@
+//! The functions that a script may call to act on its device.
+
+use super::data::Data;
+use super::desk::{Acting, Desk, Found, Report};
+use crate::devices::folder::records::LONGEST_NOTE;
+use crate::layout::value;
+use crate::layout::{Owner, RegType};
+use crate::time;
+use core::cell::RefCell;
+use rhai::{Array, Dynamic, Engine, EvalAltResult, FnPtr, INT, ImmutableString, RhaiNativeFunc};
+use std::rc::Rc;
+
+type Fallible<T> = Result<T, Box<EvalAltResult>>;
+
+/// Names of the verbs, for suggestions.
+pub(super) const NAMES: [&str; 15] = [
+    "after",
+    "at",
+    "cancel",
+    "clear_bits",
+    "event",
+    "exchange",
+    "journal",
+    "now",
+    "output",
+    "output_all",
+    "read",
+    "read_all",
+    "set_bits",
+    "violation",
+    "write",
+];
+
+/// Verbs whose first argument is the name of one register, and of registers.
+pub(super) const OF_REGISTERS: [(&str, bool); 9] = [
+    ("clear_bits", true),
+    ("exchange", true),
+    ("output", true),
+    ("output_all", false),
+    ("read", true),
+    ("read_all", false),
+    ("set_bits", true),
+    ("violation", true),
+    ("write", true),
+];
+
+/// Registers all verbs, which act on what lies on the desk.
+pub(super) fn register(engine: &mut Engine, desk: &Rc<RefCell<Desk>>) {
+    let mut verbs = Verbs { engine, desk: Hands(Rc::clone(desk)) };
+    verbs.registers();
+    verbs.bits_and_answers();
+    verbs.times();
+    verbs.reports();
+}
+
+/// The desk as each verb has it.
+#[derive(Clone)]
+struct Hands(Rc<RefCell<Desk>>);
+
+impl Hands {
+    fn with<T>(&self, act: impl FnOnce(&mut Desk) -> Result<T, String>) -> Fallible<T> {
+        let mut desk = self.0.try_borrow_mut().map_err(|_| "a verb cannot be used inside another one")?;
+        Ok(act(&mut desk)?)
+    }
+
+    fn device<T>(&self, act: impl FnOnce(&mut Acting) -> Result<T, String>) -> Fallible<T> {
+        self.with(|desk| act(desk.device()?))
+    }
+
+    /// Changes a register of the device by `f`.
+    fn change(
+        &self,
+        name: &str,
+        is_recorded: bool,
+        f: impl FnOnce(Found) -> Result<Change, String>,
+    ) -> Fallible<()> {
+        self.with(|desk| {
+            let found = own(desk.register(name)?)?;
+            let Change { clear, set } = f(found)?;
+            desk.device()?.write(found, is_recorded, |before| before & !clear | set);
+            Ok(())
+        })
+    }
+}
+
+/// Bits of a register to clear, then bits to set.
+struct Change {
+    clear: u32,
+    set: u32,
+}
+
+struct Verbs<'a> {
+    engine: &'a mut Engine,
+    desk: Hands,
+}
+
+impl Verbs<'_> {
+    /// Registers a verb, made from the desk.
+    fn on<A: 'static, const N: usize, const X: bool, R: Clone + 'static, const F: bool, V>(
+        &mut self,
+        name: &'static str,
+        verb: impl FnOnce(Hands) -> V,
+    ) where
+        V: RhaiNativeFunc<A, N, X, R, F> + 'static,
+    {
+        self.engine.register_fn(name, verb(self.desk.clone()));
+    }
+
+    fn registers(&mut self) {
+        self.on("read", |desk| {
+            move |name: &str| {
+                desk.with(|desk| {
+                    let found = desk.register(name)?;
+                    Ok(number(found, desk.device()?))
+                })
+            }
+        });
+        self.on("read_all", |desk| {
+            move |name: &str| {
+                desk.with(|desk| {
+                    let all = desk.registers(name)?;
+                    let device = desk.device()?;
+                    Ok(all.iter().map(|found| number(*found, device).into()).collect::<Array>())
+                })
+            }
+        });
+        self.on("write", |desk| {
+            move |name: &str, new: Dynamic| desk.change(name, true, |found| whole(found, &new))
+        });
+        self.on("output", |desk| {
+            move |name: &str, new: Dynamic| desk.change(name, false, |found| whole(found, &new))
+        });
+        self.on("output_all", |desk| {
+            move |name: &str, new: Array| {
+                desk.with(|desk| {
+                    let all = desk.registers(name)?;
+                    if all.len() != new.len() {
+                        return Err(format!(
+                            "`{name}` is {} registers, here are {} values",
+                            all.len(),
+                            new.len()
+                        ));
+                    }
+                    for (found, new) in all.iter().zip(&new) {
+                        let (found, value) = (own(*found)?, bits(*found, new)?);
+                        desk.device()?.write(found, false, |_| value);
+                    }
+                    Ok(())
+                })
+            }
+        });
+    }
+
+    fn bits_and_answers(&mut self) {
+        self.on("set_bits", |desk| {
+            move |name: &str, mask: Dynamic| {
+                desk.change(name, true, |found| Ok(Change { clear: 0, set: bits(found, &mask)? }))
+            }
+        });
+        self.on("clear_bits", |desk| {
+            move |name: &str, mask: Dynamic| {
+                desk.change(name, true, |found| Ok(Change { clear: bits(found, &mask)?, set: 0 }))
+            }
+        });
+        self.on("exchange", |desk| {
+            move |name: &str, request: Dynamic, answer: Dynamic| {
+                desk.with(|desk| {
+                    let found = own(desk.register(name)?)?;
+                    let (request, answer) = (bits(found, &request)?, bits(found, &answer)?);
+                    Ok(desk.device()?.exchange(found, request, answer))
+                })
+            }
+        });
+    }
+
+    fn times(&mut self) {
+        self.on("now", |desk| move || desk.device(|device| Ok(int(device.now))));
+        self.on("after", |desk| {
+            move |time: Dynamic, function: Dynamic| order(&desk, &time, true, &function, &Array::new())
+        });
+        self.on("after", |desk| {
+            move |time: Dynamic, function: Dynamic, arguments: Array| {
+                order(&desk, &time, true, &function, &arguments)
+            }
+        });
+        self.on("at", |desk| {
+            move |time: Dynamic, function: Dynamic| order(&desk, &time, false, &function, &Array::new())
+        });
+        self.on("at", |desk| {
+            move |time: Dynamic, function: Dynamic, arguments: Array| {
+                order(&desk, &time, false, &function, &arguments)
+            }
+        });
+        self.on("cancel", |desk| {
+            move |number: INT| {
+                desk.device(|device| {
+                    Ok(u64::try_from(number).is_ok_and(|number| device.timers.cancel(number)))
+                })
+            }
+        });
+    }
+
+    fn reports(&mut self) {
+        self.on("journal", |desk| move |text: &str| note(&desk, text));
+        self.on("violation", |desk| {
+            move |name: &str, text: &str| {
+                desk.with(|desk| {
+                    let found = desk.register(name)?;
+                    desk.device()?.violation(found, noted(text));
+                    Ok(())
+                })
+            }
+        });
+        self.on("event", |desk| {
+            move |event: INT| {
+                desk.device(|device| {
+                    let is_one =
+                        usize::try_from(event).is_ok_and(|event| device.card.raise(event, device.now));
+                    is_one
+                        .then_some(())
+                        .ok_or_else(|| format!("a device has the events 0 to 15, not {event}"))
+                })
+            }
+        });
+        // The engine's own functions would print to the terminal.
+        let desk = self.desk.clone();
+        self.engine.on_print(move |text| drop(note(&desk, text)));
+        let desk = self.desk.clone();
+        self.engine.on_debug(move |text, _, _| drop(note(&desk, text)));
+    }
+}
+
+/// Puts a text into the journal.
+fn note(desk: &Hands, text: &str) -> Fallible<()> {
+    desk.device(|device| {
+        device.reports.push(Report::Note(noted(text)));
+        Ok(())
+    })
+}
+
+/// The beginning of a text, as far as the journal keeps it.
+fn noted(text: &str) -> String {
+    text[..text.floor_char_boundary(LONGEST_NOTE)].to_owned()
+}
+
+/// Refuses a register that only the program writes.
+fn own(found: Found) -> Result<Found, String> {
+    match found.register.register.owner {
+        Owner::Plc => Err(format!(
+            "only the program writes {}; the device changes registers of \"firmware\" or \"both\"",
+            found.register
+        )),
+        _ => Ok(found),
+    }
+}
+
+/// The register's value as a number of its type.
+fn number(found: Found, device: &Acting) -> INT {
+    found.register.ty().number(device.card.load(found.place))
+}
+
+/// Replaces all bits by the value.
+fn whole(found: Found, new: &Dynamic) -> Result<Change, String> {
+    Ok(Change { clear: u32::MAX, set: bits(found, new)? })
+}
+
+/// The bits of a value in a register: a number of its type or its pattern, a bool, or a text as on the command line.
+fn bits(found: Found, new: &Dynamic) -> Result<u32, String> {
+    let ty: RegType = found.register.ty();
+    let pattern = |number: INT| u32::try_from(number).ok().filter(|bits| *bits <= ty.mask());
+    if let Ok(number) = new.as_int() {
+        if ty.number(number as u32) == number {
+            return Ok(number as u32 & ty.mask());
+        }
+        let refused = || format!("{number} (16#{number:X}) does not fit {} of type {ty}", found.register);
+        return pattern(number).ok_or_else(refused);
+    }
+    if let Ok(is_set) = new.as_bool() {
+        return Ok(is_set.into());
+    }
+    let Ok(text) = new.as_immutable_string_ref() else {
+        return Err(format!("the value of {} is a number or a text", found.register));
+    };
+    let named = |error| value::named(&text, found.register.register.meaning, error);
+    value::parse(&text, ty).or_else(named).map_err(|error| format!("{}: {error}", found.register))
+}
+
+/// Orders a function for later.
+fn order(
+    desk: &Hands,
+    time: &Dynamic,
+    is_after: bool,
+    function: &Dynamic,
+    arguments: &Array,
+) -> Fallible<INT> {
+    let us = span(time)?;
+    let function = called(function)?;
+    let arguments = Data::of(&arguments.clone().into())?;
+    desk.device(|device| {
+        let due = if is_after { device.now.saturating_add(us) } else { us.max(device.now) };
+        device.timers.add(due, function, arguments).map(int)
+    })
+}
+
+/// A time in microseconds.
+fn span(time: &Dynamic) -> Result<u64, String> {
+    if let Ok(us) = time.as_int() {
+        return u64::try_from(us).map_err(|_| format!("{us} us is no time; a time is at least 0"));
+    }
+    let Ok(text) = time.as_immutable_string_ref() else {
+        return Err("a time is a text such as \"1ms\", or a number of microseconds".to_owned());
+    };
+    time::parse(&text).map_err(|reason| format!("`{}` is no time: {reason}", &*text))
+}
+
+/// Name of the function to call later.
+fn called(function: &Dynamic) -> Result<String, String> {
+    let name = match function.read_lock::<FnPtr>() {
+        Some(pointer) => pointer.fn_name().to_owned(),
+        None => match function.as_immutable_string_ref() {
+            Ok(name) => ImmutableString::clone(&name).to_string(),
+            Err(_) => {
+                return Err("name a function of the script, as in after(\"1ms\", \"answer\", [5])".to_owned());
+            }
+        },
+    };
+    let is_name =
+        name.len() <= 63 && name.chars().all(|letter| letter == '_' || letter.is_ascii_alphanumeric());
+    if is_name { Ok(name) } else { Err(format!("`{}` is no name of a function", noted(&name))) }
+}
+
+fn int(number: u64) -> INT {
+    INT::try_from(number).unwrap_or(INT::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn the_definitions_are_exactly_the_verbs() {
+        let defined = super::super::DEFINITIONS.lines().filter_map(|line| line.strip_prefix("fn "));
+        let defined: BTreeSet<_> = defined.filter_map(|line| line.split('(').next()).collect();
+        assert_eq!(defined, NAMES.into_iter().collect());
+        assert!(OF_REGISTERS.iter().all(|(name, _)| NAMES.contains(name)));
+        let page = include_str!("../../../../docs/reference/device-folders.md");
+        let rows = page.lines().filter_map(|line| line.strip_prefix("| `"));
+        let named: BTreeSet<_> = rows.filter_map(|row| row.split('(').next()).collect();
+        let missing: Vec<_> = NAMES
+            .iter()
+            .filter(|name| !named.contains(*name) && !page.contains(&format!("`{name}(")))
+            .collect();
+        assert!(missing.is_empty(), "{missing:?}");
+    }
+}

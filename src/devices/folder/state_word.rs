@@ -1,0 +1,68 @@
+//! The word in the front of a device with a script that shows whether the script runs (D-801).
+
+use super::FolderError;
+use commram_layoutc::model::{Device, FrontWord, Meaning, Owner, Provenance, Scalar, Value};
+use std::path::Path;
+
+/// Name of the word as a register.
+#[cfg(feature = "script")]
+pub(super) const NAME: &str = "front.script";
+
+/// Bytes of the front in the header page.
+const FRONT_BYTES: u32 = 256;
+
+fn decision() -> Provenance {
+    Provenance::Inferred("D-801".to_owned())
+}
+
+/// Adds the word after the words of the device itself.
+///
+/// # Errors
+/// The front has a word of this name, or is full.
+pub(super) fn add(dir: &Path, device: &mut Device) -> Result<(), FolderError> {
+    let offset = device.front.last().map_or(0, |word| word.offset + 4);
+    let what = if device.front.iter().any(|word| word.name == "script") {
+        "the front has a word `script`, which shows the state of firmware.rhai"
+    } else if offset >= FRONT_BYTES {
+        "the front has no room for the word `script`, which shows the state of firmware.rhai"
+    } else {
+        device.front.push(word(offset, device.meanings.len()));
+        device.meanings.push(meaning());
+        return Ok(());
+    };
+    Err(FolderError::Script { path: dir.join("device.toml"), line: 1, what: what.to_owned() })
+}
+
+fn word(offset: u32, meaning: usize) -> FrontWord {
+    FrontWord {
+        name: "script".to_owned(),
+        scalar: Scalar::Dword,
+        offset,
+        owner: Owner::Firmware,
+        meaning: Some(meaning),
+        is_text: false,
+        source: decision(),
+        page: String::new(),
+        doc: "Whether the script of the device runs".to_owned(),
+    }
+}
+
+fn meaning() -> Meaning {
+    let value = |number, text: &str| Value {
+        id: None,
+        first: number,
+        last: number,
+        text: text.to_owned(),
+        reserved: false,
+        source: decision(),
+    };
+    Meaning {
+        name: "script".to_owned(),
+        pages: Vec::new(),
+        shared: false,
+        scalar: None,
+        handshake: None,
+        values: vec![value(0, "running"), value(1, "stopped")],
+        bits: Vec::new(),
+    }
+}

@@ -1,0 +1,308 @@
+//! Devices in folders with a script: hooks, limits, snapshots.
+
+use commram::devices::folder;
+use commram::script::{Bench, Limits, Outcome, run_file};
+use std::fs;
+use std::path::Path;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+const EXAMPLES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/devices");
+
+const STRUCTURE: &str = "\
+name = 'CARD'
+name_from = 'manual'
+size = 32
+page = '1'
+doc = 'Registers'
+offsets = 'manual'
+names = 'manual'
+types = 'manual'
+owners = 'manual'
+resets = 'manual'
+register = [
+  { offset = 0, name = 'w_COMMAND', type = 'WORD', owner = 'both', doc = 'Command' },
+  { offset = 2, name = 'w_DATA', type = 'WORD', owner = 'plc', doc = 'Data' },
+  { offset = 4, name = 'i_VALUE', type = 'INT', owner = 'firmware', doc = 'Value' },
+  { offset = 6, name = 'w_COUNT', type = 'WORD', owner = 'firmware', doc = 'Count' },
+  { offset = 8, name = 'a_IN', type = 'WORD', array = [8], owner = 'plc', doc = 'In' },
+  { offset = 24, name = 'a_OUT', type = 'WORD', array = [4], owner = 'firmware', doc = 'Out' },
+]
+";
+
+/// A folder with a made-up card and this script.
+struct Card(tempfile::TempDir);
+
+impl Card {
+    fn new(script: &str) -> Self {
+        // A process knows a device by the hash of its layout.
+        static NUMBER: AtomicU32 = AtomicU32::new(0);
+        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+        let card = Card(tempfile::tempdir().unwrap());
+        let device = format!(
+            "name = 'card{number}'\ntitle = 'Card'\nmanual = 'card-1.0'\nnames = 'manual'\nstructures = ['CARD']\n\
+             reserved = {{ owner = 'firmware', source = 'manual' }}\n\
+             space = [{{ name = 'card', letter = 'M', segment = 3, unit = 'byte', first = 0, offset = 4096, page = '1', doc = 'memory' }}]\n\
+             area = [{{ name = 'card', first = 0, page = '1', doc = 'Card', structure = [{{ name = 'CARD', live = 'always' }}] }}]\n"
+        );
+        card.write("device.toml", &device);
+        card.write("CARD.toml", STRUCTURE);
+        card.write("firmware.rhai", script);
+        card
+    }
+
+    fn dir(&self) -> &Path {
+        self.0.path()
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        fs::write(self.dir().join(name), text).unwrap();
+    }
+
+    fn bench(&self) -> Bench {
+        Bench::plant(&format!("[[device]]\nname = 'card'\nkind = '{}'\n", self.dir().display())).unwrap()
+    }
+
+    fn refused(&self) -> String {
+        folder::load(self.dir()).unwrap_err().to_string()
+    }
+}
+
+/// The lines of the journal, each with its kind.
+fn journal(bench: &mut Bench) -> Vec<String> {
+    let lines = bench.last_entries(1000).unwrap();
+    lines.iter().map(|line| format!("{} {}: {}", line.time_us, line.kind, line.text.trim())).collect()
+}
+
+/// Runs a script for some time. Returns the line of the journal about its stop.
+fn stop_of(script: &str) -> String {
+    let card = Card::new(script);
+    let mut bench = card.bench();
+    bench.poke("card.w_DATA", 1).unwrap();
+    bench.step("20ms").unwrap();
+    assert_eq!(bench.peek("front.script").unwrap(), 1, "{script}");
+    // The emulator continues, and the next power-on starts the script again.
+    bench.poke("card.w_DATA", 0).unwrap();
+    bench.step("1s").unwrap();
+    let lines = journal(&mut bench);
+    let stops: Vec<_> = lines.into_iter().filter(|line| line.contains(" stopped: ")).collect();
+    assert_eq!(stops.len(), 1, "{script}: {stops:?}");
+    stops[0].clone()
+}
+
+#[test]
+fn the_examples_pass_their_scenarios() {
+    for example in ["mailbox", "encoder"] {
+        let dir = Path::new(EXAMPLES).join(example);
+        let plant = format!("[[device]]\nname = '{example}'\nkind = '{}'\n", dir.display());
+        let bench = Bench::plant(&plant).unwrap();
+        let scenario = dir.join("tests").join(example).with_extension("rhai");
+        let report = run_file(&scenario, Some(bench), Limits::default(), |_| {});
+        assert!(matches!(report.outcome, Outcome::Passed), "{:?}", report.outcome);
+        let lines: usize = ["device.toml", "firmware.rhai", "handshakes.toml"]
+            .iter()
+            .filter_map(|name| fs::read_to_string(dir.join(name)).ok())
+            .map(|text| text.lines().count())
+            .sum();
+        assert!(lines <= 120, "{example}: {lines}");
+    }
+}
+
+#[test]
+fn hooks_are_called_when_they_are_due() {
+    let card = Card::new(
+        "import \"helper\" as helper;
+const LIMIT = 3;
+fn power_on() { this.polls = 0; after(\"2ms\", \"later\", [7]); at(\"5ms\", \"later\", [9]); }
+fn poll() { if this.polls < global::LIMIT { this.polls += 1; output(\"card.w_COUNT\", this.polls); } }
+fn written(register, old, value) {
+    journal(`${register} ${old} ${value}`);
+    if register == \"card.w_COMMAND\" && !exchange(register, 5, helper::answer()) { journal(\"too late\"); }
+}
+fn later(number) { write(\"card.i_VALUE\", -number); this.last = cancel(after(1, \"later\", [0])); }
+fn power_off() { journal(\"off\"); }
+",
+    );
+    card.write("helper.rhai", "fn answer() { 4 }");
+    assert_eq!(folder::load(card.dir()).unwrap().hooks(), ["power_on", "power_off", "poll", "written"]);
+    let mut bench = card.bench();
+    bench.step("1ms").unwrap();
+    bench.poke("card.w_COMMAND", 5).unwrap();
+    bench.poke("card.a_IN[3]", 0xFFFF).unwrap();
+    bench.step("9ms").unwrap();
+    assert_eq!(bench.peek("card.w_COMMAND").unwrap(), 4);
+    assert_eq!((bench.peek("card.w_COUNT").unwrap(), bench.peek("card.i_VALUE").unwrap()), (3, -9));
+    bench.power_cycle("").unwrap();
+    let lines = journal(&mut bench);
+    for line in [
+        " handshake: ",
+        "1500 note: 0.001500 s  card        card.w_COMMAND 0 5",
+        "card.a_IN[3] 0 65535",
+        "2000 register: ",
+        "5000 register: ",
+        "10000 note: 0.010000 s  card        off",
+    ] {
+        assert!(lines.iter().any(|it| it.contains(line)), "{line}: {lines:#?}");
+    }
+    assert!(!lines.iter().any(|line| line.contains("4 ->") || line.contains("too late")), "{lines:#?}");
+}
+
+/// A snapshot has the state of the script, its timers and the values that programs have written.
+#[test]
+fn going_back_restores_the_middle_of_everything() {
+    let card = Card::new(
+        "fn power_on() { this.log = []; this.map = #{ a: 1.5, b: \"text\" }; }
+fn written(register, old, value) { this.log.push(value); after(\"1ms\", \"answer\", [value]); after(\"1ms\", \"count\"); }
+fn answer(value) { write(\"card.i_VALUE\", value + this.log.len()); }
+fn count() { write(\"card.w_COUNT\", read(\"card.w_COUNT\") + 1); }
+",
+    );
+    let mut bench = card.bench();
+    bench.poke("card.w_DATA", 100).unwrap();
+    bench.step("600us").unwrap();
+    let middle = bench.save().unwrap();
+    let mut ends = Vec::new();
+    for _ in 0..3 {
+        bench.step("300us").unwrap();
+        bench.poke("card.w_DATA", 200).unwrap();
+        bench.step("5ms").unwrap();
+        ends.push((
+            bench.peek("card.i_VALUE").unwrap(),
+            bench.peek("card.w_COUNT").unwrap(),
+            bench.journal_hash(),
+        ));
+        bench.back_to(middle).unwrap();
+        assert_eq!(bench.peek("card.w_COUNT").unwrap(), 0);
+    }
+    assert_eq!((ends[0].0, ends[0].1), (202, 2));
+    assert!(ends.iter().all(|end| end == &ends[0]), "{ends:?}");
+}
+
+/// A stop is a part of the state, too.
+#[test]
+fn a_stop_is_visible_until_the_next_power_on() {
+    let card = Card::new(
+        "fn written(register, old, value) {\n    if value == 2 { throw \"broken\"; }\n    write(\"card.w_COUNT\", value);\n}\n",
+    );
+    let mut bench = card.bench();
+    bench.poke("card.w_DATA", 1).unwrap();
+    bench.step("1ms").unwrap();
+    let before = bench.save().unwrap();
+    bench.poke("card.w_DATA", 2).unwrap();
+    bench.step("1ms").unwrap();
+    assert!(bench.describe("front.script").unwrap().contains("stopped"));
+    let stopped = bench.save().unwrap();
+    let lines = journal(&mut bench);
+    assert!(lines.iter().any(|line| line.ends_with("script stopped: firmware.rhai:2: broken")), "{lines:#?}");
+    bench.back_to(before).unwrap();
+    bench.poke("card.w_DATA", 3).unwrap();
+    bench.step("1ms").unwrap();
+    assert_eq!((bench.peek("front.script").unwrap(), bench.peek("card.w_COUNT").unwrap()), (0, 3));
+    bench.back_to(stopped).unwrap();
+    bench.poke("card.w_DATA", 4).unwrap();
+    bench.step("1ms").unwrap();
+    assert_eq!((bench.peek("front.script").unwrap(), bench.peek("card.w_COUNT").unwrap()), (1, 1));
+    bench.power_cycle("").unwrap();
+    bench.poke("card.w_DATA", 5).unwrap();
+    bench.step("1ms").unwrap();
+    assert_eq!((bench.peek("front.script").unwrap(), bench.peek("card.w_COUNT").unwrap()), (0, 5));
+}
+
+/// Scripts without an end, and scripts that want all memory or the whole stack: each stops in its line.
+#[test]
+fn a_hostile_script_stops_and_the_emulator_continues() {
+    for (script, place, what) in [
+        ("fn poll() { loop {} }", ":1:", "does not end"),
+        ("fn poll() {\n poll(); }", ":", "nested too deep"),
+        ("fn power_on() { after(0, \"again\"); }\nfn again() { after(0, \"again\"); }", ":", "does not end"),
+        ("fn poll() { let s = \"x\"; loop { s += s; } }", ":1:", "Length of string"),
+        ("fn poll() { let s = []; s.pad(4000, 0); }", ":1:", "Size of array"),
+        ("fn poll() { let s = [0]; loop { s += s; } }", ":1:", "Size of array"),
+        ("fn poll() { let s = [0]; loop { s.push(s); } }", ":1:", "Size of array"),
+        ("fn poll() { let s = [0]; loop { s = [s]; } }", ":1:", "Size of array"),
+        ("fn poll() { let s = #{ a: 0 }; loop { s = #{ a: s }; } }", ":1:", "Size of object map"),
+        (
+            "fn poll() { let s = #{ }; let n = 0; loop { n += 1; s[`${n}`] = s; } }",
+            ":1:",
+            "Size of object map",
+        ),
+        ("fn power_on() { this.s = []; }\nfn poll() { this.s = [this.s]; }", ":", "16 deep"),
+        ("fn poll() { let s = []; for n in 0..64 { s = [s]; } this.s = s; }", ":", "16 deep"),
+        ("fn poll() { this.s = helper; }\nfn helper() {}", ":", "cannot keep"),
+        ("fn poll() { for n in 0..100 { after(\"1s\", \"poll\"); } }", ":1:", "at most 64"),
+        ("fn poll() { write(\"card.\" + \"w_DATA\", 1); }", ":1:", "only the program writes card.w_DATA"),
+        ("fn poll() { write(\"card.i_VALUE\", 40000000); }", ":1:", "does not fit"),
+        ("fn poll() { let name = \"w_DATUM\"; read(\"card.\" + name); }", ":1:", "w_DATUM"),
+        ("fn poll() { output_all(\"card.a_OUT\", [1]); }", ":1:", "is 4 registers, here are 1 values"),
+        ("fn poll() { event(16); }", ":1:", "the events 0 to 15"),
+        ("fn poll() { raed(\"card.w_DATA\"); }", ":1:", "did you mean read?"),
+        ("fn poll() { let n = 5 / 0; }", ":1:", "zero"),
+        ("fn poll() { this.missing += 1; }", ":1:", "missing"),
+    ] {
+        let stop = stop_of(script);
+        assert!(stop.contains(&format!("firmware.rhai{place}")) && stop.contains(what), "{script}: {stop}");
+    }
+}
+
+#[test]
+fn a_wrong_script_is_refused_with_its_line() {
+    for (script, message) in [
+        ("fn power_on( {", "firmware.rhai:1: "),
+        ("\nfn poll() { eval(\"1\"); }", "firmware.rhai:2: "),
+        ("fn poll() { let f = |x| x; }", "firmware.rhai:1: "),
+        ("fn poll() { sleep(1); }", "firmware.rhai:1: "),
+        ("fn poll() { let f = Fn(\"poll\"); f.curry(f); }", "firmware.rhai:1: "),
+        ("fn written(register) { }", "the hook written is a function written(register, old, value)"),
+        ("fn poll() {\n  read(\"card.w_DATUM\"); }", "firmware.rhai:2: "),
+        ("fn poll() { after(\"1ms\", \"nothing\"); }", "there is no function `nothing` to call later"),
+        ("write(\"card.w_COUNT\", 1);", "a verb works in a function only"),
+        ("import \"other\" as other;", "the folder has no script `other` to import"),
+        ("import \"/etc/passwd\" as other;", "the folder has no script `/etc/passwd` to import"),
+        ("loop {}", "firmware.rhai:1: the script does not end"),
+    ] {
+        let refused = Card::new(script).refused();
+        assert!(refused.contains(message), "{script}: {refused}");
+    }
+    let deep = format!("fn poll() {{ let x = {}1{}; }}", "(".repeat(200), ")".repeat(200));
+    assert!(Card::new(&deep).refused().contains("firmware.rhai:1: "));
+    let many = format!("fn poll() {{ read({}); }}", vec!["1"; 17].join(", "));
+    assert!(Card::new(&many).refused().contains("a call with 17 arguments; it has at most 16"));
+}
+
+#[test]
+fn the_files_of_a_script_lie_in_its_folder() {
+    let card = Card::new("import \"one\" as one;");
+    card.write("one.rhai", "import \"two\" as two;");
+    card.write("two.rhai", "import \"one\" as one;");
+    assert!(card.refused().contains("is circular"), "{}", card.refused());
+    card.write("two.rhai", "fn wrong( {}");
+    assert!(card.refused().contains("two.rhai:1: "), "{}", card.refused());
+    fs::remove_file(card.dir().join("two.rhai")).unwrap();
+    std::os::unix::fs::symlink("/etc/passwd", card.dir().join("two.rhai")).unwrap();
+    assert!(card.refused().contains("is a link"), "{}", card.refused());
+    fs::remove_file(card.dir().join("two.rhai")).unwrap();
+    card.write("two.rhai", &"// much text\n".repeat(30_000));
+    assert!(card.refused().contains("bytes of its script; a device in a folder has at most 262144"));
+    for n in 0..17 {
+        card.write(&format!("more{n}.rhai"), "");
+    }
+    assert!(card.refused().contains("files of its script; a device in a folder has at most 16"));
+}
+
+/// The word of the front is added to those of the device.
+#[test]
+fn a_front_may_have_words_of_its_own() {
+    let card =
+        Card::new("fn poll() { write(\"front.led\", 1); output(\"card.w_COUNT\", read(\"front.s1\")); }");
+    let device = fs::read_to_string(card.dir().join("device.toml")).unwrap();
+    let word = |name: &str, offset, owner: &str| {
+        format!(
+            "[[front]]\nname = '{name}'\ntype = 'DWORD'\noffset = {offset}\nowner = '{owner}'\nsource = 'manual'\npage = '1'\ndoc = 'x'\n"
+        )
+    };
+    card.write("device.toml", &(device.clone() + &word("led", 0, "firmware") + &word("s1", 4, "plc")));
+    let mut bench = card.bench();
+    bench.step("1ms").unwrap();
+    assert_eq!((bench.peek("front.led").unwrap(), bench.peek("front.script").unwrap()), (1, 0));
+    card.write("device.toml", &(device + &word("script", 0, "firmware")));
+    assert!(card.refused().contains("the front has a word `script`"), "{}", card.refused());
+}
