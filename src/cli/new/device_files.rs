@@ -53,7 +53,7 @@ pub(super) fn commands(directory: &Path) -> String {
         .collect()
 }
 
-/// The name of the device: that of the directory, as far as it is one.
+/// The name of the device: the name of the directory if it is valid, otherwise [`NAME`].
 fn name_of(directory: &Path) -> String {
     let name = directory.file_name().and_then(|name| name.to_str()).unwrap_or(NAME).to_ascii_lowercase();
     let is_name = name.len() <= LONGEST_NAME

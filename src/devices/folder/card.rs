@@ -141,14 +141,14 @@ impl Card {
         }
     }
 
-    /// Takes note of a value that the device itself has written: no program wrote it.
+    /// Notes a value that the device itself has written, so that it does not count as a write of a program.
     fn note(&mut self, place: Place, value: u32) {
         let first = self.watched.partition_point(|watched| watched.place.offset < place.offset);
         let same = self.watched.iter_mut().skip(first);
         same.take_while(|watched| watched.place.offset == place.offset).for_each(|it| it.last = value);
     }
 
-    /// Compares the registers that programs write from now on.
+    /// From now on, compares the registers that programs write.
     pub(super) fn watch(&mut self, layout: &'static DeviceLayout) {
         let fitted = DeviceFit::unknown(layout);
         let registers = layout.areas.iter().flat_map(|area| fitted.used_registers(area));

@@ -1,4 +1,4 @@
-//! What the firmware of a device in a folder consists of: its script, and its tables of handshakes.
+//! Parts of the firmware of a device in a folder: its script, and its tables of handshakes.
 
 use super::card::Card;
 use crate::devices::Context;

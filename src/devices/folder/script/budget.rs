@@ -5,12 +5,12 @@ use serde::{Deserialize, Serialize};
 
 /// Steps of a script within a millisecond of emulated time (D-801).
 pub(super) const MOST_OPERATIONS: u64 = 200_000;
-/// Steps that a call of a hook costs, so that empty hooks cannot be called without an end either.
+/// Steps that each call of a hook counts, so that calls of empty hooks are limited, too.
 const CALL: u64 = 20;
 /// Stack in bytes that a hook may take, from the call on.
 const MOST_STACK: usize = 1 << 20;
 
-/// Steps taken in the present millisecond. A part of snapshots: the same steps stop a script after a return, too.
+/// Steps taken in the present millisecond. Part of snapshots, so that a script stops at the same step after going back.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Budget {
     millisecond: u64,
@@ -42,7 +42,7 @@ pub(super) struct Meter {
     bottom: Cell<usize>,
 }
 
-/// What a call has exceeded.
+/// Limit that a call has exceeded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Exceeded {
     Operations,

@@ -1,4 +1,4 @@
-//! Checks of a script before it runs: what its text shows.
+//! Checks of the text of a script before it runs.
 
 use super::budget::{MOST_OPERATIONS, Meter};
 use super::desk::Desk;

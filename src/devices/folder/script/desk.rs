@@ -1,4 +1,4 @@
-//! What the verbs of a script act on while one of its functions runs.
+//! The objects on which the verbs of a script act while one of its functions runs.
 
 use super::engine::LARGEST_ARRAY;
 use super::timers::Timers;
