@@ -236,7 +236,7 @@ fn a_hostile_script_stops_and_the_emulator_continues() {
         ("fn poll() { event(16); }", ":1:", "the events 0 to 15"),
         ("fn poll() { raed(\"card.w_DATA\"); }", ":1:", "did you mean read?"),
         ("fn poll() { let n = 5 / 0; }", ":1:", "zero"),
-        ("fn poll() { this.missing += 1; }", ":1:", "missing"),
+        ("fn poll() { this.missing += 1; }", ":1:", "`+` does not go with ()"),
     ] {
         let stop = stop_of(script);
         assert!(stop.contains(&format!("firmware.rhai{place}")) && stop.contains(what), "{script}: {stop}");

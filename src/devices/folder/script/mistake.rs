@@ -68,7 +68,13 @@ fn description(error: &EvalAltResult) -> String {
         },
         EvalAltResult::ErrorRuntime(thrown, _) => thrown.to_string(),
         EvalAltResult::ErrorFunctionNotFound(signature, _) => {
-            let name = signature.split(" (").next().unwrap_or(signature);
+            let (name, types) = signature.split_once(" (").unwrap_or((signature, ""));
+            if !name.starts_with(|letter: char| letter.is_ascii_alphabetic() || letter == '_') {
+                return format!(
+                    "`{name}` does not go with {}",
+                    types.trim_end_matches(')').replace(", ", " and ")
+                );
+            }
             let near = crate::layout::did_you_mean(name, super::verbs::NAMES.iter().copied());
             format!("there is no function {signature}{near}")
         }

@@ -13,7 +13,7 @@
 static commram ram;
 
 /* Waits until these bits of the status have this value. */
-static commram_result await_status(CARD *card, WORD mask, WORD value)
+static commram_result await_status(CARD *card, uint16_t mask, uint16_t value)
 {
     return commram_await(&ram, &card->w_STATUS, sizeof card->w_STATUS, mask, value, PATIENCE_MS);
 }
