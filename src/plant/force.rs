@@ -172,21 +172,21 @@ impl Forces {
         self.find(plc, offset).map(|at| self.list.remove(at)).is_ok()
     }
 
-    /// Puts all forced values into the RAM.
+    /// Puts all forced values into the RAM. Returns whether a register had another value.
     #[inline]
-    pub(super) fn apply(&self, devices: &[Box<dyn Device>]) {
-        if !self.list.is_empty() {
-            self.store(devices);
-        }
+    pub(super) fn apply(&self, devices: &[Box<dyn Device>]) -> bool {
+        !self.list.is_empty() && self.store(devices)
     }
 
     #[cold]
-    fn store(&self, devices: &[Box<dyn Device>]) {
-        for forced in &self.list {
-            // Both were checked when the force was taken, and neither PLCs nor segments ever change.
-            let _: Option<Result<(), MemoryError>> = devices
-                .get(forced.plc.index())
-                .map(|plc| plc.segment().store(forced.offset, forced.width, forced.value));
-        }
+    fn store(&self, devices: &[Box<dyn Device>]) -> bool {
+        self.list.iter().fold(false, |any, forced| {
+            // Place and value were checked when the force was taken, and neither PLCs nor segments ever change.
+            let update = |plc: &Box<dyn Device>| {
+                plc.segment().update(forced.offset, forced.width, |_| forced.value).ok()
+            };
+            let before = devices.get(forced.plc.index()).and_then(update);
+            any | before.is_some_and(|before| before != forced.value)
+        })
     }
 }

@@ -241,9 +241,8 @@ impl Plant {
             match which {
                 NextEvent::Cycle => {
                     self.next_cycle += self.cycle_us;
-                    self.run_cycle();
+                    self.has_looked = self.run_cycle();
                     self.journal.tick(due);
-                    self.has_looked = true;
                 }
                 NextEvent::Device => {
                     self.forces.apply(&self.devices);
@@ -315,7 +314,8 @@ impl Plant {
         self.leave();
     }
 
-    fn run_cycle(&mut self) {
+    /// Returns false if the next cycle writes registers again, since the firmware has written a forced one.
+    fn run_cycle(&mut self) -> bool {
         self.look_at_requests();
         self.forces.apply(&self.devices);
         if !self.faults.is_empty() {
@@ -334,9 +334,9 @@ impl Plant {
                 self.ports_look(plc);
             }
         }
-        self.forces.apply(&self.devices);
+        self.is_seen = !self.forces.apply(&self.devices);
         self.find_next_device();
-        self.is_seen = true;
+        self.is_seen
     }
 
     /// Whether a PLC has written the control register of a port, or turned a switch of its board, that the firmware has not polled

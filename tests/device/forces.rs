@@ -41,6 +41,25 @@ fn the_firmware_cannot_change_it() {
 }
 
 #[test]
+fn a_register_that_the_firmware_writes_in_each_poll_has_the_same_journal_in_any_slices() {
+    for rate in FASTEST {
+        let offset = rate.kind.master.base + offset_of!(CANsync_MA_CTRL_BMSTRUCT, w_CANsync_STATUS);
+        let journal = |slice_us| {
+            let mut rig = Rig::new(Memory::Heap, rate);
+            rig.plant.force(word(offset as u32, 0x4739)).unwrap();
+            (0..20_000 / slice_us).for_each(|_| rig.step(slice_us));
+            assert_eq!(rig.master.w_CANsync_STATUS.load(), 0x4739);
+            rig.records().collect::<Vec<_>>()
+        };
+        let whole = journal(20_000);
+        assert!(whole.len() > 1, "{whole:?}");
+        for slice_us in [500, 1_000, 2_500, 5_000] {
+            assert_eq!(journal(slice_us), whole, "slices of {slice_us} us");
+        }
+    }
+}
+
+#[test]
 fn the_firmware_sees_no_other_value() {
     for rate in FASTEST {
         let mut rig = Rig::new(Memory::Heap, rate);
