@@ -16,6 +16,9 @@ rules! {
     NEVER_POLLED: 8, "never-polled", Error, "5.00005.03a p. 160; 5.02066.01a p. 62; D-08",
         "A job was entered for a slave above b_MAX_SL_NR while slaves are polled automatically, so it is never \
          sent. Raise b_MAX_SL_NR or name the slave in the polling register.";
+    NOT_POLLED: 120, "not-polled", Warning, "5.00005.03a p. 160; 5.02066.01a p. 62; D-832",
+        "A job was entered for a slave while the polling register names another one, or none, so the job waits. Name \
+         the slave in the polling register, or write 16#80 there to poll all slaves up to b_MAX_SL_NR.";
     NOT_REQUESTED: 9, "not-requested", Warning, "5.00005.03a p. 154, 159; 5.02066.01a p. 55, 62",
         "Actual values are requested automatically, but a slave expected in a_SL_TYP lies above b_MAX_SL_NR and is \
          never asked. Set b_MAX_SL_NR to the highest slave number.";
@@ -35,6 +38,9 @@ rules! {
     JOB_REPLACED: 14, "job-replaced", Warning, "5.00005.03a p. 165, 167; 5.02066.01a p. 67, 69; D-48",
         "A job was entered while the previous one was still under way. The previous job is lost. Wait until bit 0 \
          (active) is clear, or clear it and let the firmware see it.";
+    REQUEST_DATA_CHANGED: 121, "request-data-changed", Warning, "5.00005.03a p. 162-163; 5.02066.01a p. 64-65; D-833",
+        "The data of a broadcast or control word were changed while their control register was 16#05, so the frame has \
+         the old or the new data. Write the data first, then 16#05, and wait for 16#04 before the next data.";
     LATE_REFERENCE: 15, "late-reference", Error, "5.00005.03a p. 153-154; 5.02066.01a p. 54; D-09, D-142, D-298",
         "Reference values were released with 16#05 after their deadline, so their frame was left out in this \
          interval. Release them earlier in the event task, or one interval ahead.";

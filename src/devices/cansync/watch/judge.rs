@@ -88,6 +88,7 @@ impl Judge<'_> {
             RegisterUse::ControlWord(slave) if after == u32::from(send::RELEASED) => {
                 self.polled(offset_of!(Master, b_SL_NR_CONTROLWORD), slave, offset);
             }
+            RegisterUse::RequestData(control) => self.request_data(control.into(), offset, after),
             RegisterUse::Parameter(slave) => self.parameter(slave, offset, was, is),
             RegisterUse::ParameterData(slave, is_value) => {
                 self.parameter_data(slave, is_value, offset, after)
@@ -149,9 +150,28 @@ impl Judge<'_> {
 
     /// Checks that a job for `slave` gets a turn. `polling` is the register that selects the slave.
     fn polled(&mut self, polling: usize, slave: u8, offset: usize) {
+        if !self.facts.is_active {
+            return;
+        }
         let max = self.registers.now(offset_of!(Master, b_MAX_SL_NR));
-        if self.facts.is_active && self.registers.now(polling) == request::AUTOMATIC && slave > max {
-            self.report_violation(&rules::NEVER_POLLED, offset, self.registers.now(offset).into());
+        let rule = match self.registers.now(polling) {
+            request::AUTOMATIC if slave > max => &rules::NEVER_POLLED,
+            request::AUTOMATIC => return,
+            polled if polled == slave => return,
+            _ => &rules::NOT_POLLED,
+        };
+        self.report_violation(rule, offset, self.registers.now(offset).into());
+    }
+
+    /// Checks data of a frame: they are free while no request for the frame waits. `control` is its control register,
+    /// which had its request before the data changed.
+    fn request_data(&mut self, control: usize, offset: usize, after: u32) {
+        let waits = |value: u8| value == send::RELEASED;
+        if self.facts.is_active
+            && waits(self.registers.baseline(control))
+            && waits(self.registers.now(control))
+        {
+            self.report_violation(&rules::REQUEST_DATA_CHANGED, offset, after);
         }
     }
 

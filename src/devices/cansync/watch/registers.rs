@@ -1,9 +1,10 @@
 //! Checks for each register of a CANsync structure, derived from the register maps.
 
 use crate::check::word;
-use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
 use crate::devices::cansync::registers::phases;
+use crate::devices::cansync::registers::{CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT as Master};
 use crate::layout::{Area, Meaning, Owner, RegisterPhase, RegisterRef, Role};
+use core::mem::offset_of;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Use of a register in the rules.
@@ -25,6 +26,8 @@ pub(super) enum RegisterUse {
     Release(usize),
     /// Control register of the control word for a slave.
     ControlWord(u8),
+    /// Data of a frame that this control register releases.
+    RequestData(u16),
     /// Control register of the master's parameter job for a slave.
     Parameter(u8),
     /// Number, or with `true` value, of the master's parameter job for a slave.
@@ -204,6 +207,18 @@ fn watched(register: &RegisterRef, role: Role, live: RegisterPhase) -> WatchedRe
         "b_CTRLREG_RD_RDC1" => RegisterUse::Release(0),
         "b_CTRLREG_RD_RDC2" => RegisterUse::Release(1),
         "a_STEUREG_CONTROLWORD" => RegisterUse::ControlWord(slave),
+        "a_CONTROLWORD_SL" => {
+            RegisterUse::RequestData(offset_of!(Master, a_STEUREG_CONTROLWORD) as u16 + u16::from(slave))
+        }
+        "d_SL_MASK_BC0" | "b_CMD_BC0" | "b_DATA_BYTE_BC0" | "w_DATA_WORD_BC0" => {
+            RegisterUse::RequestData(offset_of!(Master, b_CTRL_REG_BC0) as u16)
+        }
+        "d_SL_MASK_BC1" | "b_CMD_BC1" | "b_DATA_BYTE_BC1" | "w_DATA_WORD_BC1" => {
+            RegisterUse::RequestData(offset_of!(Master, b_CTRL_REG_BC1) as u16)
+        }
+        "d_SL_MASK_BC2" | "b_CMD_BC2" | "b_DATA_BYTE_BC2" | "w_DATA_WORD_BC2" => {
+            RegisterUse::RequestData(offset_of!(Master, b_CTRL_REG_BC2) as u16)
+        }
         "b_STEUREG_PAR_CMD" if is_master => RegisterUse::Parameter(slave),
         "w_PAR_NR" => RegisterUse::ParameterData(slave, false),
         "d_PAR_VALUE" => RegisterUse::ParameterData(slave, true),
@@ -276,6 +291,7 @@ mod tests {
             assert_eq!(kind(832 + 4 * 7), RegisterUse::Owned, "a_RD_BMARRAY[0][7]");
             assert_eq!(kind(832 + 4 * 8), RegisterUse::Reserved, "a_RD_BMARRAY[0][8]");
             assert_eq!(kind(2916 + 5), RegisterUse::ControlWord(5));
+            assert_eq!(kind(2948 + 2 * 5), RegisterUse::RequestData(2916 + 5));
             assert_eq!(kind(3012 + 2 * 31), RegisterUse::Parameter(31));
             assert_eq!(kind(3012 + 2 * 31 + 1), RegisterUse::Plain, "b_STATREG_PAR_CMD");
             assert_eq!(kind(3076 + 8), RegisterUse::ParameterData(1, true));

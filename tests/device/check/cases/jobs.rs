@@ -49,6 +49,58 @@ pub(crate) const CASES: &[Case] = &[
         right: |rig| enter_download(rig, 2, 2),
     },
     Case {
+        rule: &cansync::rules::NOT_POLLED,
+        register: "MASTER.a_STEUREG_CONTROLWORD[1]",
+        value: |_| 0x05,
+        wrong: |rig| {
+            rig.activate();
+            rig.master.b_SL_NR_CONTROLWORD.store(2);
+            rig.master.a_STEUREG_CONTROLWORD[1].store(0x05);
+        },
+        // The order of two stores between two runs of the firmware is unknown.
+        right: |rig| {
+            rig.activate();
+            rig.master.a_STEUREG_CONTROLWORD[1].store(0x05);
+            rig.master.b_SL_NR_CONTROLWORD.store(1);
+        },
+    },
+    Case {
+        rule: &cansync::rules::REQUEST_DATA_CHANGED,
+        register: "MASTER.a_CONTROLWORD_SL[1]",
+        value: |_| 0x000F,
+        wrong: |rig| {
+            rig.activate();
+            rig.master.b_SL_NR_CONTROLWORD.store(1);
+            rig.master.a_STEUREG_CONTROLWORD[1].store(0x05);
+            rig.step(100);
+            rig.master.a_CONTROLWORD_SL[1].store(0x000F);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.master.b_SL_NR_CONTROLWORD.store(1);
+            rig.master.a_CONTROLWORD_SL[1].store(0x000F);
+            rig.step(100);
+            rig.master.a_STEUREG_CONTROLWORD[1].store(0x05);
+        },
+    },
+    Case {
+        rule: &cansync::rules::REQUEST_DATA_CHANGED,
+        register: "MASTER.w_DATA_WORD_BC1",
+        value: |_| 7,
+        wrong: |rig| {
+            rig.activate();
+            rig.master.b_CTRL_REG_BC1.store(0x05);
+            rig.step(100);
+            rig.master.w_DATA_WORD_BC1.store(7);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.master.w_DATA_WORD_BC1.store(7);
+            rig.step(100);
+            rig.master.b_CTRL_REG_BC1.store(0x05);
+        },
+    },
+    Case {
         rule: &cansync::rules::ORDER,
         register: "MASTER.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD",
         value: |_| 0x05,
