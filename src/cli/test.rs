@@ -6,6 +6,7 @@ mod merge;
 mod origin;
 pub(crate) mod process;
 mod progress;
+mod report_file;
 mod round;
 pub(crate) mod scenario;
 mod selection;
@@ -21,8 +22,8 @@ use crate::output_file;
 use crate::plural::plural;
 use crate::script::{DEFINITIONS, Limits, Outcome, Report, junit, junit_of_shard};
 use line::{Line, ScenarioRow, summary};
-use origin::Origin;
 use process::RunOptions;
+use report_file::ReportFile;
 use round::Round;
 use selection::Shard;
 use std::io;
@@ -44,7 +45,7 @@ use watch::WatchedFiles;
 Examples:
   commram test master.rhai
   commram test tests/scenarios --jobs 4 --junit report.xml
-  commram test tests/scenarios --report html=report.html
+  commram test tests/scenarios --report html=report.html --report json=report.json
   commram test . --filter '*baps*' --list
   commram test . --shard 1/3
   commram test merge report-*.xml --output report.xml
@@ -89,9 +90,10 @@ pub(crate) struct Args {
     /// Write a JUnit report for CI servers to this file
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
-    /// Write a report for people, a self-contained page: html, into commram-report.html or into this file
-    #[arg(long, value_name = "html[=FILE]", value_parser = page_file, conflicts_with_all = ["list", "watch"])]
-    report: Option<PathBuf>,
+    /// Write a report into this file: html, a self-contained page for people (commram-report.html), or json
+    /// (commram-report.json), also for `commram test merge`; can be given once for each
+    #[arg(long, value_name = "KIND[=FILE]", value_parser = ReportFile::parse, conflicts_with_all = ["list", "watch"])]
+    report: Vec<ReportFile>,
     /// Number of scenarios that run at the same time [default: one per processor]
     #[arg(long, value_name = "N", value_parser = super::number::jobs)]
     jobs: Option<NonZero<usize>>,
@@ -197,14 +199,13 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     check_outputs(args, reports.iter().flat_map(|report| &report.reads))?;
     // These reports are written even after other errors.
     let written = args.junit.as_ref().map_or(Ok(()), |path| write_junit(path, args.shard(), &reports));
-    let page = args
-        .report
-        .as_ref()
-        .map_or(Ok(()), |path| write_report(path, &html::page(&reports, &Origin::of_this_run())));
+    let others =
+        args.report.iter().map(|file| write_report(&file.path, &file.content(&reports, args.shard())?));
+    let others: Vec<_> = others.collect();
     // A reader that has gone does not change the verdict.
     let shown =
         shown.or_else(|error| if matches!(error, CliError::BrokenPipe) { Ok(()) } else { Err(error) });
-    first_of(ending, [shown, written, page])
+    first_of(ending, [shown, written].into_iter().chain(others))
 }
 
 /// Returns the first error, and prints the others: a missing report does not hide the verdict.
@@ -234,28 +235,31 @@ fn check_input(args: &Args, files: &[PathBuf]) -> Result<(), CliError> {
 
 /// Refuses a report in the file of a scenario, of an import or of a plant.
 fn check_outputs<'a>(args: &Args, inputs: impl Iterator<Item = &'a PathBuf> + Clone) -> Result<(), CliError> {
-    let outputs = [&args.junit, &args.report];
-    outputs
-        .into_iter()
-        .try_for_each(|output| refuse_inputs(output.as_deref(), inputs.clone().map(PathBuf::as_path)))
+    let mut outputs = args.junit.iter().chain(args.report.iter().map(|file| &file.path));
+    outputs.try_for_each(|output| refuse_inputs(Some(output), inputs.clone().map(PathBuf::as_path)))
 }
 
 /// Creates the missing directories of the reports. Refuses two reports in one file: the second one would replace the
 /// first one.
 fn check_reports(args: &Args) -> Result<(), CliError> {
-    for report in args.junit.iter().chain(&args.report) {
+    let junit = args.junit.iter().map(|path| (format!("--junit {}", path.display()), path));
+    let others = args.report.iter().map(|file| (format!("--report {file}"), &file.path));
+    let reports: Vec<_> = junit.chain(others).collect();
+    for (_, path) in &reports {
         // Paths are compared in existing directories. The write of the report reports the error.
-        let _ = create_directory(report);
+        let _ = create_directory(path);
     }
-    let (Some(junit), Some(page)) = (&args.junit, &args.report) else { return Ok(()) };
-    if !output_file::is_same(junit, page) {
-        return Ok(());
+    for (place, (option, path)) in reports.iter().enumerate() {
+        if let Some((other, _)) =
+            reports.iter().skip(place + 1).find(|(_, other)| output_file::is_same(path, other))
+        {
+            return Err(CliError::Argument {
+                text: format!("{option} {other}"),
+                right: "both name the same file; give each report a separate one".to_owned(),
+            });
+        }
     }
-    let text = format!("--junit {} --report html={}", junit.display(), page.display());
-    Err(CliError::Argument {
-        text,
-        right: "both name the same file; give each report a separate one".to_owned(),
-    })
+    Ok(())
 }
 
 fn define(directory: &Path) -> Result<(), CliError> {
@@ -376,19 +380,11 @@ fn write(path: &Path, text: &str) -> Result<(), CliError> {
         .map_err(|reason| CliError::File { path: path.to_owned(), reason })
 }
 
-/// Parses the file name of the report for people.
-fn page_file(text: &str) -> Result<PathBuf, String> {
-    match text.split_once('=').unwrap_or((text, "commram-report.html")) {
-        ("html", file) if !file.is_empty() => Ok(file.into()),
-        _ => Err("write html, or html=FILE; the option --junit writes a report for CI servers".to_owned()),
-    }
-}
-
 /// Result of the run for the exit code.
 fn verdict(reports: &[Report]) -> Result<(), CliError> {
     let any = |is: fn(&Outcome) -> bool| reports.iter().any(|report| is(&report.outcome));
     if any(|outcome| matches!(outcome, Outcome::Broken(_))) {
         return Err(CliError::ReportedWrongUse);
     }
-    if any(|outcome| !outcome.is_passed()) { Err(CliError::Reported) } else { Ok(()) }
+    if any(|outcome| !outcome.is_fine()) { Err(CliError::Reported) } else { Ok(()) }
 }

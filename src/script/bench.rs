@@ -2,6 +2,7 @@
 
 mod ask;
 mod board;
+mod drive;
 mod exchange;
 mod expect;
 mod findings;
@@ -27,12 +28,14 @@ use super::failure::{FailureKind, JournalLine};
 use super::local::Local;
 use super::{Failure, ScenarioError, ScriptLocation, Value};
 use crate::devices;
+use crate::fault::FaultStatus;
 use crate::identity::DeviceIndex;
 use crate::journal::text::Text;
 use crate::journal::{Format, Names, Record};
 use crate::memory::Segment;
 use crate::plant::PlantConfig;
 use crate::plc::Ram;
+use crate::plural::plural;
 use crate::request::{InstanceInfo, Op};
 use ask::Spot;
 use core::panic::Location;
@@ -334,10 +337,21 @@ impl Bench {
             section: self.section.clone(),
             findings,
             first_findings,
+            faults: self.fault_lines()?,
             journal: self.last_entries(LAST_ENTRIES)?,
             exchange: self.last_exchanges()?,
             location: Some(at.into()),
         })
+    }
+
+    /// The faults that wait or act, each as `lose_frame bus=drives count=3 (acting, 2 hits)`.
+    fn fault_lines(&mut self) -> Result<Vec<String>, ScenarioError> {
+        let faults = self.ask(Op::FaultList)?.faults()?;
+        let line = |status: FaultStatus| {
+            let state = if status.acting { "acting" } else { "waiting" };
+            format!("{} ({state}, {})", status.fault.text(&self.names), plural(u64::from(status.hits), "hit"))
+        };
+        Ok(faults.into_iter().map(line).collect())
     }
 
     /// The last records of the journal, at most `count`, oldest first. A record that counts several events has the

@@ -3,6 +3,7 @@
 mod arguments;
 mod block;
 mod board;
+mod drive;
 mod history;
 mod plot;
 mod stage;
@@ -33,6 +34,10 @@ pub(super) fn engine(stage: &Rc<RefCell<Stage>>) -> Engine {
     name_types(&mut verbs.engine);
     verbs.engine
 }
+
+/// Reason for the end of a script by its verb `skip`. A script cannot catch it.
+#[derive(Clone)]
+pub(super) struct Skipped(pub(super) String);
 
 /// The stage, shared by all verbs.
 #[derive(Clone)]
@@ -74,6 +79,7 @@ impl Verbs {
         self.traffic();
         self.blocks();
         self.board();
+        self.drives();
         self.faults();
         self.findings();
     }
@@ -166,6 +172,12 @@ impl Verbs {
 /// Expectations and section names of scenarios.
 impl Verbs {
     fn expectations(&mut self) {
+        self.on("skip", |_| {
+            move |reason: &str| -> Fallible<()> {
+                let skipped = Dynamic::from(Skipped(reason.to_owned()));
+                Err(EvalAltResult::ErrorTerminated(skipped, rhai::Position::NONE).into())
+            }
+        });
         self.on("section", |stage| move |text: &str| stage.with(|stage| stage.section(text)));
         self.on("expect", |stage| {
             move |register: &str, wanted: Dynamic| {

@@ -64,10 +64,10 @@ pub enum ScenarioError {
         /// An example of a known one.
         example: String,
     },
-    /// A PLC, bus or area that the plant does not have.
+    /// A PLC, bus, area or drive that the plant does not have.
     #[error("there is no {what} '{name}'; there are: {known}")]
     Unknown {
-        /// "PLC", "bus" or "area".
+        /// "PLC", "bus", "area" or "drive".
         what: &'static str,
         /// The given text.
         name: String,

@@ -62,6 +62,8 @@ pub struct Failure {
     pub findings: u64,
     /// The first of them, a line each.
     pub first_findings: Vec<String>,
+    /// The faults that wait or act, a line each.
+    pub faults: Vec<String>,
     /// The last records of the journal, oldest first.
     pub journal: Vec<JournalLine>,
     /// The exchanges of program, firmware and bus that may have led to the failure, oldest first.
@@ -200,6 +202,10 @@ impl fmt::Display for Failure {
             }
         }
         self.first_findings.iter().try_for_each(|line| write!(f, "\n    {line}"))?;
+        if !self.faults.is_empty() {
+            f.write_str("\n  faults:")?;
+        }
+        self.faults.iter().try_for_each(|line| write!(f, "\n    {line}"))?;
         if !self.journal.is_empty() {
             f.write_str("\n  journal, last entries:")?;
         }

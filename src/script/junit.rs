@@ -8,10 +8,12 @@ use std::time::Duration;
 
 /// Name of the test suites as a whole.
 const NAME: &str = "commram";
+/// Type of the result of a scenario that has skipped itself.
+pub(crate) const SKIP: &str = "skip";
 
 /// The reports as JUnit XML: one test suite per scenario file, with one test case. Times are real time; the emulated time, the
 /// number of expectations and the line of a failure are properties of the suite, as far as they are known. A scenario that died
-/// is an error, as is a broken one; one that was not run is skipped.
+/// is an error, as is a broken one; one that was not run is skipped, as is one that has skipped itself, with the type `skip`.
 ///
 /// The XML conforms to Jenkins' schema (junit-10), which has no properties, file or line in a test case, and no
 /// `skipped` in the root element (D-552).
@@ -111,6 +113,12 @@ fn status(outcome: &Outcome) -> TestCaseStatus {
             status.set_message(why.as_str());
             return status;
         }
+        Outcome::Skipped(reason) => {
+            let mut status = TestCaseStatus::skipped();
+            status.set_message(reason.as_str());
+            status.set_type(SKIP);
+            return status;
+        }
         Outcome::Failed(failure) => {
             (NonSuccessKind::Failure, failure.kind.name(), failure.what.clone(), failure.to_string())
         }
@@ -134,8 +142,8 @@ mod tests {
     #[test]
     fn texts_with_characters_that_xml_does_not_allow_make_a_whole_report() {
         let hostile = "x\u{ffff}\u{fffe}\u{1}\u{1b}[0m";
-        let outcomes =
-            [Outcome::Died(hostile.to_owned()), Outcome::NotRun(hostile.to_owned()), Outcome::Passed];
+        let outcomes = [Outcome::Died, Outcome::NotRun, Outcome::Skipped, |_| Outcome::Passed]
+            .map(|outcome: fn(String) -> Outcome| outcome(hostile.to_owned()));
         let reports = outcomes.map(|outcome| Report {
             printed: hostile.to_owned(),
             ..Report::bare(format!("{hostile}.rhai").into(), outcome)

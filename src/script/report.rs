@@ -20,6 +20,8 @@ pub enum Outcome {
     Died(String),
     /// The scenario was not started; the text has the reason.
     NotRun(String),
+    /// The scenario has ended itself by `skip`; the text has its reason.
+    Skipped(String),
 }
 
 impl Outcome {
@@ -31,12 +33,18 @@ impl Outcome {
             Self::Broken(_) => "broken",
             Self::Died(_) => "died",
             Self::NotRun(_) => "not run",
+            Self::Skipped(_) => "skipped",
         }
     }
 
     /// Whether the scenario passed.
     pub fn is_passed(&self) -> bool {
         matches!(self, Self::Passed)
+    }
+
+    /// Whether nothing is wrong: the scenario passed, or has skipped itself.
+    pub fn is_fine(&self) -> bool {
+        matches!(self, Self::Passed | Self::Skipped(_))
     }
 }
 
@@ -174,6 +182,7 @@ impl Report {
             section: None,
             findings: 0,
             first_findings: Vec::new(),
+            faults: Vec::new(),
             journal: Vec::new(),
             exchange: Vec::new(),
             location: Some(ScriptLocation { file, line: None, column: None, source: None }),

@@ -2,7 +2,7 @@
 
 use super::caught::Caught;
 use super::complaint::{complaint, cut, in_words, misread};
-use super::engine::{Stage, engine};
+use super::engine::{Skipped, Stage, engine};
 use super::failure::{Failure, FailureKind, ScriptLocation};
 use super::imports::{Imports, module_file};
 use super::printed::Printed;
@@ -208,6 +208,10 @@ pub(super) fn ended(
                 failed(FailureKind::Throw, &in_words(&format!("the script throws {thrown}")), place, stage)
             }
         },
+        EvalAltResult::ErrorTerminated(reason, _) if reason.is::<Skipped>() => {
+            let Skipped(reason) = reason.clone().cast();
+            Outcome::Skipped(cut(reason, LONGEST_TEXT))
+        }
         EvalAltResult::ErrorTerminated(reason, _) if reason.is::<TooManySteps>() => {
             let text = format!(
                 "the script does not end: stopped after {} steps (--max-operations)",

@@ -56,11 +56,13 @@ fn without_real_times(text: &str) -> String {
 #[test]
 fn the_emulated_time_of_a_scenario_is_the_same_in_every_run() {
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenarios/01-start-of-the-master.rhai");
-    let report = || without_real_times(run(&["test", script, script, "--jobs", "2"]).ok());
+    let text = std::fs::read_to_string(script).unwrap();
+    let scripts = Scripts::new(&[("one.rhai", &text), ("two.rhai", &text)]);
+    let report = || without_real_times(scripts.run(&["one.rhai", "two.rhai", "--jobs", "2"]).ok());
     let first = report();
     assert_eq!(first, report());
     let lines: Vec<_> = first.lines().collect();
-    assert_eq!(lines[0], lines[2], "two at a time do not disturb each other");
+    assert_eq!(lines[0], lines[2].replace("two", "one"), "two at a time do not disturb each other");
 }
 
 #[test]
@@ -460,6 +462,51 @@ fn the_junit_report_is_xml_that_parsers_read() {
     assert!(names.contains(&suite), "{names:?}");
     assert!(text.contains("<property name=\"line\" value=\"b.rhai:2\"/>"), "{text}");
     assert!(text.contains("<property name=\"emulated_us\" value=\"2000\"/>"), "{text}");
+}
+
+/// A scenario skips itself. Each shard writes a report with all data, and one page is made of them.
+#[test]
+fn shards_with_skipped_scenarios_become_one_page() {
+    let drive = r#"
+        expect_that(drive("drive1").state == "operation_enabled" && drive("drive1").parameters.P167 == 2000, "at first");
+        try { skip("not here"); } catch { }
+        expect_that(false, "not reached");
+    "#;
+    let faulty = "fault(\"lose_frame bus=drives count=3\"); step(\"1ms\"); expect_that(false, \"wanted\");";
+    let scripts = Scripts::new(&[("a.rhai", drive), ("b.rhai", faulty), ("c.rhai", "drive(\"drive9\");")]);
+    let skipped = scripts.run(&["a.rhai", "./a.rhai", "--junit", "a.xml"]);
+    assert!(skipped.ok().starts_with("skipped  a.rhai"), "{}", skipped.out);
+    assert!(skipped.out.contains("\n  not here\n"), "{}", skipped.out);
+    assert!(skipped.out.contains("0 passed, 0 failed, 0 broken, 1 skipped; "), "{}", skipped.out);
+    assert!(scripts.read("a.xml").contains("<skipped message=\"not here\" type=\"skip\"/>"));
+    let unknown = scripts.run(&["c.rhai"]);
+    assert!(
+        unknown.out.contains("there is no drive 'drive9'; there are: drive1, drive2, drive3"),
+        "{}",
+        unknown.out
+    );
+    let failed = scripts.run(&["b.rhai"]);
+    let line = "  faults:\n      lose_frame bus=drives count=3 (acting, 0 hits)\n";
+    assert!(failed.out.contains(line), "{}", failed.out);
+    for shard in ["1/2", "2/2"] {
+        let (json, page) = (format!("json={}.json", &shard[..1]), format!("html={}.html", &shard[..1]));
+        let run = scripts.run(&["a.rhai", "b.rhai", "--shard", shard, "--report", &json, "--report", &page]);
+        assert_eq!(run.code, Some(if shard == "1/2" { 0 } else { 1 }), "{run:?}");
+    }
+    let reports: serde_json::Value = serde_json::from_str(&scripts.read("2.json")).unwrap();
+    assert_eq!(reports[0]["faults"][0], "lose_frame bus=drives count=3 (acting, 0 hits)");
+    let [one, two, page] = ["1.json", "2.json", "all.html"].map(|name| scripts.0.path().join(name));
+    let [one, two] = [&one, &two].map(|path| path.to_str().unwrap());
+    let all = format!("html={}", page.display());
+    let merged = run(&["test", "merge", two, one, "--report", &all]);
+    assert_eq!(merged.code, Some(1), "{merged:?}");
+    let page = scripts.read("all.html");
+    assert!(page.contains("<td>a.rhai</td>") || page.contains(">a.rhai<"), "{page}");
+    assert!(page.contains("not here") && page.contains("(acting, 0 hits)"), "{page}");
+    let xml = scripts.0.path().join("a.xml");
+    assert!(
+        run(&["test", "merge", xml.to_str().unwrap(), "--report", &all]).fails(2).contains("no data for")
+    );
 }
 
 #[test]

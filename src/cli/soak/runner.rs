@@ -146,7 +146,7 @@ impl Drop for RoundRunner {
 /// The failure text of a scenario that has not passed.
 fn wrong(report: &Report) -> Option<String> {
     match &report.outcome {
-        Outcome::Passed => None,
+        Outcome::Passed | Outcome::Skipped(_) => None,
         Outcome::Failed(failure) => Some(failure.what.clone()),
         Outcome::Broken(mistake) => Some(mistake.what.clone()),
         Outcome::Died(why) | Outcome::NotRun(why) => Some(why.clone()),

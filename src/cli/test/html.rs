@@ -33,11 +33,11 @@ const COLUMNS: [(&str, bool); 6] = [
 ];
 
 /// Names of the outcomes, for the filter.
-const OUTCOMES: [&str; 5] = ["passed", "failed", "broken", "died", "not run"];
+const OUTCOMES: [&str; 6] = ["passed", "failed", "broken", "died", "not run", "skipped"];
 
 /// Makes the page.
 pub(crate) fn page(reports: &[Report], origin: &Origin) -> String {
-    let all_passed = reports.iter().all(|report| report.outcome.is_passed());
+    let all_passed = reports.iter().all(|report| report.outcome.is_fine());
     let (sign, word) = if all_passed { ("passed", "passed") } else { ("failed", "not all passed") };
     let rows: String = reports.iter().enumerate().map(|(number, report)| row(number, report)).collect();
     let details: String =
@@ -115,7 +115,7 @@ impl<T: Display> Display for EscapedText<T> {
 fn class(outcome: &Outcome) -> &'static str {
     match outcome {
         Outcome::Passed => "passed",
-        Outcome::NotRun(_) => "skipped",
+        Outcome::NotRun(_) | Outcome::Skipped(_) => "skipped",
         Outcome::Failed(_) | Outcome::Broken(_) | Outcome::Died(_) => "failed",
     }
 }
@@ -152,7 +152,9 @@ fn scenario(number: usize, report: &Report) -> String {
         Outcome::Broken(mistake) => {
             format!("<p>{}</p>\n{}", EscapedText(&mistake.what), place(&mistake.location))
         }
-        Outcome::Died(why) | Outcome::NotRun(why) => format!("<pre>{}</pre>\n", EscapedText(why)),
+        Outcome::Died(why) | Outcome::NotRun(why) | Outcome::Skipped(why) => {
+            format!("<pre>{}</pre>\n", EscapedText(why))
+        }
     };
     format!(
         "<details id=\"s{number}\"{is_open}>\n<summary><h2>{} {}</h2></summary>\n\
@@ -169,13 +171,19 @@ fn scenario(number: usize, report: &Report) -> String {
 }
 
 fn failed(failure: &Failure) -> String {
-    let Failure { what, expected, actual, section, time_us, journal, exchange, location, .. } = failure;
+    let Failure { what, expected, actual, section, time_us, journal, exchange, location, faults, .. } =
+        failure;
     let rows = [("expected", expected), ("actual", actual), ("section", section)];
     let rows: String = rows
         .into_iter()
         .filter_map(|(name, text)| Some(format!("<dt>{name}</dt><dd>{}</dd>\n", EscapedText(text.as_ref()?))))
         .collect();
     let journal: String = journal.iter().map(|line| format!("{}\n", EscapedText(&line.text))).collect();
+    let faults: String = faults.iter().map(|line| format!("{}\n", EscapedText(line))).collect();
+    let faults = match faults.as_str() {
+        "" => faults,
+        lines => format!("<h3>Faults</h3>\n<pre>{lines}</pre>\n"),
+    };
     let picture = if exchange.is_empty() {
         String::new()
     } else {
@@ -183,7 +191,7 @@ fn failed(failure: &Failure) -> String {
         format!("<h3>Handshakes before the failure</h3>\n<div class=\"scroll\">{svg}</div>\n")
     };
     format!(
-        "<p><strong>{}</strong></p>\n<dl>\n{rows}<dt>time</dt><dd>{} emulated</dd>\n</dl>\n{}{picture}\
+        "<p><strong>{}</strong></p>\n<dl>\n{rows}<dt>time</dt><dd>{} emulated</dd>\n</dl>\n{}{faults}{picture}\
          <h3>Journal, last entries</h3>\n<pre>{journal}</pre>\n",
         EscapedText(what),
         seconds(*time_us),
@@ -308,6 +316,7 @@ mod tests {
             section: Some(hostile()),
             findings: 0,
             first_findings: Vec::new(),
+            faults: vec![hostile()],
             journal: vec![line.clone()],
             exchange: exchange.map(|kind| ExchangeStep { kind, line: line.clone() }).to_vec(),
             location: Some(ScriptLocation {

@@ -7,6 +7,7 @@ use crate::script::{Failure, FailureKind, JournalLine, Outcome, Report, ScriptLo
 use crate::time::seconds;
 use chrono::{DateTime, SecondsFormat, Utc};
 use serde::Serialize;
+use serde_json::Value;
 use std::fmt::Write;
 use std::path::Path;
 use std::time::Duration;
@@ -57,6 +58,9 @@ pub(crate) struct Line {
     /// The shard that contained the scenario.
     #[serde(skip_serializing_if = "Option::is_none")]
     shard: Option<String>,
+    /// The whole report, for `commram test merge --report html`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    page: Option<Value>,
 }
 
 /// Location of an error.
@@ -93,6 +97,7 @@ struct Details {
     /// Number of findings of the access checker.
     findings: u64,
     first_findings: Vec<String>,
+    faults: Vec<String>,
     journal: Vec<JournalLine>,
 }
 
@@ -108,7 +113,9 @@ impl Line {
             Outcome::Broken(mistake) => {
                 (Some(mistake.what.clone()), Some(Location::of(&mistake.location)), None)
             }
-            Outcome::Died(text) | Outcome::NotRun(text) => (Some(text.clone()), None, None),
+            Outcome::Died(text) | Outcome::NotRun(text) | Outcome::Skipped(text) => {
+                (Some(text.clone()), None, None)
+            }
         };
         Self {
             scenario: report.name(),
@@ -123,7 +130,13 @@ impl Line {
             failure,
             printed: report.printed.clone(),
             shard: shard.map(|shard| shard.to_string()),
+            page: None,
         }
+    }
+
+    /// The row of a scenario in a report file.
+    pub(crate) fn with_page(report: &Report, shard: Option<Shard>) -> serde_json::Result<Self> {
+        Ok(Self { page: Some(serde_json::to_value(report)?), ..Self::of(report, shard) })
     }
 }
 
@@ -145,6 +158,7 @@ impl Details {
             section: failure.section.clone(),
             findings: failure.findings,
             first_findings: failure.first_findings.clone(),
+            faults: failure.faults.clone(),
             journal: failure.journal.clone(),
         }
     }
@@ -172,14 +186,13 @@ pub(crate) fn text(report: &Report) -> String {
     if let Outcome::NotRun(why) = &report.outcome {
         return output::harmless(&format!("not run  {}  {why}\n", report.file.display()));
     }
-    let is_good = matches!(report.outcome, Outcome::Passed);
-    let name = style::outcome(&format!("{:<6}", report.outcome.name()), is_good);
+    let name = style::outcome(&format!("{:<6}", report.outcome.name()), report.outcome.is_fine());
     let mut text = format!("  {}  {emulated}in {} ms\n", report.file.display(), report.took.as_millis());
     let reason = match &report.outcome {
         Outcome::Passed | Outcome::NotRun(_) => String::new(),
         Outcome::Failed(failure) => failure.to_string(),
         Outcome::Broken(mistake) => mistake.to_string(),
-        Outcome::Died(reason) => reason.clone(),
+        Outcome::Died(reason) | Outcome::Skipped(reason) => reason.clone(),
     };
     let printed = report.printed.lines().map(|line| format!("| {line}"));
     for line in reason.lines().map(str::to_owned).chain(printed) {
@@ -197,9 +210,9 @@ pub(crate) fn summary(reports: &[Report]) -> String {
     let emulated = reports.iter().filter_map(|report| report.emulated_us).sum();
     let counted = |name: &str| match count(name) {
         0 => format!("0 {name}"),
-        count => style::outcome(&format!("{count} {name}"), name == "passed"),
+        count => style::outcome(&format!("{count} {name}"), matches!(name, "passed" | "skipped")),
     };
-    let others = ["died", "not run"].map(|name| match count(name) {
+    let others = ["died", "skipped", "not run"].map(|name| match count(name) {
         0 => String::new(),
         _ => format!(", {}", counted(name)),
     });

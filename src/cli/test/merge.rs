@@ -1,5 +1,8 @@
 //! `commram test merge`: combines the reports of shards into the report of a single run.
 
+use super::html;
+use super::origin::Origin;
+use super::report_file::{ReportFile, ReportKind};
 use super::selection::Shard;
 use crate::cli::error::CliError;
 use crate::cli::output;
@@ -7,7 +10,7 @@ use crate::cli::overwrite::refuse_inputs;
 use crate::input_file;
 use crate::output_file;
 use crate::plural::plural;
-use crate::script::{junit_text, shard_of_junit};
+use crate::script::{self, SKIP, junit_text, shard_of_junit};
 use quick_junit::{NonSuccessKind, Report, TestCaseStatus, TestSuite};
 use serde_json::Value;
 use std::collections::HashMap;
@@ -17,13 +20,14 @@ use std::time::Duration;
 
 /// Merge the reports of all shards into the report of a single run.
 ///
-/// The reports are written by `commram test --shard`, either all with `--junit` or all with `--format json`. The
+/// The reports are written by `commram test --shard`, either all with `--junit` or all with `--report json` (or
+/// `--format json`); the page of `--report html` needs `--report json`. The
 /// scenarios are in the order of a single run, and the exit code is the exit code of that run.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   commram test merge report-1.xml report-2.xml --output report.xml
-  commram test merge shard-*.json --output report.json
+  commram test merge shard-*.json --output report.json --report html=report.html
 
 Exit codes:
   0  all scenarios passed
@@ -36,6 +40,17 @@ pub(crate) struct Args {
     /// File to write; the standard output if omitted
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Write a report into this file: html, a self-contained page for people (commram-report.html)
+    #[arg(long, value_name = "KIND[=FILE]", value_parser = page_file)]
+    report: Option<PathBuf>,
+}
+
+/// Parses the file name of the page.
+fn page_file(text: &str) -> Result<PathBuf, String> {
+    match ReportFile::parse(text) {
+        Ok(ReportFile { kind: ReportKind::Html, path }) => Ok(path),
+        _ => Err("write html, or html=FILE".to_owned()),
+    }
 }
 
 /// Result of a scenario, as far as it determines the exit code.
@@ -46,6 +61,8 @@ enum EndResult {
     NotPassed,
     /// The script has an error.
     Broken,
+    /// It has skipped itself.
+    Skipped,
 }
 
 /// One scenario of a report.
@@ -65,7 +82,9 @@ struct Part<T> {
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    refuse_inputs(args.output.as_deref(), args.reports.iter().map(PathBuf::as_path))?;
+    for output in [&args.output, &args.report] {
+        refuse_inputs(output.as_deref(), args.reports.iter().map(PathBuf::as_path))?;
+    }
     let mut texts = Vec::with_capacity(args.reports.len());
     for path in &args.reports {
         let text = input_file::read(path, input_file::LONGEST);
@@ -79,6 +98,10 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         return Err(wrong(path, "it is not a JUnit report, but others are; use reports of one kind"));
     }
     let (text, endings) = if xml > 0 {
+        if let (Some(page), Some((path, _))) = (&args.report, texts.first()) {
+            let right = format!("a JUnit report has no data for {}; {PAGE_DATA}", page.display());
+            return Err(wrong(path, right));
+        }
         let parts = texts.iter().map(|(path, text)| of_junit(path, text)).collect::<Result<_, _>>()?;
         let merged = in_order(parts)?;
         let mut all = Report::new("commram");
@@ -93,6 +116,9 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         let merged = in_order(parts)?;
         let endings = merged.iter().map(|it| (it.ending, it.is_run)).collect();
         let lines: Vec<_> = merged.into_iter().map(|it| it.content).collect();
+        if let Some(path) = &args.report {
+            write_page(path, &lines)?;
+        }
         (output::json(&lines)?, endings)
     };
     match &args.output {
@@ -110,6 +136,26 @@ fn output_of(args: &Args, reason: io::Error) -> CliError {
         Some(path) => CliError::File { path: path.clone(), reason },
         None => CliError::Output { reason },
     }
+}
+
+/// The reports that have the data of a page.
+const PAGE_DATA: &str = "`commram test --shard I/N --report json=FILE` writes reports with this data";
+
+/// Writes the page about these scenarios.
+fn write_page(path: &Path, lines: &[Value]) -> Result<(), CliError> {
+    let reports = lines.iter().map(|line| {
+        let text = |name: &str| line.get(name).and_then(Value::as_str).unwrap_or_default();
+        let report = line.get("page").map(|page| serde_json::from_value::<script::Report>(page.clone()));
+        let report = report.and_then(Result::ok).ok_or_else(|| {
+            let right = format!("its report has no data for {}; {PAGE_DATA}", path.display());
+            CliError::Argument { text: text("file").to_owned(), right }
+        })?;
+        Ok(script::Report { file: text("file").into(), printed: text("printed").to_owned(), ..report })
+    });
+    let reports = reports.collect::<Result<Vec<_>, CliError>>()?;
+    let page = html::page(&reports, &Origin::of_this_run());
+    output_file::write(path, page.as_bytes())
+        .map_err(|reason| CliError::File { path: path.to_owned(), reason })
 }
 
 fn wrong(path: &Path, what: impl ToString) -> CliError {
@@ -132,6 +178,9 @@ fn of_junit(path: &Path, text: &str) -> Result<Part<TestSuite>, CliError> {
                 if ty.as_str() == "script" =>
             {
                 (EndResult::Broken, true)
+            }
+            Some(TestCaseStatus::Skipped { ty: Some(ty), .. }) if ty.as_str() == SKIP => {
+                (EndResult::Skipped, true)
             }
             Some(TestCaseStatus::Skipped { .. }) => (EndResult::NotPassed, false),
             _ => (EndResult::NotPassed, true),
@@ -165,6 +214,7 @@ fn of_json(path: &Path, text: &str) -> Result<Part<Value>, CliError> {
         let ending = match outcome.as_str() {
             "passed" => EndResult::Passed,
             "broken" => EndResult::Broken,
+            "skipped" => EndResult::Skipped,
             _ => EndResult::NotPassed,
         };
         part.scenarios.push(Scenario { file, ending, is_run: outcome != "not run", content: line });
@@ -237,19 +287,23 @@ fn in_order<T>(parts: Vec<Part<T>>) -> Result<Vec<Scenario<T>>, CliError> {
 
 fn summary(endings: &[(EndResult, bool)]) -> String {
     let of = |ending: EndResult| endings.iter().filter(|(it, is_run)| *it == ending && *is_run).count();
+    let skipped = match of(EndResult::Skipped) {
+        0 => String::new(),
+        count => format!(", {count} skipped"),
+    };
     let not_run = match endings.iter().filter(|(_, is_run)| !is_run).count() {
         0 => String::new(),
         count => format!(", {count} not run"),
     };
     let (passed, failed, broken) = (of(EndResult::Passed), of(EndResult::NotPassed), of(EndResult::Broken));
-    format!("{passed} passed, {failed} failed, {broken} broken{not_run}\n")
+    format!("{passed} passed, {failed} failed, {broken} broken{skipped}{not_run}\n")
 }
 
 fn verdict(endings: &[(EndResult, bool)]) -> Result<(), CliError> {
     if endings.iter().any(|(ending, _)| *ending == EndResult::Broken) {
         return Err(CliError::ReportedWrongUse);
     }
-    if endings.iter().any(|(ending, _)| *ending != EndResult::Passed) {
+    if endings.iter().any(|(ending, _)| *ending == EndResult::NotPassed) {
         Err(CliError::Reported)
     } else {
         Ok(())

@@ -43,7 +43,7 @@ impl Round {
             }
             progress.begins(file);
             let report = process::run(file, &self.setting, stop);
-            failed.fetch_or(!report.outcome.is_passed(), Ordering::Relaxed);
+            failed.fetch_or(!report.outcome.is_fine(), Ordering::Relaxed);
             report
         };
         let next = AtomicUsize::new(0);
@@ -67,7 +67,7 @@ impl Round {
             let mut waiting: Vec<Option<Report>> = files.iter().map(|_| None).collect();
             let mut taken = 0;
             for (index, report) in receive {
-                progress.ends(&report.file, report.outcome.is_passed());
+                progress.ends(&report.file, report.outcome.is_fine());
                 if let Some(place) = waiting.get_mut(index) {
                     *place = Some(report);
                 }

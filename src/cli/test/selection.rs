@@ -69,7 +69,7 @@ impl fmt::Display for Shard {
     }
 }
 
-/// Returns the scenarios in the order of the arguments; the scenarios of a folder in the order of their paths.
+/// Returns the scenarios in the order of the arguments, each once; the scenarios of a folder in the order of their paths.
 ///
 /// # Errors
 /// A folder cannot be read or has no scenarios, or no scenario matches a filter.
@@ -86,6 +86,8 @@ pub(crate) fn scenarios(
             files.push(path.clone());
         }
     }
+    let mut known = HashSet::new();
+    files.retain(|file| known.insert(identity(file)));
     if !filters.is_empty() {
         files.retain(|file| filters.iter().any(|filter| matches(filter, file)));
         if files.is_empty() {
@@ -97,6 +99,15 @@ pub(crate) fn scenarios(
         Some(shard) => shard.of(files),
         None => files,
     })
+}
+
+/// The path of a file in its real folder, the same for every spelling of the path. A link is another file than its target.
+fn identity(file: &Path) -> PathBuf {
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    match (folder.canonicalize(), file.file_name()) {
+        (Ok(folder), Some(name)) if !input_file::is_standard(file) => folder.join(name),
+        _ => file.to_owned(),
+    }
 }
 
 /// The scenarios of a folder and its subfolders, without parts that others import.
@@ -256,5 +267,9 @@ mod tests {
         let shard = Shard::parse("2/2").ok();
         assert!(scenarios(&[directory.path().join("deep")], &filters[..1], shard).unwrap().is_empty());
         assert!(scenarios(&[at("a.rhai")], &["nothing".to_owned()], None).is_err());
+        // A file that is given twice, in any spelling, runs once.
+        let twice = [at("deep/../a.rhai"), at("a.rhai"), at("deep"), at("deep/er/c.rhai")];
+        let once = scenarios(&twice, &[], None).unwrap();
+        assert_eq!(once, [at("deep/../a.rhai"), at("deep/er/c.rhai")]);
     }
 }

@@ -65,6 +65,9 @@ fn the_exit_code_equals_the_exit_code_of_one_run() {
     assert!(matches!(of(&[EndResult::NotPassed, EndResult::Broken]), Err(CliError::ReportedWrongUse)));
     let endings = [(EndResult::Passed, true), (EndResult::NotPassed, true), (EndResult::NotPassed, false)];
     assert_eq!(summary(&endings), "1 passed, 1 failed, 0 broken, 1 not run\n");
+    let skipped = [(EndResult::Skipped, true)];
+    assert!(verdict(&skipped).is_ok());
+    assert_eq!(summary(&skipped), "0 passed, 0 failed, 0 broken, 1 skipped\n");
 }
 
 proptest! {
