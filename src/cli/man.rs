@@ -41,13 +41,42 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         let command = with_usage(command).name(name).version(env!("CARGO_PKG_VERSION"));
         let man = clap_mangen::Man::new(command);
         man.render(&mut page).map_err(failed(&path))?;
-        output_file::write(&path, &page).map_err(failed(&path))?;
+        let page = with_tables(&String::from_utf8_lossy(&page));
+        output_file::write(&path, page.as_bytes()).map_err(failed(&path))?;
     }
     Ok(())
+}
+
+/// Keeps `man` from filling the lines of the help that begin with spaces: examples and tables.
+fn with_tables(page: &str) -> String {
+    let mut text = String::with_capacity(page.len());
+    let mut is_table = false;
+    for line in page.lines() {
+        if line.starts_with("  ") != is_table {
+            is_table = !is_table;
+            text += if is_table { ".nf\n" } else { ".fi\n" };
+        }
+        text += line;
+        text.push('\n');
+    }
+    text
 }
 
 /// Sets the usage line of the help as the synopsis: the generated synopsis does not show repeatable arguments.
 fn with_usage(mut command: Command) -> Command {
     let usage = command.render_usage().to_string();
     command.override_usage(usage.strip_prefix("Usage: ").unwrap_or(&usage).to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn examples_and_tables_are_not_filled() {
+        let page = ".SH EXTRA\nExamples:\n  commram step 2ms\n  commram step 1s\n\nExit code 1.\n";
+        let expected =
+            ".SH EXTRA\nExamples:\n.nf\n  commram step 2ms\n  commram step 1s\n.fi\n\nExit code 1.\n";
+        assert_eq!(with_tables(page), expected);
+    }
 }

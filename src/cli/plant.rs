@@ -4,10 +4,13 @@ use super::error::CliError;
 use super::table::FormatArg;
 use super::{output, plant_check};
 use clap::Subcommand;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Name of the schema file in the directory of the plants.
 pub(super) const SCHEMA: &str = "plant.schema.json";
+
+/// Name of the plant file that `check` takes by itself.
+const HERE: &str = "plant.toml";
 
 /// Check a plant file, or print the schema of plant files.
 #[derive(clap::Args)]
@@ -37,10 +40,10 @@ enum Command {
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  commram plant check plant.toml
-  commram plant check plant.toml --format json")]
+  commram plant check
+  commram plant check press.toml --format json")]
 struct CheckArgs {
-    /// The plant file [default: the built-in plant]
+    /// The plant file [default: plant.toml of the working directory, else the built-in plant]
     #[arg(add = super::complete::files(&["toml"]), value_name = "PLANT.toml")]
     file: Option<PathBuf>,
     #[command(flatten)]
@@ -50,7 +53,11 @@ struct CheckArgs {
 /// Runs the subcommand.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     match &args.command {
-        Command::Check(args) => plant_check::run(args.file.as_deref(), args.format.format, |_| Ok(())),
+        Command::Check(args) => {
+            let here = Path::new(HERE);
+            let file = args.file.as_deref().or_else(|| here.is_file().then_some(here));
+            plant_check::run(file, args.format.format, |_| Ok(()))
+        }
         Command::Schema => output::print(&schema()),
     }
 }

@@ -245,9 +245,6 @@ impl Model {
 
     fn ask_value(&mut self, purpose: fn(DeviceIndex, NamedLocation) -> InputPurpose, what: &str) {
         match self.chosen() {
-            Some((_, place)) if place.bit().is_some() => {
-                self.complain("a single bit cannot be written, only its whole register");
-            }
             Some((plc, place)) => {
                 let name = Pins::prefix(self.names(), plc) + &place.label(place.last_phase());
                 self.ask(purpose(plc, place), &format!("{what} {name}"), String::new());
@@ -262,7 +259,9 @@ impl Model {
         };
         let description =
             format!("unforce {}{}", Pins::prefix(self.names(), plc), place.label(place.last_phase()));
-        let work = Work::Ops(vec![Op::Unforce { plc, offset: place.offset(), width: place.width() }]);
+        let whole = place.bit_access().map(|bit| (bit.offset, bit.width));
+        let (offset, width) = whole.unwrap_or((place.offset(), place.width()));
+        let work = Work::Ops(vec![Op::Unforce { plc, offset, width }]);
         self.prompt = Some(Prompt::Really(description.clone(), Task { description, work }));
     }
 

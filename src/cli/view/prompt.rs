@@ -113,7 +113,11 @@ impl Model {
                     (place.format(place.last_phase(), value), place.meaning(place.last_phase(), value));
                 let description = format!("{what} {name} = {shown}");
                 let question = format!("{description}, {meaning}");
-                Ok(Some(Prompt::Really(question, Task { description, work: Work::Ops(vec![op]) })))
+                let work = match place.bit_access() {
+                    None => Work::Ops(vec![op]),
+                    Some(access) => Work::Bit { plc, access, state: value, is_forced: what == "force" },
+                };
+                Ok(Some(Prompt::Really(question, Task { description, work })))
             }
             InputPurpose::Step => {
                 let us = time::parse(text).map_err(|error| error.to_string())?;

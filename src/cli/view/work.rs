@@ -1,6 +1,8 @@
 //! Tasks of the user for the emulator.
 
 use super::source::{RequestError, RequestKind, Source};
+use crate::identity::DeviceIndex;
+use crate::layout::BitAccess;
 use crate::request::{Code, Op, Reply};
 use crate::time;
 
@@ -19,6 +21,8 @@ pub(super) struct Task {
 pub(super) enum Work {
     /// Operations in one request.
     Ops(Vec<Op>),
+    /// Writes or forces a single bit; the other bits of its register keep their values.
+    Bit { plc: DeviceIndex, access: BitAccess, state: u32, is_forced: bool },
     /// Advances the clock by `us` microseconds, of which `left_us` are left.
     Advance { us: u64, left_us: u64 },
     /// Advances the clock until all conditions are true, at most by `us` microseconds, of which `left_us` are left.
@@ -42,7 +46,11 @@ impl Task {
     /// # Errors
     /// There is no reply.
     pub(super) fn go(self, source: &mut dyn Source) -> Result<Outcome, RequestError> {
+        if let Work::Bit { plc, access, state, is_forced } = self.work {
+            return self.write_bit(plc, access, state, is_forced, source);
+        }
         let (ops, slice_us) = match &self.work {
+            Work::Bit { .. } => (Vec::new(), 0),
             Work::Ops(ops) => (ops.clone(), 0),
             Work::Advance { left_us, .. } => {
                 let us = SLICE_US.min(*left_us);
@@ -78,10 +86,39 @@ impl Task {
         })
     }
 
+    /// Reads the register of a bit, and writes or forces it with the bit's new state. The write is repeated if another
+    /// program has written the register in between.
+    fn write_bit(
+        self,
+        plc: DeviceIndex,
+        access: BitAccess,
+        state: u32,
+        is_forced: bool,
+        source: &mut dyn Source,
+    ) -> Result<Outcome, RequestError> {
+        let BitAccess { offset, width, .. } = access;
+        let current = match source.request(&[Op::Peek { plc, offset, width }], RequestKind::Task)?.pop() {
+            Some(Reply::Value(current)) => current,
+            Some(Reply::Error(refused)) => return Ok(Outcome::Refused(refused.to_string())),
+            _ => return Ok(Outcome::More(self)),
+        };
+        let new = access.set(current, state);
+        let op = match is_forced {
+            true => Op::Force { plc, offset, width, value: new },
+            false => Op::CompareExchange { plc, offset, width, current, new },
+        };
+        Ok(match source.request(&[op], RequestKind::Task)?.pop() {
+            Some(Reply::Error(refused)) => Outcome::Refused(refused.to_string()),
+            Some(Reply::Exchanged { ok: false, .. }) => Outcome::More(self),
+            _ => Outcome::Done(self.description),
+        })
+    }
+
     /// True if the task can take long.
     pub(super) fn is_long(&self) -> bool {
         match &self.work {
             Work::Ops(ops) => ops.iter().any(|op| matches!(op, Op::Back { .. } | Op::BackUntil { .. })),
+            Work::Bit { .. } => false,
             Work::Advance { .. } | Work::Until { .. } => true,
         }
     }
@@ -89,7 +126,7 @@ impl Task {
     /// Message that the task was cancelled, with its progress.
     pub(super) fn cancelled(&self) -> String {
         match &self.work {
-            Work::Ops(_) => format!("cancelled: {}", self.description),
+            Work::Ops(_) | Work::Bit { .. } => format!("cancelled: {}", self.description),
             Work::Advance { us, left_us } => format!("cancelled: {} passed", of(*us, *left_us)),
             Work::Until { us, left_us, .. } => {
                 format!("cancelled: {} passed, not yet {}", of(*us, *left_us), self.description)
@@ -100,7 +137,7 @@ impl Task {
     /// Message about the progress of the task.
     pub(super) fn progress(&self) -> String {
         match &self.work {
-            Work::Ops(_) => format!("running: {}", self.description),
+            Work::Ops(_) | Work::Bit { .. } => format!("running: {}", self.description),
             Work::Advance { us, left_us } => format!("{} passed; Esc ends", of(*us, *left_us)),
             Work::Until { us, left_us, .. } => {
                 format!("waits for {}: {} passed; Esc ends", self.description, of(*us, *left_us))

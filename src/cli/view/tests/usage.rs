@@ -50,6 +50,25 @@ fn a_forced_register_is_marked_and_can_be_unforced() {
     user.sees("is not forced");
 }
 
+/// Bits are pinned by their names; the other bits of the register keep their values.
+#[test]
+fn a_single_bit_is_poked_and_forced() {
+    let mut user = User::built_in();
+    let fitted = user.host.plant.names().fitted(DeviceIndex(0));
+    let bit = NamedLocation::parse(&fitted, "%MX3.200000.6").unwrap();
+    user.model.pins.toggle(DeviceIndex(0), bit);
+    user.poke(&[("node2.w_CPU_CONTROL", 0x0081)], 0);
+    user.type_in("2");
+    user.press(KeyCode::Tab);
+    user.type_in("p1\ny");
+    assert_eq!(holds(&user, "node2.w_CPU_CONTROL"), 0x00C1);
+    user.type_in("f0\ny");
+    assert_eq!(holds(&user, "node2.w_CPU_CONTROL"), 0x0081);
+    assert_eq!(user.host.plant.forces().len(), 1);
+    user.type_in("uy");
+    assert_eq!(user.host.plant.forces().len(), 0);
+}
+
 #[test]
 fn a_read_only_view_changes_nothing() {
     let mut user = User::at(TestHost::new(true), true);
