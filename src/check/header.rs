@@ -111,6 +111,15 @@ impl HeaderWatch {
         }
     }
 
+    /// Stores the speed of the clock, which the emulator changes between two runs of the firmware.
+    pub(crate) fn show_speed(&mut self, permille: u32) {
+        const SPEED: usize = offset_of!(Header, speed);
+        const SHIFT: usize = 8 * (SPEED % WORD);
+        if let Some(left) = self.left.word_mut(SPEED / WORD) {
+            *left = *left & !(u64::from(u32::MAX) << SHIFT) | u64::from(permille) << SHIFT;
+        }
+    }
+
     /// Reports writes since the last baseline.
     #[inline]
     pub(crate) fn look(&mut self, now: u64, journal: &mut Journal) {

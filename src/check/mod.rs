@@ -68,6 +68,11 @@ impl DeviceWatch {
         self.owned.leave();
     }
 
+    /// The speed of the clock in the header page was set.
+    pub(crate) fn show_speed(&mut self, permille: u32) {
+        self.header.show_speed(permille);
+    }
+
     /// The emulated time in the header page was set.
     #[inline]
     pub fn show_time(&mut self, now: u64) {

@@ -9,6 +9,8 @@ const WORDS: &[(&str, &str, &str)] = &[
     ("", "back", "commram step --back TIME"),
     ("", "undo", "commram step --back TIME"),
     ("", "advance", "commram step TIME"),
+    ("", "pause", "commram speed 0"),
+    ("", "resume", "commram speed 1"),
     ("", "load", "commram restore FILE"),
     ("", "save", "commram snapshot FILE"),
     ("", "validate", "commram plant check PLANT.toml"),

@@ -45,6 +45,7 @@ mod session;
 mod shell;
 mod snapshot;
 mod soak;
+mod speed;
 mod start;
 mod status;
 mod step;
@@ -145,6 +146,7 @@ enum Command {
     Unforce(force::UnforceArgs),
     Wait(wait::Args),
     Step(step::Args),
+    Speed(speed::Args),
     Snapshot(snapshot::Args),
     Restore(snapshot::RestoreArgs),
     Dump(dump::Args),
@@ -226,6 +228,7 @@ impl Command {
             Command::Unforce(args) => force::unforce(&args),
             Command::Wait(args) => wait::run(&args),
             Command::Step(args) => step::run(&args),
+            Command::Speed(args) => speed::run(&args),
             Command::Snapshot(args) => snapshot::run(&args),
             Command::Restore(args) => snapshot::restore(&args),
             Command::Dump(args) => dump::run(&args),

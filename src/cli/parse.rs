@@ -11,7 +11,7 @@ use std::ffi::OsString;
 const GROUPS: &[(&str, &[&str])] = &[
     ("Emulators", &["run", "with", "list", "status", "stop", "demo"]),
     ("Registers", &["peek", "poke", "force", "unforce", "wait", "watch", "dump", "diff"]),
-    ("Time", &["step", "snapshot", "restore"]),
+    ("Time", &["step", "speed", "snapshot", "restore"]),
     ("Plants", &["new", "plant", "bus", "drive", "board", "fault"]),
     ("Analysis", &["view", "web", "shell", "trace", "plot", "check"]),
     ("Tests", &["test", "soak"]),

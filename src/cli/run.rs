@@ -208,7 +208,11 @@ fn ready_line(instance: &str, emulator: &Emulator, clock: Clock) -> String {
     format!("commram: instance '{instance}' ready: {}, clock {clock}{doors}\n", plcs.join(", "))
 }
 
-/// Returns `real time`, or `real time x 2.5`.
+/// Returns `real time`, `real time x 2.5`, or `real time, paused`.
 pub(crate) fn real_time_name(speed: f64) -> String {
-    if speed == 1.0 { "real time".to_owned() } else { format!("real time x {speed}") }
+    match speed {
+        0.0 => "real time, paused".to_owned(),
+        1.0 => "real time".to_owned(),
+        speed => format!("real time x {speed}"),
+    }
 }

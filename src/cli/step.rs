@@ -9,7 +9,8 @@ use crate::request::MAX_ADVANCE_US;
 /// Advance the emulated time, or go back (stepped mode only).
 ///
 /// Prints the new emulated time. Going back restores the plant as it was then, and later events are lost. A stepped
-/// instance keeps earlier states as long as there is memory for them (`commram run --keep-states`). Going back is
+/// instance keeps earlier states as long as there is memory for them (`commram run --keep-states`). What clients did
+/// at the moment where it ends is kept; `--back-to-start` also undoes what they did at the start. Going back is
 /// refused while a task in lockstep, a program that has mapped the registers or a guest at a door takes part,
 /// because these cannot go back.
 #[derive(clap::Args)]
@@ -20,10 +21,11 @@ Examples:
   commram step --to-sync
   commram step --to-sync line2:node1
   commram step --back 10ms
-  commram step --back-to node2.w_OPTION_STATUS==16#0043")]
+  commram step --back-to node2.w_OPTION_STATUS==16#0043
+  commram step --back-to-start")]
 pub(crate) struct Args {
     /// Time to advance (us, ms, s, min, h)
-    #[arg(value_name = "TIME", value_parser = advance_time, required_unless_present_any = ["to_sync", "back", "back_to"])]
+    #[arg(value_name = "TIME", value_parser = advance_time, required_unless_present_any = ["to_sync", "back", "back_to", "back_to_start"])]
     time: Option<u64>,
     /// Advance to the next SYNC on the bus of a port, with the PLC in front if there are several [default: the
     /// device's first master]
@@ -36,6 +38,9 @@ pub(crate) struct Args {
     /// wait`; with several conditions all must be true
     #[arg(add = super::complete::conditions(), long, value_name = "CONDITION", conflicts_with_all = ["time", "to_sync", "back"])]
     back_to: Vec<String>,
+    /// Go back to the start of the plant, before all actions of clients
+    #[arg(long, conflicts_with_all = ["time", "to_sync", "back", "back_to"])]
+    back_to_start: bool,
     /// Go back even if programs outside the emulator take part
     #[arg(long = "ignore-programs", alias = "detached")]
     detached: bool,
@@ -82,6 +87,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             let (plc, node) = session.port(text)?;
             Op::AdvanceToSync { plc, node }
         }
+        None if args.back_to_start => Op::BackToStart { detached: args.detached },
         None if args.back.is_some() => Op::Back { us: args.back.unwrap_or(0), detached: args.detached },
         None => Op::Advance { us: args.time.unwrap_or(0) },
     };

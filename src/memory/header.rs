@@ -66,7 +66,7 @@ pub struct Header {
     pub clock_mode: Cell32,
     /// Process id of the emulator.
     pub firmware_pid: Cell32,
-    /// Emulated time per real time x 1000 (1000 = real time); 0 in stepped mode.
+    /// Emulated time per real time x 1000 (1000 = real time); 0 in stepped mode and while the clock is paused.
     pub speed: Cell32,
     /// Start time of the emulator's process: field 22 of `/proc/<pid>/stat`, in clock ticks since boot.
     pub firmware_start: Cell64,
@@ -106,7 +106,8 @@ pub struct Header {
     /// Cycles of the cyclic task since the last cold or warm start, the present one included. The PLC counts them; 0:
     /// not counted.
     pub program_cycles: Cell32,
-    /// `CLOCK_MONOTONIC` at emulated time 0, in ns; 0 in stepped mode and until the clock runs.
+    /// `CLOCK_MONOTONIC` at emulated time 0, in ns modulo 2^64, extrapolated if the clock has another speed; 0 in
+    /// stepped mode, until the clock runs, and while it is paused.
     pub real_epoch_ns: Cell64,
     /// Offset of the first retain flag in this file; 0 if the device has none.
     pub retain_offset: Cell32,
@@ -259,6 +260,31 @@ impl Header {
         let pulses = self.events.iter().chain(&self.triggers).chain(&self.timers);
         pulses.for_each(|slot| slot.time_us.store(0));
         self.real_epoch_ns.store(0);
+    }
+
+    /// Publishes a real-time clock: its epoch, 0 while it is paused, and emulated time per real time x 1000.
+    /// [`Header::exact_us`] never combines the epoch of one clock with the speed of another: between them the epoch is 0.
+    pub fn set_real_clock(&self, epoch_ns: u64, permille: u32) {
+        self.real_epoch_ns.store(0);
+        self.speed.store(permille);
+        self.real_epoch_ns.store(epoch_ns);
+    }
+
+    /// Emulated time in microseconds at this very moment: in real time the clock also advances between two actions of
+    /// the firmware.
+    #[must_use]
+    pub fn exact_us(&self) -> u64 {
+        let last_us = self.virtual_time_us.load();
+        let (epoch_ns, permille) = (self.real_epoch_ns.load(), self.speed.load());
+        if epoch_ns == 0 || self.real_epoch_ns.load() != epoch_ns {
+            return last_us;
+        }
+        let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
+        let now_ns = now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64;
+        // The epoch of a slow clock may be before the begin of `CLOCK_MONOTONIC`.
+        let passed = u64::try_from(now_ns.wrapping_sub(epoch_ns) as i64).unwrap_or(0);
+        let us = u128::from(passed) * u128::from(permille) / 1_000_000;
+        u64::try_from(us).unwrap_or(u64::MAX).max(last_us)
     }
 
     /// Value of a word of the device's front.

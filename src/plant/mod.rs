@@ -276,6 +276,11 @@ impl Plant {
         self.watches.iter_mut().for_each(|watch| watch.show_time(self.now));
     }
 
+    /// The speed of the clock in the header pages was set: emulated time per real time x 1000.
+    pub(crate) fn show_speed(&mut self, permille: u32) {
+        self.watches.iter_mut().for_each(|watch| watch.show_speed(permille));
+    }
+
     /// Sets the events of device `device` that stop [`Plant::advance_until`], bit n for event n.
     pub fn watch(&mut self, device: DeviceIndex, events: u16) {
         if let Some(its) = self.devices.get_mut(device.index()).and_then(|device| device.events()) {

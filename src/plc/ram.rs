@@ -73,15 +73,7 @@ impl Ram {
     /// Emulated time in microseconds at this very moment: in real time the clock also advances between two actions of
     /// the firmware.
     pub(crate) fn exact_us(&self) -> u64 {
-        let epoch_ns = self.header.real_epoch_ns.load();
-        if epoch_ns == 0 {
-            return self.now_us();
-        }
-        let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
-        let now_ns = now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64;
-        let passed = u128::from(now_ns.saturating_sub(epoch_ns));
-        let us = passed * u128::from(self.header.speed.load()) / 1_000_000;
-        u64::try_from(us).unwrap_or(u64::MAX).max(self.now_us())
+        self.header.exact_us()
     }
 }
 

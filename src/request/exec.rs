@@ -15,7 +15,7 @@ mod time;
 use super::op::Class;
 use super::ops::ops;
 use super::register::Register;
-use super::{Host, Op, Refused, Reply};
+use super::{Host, Op, Refused, Reply, travel};
 use crate::identity::DeviceIndex;
 use crate::layout::Test;
 
@@ -64,9 +64,12 @@ impl Execution {
     pub fn run(&mut self, host: &mut dyn Host, op: &Op) -> Result<Option<Reply>, Refused> {
         op.check_ranges()?;
         host.permit(op)?;
-        // Stores are recorded separately.
-        if op.acts() && op.class() != Class::Stores {
-            host.plant_and_travel().1.touch();
+        if op.acts() {
+            travel::is_about_to_act(host);
+            // Stores are recorded separately.
+            if op.class() != Class::Stores {
+                host.plant_and_travel().1.touch();
+            }
         }
         let reply = Work { execution: self, host }.execute(*op)?;
         if reply.is_some() {

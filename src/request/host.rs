@@ -53,6 +53,12 @@ pub trait Host {
     /// again with the same `t`.
     fn advance_to(&mut self, t: u64) -> bool;
 
+    /// Real time only: changes the speed of the clock from the present time on; `permille` is emulated time per real
+    /// time x 1000, 0 pauses the clock.
+    fn set_speed(&mut self, permille: u32) {
+        let _ = permille;
+    }
+
     /// Called between the parts of an operation that advances the clock: whether it is to pause so that other clients
     /// can be served. The caller continues the operation afterwards. A pause makes no difference to the plant.
     fn should_pause(&self) -> bool {

@@ -32,7 +32,7 @@ pub use exec::Execution;
 pub use host::Host;
 #[cfg(feature = "cli")]
 pub(crate) use op::Class;
-pub use op::{FilePart, MAX_ADVANCE_US, MAX_CONDITIONS, MAX_OPS, MAX_RANGE, MAX_RECORDS, Op};
+pub use op::{FilePart, MAX_ADVANCE_US, MAX_CONDITIONS, MAX_OPS, MAX_RANGE, MAX_RECORDS, MAX_SPEED, Op};
 pub use part::{JournalPart, read_journal};
 pub use refused::{Code, Refused};
 pub use reply::{

@@ -25,6 +25,8 @@ pub const MAX_RECORDS: u32 = 1024;
 pub const MAX_CONDITIONS: usize = 32;
 /// Maximum advance of the clock in an operation: 24 h of emulated time, in microseconds.
 pub const MAX_ADVANCE_US: u64 = 24 * 3_600_000_000;
+/// Highest speed of a real-time clock: emulated time per real time x 1000.
+pub const MAX_SPEED: u32 = 1_000_000;
 
 /// What an operation changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -112,6 +112,12 @@ macro_rules! ops {
                 /// The longest time, in microseconds.
                 within_us: u64 [..=MAX_ADVANCE_US, ADVANCE_TOO_LONG] => time_us,
             },
+            /// Changes the speed of a real-time clock, at the present emulated time, or pauses it. Does not influence the
+            /// plant. The reply is the time from which the speed applies.
+            SetSpeed = 15, set_speed, Manages -> Time {
+                /// Emulated time per real time x 1000: 1000 is real time, 0 a pause.
+                permille: u32 [..=MAX_SPEED, SPEED_TOO_HIGH] => value,
+            },
             /// Reads the journal from record number `from` on.
             Journal = 10, journal, Looks -> Journal {
                 /// Number of the first record wanted; records that are no longer kept are left out.
@@ -297,6 +303,12 @@ macro_rules! ops {
             BackUntil = 79, back_until, Travels -> Waited {
                 /// A single condition is sufficient.
                 any: bool => value,
+                /// Also if an outside participant cannot go back.
+                detached: bool => node,
+            },
+            /// Goes back to the start of the plant, or to the snapshot that it has begun with, before the first action of
+            /// a client. Going back by a time keeps the actions of the moment where it ends.
+            BackToStart = 87, back_to_start, Travels -> Time {
                 /// Also if an outside participant cannot go back.
                 detached: bool => node,
             },

@@ -30,6 +30,10 @@ impl Code {
     pub const UNKNOWN_PLC: Self = Self(8);
     /// The time cannot be stepped.
     pub const CLOCK_IS_REAL_TIME: Self = Self(9);
+    /// The clock is stepped: it has no speed.
+    pub const CLOCK_IS_STEPPED: Self = Self(16);
+    /// The speed of the clock is too high.
+    pub const SPEED_TOO_HIGH: Self = Self(17);
     /// The register did not match in time; [`Refused::waited`] contains its value.
     pub const NOT_IN_TIME: Self = Self(10);
     /// No station sends SYNC on that bus, or there is no such bus.
@@ -92,7 +96,7 @@ impl Code {
 
     /// Whether the operation is impossible in any state. If not, the plant is in a wrong state for it.
     pub fn is_wrong_use(self) -> bool {
-        const STATES: [Code; 9] = [
+        const STATES: [Code; 10] = [
             Code::QUEUE_FULL,
             Code::NOT_IN_TIME,
             Code::NO_SYNC,
@@ -101,6 +105,7 @@ impl Code {
             Code::NOT_SO_FAR,
             Code::NOT_ALONE,
             Code::CLOCK_IS_REAL_TIME,
+            Code::CLOCK_IS_STEPPED,
             Code::SHUTTING_DOWN,
         ];
         !STATES.contains(&self)

@@ -12,7 +12,7 @@ mod stretch;
 #[cfg(test)]
 mod tests;
 
-pub(super) use back::{back, back_until};
+pub(super) use back::{back, back_to_start, back_until};
 use file::IncomingFiles;
 pub(super) use file::{read, restore, take_in};
 pub(super) use stretch::Store;
@@ -39,6 +39,8 @@ pub struct Travel {
     leaving: (u32, Vec<u8>),
     /// Files that clients are sending.
     coming: IncomingFiles,
+    /// The plant before the first action of a client, and before its time first passed.
+    start: Option<Snapshot>,
     /// Stretches of the history, the oldest first.
     history: VecDeque<Stretch>,
     /// Bytes that it takes, and may take.
@@ -77,6 +79,7 @@ impl Travel {
             last: 0,
             leaving: (0, Vec::new()),
             coming: IncomingFiles::default(),
+            start: None,
             history: VecDeque::new(),
             size: 0,
             most,
@@ -113,6 +116,15 @@ impl Travel {
         self.history.back().is_none_or(|last| last.begin.time_us() + after_us <= now)
     }
 
+    /// Keeps the start, if the plant is still there.
+    fn note_start(&mut self, plant: &Plant) {
+        if self.start.is_none() && self.most > 0 {
+            let start = plant.snapshot();
+            self.size += start.size();
+            self.start = Some(start);
+        }
+    }
+
     /// Begins a new stretch of the history at the present moment.
     fn note(&mut self, plant: &mut Plant) {
         plant.settle();
@@ -144,6 +156,14 @@ impl Travel {
         self.saved.values_mut().for_each(|saved| saved.is_behind &= saved.written <= written);
     }
 
+    /// The plant is at its present time, before actions of this moment that the history may contain.
+    fn begins_anew(&mut self, plant: &Plant) {
+        // An entry of the same moment may be a later one, so a new snapshot is taken before time passes.
+        self.drop_from(plant.now());
+        self.is_at(plant);
+        self.touch();
+    }
+
     /// Drops stretches that begin at a moment or after it.
     fn drop_from(&mut self, time_us: u64) {
         while let Some(later) = self.history.pop_back_if(|it| it.begin.time_us() >= time_us) {
@@ -154,6 +174,7 @@ impl Travel {
     /// Drops the history, because it does not belong to the present state.
     fn is_elsewhere(&mut self) {
         self.history.clear();
+        self.start = None;
         self.size = 0;
         self.came_from_elsewhere = true;
         self.saved.values_mut().for_each(|saved| saved.is_behind = false);
@@ -175,10 +196,19 @@ impl Travel {
     }
 }
 
+/// Called before a client acts on the plant.
+pub(super) fn is_about_to_act(host: &mut dyn Host) {
+    if host.is_stepped() {
+        let (plant, travel) = host.plant_and_travel();
+        travel.note_start(plant);
+    }
+}
+
 /// Called before the clock advances in stepped mode; `is_first`: by an operation that has just begun.
 pub(super) fn set_out(host: &mut dyn Host, is_first: bool) {
     if host.is_stepped() {
         let (plant, travel) = host.plant_and_travel();
+        travel.note_start(plant);
         let after_us = if is_first { PAUSE_US } else { STRETCH_US };
         if travel.most > 0 && (travel.is_touched || travel.is_overdue(plant.now(), after_us)) {
             travel.note(plant);
@@ -228,10 +258,7 @@ pub(super) fn back_to(host: &mut dyn Host, number: u32, detached: bool) -> Resul
     go_to(host, &snapshot, is_behind)?;
     let (plant, travel) = host.plant_and_travel();
     if is_behind {
-        // An entry of the same moment may be a later one, so a new snapshot is taken before time passes.
-        travel.drop_from(plant.now());
-        travel.is_at(plant);
-        travel.touch();
+        travel.begins_anew(plant);
     } else {
         travel.is_elsewhere()
     }

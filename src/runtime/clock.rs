@@ -55,46 +55,69 @@ impl Clock {
     }
 }
 
-/// A running wall clock, read in emulated microseconds.
+/// A wall clock, read in emulated microseconds.
 #[derive(Debug)]
 pub(super) struct WallClock {
-    started: Instant,
-    /// `CLOCK_MONOTONIC` at emulated time 0, in ns.
-    epoch_ns: u64,
+    /// The moment from which on the clock has this speed.
+    since: Instant,
+    /// `CLOCK_MONOTONIC` at that moment, in ns.
+    since_ns: u64,
+    /// Emulated time at that moment, in microseconds.
+    from_us: u64,
+    /// 0.0: the clock is paused.
     speed: f64,
 }
 
 impl WallClock {
-    /// Starts at emulated time 0 now.
-    pub(super) fn start(speed: f64) -> Self {
-        let epoch = clock_gettime(ClockId::Monotonic);
-        let epoch_ns = epoch.tv_sec as u64 * 1_000_000_000 + epoch.tv_nsec as u64;
-        WallClock { started: Instant::now(), epoch_ns, speed }
+    /// A clock paused at emulated time 0.
+    pub(super) fn paused() -> Self {
+        Self::at(0, 0.0)
     }
 
-    /// `CLOCK_MONOTONIC` at emulated time 0, in ns.
+    /// The clock has emulated time `from_us` and speed `speed` now.
+    pub(super) fn at(from_us: u64, speed: f64) -> Self {
+        let now = clock_gettime(ClockId::Monotonic);
+        let since_ns = now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64;
+        WallClock { since: Instant::now(), since_ns, from_us, speed }
+    }
+
+    /// `CLOCK_MONOTONIC` at emulated time 0, in ns, extrapolated; modulo 2^64, because a slow clock may have begun
+    /// before the machine did. 0: the clock is paused.
     pub(super) fn epoch_ns(&self) -> u64 {
-        self.epoch_ns
+        if self.speed == 0.0 {
+            return 0;
+        }
+        let real_ns = if self.speed == 1.0 {
+            self.from_us.saturating_mul(1_000)
+        } else {
+            (self.from_us as f64 * 1_000.0 / self.speed) as u64
+        };
+        self.since_ns.wrapping_sub(real_ns).max(1)
     }
 
     /// The present emulated time.
     pub(super) fn now(&self) -> u64 {
-        let real = self.started.elapsed();
-        if self.speed == 1.0 {
+        let real = self.since.elapsed();
+        let passed = if self.speed == 1.0 {
             real.as_micros() as u64
         } else {
             (real.as_secs_f64() * 1e6 * self.speed) as u64
-        }
+        };
+        self.from_us + passed
     }
 
-    /// Real time until the emulated time reaches `time`; zero if it is past.
+    /// Real time until the emulated time reaches `time`; zero if it is past, [`Duration::MAX`] while the clock is
+    /// paused.
     pub(super) fn until(&self, time: u64) -> Duration {
+        let Some(left) = time.checked_sub(self.from_us) else { return Duration::ZERO };
         let real = if self.speed == 1.0 {
-            Duration::from_micros(time)
+            Duration::from_micros(left)
+        } else if left == 0 {
+            Duration::ZERO
         } else {
-            Duration::try_from_secs_f64(time as f64 / 1e6 / self.speed).unwrap_or(Duration::MAX)
+            Duration::try_from_secs_f64(left as f64 / 1e6 / self.speed).unwrap_or(Duration::MAX)
         };
-        real.saturating_sub(self.started.elapsed())
+        real.saturating_sub(self.since.elapsed())
     }
 }
 
@@ -102,11 +125,15 @@ impl WallClock {
 mod tests {
     use super::*;
 
+    fn clock(from_us: u64, speed: f64) -> WallClock {
+        WallClock { since: Instant::now(), since_ns: 50_000_000, from_us, speed }
+    }
+
     #[test]
     fn a_fast_clock_is_ahead_of_a_slow_one() {
-        let started = Instant::now();
-        let fast = WallClock { started, epoch_ns: 0, speed: 10.0 };
-        let slow = WallClock { started, epoch_ns: 0, speed: 0.1 };
+        let since = Instant::now();
+        let fast = WallClock { since, ..clock(0, 10.0) };
+        let slow = WallClock { since, ..clock(0, 0.1) };
         let slow_now = slow.now();
         assert!(fast.now() >= slow_now);
         assert!(slow.until(slow_now + 1_000_000) > fast.until(slow_now + 1_000_000));
@@ -114,6 +141,26 @@ mod tests {
 
     #[test]
     fn past_times_are_due_immediately() {
-        assert_eq!(WallClock::start(1.0).until(0), Duration::ZERO);
+        assert_eq!(WallClock::at(0, 1.0).until(0), Duration::ZERO);
+        assert_eq!(WallClock::at(5_000, 2.0).until(4_999), Duration::ZERO);
+    }
+
+    #[test]
+    fn a_paused_clock_keeps_its_time() {
+        let paused = WallClock::at(7_000, 0.0);
+        assert_eq!((paused.now(), paused.epoch_ns()), (7_000, 0));
+        assert_eq!(paused.until(7_000), Duration::ZERO);
+        assert!(paused.until(7_001) > Duration::MAX / 2);
+        assert_eq!(WallClock::paused().now(), 0);
+    }
+
+    /// Programs that map the image compute the time from the epoch and the speed.
+    #[test]
+    fn the_epoch_extrapolates_to_time_0() {
+        assert_eq!(clock(0, 1.0).epoch_ns(), 50_000_000);
+        assert_eq!(clock(20_000, 1.0).epoch_ns(), 30_000_000);
+        assert_eq!(clock(20_000, 10.0).epoch_ns(), 48_000_000);
+        let before_boot = clock(20_000, 0.1).epoch_ns();
+        assert_eq!(50_000_000_u64.wrapping_sub(before_boot), 200_000_000);
     }
 }

@@ -79,6 +79,8 @@ pub struct Emulator {
     pub(super) stop: Arc<EndRequest>,
     pub(super) lockstep: Lockstep,
     pub(super) guests: Guests,
+    /// The clock in real time; unused if stepped.
+    wall: WallClock,
     /// Start of the present turns of guests, if there are any.
     pub(super) turn_since: Option<Instant>,
     /// Target of a step that has paused to serve other clients.
@@ -201,6 +203,7 @@ impl Emulator {
             membership: super::membership::Membership::default(),
             lockstep,
             guests,
+            wall: WallClock::paused(),
             turn_since: None,
             under_way: None,
             novram,
@@ -299,10 +302,8 @@ impl Emulator {
             Clock::RealTime { speed } => {
                 // The default slack of 50 us would delay each SYNC edge by that time. Without it, the delay is shorter.
                 let _ = rustix::thread::set_current_timer_slack(core::num::NonZeroU64::new(1));
-                let clock = WallClock::start(speed);
-                let epoch = clock.epoch_ns();
-                self.images.iter().for_each(|image| image.header().real_epoch_ns.store(epoch));
-                self.run_real_time(&clock);
+                self.run_wall(WallClock::at(self.plant.now(), speed), self.options.clock.speed_permille());
+                self.run_real_time();
                 Ok(())
             }
         };
@@ -314,6 +315,24 @@ impl Emulator {
         }
         self.close_channel();
         outcome.and(saved)
+    }
+
+    /// Publishes this clock with the speed `permille` / 1000, and continues with it.
+    fn run_wall(&mut self, wall: WallClock, permille: u32) {
+        for image in &self.images {
+            image.header().set_real_clock(wall.epoch_ns(), permille);
+        }
+        self.plant.show_speed(permille);
+        self.wall = wall;
+    }
+
+    /// Changes the speed of the real-time clock, and continues from its present time; a backlog of more than one step
+    /// is dropped.
+    pub(super) fn set_real_speed(&mut self, permille: u32) {
+        // The plant first reaches the present time, so that no client that has extrapolated it sees an earlier one.
+        let now = self.real_now();
+        self.plant.advance_to(now);
+        self.run_wall(WallClock::at(now, f64::from(permille) / 1000.0), permille);
     }
 
     /// Writes NOVRAM for the last time, unless registers were lost.

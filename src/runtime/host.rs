@@ -100,6 +100,10 @@ impl Host for Emulator {
         has_arrived
     }
 
+    fn set_speed(&mut self, permille: u32) {
+        self.set_real_speed(permille);
+    }
+
     fn should_pause(&self) -> bool {
         let begin = self.slice.get().unwrap_or_else(Instant::now);
         self.slice.set(Some(begin));

@@ -1,6 +1,8 @@
 //! `run`, `list`, `stop`: several instances that start and end at the same time.
 
 use crate::common::{Emulator, commram, files_of, finish, remove_remains, run, unique_name};
+use commram::devices;
+use commram::memory::AttachMode;
 use std::io::Write;
 use std::process::Stdio;
 
@@ -39,6 +41,35 @@ fn run_says_in_one_line_when_it_is_ready() {
     assert!(emulator.ready.ends_with(", clock real time x 2.5\n"), "{}", emulator.ready);
     let emulator = Emulator::start(&[]);
     assert!(emulator.ready.ends_with(", clock real time\n"), "{}", emulator.ready);
+}
+
+/// `CLOCK_MONOTONIC` times and the time that a program computes from the header page agree with the emulator's.
+#[test]
+fn the_speed_of_a_real_time_clock_can_be_changed() {
+    let emulator = Emulator::start(&[]);
+    let now = || {
+        let text = emulator.run("status", &["--format", "json"]).ok().to_owned();
+        serde_json::from_str::<serde_json::Value>(&text).unwrap()[0].clone()
+    };
+    let speed = |factor: &str| emulator.run("speed", &[factor]).ok().to_owned();
+    speed("0");
+    let paused = now();
+    assert_eq!(paused["speed"], 0.0);
+    assert!(emulator.run("status", &[]).ok().contains("clock real time, paused\n"));
+    assert_eq!(now()["time_us"], paused["time_us"]);
+    let seconds = paused["time_us"].as_u64().unwrap() as f64 / 1e6;
+    assert_eq!(speed("1000"), format!("{seconds:.6} s\n"), "it continues from there");
+    emulator.run("wait", &["node2.w_OPTION_STATUS!=16#FFFF"]).ok();
+    let (attached, _) = devices::attach(&emulator.name, "line", AttachMode::ReadWrite).unwrap();
+    let header = attached.header().unwrap();
+    assert_eq!(header.speed.load(), 1_000_000);
+    let before = now()["time_us"].as_u64().unwrap();
+    let (exact, after) = (header.exact_us(), now()["time_us"].as_u64().unwrap());
+    assert!(before <= exact && exact <= after + 100_000_000, "{before} {exact} {after}");
+    speed("0");
+    assert_eq!(header.exact_us(), header.virtual_time_us.load());
+    let stepped = Emulator::stepped();
+    assert!(stepped.run("speed", &["1"]).fails(1).contains("the clock is stepped"));
 }
 
 #[test]

@@ -39,6 +39,18 @@ fn a_file_brings_the_instance_back_and_starts_another_one() {
     assert_eq!((one.code, &one.out, &one.err), (Some(0), &two.out, &two.err));
 }
 
+#[test]
+fn the_start_is_before_the_pokes_at_the_time_0() {
+    let emulator = Emulator::stepped();
+    emulator.poke(&["node2.w_CPU_CONTROL=16#0001"]);
+    emulator.step(&["5ms"]);
+    let value = || emulator.run("peek", &["--raw", "node2.w_CPU_CONTROL"]).ok().to_owned();
+    assert_eq!(emulator.run("step", &["--back", "5ms"]).ok(), "0.000000 s\n");
+    assert_eq!(value(), "16#0001\n");
+    assert_eq!(emulator.run("step", &["--back-to-start"]).ok(), "0.000000 s\n");
+    assert_eq!(value(), "16#0000\n");
+}
+
 /// All readers of the journal, on a restored instance and on one started from the snapshot. The journal has an end
 /// without records first, and then some records.
 #[test]

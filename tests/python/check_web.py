@@ -228,7 +228,11 @@ class Check:
         """The recording of a handshake is a scenario that passes."""
         self.emulator.run("step", "--back", f"{self.time_us()}us")
         self.page.until("document.querySelector('.time').textContent === '0.000000 s'")
+        # Pokes at the time 0 are no part of the recording: it begins before them.
+        self.emulator.run("poke", "node2.w_CPU_CONTROL=16#0001")
         self.page.click("button.record")
+        self.page.click("dialog button", "Go back and record")
+        self.waits_for(lambda: self.emulator.peek("node2.w_CPU_CONTROL")["value"], 0, "start")
         self.go("registers")
         self.choose_register("node2.w_CPU_CONTROL")
         self.page.enter(".detail input[name=value]", "16#0001")
@@ -372,6 +376,33 @@ def read_only(program, browser):
         emulator.stop()
 
 
+def real_time(program, browser):
+    """The speed of a real-time clock, and its pause."""
+    emulator = Emulator(program)
+    try:
+        page = Page(browser)
+        page.open("about:blank")
+        page.open(emulator.address)
+        page.until("document.querySelectorAll('#nav a').length > 5")
+        check = Check(emulator, page)
+        speed = lambda: emulator.json("status")[0]["speed"]
+        page.click("#clock button", "Pause")
+        check.waits_for(speed, 0, "pause")
+        page.until("document.querySelector('#clock .run').ariaPressed === 'true' && document.querySelector('#clock .kind').textContent.includes('paused')")
+        assert check.time_us() == check.time_us()
+        page.click("#clock button", "10\u00d7")
+        check.waits_for(speed, 10, "10")
+        page.value("document.activeElement.blur()")
+        page.key(" ")
+        check.waits_for(speed, 0, "key")
+        page.until("document.querySelector('#clock .run').ariaPressed === 'true'")
+        page.key(" ")
+        check.waits_for(speed, 10, "continued")
+        assert not (wrong := page.complaints()), wrong
+    finally:
+        emulator.stop()
+
+
 def debugging(program, browser, given):
     """The faulty program of the debugging page, found on the page alone."""
     emulator = Emulator(program, str(EXAMPLE.with_suffix(".toml")), "--clock", "stepped", "--record", "node2")
@@ -415,6 +446,7 @@ def main():
             finally:
                 emulator.stop()
             read_only(program, browser)
+            real_time(program, browser)
             debugging(program, browser, given)
             if given.load:
                 result |= load(program, browser)

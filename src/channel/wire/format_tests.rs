@@ -61,6 +61,8 @@ pub(super) fn ops() -> Vec<(String, Op)> {
         Op::Advance { us: 2_000 },
         Op::AdvanceToSync { plc: DeviceIndex(plc), node: 2 },
         Op::AdvanceToEvent { within_us: 9_000 },
+        Op::SetSpeed { permille: 2_500 },
+        Op::BackToStart { detached: true },
         Op::Time,
         Op::Journal { from: 77, max: 10 },
         Op::Follow { plc: DeviceIndex(plc), offset, len: 4, keep: Keep::InJournal },

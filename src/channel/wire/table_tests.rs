@@ -4,7 +4,7 @@ use super::WIRE_VERSION;
 use super::format_tests::ops as samples;
 use crate::request::ops::ops;
 use crate::request::replies::replies;
-use crate::request::{MAX_ADVANCE_US, MAX_RANGE, Op};
+use crate::request::{MAX_ADVANCE_US, MAX_RANGE, MAX_SPEED, Op};
 use std::fmt::Write;
 
 /// If this variable has any value, the test writes the table of the page again.

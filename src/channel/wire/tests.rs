@@ -58,6 +58,8 @@ fn op() -> impl Strategy<Value = Op> {
         any::<u64>().prop_map(|us| Op::Advance { us }),
         any::<(u16, u8)>().prop_map(|(plc, node)| Op::AdvanceToSync { plc: DeviceIndex(plc), node }),
         any::<u64>().prop_map(|within_us| Op::AdvanceToEvent { within_us }),
+        any::<u32>().prop_map(|permille| Op::SetSpeed { permille }),
+        any::<bool>().prop_map(|detached| Op::BackToStart { detached }),
         Just(Op::Time),
         any::<(u64, u32)>().prop_map(|(from, max)| Op::Journal { from, max }),
         (register(), any::<u32>()).prop_map(|((plc, offset, width), value)| Op::Force {

@@ -60,6 +60,7 @@ fn head_line(model: &Model, theme: Theme, width: usize) -> Line<'static> {
     if let Some(info) = &model.info {
         let speed = match info.speed {
             _ if info.is_stepped => "stepped".to_owned(),
+            0 => "paused".to_owned(),
             1000 => "real time".to_owned(),
             permille => format!("{}.{:03} times real time", permille / 1000, permille % 1000),
         };

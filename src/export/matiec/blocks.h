@@ -92,12 +92,15 @@ static inline uint32_t commram_matiec_exact_us(void)
 {
     commram_header *header = commram_matiec_header();
     uint64_t us = COMMRAM_LOAD(header->virtual_time_us), epoch = COMMRAM_LOAD(header->real_epoch_ns);
-    if (epoch) {
+    uint64_t speed = COMMRAM_LOAD(header->speed);
+    /* The epoch is 0 while the clock is paused, and while the emulator changes the speed. */
+    if (epoch && COMMRAM_LOAD(header->real_epoch_ns) == epoch) {
         struct timespec now;
-        uint64_t ns, exact, speed = COMMRAM_LOAD(header->speed);
+        uint64_t ns, exact;
         clock_gettime(CLOCK_MONOTONIC, &now);
         ns = (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
-        ns = ns > epoch ? ns - epoch : 0;
+        ns -= epoch; /* modulo 2^64: the epoch of a slow clock may be before the begin of CLOCK_MONOTONIC */
+        ns = ns >> 63 ? 0 : ns;
         exact = ns / 1000000u * speed + ns % 1000000u * speed / 1000000u;
         us = exact > us ? exact : us;
     }

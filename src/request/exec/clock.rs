@@ -88,6 +88,15 @@ impl Work<'_> {
         Ok(Some(self.now()))
     }
 
+    pub(super) fn set_speed(&mut self, permille: u32) -> Result<Reply, Refused> {
+        if self.host.is_stepped() {
+            let text = "the clock is stepped and has no speed: it advances only on request (`commram step`, `commram wait`)";
+            return Err(Refused::new(Code::CLOCK_IS_STEPPED, text));
+        }
+        self.host.set_speed(permille);
+        Ok(self.now())
+    }
+
     pub(super) fn time(&mut self) -> Result<Reply, Refused> {
         Ok(self.now())
     }

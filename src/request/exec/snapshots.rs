@@ -38,6 +38,11 @@ impl Work<'_> {
         Ok(self.now())
     }
 
+    pub(super) fn back_to_start(&mut self, detached: bool) -> Result<Reply, Refused> {
+        travel::back_to_start(self.host, detached)?;
+        Ok(self.now())
+    }
+
     pub(super) fn back_until(&mut self, any: bool, detached: bool) -> Result<Reply, Refused> {
         let conditions = core::mem::take(&mut self.execution.conditions);
         if conditions.is_empty() {

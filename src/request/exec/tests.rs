@@ -7,7 +7,7 @@ use crate::layout::{Compare, DeviceFit, NamedLocation};
 use crate::memory::Width;
 use crate::plant::Forced;
 use crate::request::testing::{RAM, TestHost};
-use crate::request::{Code, MAX_ADVANCE_US, MAX_CONDITIONS, MAX_RANGE, Waited};
+use crate::request::{Code, MAX_ADVANCE_US, MAX_CONDITIONS, MAX_RANGE, MAX_SPEED, Waited};
 use core::num::NonZeroU16;
 
 const REG: u32 = RAM.start + 100;
@@ -296,6 +296,15 @@ fn time_is_stepped_only_in_stepped_mode() {
         assert_eq!(host.refusal(op).0, Code::CLOCK_IS_REAL_TIME);
     }
     assert_eq!(host.request(&[Op::Time]), [Reply::Time(0)]);
+}
+
+#[test]
+fn only_a_real_time_clock_has_a_speed() {
+    let speed = |permille| Op::SetSpeed { permille };
+    assert_eq!(TestHost::new(true).refusal(speed(1_000)).0, Code::CLOCK_IS_STEPPED);
+    let mut host = TestHost::new(false);
+    assert_eq!(host.request(&[speed(0), speed(MAX_SPEED)]), [0, 0].map(Reply::Time));
+    assert_eq!(host.refusal(speed(MAX_SPEED + 1)).0, Code::SPEED_TOO_HIGH);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Going back by a time, or to the moment at which a condition became true.
+//! Going back by a time, to the moment at which a condition became true, or to the start.
 
 use super::{alone, go_to};
 use crate::plant::Snapshot;
@@ -27,6 +27,22 @@ pub(in crate::request) fn back(host: &mut dyn Host, us: u64, detached: bool) -> 
     host.plant_mut().end_search(search);
     host.has_travelled();
     outcome
+}
+
+/// Goes back to the start, before the first action of a client.
+pub(in crate::request) fn back_to_start(host: &mut dyn Host, detached: bool) -> Result<(), Refused> {
+    alone(host, detached)?;
+    let (_, travel) = host.plant_and_travel();
+    if travel.most == 0 {
+        return Err(Refused::new(Code::NOT_SO_FAR, travel.nothing()));
+    }
+    // Nothing has happened yet: the plant is at its start.
+    let Some(start) = travel.start.clone() else { return Ok(()) };
+    go_to(host, &start, true)?;
+    let (plant, travel) = host.plant_and_travel();
+    travel.begins_anew(plant);
+    host.has_travelled();
+    Ok(())
 }
 
 /// Goes back to the last moment before now at which `look` became successful. Returns its result.
@@ -63,16 +79,35 @@ fn find_back<T>(
         }
         next_stretch = first;
     }
+    let unrepeatable = last_unrepeatable(host);
     return_to(host, &here);
     let earliest = host.plant_and_travel().1.earliest();
     let text = earliest.map_or_else(
         || host.plant_and_travel().1.nothing(),
         |earliest| {
             let earliest = time::seconds(earliest);
-            format!("the conditions did not become true since {earliest}, the earliest moment of the history")
+            let text =
+                format!("the conditions did not become true since {earliest}, the earliest moment of the history");
+            match unrepeatable.map(|times| times.map(time::seconds)) {
+                None => text,
+                Some([from, end]) => format!(
+                    "{text}; but between {from} and {end} a program has stored registers through its mapping, which \
+                     cannot be repeated, so a condition about these stores is not found"
+                ),
+            }
         },
     );
     Err(Refused::new(Code::NOT_SO_FAR, text))
+}
+
+/// Begin and end of the last stretch that a repetition does not reproduce.
+fn last_unrepeatable(host: &mut dyn Host) -> Option<[u64; 2]> {
+    (0..host.plant_and_travel().1.history.len()).rev().find_map(|place| {
+        let stretch = host.plant_and_travel().1.history[place].clone();
+        go_to(host, &stretch.begin, true).ok()?;
+        let times = [stretch.begin.time_us(), stretch.end_us()];
+        (!stretch.is_repeated(host.plant_mut())).then_some(times)
+    })
 }
 
 /// The last moment in a stretch, or at the beginning of the next one, at which `look` became successful; also the start

@@ -58,6 +58,26 @@ fn going_back_by_a_time_restores_the_state_and_continues_from_it() {
     assert!(turn.number > 0 && turn.begin == kept.last().map_or(0, |last| last.seq + 1), "{turn:?}");
 }
 
+/// Going back to the time 0 keeps the stores of that moment, going back to the start does not.
+#[test]
+fn the_start_is_before_the_first_action() {
+    let mut host = TestHost::new(true);
+    let hash = host.plant.journal().hash();
+    let start = Op::BackToStart { detached: false };
+    assert_eq!(host.request(&[start]), [Reply::Time(0)]);
+    for _ in 0..2 {
+        host.request(&[poke(1), Op::Advance { us: 2_000 }, poke(2)]);
+        assert_eq!(host.request(&[back(2_000)]), [Reply::Time(0)]);
+        assert_eq!(held(&mut host), Reply::Value(1));
+        host.request(&[Op::Advance { us: 3_000 }]);
+        assert_eq!(host.request(&[start]), [Reply::Time(0)]);
+        assert_eq!(held(&mut host), Reply::Value(0));
+        assert_eq!(host.plant.journal().hash(), hash);
+    }
+    *host.plant_and_travel().1 = Travel::new(0);
+    assert_eq!(host.refusal(start).0, Code::NOT_SO_FAR);
+}
+
 #[test]
 fn going_back_until_a_condition_became_true() {
     let mut host = host();
@@ -168,11 +188,12 @@ fn many_stores_cause_a_snapshot() {
     }
     let travel = host.plant_and_travel().1;
     assert_eq!(travel.history.iter().map(|stretch| stretch.stores.len()).collect::<Vec<_>>(), [256, 43]);
+    let start = travel.start.as_ref().unwrap().size();
     let sum: usize = travel.history.iter().map(Stretch::size).sum();
-    assert_eq!(travel.size, sum);
+    assert_eq!(travel.size, start + sum);
     host.request(&[back(299)]);
     let travel = host.plant_and_travel().1;
-    assert_eq!(travel.size, travel.history[0].size());
+    assert_eq!(travel.size, start + travel.history[0].size());
     host.request(&[Op::Advance { us: 200_000 }, Op::Advance { us: 1 }]);
     assert_eq!(host.plant_and_travel().1.history.len(), 2, "this much time causes a snapshot, too");
 }
@@ -196,6 +217,10 @@ fn unrepeatable_stores_through_the_map_are_reported() {
     let in_between = host.plant.journal().written();
     assert!(in_between > 0, "the store shows in the journal");
     let before = host.plant.snapshot();
+    // The program's store is not repeated, so its condition is not found, and the refusal says why.
+    let Some(Reply::Error(Refused { text, .. })) = host.request(&until(7)).pop() else { panic!() };
+    assert!(text.contains("but between 0.000000 s and 0.010000 s a program has stored registers"), "{text}");
+    assert!(host.plant.snapshot() == before);
     let (code, text) = host.refusal(back(5_000));
     assert_eq!(code, Code::SNAPSHOT);
     assert!(

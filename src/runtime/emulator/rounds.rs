@@ -6,7 +6,6 @@
 
 use super::Emulator;
 use crate::memory::bell;
-use crate::runtime::clock::WallClock;
 use crate::runtime::lockstep::NoWitness;
 use std::time::Duration;
 
@@ -39,10 +38,15 @@ impl Emulator {
         }
     }
 
-    pub(super) fn run_real_time(&mut self, clock: &WallClock) {
+    /// The time of the real-time clock, at most one step after the plant's.
+    pub(super) fn real_now(&self) -> u64 {
+        self.wall.now().min(self.plant.now() + LONGEST_STEP_US)
+    }
+
+    pub(super) fn run_real_time(&mut self) {
         while !self.is_stopping() {
             let rung = self.note_rings();
-            let now = clock.now().min(self.plant.now() + LONGEST_STEP_US);
+            let now = self.real_now();
             let due = self.plant.next_event() <= now;
             let look = rung || self.options.busy && self.plant.control_changed();
             if due {
@@ -70,7 +74,7 @@ impl Emulator {
                 self.plant.processor_cycle();
                 self.announce();
             } else if !self.options.busy {
-                self.sleep(clock.until(self.next_seen()).min(LONGEST_SLEEP));
+                self.sleep(self.wall.until(self.next_seen()).min(LONGEST_SLEEP));
             }
         }
     }

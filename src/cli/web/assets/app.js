@@ -234,7 +234,7 @@ function pageKey(event) {
 function help() {
   const rows = [
     ...PAGES.map((page, index) => [shortcut(index), `${page.title}: ${page.text}`]),
-    ["S", "Step by the time in the clock bar (stepped clock, as all of these)"], ["Space", "Run, and stop"], ["N", "Step to the next SYNC"], ["E", "Step to the next event"],
+    ["S", "Step by the time in the clock bar (stepped clock, as all of these)"], ["Space", "Run, and stop; in real time pause, and continue"], ["N", "Step to the next SYNC"], ["E", "Step to the next event"],
     ["W", "Wait for a condition"], ["B", "Go back by the time in the clock bar"], ["Shift+B", "Go back to a condition"],
     ["/", "Search registers or the journal"], ["F", "Follow the chosen register, or end it"], ["P", "Write the chosen register"],
     ["R", "Record, and end recording"], ["Esc", "Close a dialog, leave a field"], ["?", "This help"],

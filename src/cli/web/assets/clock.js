@@ -1,4 +1,4 @@
-// The clock bar: emulated time, and the controls of a stepped clock.
+// The clock bar: emulated time, the controls of a stepped clock, and the speed of a real-time clock.
 
 import { act, actTogether, guard, whyDisabled } from "./actions.js";
 import { operationsFor } from "./api.js";
@@ -12,6 +12,8 @@ import { duration, seconds, short } from "./values.js";
 const root = document.getElementById("clock");
 /** Real time between two parts of "Run", and the part in emulated time at speed 1, in microseconds. */
 const PART_MS = 50;
+/** Speeds that a real-time clock can be set to with one press. */
+const SPEEDS = [0.1, 1, 10, 100];
 let parts = null;
 let running = null;
 
@@ -34,9 +36,10 @@ function update() {
   if (parts?.kind !== kind) build(kind);
   setText(parts.time, seconds(feed.timeUs));
   const { waits_for, speed } = feed.clock;
-  const speedText = speed && speed !== 1 ? `, speed ${speed}` : "";
+  const speedText = speed === 0 ? ", paused" : speed && speed !== 1 ? `, speed ${speed}` : "";
   setText(parts.state, waits_for ? `waits for ${waits_for}` : feed.isStepped ? (running ? "stepped, running" : "stepped") : `real time${speedText}`);
-  parts.run?.setAttribute("aria-pressed", running !== null);
+  if (feed.isStepped) parts.run.setAttribute("aria-pressed", running !== null);
+  else showSpeed(speed);
   guard(root);
 }
 
@@ -46,14 +49,17 @@ function build(kind) {
   parts = { kind, time, state };
   const face = h("div", { class: "face" }, time, state);
   if (kind !== "stepped") {
-    const note = "The clock runs in real time. Start the emulator with --clock stepped to step, wait and go back.";
-    return fill(root, face, h("p", { class: "muted grow" }, note));
+    parts.run = button("Pause", "Space", () => togglePause(), { "aria-pressed": "false", class: "run" });
+    parts.speeds = SPEEDS.map((speed) => h("button", { type: "button", "data-acts": true, "data-title": `Set the clock to ${speed} times real time`, "aria-pressed": "false", onclick: () => setSpeed(speed) }, `${speed}\u00d7`));
+    const note = "To step and go back, start the emulator with --clock stepped.";
+    return fill(root, face, h("div", { class: "line wrap grow" },
+      parts.run, h("div", { class: "group", role: "group", "aria-label": "Speed" }, parts.speeds), h("p", { class: "muted grow" }, note)));
   }
   parts.amount = h("input", { value: "2ms", size: 6, "aria-label": "Time of a step", class: "mono", spellcheck: false });
   parts.run = button("Run", "Space", () => toggleRunning(), { "aria-pressed": "false", class: "run" });
   fill(root, face, h("div", { class: "line wrap grow" },
     parts.run,
-    h("div", { class: "group" }, button("Back", "B", () => stepBack()), parts.amount, button("Step", "S", () => step(), { class: "primary" })),
+    h("div", { class: "group" }, h("button", { type: "button", "data-acts": true, "data-title": "Undo everything: the plant as it was before the first action", onclick: () => toStart() }, "To start"), button("Back", "B", () => stepBack()), parts.amount, button("Step", "S", () => step(), { class: "primary" })),
     button("To SYNC", "N", () => toSync()), button("To event", "E", () => toEvent()),
     button("Wait for\u2026", "W", () => waitFor(false)), button("Back to\u2026", "Shift+B", () => backTo())));
 }
@@ -65,8 +71,10 @@ function button(text, key, onclick, props) {
 
 /** The keys of the clock; true if `event` was one. */
 export function clockKey(event) {
-  if (!feed.isStepped || whyDisabled() || !parts) return false;
-  const keys = { s: step, n: toSync, e: toEvent, w: () => waitFor(), b: stepBack, B: backTo, " ": toggleRunning };
+  if (!feed.clock || whyDisabled() || !parts) return false;
+  const keys = feed.isStepped
+    ? { s: step, n: toSync, e: toEvent, w: () => waitFor(), b: stepBack, B: backTo, " ": toggleRunning }
+    : { " ": togglePause };
   if (!(event.key in keys)) return false;
   keys[event.key]();
   return true;
@@ -87,10 +95,31 @@ function stepBack() {
   try {
     const us = Math.min(amount(), feed.timeUs);
     stopRunning();
-    act("back", { us, detached: false }, `back ${short(us)}`);
+    const done = us === feed.timeUs ? "What was done at the time 0 is kept; \u201cTo start\u201d undoes that, too" : undefined;
+    act("back", { us, detached: false }, `back ${short(us)}`, done);
   } catch (error) {
     showError(error);
   }
+}
+
+function toStart() {
+  stopRunning();
+  act("back_to_start", { detached: false }, "back to the start", "The plant is as it was before the first action");
+}
+
+function setSpeed(speed) {
+  act("set_speed", { permille: Math.round(speed * 1000) }, speed ? `speed ${speed}` : "pause");
+}
+
+/** Pauses a real-time clock, or continues with the speed before the pause. */
+function togglePause() {
+  setSpeed(feed.clock.speed === 0 ? parts.lastSpeed ?? 1 : 0);
+}
+
+function showSpeed(speed) {
+  if (speed !== 0) parts.lastSpeed = speed;
+  parts.run.setAttribute("aria-pressed", speed === 0);
+  parts.speeds.forEach((it, at) => it.setAttribute("aria-pressed", speed === SPEEDS[at]));
 }
 
 async function toSync() {

@@ -8,7 +8,7 @@ import { showNote } from "./messages.js";
 import { seconds, short } from "./values.js";
 
 /** Operations that a scenario does not repeat. */
-const IGNORED = new Set(["save", "forget", "door_open", "door_close", "stop"]);
+const IGNORED = new Set(["save", "forget", "door_open", "door_close", "set_speed", "stop"]);
 
 export const recorder = { isOn: false, actions: [] };
 const listeners = new Set();
@@ -45,12 +45,11 @@ addEventListener("pagehide", keep);
 /** Begins a new recording, or ends it. A scenario begins at power-on, so the plant goes back to it first. */
 export function toggleRecord() {
   if (recorder.isOn) return endRecord();
-  if (feed.timeUs === 0) return begin();
   const text = feed.isStepped
-    ? "A scenario begins at power-on, and repeats everything since then. The recorder therefore goes back to the time 0; what has happened since then is lost."
+    ? "A scenario begins at power-on, and repeats everything since then. The recorder therefore goes back to the start; what was done since then is lost."
     : "A scenario begins at power-on. The clock of this emulator runs in real time, so the scenario can only repeat what you do from now on.";
   ask("Record a scenario", [h("p", null, text)], feed.isStepped ? "Go back and record" : "Record", async () => {
-    if (feed.isStepped) feed.noticeTime((await post("back", { us: feed.timeUs, detached: false })).time);
+    if (feed.isStepped) feed.noticeTime((await post("back_to_start", { detached: false })).time);
     begin();
   });
 }

@@ -128,8 +128,11 @@ pub(super) fn add(
         (None, None, Some(section)) => push(format!("section({});", quoted(section)), false),
         (None, Some(expectation), None) => push(expected(connection, expectation)?, false),
         (Some(Op::Back { .. } | Op::BackUntil { .. }), None, None) => go_back(lines, end_us),
+        (Some(Op::BackToStart { .. }), None, None) => lines.clear(),
         (Some(op), None, None) if op.class() == Class::Travels => {
-            return Err("only `back` and `back_until` can be recorded of the ways back".to_owned());
+            return Err(
+                "only `back`, `back_until` and `back_to_start` can be recorded of the ways back".to_owned()
+            );
         }
         (Some(op), None, None) => {
             let is_known = action.end_us.is_some() || op.class() != Class::Advances;
