@@ -31,7 +31,7 @@ registers:
 
 # All benchmarks; docs/internals/performance.md describes them.
 bench:
-    cargo bench --bench intervals --bench clusters --bench can_bus --bench latency --bench sync_edge --bench cycles
+    cargo bench --bench intervals --bench clusters --bench can_bus --bench cards --bench latency --bench sync_edge --bench cycles
 
 # Instructions of an interval with 3 and with 32 drives, counted by valgrind's callgrind.
 instructions:

@@ -10,12 +10,13 @@ use super::table::{self, Format, FormatArg};
 use super::test::{LimitArgs, process};
 use super::{number, output};
 use crate::devices::Exercise;
+use crate::devices::folder;
 use crate::plant::PlantConfig;
 use crate::script::soak::{Round, exercises};
 use row::Row;
 use runner::{RoundResult, RoundRunner};
 use std::num::NonZero;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError, mpsc};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -36,6 +37,7 @@ Examples:
   commram soak
   commram soak --seed 7 --hours 8 --jobs 2
   commram soak --rounds 100 --exercise NAME
+  commram soak --rounds 100 --exercise ./cards/counter
   commram soak --list
   commram test soak-7.rhai
 
@@ -56,7 +58,7 @@ pub(crate) struct Args {
     /// Number of rounds that run at the same time [default: one per processor]
     #[arg(long, value_name = "N", value_parser = number::jobs)]
     jobs: Option<NonZero<usize>>,
-    /// Only this exercise; can be given several times
+    /// Only this exercise, or the exercise.rhai of the device in this folder; can be given several times
     #[arg(long = "exercise", value_name = "NAME", value_parser = exercise, add = names())]
     chosen: Vec<&'static Exercise>,
     /// Directory for the scenario of a round that fails
@@ -83,10 +85,20 @@ fn rounds(text: &str) -> Result<u64, String> {
 }
 
 fn exercise(name: &str) -> Result<&'static Exercise, String> {
+    if folder::is_path(name) {
+        return exercise_of_folder(name);
+    }
     exercises().find(|exercise| exercise.name == name).ok_or_else(|| {
         let known: Vec<_> = exercises().map(|exercise| exercise.name).collect();
         format!("the exercises are {}", known.join(", "))
     })
+}
+
+/// The exercise of a device in a folder.
+fn exercise_of_folder(dir: &str) -> Result<&'static Exercise, String> {
+    let read = folder::find(Path::new(""), dir).and_then(|dir| folder::load(&dir));
+    let exercises = read.map_err(|reason| reason.to_string())?.registered.emulation.exercises;
+    exercises.first().copied().ok_or_else(|| format!("{dir} has no exercise.rhai"))
 }
 
 fn names() -> clap_complete::engine::ArgValueCandidates {

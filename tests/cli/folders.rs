@@ -121,6 +121,47 @@ fn the_examples_pass_their_scenarios() {
     assert!(missing.fails(2).contains("device.toml"), "{}", missing.err);
 }
 
+/// The examples run in `soak`, in two ways that must have the same journal.
+#[test]
+fn the_examples_pass_rounds_of_soak() {
+    for example in ["digital-io", "mailbox", "encoder"] {
+        let dir = format!("{}/tools/devices/{example}", env!("CARGO_MANIFEST_DIR"));
+        let keep = tempfile::tempdir().unwrap();
+        let keep = keep.path().to_str().unwrap();
+        let soak = run(&["soak", "--seed", "7", "--rounds", "12", "--exercise", &dir, "--keep", keep]);
+        // On a slow machine it prints notes.
+        assert_eq!(soak.code, Some(0), "{example}: {}{}", soak.out, soak.err);
+    }
+}
+
+/// Each mistake in an exercise has its file and the correct form.
+#[test]
+fn wrong_exercises_are_refused() {
+    let wrong = [
+        ("fn start( {", "exercise.rhai:1: "),
+        ("fn recover() {}", "has a function start()"),
+        ("fn start() {}\nfn recover() {}", "write `const MOVES = #{ name: [[0, 10]] };`"),
+        ("const MOVES = #{ a: [[1, 0]] };\nfn start() {}\nfn recover() {}", "write `const MOVES"),
+        (
+            "const MOVES = #{ a: [[0, 1]] };\nfn start() {}\nfn recover() {}\nfn a(right) {}",
+            "a function of 2 parameters",
+        ),
+        ("loop {}", "exercise.rhai:1: its constants"),
+        ("import \"other\" as other;", "its constants"),
+        ("poke(\"control.w_COMMAND\", 5);", "its constants"),
+    ];
+    for (text, message) in wrong {
+        let place = Place::new();
+        fs::write(place.card().join("exercise.rhai"), text).unwrap();
+        let refused = run(&["device", "check", &place.path("cards/digital-io")]);
+        assert!(refused.fails(2).contains(message), "{text}: {}", refused.err);
+    }
+    let place = Place::new();
+    fs::remove_file(place.card().join("exercise.rhai")).unwrap();
+    let refused = run(&["soak", "--exercise", &place.path("cards/digital-io")]);
+    assert!(refused.fails(2).contains("has no exercise.rhai"), "{}", refused.err);
+}
+
 /// An error of the script has its place in the journal, and the front shows it.
 #[test]
 fn a_stopped_script_is_visible_in_every_command() {

@@ -83,7 +83,8 @@ fn a_device_in_a_folder_passes_its_scenario_and_serves_its_program() {
     }
     let flags = [("CFLAGS", "-std=c11 -O1 -Wall -Wextra -Werror"), ("MAKEFLAGS", "-e")];
     let outcome = follow(directory.path(), &commands, &flags);
-    let out = outcome.ok();
+    let out = &outcome.out;
+    assert_eq!(outcome.code, Some(0), "{out}{}", outcome.err);
     assert!(out.contains("1 passed, 0 failed, 0 broken") && out.contains("card.w_STATUS"), "{out}");
     assert!(
         outcome.err.contains("counter (Counter card)") && outcome.err.contains("script with 2 hooks"),

@@ -2,8 +2,17 @@
 
 use super::FolderError;
 use super::part::Part;
+use crate::devices::Exercise;
 use crate::layout::DeviceLayout;
 use std::path::Path;
+
+/// Exercises are scenarios, which this library does not have either.
+///
+/// # Errors
+/// None.
+pub(super) fn read_exercise(_: &Path, _: &str) -> Result<Option<&'static Exercise>, FolderError> {
+    Ok(None)
+}
 
 /// A script, which this library does not have.
 #[derive(Debug)]

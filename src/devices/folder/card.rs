@@ -2,8 +2,11 @@
 
 use crate::devices::{Context, Events};
 use crate::journal::Register;
+#[cfg(feature = "script")]
 use crate::layout::place::{is_live, status_of};
-use crate::layout::{Area, DeviceFit, DeviceLayout, Owner, RegisterPhase, RegisterRef, Width};
+#[cfg(feature = "script")]
+use crate::layout::{Area, RegisterPhase};
+use crate::layout::{DeviceFit, DeviceLayout, Owner, RegisterRef, Width};
 use crate::memory::header::InterruptResult;
 use crate::memory::{Cell32, FirmwareHeader, HEADER_SIZE, Segment};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
@@ -47,12 +50,14 @@ impl Place {
 /// A register that programs write, with the last known value.
 #[derive(Clone, Debug)]
 struct Watched {
+    #[cfg_attr(not(feature = "script"), expect(dead_code, reason = "only scripts ask for it"))]
     register: RegisterRef,
     place: Place,
     last: u32,
 }
 
 /// A write of a program: the register, its old and its new value.
+#[cfg(feature = "script")]
 pub(super) type Written = (RegisterRef, u32, u32);
 
 /// Registers and events of the device.

@@ -27,7 +27,7 @@ pub(crate) use script::stack_position;
 
 use script::Script;
 
-use super::{Registered, registry};
+use super::{Emulation, Registered, registry};
 use crate::layout::DeviceLayout;
 use crate::memory::InstanceLock;
 use crate::memory::header::{AREAS, DEVICE_LENGTH, TABLE_NAME_LENGTH};
@@ -128,7 +128,10 @@ pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
     if let Some(script) = &mut script {
         script.check(dir, layout)?;
     }
-    let folder = Folder { registered: Registered::new(layout), rows, script, fingerprint };
+    let exercises = script::read_exercise(dir, layout.name)?;
+    let emulation = Emulation { exercises: Vec::leak(Vec::from_iter(exercises)), ..Emulation::NONE };
+    let registered = Registered { emulation, ..Registered::new(layout) };
+    let folder = Folder { registered, rows, script, fingerprint };
     let folder: &'static Folder = Box::leak(Box::new(folder));
     loaded.folders.push(folder);
     Ok(folder)

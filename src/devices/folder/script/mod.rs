@@ -12,6 +12,7 @@ mod check;
 mod data;
 mod desk;
 mod engine;
+mod exercise;
 mod firmware;
 mod imports;
 mod mistake;
@@ -23,6 +24,7 @@ pub(crate) use budget::stack_position;
 
 use super::FolderError;
 use super::part::Part;
+use crate::devices::Exercise;
 use crate::layout::DeviceLayout;
 use firmware::ScriptFirmware;
 use mistake::Mistake;
@@ -147,6 +149,15 @@ impl Script {
     pub(super) fn firmware(&'static self, layout: &'static DeviceLayout) -> Box<dyn Part> {
         Box::new(ScriptFirmware::new(self, layout))
     }
+}
+
+/// Reads the exercise of a device with this name in the folder `dir`, if it has one, and its text.
+///
+/// # Errors
+/// The file is a link, too long, no script, or its declarations are wrong.
+pub(super) fn read_exercise(dir: &Path, name: &str) -> Result<Option<&'static Exercise>, FolderError> {
+    let text = commram_layoutc::read_file_of_folder(dir, EXERCISE)?;
+    text.map(|text| exercise::read(dir, name, &text)).transpose()
 }
 
 /// Scripts beside the main one, in the order of their names.
