@@ -26,10 +26,10 @@ AXE = """axe.run(document, { resultTypes: ["violations"] }).then((found) =>
 class Emulator:
     """A running `commram run` with the server of its page."""
 
-    def __init__(self, program, *arguments, web=()):
+    def __init__(self, program, *arguments, web=(), listen="127.0.0.1:0"):
         self.program, self.name = program, f"web{os.getpid()}"
         self.run("run", *arguments, "--detach")
-        command = [program, "web", "-i", self.name, "--listen", "127.0.0.1:0", *web]
+        command = [program, "web", "-i", self.name, "--listen", listen, *web]
         self.server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
         line = self.server.stdout.readline()
         self.address = re.search(r"http://\S+#token=[0-9a-f]+", line).group()
@@ -70,7 +70,7 @@ class Check:
 
     def all(self):
         self.sign_in()
-        for step in [self.registers, self.poke, self.clock, self.bits, self.force, self.front, self.faults, self.journal, self.drives, self.plant, self.bus, self.record]:
+        for step in [self.registers, self.poke, self.clock, self.bits, self.force, self.front, self.faults, self.journal, self.drives, self.plant, self.bus, self.values, self.keyboard, self.narrow, self.record]:
             step()
             assert not (wrong := self.page.complaints()), (step.__name__, wrong)
         self.sizes()
@@ -113,9 +113,19 @@ class Check:
         self.page.click(".detail button", "Poke")
         self.waits_for(lambda: self.emulator.peek("node2.w_CPU_CONTROL")["value"], 1, "poke")
         self.page.until("document.querySelector('.now').textContent.startsWith('16#0001')")
-        self.page.enter(".detail input[name=value]", "16#10000")
+        self.refuses("16#10000", "does not fit")
+        # A digit that the base does not have is refused, not cut off.
+        for wrong in ["2#12", "0b12", "8#19", "1e3"]:
+            self.refuses(wrong, f"'{wrong}' is not a value")
+        assert self.emulator.peek("node2.w_CPU_CONTROL")["value"] == 1
+
+    def says(self, text):
+        self.page.until(f"document.getElementById('message').textContent.includes({json.dumps(text)})", text)
+
+    def refuses(self, value, reason):
+        self.page.enter(".detail input[name=value]", value)
         self.page.click(".detail button", "Poke")
-        self.page.until("document.getElementById('message').textContent.includes('does not fit')")
+        self.says(reason)
 
     def time_us(self):
         return self.emulator.json("status")[0]["time_us"]
@@ -145,6 +155,14 @@ class Check:
         self.choose_register("node2.w_CPU_CONTROL")
         self.page.click(".detail [role=switch].switch", "Bit 6, enable")
         self.waits_for(lambda: self.emulator.peek("node2.w_CPU_CONTROL")["value"], 0x41, "bit 6")
+        # The buttons stay where they are, however long the meaning is.
+        place = "document.querySelector('.bitstrip').offsetTop"
+        before = self.page.value(place)
+        self.page.click(".detail .bit", "7")
+        self.waits_for(lambda: self.emulator.peek("node2.w_CPU_CONTROL")["value"], 0xC1, "bit 7")
+        self.page.until("document.querySelector('.now').textContent.startsWith('16#00C1')")
+        assert self.page.value(place) == before
+        self.page.click(".detail .bit", "7")
         self.page.until("document.querySelector('.switch[aria-label=\"Bit 6, enable\"]').ariaChecked === 'true'")
         self.page.click(".detail [role=switch].switch", "Bit 6, enable")
         self.waits_for(lambda: self.emulator.peek("node2.w_CPU_CONTROL")["value"], 1, "bit 6 off")
@@ -157,6 +175,14 @@ class Check:
         self.page.until("!document.querySelector('.detail .write button:nth-of-type(3)').disabled")
         self.page.click(".detail button", "Unforce")
         self.waits_for(lambda: self.emulator.peek("node1.w_CPU_CONTROL")["forced"], False, "unforce")
+        # The list has the name that is valid now, not that of another phase at the same place.
+        address = self.emulator.peek("node2.b_CTRLREG_WRC1")["address"]
+        live = self.emulator.peek(address)["register"]
+        self.emulator.run("force", f"{address}=4")
+        self.go("faults")
+        self.page.until(f"document.querySelector('[aria-label=\"Forced registers\"] tbody td')?.textContent === {json.dumps('line:' + live)}")
+        self.page.click("#page-faults button", f"Unforce line:{live}")
+        self.waits_for(lambda: self.emulator.peek(address)["forced"], False, "unforce in the list")
 
     def board(self):
         return json.loads(self.emulator.run("board", "get", "--format", "json"))[0]
@@ -168,6 +194,12 @@ class Check:
         self.page.until("document.querySelector('[role=slider][aria-label=SWITCH]').ariaValueText === 'stop'")
         self.page.click("[role=slider][aria-label=SWITCH] text", "RUN")
         self.waits_for(lambda: self.board()["switch"], "run", "switch")
+        # The keys move as the drawing shows, and not beyond its ends.
+        self.page.value("document.querySelector('[role=slider][aria-label=SWITCH]').focus()")
+        for key, position in [("ArrowUp", "run"), ("ArrowDown", "stop"), ("ArrowUp", "run")]:
+            self.page.key(key)
+            self.page.until(f"document.querySelector('[role=slider][aria-label=SWITCH]').ariaValueText === '{position}'")
+            self.waits_for(lambda: self.board()["switch"], position, key)
         self.page.click("[role=switch]", "DIP 1")
         self.waits_for(lambda: self.board()["dip"], 1, "DIP switch")
         self.page.until("document.querySelector('[role=switch][aria-label=\"DIP 1\"]').ariaChecked === 'true'")
@@ -183,6 +215,7 @@ class Check:
         self.page.choose("#page-faults select", "lose_frame")
         self.page.choose("#page-faults select[name=slot]", "WRC1")
         self.page.enter("#page-faults input[name=count]", "3")
+        self.page.enter("#page-faults input[name=at_us]", "4s")
         self.page.click("button", "Add the fault")
         self.waits_for(self.faults_known, ["lose_frame"], "fault")
         self.page.until("document.querySelector('#page-faults table')?.textContent.includes('slot=WRC1')")
@@ -203,7 +236,15 @@ class Check:
         chosen = "document.querySelector('.journal .row[aria-selected=true]')"
         self.page.until(f"{chosen} && {chosen}.dataset.index < {index}")
         assert self.page.value(f"{chosen}.textContent") == text
-        assert json.loads(self.page.text(".record-detail"))["kind"] == "channel_write"
+        record = json.loads(self.page.text(".record-detail"))
+        assert record["kind"] == "channel_write"
+        self.page.enter("#page-journal input[type=search]", "nothing has this")
+        self.page.until("document.querySelector('.journal .empty').textContent.includes('No record')")
+        # A time is found, and is shown on the bus.
+        self.page.enter("#page-journal input[type=search]", f"{record['time_us'] / 1e6:.6f}")
+        self.page.until("document.querySelectorAll('.journal .rows-body .row').length > 0")
+        self.page.click("#page-journal a")
+        self.page.until("document.querySelector('#page-bus .timeline') !== null")
 
     def drives(self):
         self.go("drives")
@@ -212,6 +253,18 @@ class Check:
             self.page.until(f"document.querySelector('#page-drives tbody')?.innerText.includes({json.dumps(drive['drive'])})")
             assert state in self.page.text("#page-drives tbody"), drive
         self.page.until("document.querySelector('#page-drives .parameters') !== null")
+        # The parameters are those of now, and a refused entry does not stay.
+        field = "document.querySelector('#page-drives .parameters input')"
+        name = self.page.until(f"{field}?.getAttribute('aria-label')")
+        number, known = name.split()[0], int(self.page.until(f"{field}.value"))
+        drive = json.loads(self.emulator.run("drive", "list", "--format", "json"))[0]["drive"]
+        self.page.value(f"{field}.focus(); {field}.value = 'x'; {field}.dispatchEvent(new Event('change'))")
+        self.says("'x' is not a value")
+        self.page.until(f"{field}.value === '{known}'")
+        self.page.value("document.activeElement.blur()")
+        self.emulator.run("drive", "set", drive, f"{number}={known + 1}")
+        self.page.key("s")
+        self.page.until(f"{field}.value === '{known + 1}'")
 
     def plant(self):
         self.go("plant")
@@ -223,6 +276,53 @@ class Check:
     def bus(self):
         self.go("bus")
         self.page.until("document.querySelector('#page-bus .timeline') !== null")
+
+    def values(self):
+        """An element has its own address, and is found by it."""
+        name = "node2.a_RD_BMARRAY[1][0]"
+        known = self.emulator.peek(name)
+        self.go("registers")
+        for text in [name, known["address"]]:
+            self.page.enter(".searchbar input", text)
+            self.page.until(f"document.querySelector('.rows-body .name')?.textContent === {json.dumps(name)}", text)
+            self.page.click(".rows-body .name", name)
+            facts = "Object.fromEntries([...document.querySelectorAll('.detail .facts dt')].map((it) => [it.textContent, it.nextSibling.textContent]))"
+            self.page.until(f"{facts}.Address === {json.dumps(known['address'])}")
+            cpu = self.emulator.json("map", name)[0]["cpu_address"]
+            assert self.page.value(f"{facts}['CPU address']") == cpu
+        # The plot takes no time that is none.
+        self.page.click(".detail .star")
+        self.go("followed")
+        for wrong in ["last abc", "-1ms", "0"]:
+            self.page.value(f"(() => {{ const it = document.querySelector('#page-followed input.mono'); it.value = '{wrong}'; it.dispatchEvent(new Event('change')); }})()")
+            self.page.until("document.querySelector('#page-followed input.mono').value === '100 ms'")
+            self.page.until("document.querySelector('#message .bad') !== null")
+            self.page.click("#message button")
+        # The chart is drawn for the width of the window.
+        for width in [900, 1280]:
+            self.page.size(width, 800)
+            self.page.until("[0, 1].includes(document.querySelector('canvas').width - document.querySelector('canvas').clientWidth)")
+
+    def keyboard(self):
+        self.go("registers")
+        self.page.value("document.activeElement.blur()")
+        self.page.key("/")
+        self.page.enter(".searchbar input", "node2.w_CPU_CONTROL")
+        self.page.key("ArrowDown")
+        self.page.until("document.activeElement.matches('.rows') && document.querySelector('.detail h2')?.textContent === 'node2.w_CPU_CONTROL'")
+
+    def narrow(self):
+        """On a small screen the chosen register leaves the clock free, and Esc closes it; records have room for their values."""
+        self.page.size(390, 844)
+        self.choose_register("node2.w_CPU_CONTROL")
+        detail = "document.querySelector('.detail').getBoundingClientRect()"
+        self.page.until(f"{detail}.height > 0 && {detail}.top >= document.getElementById('clock').getBoundingClientRect().bottom")
+        self.page.value("document.activeElement.blur()")
+        self.page.key("Escape")
+        self.page.until(f"{detail}.height === 0")
+        self.go("journal")
+        self.page.until("document.querySelector('.journal .rows-body .row')?.getBoundingClientRect().height === 68")
+        self.page.size(1280, 800)
 
     def record(self):
         """The recording of a handshake is a scenario that passes."""
@@ -250,18 +350,61 @@ class Check:
         self.passes(0, "w_OPTION_STATUS")
         self.page.enter(".detail input[name=expected]", "16#0003")
         self.page.click(".detail button", "Expect this value")
+        # It does not hold now, which is no success.
+        self.page.until("document.querySelector('#message .warn')?.textContent.includes('has 16#0002 now')")
         self.passes(1, "16#0003", delete=4)
         self.page.value("document.activeElement.blur()")
         self.page.key("w")
         self.page.enter("dialog input[name=text]", "node2.w_OPTION_STATUS==16#0077 and node2.w_CPU_CONTROL&1!=0")
         self.page.enter("dialog input[name=within]", "4ms")
         self.page.click("dialog button", "Wait")
-        self.page.until("document.getElementById('message').textContent.includes('did not become true')")
+        self.says("did not become true in 4ms: node2.w_OPTION_STATUS is 16#0002")
         # The browser reports the refused request itself.
         self.page.complaints()
         self.passes(1, "wait_until", delete=4)
+        self.undone()
+        self.moved()
+        self.foreign()
         self.page.click("button.record")
-        self.page.until("document.querySelector('dialog .code')?.textContent.includes('w_OPTION_STATUS')")
+        self.page.until("document.querySelector('dialog .code')?.textContent.includes('w_CPU_CONTROL')")
+        self.page.key("Escape")
+
+    def undone(self):
+        """What going back to a condition undoes is removed, and the condition is not part of the next wait."""
+        before = self.page.text("button.record")
+        self.page.value("document.activeElement.blur()")
+        self.page.key("s")
+        self.page.until(f"document.querySelector('button.record').textContent !== {json.dumps(before)}")
+        self.page.key("B")
+        self.page.enter("dialog input[name=text]", "node2.w_OPTION_STATUS==2")
+        self.page.click("dialog button", "Go back")
+        self.says("The plant is back")
+        self.page.key("w")
+        self.page.enter("dialog input[name=text]", "node2.w_CPU_CONTROL==1")
+        self.page.click("dialog button", "Wait")
+        self.says("w_CPU_CONTROL==1 is true")
+        self.passes(0, "w_CPU_CONTROL")
+
+    def moved(self):
+        """The buttons of a row swap two actions, and keep the focus."""
+        rows = "[...document.querySelectorAll('.recorded li')].map((it) => it.textContent)"
+        self.page.click("button", "Scenario")
+        self.page.until("document.querySelector('dialog .code').textContent.includes('step')")
+        before = self.page.value(rows)
+        self.page.click("dialog button", "Move action 2 up")
+        after = self.page.value(rows)
+        assert "step" in before[1] and "step" in after[0] and "poke" in after[1], (before, after)
+        assert self.page.value("document.activeElement.ariaLabel") == "Move action 1 down"
+        self.page.key("Enter")
+        assert self.page.value(rows) == before
+        self.page.key("Escape")
+
+    def foreign(self):
+        """A store of another program is not recorded, and page and file say so."""
+        self.emulator.run("poke", "node2.b_BT_0=9")
+        self.page.until("document.getElementById('notice').textContent.includes('1 store of other programs')")
+        self.page.click("button", "Scenario")
+        self.page.until("document.querySelector('dialog .code').textContent.includes('// Not recorded: 1 store of other programs')")
         self.page.key("Escape")
 
     def passes(self, code, part, delete=None):
@@ -301,6 +444,18 @@ class Check:
         rows = self.page.value("[...document.querySelectorAll('.changes .rows-body .row')].map((it) => [it.parts[2].textContent, it.parts[4].textContent])")
         first = next(at for at, (name, value) in enumerate(rows) if name == names[1] and "16#05" in value)
         assert rows[first + 1][0] == names[1] and rows[first + 2][0] == names[0], rows
+
+    def back(self):
+        """Going back removes changes, and adds none that nobody has made."""
+        rows = "[...document.querySelectorAll('.changes .rows-body .row')].map((it) => it.parts.map((part) => part.textContent).join(' '))"
+        before = self.page.value(rows)
+        self.page.enter("#clock input", "25ms")
+        self.page.click("#clock button", "Back")
+        self.page.until(f"{rows}.length < {len(before)}")
+        # The server reports the differences with the next values.
+        time.sleep(0.3)
+        after = self.page.value(rows)
+        assert after and after == before[: len(after)], (before, after)
 
     def axe(self, source):
         """Checks each page, light and dark."""
@@ -403,6 +558,24 @@ def real_time(program, browser):
         emulator.stop()
 
 
+def restarted(program, browser):
+    """A new server at the same port asks for its token."""
+    emulator = Emulator(program, "--clock", "stepped")
+    try:
+        page = Page(browser)
+        page.open("about:blank")
+        page.open(emulator.address)
+        page.until("document.querySelectorAll('#nav a').length > 5")
+        emulator.run("stop")
+        page.until("document.getElementById('notice').textContent.includes('has ended')")
+        emulator.stop()
+        emulator = Emulator(program, "--clock", "stepped", listen=re.search(r"//([^/]+)/", emulator.address).group(1))
+        page.click("#notice button", "Try again")
+        page.until("document.querySelector('form input[type=password]') !== null")
+    finally:
+        emulator.stop()
+
+
 def debugging(program, browser, given):
     """The faulty program of the debugging page, found on the page alone."""
     emulator = Emulator(program, str(EXAMPLE.with_suffix(".toml")), "--clock", "stepped", "--record", "node2")
@@ -420,6 +593,8 @@ def debugging(program, browser, given):
             check.axe(Path(given.axe).read_text())
         if given.pictures:
             check.pictures(given.pictures)
+        check.go("followed")
+        check.back()
         assert not (wrong := page.complaints()), wrong
     finally:
         emulator.stop()
@@ -446,6 +621,7 @@ def main():
             finally:
                 emulator.stop()
             read_only(program, browser)
+            restarted(program, browser)
             real_time(program, browser)
             debugging(program, browser, given)
             if given.load:

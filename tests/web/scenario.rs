@@ -117,6 +117,29 @@ fn a_recording_passes_as_a_scenario_and_fails_with_another_expectation() {
     assert_eq!(outcome.code, Some(1), "{}{}", outcome.out, outcome.err);
 }
 
+/// Going back to a condition uses up the condition: the next wait has only its own.
+#[test]
+fn the_condition_of_a_way_back_is_not_part_of_the_next_wait() {
+    let emulator = Emulator::stepped();
+    let server = Server::of(&emulator, &[]);
+    let mut recorder = Recorder { server: &server, actions: Vec::new() };
+    let condition = |offset: u32, value: u32| {
+        json!({"condition": {"plc": 0, "offset": offset, "width": "Word",
+            "test": {"mask": 65535, "compare": "equal", "is_signed": false, "value": value}}})
+    };
+    let wait_for = json!({"wait_for": {"any": false, "within_us": 10_000}});
+    recorder.words("poke=node2.w_CPU_CONTROL%3D16%230001");
+    recorder.act_together(vec![condition(200_002, 2), wait_for.clone()]);
+    recorder.act(json!({"advance": {"us": 2000}}));
+    recorder
+        .act_together(vec![condition(200_002, 2), json!({"back_until": {"any": false, "detached": false}})]);
+    recorder.act_together(vec![condition(200_000, 1), wait_for]);
+    let scenario = recorder.scenario();
+    assert!(!scenario.contains("wait_until"), "{scenario}");
+    let outcome = test(&scenario);
+    assert_eq!(outcome.code, Some(0), "{scenario}\n{}{}", outcome.out, outcome.err);
+}
+
 #[test]
 fn the_plant_is_part_of_the_scenario() {
     let directory = tempfile::tempdir().unwrap();

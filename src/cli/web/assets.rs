@@ -33,6 +33,7 @@ const ASSETS: &[Asset] = assets! {
     "feed.js"
     "findings.js"
     "followed.js"
+    "foreign.js"
     "icon.svg"
     "index.html"
     "journal.js"
@@ -59,9 +60,31 @@ const ASSETS: &[Asset] = assets! {
 #[cfg(debug_assertions)]
 const DIRECTORY: &str = "COMMRAM_WEB_ASSETS";
 
-/// The files with the tags by which a browser recognizes a version.
-static TAGGED: LazyLock<Vec<(Asset, HeaderValue)>> =
-    LazyLock::new(|| ASSETS.iter().map(|asset| (*asset, tag(asset.1))).collect());
+/// The name of each file, its content as it is served, and the tag by which a browser recognizes a version.
+static SERVED: LazyLock<Vec<(&'static str, Cow<'static, [u8]>, HeaderValue)>> = LazyLock::new(|| {
+    let served = |(name, content): &Asset| {
+        let content = without_comments(name, content);
+        let tag = tag(&content);
+        (*name, content, tag)
+    };
+    ASSETS.iter().map(served).collect()
+});
+
+/// A file without its lines of comments: a browser must load all files before the page is complete.
+fn without_comments(name: &str, content: &'static [u8]) -> Cow<'static, [u8]> {
+    let (true, Ok(text)) = (name.ends_with(".js") || name.ends_with(".css"), str::from_utf8(content)) else {
+        return Cow::Borrowed(content);
+    };
+    let mut is_inside = false;
+    let is_code = |line: &&str| {
+        let line = line.trim();
+        is_inside |= line.starts_with("/*");
+        let is_comment = is_inside || line.starts_with("//");
+        is_inside &= !line.ends_with("*/");
+        !is_comment
+    };
+    Cow::Owned(text.split_inclusive('\n').filter(is_code).collect::<String>().into_bytes())
+}
 
 fn tag(content: &[u8]) -> HeaderValue {
     let text = format!("\"{:016x}\"", XxHash3_64::oneshot(content));
@@ -71,12 +94,12 @@ fn tag(content: &[u8]) -> HeaderValue {
 /// The file at a path of the address.
 pub(super) fn answer(path: &str, request: &HeaderMap) -> Response {
     let name = path.strip_prefix('/').filter(|name| !name.is_empty()).unwrap_or("index.html");
-    let Some(((name, content), tag)) = TAGGED.iter().find(|((known, _), _)| *known == name) else {
+    let Some((name, content, tag)) = SERVED.iter().find(|(known, ..)| *known == name) else {
         return Problem::not_found(format!("there is no page {path}")).into_response();
     };
     let (content, tag) = match edited(name) {
         Some(edited) => (Cow::Owned(edited), HeaderValue::from_static("W/\"edited\"")),
-        None => (Cow::Borrowed(*content), tag.clone()),
+        None => (Cow::Borrowed(content.as_ref()), tag.clone()),
     };
     let is_known = request.get(header::IF_NONE_MATCH).is_some_and(|known| *known == tag);
     let mut response = match (&content, is_known) {
@@ -120,9 +143,16 @@ mod tests {
     /// The first page must appear quickly, and the program must stay small.
     #[test]
     fn the_files_are_small_and_of_a_known_type() {
-        assert!(ASSETS.iter().map(|(_, content)| content.len()).sum::<usize>() <= 200 * 1024);
-        for (name, _) in ASSETS {
+        assert!(SERVED.iter().map(|(_, content, _)| content.len()).sum::<usize>() <= 200 * 1024);
+        for (name, ..) in SERVED.iter() {
             assert_ne!(media_type(name), "application/octet-stream", "{name}");
         }
+    }
+
+    #[test]
+    fn lines_of_comments_are_not_served() {
+        let text = b"// One.\nlet a = 1; // two\n  /** Three.\n   * four */\n  a();\n";
+        assert_eq!(&*without_comments("a.js", text), b"let a = 1; // two\n  a();\n");
+        assert_eq!(&*without_comments("a.svg", text), text);
     }
 }

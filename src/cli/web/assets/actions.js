@@ -35,8 +35,8 @@ function report(done) {
   else if (done !== false) clearError();
 }
 
-/** Sends several operations as one request. */
-export async function actTogether(operations, words, done) {
+/** Sends several operations as one request. `explain` makes the error of a wait that has failed. */
+export async function actTogether(operations, words, done, explain) {
   const before = feed.timeUs;
   try {
     const { replies } = await post("request", { operations });
@@ -52,7 +52,7 @@ export async function actTogether(operations, words, done) {
       addToRecord({ operations, words: `${words}: not true in time`, replies: operations.map(() => ({ waited })), beforeUs: before });
       feed.noticeTime(waited.time_us);
     }
-    showError(problem);
+    showError((waited && (await explain?.().catch(() => null))) || problem);
     return null;
   }
 }

@@ -2,7 +2,6 @@
 
 const ROOT = "/api/v1";
 
-/** An error of the server, in its words. */
 export class Problem extends Error {
   constructor(status, document) {
     super(document.detail ?? document.title ?? `the server answers with status ${status}`);
@@ -56,10 +55,8 @@ const here = (rest) => `/instances/${encodeURIComponent(server.instance)}/${rest
 
 /** Exchanges the token for a cookie. */
 export const signIn = (token) => send("POST", "/session", { token });
-/** Deletes the cookie. */
 export const signOut = () => send("DELETE", "/session");
 
-/** True if the cookie is valid. */
 export async function isSignedIn() {
   try {
     await send("GET", "/session");
@@ -70,7 +67,6 @@ export async function isSignedIn() {
   }
 }
 
-/** Reads the list of instances. */
 export async function readInstances() {
   const { instances, read_only, version } = await send("GET", "/instances");
   Object.assign(server, { instances, isReadOnly: read_only, version });
@@ -83,10 +79,8 @@ export const show = async (what, fields) => Object.values(await send("GET", here
 /** Operations for words of the command line: `{ poke: "node2.w_X=1" }`. */
 export const operationsFor = (words) => show("operations", words);
 
-/** An operation that only looks. */
 export const look = (operation, fields) => send("GET", here(operation) + query(fields));
 
-/** Records in a part of the journal. */
 const PART = 1024;
 
 /** A part of the journal from a record on: its records, those still being counted, and the numbers of the next record and of the end. */
@@ -109,11 +103,6 @@ export async function readPast(count) {
   return past;
 }
 
-/** An operation that changes something. */
 export const post = (operation, fields) => send("POST", here(operation), fields);
 
-/** Address of the event stream. */
 export const eventsPath = (fields) => ROOT + here("events") + query(fields);
-
-/** Address of a drawing or file of the instance. */
-export const showPath = (what, fields) => ROOT + here(`show/${what}`) + query(fields);

@@ -59,7 +59,7 @@ async function enter(token) {
   } catch (problem) {
     if (isBegun) showError(problem);
     else if (problem.status === 401) askForToken(token ? problem.message : "");
-    else fill(main, h("div", { class: "center" }, h("h1", null, "No connection"), h("p", null, problem.message), h("button", { type: "button", class: "primary", onclick: () => location.reload() }, "Try again")));
+    else fill(main, h("div", { class: "center" }, h("h1", null, "No connection"), h("p", null, problem.message), h("button", { class: "primary", onclick: () => location.reload() }, "Try again")));
   }
 }
 
@@ -172,7 +172,7 @@ function chooseInstance(error) {
   fill(nav);
   const one = (it) => h("li", null, h("a", { class: "card", href: `#/${encodeURIComponent(it.name)}/${PAGES[0].id}` },
     h("b", null, it.name), h("span", null, it.plcs.join(", ")), h("small", null, `${it.clock}, process ${it.pid}, ${it.state}`)));
-  const again = h("button", { type: "button", onclick: () => readInstances().then(() => chooseInstance()).catch(showError) }, "Look again");
+  const again = h("button", { onclick: () => readInstances().then(() => chooseInstance()).catch(showError) }, "Look again");
   fill(main, h("div", { class: "center" }, h("h1", null, "Instances"), error && h("p", { class: "error" }, error),
     server.instances.length ? h("ul", { class: "cards" }, server.instances.map(one)) : h("p", null, "No emulator is running. Start one with ", h("code", null, "commram run"), "."), again));
 }
@@ -180,7 +180,7 @@ function chooseInstance(error) {
 function drawChooser() {
   const names = server.instances.map((it) => it.name);
   if (!names.includes(server.instance)) names.push(server.instance);
-  const select = choice(names, server.instance, { "aria-label": "Instance" });
+  const select = choice(names, server.instance, { label: "Instance" });
   select.addEventListener("change", () => (location.hash = `#/${encodeURIComponent(select.value)}/${current?.page.id ?? PAGES[0].id}`));
   fill(chooser, names.length > 1 ? select : h("span", { class: "mono" }, server.instance));
 }
@@ -194,29 +194,30 @@ function drawNav() {
 const shortcut = (index) => "1234567890"[index] ?? "-";
 
 function drawTools() {
-  const record = h("button", { type: "button", class: "record", "aria-pressed": "false", title: "Record what you do as a scenario (key R)", "aria-keyshortcuts": "r", onclick: toggleRecord }, h("span", { class: "dot" }), h("span", null, "Record"));
-  const scenario = h("button", { type: "button", hidden: true, onclick: showRecord }, "Scenario");
+  const record = h("button", { class: "record", "aria-pressed": "false", title: "Record what you do as a scenario (key R)", "aria-keyshortcuts": "r", onclick: toggleRecord }, h("span", { class: "dot" }), h("span", null, "Record"));
+  const scenario = h("button", { hidden: true, onclick: showRecord }, "Scenario");
   onRecord(() => {
     record.setAttribute("aria-pressed", recorder.isOn);
     record.lastChild.textContent = recorder.isOn ? `Recording: ${recorder.actions.filter((it) => it.words).length}` : "Record";
     scenario.hidden = !recorder.actions.length;
   });
   const themes = { "": "Auto", light: "Light", dark: "Dark" };
-  const theme = choice(Object.entries(themes), localStorage.getItem("commram.theme") ?? "", { "aria-label": "Colours" });
+  const theme = choice(Object.entries(themes), localStorage.getItem("commram.theme") ?? "", { label: "Colours" });
   theme.addEventListener("change", () => applyTheme(theme.value));
-  const out = h("button", { type: "button", class: "quiet", onclick: () => signOut().then(() => location.reload()).catch(showError) }, "Sign out");
-  fill(tools, record, scenario, theme, h("button", { type: "button", class: "quiet", "aria-label": "Help: keys of this page", "aria-keyshortcuts": "?", onclick: help }, "?"), out);
+  const out = h("button", { class: "quiet", onclick: () => signOut().then(() => location.reload()).catch(showError) }, "Sign out");
+  fill(tools, record, scenario, theme, h("button", { class: "quiet", label: "Help: keys of this page", "aria-keyshortcuts": "?", onclick: help }, "?"), out);
 }
 
 function applyTheme(theme) {
   localStorage.setItem("commram.theme", theme);
   if (theme) document.documentElement.dataset.theme = theme;
   else delete document.documentElement.dataset.theme;
+  dispatchEvent(new Event("theme"));
 }
 
 function key(event) {
   if (event.ctrlKey || event.altKey || event.metaKey || document.querySelector("dialog[open]")) return;
-  if (event.key === "Escape" && event.target.matches("input")) return event.target.blur();
+  if (event.key === "Escape" && event.target.matches("input")) return main.focus();
   const isTyping = event.target.matches("input, select, textarea");
   if (isTyping || (event.key === " " && event.target.matches("button, a"))) return;
   if (current?.key?.(event) || pageKey(event) || clockKey(event)) event.preventDefault();
@@ -237,7 +238,7 @@ function help() {
     ["S", "Step by the time in the clock bar (stepped clock, as all of these)"], ["Space", "Run, and stop; in real time pause, and continue"], ["N", "Step to the next SYNC"], ["E", "Step to the next event"],
     ["W", "Wait for a condition"], ["B", "Go back by the time in the clock bar"], ["Shift+B", "Go back to a condition"],
     ["/", "Search registers or the journal"], ["F", "Follow the chosen register, or end it"], ["P", "Write the chosen register"],
-    ["R", "Record, and end recording"], ["Esc", "Close a dialog, leave a field"], ["?", "This help"],
+    ["R", "Record, and end recording"], ["Esc", "Close a dialog or the chosen register, leave a field"], ["?", "This help"],
   ];
   openDialog("Keys", h("dl", { class: "facts keys" }, rows.map(([name, text]) => [h("dt", null, h("kbd", null, name)), h("dd", null, text)])), { isWide: true });
 }

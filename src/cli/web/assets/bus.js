@@ -1,12 +1,11 @@
 // Page "Bus": the last intervals of a bus as a timeline with slots and frames, and the frames as a list.
 
 import { look, show } from "./api.js";
-import { choice, fill, h, setText, svg } from "./dom.js";
+import { choice, fill, h, oneAtATime, setText, svg, td, tdMono } from "./dom.js";
 import { feed } from "./feed.js";
 import { showError } from "./messages.js";
-import { counted, seconds, short } from "./values.js";
+import { counted, duration, seconds, short } from "./values.js";
 
-/** Intervals on the page. */
 const SHOWN = 3;
 /** Most intervals that the server gives. */
 const MOST = 64;
@@ -14,10 +13,11 @@ const MOST = 64;
 const PAUSE_MS = 100;
 
 export function busPage(root, rest, context) {
-  const page = new BusPage(root, rest[0], context);
+  const page = new BusPage(root, rest, context);
   const off = feed.on("clock", () => page.read());
   const turned = feed.on("turned", () => page.latest());
-  page.read();
+  if (rest[1]) page.goTo(Number(rest[1]));
+  else page.read();
   return Object.assign(() => {
     off();
     turned();
@@ -31,26 +31,37 @@ class BusPage {
   back = 0;
   chosen = null;
 
-  constructor(root, name, context) {
+  /** Reads and draws; at most once per pause. */
+  read = oneAtATime(PAUSE_MS, () => this.readNow());
+
+  constructor(root, [name], context) {
     const buses = context.status.buses;
     this.bus = buses.find((bus) => bus.bus === decodeURIComponent(name ?? ""))?.bus ?? buses[0]?.bus;
     if (!this.bus) return void fill(root, h("p", { class: "empty" }, "The plant has no bus."));
-    const select = choice(buses.map((bus) => [bus.bus, `${bus.bus} (${bus.kind})`]), this.bus, { "aria-label": "Bus" });
+    const select = choice(buses.map((bus) => [bus.bus, `${bus.bus} (${bus.kind})`]), this.bus, { label: "Bus" });
     select.addEventListener("change", () => {
       this.bus = select.value;
       context.setRest(encodeURIComponent(this.bus));
       this.latest();
     });
     this.info = h("span", { class: "muted grow" });
-    const button = (text, label, work) => h("button", { type: "button", "aria-label": label, title: label, onclick: work }, text);
+    const at = h("input", { class: "mono", size: 9, placeholder: "time: 137.5ms", label: "Go to a time", spellcheck: false });
+    at.addEventListener("change", () => {
+      try {
+        if (at.value.trim()) this.goTo(duration(at.value));
+      } catch (error) {
+        showError(error);
+      }
+    });
+    const button = (text, label, work) => h("button", { label, title: label, onclick: work }, text);
     this.end = button("Latest", "The latest intervals (key End)", () => this.latest());
     this.windows = h("div", { class: "stack" });
     this.observer = new ResizeObserver(() => this.last && this.draw(...this.last));
     this.observer.observe(this.windows);
     this.body = h("tbody");
     const head = ["At", "Takes", "Slot", "Frame"].map((it) => h("th", { scope: "col" }, it));
-    fill(root, h("div", { class: "line wrap" }, select, h("div", { class: "group" }, button("\u25c0", "Previous interval (left arrow)", () => this.turn(true)), button("\u25b6", "Next interval (right arrow)", () => this.turn(false))), this.end, this.info),
-      h("div", { class: "bus-split" }, this.windows, h("div", { class: "box scroll frames", tabIndex: 0, role: "group", "aria-label": "Frames" }, h("table", null, h("thead", null, h("tr", null, head)), this.body))));
+    fill(root, h("div", { class: "line wrap" }, select, h("div", { class: "group" }, button("\u25c0", "Previous interval (left arrow)", () => this.turn(true)), button("\u25b6", "Next interval (right arrow)", () => this.turn(false))), this.end, at, this.info),
+      h("div", { class: "bus-split" }, this.windows, h("div", { class: "box scroll frames", tabIndex: 0, role: "group", label: "Frames" }, h("table", null, h("thead", null, h("tr", null, head)), this.body))));
   }
 
   latest() {
@@ -73,21 +84,27 @@ class BusPage {
     this.read();
   }
 
-  async read() {
+  /** Shows the interval that contains this time, and those before it. */
+  async goTo(us) {
+    try {
+      const intervals = await show("frames", { bus: this.bus, count: MOST });
+      const at = intervals.findLastIndex(({ window }) => window.begin_us <= us);
+      if (at < 0 || us > feed.timeUs) throw new Error(`${seconds(us)} is not in the last ${counted(intervals.length, "interval")}: from ${seconds(intervals[0]?.window.begin_us ?? 0)} to ${seconds(feed.timeUs)}`);
+      this.known = intervals.length;
+      this.back = Math.max(0, Math.min(intervals.length - SHOWN, intervals.length - 1 - at));
+    } catch (problem) {
+      showError(problem);
+    }
+    this.read();
+  }
+
+  async readNow() {
     if (!this.bus || this.isEnded) return;
-    if (this.isReading) return void (this.isLate = true);
-    this.isReading = true;
     try {
       const [intervals, { scene }] = await Promise.all([show("frames", { bus: this.bus, count: this.back + SHOWN }), look("scene")]);
       if (!this.isEnded) this.draw(intervals.slice(0, Math.max(SHOWN, intervals.length - this.back)), intervals.length, scene.find((it) => it.name === this.bus));
     } catch (problem) {
       if (!feed.hasEnded) showError(problem);
-    }
-    await new Promise((resolve) => setTimeout(resolve, PAUSE_MS));
-    this.isReading = false;
-    if (this.isLate) {
-      this.isLate = false;
-      this.read();
     }
   }
 
@@ -111,7 +128,7 @@ class BusPage {
 
   row(frame, window) {
     const at = `${frame.from_us - window.begin_us} us`;
-    return h("tr", { class: `${frame.is_bad ? "bad" : ""}${keyOf(frame) === this.chosen ? " chosen" : ""}`, "data-frame": keyOf(frame) }, h("td", { class: "mono" }, at), h("td", { class: "mono" }, frame.until_us > frame.from_us ? `${frame.until_us - frame.from_us} us` : ""), h("td", null, slotOf(frame, window)), h("td", { class: "wrap-text" }, frame.text));
+    return h("tr", { class: `${frame.is_bad ? "bad" : ""}${keyOf(frame) === this.chosen ? " chosen" : ""}`, "data-frame": keyOf(frame) }, tdMono(at), tdMono(frame.until_us > frame.from_us ? `${frame.until_us - frame.from_us} us` : ""), td(slotOf(frame, window)), h("td", { class: "wrap-text" }, frame.text));
   }
 
   /** An interval as a picture: slots above, frames below, time at the bottom. */
@@ -127,7 +144,7 @@ class BusPage {
     const ticks = (width < 420 ? [0, 0.5, 1] : [0, 0.25, 0.5, 0.75, 1]).map((part) => svg("text", { class: "small", x: part * width, y: 92, "text-anchor": part === 0 ? "start" : part === 1 ? "end" : "middle" }, short(Math.round(window.us * part))));
     const now = feed.timeUs >= window.begin_us && feed.timeUs < window.begin_us + window.us && svg("line", { class: "now-line", x1: scale(feed.timeUs), x2: scale(feed.timeUs), y1: 18, y2: 78 });
     return h("section", { class: "box pad" }, h("h2", { class: "mono" }, seconds(window.begin_us)),
-      svg("svg", { class: "timeline", viewBox: `0 0 ${width} 96`, width, height: 96, role: "img", "aria-label": `Timeline from ${seconds(window.begin_us)}, ${counted(window.begun.length, "frame")}; the list has the same content` },
+      svg("svg", { class: "timeline", viewBox: `0 0 ${width} 96`, width, height: 96, role: "img", label: `Timeline from ${seconds(window.begin_us)}, ${counted(window.begun.length, "frame")}; the list has the same content` },
         svg("rect", { class: "wire", x: 0, y: 20, width, height: 54 }), bands, frames, now, ticks));
   }
 

@@ -1,21 +1,25 @@
 // A chart of values over emulated time on a canvas: steps, because a register has its value until the next change.
 
 import { h } from "./dom.js";
-import { short } from "./values.js";
-
-const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 export class Chart {
   constructor({ label, height = 220 }) {
-    this.canvas = h("canvas", { role: "img", "aria-label": label });
+    this.canvas = h("canvas", { role: "img", label });
     this.legend = h("div", { class: "legend" });
     this.element = h("div", { class: "chart" }, this.canvas, this.legend);
     this.canvas.style.height = `${height}px`;
     this.height = height;
+    // The width and the colours change without new data, too.
+    new ResizeObserver(() => this.canvas.clientWidth !== this.width && this.again?.()).observe(this.canvas);
+    const recolour = () => (this.canvas.isConnected ? this.again?.() : ends.abort());
+    const ends = new AbortController();
+    addEventListener("theme", recolour, { signal: ends.signal });
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", recolour, { signal: ends.signal });
   }
 
   /** Draws series `{name, points: [[time, value]]}` between two times, in one field with a common scale. */
   draw(from, until, series) {
+    this.again = () => this.draw(from, until, series);
     const { context, width } = this.#begin();
     if (!width) return;
     const all = series.flatMap((it) => it.points.map((point) => point[1]));
@@ -29,6 +33,7 @@ export class Chart {
 
   /** Draws each series in a lane of its own with its values as text; for registers. */
   lanes(from, until, series, laneHeight = 46) {
+    this.again = () => this.lanes(from, until, series, laneHeight);
     this.height = Math.max(90, series.length * laneHeight + 30);
     this.canvas.style.height = `${this.height}px`;
     const { context, width } = this.#begin();
@@ -41,6 +46,7 @@ export class Chart {
   #begin() {
     const ratio = devicePixelRatio || 1;
     const width = this.canvas.clientWidth;
+    this.width = width;
     this.canvas.width = width * ratio;
     this.canvas.height = this.height * ratio;
     const context = this.canvas.getContext("2d");
@@ -49,19 +55,29 @@ export class Chart {
     return { context, width };
   }
 
+  /** A colour of the style sheet as it is in the present scheme. */
+  #colour(name) {
+    this.canvas.style.color = `var(${name})`;
+    return getComputedStyle(this.canvas).color;
+  }
+
   #times(context, box) {
-    context.strokeStyle = style("--line");
-    context.fillStyle = style("--muted");
+    context.strokeStyle = this.#colour("--line");
+    context.fillStyle = this.#colour("--muted");
     context.lineWidth = 1;
     context.textAlign = "center";
     const step = stepOf((box.until - box.from) / Math.max(2, Math.floor(box.width / 110)));
+    const [unit, name] = box.until < 1e3 ? [1, "us"] : box.until < 1e6 ? [1e3, "ms"] : [1e6, "s"];
+    const places = Math.max(0, -Math.floor(Math.log10(step / unit)));
     for (let time = Math.ceil(box.from / step) * step; time <= box.until; time += step) {
       const x = Math.round(xOf(box, time)) + 0.5;
       context.beginPath();
       context.moveTo(x, box.y);
       context.lineTo(x, box.y + box.height);
       context.stroke();
-      context.fillText(short(time), Math.min(x, box.x + box.width - 14), box.y + box.height + 16);
+      const label = `${(time / unit).toFixed(places)} ${name}`;
+      const half = context.measureText(label).width / 2;
+      context.fillText(label, Math.max(half, Math.min(x, this.width - half)), box.y + box.height + 16);
     }
   }
 
@@ -80,7 +96,7 @@ export class Chart {
   }
 
   #line(context, box, points, at) {
-    context.strokeStyle = style(`--c${(at % 6) + 1}`);
+    context.strokeStyle = this.#colour(`--c${(at % 6) + 1}`);
     context.lineWidth = 2;
     context.beginPath();
     points.forEach(([time, value], index) => {
@@ -97,7 +113,7 @@ export class Chart {
     const inner = { ...box, y: box.y + 20, height: box.height - 26, least: least === most ? least - 1 : least, most };
     this.#line(context, inner, points, at);
     context.textAlign = "left";
-    context.fillStyle = style(`--c${(at % 6) + 1}`);
+    context.fillStyle = this.#colour(`--c${(at % 6) + 1}`);
     let free = box.x;
     points.forEach(([time, value], index) => {
       const x = Math.max(box.x, xOf(box, time));
@@ -110,7 +126,7 @@ export class Chart {
       context.fillText(label, Math.min(x + 2, box.x + box.width - width - 3), box.y + 13);
       free = x + width + 8;
     });
-    context.strokeStyle = style("--line");
+    context.strokeStyle = this.#colour("--line");
     context.lineWidth = 1;
     context.strokeRect(box.x + 0.5, box.y + 0.5, box.width, box.height);
   }

@@ -2,7 +2,7 @@
 
 import { act, actTogether, guard, whyDisabled } from "./actions.js";
 import { operationsFor } from "./api.js";
-import { conditionsOf } from "./conditions.js";
+import { conditionsOf, failureOf } from "./conditions.js";
 import { ask } from "./dialogs.js";
 import { field, fill, h, setText } from "./dom.js";
 import { feed } from "./feed.js";
@@ -172,11 +172,12 @@ let lastCondition = "node2.w_OPTION_STATUS==2";
 function waitFor() {
   const within = h("input", { name: "within", class: "mono", value: "10s" });
   ask("Wait for a condition", [...conditionFields(lastCondition), field("At most (emulated time)", within)], "Wait", async (form) => {
-    const { operations, any } = await conditionsOf(form.elements.text.value);
-    lastCondition = form.elements.text.value;
+    const text = form.elements.text.value;
+    const { operations, any } = await conditionsOf(text);
+    lastCondition = text;
     const within_us = duration(within.value);
     stopRunning();
-    actTogether([...operations, { wait_for: { any, within_us } }], `wait for ${lastCondition}`, `${lastCondition} is true`);
+    actTogether([...operations, { wait_for: { any, within_us } }], `wait for ${lastCondition}`, `${lastCondition} is true`, () => failureOf(text, within.value));
   });
 }
 

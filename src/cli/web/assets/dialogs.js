@@ -5,7 +5,7 @@ import { h, newId } from "./dom.js";
 /** Opens a dialog with a title; Esc and the button close it. Returns the element. */
 export function openDialog(title, content, { isWide = false, onclose } = {}) {
   const id = newId();
-  const close = h("button", { type: "button", class: "plain", "aria-label": "Close", onclick: () => dialog.close() }, "\u00d7");
+  const close = h("button", { class: "plain", label: "Close", onclick: () => dialog.close() }, "\u00d7");
   const dialog = h("dialog", { class: isWide ? "wide" : "", "aria-labelledby": id }, h("header", null, h("h2", { id }, title), close), content);
   dialog.addEventListener("close", () => {
     dialog.remove();
@@ -22,7 +22,7 @@ export function ask(title, fields, button, done) {
   const error = h("p", { class: "error", role: "alert" });
   const form = h("form", { class: "stack", method: "dialog" }, fields, error,
     h("div", { class: "line end" },
-      h("button", { type: "button", onclick: () => dialog.close() }, "Cancel"),
+      h("button", { onclick: () => dialog.close() }, "Cancel"),
       h("button", { type: "submit", class: "primary" }, button)));
   const dialog = openDialog(title, form);
   form.addEventListener("submit", async (event) => {

@@ -1,11 +1,12 @@
 // Elements without markup in strings: every text from the emulator goes through textContent.
 
-/** Creates an element. `props` are properties, `on…` listeners, `class`, `role`, `aria-…`, `data-…`. */
+const SHORT = { label: "aria-label", acts: "data-acts" };
+
+/** Creates an element. `props` are properties, `on…` listeners, `class`, `role`, `label`, `aria-…`, `data-…`; `acts`: see `guard`. */
 export function h(tag, props, ...children) {
-  return build(document.createElement(tag), props, children);
+  return build(document.createElement(tag), tag === "button" ? { type: "button", ...props } : props, children);
 }
 
-/** Creates an SVG element; all properties are attributes. */
 export function svg(tag, props, ...children) {
   return build(document.createElementNS("http://www.w3.org/2000/svg", tag), props, children);
 }
@@ -16,6 +17,7 @@ function build(element, props, children) {
     if (value === undefined || value === null || value === false) continue;
     if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
     else if (!isSvg && name === "class") element.className = value;
+    else if (name in SHORT) element.setAttribute(SHORT[name], value);
     else if (!isSvg && name in element && !name.includes("-") && name !== "list" && name !== "role") element[name] = value;
     else element.setAttribute(name, value === true ? "" : value);
   }
@@ -42,7 +44,6 @@ export function setAttribute(element, name, value) {
   if (element.getAttribute(name) !== String(value)) element.setAttribute(name, value);
 }
 
-/** Replaces the children of an element. */
 export function fill(element, ...children) {
   element.replaceChildren();
   append(element, children);
@@ -71,11 +72,26 @@ export function perFrame(work) {
   };
 }
 
+/** A function that runs `work`, never twice at once: calls meanwhile make it run once more, after a pause of `ms`. */
+export function oneAtATime(ms, work) {
+  let isBusy = false;
+  let isLate = false;
+  return async function run() {
+    if (isBusy) return void (isLate = true);
+    isBusy = true;
+    await work();
+    await new Promise((resolve) => setTimeout(resolve, ms));
+    isBusy = false;
+    if (!isLate) return;
+    isLate = false;
+    run();
+  };
+}
+
 let ids = 0;
 /** A new identifier for `for`, `aria-labelledby` and others. */
 export const newId = () => `id${++ids}`;
 
-/** A field with its label. */
 export function field(label, input, note) {
   input.id ||= newId();
   return h("div", { class: "field" }, h("label", { htmlFor: input.id }, label), input, note && h("small", null, note));
@@ -89,3 +105,7 @@ export function choice(options, value, props) {
   };
   return h("select", props, options.map(make));
 }
+
+/** Cells of a table, the second with letters of one width. */
+export const td = (...children) => h("td", null, ...children);
+export const tdMono = (...children) => h("td", { class: "mono" }, ...children);

@@ -1,24 +1,29 @@
 // Page "Drives": state, reference and actual speed of each drive, a chart of the last seconds, parameters.
 
-import { act } from "./actions.js";
+import { act, guard } from "./actions.js";
 import { look } from "./api.js";
 import { Chart } from "./chart.js";
-import { fill, h, setAttribute, setText } from "./dom.js";
+import { fill, h, oneAtATime, setAttribute, setText, td, tdMono } from "./dom.js";
 import { feed } from "./feed.js";
 import { showError } from "./messages.js";
 import { table } from "./plant.js";
+import { integerOf } from "./values.js";
 
 /** Emulated time on the chart, in microseconds. */
 const SPAN_US = 5_000_000;
+/** Shorter times on the chart, until so much time has passed. */
+const SHORTER_US = [100_000, 200_000, 500_000, 1_000_000, 2_000_000];
+/** Least real time between two readings of the parameters, in milliseconds. */
+const PAUSE_MS = 500;
 
 export function drivesPage(root) {
   const page = new DrivesPage(root);
-  const offs = [feed.on("drives", (data) => page.take(data.drives)), feed.on("turned", () => page.turn()), feed.on("clock", () => page.draw())];
+  const offs = [feed.on("drives", (data) => page.take(data.drives)), feed.on("turned", () => page.turn()), feed.on("clock", () => page.draw()), ...["drives", "clock"].map((event) => feed.on(event, () => page.read()))];
   feed.want("drives", { events: ["drives"] });
   return () => {
     offs.forEach((off) => off());
     feed.leave("drives");
-    page.observer?.();
+    page.isEnded = true;
   };
 }
 
@@ -26,15 +31,16 @@ class DrivesPage {
   rows = new Map();
   samples = new Map();
   chosen = null;
+  read = oneAtATime(PAUSE_MS, () => this.readNow());
 
   constructor(root) {
     this.body = h("tbody");
     const head = ["Drive", "Bus", "State", "Reference", "Speed", "Synchronized", "Fault", "Status word", "Lost references"];
-    this.table = h("div", { class: "box scroll", tabIndex: 0, role: "group", "aria-label": "Drives" }, h("table", null, h("thead", null, h("tr", null, head.map((name) => h("th", { scope: "col" }, name)))), this.body));
+    this.table = h("div", { class: "box scroll", tabIndex: 0, role: "group", label: "Drives" }, h("table", null, h("thead", null, h("tr", null, head.map((name) => h("th", { scope: "col" }, name)))), this.body));
     this.chart = new Chart({ label: "Reference and speed of the chosen drive" });
     this.title = h("h2");
     this.details = h("div", { class: "box" });
-    fill(root, this.table, h("section", { class: "box chartbox" }, h("header", { class: "boxhead" }, this.title, h("small", null, "the last 5 s of emulated time")), this.chart.element), this.details);
+    fill(root, this.table, h("section", { class: "box chartbox" }, h("header", { class: "boxhead" }, this.title, h("small", null, "at most the last 5 s of emulated time")), this.chart.element), this.details);
   }
 
   take(drives) {
@@ -50,7 +56,7 @@ class DrivesPage {
 
   addRow(drive, index) {
     const cells = Array.from({ length: 8 }, () => h("td", { class: "mono" }));
-    const name = h("button", { type: "button", class: "link", onclick: () => this.choose(drive.drive, index) }, drive.drive);
+    const name = h("button", { class: "link", onclick: () => this.choose(drive.drive, index) }, drive.drive);
     const row = h("tr", null, h("th", { scope: "row" }, name), cells);
     row.cells2 = cells;
     this.rows.set(drive.drive, row);
@@ -77,33 +83,69 @@ class DrivesPage {
   draw() {
     const list = this.samples.get(this.chosen) ?? [];
     const series = (name) => ({ name, points: [...list.map((it) => [it.time, it[name]]), ...(list.length ? [[feed.timeUs, list.at(-1)[name]]] : [])] });
-    this.chart.draw(Math.max(0, feed.timeUs - SPAN_US), Math.max(feed.timeUs, SPAN_US), [series("reference"), series("speed")]);
+    this.chart.draw(Math.max(0, feed.timeUs - SPAN_US), SHORTER_US.find((us) => us >= feed.timeUs) ?? Math.max(feed.timeUs, SPAN_US), [series("reference"), series("speed")]);
   }
 
-  async choose(name, index) {
-    this.chosen = name;
+  choose(name, index) {
+    Object.assign(this, { chosen: name, index, fields: null });
     setText(this.title, name);
     for (const [key, row] of this.rows) setAttribute(row, "aria-selected", key === name);
     this.draw();
+    this.read();
+  }
+
+  /** Shows the present parameters of the chosen drive. */
+  async readNow() {
+    const { chosen: name, index } = this;
+    if (name === null || this.isEnded) return;
     try {
       const { drive } = await look("drive", { drive: index });
-      if (this.chosen === name) this.showDetails({ ...drive, drive: name }, index);
+      if (this.chosen === name && !this.isEnded) this.showDetails({ ...drive, drive: name });
     } catch (problem) {
-      showError(problem);
+      if (!feed.hasEnded) showError(problem);
     }
   }
 
-  showDetails(drive, index) {
-    const zk = Object.entries(drive.zk ?? {}).map(([number, value]) => h("tr", null, h("td", { class: "mono" }, number), h("td", { class: "mono" }, String(value))));
-    const rows = (drive.parameters ?? []).map((parameter) => h("tr", null, h("td", { class: "mono" }, String(parameter.number)), h("td", null, parameter.name), h("td", null, this.control(parameter, index)), h("td", null, parameter.unit), h("td", { class: "mono" }, `${parameter.min} \u2026 ${parameter.max}`)));
-    fill(this.details, h("header", { class: "boxhead" }, h("h2", null, `Parameters of ${drive.drive}`)),
-      h("div", { class: "parameters pad" }, table(["No.", "Name", "Value", "Unit", "Range"], rows, "Parameters"), zk.length > 0 && table(["ZK", "Value"], zk, "ZK parameters")));
+  showDetails({ drive, parameters = [], zk = {} }) {
+    const values = [...parameters.map(({ number, value }) => [number, value]), ...Object.entries(zk).map(([number, value]) => [`ZK ${number}`, value])];
+    if (this.fields?.size !== values.length || !values.every(([number]) => this.fields.has(number))) this.build(drive, parameters, zk);
+    for (const [number, value] of values) this.fields.get(number)(value);
   }
 
-  control(parameter, index) {
-    if (parameter.read_only) return h("span", { class: "mono" }, String(parameter.value));
-    const input = h("input", { type: "number", class: "mono", value: parameter.value, min: parameter.min, max: parameter.max, "data-acts": true, "aria-label": `${parameter.number} ${parameter.name}` });
-    input.addEventListener("change", () => act("set_parameter", { drive: index, number: parameter.number, value: Number(input.value) }, `parameter ${parameter.number} = ${input.value}`, `Parameter ${parameter.number} is set`));
+  /** Builds the tables; `fields` has the function that shows a value for each number. */
+  build(drive, parameters, zk) {
+    this.fields = new Map();
+    const rows = parameters.map((it) => h("tr", null, tdMono(String(it.number)), td(it.name), td(this.control(it)), td(it.unit), tdMono(`${it.min} \u2026 ${it.max}`)));
+    const zkRows = Object.keys(zk).map((number) => h("tr", null, tdMono(number), td(this.text(`ZK ${number}`))));
+    fill(this.details, h("header", { class: "boxhead" }, h("h2", null, `Parameters of ${drive}`)),
+      h("div", { class: "parameters pad" }, table(["No.", "Name", "Value", "Unit", "Range"], rows, "Parameters"), zkRows.length > 0 && table(["ZK", "Value"], zkRows, "ZK parameters")));
+    guard(this.details);
+  }
+
+  text(number) {
+    const text = h("span", { class: "mono" });
+    this.fields.set(number, (value) => setText(text, String(value)));
+    return text;
+  }
+
+  control({ number, name, min, max, read_only }) {
+    if (read_only) return this.text(number);
+    const { index } = this;
+    const input = h("input", { class: "mono", acts: true, spellcheck: false, autocomplete: "off", label: `${number} ${name}`, "data-title": "A number such as 15 or 16#000F" });
+    let known = "";
+    const show = () => (input.value = known);
+    this.fields.set(number, (value) => {
+      const isEdited = input.value !== known;
+      known = String(value);
+      if (!isEdited || document.activeElement !== input) show();
+    });
+    input.addEventListener("change", async () => {
+      const value = integerOf(input.value);
+      if (!(value >= min && value <= max)) showError(new Error(`'${input.value}' is not a value of parameter ${number}: ${min} to ${max}, for example ${known}`));
+      else if (await act("set_parameter", { drive: index, number, value }, `parameter ${number} = ${value}`, `Parameter ${number} is set`)) known = String(value);
+      show();
+      this.read();
+    });
     return input;
   }
 }

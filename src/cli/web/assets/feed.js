@@ -1,13 +1,15 @@
 // The event stream of an instance: one connection for all parts of the page, and the latest state of each.
 
-import { eventsPath, isSignedIn } from "./api.js";
+import { eventsPath, isSignedIn, readInstances, server } from "./api.js";
 import { later, perFrame } from "./dom.js";
-import { setNotice } from "./messages.js";
+import { setNotice, showError } from "./messages.js";
 
 /** Most registers that one stream follows. */
 const MOST = 256;
 /** Changes that are kept for plots and lists. */
 const KEPT = 20_000;
+/** The events of one poll of the server arrive within this time, those of the next one later; in milliseconds. */
+const ROUND_MS = 25;
 const EVENTS = ["clock", "values", "changes", "journal", "findings", "drives", "scene", "boards", "faults", "forces", "buses", "turned", "lost", "ended"];
 
 /** Name by which the page knows a register. */
@@ -26,12 +28,15 @@ class Feed {
   values = new Map();
   changes = [];
   hasEnded = false;
+  /** True while a hidden page needs events, too. */
+  keepsOpen = false;
   rounds = 0;
   #wants = new Map();
   #listeners = new Map();
   #due = new Set();
   #source = null;
   #path = "";
+  #turnedUs = null;
   #followed = new Set();
   #notify = perFrame(() => this.#deliver());
   #connect = later(120, () => this.#open());
@@ -55,9 +60,9 @@ class Feed {
     this.#connect();
   }
 
-  /** What a part of the page needs: names of registers, and events. */
-  want(owner, { follow = [], events = [] } = {}) {
-    this.#wants.set(owner, { follow, events });
+  /** What a part of the page needs: names of registers, events, and kinds of records of the journal. */
+  want(owner, { follow = [], events = [], kinds } = {}) {
+    this.#wants.set(owner, { follow, events, kinds });
     this.#connect();
   }
 
@@ -105,9 +110,11 @@ class Feed {
     if (document.hidden) return;
     const follow = new Set();
     const fields = { clock: 1 };
-    for (const want of this.#wants.values()) {
+    // A part that needs all kinds of records has the last word.
+    for (const want of [...this.#wants.values()].sort((one, other) => Boolean(one.kinds) - Boolean(other.kinds))) {
       want.follow.forEach((name) => follow.add(name));
       want.events.forEach((event) => (fields[event] = 1));
+      if (want.kinds) fields.journal ??= want.kinds;
     }
     const followed = [...follow].slice(0, MOST);
     if (followed.length) fields.follow = followed.join(",");
@@ -146,12 +153,13 @@ class Feed {
       const before = this.values.get(key);
       const isNew = before && before.value !== value.value;
       // The event of the change has its exact time. A change while the register was not followed has no known time.
-      const changedUs = !isNew ? before?.changedUs : before.sinceUs === undefined ? undefined : value.time_us;
+      const changedUs = !isNew || this.#turnedUs !== null ? before?.changedUs : before.sinceUs === undefined ? undefined : value.time_us;
       this.values.set(key, { ...value, changedUs, sinceUs: before?.sinceUs ?? value.time_us });
     }
   }
   _changes(data) {
-    data.changes = data.changes.map(withoutPlc);
+    // After going back the server also reports what differs from before: nobody has stored that.
+    data.changes = data.changes.map(withoutPlc).filter(({ by, time_us }) => by !== "channel" || time_us !== this.#turnedUs);
     for (const change of data.changes) {
       const known = this.values.get(keyOf(change)) ?? this.#withAddress(change);
       if (known) known.changedUs = change.time_us;
@@ -168,6 +176,8 @@ class Feed {
     return null;
   }
   _turned({ time_us }) {
+    this.#turnedUs = time_us;
+    setTimeout(() => (this.#turnedUs = null), ROUND_MS);
     this.changes = this.changes.filter((change) => change.time_us <= time_us);
     for (const value of this.values.values()) {
       if (value.changedUs > time_us) value.changedUs = undefined;
@@ -184,7 +194,18 @@ class Feed {
     this.#source?.close();
     this.#source = null;
     this.#path = "";
-    setNotice("stream", `The emulator has ended: ${reason}`, "bad", ["Try again", () => this.#connect()]);
+    setNotice("stream", `The emulator has ended: ${reason}`, "bad", ["Try again", () => this.#again()]);
+  }
+
+  /** Loads the page again if the emulator, or another server at the same port, is there; the latter asks for its token. */
+  async #again() {
+    try {
+      const instances = (await isSignedIn()) && (await readInstances());
+      if (instances && !instances.some((it) => it.name === server.instance)) throw new Error(`The instance ${server.instance} does not run`);
+      location.reload();
+    } catch (problem) {
+      showError(problem);
+    }
   }
 
   async #failed(source) {
@@ -204,6 +225,7 @@ class Feed {
       clearTimeout(timer);
       if (!document.hidden) return this.#connect();
       timer = setTimeout(() => {
+        if (this.keepsOpen) return;
         this.#source?.close();
         this.#source = null;
         this.#path = "";

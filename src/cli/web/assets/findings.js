@@ -18,7 +18,7 @@ export function findingsPage(root) {
 
 function draw(root, findings) {
   const errors = findings.filter((it) => it.severity === "error").length;
-  const clear = h("button", { type: "button", "data-acts": true, "data-why": findings.length ? "" : "There are no findings", onclick: () => act("clear_findings", {}, "clear the findings", "The findings are cleared") }, "Clear");
+  const clear = h("button", { acts: true, "data-why": findings.length ? "" : "There are no findings", onclick: () => act("clear_findings", {}, "clear the findings", "The findings are cleared") }, "Clear");
   const head = h("div", { class: "line" }, h("p", { class: "grow", role: "status" }, findings.length ? `${counted(errors, "error")}, ${counted(findings.length - errors, "warning")}` : "The access checker has found no violation of the manual."), clear);
   fill(root, head, h("ul", { class: "cards" }, findings.map(card)));
   guard(root);

@@ -10,7 +10,6 @@ import { showError } from "./messages.js";
 import { onPins, pinned, togglePin } from "./pins.js";
 import { digits, duration, hex, seconds, short, signed } from "./values.js";
 
-/** Most registers in the plot. */
 const LANES = 12;
 /** Changes in the list, and points of a register. */
 const KEPT = 20_000;
@@ -31,14 +30,19 @@ export function followedPage(root, rest, context) {
 }
 
 class FollowedPage {
+  /** Emulated time on the plot, in microseconds. */
+  spanUs = 100_000;
+
   constructor(root, context) {
     this.context = context;
-    this.span = h("input", { class: "mono", value: "100ms", size: 6, "aria-label": "Time on the plot" });
-    this.span.addEventListener("change", () => this.draw());
+    this.span = h("input", { class: "mono", value: short(this.spanUs), size: 6, label: "Time on the plot" });
+    this.span.addEventListener("change", () => this.setSpan());
     this.chart = new Chart({ label: "Followed registers over emulated time; the list of changes has the same content" });
     this.list = h("ul", { class: "chips" });
     this.hint = h("small", { class: "grow", hidden: true }, "A line begins where this page has begun to follow the register. For earlier changes, start the emulator with ", h("code", null, "--record"), ".");
     this.rows = new RowList({ label: "Changes", columns: "changes", head: head(), make: makeRow, fillRow: (row, change, index) => this.fillRow(row, change, index), rowHeight: 28 });
+    this.note = h("p", { class: "empty", hidden: true }, "No change of a followed register is known yet.");
+    this.rows.element.append(this.note);
     this.stick = h("input", { type: "checkbox", checked: true });
     this.rows.element.addEventListener("wheel", (event) => event.deltaY < 0 && (this.stick.checked = false), { passive: true });
     this.draw = perFrame(() => this.drawNow());
@@ -49,7 +53,7 @@ class FollowedPage {
   start() {
     this.names = pinned();
     feed.want("followed", { follow: this.names });
-    const chip = (key, at) => h("li", { class: `chip k${at % 6}` }, h("span", { class: "mono" }, shortName(key)), h("button", { type: "button", class: "plain", "aria-label": `Stop following ${key}`, onclick: () => togglePin(key) }, "\u00d7"));
+    const chip = (key, at) => h("li", { class: `chip k${at % 6}` }, h("span", { class: "mono" }, shortName(key)), h("button", { class: "plain", label: `Stop following ${key}`, onclick: () => togglePin(key) }, "\u00d7"));
     fill(this.list, this.names.length ? this.names.map(chip) : h("li", { class: "muted" }, "No register is followed. Press the star of a register on the page Registers."));
     this.readAgain();
   }
@@ -102,17 +106,24 @@ class FollowedPage {
       this.rows.element.scrollTop = this.rows.element.scrollHeight;
       this.rows.draw();
     }
-    let span = 100_000;
-    try {
-      span = Math.max(1, duration(this.span.value));
-      this.span.setCustomValidity("");
-    } catch (error) {
-      this.span.setCustomValidity(error.message);
-    }
-    const from = Math.max(0, feed.timeUs - span);
+    const from = Math.max(0, feed.timeUs - this.spanUs);
     const lanes = this.names.slice(0, LANES).map((key) => laneOf(key, this.points.get(key), from));
     this.hint.hidden = !lanes.some(({ points }) => points[0]?.[0] > from);
-    this.chart.lanes(from, from + span, lanes);
+    this.chart.lanes(from, from + this.spanUs, lanes);
+    this.note.hidden = this.changes.length > 0;
+  }
+
+  /** Takes the time that the user has entered; refuses what is no time. */
+  setSpan() {
+    try {
+      const us = duration(this.span.value);
+      if (!us) throw new Error("The time on the plot is at least 1us");
+      this.spanUs = us;
+    } catch (error) {
+      showError(error);
+    }
+    this.span.value = short(this.spanUs);
+    this.draw();
   }
 
   fillRow(row, change, index) {

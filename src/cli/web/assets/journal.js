@@ -1,6 +1,6 @@
 // Page "Journal": the records of the emulator, with a filter; the newest at the end.
 
-import { readPast } from "./api.js";
+import { readPast, server } from "./api.js";
 import { choice, fill, h, later, perFrame, setAttribute, setText } from "./dom.js";
 import { feed } from "./feed.js";
 import { RowList } from "./list.js";
@@ -11,8 +11,8 @@ import { digits, seconds } from "./values.js";
 const KEPT = 20_000, PAST = 2_000;
 const HIDDEN = new Set(["v", "seq", "time_us", "kind", "line", "count", "first_us", "period_us", "extended", "remote", "length", "search"]);
 
-export function journalPage(root) {
-  const page = new JournalPage(root);
+export function journalPage(root, rest, context) {
+  const page = new JournalPage(root, context);
   page.read().catch(showError);
   const offs = [feed.on("turned", (turned) => page.turn(turned))];
   const source = feed.onEach("journal", ({ records }) => page.take(records));
@@ -22,24 +22,29 @@ export function journalPage(root) {
     feed.leave("journal");
     page.rows.observer.disconnect();
   };
-  return Object.assign(end, { key: (event) => event.key === "/" && (page.text.focus(), true) });
+  return Object.assign(end, { key: (event) => event.key === "/" && (page.text.select(), true) });
 }
 
 class JournalPage {
   records = [];
   kinds = new Set();
 
-  constructor(root) {
-    this.text = h("input", { type: "search", placeholder: "Filter: words in the text, register, PLC or bus", "aria-label": "Filter", spellcheck: false, class: "grow" });
-    this.kind = choice([["", "All kinds"]], "", { "aria-label": "Kind" });
+  constructor(root, context) {
+    this.buses = context.status.buses.map((it) => it.bus);
+    this.text = h("input", { type: "search", placeholder: "Filter: words in the text, register, PLC, bus, time", label: "Filter", spellcheck: false, class: "grow" });
+    this.kind = choice([["", "All kinds"]], "", { label: "Kind" });
     this.count = h("span", { class: "muted", role: "status" });
     this.text.addEventListener("input", later(150, () => this.filter()));
+    this.text.addEventListener("keydown", (event) => this.rows.enterFrom(event, () => this.filter()));
     this.kind.addEventListener("change", () => this.filter());
     this.stick = h("input", { type: "checkbox", checked: true, onchange: () => this.stick.checked && this.toEnd() });
-    this.rows = new RowList({ label: "Journal", columns: "journal", head: head(), make: makeRow, fillRow, rowHeight: 28, key: (record) => record.seq, onchoose: (record) => this.choose(record) });
+    this.rows = new RowList({ label: "Journal", columns: "journal", head: head(), make: makeRow, fillRow, rowHeight: 28, narrowHeight: 68, key: (record) => record.seq, onchoose: (record) => this.choose(record) });
     this.rows.element.addEventListener("wheel", (event) => event.deltaY < 0 && (this.stick.checked = false), { passive: true });
-    this.detail = h("pre", { class: "code record-detail", tabIndex: 0, "aria-label": "The chosen record", hidden: true });
-    fill(root, h("div", { class: "line wrap" }, this.text, this.kind, h("label", { class: "line" }, this.stick, "Latest"), this.count), this.rows.element, this.detail);
+    this.detail = h("pre", { class: "code record-detail", tabIndex: 0, label: "The chosen record", hidden: true });
+    this.jump = h("p", { class: "muted" }, "Choose a record for all its fields.");
+    this.note = h("p", { class: "empty", hidden: true }, "No record has this kind and all these words.");
+    this.rows.element.append(this.note);
+    fill(root, h("div", { class: "line wrap" }, this.text, this.kind, h("label", { class: "line" }, this.stick, "Latest"), this.count), this.rows.element, this.jump, this.detail);
     this.draw = perFrame(() => this.filter());
   }
 
@@ -55,6 +60,7 @@ class JournalPage {
       this.rows.unchoose();
       this.shown = null;
       this.detail.hidden = true;
+      fill(this.jump);
     }
     this.read().catch(showError);
   }
@@ -64,7 +70,7 @@ class JournalPage {
     for (const record of records) {
       if (typeof record.seq !== "number" || record.seq <= last) continue;
       record.line ??= lineOf(record);
-      record.search = `${record.kind} ${record.line}`.toLowerCase();
+      record.search = `${record.kind} ${record.line} ${seconds(record.time_us)}`.toLowerCase();
       this.records.push(record);
       if (!this.kinds.has(record.kind)) this.addKind(record.kind);
     }
@@ -84,6 +90,7 @@ class JournalPage {
     const found = words.length || kind ? this.records.filter((record) => (!kind || record.kind === kind) && words.every((word) => record.search.includes(word))) : this.records;
     setText(this.count, `${found.length} of ${this.records.length} records`);
     this.rows.set(found);
+    this.note.hidden = found.length > 0 || !this.records.length;
     if (this.stick.checked) this.toEnd();
   }
 
@@ -96,6 +103,8 @@ class JournalPage {
     this.stick.checked = false;
     this.shown = record;
     this.detail.hidden = false;
+    const bus = record.bus ?? this.buses[0];
+    fill(this.jump, bus && h("a", { href: `#/${encodeURIComponent(server.instance)}/bus/${encodeURIComponent(bus)}/${record.time_us}` }, `${seconds(record.time_us)} on bus ${bus}`));
     const { line, search, ...fields } = record;
     setText(this.detail, JSON.stringify(fields, null, 1).replace(/\n\s*/g, " "));
   }

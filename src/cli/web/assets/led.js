@@ -23,7 +23,6 @@ function pulses(lengths) {
   return all;
 }
 
-/** A lamp with its name and words. */
 export class Lamp {
   constructor(name, usual = "green") {
     this.usual = usual;
@@ -70,7 +69,6 @@ export class Lamp {
 const SEGMENTS = { 0: 0x3f, 1: 0x06, 2: 0x5b, 3: 0x4f, 4: 0x66, 5: 0x6d, 6: 0x7d, 7: 0x07, 8: 0x7f, 9: 0x6f, A: 0x77, b: 0x7c, C: 0x39, c: 0x58, d: 0x5e, E: 0x79, F: 0x71, H: 0x76, h: 0x74, L: 0x38, n: 0x54, o: 0x5c, P: 0x73, r: 0x50, t: 0x78, U: 0x3e, u: 0x1c, "-": 0x40 };
 const PATHS = ["M8 4h20l-4 5H12z", "M30 6v22l-5-4V11z", "M30 32v22l-5-5V36z", "M8 56h20l-4-5H12z", "M6 32v22l5-5V36z", "M6 6v22l5-4V11z", "M9 30l4-3h10l4 3-4 3H13z"];
 
-/** A seven-segment display with a point. */
 export class SevenSegments {
   width = 62;
   height = 76;
@@ -92,7 +90,6 @@ export class SevenSegments {
   }
 }
 
-/** A display with a line of text. */
 export class TextDisplay {
   width = 250;
   height = 44;

@@ -4,6 +4,8 @@ import { h } from "./dom.js";
 
 /** Rows above and below the visible ones. */
 const SPARE = 6;
+/** Width in pixels up to which rows have the height `narrowHeight`, as in pages.css. */
+const NARROW = 460;
 
 /**
  * A grid of rows of one height. `make()` creates a row, `fillRow(row, item, index)` fills it; rows are used again.
@@ -18,18 +20,24 @@ export class RowList {
   #first = 0;
   #end = 0;
 
-  constructor({ label, head, make, fillRow, onchoose, onrange, rowHeight = 30, columns, key = (item) => item }) {
+  constructor({ label, head, make, fillRow, onchoose, onrange, rowHeight = 30, narrowHeight = rowHeight, columns, key = (item) => item }) {
     Object.assign(this, { make, fillRow, onchoose, onrange, rowHeight, key });
+    const heights = [rowHeight, narrowHeight];
     this.body = h("div", { class: "rows-body", role: "rowgroup" });
-    this.element = h("div", { class: `rows ${columns ?? ""}`, role: "grid", "aria-label": label, tabIndex: 0 }, head, this.body);
+    this.element = h("div", { class: `rows ${columns ?? ""}`, role: "grid", label, tabIndex: 0 }, head, this.body);
     this.element.addEventListener("scroll", () => this.draw(), { passive: true });
     this.element.addEventListener("keydown", (event) => this.#key(event));
     this.body.addEventListener("click", (event) => this.#click(event));
-    this.observer = new ResizeObserver(() => this.draw());
+    this.observer = new ResizeObserver(() => {
+      const height = heights[this.element.clientWidth <= NARROW ? 1 : 0];
+      const isOther = height !== this.rowHeight;
+      this.rowHeight = height;
+      if (isOther) this.set(this.items);
+      else this.draw();
+    });
     this.observer.observe(this.element);
   }
 
-  /** Shows other items. */
   set(items) {
     this.items = items;
     this.body.style.height = `${items.length * this.rowHeight}px`;
@@ -38,19 +46,16 @@ export class RowList {
     this.draw(true);
   }
 
-  /** No row is chosen any more. */
   unchoose() {
     this.#chosenKey = undefined;
     this.chosen = -1;
     this.refresh();
   }
 
-  /** The visible items. */
   get visible() {
     return this.items.slice(this.#first, this.#end);
   }
 
-  /** Fills the visible rows again. */
   refresh() {
     if (this.chosen < this.#first || this.chosen >= this.#end) this.element.removeAttribute("aria-activedescendant");
     for (let index = this.#first; index < this.#end; index += 1) this.#fill(index);
@@ -101,7 +106,6 @@ export class RowList {
     this.fillRow(row, this.items[index], index);
   }
 
-  /** Chooses a row and brings it into view. */
   choose(index, isOpened = false) {
     if (!this.items.length) return;
     this.chosen = Math.max(0, Math.min(index, this.items.length - 1));
@@ -113,6 +117,16 @@ export class RowList {
     this.draw();
     this.refresh();
     this.onchoose?.(this.items[this.chosen], this.chosen, isOpened);
+  }
+
+  /** A key in the search field of the list: Enter and the arrow down choose the first row; `update` finds the rows of the text. */
+  enterFrom(event, update) {
+    if (event.key !== "Enter" && event.key !== "ArrowDown") return;
+    event.preventDefault();
+    update();
+    if (!this.items.length) return;
+    this.element.focus();
+    this.choose(Math.max(0, this.chosen));
   }
 
   #click(event) {

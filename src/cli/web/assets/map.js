@@ -11,7 +11,6 @@ export function resetMaps() {
   places.clear();
 }
 
-/** Reads the map of a PLC once. */
 export function mapOf(plc) {
   if (!maps.has(plc)) {
     const reading = show("map", { plc }).then((entries) => entries.map((entry) => prepared(entry, plc)));
@@ -38,7 +37,7 @@ export async function entryOf(plc, register) {
   return entries.find((entry) => entry.form === form) ?? null;
 }
 
-/** The names of the elements of an entry. */
+/** The names of the elements of an entry, each with the bytes between the first element and this one. */
 export function* elementsOf(entry) {
   const parts = entry.name.split(/\[\d+\.\.\d+\]/);
   const total = entry.count;
@@ -50,7 +49,8 @@ export function* elementsOf(entry) {
       indices[at] = from + (rest % (to - from + 1));
       rest = Math.floor(rest / (to - from + 1));
     }
-    yield parts.map((part, at) => part + (at < indices.length ? `[${indices[at]}]` : "")).join("");
+    const bytes = indices.reduce((sum, index, at) => sum + (index - entry.ranges[at][0]) * (entry.dims[at]?.[1] ?? 0), 0);
+    yield [parts.map((part, at) => part + (at < indices.length ? `[${indices[at]}]` : "")).join(""), bytes];
   }
 }
 
@@ -66,7 +66,7 @@ export async function placeOf(name) {
 }
 
 /** Name of the register of an operation, by the positions in the map: `line:node2.w_CPU_CONTROL`. */
-export async function nameOf({ plc, offset, width }, plcs) {
+async function nameOf({ plc, offset, width }, plcs) {
   const name = plcs[plc]?.plc;
   const entries = name ? await mapOf(name) : [];
   const fits = (entry) => entry.offset <= offset && entry.width === width && offset - entry.offset <= entry.dims.reduce((sum, [count, stride]) => sum + (count - 1) * stride, 0);
@@ -79,6 +79,23 @@ export async function nameOf({ plc, offset, width }, plcs) {
     return index;
   });
   return { key: `${name}:${entry.name.replace(/\[(\d+)\.\.\d+\]/g, (_, from) => `[${Number(from) + indices.shift()}]`)}`, entry };
+}
+
+/** The register at the place of an operation that is valid now: registers of several phases share a place. */
+export async function liveNameOf(place, plcs) {
+  const named = await nameOf(place, plcs);
+  if (!named) return null;
+  const { plc } = plcs[place.plc];
+  const [{ address }] = await show("registers", { name: named.key });
+  return (await registerAt(plc, address)) ?? named;
+}
+
+/** The register at an address, as `{key, name, entry}`; null if the map has none there. */
+export async function registerAt(plc, address) {
+  const [{ register }] = await show("registers", { name: `${plc}:${address}` });
+  const name = register.slice(register.indexOf(":") + 1);
+  const entry = await entryOf(plc, name);
+  return entry && { key: `${plc}:${name}`, name, entry };
 }
 
 /** The worst provenance of an entry's facts: the decision that must be read, or `manual`. */

@@ -10,7 +10,7 @@ let isError = false;
 
 function put(text, kind, ms) {
   clearTimeout(timer);
-  const close = h("button", { class: "plain", type: "button", "aria-label": "Close the message", onclick: clear }, "\u00d7");
+  const close = h("button", { class: "plain", label: "Close the message", onclick: clear }, "\u00d7");
   fill(area, h("div", { class: `toast ${kind}` }, h("span", null, text), close));
   isError = kind === "bad";
   timer = setTimeout(clear, ms);
@@ -27,14 +27,15 @@ export const showError = (error) => put(error.message, "bad", 12_000);
 /** Removes an error, because something has succeeded since. */
 export const clearError = () => isError && clear();
 
-/** Shows that something was done. */
 export const showNote = (text) => put(text, "good", 3_000);
+
+export const showWarning = (text) => put(text, "warn", 8_000);
 
 /** Shows a state that lasts, or removes it (`text` empty). `action`: `[label, function]`. */
 export function setNotice(key, text, kind = "warn", action) {
   if (text) lasting.set(key, { text, kind, action });
   else if (!lasting.delete(key)) return;
   const one = ({ text, kind, action }) =>
-    h("div", { class: `strip ${kind}` }, h("span", null, text), action && h("button", { type: "button", onclick: action[1] }, action[0]));
+    h("div", { class: `strip ${kind}` }, h("span", null, text), action && h("button", { onclick: action[1] }, action[0]));
   fill(bar, [...lasting.values()].map(one));
 }

@@ -2,12 +2,12 @@
 
 import { guard } from "./actions.js";
 import { readPast, show } from "./api.js";
-import { choice, field, fill, h } from "./dom.js";
+import { choice, field, fill, h, td, tdMono } from "./dom.js";
 import { feed } from "./feed.js";
 import { showError } from "./messages.js";
 import { table } from "./plant.js";
 import { NMT, SdoClient, sendFrame } from "./sdo.js";
-import { seconds } from "./values.js";
+import { parseValue, seconds } from "./values.js";
 
 /** Objects that many nodes have; type `s` text, `u` number. */
 const USUAL = [
@@ -41,8 +41,8 @@ class CanopenPage {
     this.root = root;
     this.buses = context.status.buses.map((bus, index) => ({ ...bus, index })).filter((bus) => bus.kind === "can");
     if (!this.buses.length) return void fill(root, h("p", { class: "empty" }, "The plant has no CAN bus, so no CANopen node."));
-    this.list = h("section", { class: "box scroll", tabIndex: 0, "aria-label": "Nodes" });
-    this.dictionary = h("section", { class: "box scroll", tabIndex: 0, "aria-label": "Object dictionary" });
+    this.list = h("section", { class: "box scroll", tabIndex: 0, label: "Nodes" });
+    this.dictionary = h("section", { class: "box scroll", tabIndex: 0, label: "Object dictionary" });
     fill(root, this.list, this.dictionary);
     this.draw();
   }
@@ -87,8 +87,8 @@ class CanopenPage {
   draw() {
     const nodes = [...this.nodes.values()].sort((one, other) => one.number - other.number);
     this.chosen ??= nodes[0]?.number ?? null;
-    const pick = (node) => h("button", { type: "button", class: "link", "aria-pressed": node.number === this.chosen, onclick: () => { this.chosen = node.number; this.draw(); } }, `Node ${node.number}`);
-    const row = (node) => h("tr", { "aria-selected": node.number === this.chosen }, h("th", { scope: "row" }, pick(node)), h("td", null, node.plc ?? ""), h("td", null, node.bus), h("td", null, node.state ?? "unknown"), h("td", { class: "mono" }, seconds(node.timeUs)), h("td", null, this.#commands(node)));
+    const pick = (node) => h("button", { class: "link", "aria-pressed": node.number === this.chosen, onclick: () => { this.chosen = node.number; this.draw(); } }, `Node ${node.number}`);
+    const row = (node) => h("tr", { "aria-selected": node.number === this.chosen }, h("th", { scope: "row" }, pick(node)), td(node.plc ?? ""), td(node.bus), td(node.state ?? "unknown"), tdMono(seconds(node.timeUs)), td(this.#commands(node)));
     fill(this.list, h("header", { class: "boxhead" }, h("h2", null, "Nodes"), h("small", null, "seen in the traffic")),
       nodes.length ? table(["Node", "PLC", "Bus", "State", "Last heard", "Network management"], nodes.map(row), "Nodes") : h("p", { class: "empty" }, "No node has been heard yet. Advance the clock; a node sends its boot-up message after power-on."));
     this.drawDictionary();
@@ -100,7 +100,7 @@ class CanopenPage {
   }
 
   #commands(node) {
-    const button = ([name, code]) => h("button", { type: "button", "data-acts": true, "aria-label": `${name}, node ${node.number}`, onclick: () => sendFrame(this.#busOf(node.number).index, 0, [code, node.number], `network management: ${name}, node ${node.number}`) }, name);
+    const button = ([name, code]) => h("button", { acts: true, label: `${name}, node ${node.number}`, onclick: () => sendFrame(this.#busOf(node.number).index, 0, [code, node.number], `network management: ${name}, node ${node.number}`) }, name);
     return h("div", { class: "line" }, Object.entries(NMT).map(button));
   }
 
@@ -112,7 +112,7 @@ class CanopenPage {
     if (node !== this.chosen) return;
     const more = [...this.objects.values()].filter((it) => it.node === this.chosen && !known.some((one) => one.index === it.index && one.sub === it.sub));
     const rows = [...known, ...more].map((object) => this.#row(object));
-    const all = h("button", { type: "button", "data-acts": true, onclick: () => this.readAll(known) }, "Read all");
+    const all = h("button", { acts: true, onclick: () => this.readAll(known) }, "Read all");
     fill(this.dictionary, h("header", { class: "boxhead" }, h("h2", { class: "grow" }, `Object dictionary of node ${this.chosen}`), all),
       h("p", { class: "pad muted" }, "Reading and writing sends SDO frames on the bus, and advances a stepped clock until the node answers."),
       this.#form(), table(["Object", "Name", "Value", "Access", "Default", "Page", ""], rows, "Objects"));
@@ -121,8 +121,8 @@ class CanopenPage {
 
   #row({ index, sub, name, type, access, default: usual, page }) {
     const known = this.objects.get(`${this.chosen} ${index} ${sub}`);
-    const read = h("button", { type: "button", "data-acts": true, "aria-label": `Read ${nameOf(index, sub)}`, onclick: () => this.read(index, sub).then(() => this.draw()) }, "Read");
-    return h("tr", { class: known?.error ? "muted" : "" }, h("td", { class: "mono" }, nameOf(index, sub)), h("td", null, name ?? ""), h("td", { class: "mono" }, known ? (known.error ?? textOf(known.bytes, type)) : ""), h("td", null, access ?? ""), h("td", { class: "mono" }, usual ?? ""), h("td", null, page ?? ""), h("td", null, read));
+    const read = h("button", { acts: true, label: `Read ${nameOf(index, sub)}`, onclick: () => this.read(index, sub).then(() => this.draw()) }, "Read");
+    return h("tr", { class: known?.error ? "muted" : "" }, tdMono(nameOf(index, sub)), td(name ?? ""), tdMono(known ? (known.error ?? textOf(known.bytes, type)) : ""), td(access ?? ""), tdMono(usual ?? ""), td(page ?? ""), td(read));
   }
 
   #form() {
@@ -134,7 +134,7 @@ class CanopenPage {
       return [parseInt(index, 16), Number(sub)];
     };
     const form = h("form", { class: "line wrap pad" }, field("Object (hexadecimal index.subindex)", object), field("Value to write", value), field("Size", size),
-      h("button", { type: "submit", "data-acts": true }, "Read"), h("button", { type: "button", "data-acts": true, onclick: () => this.write(...place(), value.value, Number(size.value)) }, "Write"));
+      h("button", { type: "submit", acts: true }, "Read"), h("button", { acts: true, onclick: () => object.reportValidity() && this.write(...place(), value.value, size.value) }, "Write"));
     form.addEventListener("submit", (event) => {
       event.preventDefault();
       this.read(...place()).then(() => this.draw());
@@ -165,9 +165,8 @@ class CanopenPage {
 
   async write(index, sub, text, size) {
     try {
-      const number = Number(text.replace(/^16#/, "0x").replace(/^2#/, "0b"));
-      if (text.trim() === "" || !Number.isInteger(number)) throw new Error(`'${text}' is not a value: write a number such as 100 or 16#64`);
-      const bytes = Array.from({ length: size }, (_, at) => Math.floor((number < 0 ? number + 256 ** size : number) / 256 ** at) % 256);
+      const value = parseValue(text, TYPES[size][text.trim().startsWith("-") ? 1 : 0]);
+      const bytes = Array.from({ length: size }, (_, at) => Math.floor(value / 256 ** at) % 256);
       const bus = this.#busOf(this.chosen);
       await new SdoClient(bus.index, bus.bus, this.chosen).write(index, sub, bytes);
       await this.read(index, sub);
@@ -178,6 +177,8 @@ class CanopenPage {
   }
 }
 
+/** Types of the sizes that can be written, without and with a sign. */
+const TYPES = { 1: ["BYTE", "SINT"], 2: ["WORD", "INT"], 4: ["DWORD", "DINT"] };
 const nameOf = (index, sub) => `${index.toString(16).toUpperCase().padStart(4, "0")}.${sub}`;
 
 function textOf(bytes, type) {

@@ -7,6 +7,7 @@ import { feed } from "./feed.js";
 import { Lamp, SevenSegments, TextDisplay } from "./led.js";
 import { showError } from "./messages.js";
 import { Push, Rotary, Selector, Terminal, Toggle } from "./switch.js";
+import { counted } from "./values.js";
 
 /** Numbers of the settings in `set_board`. */
 const DIP = 1, LEDS = 2, SWITCH = 3, POWER = 4, START = 5, RESET = 6, CYCLE = 7, PROJECT = 8, MODULE_DIP = 9, FRONT = 256;
@@ -45,7 +46,7 @@ class Front {
     this.build(board);
     const picture = this.picture();
     this.state = h("p", { class: "muted" });
-    this.element = h("section", { class: "box front", "aria-label": `Front of ${plc}` }, h("header", { class: "boxhead" }, h("h2", null, plc), h("small", null, title)), picture, this.controls(board), h("div", { class: "pad" }, this.state));
+    this.element = h("section", { class: "box front", label: `Front of ${plc}` }, h("header", { class: "boxhead" }, h("h2", null, plc), h("small", null, title)), picture, this.controls(board), h("div", { class: "pad" }, this.state));
   }
 
   /** Adds a part of the drawing: how it takes its value from the board. */
@@ -129,7 +130,6 @@ class Front {
     this.add(new Rotary("LOW", (at) => set((this.board[name] & 0xf0) | at)), (board) => board[name] & 15);
   }
 
-  /** The housing with the parts in rows. */
   picture() {
     let x = 20, y = 18, rowHeight = 0;
     this.add(new Push("RESET", () => this.set(RESET, 0, "reset")), null, false);
@@ -140,16 +140,16 @@ class Front {
       rowHeight = Math.max(rowHeight, part.height);
     }
     const height = y + rowHeight + 14;
-    return svg("svg", { class: "front-picture", viewBox: `0 0 ${WIDTH} ${height}`, role: "group", "aria-label": `Front of ${this.plc}` },
+    return svg("svg", { class: "front-picture", viewBox: `0 0 ${WIDTH} ${height}`, role: "group", label: `Front of ${this.plc}` },
       svg("rect", { class: "housing", x: 2, y: 2, width: WIDTH - 4, height: height - 4, rx: 10 }), this.parts.map(({ part }) => part.node));
   }
 
   /** Controls that are not on the housing. */
   controls(board) {
-    const button = (text, work) => h("button", { type: "button", "data-acts": true, onclick: work }, text);
+    const button = (text, work) => h("button", { acts: true, onclick: work }, text);
     const starts = board.start !== undefined && STARTS.map((name, at) => button(name, () => this.set(START, at + 1, `start=${name}`)));
     const projects = board.project !== undefined && PROJECTS.map((name, at) => button(name, () => this.set(PROJECT, at, `project=${name}`)));
-    const line = (label, buttons) => buttons && h("div", { class: "line wrap", role: "group", "aria-label": label }, h("span", { class: "muted label" }, label), buttons);
+    const line = (label, buttons) => buttons && h("div", { class: "line wrap", role: "group", label }, h("span", { class: "muted label" }, label), buttons);
     return h("div", { class: "pad stack" }, line("Program start", starts), line("Project", projects),
       line("Supply", [button("Off and on", () => this.set(CYCLE, 0, "power-cycle"))]), this.wordControls());
   }
@@ -165,8 +165,12 @@ class Front {
     const which = FRONT + number;
     const choices = values.filter((value) => value.first === value.last && value.text !== "none");
     const set = (value) => this.set(which, value, `${name}=${this.named(values, value)}`);
-    if (choices.length) return h("div", { class: "line wrap", role: "group", "aria-label": name }, h("span", { class: "muted label", title: meaning }, name), choices.map((it) => h("button", { type: "button", "data-acts": true, onclick: () => set(it.first) }, it.text)));
-    const input = h("input", { type: "number", min: 0, max: values[0]?.last, "data-acts": true, "aria-label": meaning || name, "data-title": meaning, onchange: () => input.checkValidity() && set(Number(input.value)) });
+    if (choices.length) return h("div", { class: "line wrap", role: "group", label: name }, h("span", { class: "muted label", title: meaning }, name), choices.map((it) => h("button", { acts: true, onclick: () => set(it.first) }, it.text)));
+    const input = h("input", { type: "number", min: 0, max: values[0]?.last, acts: true, label: meaning || name, "data-title": meaning, onchange: () => {
+      if (input.value && input.checkValidity()) return set(Number(input.value));
+      input.reportValidity();
+      input.value = this.board[name];
+    } });
     this.parts.push({ part: { node: svg("g"), width: 0, height: 0, show: (value) => document.activeElement !== input && (input.value = value) }, read: (board) => board[name] });
     return h("label", { class: "line" }, h("span", { class: "muted label" }, name), input);
   }
@@ -176,13 +180,12 @@ class Front {
     for (const { part, read } of this.parts) if (read) part.show(read(board));
     const why = whyDisabled();
     for (const node of this.element.querySelectorAll(".operable")) setAttribute(node, "aria-disabled", why !== "");
-    const texts = [board.program && `program ${board.program}`, board.start && `last start ${board.start}`, board.project && `project ${board.project}`, board.state && `state ${board.state}`, board.address !== undefined && `PROFIBUS address ${board.address}`, `${board.restarts} restarts`];
+    const texts = [board.program && `program ${board.program}`, board.start && `last start ${board.start}`, board.project && `project ${board.project}`, board.state && `state ${board.state}`, board.address !== undefined && `PROFIBUS address ${board.address}`, counted(board.restarts, "restart")];
     if (board.dip !== undefined) texts.unshift(board.dip === board.dip_latched ? `DIP number ${board.dip}` : `DIP number ${board.dip}, ${board.dip_latched} is active until the next start`);
     this.state.textContent = texts.filter(Boolean).join(", ");
   }
 }
 
-/** A line of text on the housing. */
 function title(text) {
   return { width: WIDTH - 40, height: 14, node: svg("text", { class: "front-name", y: 10 }, text), show() {} };
 }

@@ -20,7 +20,6 @@ export function loadPins() {
 export const pinned = () => [...pins];
 export const isPinned = (key) => pins.has(key);
 
-/** Follows a register, or ends it. */
 export function togglePin(key) {
   if (!pins.delete(key)) pins.add(key);
   localStorage.setItem(place(), JSON.stringify([...pins]));

@@ -1,7 +1,7 @@
 // Page "Plant": devices with their ports, buses with load and stations, drives, and the buses drawn as lines.
 
 import { look } from "./api.js";
-import { fill, h, svg } from "./dom.js";
+import { fill, h, svg, td, tdMono } from "./dom.js";
 import { feed } from "./feed.js";
 import { showError } from "./messages.js";
 import { counted } from "./values.js";
@@ -29,12 +29,14 @@ export function plantPage(root, rest, context) {
 
 function draw(box, status, buses) {
   const to = (page, text) => h("a", { href: `#/${encodeURIComponent(status.instance)}/${page}` }, text);
+  const onBus = status.drives.filter((drive) => drive.bus).length;
+  const builtIn = status.drives.length - onBus;
   fill(box,
-    h("section", { class: "box pad", "aria-label": "Instance" }, h("div", { class: "numbers" },
-      number("PLCs", status.plcs.length), number("Buses", status.buses.length), number("Drives", status.drives.length),
+    h("section", { class: "box pad", label: "Instance" }, h("div", { class: "numbers" },
+      number("PLCs", status.plcs.length), number("Buses", status.buses.length), number("Drives", onBus), builtIn > 0 && number("Built-in drives", builtIn),
       number(to("faults", "Faults"), status.faults), number(to("faults", "Forced"), status.forced),
       number(to("findings", "Errors"), status.errors, status.errors > 0 && "bad"), number(to("findings", "Warnings"), status.warnings, status.warnings > 0 && "warn"))),
-    h("section", { class: "box pad", "aria-label": "Topology" }, topology(status)),
+    h("section", { class: "box pad", label: "Topology" }, topology(status)),
     h("div", { class: "columns" }, status.plcs.map((plc) => device(plc, status)), status.buses.map((bus) => busBox(bus, buses.find((it) => it.bus === bus.bus), status))));
 }
 
@@ -45,15 +47,15 @@ function number(label, value, kind) {
 function device(plc, status) {
   const nodes = status.nodes.filter((node) => node.node.startsWith(`${plc.plc}:`));
   const state = [plc.power === "on" ? "supply on" : "no supply", plc.switch && `switch ${plc.switch}`, plc.program && `program ${plc.program}`];
-  const row = (node) => h("tr", null, h("td", { class: "mono" }, node.node.slice(plc.plc.length + 1)), h("td", null, node.bus ?? "\u2013"), h("td", null, node.text ?? "\u2013"));
+  const row = (node) => h("tr", null, tdMono(node.node.slice(plc.plc.length + 1)), td(node.bus ?? "\u2013"), td(node.text ?? "\u2013"));
   return h("section", { class: "box" }, h("header", { class: "boxhead" }, h("h2", null, plc.plc), h("small", null, plc.device)),
     h("p", { class: "pad muted" }, state.filter(Boolean).join(", ")),
     table(["Port", "Bus", "State"], nodes.map(row)));
 }
 
 function busBox(bus, more, status) {
-  const load = bus.load_percent === null ? null : h("div", { class: "load" }, h("meter", { min: 0, max: 100, low: 60, high: 85, optimum: 0, value: bus.load_percent, "aria-label": `Load of ${bus.bus}` }), h("span", { class: "mono" }, `${bus.load_percent.toFixed(1)} %`));
-  const stations = (more?.stations ?? []).map((it) => h("tr", null, h("td", { class: "mono" }, it.name), h("td", null, it.address ?? ""), h("td", null, it.state.replaceAll("_", " ")), h("td", null, it.transmit_errors || it.receive_errors ? `${it.transmit_errors} / ${it.receive_errors}` : "")));
+  const load = bus.load_percent === null ? null : h("div", { class: "load" }, h("meter", { min: 0, max: 100, low: 60, high: 85, optimum: 0, value: bus.load_percent, label: `Load of ${bus.bus}` }), h("span", { class: "mono" }, `${bus.load_percent.toFixed(1)} %`));
+  const stations = (more?.stations ?? []).map((it) => h("tr", null, tdMono(it.name), td(it.address ?? ""), td(it.state.replaceAll("_", " ")), td(it.transmit_errors || it.receive_errors ? `${it.transmit_errors} / ${it.receive_errors}` : "")));
   const drives = status.drives.filter((drive) => drive.bus === bus.bus);
   const doors = more?.doors ?? [];
   const guests = more?.guests ?? [];
@@ -61,14 +63,14 @@ function busBox(bus, more, status) {
     h("div", { class: "pad" }, h("span", { class: "muted" }, "Load"), load),
     bus.other_rates.length > 0 && h("p", { class: "pad warn" }, `Other baud rates: ${bus.other_rates.join(", ")}`),
     stations.length > 0 && table(["Station", "Address", "State", "Errors"], stations),
-    drives.length > 0 && table(["Drive", "No.", "State"], drives.map((drive) => h("tr", null, h("td", { class: "mono" }, drive.drive), h("td", null, String(drive.number ?? "")), h("td", null, drive.state.replaceAll("_", " "))))),
+    drives.length > 0 && table(["Drive", "No.", "State"], drives.map((drive) => h("tr", null, tdMono(drive.drive), td(String(drive.number ?? "")), td(drive.state.replaceAll("_", " "))))),
     doors.length > 0 && h("p", { class: "pad mono" }, doors.join(", ")),
     guests.length > 0 && h("p", { class: "pad" }, counted(guests.length, "guest"), ": ", guests.map((guest) => guest.name ?? guest.door ?? String(guest)).join(", ")));
 }
 
 /** A table with a caption for its head cells. */
 export function table(names, rows, label) {
-  return h("table", { "aria-label": label }, h("thead", null, h("tr", null, names.map((name) => h("th", { scope: "col" }, name || h("span", { class: "hidden" }, "Action"))))), h("tbody", null, rows));
+  return h("table", { label }, h("thead", null, h("tr", null, names.map((name) => h("th", { scope: "col" }, name || h("span", { class: "hidden" }, "Action"))))), h("tbody", null, rows));
 }
 
 /** Buses as horizontal lines; devices hang above with their ports, drives below. */
@@ -98,8 +100,8 @@ function topology(status) {
       unit(x, bottom + 14, width, 44, drive.drive, drive.state.replaceAll("_", " "))];
   });
   const height = bottom + (onBus.length ? 72 : 8);
-  const picture = svg("svg", { class: "topology", viewBox: `0 0 ${total} ${height}`, width: total, height, role: "img", "aria-label": "Devices, buses and drives; the tables below have the same content" }, lines, boxes, drives);
-  return h("div", { class: "scroll", tabIndex: 0, role: "group", "aria-label": "Topology" }, picture);
+  const picture = svg("svg", { class: "topology", viewBox: `0 0 ${total} ${height}`, width: total, height, role: "img", label: "Devices, buses and drives; the tables below have the same content" }, lines, boxes, drives);
+  return h("div", { class: "scroll", tabIndex: 0, role: "group", label: "Topology" }, picture);
 }
 
 function unit(x, y, width, height, name, note) {

@@ -4,13 +4,15 @@ import { post, server } from "./api.js";
 import { fill, h } from "./dom.js";
 import { feed } from "./feed.js";
 import { ask, openDialog } from "./dialogs.js";
+import { forgetForeign, foreignText, noteOwn, watchForeign } from "./foreign.js";
 import { showNote } from "./messages.js";
-import { seconds, short } from "./values.js";
+import { counted, seconds, short } from "./values.js";
 
 /** Operations that a scenario does not repeat. */
 const IGNORED = new Set(["save", "forget", "door_open", "door_close", "set_speed", "stop"]);
 
-export const recorder = { isOn: false, actions: [] };
+/** Stores of other programs are in `foreign`, as `{time_us, register}`. */
+export const recorder = { isOn: false, actions: [], foreign: [] };
 const listeners = new Set();
 
 /** Where this tab keeps the recording when it is loaded again, and the process of the emulator. */
@@ -23,14 +25,15 @@ export function onRecord(listener) {
 }
 const changed = () => listeners.forEach((listener) => listener());
 
-/** Another instance, or the page was loaded again: takes up the recording that this tab has kept of the same process. */
+/** Another instance, or the page was loaded again: takes up what this tab has kept; a recording of a process that has ended is over. */
 export function loadRecord() {
   keep();
   const { pid } = server.instances.find((it) => it.name === server.instance) ?? {};
   kept = { place: `commram.recording.${server.instance}`, pid };
   const old = JSON.parse(sessionStorage.getItem(kept.place), (_, part) => (part?.bigint ? BigInt(part.bigint) : part));
-  const { isOn, actions } = old?.pid === pid && pid ? old : { isOn: false, actions: [] };
-  Object.assign(recorder, { isOn, actions });
+  const { isOn = false, actions = [], foreign = [] } = old ?? {};
+  Object.assign(recorder, { isOn: isOn && old.pid === pid, actions, foreign });
+  watch();
   changed();
 }
 
@@ -42,25 +45,41 @@ function keep() {
 
 addEventListener("pagehide", keep);
 
+/** Other programs, and going back by them, matter while a recording runs, also while the page is hidden. */
+function watch() {
+  feed.keepsOpen = recorder.isOn;
+  watchForeign(recorder, changed);
+}
+
+feed.onEach("turned", ({ time_us }) => {
+  if (!recorder.isOn || performance.now() - turnedAt < OWN_TURN_MS) return;
+  undo(time_us);
+  changed();
+});
+
 /** Begins a new recording, or ends it. A scenario begins at power-on, so the plant goes back to it first. */
 export function toggleRecord() {
   if (recorder.isOn) return endRecord();
+  const old = recorder.actions.length > 0 && h("p", { class: "error" }, `The recording with ${counted(groups().length, "action")} is replaced. To keep it, cancel, and download it with the button "Scenario".`);
   const text = feed.isStepped
     ? "A scenario begins at power-on, and repeats everything since then. The recorder therefore goes back to the start; what was done since then is lost."
     : "A scenario begins at power-on. The clock of this emulator runs in real time, so the scenario can only repeat what you do from now on.";
-  ask("Record a scenario", [h("p", null, text)], feed.isStepped ? "Go back and record" : "Record", async () => {
+  ask("Record a scenario", [h("p", null, text), old], feed.isStepped ? "Go back and record" : "Record", async () => {
     if (feed.isStepped) feed.noticeTime((await post("back_to_start", { detached: false })).time);
     begin();
   });
 }
 
 function begin() {
-  Object.assign(recorder, { isOn: true, actions: [] });
+  Object.assign(recorder, { isOn: true, actions: [], foreign: [] });
+  forgetForeign();
+  watch();
   changed();
 }
 
 function endRecord() {
   recorder.isOn = false;
+  watch();
   changed();
   showRecord();
 }
@@ -73,9 +92,16 @@ export function addToRecord({ operation, operations, fields, register, words, re
   if (!recorder.isOn) return;
   if (operation === "set_parameter") return queueMicrotask(() => showNote("Not recorded: scenarios have no verb for parameters of drives"));
   if (IGNORED.has(operation)) return;
-  if (operation === "advance" && mergeSteps(fields.us, reply.time)) return changed();
+  if (operation === "advance" && mergeSteps(fields.us, beforeUs, reply.time)) return changed();
   const forms = operations ?? [fields && Object.keys(fields).length ? { [operation]: { ...fields } } : operation];
   const all = replies ?? [reply];
+  if (/^back/.test(operation) || forms.at(-1).back_until) {
+    turnedAt = performance.now();
+    // Before the start is also what was done at the time 0.
+    undo(operation === "back_to_start" ? -1 : endOf(all.at(-1)));
+    return changed();
+  }
+  forms.forEach((form) => form.poke && noteOwn(form.poke));
   forms.forEach((form, at) => {
     const isLast = at === forms.length - 1;
     recorder.actions.push({ time_us: beforeUs, end_us: endOf(all[at]), operation: form, register: isLast ? register : undefined, words: isLast ? words : null });
@@ -83,41 +109,80 @@ export function addToRecord({ operation, operations, fields, register, words, re
   changed();
 }
 
-/** Adds a step to the last action if it is a step, too. */
-function mergeSteps(us, endUs) {
+/** Time of the last way back by this page, and real time within which the server reports it; in milliseconds. */
+let turnedAt = -Infinity;
+const OWN_TURN_MS = 500;
+
+/** The plant has gone back: removes later actions; of an action that ended later, only its time until then remains. */
+function undo(toUs) {
+  recorder.foreign = recorder.foreign.filter((it) => it.time_us <= toUs);
+  const step = (us, from) => [{ time_us: from, end_us: toUs, operation: { advance: { us } }, words: `step ${short(us)}` }];
+  const left = (it) => (it.endUs <= toUs ? it.actions : it.time_us < toUs ? step(toUs - it.time_us, it.time_us) : []);
+  recorder.actions = groups().flatMap(left);
+}
+
+/** Adds a step to the last action if it is a step that has just ended. */
+function mergeSteps(us, beforeUs, endUs) {
   const last = recorder.actions.at(-1);
   const step = last?.operation?.advance;
-  if (!step) return false;
+  if (!step || last.end_us !== beforeUs) return false;
   step.us += us;
   last.end_us = endUs;
   last.words = `step ${short(step.us)}`;
   return true;
 }
 
-/** Adds an expectation: the register has this value at this time. `note` explains it. */
-export function expectValue(name, value, note) {
-  recorder.actions.push({ time_us: feed.timeUs, expect: { register: name, value }, words: `expect ${name} = ${value}${note ? `, ${note}` : ""}` });
+/** Adds an expectation: the register has this value at this time. `note` explains it; `isFalse`: the register has another value. */
+export function expectValue(name, value, note, isFalse) {
+  recorder.actions.push({ time_us: feed.timeUs, expect: { register: name, value }, words: `expect ${name} = ${value}${note ? `, ${note}` : ""}`, isFalse });
   changed();
 }
 
 /** The recorded actions in groups of those that the user did at once; only the last one of a group has words. */
 function groups() {
   const found = [];
-  recorder.actions.forEach(({ words, time_us }, at) => words && found.push({ words, time_us, begin: found.at(-1)?.end ?? 0, end: at + 1 }));
+  recorder.actions.forEach(({ words, isFalse }, at) => {
+    if (!words) return;
+    const begin = found.at(-1)?.end ?? 0;
+    const actions = recorder.actions.slice(begin, at + 1);
+    found.push({ words, isFalse, actions, begin, end: at + 1, time_us: actions[0].time_us, endUs: Math.max(...actions.map((it) => it.end_us ?? it.time_us)) });
+  });
   return found;
 }
 
-/** Shows the recorded actions and their scenario. */
+function shift(actions, us) {
+  for (const action of actions) {
+    action.time_us += us;
+    if (action.end_us !== undefined) action.end_us += us;
+  }
+}
+
+/** Swaps group `at` with the next one: each keeps its duration, and both together their begin and end. */
+function swap(at) {
+  const [one, other] = groups().slice(at);
+  shift(other.actions, one.time_us - other.time_us);
+  shift(one.actions, other.endUs - one.endUs);
+  recorder.actions.splice(one.begin, other.end - one.begin, ...other.actions, ...one.actions);
+}
+
+/** Deletes a group; the actions after it begin earlier by its duration. */
+function remove(at) {
+  const { begin, end, time_us, endUs } = groups()[at];
+  shift(recorder.actions.slice(end), time_us - endUs);
+  recorder.actions.splice(begin, end - begin);
+}
+
 export function showRecord() {
   const list = h("ol", { class: "recorded" });
-  const text = h("pre", { class: "code", tabIndex: 0, "aria-label": "Scenario" });
+  const text = h("pre", { class: "code", tabIndex: 0, label: "Scenario" });
   const name = h("input", { value: "recorded", pattern: "[a-z0-9_\\-]+", spellcheck: false });
   const plant = h("input", { value: "plant.toml", spellcheck: false });
   const make = async () => {
     try {
-      const actions = recorder.actions.map(({ words, ...action }) => action);
+      const actions = recorder.actions.map(({ words, isFalse, ...action }) => action);
       const { scenario } = await post("scenario", { name: name.value, actions, plant: feed.isStepped ? undefined : plant.value });
-      fill(text, scenario);
+      const foreign = foreignText(recorder.foreign);
+      fill(text, foreign && `// ${foreign}\n`, scenario);
       error.textContent = "";
       save.disabled = false;
     } catch (problem) {
@@ -126,11 +191,22 @@ export function showRecord() {
       save.disabled = true;
     }
   };
-  const save = h("button", { type: "button", class: "primary", disabled: true, onclick: () => download(`${name.value}.rhai`, text.textContent) }, "Download");
+  const save = h("button", { class: "primary", disabled: true, onclick: () => make().then(() => save.disabled || download(`${name.value}.rhai`, text.textContent)) }, "Download");
   const error = h("p", { class: "error", role: "alert" });
-  const row = ({ words, time_us, begin, end }, index) =>
-    h("li", null, h("span", { class: "mono" }, seconds(time_us)), " ", words, " ",
-      h("button", { type: "button", class: "plain", "aria-label": `Delete action ${index + 1}`, onclick: () => { recorder.actions.splice(begin, end - begin); draw(); changed(); } }, "\u00d7"));
+  // Buttons of a row: up, down, delete. The focus stays at the button, in the row of the same action.
+  const edit = (work, at, button) => () => {
+    work();
+    draw();
+    changed();
+    const buttons = [...(list.children[Math.min(at, list.children.length - 1)]?.querySelectorAll("button") ?? [])];
+    [buttons[button], ...buttons].find((it) => it && !it.disabled)?.focus();
+  };
+  const button = (sign, label, disabled, onclick) => h("button", { class: "plain", label, title: label, disabled, onclick }, sign);
+  const row = ({ words, time_us, isFalse }, at, all) =>
+    h("li", { class: isFalse ? "warn" : "" }, h("span", { class: "mono" }, seconds(time_us)), " ", words, " ",
+      button("\u2191", `Move action ${at + 1} up`, at === 0, edit(() => swap(at - 1), at - 1, 0)),
+      button("\u2193", `Move action ${at + 1} down`, at + 1 === all.length, edit(() => swap(at), at + 1, 1)),
+      button("\u00d7", `Delete action ${at + 1}`, false, edit(() => remove(at), at, 2)));
   const draw = () => {
     fill(list, groups().map(row));
     if (recorder.actions.length) make();

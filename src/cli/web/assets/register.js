@@ -5,14 +5,16 @@ import { post } from "./api.js";
 import { field, fill, h, newId, setAttribute, setText } from "./dom.js";
 import { feed } from "./feed.js";
 import { placeOf, provenanceOf } from "./map.js";
-import { clearError, showError, showNote } from "./messages.js";
+import { clearError, showError, showNote, showWarning } from "./messages.js";
+import { isPinned, onPins } from "./pins.js";
 import { addToRecord, expectValue, onRecord, recorder } from "./record.js";
-import { bytesOf, hex, isScalar, parseValue, seconds, signed } from "./values.js";
+import { bytesOf, digits, hex, integerOf, isScalar, parseValue, seconds, signed } from "./values.js";
 
 /** Shows a register in `root`. Returns a function that ends it. */
 export function showRegister(root, item, context) {
   const view = new RegisterView(root, item, context);
   const ends = ["values", "changes", "ended"].map((event) => feed.on(event, () => view.update()));
+  ends.push(onPins(() => view.update()));
   return () => [...ends, view.endRecord].forEach((end) => end?.());
 }
 
@@ -20,12 +22,14 @@ class RegisterView {
   constructor(root, item, context) {
     Object.assign(this, { root, item, entry: item.entry });
     const { entry } = this;
-    const close = h("button", { type: "button", class: "plain close", "aria-label": "Close", onclick: () => root.classList.remove("open") }, "\u00d7");
-    this.now = h("output", { class: "now mono" });
+    const close = h("button", { class: "plain close", label: "Close (Esc)", onclick: context.closeDetail }, "\u00d7");
+    const isRegister = isScalar(entry.type) && !item.isArray;
+    this.star = isRegister && h("button", { class: "star", "data-pin": item.key, label: `Follow ${item.name}` }, "\u2605");
+    this.now = h("output", { class: `now mono b${bytesOf(entry.type)}` });
     this.meaning = h("div", { class: "now-meaning" });
     this.bits = new Map();
-    fill(root, h("header", null, h("h2", { class: "mono" }, item.name), close),
-      isScalar(entry.type) && !item.isArray && [h("div", { class: "reading" }, this.now, this.meaning), this.form(), this.bitTable()],
+    fill(root, h("header", null, h("h2", { class: "mono" }, item.name), this.star, close),
+      isRegister && [h("div", { class: "reading" }, this.now, this.meaning), this.form(), this.bitTable()],
       this.facts(), this.valueTable());
     this.update();
   }
@@ -39,12 +43,15 @@ class RegisterView {
     if (value) {
       const number = signed(value.value, entry.type);
       setText(this.now, `${value.hex}  ${number}`);
-      setText(this.meaning, `${value.meaning || "no meaning"}${value.forced ? " \u2013 forced" : ""}`);
+      setText(this.meaning, `${value.forced ? "forced \u2013 " : ""}${value.meaning || "no meaning"}`);
+      setAttribute(this.meaning, "title", value.meaning);
+      if (this.address) setText(this.address, value.address);
       setAttribute(this.root, "data-forced", value.forced);
       if (this.last) setText(this.last, value.changedUs === undefined ? "not seen by this page" : seconds(value.changedUs));
     }
     if (this.expected && value) setAttribute(this.expected, "placeholder", value.hex);
     for (const [bit, control] of this.bits) this.updateBit(bit, control, value?.value);
+    if (this.star) setAttribute(this.star, "aria-pressed", isPinned(this.item.key));
     if (this.unforce) this.unforce.dataset.why = value?.forced ? "" : "The register is not forced";
     guard(this.root);
   }
@@ -85,11 +92,12 @@ class RegisterView {
     return [form, this.expectation(options)];
   }
 
-  /** While a recording runs: a value that the scenario expects, the present one or another. */
+  /** A value that the scenario expects, the present one or another; only while a recording runs. */
   expectation(options) {
     this.expected = h("input", { name: "expected", class: "mono", autocomplete: "off", spellcheck: false });
     this.expected.setAttribute("list", options);
-    const form = h("form", { class: "write" }, field("Expected value; the present one if empty", this.expected), h("button", { type: "submit" }, "Expect this value"));
+    const send = h("button", { type: "submit" }, "Expect this value");
+    const form = h("form", { class: "write" }, field("Expected value; the present one if empty", this.expected), send);
     form.addEventListener("submit", (event) => {
       event.preventDefault();
       try {
@@ -99,7 +107,10 @@ class RegisterView {
         showError(error);
       }
     });
-    const show = () => (form.hidden = !recorder.isOn);
+    const show = () => {
+      send.disabled = !recorder.isOn;
+      send.title = recorder.isOn ? "" : "Press Record first: an expectation is part of a recording";
+    };
     this.endRecord = onRecord(show);
     show();
     return form;
@@ -110,8 +121,9 @@ class RegisterView {
     const wanted = text ? hex(parseValue(text, entry.type, entry.values), entry.type) : value?.hex;
     if (!wanted) throw new Error(`${item.name} has not been read yet`);
     const isNow = wanted === value?.hex;
-    expectValue(item.key, wanted, isNow ? value.meaning : `which is now ${value?.hex ?? "unknown"}`);
-    showNote(`${item.name} = ${wanted}: the scenario expects it${isNow ? "" : `, but the register has ${value?.hex} now`}`);
+    expectValue(item.key, wanted, isNow ? value.meaning : `but it was ${value?.hex ?? "unknown"}`, !isNow);
+    if (isNow) showNote(`${item.name} = ${wanted}: the scenario expects it`);
+    else showWarning(`${item.name} = ${wanted}: the scenario expects it, but the register has ${value?.hex ?? "an unknown value"} now`);
   }
 
   async release() {
@@ -140,7 +152,7 @@ class RegisterView {
   }
 
   bitSwitch(bit, name, isSmall) {
-    const control = button(isSmall ? String(bit) : "", { role: "switch", "aria-checked": "false", class: isSmall ? "bit" : "switch", "aria-label": `Bit ${bit}${name ? `, ${name}` : ""}`, "data-title": name ? `Bit ${bit}: ${name}` : `Bit ${bit}` });
+    const control = button(isSmall ? String(bit) : "", { role: "switch", "aria-checked": "false", class: isSmall ? "bit" : "switch", label: `Bit ${bit}${name ? `, ${name}` : ""}`, "data-title": name ? `Bit ${bit}: ${name}` : `Bit ${bit}` });
     control.addEventListener("click", () => this.flip(bit));
     this.bits.set([bit, bit], control);
     return control;
@@ -175,7 +187,8 @@ class RegisterView {
     const value = this.value;
     const source = provenanceOf(entry);
     const rows = [
-      ["Meaning", entry.meaning], ["PLC", entry.plc], ["Address", value?.address ?? entry.address], ["CPU address", entry.ranges.length ? "" : entry.cpu_address],
+      ["Meaning", entry.meaning], ["PLC", entry.plc], ["Address", !this.item.isArray && isScalar(entry.type) ? (this.address = h("span", { class: "mono" }, value?.address ?? (entry.ranges.length ? "\u2026" : entry.address))) : entry.address],
+      ["CPU address", entry.cpu_address && digits(integerOf(entry.cpu_address) + (this.item.bytes ?? 0), 4)],
       ["Type", entry.type], ["Structure", entry.structure], ["Variable", entry.variable], ["Written by", entry.owner], ["After reset", entry.reset],
       ["Manual", entry.page && `page ${entry.page}`], ["Values", entry.meaning_page && `page ${entry.meaning_page} of the manual`], ["Facts", source.text],
       ["Last change", isScalar(entry.type) && !this.item.isArray && (this.last = h("span"))],
@@ -192,7 +205,7 @@ class RegisterView {
 }
 
 function button(text, props) {
-  return h("button", { type: "button", "data-acts": true, ...props }, text);
+  return h("button", { acts: true, ...props }, text);
 }
 
 const nameOfBit = (entry, bit) => entry.bits.find((it) => it.first <= bit && bit <= it.last)?.name ?? "";

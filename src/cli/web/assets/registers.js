@@ -4,13 +4,12 @@ import { server } from "./api.js";
 import { fill, h, later, perFrame, setAttribute, setText } from "./dom.js";
 import { feed } from "./feed.js";
 import { RowList } from "./list.js";
-import { elementsOf, mapOf, provenanceOf } from "./map.js";
+import { elementsOf, mapOf, provenanceOf, registerAt } from "./map.js";
 import { showError } from "./messages.js";
 import { isPinned, onPins, pinned, togglePin } from "./pins.js";
 import { showRegister } from "./register.js";
 import { counted, isScalar, isSigned, short, signed } from "./values.js";
 
-/** Most results of a search that are shown. */
 const MOST = 4_000;
 
 export function registersPage(root, rest, context) {
@@ -27,11 +26,13 @@ class Registers {
 
   constructor(root, context) {
     this.context = context;
-    this.search = h("input", { type: "search", placeholder: "Search names, meanings, values, addresses", "aria-label": "Search registers", "aria-keyshortcuts": "/", spellcheck: false });
+    this.search = h("input", { type: "search", placeholder: "Search names, meanings, values, addresses", label: "Search registers", "aria-keyshortcuts": "/", spellcheck: false });
     this.search.addEventListener("input", later(120, () => this.maps && this.list()));
-    this.tree = h("nav", { class: "blocks", "aria-label": "Blocks" });
+    this.search.addEventListener("keydown", (event) => this.maps && this.rows.enterFrom(event, () => this.list()));
+    this.context.closeDetail = () => this.closeDetail();
+    this.tree = h("nav", { class: "blocks", label: "Blocks" });
     this.count = h("span", { class: "muted", role: "status" });
-    this.detail = h("aside", { class: "detail", "aria-label": "Register" });
+    this.detail = h("aside", { class: "detail", label: "Register" });
     this.rows = new RowList({
       label: "Registers", columns: "registers", head: headRow(), make: makeRow, key: (item) => item.key,
       fillRow: (row, item) => this.fillRow(row, item),
@@ -72,7 +73,7 @@ class Registers {
 
   drawTree() {
     const link = (block, text, note) =>
-      h("li", null, h("button", { type: "button", "data-block": block, onclick: () => this.show(block) }, h("span", null, text), note && h("small", null, note)));
+      h("li", null, h("button", { "data-block": block, onclick: () => this.show(block) }, h("span", null, text), note && h("small", null, note)));
     const parts = this.maps.map(({ plc, device, entries }) => {
       const blocks = new Map(entries.map((entry) => [blockOf(entry), entry]));
       const areas = [...blocks].map(([block, entry]) => link(block, entry.area, entry.structure === entry.area ? "" : entry.structure));
@@ -107,6 +108,18 @@ class Registers {
     this.markBlock(text ? null : this.block);
     this.rows.set(items);
     this.empty(items.length === 0, text);
+    if (!items.length && text.startsWith("%")) this.listAddress(text);
+  }
+
+  /** The register at a whole address, also an element of an array. */
+  async listAddress(text) {
+    const found = await Promise.all(this.maps.map(({ plc }) => registerAt(plc, text).catch(() => null)));
+    if (this.search.value.trim().toLowerCase() !== text) return;
+    const items = found.filter(Boolean).map(({ key, entry, name }) => ({ ...rowOf(entry, name), key, isFull: true }));
+    if (!items.length) return;
+    setText(this.count, counted(items.length, "register"));
+    this.rows.set(items);
+    this.empty(false);
   }
 
   empty(isEmpty, text) {
@@ -134,7 +147,7 @@ class Registers {
     const items = pinned().map((key) => {
       const at = key.indexOf(":");
       const entry = forms.get(key.replace(/\[[^\]]*\]/g, "[]"));
-      return entry && { key, entry, name: key.slice(at + 1), isFull: true };
+      return entry && { ...rowOf(entry, key.slice(at + 1)), key, isFull: true };
     });
     return items.filter(Boolean);
   }
@@ -164,6 +177,7 @@ class Registers {
       this.list();
       return;
     }
+    if (isOpened) this.detail.classList.add("open");
     if (this.chosen?.key === item.key) return;
     this.chosen = item;
     this.endDetail?.();
@@ -172,15 +186,20 @@ class Registers {
     this.follow();
   }
 
+  closeDetail() {
+    this.detail.classList.remove("open");
+    this.rows.element.focus();
+  }
+
   pin(event) {
     const button = event.target.closest("[data-pin]");
     if (button) togglePin(button.dataset.pin);
   }
 
-  /** Keys of this page. */
   key(event) {
     const item = this.rows.items[this.rows.chosen];
-    if (event.key === "/") this.search.focus();
+    if (event.key === "/") this.search.select();
+    else if (event.key === "Escape" && this.detail.classList.contains("open")) this.closeDetail();
     else if (event.key === "f" && item && !item.isArray) togglePin(item.key);
     else if (event.key === "p") this.detail.querySelector("input[name=value]")?.focus();
     else return false;
@@ -200,7 +219,8 @@ class Registers {
       if (row.digits?.startsWith("16#")) flash(row);
       row.digits = digits;
       setText(parts.value, digits);
-      setText(parts.meaning, `${value && isSigned(type) ? `${signed(value.value, type)}  ` : ""}${value?.meaning ?? ""}`);
+      const number = value && isSigned(type) ? String(signed(value.value, type)) : "";
+      setText(parts.meaning, [number, value?.meaning].filter((text, at) => text && (at === 0 || text !== number)).join("  "));
     }
     row.classList.toggle("forced", Boolean(value?.forced));
     setText(parts.age, value?.changedUs !== undefined ? short(Math.max(0, feed.timeUs - value.changedUs)) : "");
@@ -235,7 +255,10 @@ const blockOf = (entry) => `${entry.plc}:${entry.area}:${entry.structure}`;
 const keyOf = (entry, name) => `${entry.plc}:${name}`;
 
 const elements = (entry) =>
-  [...elementsOf(entry)].map((name) => ({ key: keyOf(entry, name), entry, name, isElement: true }));
+  [...elementsOf(entry)].map(([name, bytes]) => ({ key: keyOf(entry, name), entry, name, bytes, isElement: true }));
+
+/** The row of a register or an element by its name. */
+const rowOf = (entry, name) => (entry.ranges.length && elements(entry).find((item) => item.name === name)) || { key: keyOf(entry, name), entry, name };
 
 /** Shows a change; a value that changes all the time does not flash. */
 function flash(row) {
@@ -255,7 +278,7 @@ function headRow() {
 
 function makeRow() {
   const cell = (name, content) => h("span", { role: "gridcell", class: name }, content);
-  const pin = h("button", { type: "button", class: "star", tabIndex: -1 }, "\u2605");
+  const pin = h("button", { class: "star", tabIndex: -1 }, "\u2605");
   const mark = h("span", { role: "img" });
   const parts = { pin, mark };
   for (const name of ["name", "value", "meaning", "age", "owner", "manual"]) parts[name] = cell(name);

@@ -4,7 +4,6 @@ import { act } from "./actions.js";
 import { readJournal } from "./api.js";
 import { feed } from "./feed.js";
 
-/** Attempts until an answer must be there. */
 const ATTEMPTS = 60;
 /** Emulated time of an attempt with a stepped clock, real time with another, both short. */
 const STEP_US = 500, PAUSE_MS = 20;
@@ -15,7 +14,6 @@ export function sendFrame(bus, id, data, words) {
   return act("bus_send", { bus, frame: [id, data.length, number] }, words);
 }
 
-/** Commands of the network management. */
 export const NMT = { Start: 0x01, Stop: 0x02, "Pre-operational": 0x80, "Reset node": 0x81 };
 
 const bytesOf = (text) => (String(text).match(/[0-9a-f]{2}/gi) ?? []).map((digits) => parseInt(digits, 16));
@@ -48,7 +46,6 @@ export class SdoClient {
     throw new Error(ABORTS[code] ?? `refused with abort code 16#${code.toString(16).toUpperCase().padStart(8, "0")}`);
   }
 
-  /** The bytes of an object. */
   async read(index, subindex) {
     const words = `read object ${index.toString(16)}.${subindex} of node ${this.node}`;
     const first = await this.#ask([0x40, index & 0xff, index >> 8, subindex, 0, 0, 0, 0], words);

@@ -2,17 +2,18 @@
 
 import { setAttribute, setText, svg } from "./dom.js";
 
-function operable(node, work) {
+/** `work` for a click, Enter and Space; `keys`: functions for other keys, which move as the drawing shows. */
+function operable(node, work, keys = {}) {
   node.classList.add("operable");
   setAttribute(node, "tabindex", 0);
   const isUsable = () => node.getAttribute("aria-disabled") !== "true";
-  node.addEventListener("click", () => isUsable() && work(1));
+  node.addEventListener("click", () => isUsable() && work());
   node.addEventListener("keydown", (event) => {
-    const step = { Enter: 1, " ": 1, ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1 }[event.key];
-    if (!step) return;
+    const act = event.key === "Enter" || event.key === " " ? work : keys[event.key];
+    if (!act) return;
     event.preventDefault();
     event.stopPropagation();
-    if (isUsable()) work(step);
+    if (isUsable()) act();
   });
 }
 
@@ -23,9 +24,10 @@ export class Toggle {
 
   constructor(name, label, set) {
     this.lever = svg("rect", { class: "lever", x: 5, y: 25, width: 16, height: 14, rx: 2 });
-    this.node = svg("g", { role: "switch", "aria-label": label, "aria-checked": "false" },
+    this.node = svg("g", { role: "switch", label, "aria-checked": "false" },
       svg("rect", { class: "slot", x: 3, y: 4, width: 20, height: 38, rx: 3 }), this.lever, svg("text", { class: "front-note", x: 13, y: 54, "text-anchor": "middle" }, name));
-    operable(this.node, () => set(!this.isOn));
+    const turn = (isOn) => () => isOn !== this.isOn && set(isOn);
+    operable(this.node, () => set(!this.isOn), { ArrowUp: turn(true), ArrowDown: turn(false) });
   }
 
   show(isOn) {
@@ -43,7 +45,7 @@ export class Terminal {
   constructor(name, label, set) {
     this.width = name.length > 2 ? 30 : 18;
     this.glass = svg("circle", { class: "terminal", cx: 11, cy: 12, r: 8 });
-    this.node = svg("g", { role: set ? "switch" : "img", "aria-label": label }, this.glass, svg("text", { class: "front-note", x: 11, y: 34, "text-anchor": "middle" }, name));
+    this.node = svg("g", { role: set ? "switch" : "img", label }, this.glass, svg("text", { class: "front-note", x: 11, y: 34, "text-anchor": "middle" }, name));
     this.isOperable = Boolean(set);
     this.label = label;
     if (set) operable(this.node, () => set(!this.isOn));
@@ -73,9 +75,15 @@ export class Selector {
       return line;
     });
     this.texts = texts;
-    this.node = svg("g", { role: "slider", "aria-label": name, "aria-valuemin": 0, "aria-valuemax": positions.length - 1, "aria-orientation": "vertical" },
+    this.node = svg("g", { role: "slider", label: name, "aria-valuemin": 0, "aria-valuemax": positions.length - 1, "aria-orientation": "vertical" },
       svg("text", { class: "front-name", x: 4, y: 11 }, name), svg("rect", { class: "slot", x: 3, y: 16, width: 22, height: positions.length * 20, rx: 4 }), this.lever, texts);
-    operable(this.node, (step) => set((this.at + step + positions.length) % positions.length));
+    const to = (position) => () => {
+      const at = Math.max(0, Math.min(position(), positions.length - 1));
+      if (at !== this.at) set(at);
+    };
+    const up = to(() => this.at - 1), down = to(() => this.at + 1);
+    const keys = { ArrowUp: up, ArrowLeft: up, ArrowDown: down, ArrowRight: down, Home: to(() => 0), End: to(() => positions.length - 1) };
+    operable(this.node, () => set((this.at + 1) % positions.length), keys);
   }
 
   show(at) {
@@ -100,8 +108,9 @@ export class Rotary {
     });
     this.words = svg("text", { class: "front-note", x: 32, y: 80, "text-anchor": "middle" });
     this.name = name;
-    this.node = svg("g", { role: "slider", "aria-label": name, "aria-valuemin": 0, "aria-valuemax": 15 }, svg("circle", { class: "dial", cx: 32, cy: 32, r: 20 }), marks, this.hand, this.words);
-    operable(this.node, (step) => set((this.at + step + 16) % 16));
+    this.node = svg("g", { role: "slider", label: name, "aria-valuemin": 0, "aria-valuemax": 15 }, svg("circle", { class: "dial", cx: 32, cy: 32, r: 20 }), marks, this.hand, this.words);
+    const turn = (step) => () => set((this.at + step + 16) % 16);
+    operable(this.node, turn(1), { ArrowUp: turn(1), ArrowRight: turn(1), ArrowDown: turn(-1), ArrowLeft: turn(-1), Home: () => set(0), End: () => set(15) });
   }
 
   show(at) {
@@ -118,7 +127,7 @@ export class Push {
   height = 42;
 
   constructor(name, press) {
-    this.node = svg("g", { role: "button", "aria-label": name }, svg("rect", { class: "push", x: 2, y: 4, width: 74, height: 30, rx: 6 }), svg("text", { class: "front-name", x: 39, y: 24, "text-anchor": "middle" }, name));
+    this.node = svg("g", { role: "button", label: name }, svg("rect", { class: "push", x: 2, y: 4, width: 74, height: 30, rx: 6 }), svg("text", { class: "front-name", x: 39, y: 24, "text-anchor": "middle" }, name));
     operable(this.node, press);
   }
 

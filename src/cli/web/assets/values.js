@@ -2,7 +2,6 @@
 
 const UNITS = { us: 1, ms: 1e3, s: 1e6, min: 60e6, h: 3600e6 };
 
-/** Emulated time in seconds with six places. */
 export function seconds(us) {
   return `${(us / 1e6).toFixed(6)} s`;
 }
@@ -25,11 +24,7 @@ export function duration(text) {
   return Math.round(Number(found[1]) * UNITS[(found[2] ?? "ms").replace("µ", "u")]);
 }
 
-/** Bytes of an elementary type. */
 export const bytesOf = (type) => ({ BYTE: 1, USINT: 1, SINT: 1, BOOL: 1, WORD: 2, UINT: 2, INT: 2 })[type] ?? 4;
-
-/** Name of the width in operations. */
-export const widthOf = (type) => ({ 1: "Byte", 2: "Word", 4: "Dword" })[bytesOf(type)];
 
 /** True if values of the type are printed with a sign. */
 export const isSigned = (type) => type === "SINT" || type === "INT" || type === "DINT";
@@ -40,19 +35,23 @@ export const isScalar = (type) => !type.includes("[");
 /** The hexadecimal form of a value with this many bytes: `16#0043`. */
 export const digits = (value, bytes) => `16#${(value >>> 0).toString(16).toUpperCase().padStart(2 * bytes, "0").slice(-2 * bytes)}`;
 
-/** The hexadecimal form of a value of a type. */
 export const hex = (value, type) => digits(value, bytesOf(type));
+
+const PREFIX = { 16: "0x", 8: "0o", 2: "0b" };
+
+/** The number in `16#43`, `0x43`, `2#1011`, `67` or `-5`; NaN of anything else, also of a digit that the base does not have. */
+export function integerOf(text) {
+  const plain = text.trim().replaceAll("_", "").replace(/^(16|8|2)#/, (_, base) => PREFIX[base]);
+  return /^(-?\d+|0[xob][\da-f]+)$/i.test(plain) ? Number(plain) : NaN;
+}
 
 /** The number in `16#43`, `0x43`, `2#1011`, `67`, `-5`, or of the value with this meaning. Throws an Error. */
 export function parseValue(text, type, values = []) {
-  const plain = text.trim().replaceAll("_", "");
   const named = values.find((value) => value.first === value.last && value.meaning === text.trim());
   if (named) return named.first;
-  const based = /^(?:(16|8|2)#|0([xob]))([0-9a-f]+)$/i.exec(plain);
-  const base = based && (Number(based[1]) || { x: 16, o: 8, b: 2 }[based[2].toLowerCase()]);
-  const number = based ? parseInt(based[3], base) : Number(plain);
+  const number = integerOf(text);
   const size = 2 ** (8 * bytesOf(type));
-  if (plain === "" || !Number.isInteger(number)) throw new Error(`'${text}' is not a value: write a number such as 67, 16#43 or 2#1000011`);
+  if (Number.isNaN(number)) throw new Error(`'${text}' is not a value: write a number such as 67, 16#43 or 2#1000011`);
   const least = isSigned(type) ? -size / 2 : 0;
   if (number < least || number >= size) throw new Error(`${text} does not fit a ${type}: ${least} to ${size - 1}`);
   return number < 0 ? number + size : number;
@@ -64,5 +63,4 @@ export function signed(value, type) {
   return isSigned(type) && value >= size / 2 ? value - size : value;
 }
 
-/** A count with its noun. */
 export const counted = (count, one, many = `${one}s`) => `${count} ${count === 1 ? one : many}`;

@@ -111,7 +111,7 @@ fn wait_for(conditions: &[Condition], any: bool, within_us: u64) -> Option<Strin
     (!all.is_empty()).then(|| format!("wait_until(|| {joined}, \"{within_us}us\");"))
 }
 
-/// Adds the lines of an action. `conditions` are those of earlier actions that no wait has used yet.
+/// Adds the lines of an action. `conditions` are those of earlier actions that no wait and no way back has used yet.
 ///
 /// # Errors
 /// Why a scenario cannot repeat it.
@@ -127,7 +127,12 @@ pub(super) fn add(
     match (&action.operation, &action.expect, &action.section) {
         (None, None, Some(section)) => push(format!("section({});", quoted(section)), false),
         (None, Some(expectation), None) => push(expected(connection, expectation)?, false),
-        (Some(Op::Back { .. } | Op::BackUntil { .. }), None, None) => go_back(lines, end_us),
+        (Some(op @ (Op::Back { .. } | Op::BackUntil { .. })), None, None) => {
+            if matches!(op, Op::BackUntil { .. }) {
+                conditions.clear();
+            }
+            go_back(lines, end_us);
+        }
         (Some(Op::BackToStart { .. }), None, None) => lines.clear(),
         (Some(op), None, None) if op.class() == Class::Travels => {
             return Err(

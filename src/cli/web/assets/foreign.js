@@ -1,0 +1,64 @@
+// Stores of other programs during a recording, found in the journal: the recording does not contain them.
+
+import { feed } from "./feed.js";
+import { setNotice } from "./messages.js";
+import { counted, seconds } from "./values.js";
+
+/** Real time after a record of the journal within which the reply to an own store arrives, in milliseconds. */
+const REPLY_MS = 500;
+/** Most stores that are kept, and registers that are named. */
+const MOST = 1_000, NAMED = 3;
+const BYTES = { Byte: 1, Word: 2, Dword: 4 };
+
+/** Own stores without their record, counted by width and value. */
+const own = new Map();
+let end = null;
+
+export function forgetForeign() {
+  own.clear();
+  setNotice("foreign", "");
+}
+
+export function noteOwn({ width, value }) {
+  const key = `${BYTES[width]} ${value}`;
+  own.set(key, (own.get(key) ?? 0) + 1);
+}
+
+function isOwn({ width, value }) {
+  const key = `${width} ${value}`;
+  const count = own.get(key) ?? 0;
+  if (count) own.set(key, count - 1);
+  return count > 0;
+}
+
+/** Adds the stores of other programs to `recorder.foreign` while a recording runs. */
+export function watchForeign(recorder, changed) {
+  end?.();
+  end = null;
+  feed.leave("recorder");
+  if (!recorder.isOn) return setNotice("foreign", "");
+  feed.want("recorder", { kinds: "channel_write,changed" });
+  const { foreign: begun } = recorder;
+  const take = (records) => {
+    if (!recorder.isOn) return;
+    const found = records.filter((it) => (it.kind === "channel_write" ? !isOwn(it) : it.by === "program"));
+    if (!found.length) return;
+    recorder.foreign = [...recorder.foreign, ...found.map(({ time_us, register, address }) => ({ time_us, register: register ?? address }))].slice(-MOST);
+    setNotice("foreign", foreignText(recorder.foreign), "warn");
+    changed();
+  };
+  end = feed.onEach("journal", ({ records }) => {
+    const stores = records.filter((it) => it.kind === "channel_write" || it.kind === "changed");
+    if (stores.length) setTimeout(take, REPLY_MS, stores);
+  });
+  if (begun.length) setNotice("foreign", foreignText(begun), "warn");
+}
+
+/** What the recording lacks; empty if it lacks nothing. */
+export function foreignText(foreign) {
+  if (!foreign.length) return "";
+  const names = [...new Set(foreign.map((it) => it.register))];
+  const more = names.length > NAMED ? ` and ${names.length - NAMED} more` : "";
+  const [first, last] = [foreign[0], foreign.at(-1)].map((it) => seconds(it.time_us));
+  return `Not recorded: ${counted(foreign.length, "store")} of other programs from ${first} to ${last}, to ${names.slice(0, NAMED).join(", ")}${more}`;
+}
