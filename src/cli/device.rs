@@ -7,6 +7,7 @@ use super::session::Session;
 use crate::devices;
 use crate::devices::folder;
 use crate::layout::{DeviceFit, DeviceLayout, Fit, LayoutError, Role};
+use crate::memory::MemoryError;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 use clap::{Arg, Command};
@@ -174,8 +175,10 @@ pub(crate) fn answer_of_instance<T>(
     if !matches!(refusal, CliError::Layout(_) | CliError::NoDeviceHas { .. }) {
         return Err(refusal);
     }
-    let Ok(session) = Session::open_for_reading(&Instance::running(instance.name())) else {
-        return Err(refusal);
+    let session = match Session::open_for_reading(&Instance::running(instance.name())) {
+        Ok(session) => session,
+        Err(lost @ CliError::Memory(MemoryError::LostFolder { .. })) => return Err(lost),
+        Err(_) => return Err(refusal),
     };
     ask(&session).map_err(|failure| match failure {
         // A mistake that is independent of the PLC is reported before the question for the PLC.

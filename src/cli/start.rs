@@ -6,7 +6,7 @@ use crate::devices;
 use crate::identity::DeviceIndex;
 use crate::journal::Names;
 use crate::memory::describe_process;
-use crate::plant::{FollowError, PlantConfig};
+use crate::plant::{FollowError, PlantConfig, SnapshotError};
 use crate::runtime::{Clock, Directory, Emulator, Options, RuntimeError};
 use clap::ValueEnum;
 use core::num::NonZero;
@@ -130,7 +130,8 @@ impl Settings {
         plant_check::warn(begin.path(), &config);
         crate::memory::survive_shortened_files().map_err(|reason| CliError::Signals { reason })?;
         let new = self.novram.as_deref().filter(|directory| !directory.exists());
-        let mut emulator = Emulator::start_from(&config, options, snapshot.as_ref())?;
+        let mut emulator = Emulator::start_from(&config, options, snapshot.as_ref())
+            .map_err(|error| explain_snapshot(begin, &config, error))?;
         if let Some(mib) = self.keep_states {
             emulator.keep_states((mib as usize) << 20);
         }
@@ -204,6 +205,20 @@ impl<'a> InitialState<'a> {
             InitialState::BuiltIn => None,
             InitialState::Plant(path) | InitialState::Snapshot(path) => Some(path),
         }
+    }
+}
+
+/// A snapshot contains its plant, so the other setting of a device with a folder comes from a changed file.
+fn explain_snapshot(begin: InitialState<'_>, config: &PlantConfig, error: RuntimeError) -> RuntimeError {
+    let folders = config.devices.iter().filter_map(|device| Some(device.folder()?.display().to_string()));
+    let folders = folders.collect::<Vec<_>>().join(", ");
+    match (begin, error) {
+        (InitialState::Snapshot(_), RuntimeError::Snapshot(SnapshotError::OtherSettings { what }))
+            if !folders.is_empty() =>
+        {
+            SnapshotError::ChangedFolder { what, folders }.into()
+        }
+        (_, error) => error,
     }
 }
 

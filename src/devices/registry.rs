@@ -7,6 +7,8 @@ use super::{bm4_o_can_06, can_dp2, cr201x, cs0015, omega_drive_line_2};
 #[cfg(feature = "emulator")]
 use super::{catalogue, folder};
 use crate::layout::DeviceLayout as Layout;
+#[cfg(feature = "emulator")]
+use crate::memory::InstanceLock;
 use crate::memory::{AttachMode, Attached, Image, MemoryError, header};
 #[cfg(feature = "plc")]
 use crate::plc::{BlockKind, StPart};
@@ -256,6 +258,13 @@ pub fn attach(
     let header = attached.header_snapshot();
     match of_hash(header.layout_hash.load()) {
         Some(known) => Ok((attached, known.layout)),
+        #[cfg(feature = "emulator")]
+        None if !InstanceLock::device_folders(instance).is_empty() => {
+            let folders = InstanceLock::device_folders(instance);
+            let folders: Vec<_> = folders.iter().map(|path| path.display().to_string()).collect();
+            let (path, device) = (attached.path().to_owned(), header::name(&header.device));
+            Err(MemoryError::LostFolder { path, device, folders: folders.join(", ") })
+        }
         None => Err(MemoryError::OtherLayout {
             path: attached.path().to_owned(),
             device: header::name(&header.device),

@@ -233,6 +233,17 @@ pub enum MemoryError {
         /// Hash that the caller expects.
         expected: u64,
     },
+    /// The folder that describes the device cannot be read any more, or has changed.
+    #[error("{} holds {device}, whose registers are described by a folder: {folders}; it is gone or has changed since the \
+             emulator started, restore it", .path.display())]
+    LostFolder {
+        /// The refused path.
+        path: PathBuf,
+        /// Name of the emulated device.
+        device: String,
+        /// The folders of the instance.
+        folders: String,
+    },
     /// The file ends before the segment does.
     #[error("{} is {size} bytes long, an image has {}; it is damaged, restart the emulator", .path.display(), expected)]
     TooShort {

@@ -74,6 +74,14 @@ pub enum SnapshotError {
         /// Settings that differ there.
         what: String,
     },
+    /// A file of a device's folder has changed since the snapshot, whose plant is otherwise the same.
+    #[error("a file of {what} has changed since the snapshot, in {folders}; restore it")]
+    ChangedFolder {
+        /// Settings that differ.
+        what: String,
+        /// The folders of the plant's devices.
+        folders: String,
+    },
     /// All settings agree, but the state differs.
     #[error("its state differs: its plant file has other faults, or it does not begin at the same moment")]
     OtherState,

@@ -203,6 +203,14 @@ fn wrong_handshakes_are_refused_with_their_line() {
         ("to = \"data.w_IN\"", "to = \"control.w_TOGGLE\"", ":41: ", "the program writes control.w_TOGGLE"),
         ("set = 0x0002", "set = 0x0002, value = 1", ":13: ", "either a `value`, or different bits"),
         ("bits = 0x0001", "bits = 0x0001\ncolour = 1", ":21: ", "unknown field `colour`"),
+        ("answer = 0x04", "answer = 0x04\nthen = 5", ":12: ", "the device would answer itself"),
+        ("answer = 0x04", "answer = 0x04\nthen_after = \"1ms\"", ":12: ", "`then_after` needs `then`"),
+        (
+            "[[toggle]]",
+            "[[answer]]\nregister = \"control.w_COMMAND\"\nrequest = 5\nanswer = 6\npage = \"3\"\nsource = \"manual\"\n[[toggle]]",
+            ":19: ",
+            "another table answers this request",
+        ),
     ];
     for (from, to, line, message) in wrong {
         let place = Place::new();
@@ -232,7 +240,81 @@ fn a_snapshot_continues_with_the_same_files_only() {
     }
     place.edit("IO_DATA.toml", "The 16 outputs", "The outputs");
     let refused = run(&["run", "--from", &saved]);
-    assert!(refused.fails(1).contains("io"), "{}", refused.err);
+    let message = refused.fails(1);
+    assert!(message.contains("a file of PLC 'io' has changed since the snapshot, in /"), "{message}");
+    assert!(message.contains("digital-io; restore it"), "{message}");
+}
+
+/// Steps of any size give the same journal, also if tables answer each other.
+#[test]
+fn the_journal_of_a_folder_does_not_depend_on_the_steps() {
+    let answer = |request: u8, answer: u8| {
+        format!(
+            "[[answer]]\nregister = 'control.w_COMMAND'\nrequest = {request}\nanswer = {answer}\npage = '3'\nsource = 'manual'\n"
+        )
+    };
+    let recovered = "[[watchdog]]\nregister = 'control.w_COMMAND'\nwithin = '700us'\n\
+         state = [{ register = 'data.w_IN', set = 2 }]\n\
+         recovered = [{ register = 'control.w_STATUS', set = 1, clear = 32 }]\npage = '3'\nsource = 'manual'\n\
+         [[toggle]]\nregister = 'control.w_STATUS'\nacknowledge = 'control.w_TOGGLE_ACK'\nbits = 15\nafter = '3us'\n\
+         page = '3'\nsource = 'manual'\n";
+    for tables in [answer(5, 4) + &answer(4, 5), recovered.to_owned()] {
+        let place = Place::new();
+        fs::write(place.card().join("handshakes.toml"), &tables).unwrap();
+        let mut journals = Vec::new();
+        for steps in [&[10_000][..], &[1000; 10], &[2500; 4], &[137, 863, 4000, 5000]] {
+            let run = ["--clock", "stepped", "--record", "control,data"];
+            let emulator = Emulator::start(&[&[place.path("plant.toml").as_str()][..], &run].concat());
+            for command in ["control.w_COMMAND=5", "control.w_COMMAND=7"] {
+                emulator.poke(&[command]);
+                steps.iter().for_each(|us| drop(emulator.step(&[&format!("{us}us")])));
+            }
+            journals.push(emulator.run("trace", &[]).ok().to_owned());
+        }
+        assert!(
+            journals[0].lines().count() > 6 && journals.iter().all(|it| *it == journals[0]),
+            "{journals:#?}"
+        );
+    }
+}
+
+/// Users compile and run exported files.
+#[test]
+fn a_text_of_a_folder_is_no_code_in_an_export() {
+    for (file, from, to) in [
+        ("device.toml", "Digital I/O card", "x\\\"\\\"\\\"\\nimport os\\ny=\\\"\\\"\\\""),
+        ("device.toml", "Control and status", "*/ int code; /*"),
+        ("IO_CONTROL.toml", "State of the card", "*) code; (*"),
+        ("meanings.toml", "no command", "no\\ncommand"),
+        ("handshakes.toml", "page = \"5\"", "page = \"\\u0007\""),
+    ] {
+        let place = Place::new();
+        place.edit(file, from, to);
+        for command in
+            [&["device", "check"][..], &["export", "python", "--device"], &["export", "c", "--device"]]
+        {
+            let outcome = run(&[command, &[&place.path("cards/digital-io")]].concat());
+            let message = outcome.fails(2);
+            let is_named =
+                message.contains(&format!("{file}:")) && message.contains("comments and strings of exports");
+            assert!(is_named, "{to}: {message}");
+        }
+    }
+}
+
+#[test]
+fn a_lost_folder_of_a_running_instance_is_named() {
+    let place = Place::new();
+    let emulator = Emulator::start(&[&place.path("plant.toml"), "--clock", "stepped"]);
+    fs::rename(place.card(), place.0.path().join("moved")).unwrap();
+    for args in [&["peek", "control.w_COMMAND"][..], &["step", "1ms"], &["status"]] {
+        let outcome = emulator.run(args[0], &args[1..]);
+        let folder = place.card().display().to_string();
+        assert!(
+            outcome.err.contains(&folder) && outcome.err.contains("is gone or has changed"),
+            "{outcome:?}"
+        );
+    }
 }
 
 #[test]

@@ -16,6 +16,7 @@ pub mod rules;
 mod script;
 mod state_word;
 mod tables;
+mod texts;
 
 pub(crate) use config::FolderConfig;
 pub use error::FolderError;
@@ -95,6 +96,10 @@ pub fn is_path(kind: &str) -> bool {
 pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
     let mut read = commram_layoutc::read_folder(dir)?;
     let handshakes = commram_layoutc::read_file_of_folder(dir, handshakes::FILE)?;
+    read.inputs.iter().try_for_each(|(path, text)| texts::check(path, text))?;
+    if let Some(text) = &handshakes {
+        texts::check(&dir.join(handshakes::FILE), text)?;
+    }
     let mut script = Script::read(dir)?;
     if script.is_some() {
         state_word::add(dir, &mut read.device)?;

@@ -45,8 +45,7 @@ pub(super) struct Answer {
     pub(super) after: Time,
     /// Value that follows the answer.
     pub(super) then: Option<Spanned<u32>>,
-    #[serde(default)]
-    pub(super) then_after: Time,
+    pub(super) then_after: Option<Spanned<Time>>,
     #[serde(default)]
     pub(super) state: Vec<Spanned<Change>>,
     pub(super) page: String,

@@ -120,6 +120,7 @@ fn poll(rule: &Rule, step: &mut Step, card: &mut Card, ctx: &mut Context) -> boo
                 }
                 let due = Some(ctx.now.saturating_add(*within_us));
                 *step = Step { due, phase: Phase::Running, seen: value };
+                return true;
             }
         }
         Rule::Mirror { pairs } => {

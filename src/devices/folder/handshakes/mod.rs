@@ -58,6 +58,14 @@ pub(super) fn read(path: &Path, text: &str, layout: &'static DeviceLayout) -> Re
     reader.rows(file)
 }
 
+/// Offset of the register, and the request, of an answer.
+fn answer_of(row: &Row) -> Option<(u32, u16)> {
+    match &row.rule {
+        Rule::Answer { at, request, .. } => Some((at.offset, *request)),
+        _ => None,
+    }
+}
+
 /// The file and the layout that its names refer to.
 struct Reader<'a> {
     path: &'a Path,
@@ -76,7 +84,15 @@ impl Reader<'_> {
         let File { ready, answer, toggle, counter, watchdog, mirror } = file;
         let mut rows = Vec::new();
         ready.into_iter().try_for_each(|it| self.ready(it).map(|row| rows.push(row)))?;
-        answer.into_iter().try_for_each(|it| self.answer(it).map(|row| rows.push(row)))?;
+        for it in answer {
+            let place = it.request.span();
+            let row = self.answer(it)?;
+            if rows.iter().any(|known| answer_of(known).is_some_and(|it| Some(it) == answer_of(&row))) {
+                let what = format!("another table answers this request in {}", row.register);
+                return Err(self.wrong(place, what));
+            }
+            rows.push(row);
+        }
         toggle.into_iter().try_for_each(|it| self.toggle(it).map(|row| rows.push(row)))?;
         counter.into_iter().try_for_each(|it| self.counter(it).map(|row| rows.push(row)))?;
         watchdog.into_iter().try_for_each(|it| self.watchdog(it).map(|row| rows.push(row)))?;
@@ -120,7 +136,16 @@ impl Reader<'_> {
             answer.get_ref(),
             short(it.after.0)
         );
-        let then = it.then.map(|then| (*then.get_ref() as u16, it.then_after.0));
+        if let Some(then) = it.then.as_ref().filter(|then| then.get_ref() == request.get_ref()) {
+            let what = "the value after the answer is the request; the device would answer itself".to_owned();
+            return Err(self.wrong(then.span(), what));
+        }
+        if let Some(after) = it.then_after.as_ref().filter(|_| it.then.is_none()) {
+            let what = "`then_after` needs `then`, the value that follows the answer".to_owned();
+            return Err(self.wrong(after.span(), what));
+        }
+        let then_after_us = it.then_after.as_ref().map_or(0, |after| after.get_ref().0);
+        let then = it.then.map(|then| (*then.get_ref() as u16, then_after_us));
         if let Some((then, after_us)) = then {
             behaviour += &format!(", then 16#{then:04X} after {}", short(after_us));
         }
