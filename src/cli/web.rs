@@ -3,6 +3,7 @@
 mod assets;
 mod beside;
 mod connections;
+mod distinct;
 mod ending;
 mod events;
 mod guard;

@@ -161,6 +161,33 @@ fn requests_of_another_form_get_problems_that_name_what_is_wrong() {
         "{setting}"
     );
     server.get("/api/v1/instances/%FF/time").problem(400);
+    let json = [("authorization", bearer.as_str()), ("content-type", "application/json")];
+    let twice = server.request("POST", &server.path("advance"), &json, r#"{"us":1,"us":2}"#).problem(400);
+    assert!(twice["detail"].as_str().unwrap().contains("the field `us` occurs twice"), "{twice}");
+    for query in ["peek?plc=0&offset=200000&width=Word&offset=200002", "show/find?text=a&text=b"] {
+        let twice = server.get(&server.path(query)).problem(400);
+        assert!(twice["detail"].as_str().unwrap().contains("occurs twice"), "{twice}");
+    }
+    for query in ["events?clock=2", "events?findings=yes", "show/find?text=status&full=x"] {
+        let wrong = server.get(&server.path(query)).problem(400);
+        assert!(wrong["detail"].as_str().unwrap().contains("not 1 or 0"), "{wrong}");
+    }
+    let backwards = json!({"plant": "p.toml", "actions": [{"time_us": 9, "end_us": 0, "operation": {"advance": {"us": 1}}}]});
+    let wrong = server.post(&server.path("scenario"), &backwards).problem(400);
+    assert!(wrong["detail"].as_str().unwrap().contains("before its begin"), "{wrong}");
+    let poke = |time_us: u64| {
+        let fields = json!({"plc": 0, "offset": 200_000, "width": "Word", "value": 1});
+        json!({"time_us": time_us, "operation": {"poke": fields}})
+    };
+    let far = json!({"plant": "p.toml", "actions": [poke(u64::MAX)]});
+    let wrong = server.post(&server.path("scenario"), &far).problem(400);
+    assert!(wrong["detail"].as_str().unwrap().contains("at most 86400000000 us"), "{wrong}");
+    let earlier = json!({"plant": "p.toml", "actions": [poke(1000), poke(0)]});
+    let scenario = server.post(&server.path("scenario"), &earlier).ok();
+    assert!(
+        scenario["scenario"].as_str().unwrap().contains("was recorded at 0 us, before the end"),
+        "{scenario}"
+    );
     let record = server.get(&server.path("events?journal=nope")).problem(400);
     assert!(record["detail"].as_str().unwrap().contains("no kind of record `nope`, only "), "{record}");
     let post = |rest: &str| {

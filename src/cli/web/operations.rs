@@ -3,6 +3,7 @@
 use super::hub::InstanceLinks;
 use super::link::Connection;
 use super::problem::Problem;
+use super::router::repeated;
 use crate::channel::ClientError;
 use crate::cli::error::CliError;
 use crate::request::{Class, MAX_OPS, Op, Operation, Reply, operations};
@@ -90,7 +91,17 @@ fn is_within(schema: &Value, value: &Value) -> bool {
 }
 
 /// The fields of a query string; numbers and booleans get their types from the table.
-pub(super) fn fields_of_query(operation: &Operation, query: Vec<(String, String)>) -> Map<String, Value> {
+///
+/// # Errors
+/// A field occurs twice.
+pub(super) fn fields_of_query(
+    operation: &Operation,
+    query: Vec<(String, String)>,
+) -> Result<Map<String, Value>, Problem> {
+    if let Some(name) = repeated(query.iter().map(|(name, _)| name.as_str())) {
+        let detail = format!("{}: the field `{name}` occurs twice", operation.name);
+        return Err(Problem::wrong_use(detail).with("field", name));
+    }
     let typed = |name: &str, text: String| {
         let field = operation.fields.iter().find(|field| field.name == name);
         let is_text =
@@ -100,7 +111,7 @@ pub(super) fn fields_of_query(operation: &Operation, query: Vec<(String, String)
             _ => Value::from(text),
         }
     };
-    query.into_iter().map(|(name, text)| (name.clone(), typed(&name, text))).collect()
+    Ok(query.into_iter().map(|(name, text)| (name.clone(), typed(&name, text))).collect())
 }
 
 /// Refuses an operation that changes something on a server that only reads.
@@ -191,8 +202,9 @@ mod tests {
         let peek = find("peek").unwrap();
         let query = [("plc", "0"), ("offset", "12"), ("width", "Word")];
         let query = query.map(|(name, text)| (name.to_owned(), text.to_owned())).to_vec();
-        let fields = fields_of_query(peek, query);
+        let fields = fields_of_query(peek, query.clone()).unwrap();
         assert!(with_fields(peek, fields).is_ok());
+        assert!(fields_of_query(peek, [query.clone(), query].concat()).is_err());
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The paths of the HTTP interface.
 
 use super::App;
+use super::distinct::Distinct;
 use super::problem::Problem;
 use super::{assets, events, guard, openapi, operations, scenario, session, show};
 use axum::RequestExt as _;
@@ -14,6 +15,7 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{any, get, post};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
+use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -103,7 +105,7 @@ async fn operation(
         return Err(needs(&method));
     }
     let fields = match method {
-        Method::GET => operations::fields_of_query(operation, pairs(query)?),
+        Method::GET => operations::fields_of_query(operation, pairs(query)?)?,
         _ => body_of(request).await?,
     };
     let op = operations::with_fields(operation, fields)?;
@@ -131,9 +133,26 @@ async fn request(
     Ok(json_response(&json!({ "replies": replies })))
 }
 
-/// Whether the text of a field in a query switches something on.
+/// Whether the text of a field in a query switches something on; a name without a text does.
 pub(super) fn is_on(text: &str) -> bool {
-    matches!(text, "1" | "true")
+    matches!(text, "" | "1" | "true")
+}
+
+/// The same for a field of `what` that is only a switch.
+///
+/// # Errors
+/// The text is something else than on or off.
+pub(super) fn switch(what: &str, field: &str, text: &str) -> Result<bool, Problem> {
+    if is_on(text) || matches!(text, "0" | "false") {
+        return Ok(is_on(text));
+    }
+    Err(Problem::wrong_use(format!("{what}: field `{field}` is `{text}`, not 1 or 0")).with("field", field))
+}
+
+/// The first name that occurs twice.
+pub(super) fn repeated<'a>(mut names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    let mut seen = HashSet::new();
+    names.find(|name| !seen.insert(*name))
 }
 
 /// The fields of a query string.
@@ -177,8 +196,17 @@ pub(super) async fn body_within(mut request: Request, max: usize) -> Result<Map<
     if bytes.is_empty() {
         return Ok(Map::new());
     }
-    serde_json::from_slice(&bytes)
-        .map_err(|reason| Problem::wrong_use(format!("the body is no JSON object: {reason}")))
+    json_of(&bytes)
+}
+
+/// The object of a text in JSON, in which no name occurs twice.
+fn json_of(bytes: &[u8]) -> Result<Map<String, Value>, Problem> {
+    let wrong =
+        |reason: serde_json::Error| Problem::wrong_use(format!("the body is no JSON object: {reason}"));
+    match serde_json::from_slice(bytes).map_err(wrong)? {
+        Distinct(Value::Object(map)) => Ok(map),
+        Distinct(other) => Err(Problem::wrong_use(format!("the body is no JSON object: {other}"))),
+    }
 }
 
 /// A response with a value as JSON.

@@ -6,7 +6,7 @@ mod words;
 use super::App;
 use super::link::Connection;
 use super::problem::Problem;
-use super::router::{Pairs, is_on, json_response, pairs};
+use super::router::{Pairs, json_response, pairs, repeated, switch};
 use crate::cli::error::CliError;
 use crate::cli::peek::{self, ReadTarget};
 use crate::cli::session::number_of_bus;
@@ -44,6 +44,9 @@ pub(super) async fn instances(State(app): State<Arc<App>>) -> Result<Response, P
     Ok(json_response(&json!({"instances": entries, "read_only": app.read_only, "version": version})))
 }
 
+/// Fields that a query may have several times.
+const REPEATABLE: [&str; 8] = ["name", "poke", "force", "unforce", "condition", "board", "fault", "sync"];
+
 /// The content of an answer.
 enum Shown {
     Json(Value),
@@ -74,12 +77,17 @@ impl Fields<'_> {
         self.text(name).ok_or_else(missing)
     }
 
-    fn is_on(&self, name: &str) -> bool {
-        self.text(name).is_some_and(is_on)
+    fn is_on(&self, name: &str) -> Result<bool, Problem> {
+        self.text(name).map_or(Ok(false), |text| switch(self.what, name, text))
     }
 
-    /// Refuses other fields than these.
+    /// Refuses other fields than these, and repeated ones that have one value.
     fn check(&self, known: &[&str]) -> Result<(), Problem> {
+        let names = self.pairs.iter().map(|(name, _)| name.as_str());
+        if let Some(name) = repeated(names.filter(|name| !REPEATABLE.contains(name))) {
+            let detail = format!("{}: the field `{name}` occurs twice", self.what);
+            return Err(Problem::wrong_use(detail).with("field", name));
+        }
         match self.pairs.iter().find(|(name, _)| !known.contains(&name.as_str())) {
             Some((name, _)) => {
                 let detail = format!("{}: unknown field `{name}`, known are {}", self.what, known.join(", "));
@@ -180,7 +188,7 @@ fn registers(connection: &mut Connection, fields: &Fields<'_>) -> Result<Shown, 
 fn search(connection: &mut Connection, fields: &Fields<'_>) -> Result<Shown, Problem> {
     let fitted = find::distinct(connection.session.all_fitted());
     let words = find::words([fields.needed("text")?]);
-    named("entries", find::entries_with(&fitted, &words, fields.is_on("full")))
+    named("entries", find::entries_with(&fitted, &words, fields.is_on("full")?))
 }
 
 fn boards(connection: &mut Connection, fields: &Fields<'_>) -> Result<Shown, Problem> {

@@ -6,9 +6,10 @@ use crate::cli::error::CliError;
 use crate::cli::peek::ReadTarget;
 use crate::cli::web::link::Connection;
 use crate::cli::web::problem::Problem;
-use crate::cli::web::router::is_on;
+use crate::cli::web::router::{is_on, switch};
 use crate::devices;
 use crate::identity::DeviceIndex;
+use crate::journal::Changed;
 use crate::request::Op;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -93,6 +94,7 @@ impl Wish {
         let mut wish = Self::default();
         for (name, text) in query {
             let is_on = is_on(text);
+            let switched = || switch("events", name, text);
             let state = StateKind::ALL.into_iter().find(|state| state.name() == name);
             match (name.as_str(), state) {
                 ("follow", _) => wish.follow(connection, text)?,
@@ -102,8 +104,8 @@ impl Wish {
                     wish.journal = Some(kinds);
                 }
                 ("journal", _) => wish.journal = None,
-                ("clock", _) => wish.clock = is_on,
-                (_, Some(state)) if is_on => drop(wish.states.insert(state)),
+                ("clock", _) => wish.clock = switched()?,
+                (_, Some(state)) if switched()? => drop(wish.states.insert(state)),
                 (_, Some(state)) => drop(wish.states.remove(&state)),
                 _ => {
                     return Err(Problem::wrong_use(format!("events: unknown field `{name}`"))
@@ -130,10 +132,11 @@ impl Wish {
         Ok(())
     }
 
-    /// True if this reader follows the byte.
-    pub(super) fn follows(&self, plc: DeviceIndex, offset: u32) -> bool {
+    /// True if this reader follows a byte of the changed register.
+    pub(super) fn follows(&self, what: &Changed) -> bool {
         let mut stretches = self.followed.iter().flat_map(|followed| &followed.stretches);
-        stretches.any(|&(of, first, len)| of == plc && (first..first + len).contains(&offset))
+        let end = what.offset + what.how.width.bytes();
+        stretches.any(|&(of, first, len)| of == what.plc && first < end && what.offset < first + len)
     }
 }
 

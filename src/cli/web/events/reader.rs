@@ -68,8 +68,7 @@ impl Reader {
             }
         }
         self.add_values(&mut text, round);
-        let changes =
-            round.changes.iter().filter(|(change, _)| self.wish.follows(change.what.plc, change.what.offset));
+        let changes = round.changes.iter().filter(|(change, _)| self.wish.follows(&change.what));
         add_list(&mut text, "changes", "changes", changes.map(|(_, form)| form));
         if let Some(kinds) = &self.wish.journal {
             let records = round.records.iter().filter(|(kind, _)| kinds.is_empty() || kinds.contains(*kind));

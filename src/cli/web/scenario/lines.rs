@@ -3,7 +3,7 @@
 use super::{Action, Connection, Expectation};
 use crate::identity::DeviceIndex;
 use crate::layout::{Compare, NamedLocation, Test, Width, format_value};
-use crate::request::{Class, Op};
+use crate::request::{Class, MAX_ADVANCE_US, Op};
 use serde_json::Value;
 use std::fmt::Write as _;
 
@@ -40,6 +40,14 @@ pub(super) fn text(lines: &[Line]) -> String {
     let mut text = String::new();
     let mut now = 0;
     for line in lines {
+        if line.begin_us < now && !line.text.is_empty() {
+            // Writing to a string cannot fail.
+            let _ = writeln!(
+                text,
+                "// The next line was recorded at {} us, before the end of the previous one.",
+                line.begin_us
+            );
+        }
         now = step(&mut text, now, line.begin_us);
         if !line.text.is_empty() {
             text += &line.text;
@@ -123,6 +131,20 @@ pub(super) fn add(
 ) -> Result<(), String> {
     let begin_us = action.time_us;
     let end_us = action.end_us.unwrap_or(begin_us);
+    let goes_back =
+        matches!(&action.operation, Some(Op::Back { .. } | Op::BackUntil { .. } | Op::BackToStart { .. }));
+    if end_us < begin_us && !goes_back {
+        return Err(format!("it ends at {end_us} us, before its begin at {begin_us} us"));
+    }
+    let now_us = lines.last().map_or(0, |line| line.end_us);
+    if [begin_us.saturating_sub(now_us), end_us.saturating_sub(begin_us)]
+        .iter()
+        .any(|us| *us > MAX_ADVANCE_US)
+    {
+        return Err(format!(
+            "a step of a scenario has at most {MAX_ADVANCE_US} us, and more pass before its end"
+        ));
+    }
     let mut push = |text: String, advances: bool| lines.push(Line { text, begin_us, end_us, advances });
     match (&action.operation, &action.expect, &action.section) {
         (None, None, Some(section)) => push(format!("section({});", quoted(section)), false),

@@ -48,7 +48,8 @@ pub(super) fn show(connection: &mut Connection, fields: &Fields<'_>) -> Result<S
     }
     let areas = fitted.device().named_areas().filter(|area| fitted.area(area) != Fit::Empty);
     let entries = areas.flat_map(|area| of_area(plc, &fitted, area));
-    let entries: Vec<_> = entries.filter(|placed| fields.is_on("full") || !placed.entry.reserved).collect();
+    let is_full = fields.is_on("full")?;
+    let entries: Vec<_> = entries.filter(|placed| is_full || !placed.entry.reserved).collect();
     named("entries", entries)
 }
 
