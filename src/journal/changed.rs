@@ -5,6 +5,7 @@ use super::fields::Fields;
 use super::kind::EventText;
 use super::reader::Reader;
 use crate::event_kinds;
+use crate::identity::DeviceIndex;
 use crate::layout::{RegisterPhase, Width};
 
 event_kinds! {
@@ -18,6 +19,20 @@ event_kinds! {
         from: u32,
         /// Value now.
         to: u32,
+    }
+}
+
+impl Changed {
+    /// The change of the `width` at `offset` of device `plc`, which can be a part of the changed register: a program may
+    /// access a narrower register that only another port uses. `None` if this part has not changed.
+    #[must_use]
+    pub fn part(&self, plc: DeviceIndex, offset: u32, width: Width) -> Option<Changed> {
+        let place = offset.checked_sub(self.offset)?;
+        if plc != self.plc || place + width.bytes() > self.how.width.bytes() {
+            return None;
+        }
+        let [from, to] = [self.from, self.to].map(|value| value >> (8 * place) & width.max_value());
+        (from != to).then_some(Changed { plc, offset, how: ChangeDetails { width, ..self.how }, from, to })
     }
 }
 

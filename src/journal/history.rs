@@ -126,7 +126,10 @@ impl History {
 
     /// Whether the changes of a register are in the journal.
     pub(super) fn is_recorded(&self, plc: DeviceIndex, offset: u32) -> bool {
-        self.find(plc, offset).is_ok_and(|at| self.followed.get(at).is_some_and(|it| it.in_journal))
+        // The last one that begins there or before: a wider register can contain the offset.
+        let at = self.find(plc, offset).map_or_else(|next| next.checked_sub(1), Some);
+        let register = at.and_then(|at| self.followed.get(at)).filter(|it| it.plc == plc);
+        register.is_some_and(|it| it.in_journal && offset < it.offset + it.width.bytes())
     }
 
     /// Replaces the registers with changes in the journal. Onlookers keep their registers.
@@ -167,6 +170,9 @@ impl History {
         keep: Keep,
         rams: &impl Rams,
     ) -> bool {
+        if self.asked.elapsed() > GONE {
+            self.forget_onlookers();
+        }
         self.asked = Instant::now();
         let at = match self.find(plc, offset) {
             Ok(at) => at,
@@ -262,10 +268,15 @@ impl History {
     fn forget_absent_onlookers(&mut self) {
         self.looks = self.looks.wrapping_add(1);
         if self.looks.is_multiple_of(LOOKS) && self.asked.elapsed() > GONE {
-            self.followed.iter_mut().for_each(|register| register.for_onlookers = false);
-            self.followed.retain(|register| register.in_journal);
-            self.changes = VecDeque::new();
+            self.forget_onlookers();
         }
+    }
+
+    /// Releases the registers and changes that only onlookers have asked for.
+    fn forget_onlookers(&mut self) {
+        self.followed.iter_mut().for_each(|register| register.for_onlookers = false);
+        self.followed.retain(|register| register.in_journal);
+        self.changes = VecDeque::new();
     }
 }
 
@@ -430,6 +441,11 @@ mod tests {
         history.asked = Instant::now().checked_sub(GONE + Duration::from_secs(1)).unwrap();
         compare(&mut history);
         assert_eq!(history.followed.iter().map(|it| it.offset).collect::<Vec<_>>(), [6]);
+        // A stepped clock may stand still, without a comparison.
+        history.follow(DeviceIndex(0), 2, Width::Dword, Keep::ForOnlookers, &rams);
+        history.asked = Instant::now().checked_sub(GONE + Duration::from_secs(1)).unwrap();
+        history.follow(DeviceIndex(0), 10, Width::Dword, Keep::ForOnlookers, &rams);
+        assert_eq!(history.followed.iter().map(|it| it.offset).collect::<Vec<_>>(), [6, 10]);
     }
 
     #[test]

@@ -167,6 +167,27 @@ impl Waves {
         Past { values, is_recorded: self.is_recorded(plc, offset) }
     }
 
+    /// As [`Waves::register`] for a register of this width, which may be a part of a recorded one.
+    pub fn part(&self, plc: DeviceIndex, offset: u32, width: Width) -> Past {
+        let has_width = |it: &Signal, at: u32| match it.shape {
+            Shape::Bits(bits) => offset + width.bytes() <= at + bits / 8,
+            _ => false,
+        };
+        let signals = |at: u32| {
+            self.signals.iter().any(|it| it.of == SignalSubject::Register(plc, at) && has_width(it, at))
+        };
+        let wider = [offset & !1, offset & !3].into_iter().filter(|at| *at != offset);
+        let Some(at) = wider.into_iter().find(|at| self.is_recorded(plc, *at) && signals(*at)) else {
+            return self.register(plc, offset);
+        };
+        let mut past = self.register(plc, at);
+        for (_, value) in &mut past.values {
+            *value = *value >> (8 * (offset - at)) & width.max_value();
+        }
+        past.values.dedup_by_key(|(_, value)| *value);
+        past
+    }
+
     fn is_recorded(&self, plc: DeviceIndex, offset: u32) -> bool {
         self.recorded.contains(&(plc, offset))
     }

@@ -197,3 +197,29 @@ fn the_journal_contains_changes_of_watched_registers() {
     let wrong = run(&["run", "-i", "changes-wrong-name", "--watch", "node2.w_CPU_KONTROL"]);
     assert!(wrong.fails(2).contains("w_CPU_KONTROL"));
 }
+
+/// Node 1 of a slave has a doubleword where a master has bytes. A write to one of them is a change of this byte, too.
+#[test]
+fn a_part_of_a_recorded_register_has_its_changes() {
+    let emulator = Emulator::start(&["--clock", "stepped", "--record", "node1"]);
+    let name = "node1.a_SL_TYP[29]";
+    let mut watch = Follower::start(&emulator, "watch", &[name]);
+    assert!(watch.note().contains("watching 1 registers"));
+    emulator.poke(&[&format!("{name}=1")]);
+    emulator.poke(&["node1.a_SL_TYP[28]=7"]);
+    emulator.poke(&[&format!("{name}=2")]);
+    let lines = [watch.line(), watch.line()].concat();
+    assert!(lines.contains("16#00 -> 16#01") && lines.contains("16#01 -> 16#02"), "{lines}");
+    let directory = TempDir::new().unwrap();
+    let picture = directory.path().join("a.svg");
+    emulator.step(&["1ms"]);
+    assert_eq!(emulator.run("plot", &[name, "-o", picture.to_str().unwrap()]).err, "");
+    let script = directory.path().join("a.rhai");
+    let text = format!(
+        "record(\"{name}\"); poke(\"{name}\", 1); poke(\"node1.a_SL_TYP[28]\", 7); poke(\"{name}\", 2); \
+         expect_history(\"{name}\", [1, 2]);"
+    );
+    fs::write(&script, text).unwrap();
+    let outcome = run(&["test", script.to_str().unwrap()]);
+    assert_eq!(outcome.code, Some(0), "{}{}", outcome.out, outcome.err);
+}

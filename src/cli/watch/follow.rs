@@ -13,6 +13,7 @@ use crate::cli::time;
 use crate::identity::DeviceIndex;
 use crate::journal;
 use crate::layout::format_value;
+use crate::memory::Width;
 use crate::request::{MAX_RECORDS, Op};
 use serde::Serialize;
 
@@ -54,7 +55,8 @@ fn show(args: &Args) -> Result<(), CliError> {
             PollResult::Later => continue,
             PollResult::Ended => return Ok(()),
         };
-        changes.retain(|change| is_watched(&stretches, &change.what));
+        changes
+            .retain_mut(|change| watched(&stretches, &change.what).map(|what| change.what = what).is_some());
         if let Some(left) = &mut left {
             changes.truncate(usize::try_from(*left).unwrap_or(usize::MAX));
             *left -= changes.len() as u64;
@@ -66,12 +68,15 @@ fn show(args: &Args) -> Result<(), CliError> {
     }
 }
 
-/// True if the change concerns a watched register: other clients may watch other registers.
-fn is_watched(stretches: &[(DeviceIndex, u32, u32)], what: &journal::Changed) -> bool {
-    let has = |&(plc, first, len): &(DeviceIndex, u32, u32)| {
-        plc == what.plc && (first..first + len).contains(&what.offset)
+/// The change, or the part of it that concerns a watched register; `None` if it concerns none: other clients may watch
+/// other registers.
+fn watched(stretches: &[(DeviceIndex, u32, u32)], what: &journal::Changed) -> Option<journal::Changed> {
+    let of = |&(plc, first, len): &(DeviceIndex, u32, u32)| {
+        let has_begin = plc == what.plc && (first..first + len).contains(&what.offset);
+        let part = || what.part(plc, first, Width::of_bytes(len)?);
+        if has_begin { Some(*what) } else { part() }
     };
-    stretches.iter().any(has)
+    stretches.iter().find_map(of)
 }
 
 /// Reads all changes from number `from` on, and moves `from` to the number after the last one.

@@ -61,6 +61,26 @@ fn of_a_register_that_is_recorded_only_the_changes_count() {
 }
 
 #[test]
+fn a_part_of_a_recorded_register_has_its_changes() {
+    let how = ChangeDetails { width: Width::Dword, by: By::Channel, live: RegisterPhase::ALWAYS };
+    let change = |from, to| Changed { plc: DeviceIndex(0), offset: 4, how, from, to };
+    let waves = waves(&[
+        record(0, 5, change(0, 0x0100)),
+        record(1, 6, change(0x0100, 0x0101)),
+        record(2, 7, change(0x0101, 0x0201)),
+    ]);
+    let part = waves.part(DeviceIndex(0), 5, Width::Byte);
+    assert_eq!(part, Past { values: vec![(5, 1), (7, 2)], is_recorded: true });
+    assert_eq!(waves.part(DeviceIndex(0), 4, Width::Dword), waves.register(DeviceIndex(0), 4));
+    assert_eq!(waves.part(DeviceIndex(0), 8, Width::Byte), Past::default());
+    assert_eq!(change(0x0100, 0x0101).part(DeviceIndex(0), 5, Width::Byte), None);
+    assert_eq!(
+        change(0, 0x0100).part(DeviceIndex(0), 5, Width::Byte).map(|it| (it.offset, it.from, it.to)),
+        Some((5, 0, 1))
+    );
+}
+
+#[test]
 fn words_have_neither_blanks_nor_brackets() {
     assert_eq!(word(" a_STAT[1][2] is\t5\u{1} "), "a_STAT_1_2_is_5_");
 }

@@ -45,12 +45,12 @@ impl Bench {
     /// There is no such register, or it is a single bit.
     pub fn history(&mut self, text: &str) -> Result<Vec<PastChange>, ScenarioError> {
         let register = self.whole_register(text)?;
-        let Spot { plc, offset, .. } = register.spot;
+        let Spot { plc, offset, width } = register.spot;
         let (records, _) = self.records(0)?;
         let mut past = Vec::new();
         for record in records {
             let Some(change) = record.event.get::<Changed>() else { continue };
-            if (change.plc, change.offset) == (plc, offset) {
+            if let Some(change) = change.part(plc, offset, width) {
                 let [from, to] =
                     [change.from, change.to].map(|value| register.number(change.how.live, value));
                 past.push(PastChange { time_us: record.time_us, from, to, by: change.how.by });

@@ -34,7 +34,8 @@ impl Bench {
         let waves = Waves::within(window, &records, &Selection::default(), names, devices::catalogue());
         let mut rows = Vec::with_capacity(found.len());
         for register in &found {
-            let past = waves.register(register.plc(), address_of(register.place()).offset());
+            let address = address_of(register.place());
+            let past = waves.part(register.plc(), address.offset(), address.width());
             let row = Row::of(register.name(register.place().last_phase()), register.place(), &past);
             let held = self.load(register.spot)?;
             let (plc, offset) = (register.plc(), address_of(register.place()).offset());
