@@ -49,7 +49,17 @@ pub fn read_bytes(path: &Path, longest: u64) -> Result<Vec<u8>> {
         true => read_up_to(longest, std::io::stdin())?.inspect(|bytes| drop(STANDARD.set(bytes.clone()))),
         false => read_up_to(longest, open(path)?)?,
     };
-    bytes.ok_or_else(|| too_long(format!("more than {longest} bytes, there is no such text")))
+    bytes.ok_or_else(|| too_long(format!("it is longer than {}, the limit of such files", size(longest))))
+}
+
+/// A number of bytes in the largest unit that it has no fraction of.
+fn size(bytes: u64) -> String {
+    match bytes {
+        0 => "0 bytes".to_owned(),
+        bytes if bytes.is_multiple_of(1 << 20) => format!("{} MiB", bytes >> 20),
+        bytes if bytes.is_multiple_of(1 << 10) => format!("{} KiB", bytes >> 10),
+        bytes => format!("{bytes} bytes"),
+    }
 }
 
 /// True for the name `-`: the standard input, or the standard output of an output file.
@@ -121,7 +131,11 @@ mod tests {
         let long = directory.path().join("long");
         std::fs::write(&long, "12345").unwrap();
         assert_eq!(read(&long, 5).unwrap(), "12345");
-        assert_eq!(read(&long, 4).unwrap_err().to_string(), "more than 4 bytes, there is no such text");
+        assert_eq!(
+            read(&long, 4).unwrap_err().to_string(),
+            "it is longer than 4 bytes, the limit of such files"
+        );
+        assert_eq!([64 << 10, 8 << 20, 1025].map(size), ["64 KiB", "8 MiB", "1025 bytes"]);
     }
 
     #[test]

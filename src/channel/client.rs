@@ -72,6 +72,8 @@ pub struct Client {
     bells: Box<dyn Bells + Send>,
     patience: Patience,
     instance: String,
+    /// Process id of the emulator.
+    pid: u32,
     /// Set when the reply is no longer needed.
     #[cfg(feature = "cli")]
     cancel: Option<Arc<AtomicBool>>,
@@ -93,6 +95,7 @@ impl Client {
             let failure = match ports(instance, root, &*bells, patience.enter_limit) {
                 Ok((port, service, guest)) => {
                     let instance = instance.to_owned();
+                    let pid = bells.emulator_pid();
                     return Ok(Self {
                         port,
                         service,
@@ -100,6 +103,7 @@ impl Client {
                         bells,
                         patience,
                         instance,
+                        pid,
                         #[cfg(feature = "cli")]
                         cancel: None,
                     });
@@ -215,7 +219,7 @@ impl Client {
             if self.bells.reply_count() != seen {
                 continue;
             }
-            if !self.bells.emulator_alive() {
+            if !self.is_emulator_alive() {
                 return if self.take_reply(pending, replies)? { Ok(()) } else { Err(self.gone()) };
             }
             // An ending emulator withdraws its announcement and then answers; one that has given up the channel does
@@ -244,21 +248,30 @@ impl Client {
 
     /// The request was closed without a reply.
     fn closed(&self) -> ClientError {
-        if self.service.dynamic_config().number_of_servers() == 0 || !self.bells.emulator_alive() {
+        if self.service.dynamic_config().number_of_servers() == 0 || !self.is_emulator_alive() {
             return self.gone();
         }
         ClientError::Unanswered { instance: self.instance.clone() }
     }
 
     fn late(&self, after: Duration) -> ClientError {
-        if self.bells.emulator_alive() {
+        if self.is_emulator_alive() {
             return ClientError::Timeout { instance: self.instance.clone(), after };
         }
         self.gone()
     }
 
+    /// True if the emulator of this connection runs, and not another one that has taken the image over.
+    fn is_emulator_alive(&self) -> bool {
+        self.bells.emulator_pid() == self.pid && self.bells.emulator_alive()
+    }
+
     fn gone(&self) -> ClientError {
-        ClientError::EmulatorGone { instance: self.instance.clone() }
+        let instance = self.instance.clone();
+        match self.bells.emulator_pid() {
+            pid if pid != self.pid && pid != 0 => ClientError::Replaced { instance, pid: self.pid },
+            _ => ClientError::EmulatorGone { instance },
+        }
     }
 
     fn wrong_reply(&self) -> ClientError {

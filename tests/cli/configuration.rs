@@ -125,7 +125,7 @@ fn a_scenario_comes_from_the_standard_input() {
     let refused = with_input(commram().args(["test", "-", "--watch"]), text);
     assert!(refused.fails(2).contains("`-`: the standard input does not change"), "{}", refused.err);
     let long = with_input(commram().args(["test", "-"]), &"// long\n".repeat(10_000));
-    assert!(long.fails(2).contains("`-`: more than 65536 bytes"), "{}", long.err);
+    assert!(long.fails(2).contains("`-`: it is longer than 64 KiB"), "{}", long.err);
 }
 
 #[test]

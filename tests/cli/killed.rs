@@ -45,6 +45,28 @@ fn a_client_that_waits_learns_that_the_emulator_was_killed() {
     assert!(outcome.fails(3).contains(&emulator.name), "{}", outcome.err);
 }
 
+/// The client sleeps until another emulator has the instance.
+#[test]
+fn a_client_that_waits_learns_that_another_emulator_runs() {
+    let mut emulator = Emulator::stepped();
+    let mut command = emulator.command("step", &["24h"]);
+    let step = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    assert!(eventually(|| !emulator.run("status", &[]).ok().contains("at 0.000000 s")));
+    let client = rustix::process::Pid::from_child(&step);
+    rustix::process::kill_process(client, rustix::process::Signal::STOP).unwrap();
+    let pid = emulator.pid();
+    emulator.kill();
+    let _next = Emulator::start_with(&emulator.name, &["--clock", "stepped"], &[]);
+    rustix::process::kill_process(client, rustix::process::Signal::CONT).unwrap();
+    let output = step.wait_with_output().unwrap();
+    let expected = format!(
+        "the emulator of instance '{}' (process {pid}) was killed, and another one runs now",
+        emulator.name
+    );
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(3) && message.contains(&expected), "{message}");
+}
+
 #[test]
 fn the_image_of_a_killed_emulator_can_be_read_but_not_used() {
     let mut emulator = Emulator::stepped();

@@ -136,6 +136,16 @@ pub enum ClientError {
         /// Name of the instance.
         instance: String,
     },
+    /// The emulator was killed, and another one has taken the instance over.
+    #[error(
+        "the emulator of instance '{instance}' (process {pid}) was killed, and another one runs now; connect again"
+    )]
+    Replaced {
+        /// Name of the instance.
+        instance: String,
+        /// Process id of the killed emulator.
+        pid: u32,
+    },
     /// The emulator runs, but did not answer in time.
     #[error("instance '{instance}' did not answer within {} ms; is it busy or stopped?", .after.as_millis())]
     Timeout {

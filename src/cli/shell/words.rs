@@ -95,10 +95,19 @@ pub(super) fn meant(line: &str, commands: &clap::Command) -> String {
     did_you_mean(first, names.map(clap::Command::get_name).chain(ENOUGH))
 }
 
-/// Splits a line at blanks; quotes hold words together, as in a shell. `None`: a quote is open.
+/// Splits a line at blanks; quotes hold words together, as in a shell. A word that begins with `#`, and the word `//`, begin
+/// a comment. `None`: a quote is open.
 pub(super) fn split(line: &str) -> Option<Vec<String>> {
     let (mut words, mut word, mut quote) = (Vec::new(), None::<String>, None);
-    for sign in line.chars() {
+    for (at, sign) in line.char_indices() {
+        let is_comment = || {
+            let rest = &line[at..];
+            let after = rest.strip_prefix("//");
+            sign == '#' || after.is_some_and(|rest| rest.is_empty() || rest.starts_with(char::is_whitespace))
+        };
+        if quote.is_none() && word.is_none() && is_comment() {
+            break;
+        }
         match (quote, sign) {
             (Some(open), sign) if sign == open => quote = None,
             (Some(_), sign) => word.get_or_insert_default().push(sign),
@@ -203,6 +212,17 @@ mod tests {
         let commands = super::super::command("x");
         assert!(of_command("commram peek node2.w_CPU_CONTROL", &commands).unwrap().is_err());
         assert_eq!(of_command("commram = 1", &commands), None);
+    }
+
+    #[test]
+    fn a_comment_ends_a_command() {
+        for line in ["step 1us # c", "step 1us // c 'd", "step 1us #c", "step 1us //"] {
+            assert_eq!(split(line).unwrap(), ["step", "1us"], "{line}");
+        }
+        assert_eq!(
+            split("poke a=16#0001 'b # c' http://d").unwrap(),
+            ["poke", "a=16#0001", "b # c", "http://d"]
+        );
     }
 
     #[test]
