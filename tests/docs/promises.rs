@@ -50,6 +50,52 @@ fn every_promise_names_tests_that_exist() {
     }
 }
 
+/// The names of figures in the table of the page and in the program that measures them, with `#` for each number.
+#[test]
+fn the_figures_of_the_page_are_those_that_are_measured() {
+    let without_numbers = |text: &str| {
+        let mut short = String::new();
+        let mut depth = 0;
+        for sign in text.chars() {
+            match sign {
+                '{' => depth += 1,
+                '}' => depth -= 1,
+                _ if depth > 0 => continue,
+                sign if !sign.is_ascii_digit() => {
+                    short.push(sign);
+                    continue;
+                }
+                _ => {}
+            }
+            if !short.ends_with('#') {
+                short.push('#');
+            }
+        }
+        short
+    };
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let program = std::fs::read_to_string(root.join("tools/benches/figures")).unwrap();
+    let measured = program.lines().filter_map(|line| line.trim().strip_prefix("row("));
+    let measured: Vec<_> = measured
+        .filter_map(|row| {
+            Some(without_numbers(row.split('"').nth(if row.starts_with('"') { 3 } else { 1 })?))
+        })
+        .collect();
+    assert!(measured.len() > 15, "{measured:?}");
+    let page = std::fs::read_to_string(root.join("docs/internals/promises.md")).unwrap();
+    let (_, table) = page.split_once("| promise | figure |").unwrap();
+    let named = table
+        .lines()
+        .skip(2)
+        .filter_map(|line| line.split('|').nth(2))
+        .map(|name| without_numbers(name.trim()));
+    let named: Vec<_> = named.collect();
+    assert!(named.len() > 15, "{named:?}");
+    for name in named {
+        assert!(measured.contains(&name), "tools/benches/figures does not measure `{name}`: {measured:#?}");
+    }
+}
+
 #[test]
 fn other_functions_do_not_count_as_tests() {
     let source = "#[test]\n#[ignore]\nfn a() {\n}\nfn helper() {}\n    /// Why.\n    #[test]\n    // So.\n    fn b(x in 0..1) {";
