@@ -315,6 +315,7 @@ fn a_lost_folder_of_a_running_instance_is_named() {
             "{outcome:?}"
         );
     }
+    fs::rename(place.0.path().join("moved"), place.card()).unwrap();
 }
 
 #[test]
