@@ -175,7 +175,7 @@ class Check:
         self.page.until("!document.querySelector('.detail .write button:nth-of-type(3)').disabled")
         self.page.click(".detail button", "Unforce")
         self.waits_for(lambda: self.emulator.peek("node1.w_CPU_CONTROL")["forced"], False, "unforce")
-        # The list has the name that is valid now, not that of another phase at the same place.
+        # The list has the name of the present phase, not the name of another phase at the same place.
         address = self.emulator.peek("node2.b_CTRLREG_WRC1")["address"]
         live = self.emulator.peek(address)["register"]
         self.emulator.run("force", f"{address}=4")
@@ -253,7 +253,7 @@ class Check:
             self.page.until(f"document.querySelector('#page-drives tbody')?.innerText.includes({json.dumps(drive['drive'])})")
             assert state in self.page.text("#page-drives tbody"), drive
         self.page.until("document.querySelector('#page-drives .parameters') !== null")
-        # The parameters are those of now, and a refused entry does not stay.
+        # The fields follow the parameters, and a refused entry disappears.
         field = "document.querySelector('#page-drives .parameters input')"
         name = self.page.until(f"{field}?.getAttribute('aria-label')")
         number, known = name.split()[0], int(self.page.until(f"{field}.value"))
@@ -290,7 +290,7 @@ class Check:
             self.page.until(f"{facts}.Address === {json.dumps(known['address'])}")
             cpu = self.emulator.json("map", name)[0]["cpu_address"]
             assert self.page.value(f"{facts}['CPU address']") == cpu
-        # The plot takes no time that is none.
+        # The plot refuses a text without a time.
         self.page.click(".detail .star")
         self.go("followed")
         for wrong in ["last abc", "-1ms", "0"]:
@@ -370,7 +370,7 @@ class Check:
         self.page.key("Escape")
 
     def undone(self):
-        """What going back to a condition undoes is removed, and the condition is not part of the next wait."""
+        """Going back to a condition removes the undone actions, and the next wait has only its own condition."""
         before = self.page.text("button.record")
         self.page.value("document.activeElement.blur()")
         self.page.key("s")
@@ -446,7 +446,7 @@ class Check:
         assert rows[first + 1][0] == names[1] and rows[first + 2][0] == names[0], rows
 
     def back(self):
-        """Going back removes changes, and adds none that nobody has made."""
+        """Going back only removes changes."""
         rows = "[...document.querySelectorAll('.changes .rows-body .row')].map((it) => it.parts.map((part) => part.textContent).join(' '))"
         before = self.page.value(rows)
         self.page.enter("#clock input", "25ms")
