@@ -45,6 +45,7 @@ const LONGEST_SCRIPT: usize = 256 << 10;
 type Files = Arc<[(String, String)]>;
 
 /// Definitions of the verbs for editors that know Rhai.
+#[cfg(any(test, feature = "cli"))]
 pub(crate) const DEFINITIONS: &str = include_str!("firmware.d.rhai");
 
 /// The script of a folder: all its files, and the hooks that it has.
