@@ -3,7 +3,7 @@
 use super::Instance;
 use super::change::{self, RegisterValue, RegisterValues};
 use super::device::on_any_device;
-use super::dump::{Blocks, see};
+use super::dump::{self, Blocks, see};
 use super::error::CliError;
 use super::output;
 use super::session::Session;
@@ -11,7 +11,7 @@ use super::table::{self, FormatArg};
 use crate::identity::DeviceIndex;
 use crate::input_file;
 use crate::layout::{Area, DeviceLayout, LayoutError};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Compare two dumps, or a dump with the current values of the registers.
@@ -99,7 +99,12 @@ fn now(
         Ok::<_, CliError>(area(session.device(DeviceIndex::at(plc)), held)?.first)
     };
     let meant = before.iter().map(first).collect::<Result<BTreeSet<_>, _>>()?;
-    let dump = Blocks::find(&session, &[])?.read(&session)?;
+    let plain = plain_ram(&session, before)?;
+    let names = match plain.as_slice() {
+        [] => plain,
+        _ => session.plcs().iter().map(|plc| format!("{plc}:")).chain(plain).collect(),
+    };
+    let dump = Blocks::find(&session, &names)?.read(&session)?;
     let (mut registers, phase_register) = (Vec::new(), dump.phase_register);
     for row in dump.rows {
         let differs = row.differs;
@@ -110,6 +115,29 @@ fn now(
         }
     }
     Ok((registers, phase_register))
+}
+
+/// Names of the plain RAM that `before` contains. A dump of all blocks has no plain RAM: an area whose dump contains the
+/// addresses of `before` is read as a whole, otherwise these addresses are read.
+fn plain_ram(session: &Session, before: &[RegisterValue]) -> Result<Vec<String>, CliError> {
+    let mut areas = BTreeMap::<_, (&Area, Vec<&RegisterValue>, bool)>::new();
+    for held in before {
+        let Some(plc) = session.plcs().iter().position(|plc| *plc == held.plc) else { continue };
+        let device = session.device(DeviceIndex::at(plc));
+        let address = device.address(&held.address)?;
+        let area = device.area_at(address)?;
+        if area.structures.is_empty() {
+            let is_row = dump::is_row_of_plain_ram(area, address);
+            let (_, of_area, are_rows) = areas.entry((plc, area.first)).or_insert((area, Vec::new(), true));
+            of_area.push(held);
+            *are_rows &= is_row;
+        }
+    }
+    let names = areas.into_values().flat_map(|(area, of_area, are_rows)| match (are_rows, &*of_area) {
+        (true, [one, ..]) => vec![format!("{}:{}", one.plc, area.name)],
+        _ => of_area.iter().map(|held| format!("{}:{}", held.plc, held.address)).collect(),
+    });
+    Ok(names.collect())
 }
 
 fn area(device: &'static DeviceLayout, held: &RegisterValue) -> Result<&'static Area, LayoutError> {

@@ -20,6 +20,9 @@ use core::ops::Range;
 /// Maximum length of one block read, in bytes.
 const MAX_BLOCK: u32 = 65_536;
 
+/// Width of the values in a dump of an area of plain RAM.
+const PLAIN_WIDTH: Width = Width::Dword;
+
 /// Show the registers that differ from their reset value, with their meaning.
 ///
 /// A dump is a snapshot: all registers at one moment of emulated time. Reading changes nothing. Where structures
@@ -445,7 +448,7 @@ impl View<'_> {
 
     /// Plain RAM as doublewords, or a single address of it.
     fn plain(&self) -> Vec<DumpRow> {
-        let width = self.selection.place.map_or(Width::Dword, Address::width);
+        let width = self.selection.place.map_or(PLAIN_WIDTH, Address::width);
         let ty = width.bits();
         let offsets = (self.first..).step_by(width.bytes() as usize);
         let row = |offset| {
@@ -467,6 +470,11 @@ impl View<'_> {
         };
         offsets.take(self.bytes.len() / width.bytes() as usize).map(row).collect()
     }
+}
+
+/// True if the dump of an area of plain RAM has a row with this address.
+pub(crate) fn is_row_of_plain_ram(area: &Area, address: Address) -> bool {
+    address.width() == PLAIN_WIDTH && (address.offset() - area.first).is_multiple_of(PLAIN_WIDTH.bytes())
 }
 
 /// The end of a text about registers that are not live: the register that shows why.

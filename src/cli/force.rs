@@ -76,19 +76,32 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 }
 
 fn list(args: &Args) -> Result<(), CliError> {
-    use super::peek::{RegisterReading, holding};
-    use super::{session::Session, table};
+    use super::peek::{RegisterReading, holding, number};
+    use super::session::{Read, Session};
+    use super::table;
 
     let session = Session::open(&args.instance, 0)?;
-    let snapshot = session.read(&[])?;
-    let row = |forced: &crate::plant::Forced| {
+    let forces = session.read(&[])?.forces;
+    let place = |forced: &crate::plant::Forced| {
         let fitted = session.fitted(forced.plc);
         let address = fitted.device().at(forced.width, forced.offset);
-        let place = NamedLocation::parse(&fitted, &address.to_string())?;
-        let row = holding(&session, &place, forced.plc, place.last_phase(), forced.value, snapshot.time_us);
-        Ok(RegisterReading { forced: true, ..row })
+        NamedLocation::parse(&fitted, &address.to_string())
     };
-    let rows = snapshot.forces.iter().map(row).collect::<Result<Vec<_>, CliError>>()?;
+    let places = forces.iter().map(place).collect::<Result<Vec<_>, _>>()?;
+    // The registers that show which of overlaid structures is live.
+    let statuses = forces
+        .iter()
+        .zip(&places)
+        .filter_map(|(forced, place)| place.status().map(|status| Read::register(forced.plc, &status)));
+    let snapshot = session.read(&statuses.collect::<Vec<_>>())?;
+    let mut read = snapshot.data.iter();
+    let row = |(forced, place): (&crate::plant::Forced, &NamedLocation)| {
+        let status = place.status().and_then(|_| read.next()).map(|bytes| number(bytes));
+        let live = place.phase(status);
+        let row = holding(&session, place, forced.plc, live, forced.value, snapshot.time_us);
+        RegisterReading { forced: true, ..row }
+    };
+    let rows: Vec<_> = forces.iter().zip(&places).map(row).collect();
     table::print(args.format.format, &rows, |rows| {
         let cells = |row: &RegisterReading| {
             [&row.register, &row.address, &row.hex, &row.meaning].map(Clone::clone).to_vec()

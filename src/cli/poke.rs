@@ -14,8 +14,8 @@ use crate::request::{MAX_OPS, Op, Reply};
 /// All writes go to the emulator in one message and are done in the given order, without interruption. Values are
 /// decimal (67, for signed types also -5), hexadecimal (16#43, 0x43), octal (8#103), binary (2#100_0011), or the
 /// names that `commram map REG` shows (restart, start-synchronous). A register that only the firmware writes can be
-/// written too, as in the real RAM. A single bit is written with its register: the other bits stay. A note says so: the firmware does not read it, and the value remains until the
-/// firmware next writes the register.
+/// written too, as in the real RAM. A note says so: the firmware does not read it, and the value remains until the
+/// firmware next writes the register. A single bit is written with its register: the other bits keep their values.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:

@@ -66,7 +66,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE", requires = "detach")]
     log: Option<PathBuf>,
     /// Serve a page and an HTTP interface, as `commram web` does, at this address
-    #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, require_equals = true, default_missing_value = super::web::USUAL_ADDRESS)]
+    #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, require_equals = true, default_missing_value = super::web::USUAL_ADDRESS, value_parser = super::web::listen_address)]
     web: Option<SocketAddr>,
     /// Internal option: this process was started by `--detach`
     #[arg(long, hide = true)]

@@ -55,7 +55,7 @@ pub(crate) struct Args {
     #[arg(long, conflicts_with = "name")]
     all: bool,
     /// Address and port to listen at; port 0 selects a free port
-    #[arg(long, value_name = "ADDRESS:PORT", default_value = USUAL_ADDRESS)]
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = USUAL_ADDRESS, value_parser = listen_address)]
     listen: SocketAddr,
     /// Refuse all actions that change something in the plant
     #[arg(long)]
@@ -159,6 +159,15 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         printed => printed?,
     }
     ending.result()
+}
+
+/// Parses an address to listen at.
+///
+/// # Errors
+/// It is not an IP address with a port.
+pub(crate) fn listen_address(text: &str) -> Result<SocketAddr, String> {
+    text.parse()
+        .map_err(|_| format!("write an IP address and a port, for example {USUAL_ADDRESS} or [::1]:8080"))
 }
 
 /// `commram: page of instance 'default': http://127.0.0.1:8080/#token=...`, and a line for each further address.

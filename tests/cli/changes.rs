@@ -92,6 +92,26 @@ fn diff_prints_only_the_count_of_registers_that_are_no_longer_live() {
     );
 }
 
+/// Plain RAM has no registers: retain flags, flags and the memory of option cards.
+#[test]
+fn diff_compares_plain_ram() {
+    let emulator = Emulator::stepped();
+    let directory = TempDir::new().unwrap();
+    let whole = save(&emulator, &directory, "whole.json", &["retain", "--full"]);
+    let one = save(&emulator, &directory, "one.json", &["%MW10000002"]);
+    let [whole, one] = [&whole, &one].map(|path| path.to_str().unwrap());
+    assert_eq!(diff(&emulator, &[whole], 0), "no differences\n");
+    assert_eq!(diff(&emulator, &[one], 0), "no differences\n");
+    emulator.poke(&["%MD10000000=5"]);
+    let printed = diff(&emulator, &[whole], 1);
+    assert!(printed.starts_with("%MD10000000  %MD10000000  16#00000000 -> 16#00000005"), "{printed}");
+    assert_eq!(printed.lines().count(), 1, "{printed}");
+    assert_eq!(diff(&emulator, &[one], 0), "no differences\n", "another word");
+    emulator.poke(&["%MW10000002=7"]);
+    let printed = diff(&emulator, &[one], 1);
+    assert!(printed.starts_with("%MW10000002  %MW10000002  16#0000 -> 16#0007"), "{printed}");
+}
+
 #[test]
 fn diff_refuses_a_file_that_is_no_dump() {
     let directory = TempDir::new().unwrap();

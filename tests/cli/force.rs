@@ -33,6 +33,14 @@ fn a_forced_register_keeps_its_value_and_is_marked_everywhere() {
     assert!(trace.contains("w_OPTION_STATUS (%MW3.200002) no longer forced"), "{trace}");
 }
 
+/// Before the initialization data are taken over, the cyclic structure at the same addresses is not live.
+#[test]
+fn the_list_names_the_live_register() {
+    let emulator = Emulator::stepped();
+    emulator.run("force", &["node2.b_AC=3"]).ok();
+    assert_eq!(emulator.run("force", &[]).ok(), "node2.b_AC  %MB3.200013  16#03\n");
+}
+
 #[test]
 fn mistakes_are_explained() {
     let emulator = Emulator::stepped();

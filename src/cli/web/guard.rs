@@ -48,6 +48,9 @@ impl Origin {
         if !is_host || !has_port || authority.contains('@') || uri.path() != "/" || uri.query().is_some() {
             return Err(RIGHT);
         }
+        // Browsers leave out the default port.
+        let default_port = if scheme == "http" { ":80" } else { ":443" };
+        let authority = authority.strip_suffix(default_port).unwrap_or(&authority).to_owned();
         Ok(Self { text: format!("{scheme}://{authority}"), authority })
     }
 
@@ -233,6 +236,17 @@ mod tests {
         assert!(check(&[]) && check(&[("origin", "http://127.0.0.1:8080")]));
         let proxied = |origin| guard().check_origin(&headers(&[("origin", origin)]), "plant.example").is_ok();
         assert!(proxied("https://plant.example") && !proxied("http://plant.example"));
+        for (named, sent) in [
+            ("https://plant.example:443", "https://plant.example"),
+            ("http://plant.example:80/", "http://plant.example"),
+            ("https://plant.example:80", "https://plant.example:80"),
+        ] {
+            assert_eq!(
+                Origin::parse(named).unwrap().text(),
+                sent,
+                "without the default port, as in browsers"
+            );
+        }
         assert!(check(&[("origin", "https://plant.example")]) && check(&[("sec-fetch-site", "same-origin")]));
         for origin in ["null", "http://127.0.0.1:9", "https://127.0.0.1:8080", "http://evil.example", ""] {
             assert!(!check(&[("origin", origin)]), "{origin}");
