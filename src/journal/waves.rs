@@ -142,6 +142,7 @@ impl Waves {
                 changes: Vec::new(),
                 recorded: changed.map(|change| (change.plc, change.offset)).collect(),
             },
+            overlaid: HashMap::new(),
         };
         for record in records {
             taking.reader.observe(record);
@@ -163,7 +164,10 @@ impl Waves {
             Content::Bits { value, .. } => Some((change.time_us, value as u32)),
             _ => None,
         };
-        let values = self.changes_of(SignalSubject::Register(plc, offset)).filter_map(number).collect();
+        let mut values: Vec<_> =
+            self.changes_of(SignalSubject::Register(plc, offset)).filter_map(number).collect();
+        // Each register at this place has the change.
+        values.dedup();
         Past { values, is_recorded: self.is_recorded(plc, offset) }
     }
 
@@ -233,7 +237,21 @@ struct WaveCollector {
     window: Window,
     reader: Reader,
     waves: Waves,
+    /// The registers at each place with a value: structures that overlay each other have different ones.
+    overlaid: HashMap<(DeviceIndex, u32), Vec<OverlaidRegister>>,
 }
+
+/// A register whose value is a signal.
+#[derive(PartialEq, Eq)]
+struct OverlaidRegister {
+    scopes: Vec<String>,
+    name: String,
+    width: Width,
+    has_meaning: bool,
+}
+
+/// Text of the meaning of a register that is not live: its memory has a value of another register.
+const NOT_LIVE: &str = "not_live";
 
 impl WaveCollector {
     fn take(&mut self, record: &Record) {
@@ -295,10 +313,32 @@ impl WaveCollector {
             _ => (Vec::new(), name.as_str()),
         };
         let scopes = [scopes, &areas].concat();
+        let subject = SignalSubject::Register(plc, offset);
         let content = Content::number(8 * width.bytes(), value.into());
-        self.note(record, &scopes, name, SignalSubject::Register(plc, offset), content);
-        if let Some(meaning) = place.meaning(value) {
-            self.note(record, &scopes, &format!("{name}_text"), SignalSubject::Other, Content::Text(meaning));
+        let text = |name: &str| format!("{name}_text");
+        // The registers of other structures at this place have the same memory, so they change as well.
+        let mut here = self.overlaid.remove(&(plc, offset)).unwrap_or_default();
+        for other in here.iter().filter(|it| it.width == width && (it.name != name || it.scopes != scopes)) {
+            self.note(record, &other.scopes, &other.name, subject, content.clone());
+            if other.has_meaning {
+                let not_live = Content::Text(NOT_LIVE.to_owned());
+                self.note(record, &other.scopes, &text(&other.name), SignalSubject::Other, not_live);
+            }
+        }
+        let meaning = place.meaning(value);
+        let register = OverlaidRegister {
+            scopes: scopes.clone(),
+            name: name.to_owned(),
+            width,
+            has_meaning: meaning.is_some(),
+        };
+        if !here.contains(&register) {
+            here.push(register);
+        }
+        self.overlaid.insert((plc, offset), here);
+        self.note(record, &scopes, name, subject, content);
+        if let Some(meaning) = meaning {
+            self.note(record, &scopes, &text(name), SignalSubject::Other, Content::Text(meaning));
         }
     }
 

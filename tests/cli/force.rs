@@ -38,7 +38,7 @@ fn a_forced_register_keeps_its_value_and_is_marked_everywhere() {
 fn the_list_names_the_live_register() {
     let emulator = Emulator::stepped();
     emulator.run("force", &["node2.b_AC=3"]).ok();
-    assert_eq!(emulator.run("force", &[]).ok(), "node2.b_AC  %MB3.200013  16#03\n");
+    assert_eq!(emulator.run("force", &[]).ok(), "node2.b_AC  %MB3.200013  16#03  no meaning\n");
 }
 
 #[test]

@@ -423,3 +423,23 @@ fn an_external_reader_finds_registers_frames_and_sync_in_waveforms() {
         assert!(fs::metadata(&same).unwrap().len() < fs::metadata(&path).unwrap().len() / 2);
     }
 }
+
+/// Power-on makes `b_AC` of the initialization data live again, and the reset changes `b_CTRLREG_WRC2` at the same address.
+#[test]
+fn a_waveform_shows_the_memory_of_registers_that_were_not_live() {
+    let emulator = Emulator::start(&["--clock", "stepped", "--record", "node2"]);
+    emulator.poke(&["node2.w_CPU_CONTROL=16#0001"]);
+    emulator.step(&["1ms"]);
+    emulator.set_up(&["node2.b_AC=16#FF"]);
+    for power in ["power=off", "power=on"] {
+        emulator.run("board", &["set", power]).ok();
+        emulator.step(&["1ms"]);
+    }
+    assert!(emulator.run("peek", &["node2.b_AC"]).ok().starts_with("node2.b_AC = 16#00"));
+    let waves = emulator.run("trace", &["--format", "vcd"]).ok().to_owned();
+    let declared = waves.lines().find(|line| line.ends_with(" b_AC $end")).expect("the signal");
+    let code = declared.split(' ').nth(3).unwrap();
+    let values: Vec<_> = waves.lines().filter(|line| line.ends_with(&format!(" {code}"))).collect();
+    assert!(values.iter().any(|value| value.starts_with("b11111111 ")), "{values:?}");
+    assert!(values.last().unwrap().starts_with("b00000000 "), "{values:?}");
+}
