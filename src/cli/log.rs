@@ -3,7 +3,7 @@
 
 use super::output;
 use core::fmt::{Debug, Write};
-use core::sync::atomic::{AtomicU64, Ordering};
+use core::sync::atomic::{AtomicUsize, Ordering};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::backtrace::{Backtrace, BacktraceStatus};
 use std::io;
@@ -41,7 +41,7 @@ pub(super) fn to_stderr() {
 }
 
 /// Count of messages that the standard error output has not taken since the last one that it took.
-static LOST: AtomicU64 = AtomicU64::new(0);
+static LOST: AtomicUsize = AtomicUsize::new(0);
 
 /// Prints events. There are no spans in this program.
 struct Log {
@@ -78,7 +78,7 @@ impl Subscriber for Log {
 }
 
 /// Writes a message, and before it the number of lost ones. Write errors are ignored.
-fn write_counting(output: &impl AsFd, text: &str, lost: &AtomicU64) {
+fn write_counting(output: &impl AsFd, text: &str, lost: &AtomicUsize) {
     let before = lost.load(Ordering::Relaxed);
     let patience_ns = if before == 0 { PATIENCE_NS } else { 0 };
     let whole = match before {
@@ -137,7 +137,7 @@ mod tests {
     #[test]
     fn an_output_without_a_reader_loses_messages_and_blocks_nothing() {
         let (mut reader, writer) = std::io::pipe().unwrap();
-        let lost = AtomicU64::new(0);
+        let lost = AtomicUsize::new(0);
         let write = |text: &str| write_counting(&writer, text, &lost);
         // A pipe has room for 65,536 bytes. A message that does not fit as a whole is lost.
         (0..100).for_each(|_| write(&("x".repeat(1023) + "\n")));

@@ -182,10 +182,9 @@ impl Forces {
     fn store(&self, devices: &[Box<dyn Device>]) -> bool {
         self.list.iter().fold(false, |any, forced| {
             // Place and value were checked when the force was taken, and neither PLCs nor segments ever change.
-            let update = |plc: &Box<dyn Device>| {
-                plc.segment().update(forced.offset, forced.width, |_| forced.value).ok()
-            };
-            let before = devices.get(forced.plc.index()).and_then(update);
+            let before = devices.get(forced.plc.index()).and_then(|device| {
+                device.segment().update(forced.offset, forced.width, |_| forced.value).ok()
+            });
             any | before.is_some_and(|before| before != forced.value)
         })
     }

@@ -4,7 +4,9 @@
 //! effect of the zeros on iceoryx2 does not matter: the emulator gives up the channel as soon as iceoryx2 returns
 //! ([`channel_has_gaps`]), and a client of several instances the connection of the thread ([`take_gap_of_thread`]).
 
-use crate::memory::names::{CHANNEL_PREFIX, IMAGE_DIRECTORY, PREFIX};
+#[cfg(any(test, feature = "web"))]
+use crate::memory::names::PREFIX;
+use crate::memory::names::{CHANNEL_PREFIX, IMAGE_DIRECTORY};
 use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use rustix::fs::{Mode, OFlags};
