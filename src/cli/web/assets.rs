@@ -60,12 +60,19 @@ const ASSETS: &[Asset] = assets! {
 #[cfg(debug_assertions)]
 const DIRECTORY: &str = "COMMRAM_WEB_ASSETS";
 
-/// The name of each file, its content as it is served, and the tag by which a browser recognizes a version.
-static SERVED: LazyLock<Vec<(&'static str, Cow<'static, [u8]>, HeaderValue)>> = LazyLock::new(|| {
+/// A file as it is served.
+struct ServedFile {
+    name: &'static str,
+    content: Cow<'static, [u8]>,
+    /// The tag by which a browser recognizes a version.
+    tag: HeaderValue,
+}
+
+static SERVED: LazyLock<Vec<ServedFile>> = LazyLock::new(|| {
     let served = |(name, content): &Asset| {
         let content = without_comments(name, content);
         let tag = tag(&content);
-        (*name, content, tag)
+        ServedFile { name, content, tag }
     };
     ASSETS.iter().map(served).collect()
 });
@@ -94,7 +101,7 @@ fn tag(content: &[u8]) -> HeaderValue {
 /// The file at a path of the address.
 pub(super) fn answer(path: &str, request: &HeaderMap) -> Response {
     let name = path.strip_prefix('/').filter(|name| !name.is_empty()).unwrap_or("index.html");
-    let Some((name, content, tag)) = SERVED.iter().find(|(known, ..)| *known == name) else {
+    let Some(ServedFile { name, content, tag }) = SERVED.iter().find(|known| known.name == name) else {
         return Problem::not_found(format!("there is no page {path}")).into_response();
     };
     let (content, tag) = match edited(name) {
@@ -143,8 +150,8 @@ mod tests {
     /// The first page must appear quickly, and the program must stay small.
     #[test]
     fn the_files_are_small_and_of_a_known_type() {
-        assert!(SERVED.iter().map(|(_, content, _)| content.len()).sum::<usize>() <= 200 * 1024);
-        for (name, ..) in SERVED.iter() {
+        assert!(SERVED.iter().map(|file| file.content.len()).sum::<usize>() <= 200 * 1024);
+        for ServedFile { name, .. } in SERVED.iter() {
             assert_ne!(media_type(name), "application/octet-stream", "{name}");
         }
     }
