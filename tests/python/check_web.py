@@ -448,7 +448,7 @@ class Check:
     def back(self):
         """Going back only removes changes."""
         rows = "[...document.querySelectorAll('.changes .rows-body .row')].map((it) => it.parts.map((part) => part.textContent).join(' '))"
-        before = self.page.value(rows)
+        before = self.page.until(f"{rows}.length >= 9 && {rows}")
         self.page.enter("#clock input", "25ms")
         self.page.click("#clock button", "Back")
         self.page.until(f"{rows}.length < {len(before)}")
