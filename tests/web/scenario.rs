@@ -34,8 +34,13 @@ impl Recorder<'_> {
         let begin = self.time();
         self.server.post(&self.server.path("request"), &json!({"operations": &operations})).ok();
         let end = self.time();
-        let action = |operation| json!({"time_us": begin, "end_us": end, "operation": operation});
-        self.actions.extend(operations.into_iter().map(action));
+        let last = operations.len() - 1;
+        // Only the last operation advances the clock or goes back.
+        let action = |(at, operation)| {
+            let end = (at == last).then_some(end);
+            json!({"time_us": begin, "end_us": end, "operation": operation})
+        };
+        self.actions.extend(operations.into_iter().enumerate().map(action));
     }
 
     fn expect(&mut self, register: &str, value: &str) {
