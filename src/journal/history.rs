@@ -441,7 +441,7 @@ mod tests {
         history.asked = Instant::now().checked_sub(GONE + Duration::from_secs(1)).unwrap();
         compare(&mut history);
         assert_eq!(history.followed.iter().map(|it| it.offset).collect::<Vec<_>>(), [6]);
-        // A stepped clock may stand still, without a comparison.
+        // A stepped clock may be idle, without a comparison.
         history.follow(DeviceIndex(0), 2, Width::Dword, Keep::ForOnlookers, &rams);
         history.asked = Instant::now().checked_sub(GONE + Duration::from_secs(1)).unwrap();
         history.follow(DeviceIndex(0), 10, Width::Dword, Keep::ForOnlookers, &rams);

@@ -241,7 +241,7 @@ struct WaveCollector {
     overlaid: HashMap<(DeviceIndex, u32), Vec<OverlaidRegister>>,
 }
 
-/// A register whose value is a signal.
+/// A register with a signal.
 #[derive(PartialEq, Eq)]
 struct OverlaidRegister {
     scopes: Vec<String>,
@@ -250,7 +250,7 @@ struct OverlaidRegister {
     has_meaning: bool,
 }
 
-/// Text of the meaning of a register that is not live: its memory has a value of another register.
+/// Text beside a register while its memory has a value of another register.
 const NOT_LIVE: &str = "not_live";
 
 impl WaveCollector {
