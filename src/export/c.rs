@@ -18,11 +18,15 @@ const ATTACH: &str = include_str!("c/attach.h");
 const TASKS: &str = include_str!("c/tasks.h");
 const EPILOGUE: &str = include_str!("c/epilogue.h");
 
-/// Keywords of C and C++ that could be names of fields of the header page.
-const KEYWORDS: [&str; 12] = [
-    "switch", "case", "default", "register", "class", "new", "delete", "this", "union", "signed", "short",
-    "long",
-];
+/// Words of C and C++, and macros of their standard headers, that cannot be names of fields. A folder may name its registers
+/// so, and the header page may have such a field.
+const KEYWORDS: &str = "alignas alignof and and_eq asm assert auto bitand bitor bool break case catch char char8_t char16_t \
+    char32_t class co_await co_return co_yield compl concept const const_cast consteval constexpr constinit continue \
+    decltype default delete do double dynamic_cast else enum errno explicit export extern false float for friend goto if \
+    inline int linux long mutable namespace new noexcept not not_eq nullptr NULL offsetof operator or or_eq private \
+    protected public register reinterpret_cast requires restrict return short signed sizeof static static_assert \
+    static_cast struct switch template this thread_local throw true try typedef typeid typename typeof typeof_unqual \
+    union unix unsigned using virtual void volatile wchar_t while xor xor_eq";
 
 pub(crate) fn generate(scope: &Scope) -> String {
     header(scope, "c", "")
@@ -147,17 +151,13 @@ fn structure(
             Member::Register(register) => {
                 let dims = text::bounds(members::own_dims(register));
                 let remark = text::remark(register);
-                let declaration =
-                    format!("COMMRAM_CELL({}) {}{dims}; /* {remark} */", c_type(register.ty), register.name);
-                (declaration, register.name, register.offset - start)
+                let (ty, name) = (c_type(register.ty), field_name(register.name));
+                (format!("COMMRAM_CELL({ty}) {name}{dims}; /* {remark} */"), name, register.offset - start)
             }
             Member::Group(group) => {
                 let dims = text::bounds(group.dims());
-                (
-                    format!("{prefix}{} {}{dims};", group.type_name(), group.member_name()),
-                    group.member_name(),
-                    group.offset(),
-                )
+                let name = field_name(group.member_name());
+                (format!("{prefix}{} {name}{dims};", group.type_name()), name, group.offset())
             }
             Member::Padding { offset, bytes } => {
                 let _ = writeln!(out, "    uint8_t padding_{offset}[{bytes}];");
@@ -165,7 +165,7 @@ fn structure(
             }
         };
         let _ = writeln!(out, "    {declaration}");
-        assert_offset(&mut asserts, name, field, offset);
+        assert_offset(&mut asserts, name, &field, offset);
     }
     let _ = writeln!(out, "}} {name};");
     out.push_str(&asserts);
@@ -192,7 +192,8 @@ pub(crate) fn register_expression(device: &'static DeviceLayout, name: &str) -> 
     let bare = register.split('[').next()?;
     let has_it = |placed: &&AreaStructure| placed.structure.registers.iter().any(|it| it.name == bare);
     let placed = area.structures.iter().find(has_it)?;
-    Some(format!("{}(&ram)->{register}", accessor(placed)))
+    let index = register.strip_prefix(bare)?;
+    Some(format!("{}(&ram)->{}{index}", accessor(placed), field_name(bare)))
 }
 
 /// Returns the name of the function that returns a structure in an image.
@@ -234,9 +235,9 @@ pub(crate) fn c_type(ty: RegType) -> &'static str {
     }
 }
 
-/// The name of a field of the header page, with `_` appended if it is a keyword.
+/// The name of a field, with `_` appended if C or C++ has another use of it.
 fn field_name(name: &str) -> String {
-    if KEYWORDS.contains(&name) { format!("{name}_") } else { name.to_owned() }
+    if KEYWORDS.split_whitespace().any(|word| word == name) { format!("{name}_") } else { name.to_owned() }
 }
 
 #[cfg(test)]
@@ -246,6 +247,11 @@ mod tests {
 
     fn header() -> String {
         generate(&Scope::new(&DEVICE, None).unwrap())
+    }
+
+    #[test]
+    fn names_that_c_needs_itself_get_an_underscore() {
+        assert_eq!(["int", "NULL", "w_INT", "xor_eq"].map(field_name), ["int_", "NULL_", "w_INT", "xor_eq_"]);
     }
 
     #[test]
