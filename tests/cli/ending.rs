@@ -7,6 +7,7 @@ use crate::common::{
 };
 use commram::memory::{AttachMode, Image, RunningInstance, State};
 use rustix::fs::{Mode, OFlags};
+use rustix::process::{Pid, Signal, kill_process};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use std::fs;
 use std::io::{PipeWriter, Write};
@@ -14,7 +15,7 @@ use std::os::fd::OwnedFd;
 use std::os::unix::fs::symlink;
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::Duration;
 
 /// Number of clients that stop one emulator.
@@ -104,49 +105,60 @@ fn signals_without_end_are_one_orderly_end() {
     assert_eq!(emulator.files(), NOTHING);
 }
 
-/// The emulator cannot end while it writes a message to a full pipe, so the test controls the duration.
+/// The end takes some milliseconds, so the test suspends the emulator in it, and repeats a trial that was too late.
 #[test]
 fn only_a_second_ctrl_c_at_the_terminal_cuts_the_end_short() {
     for is_pressed_again in [false, true] {
-        let (name, terminal) = (unique_name(), Terminal::new());
-        let (mut reader, writer) = std::io::pipe().unwrap();
-        fill(&writer);
-        let mut command = Command::new("setsid");
-        command.args(["--ctty", commram().get_program().to_str().unwrap(), "run", "-i", &name]);
-        command.stdin(terminal.slave()).stdout(Stdio::null()).stderr(writer);
-        let mut child = command.spawn().unwrap();
-        drop(command);
-        let mut image = None;
-        let is_ready = || {
-            image = Image::attach(&name, "line", AttachMode::ReadOnly, None).ok();
-            image.is_some()
-        };
-        assert!(eventually(is_ready), "no image");
-        let image = image.unwrap();
-        fs::remove_file(format!("/dev/shm/commram.{name}.line")).unwrap();
-        terminal.press_ctrl_c();
-        let state = || State::from_code(image.header_snapshot().state.load());
-        assert!(eventually(|| state().is_some_and(State::is_ending)), "{:?}", state());
-        let pid = child.id().to_string();
-        for signal in ["-INT", "-TERM", "-HUP"].repeat(5) {
-            Command::new("kill").args([signal, &pid]).status().unwrap();
-        }
-        assert_eq!(child.try_wait().unwrap(), None, "it still ends");
-        if is_pressed_again {
-            // The kernel merges the key with a SIGINT that is still pending, so the user presses it until it works.
-            let has_ended = || {
-                terminal.press_ctrl_c();
-                child.try_wait().unwrap().is_some()
-            };
-            assert!(eventually(has_ended), "an emulator that is interrupted twice");
-            assert_eq!(child.wait().unwrap().signal(), Some(2));
-        } else {
-            std::thread::spawn(move || std::io::copy(&mut reader, &mut std::io::sink()));
-            assert_eq!(wait_for(&mut child, "an emulator that ends").code(), Some(130));
-            assert_eq!(files_of(&name), NOTHING);
-        }
-        remove_remains(&name);
+        let status = (0..50).find_map(|_| status_after_an_interrupted_end(is_pressed_again));
+        let status = status.expect("an emulator that is suspended while it ends");
+        let expected = if is_pressed_again { (None, Some(2)) } else { (Some(130), None) };
+        assert_eq!((status.code(), status.signal()), expected);
     }
+}
+
+/// Ends an emulator by Ctrl-C, suspends it in its end, and sends it the key or signals of other processes. `None` if it
+/// ended before.
+fn status_after_an_interrupted_end(is_pressed_again: bool) -> Option<ExitStatus> {
+    let (name, terminal) = (unique_name(), Terminal::new());
+    let (_reader, writer) = std::io::pipe().unwrap();
+    // The message about the missing image waits some milliseconds for the full pipe.
+    fill(&writer);
+    let mut command = Command::new("setsid");
+    command.args(["--ctty", commram().get_program().to_str().unwrap(), "run", "-i", &name]);
+    command.stdin(terminal.slave()).stdout(Stdio::null()).stderr(writer);
+    let mut child = command.spawn().unwrap();
+    drop(command);
+    let mut image = None;
+    let is_ready = || {
+        image = Image::attach(&name, "line", AttachMode::ReadOnly, None).ok();
+        image.is_some()
+    };
+    assert!(eventually(is_ready), "no image");
+    let image = image.unwrap();
+    fs::remove_file(format!("/dev/shm/commram.{name}.line")).unwrap();
+    let pid = Pid::from_child(&child);
+    terminal.press_ctrl_c();
+    let is_ending = || State::from_code(image.header_snapshot().state.load()).is_some_and(State::is_ending);
+    while !is_ending() && child.try_wait().unwrap().is_none() {
+        std::thread::yield_now();
+    }
+    kill_process(pid, Signal::STOP).ok()?;
+    let stat = PathBuf::from(format!("/proc/{}/stat", child.id()));
+    let state = || fs::read_to_string(&stat).ok().and_then(|stat| stat.rsplit(") ").next()?.chars().next());
+    assert!(eventually(|| state().is_none_or(|state| "TZ".contains(state))));
+    let is_suspended = state() == Some('T');
+    if is_suspended && is_pressed_again {
+        terminal.press_ctrl_c();
+    } else if is_suspended {
+        [Signal::INT, Signal::TERM, Signal::HUP].map(|signal| kill_process(pid, signal).unwrap());
+    }
+    let _ = kill_process(pid, Signal::CONT);
+    let status = wait_for(&mut child, "an emulator that ends");
+    if status.code().is_some() {
+        assert_eq!(files_of(&name), NOTHING);
+    }
+    remove_remains(&name);
+    is_suspended.then_some(status)
 }
 
 /// A pseudo-terminal and its user.

@@ -39,6 +39,7 @@ const AT_AN_INSTANCE: &[&[&str]] = &[
     &["drive", "show", "drive1"],
     &["drive", "set", "drive1", "P300=1"],
     &["status"],
+    &["speed", "0"],
     &["plot", "node2.w_CPU_CONTROL", "-o", "never.svg"],
     &["shell"],
     &["web", "--listen", "127.0.0.1:0"],

@@ -349,7 +349,7 @@ fn snapshots_are_refused_within_the_promised_time() {
     let longest = usize::try_from(commram::plant::SnapshotFile::LONGEST).unwrap();
     for (name, bytes, message) in [
         ("zeros", vec![0; longest], "it is not a snapshot"),
-        ("longer", vec![0; longest + 1], "more than"),
+        ("longer", vec![0; longest + 1], "longer than 64 MiB"),
         ("tail", [&right[..right.len() / 2], &vec![0xFF; longest - right.len()][..]].concat(), "damaged"),
     ] {
         std::fs::write(files.0.path().join(name), bytes).unwrap();

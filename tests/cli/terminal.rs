@@ -165,7 +165,7 @@ fn the_shell_lists_its_commands_and_verbs() {
     };
     for line in ["help", "?"] {
         let help = shown(line);
-        for part in ["  step  snapshot  ", "wait(register, value, within)", "Ends: exit, quit"] {
+        for part in ["  step  speed  snapshot", "wait(register, value, within)", "Ends: exit, quit"] {
             assert!(help.contains(part), "{line}: {part}: {help}");
         }
     }

@@ -234,7 +234,7 @@ fn a_hostile_script_stops_and_the_emulator_continues() {
         ("fn poll() { let name = \"w_DATUM\"; read(\"card.\" + name); }", ":1:", "w_DATUM"),
         ("fn poll() { output_all(\"card.a_OUT\", [1]); }", ":1:", "is 4 registers, here are 1 values"),
         ("fn poll() { event(16); }", ":1:", "the events 0 to 15"),
-        ("fn poll() { reat(\"card.w_DATA\"); }", ":1:", "did you mean read?"),
+        ("fn poll() { raed(\"card.w_DATA\"); }", ":1:", "did you mean read?"),
         ("fn poll() { let n = 5 / 0; }", ":1:", "zero"),
         ("fn poll() { this.missing += 1; }", ":1:", "`+` does not go with ()"),
     ] {

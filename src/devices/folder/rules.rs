@@ -2,5 +2,5 @@
 
 crate::rules! {
     OWN_RULE: 116, "own-rule", Error, "the pages of the device; D-802",
-        "A rule of the device was broken; the note before the finding in the journal names the rule.";
+        "A rule of the device was broken. The note before the finding in the journal names the rule.";
 }

@@ -254,7 +254,7 @@ pub(super) fn take(plant: &mut Plant, act: &Act) {
             let text = FAULTS[kind]
                 .replace("{bus}", &names.buses[bus % names.buses.len()])
                 .replace("{plc}", &names.plcs[kind % names.plcs.len()])
-                .replace("{port}", device.ports[0].name);
+                .replace("{port}", device.ports.first().map_or("", |port| port.name));
             let spec: FaultSpec = toml::from_str(&text).unwrap();
             // Not every bus can have every fault.
             if let Ok(fault) = spec.resolve(fault_kinds(), &names) {
