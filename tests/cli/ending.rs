@@ -150,7 +150,9 @@ fn status_after_an_interrupted_end(is_pressed_again: bool) -> Option<ExitStatus>
     if is_suspended && is_pressed_again {
         terminal.press_ctrl_c();
     } else if is_suspended {
-        [Signal::INT, Signal::TERM, Signal::HUP].map(|signal| kill_process(pid, signal).unwrap());
+        for signal in [Signal::INT, Signal::TERM, Signal::HUP] {
+            kill_process(pid, signal).unwrap();
+        }
     }
     let _ = kill_process(pid, Signal::CONT);
     let status = wait_for(&mut child, "an emulator that ends");
