@@ -22,8 +22,8 @@ pub use emulation::Emulation;
 pub struct Registered {
     /// Areas, registers, ports and times of the device.
     pub layout: &'static Layout,
-    /// Elements of its board, from [`BoardWords::NAMES`](header::BoardWords::NAMES); every device has supply and
-    /// restarts.
+    /// Names of the elements of its board, from [`BoardWords::NAMES`](header::BoardWords::NAMES). Every list has `power`
+    /// and `restarts`.
     pub board: &'static [&'static str],
     /// The function blocks that its programs use.
     #[cfg(feature = "plc")]

@@ -40,8 +40,9 @@ pub trait BusGuests {
         let _ = (guest, now);
     }
 
-    /// The guest has disconnected, with more frames to send than there was room for. Frames that would wait without a
-    /// limit are dropped: the frames for a later time than now, and all frames if no station receives them.
+    /// The guest has disconnected, and some of its frames have not been sent. So that they do not keep its place from other
+    /// guests, the bus drops frames that could wait long: frames for a later time than now, and all frames if no station
+    /// receives them.
     fn guest_has_gone(&mut self, guest: u8, now: u64) {
         let _ = (guest, now);
     }

@@ -1,5 +1,5 @@
-//! Decides which process gets the name of an image: emulators that start or end, files of killed emulators, and clients
-//! that check them.
+//! Decides which process gets the name of an image. Emulators start and end here, files of killed emulators are replaced,
+//! and clients check the files at the same time.
 //!
 //! The process that has the lock of the named file owns the image. No other process gives the image its name, takes it
 //! over or removes it.

@@ -1,7 +1,7 @@
 //! BAPS: the interface between the Omega Drive-Line II and the drive that contains it (manual 5.00005.03a chapter 6).
 //!
 //! The registers are described in `docs/devices/omega-drive-line-2/baps.md`; the manual shows them only through its
-//! function blocks. The drive has a time slice of 500 us for them. While no program uses the BAPS, there are no slices:
+//! function blocks. The drive serves them in time slices of 500 us. While no program uses the BAPS, there are no slices:
 //! the firmware only polls two registers in each processor cycle.
 
 mod config;
