@@ -320,7 +320,6 @@ fn a_shortened_channel_of_one_instance_ends_no_other() {
         server.get(&path(of, "time")).ok();
         server.post(&path(of, "advance"), &json!({"us": 1})).ok();
     }
-    let _events = server.events("clock=1");
     let prefix =
         std::fs::read_to_string(format!("/dev/shm/commram.{}.iox.d/prefix", emulators[0].name)).unwrap();
     for entry in std::fs::read_dir("/dev/shm").unwrap().flatten() {
