@@ -448,7 +448,11 @@ class Check:
     def back(self):
         """Going back only removes changes."""
         rows = "[...document.querySelectorAll('.changes .rows-body .row')].map((it) => it.parts.map((part) => part.textContent).join(' '))"
-        before = self.page.until(f"{rows}.length >= 9 && {rows}")
+        before, shown = None, self.page.until(f"{rows}.length >= 9 && {rows}")
+        # The list is complete when it has been the same for a second.
+        while before != shown:
+            time.sleep(1)
+            before, shown = shown, self.page.value(rows)
         self.page.enter("#clock input", "25ms")
         self.page.click("#clock button", "Back")
         self.page.until(f"{rows}.length < {len(before)}")
