@@ -31,7 +31,7 @@ plant_keys! {
     Section, "a CAN bus: a table with its settings" {
         /// Bit rate in kbit/s, with at most three decimals
         kbit_s: Spanned<f64> = { "type": "number", "minimum": KBIT_S[0], "maximum": KBIT_S[1] },
-            "33.3", format!("{} to {}, with three decimals at most; must be there", KBIT_S[0], KBIT_S[1]);
+            "33.3", format!("{} to {}, with three decimals at most; required", KBIT_S[0], KBIT_S[1]);
         /// Doors for foreign programs that are open from the start
         doors: Option<Vec<DoorSpec>> = {
             "type": "array",
@@ -39,7 +39,7 @@ plant_keys! {
                 "type": "string",
                 "pattern": "^(slcan-pty(:/dev/pts/[0-9]+)?|slcan-tcp(-anybody)?:[0-9.]+:[0-9]+)$",
             },
-        }, r#"["slcan-tcp:127.0.0.1:0"]"#, "ways in for foreign programs, see can.md (default: none)";
+        }, r#"["slcan-tcp:127.0.0.1:0"]"#, "doors for foreign programs, see can.md (default: none)";
     }
 }
 

@@ -42,14 +42,14 @@ plant_keys! {
         slot_factor: Option<Spanned<u32>> = {
             "type": "integer", "minimum": 1, "maximum": MAX_SLOT_FACTOR, "default": DEFAULT_SLOT_FACTOR,
         }, "1", format!(
-            "{DEFAULT_SLOT_FACTOR} (default) to {MAX_SLOT_FACTOR} times as long the line is kept for an answer (D-358)"
+            "{DEFAULT_SLOT_FACTOR} (default) to {MAX_SLOT_FACTOR}: factor on the time that a master waits for an answer (D-358)"
         );
         /// Doors for foreign programs that are open from the start
         doors: Option<Vec<DoorSpec>> = {
             "type": "array",
             "items": { "type": "string", "pattern": "^profibus-(pty|tcp(-anybody)?:[0-9.]+:[0-9]+)$" },
         }, r#"["profibus-tcp:127.0.0.1:0"]"#,
-            "ways in for foreign masters and slaves, see can-dp2.md (default: none)";
+            "doors for foreign masters and slaves, see can-dp2.md (default: none)";
     }
 }
 
