@@ -42,7 +42,7 @@ plant_keys! {
         slot_factor: Option<Spanned<u32>> = {
             "type": "integer", "minimum": 1, "maximum": MAX_SLOT_FACTOR, "default": DEFAULT_SLOT_FACTOR,
         }, "1", format!(
-            "{DEFAULT_SLOT_FACTOR} (default) to {MAX_SLOT_FACTOR}: factor on the time that a master waits for an answer (D-358)"
+            "{DEFAULT_SLOT_FACTOR} (default) to {MAX_SLOT_FACTOR}: factor for the time that the line is reserved for an answer (D-358)"
         );
         /// Doors for foreign programs that are open from the start
         doors: Option<Vec<DoorSpec>> = {
