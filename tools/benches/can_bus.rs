@@ -1,6 +1,7 @@
-//! A CAN bus of 1 Mbit/s with 127 stations with acceptance filters, frames of eight bytes at 80 % load, and for comparison
-//! the same frames among 8 stations. The benchmark measures the bus as a plant runs it, with journal, filters, controllers and error
-//! counters; the firmware of its stations only counts the frames that it receives.
+//! A CAN bus of 1 Mbit/s: 127 stations with acceptance filters send frames of eight bytes, at 80 % load. For
+//! comparison, 8 stations send the same number of frames. The benchmark measures the bus as a plant runs it, with
+//! journal, filters, controllers and error counters; the firmware of its stations only counts the frames that it
+//! receives.
 
 use commram::can::{BitRate, Filter, Frame, Payload, StandardId};
 use commram::devices::can_bus::{CanBus, CanBusConfig, CanPort, CanSocket, Controller};
@@ -17,7 +18,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Frames per second of all stations together.
 const FRAMES: u64 = 6_400;
-/// Emulated time of a measured piece, in us.
+/// Emulated time of one measurement, in us.
 const PIECE_US: u64 = 100_000;
 
 /// Frames that a station sends, and frames that it receives from others.
@@ -92,7 +93,7 @@ impl Bench {
         Bench { bus, journal, faults: Faults::default(), now: 0, received }
     }
 
-    /// Executes all events of a piece of time, as a plant does.
+    /// Executes all events up to a time, as a plant does.
     fn piece(&mut self) {
         self.now += PIECE_US;
         let edges = &mut Vec::new();
@@ -112,7 +113,7 @@ fn can_bus(criterion: &mut Criterion) {
     for count in [8, 127] {
         let mut bench = Bench::new(count);
         group.bench_function(format!("100 ms, {count} stations"), |bencher| bencher.iter(|| bench.piece()));
-        // The figure counts only if that many frames really go through, and each to its one taker.
+        // The figure is valid only if this number of frames was sent, and each frame reached its only receiver.
         let before = bench.received.load(Ordering::Relaxed);
         (0..10).for_each(|_| bench.piece());
         let frames = bench.received.load(Ordering::Relaxed) - before;

@@ -1,7 +1,8 @@
-//! Speed of devices in folders: 200 registers, ten handshakes, a process image of 32 bytes, one handshake completed in each
-//! millisecond; by tables alone, by a script alone, and by a script that also polls in each processor cycle.
+//! Speed of devices in folders: 200 registers, ten handshakes, a process image of 32 bytes, one handshake completed in
+//! each millisecond. The device works by tables alone, by a script alone, or by a script that also polls in each
+//! processor cycle.
 //!
-//! Not by criterion: it prints how many times faster than real time each runs.
+//! Does not use criterion: prints how many times faster than real time each device runs.
 
 use commram::memory::{Segment, Width};
 use commram::plant::{Plant, PlantConfig};

@@ -16,17 +16,17 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-/// A PLC with a drive and with 32 (the difference is what a drive takes of memory), 33 PLCs, 331, 1,000, and all that a cluster
-/// can have.
+/// Numbers of participants: a PLC with one drive and with 32 drives (the difference is the memory of the drives), then
+/// 33, 331 and 1,000 PLCs, and the largest possible cluster.
 const SIZES: [usize; 6] = [2, 33, 1_057, 10_570, 32_001, 65_535];
 
-/// Bytes in use, but for those of images, which take pages only where they are touched.
+/// Allocated bytes, without images: an image takes memory only for the pages that were accessed.
 static USED: AtomicUsize = AtomicUsize::new(0);
 
 /// Counts the memory in use.
 struct Counting;
 
-/// Images are longer than this, and little else is.
+/// Images are longer than this size; few other allocations are.
 const IMAGE: usize = 3 << 20;
 
 // SAFETY: everything is left to the system's allocator.
@@ -106,7 +106,7 @@ fn clusters(criterion: &mut Criterion) {
                 cluster.interval();
             });
         });
-        // The figure counts only if values really pass: each bus polls all of its slaves in turn.
+        // The figure is valid only if values arrive: each bus polls all of its slaves in turn.
         cluster.plcs[0].master.a_WR_VALUE[0].store(3);
         (0..4 * 64 + 8).for_each(|_| cluster.interval());
         assert_eq!(cluster.plcs[0].sum() as usize, 3 * drives);

@@ -1,6 +1,6 @@
 //! Cost of a poke, a step and a peek of a scenario: the reference for `tools/python/cycles.py`.
 //!
-//! Not by criterion: the same loop with the same counts as there.
+//! Does not use criterion: the loop and its counts are those of `cycles.py`.
 
 use commram::script::{Bench, ScenarioError};
 use std::time::Instant;

@@ -12,7 +12,7 @@ use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_
 use line::{INTERVAL_US, active_plant, plant_of, release};
 use std::time::Duration;
 
-/// A released frame has been taken.
+/// The firmware has taken a released frame.
 const TAKEN: u8 = 0x04;
 /// An actual value frame has arrived.
 const RECEIVED: u8 = 0x02;
@@ -30,7 +30,7 @@ fn intervals(criterion: &mut Criterion) {
                 plant.advance_to(plant.now() + INTERVAL_US);
             });
         });
-        // The figure counts only if all four frames go out in every interval.
+        // The figure is valid only if all four frames are sent in every interval.
         for slave in &master.a_STATREG_RDC {
             slave.b_STATREG_RDC1.store(0);
             slave.b_STATREG_RDC2.store(0);
@@ -49,7 +49,8 @@ fn intervals(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// Time that passes in one go and in parts, as it does for a request that must not keep other clients waiting.
+/// Advances the clock in one piece and in parts. The emulator uses parts so that a request does not keep other clients
+/// waiting.
 fn parts(criterion: &mut Criterion) {
     const LONG_US: u64 = 5_000_000;
     let mut group = criterion.benchmark_group("five seconds at work");

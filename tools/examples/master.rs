@@ -38,7 +38,7 @@ struct Master {
     comm: CANsync_PD_COMM_MA,
     read: CANsync_PAR_READ_MA,
     end: CANsync_BC_MA0,
-    /// The end has been entered.
+    /// The command that signals the end has been entered.
     ending: bool,
 }
 

@@ -34,7 +34,7 @@ pub(crate) struct Timer {
     start: TIME_MEASURE_START,
     end: TIME_MEASURE_END,
     led: LED,
-    /// Events so far, and those among them that came before the task had seen the one before.
+    /// Number of events, and number of events that occurred before the task had seen the previous event.
     events: u32,
     missed: u32,
     /// Run time of the task in us.
@@ -104,7 +104,7 @@ impl Program for Timer {
         if self.events < EVENTS {
             return Ok(Progress::Again);
         }
-        // Disabled again, as any event that was started (p. 48).
+        // Disable the event again, as every started event (p. 48).
         if self.event.x_EN {
             println!("event {}: {} ms", self.number, self.events);
             println!("missed {}, longest run {} us", self.missed, self.longest);

@@ -39,7 +39,7 @@ pub(crate) struct Pair {
     _node: Node<ipc::Service>,
     page: Page,
     sleeps: bool,
-    // After the ports, because the server ends in it; before the files.
+    // Dropped after the ports, because dropping this field ends the server; dropped before the files.
     _server: Child,
     _files: Files,
 }
@@ -91,7 +91,7 @@ impl Pair {
     }
 }
 
-/// The server.
+/// Runs the server in a child process.
 pub(crate) fn play(args: &[String]) {
     let [waiting, page, root, prefix, processor @ ..] = args else { panic!("wrong arguments {args:?}") };
     if let [processor] = processor {

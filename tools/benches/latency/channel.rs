@@ -28,7 +28,7 @@ const TAKEN: u32 = 0x04;
 /// Length of an interval at 500 kbit/s.
 const INTERVAL_US: u64 = 2000;
 
-/// Client and emulator sleep until they are rung for.
+/// Client and emulator sleep until their bell rings.
 pub(crate) fn sleeping(criterion: &mut Criterion) -> Outcome {
     peek(criterion, "sleeping", Duration::ZERO)
 }
@@ -72,7 +72,7 @@ fn one_peek(client: &Client) {
 }
 
 /// Poke, 2 ms step and peek in one message, with client and emulator on one processor. The bus is in active
-/// operation: each message releases a reference value frame and finds it taken.
+/// operation: each message releases a reference value frame and checks that the firmware has taken it.
 pub(crate) fn message(criterion: &mut Criterion) -> Outcome {
     let [cpu, _] = cpu::pair();
     let _pinned = Pinned::to(cpu);

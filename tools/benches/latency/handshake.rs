@@ -30,7 +30,7 @@ const W_OPTION_STATUS: u32 = NODE2 as u32 + 2;
 const RESTART: u16 = 0x0000;
 const HANDSHAKE: u16 = 0x0001;
 
-/// The client rings and sleeps, the emulator sleeps until it is rung for.
+/// The client rings the doorbell and sleeps; the emulator sleeps until the doorbell rings.
 pub(crate) fn doorbell(criterion: &mut Criterion) -> Outcome {
     let [client, server] = cpu::pair();
     let _pinned = Pinned::to(client);
@@ -91,7 +91,8 @@ fn start(busy: bool, cpu: usize) -> Remote {
     Remote::start(EmulatorOptions { clock: Clock::RealTime { speed: 1.0 }, busy, cpu })
 }
 
-/// Times the handshake and takes it back. `exchange` writes a command and returns when it is answered.
+/// Measures the handshake, then returns to the state before it. `exchange` writes a command and returns when it is
+/// answered.
 fn measure(times: u64, samples: &mut Samples, exchange: impl Fn(u16)) -> Duration {
     exchange(RESTART);
     let mut total = Duration::ZERO;

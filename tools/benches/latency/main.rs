@@ -1,9 +1,9 @@
-//! How long a client in another process waits for the emulator.
+//! Measures how long a client in another process waits for the emulator.
 //!
 //! Each latency that depends on the machine is compared with the same operation without an emulator, in the
 //! same run. At the end the medians are printed with their targets; see `docs/internals/performance.md`.
 //!
-//! Processes are pinned: the client to the first processor, the other one to the second, unless it says
+//! Processes are pinned: the client to the first processor, the other process to the second, unless a benchmark says
 //! otherwise. The benchmark changes no register of a running instance and leaves no file or process.
 
 mod bare;

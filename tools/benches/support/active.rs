@@ -21,7 +21,7 @@ pub(crate) fn activate(
     let expected = usize::from(*slaves.start())..usize::from(last) + 1;
     let node = Node::at(segment, NODE2, &BAUD_RATES[0], Mode::Master).expecting(expected);
     let master = segment.view::<CANsync_MA_CTRL_BMSTRUCT>(NODE2).expect("node 2 is there");
-    // In real time the firmware may be looking at the very moment of a write: it has seen it a cycle later.
+    // In real time the firmware may poll at the very moment of a write. Then it sees the write only one cycle later.
     let mut pass = |us| advance(2 * us);
     bring_up(&[&node], ..=Stage::SetUp, &mut pass);
     let cfg = &master._CFG_WRC_WORD;
@@ -44,7 +44,7 @@ pub(crate) fn activate(
         slave.b_CFG_RDC2_WORD1.store(0x13);
     }
     master.b_MAX_SL_NR.store(last);
-    // Ask the slaves in turn.
+    // Request the actual values of the slaves in turn.
     master.b_CTRLREG_RD_ORDER_RDC1.store(0x80);
     master.b_CTRLREG_RD_ORDER_RDC2.store(0x80);
     // Let all drives lock, then enable.

@@ -75,7 +75,7 @@ impl Drop for Child {
     fn drop(&mut self) {
         drop(self.process.stdin.take());
         let status = wait(&mut self.process);
-        // A failure within a failure would end the benchmark without a word about the first one.
+        // A panic during another panic would abort the benchmark without a message about the first panic.
         if !std::thread::panicking() {
             assert!(status.is_some_and(|status| status.success()), "`{}`: {status:?}", self.name);
         }

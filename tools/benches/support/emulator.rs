@@ -58,7 +58,7 @@ pub(crate) fn unique_instance() -> String {
 
 /// A running emulator. Dropping it ends it.
 pub(crate) struct Remote {
-    // Detached before the emulator ends.
+    // Dropped first: the client detaches before the emulator ends.
     attached: Attached,
     instance: String,
     child: Child,
@@ -98,7 +98,7 @@ impl Remote {
         &self.child
     }
 
-    /// Connects to the channel; the client looks for its reply for `spin` before it sleeps.
+    /// Connects to the channel; the client polls for its reply for the time `spin` before it sleeps.
     pub(crate) fn connect(&self, spin: Duration) -> Client {
         connect(&self.instance, spin)
     }

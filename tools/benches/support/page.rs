@@ -67,8 +67,8 @@ impl Page {
 
     /// The registers in the page.
     pub(crate) fn registers(&self) -> &Registers {
-        // SAFETY: the map is page-aligned, longer than `Registers` and lives as long as `self`; everybody
-        // accesses it through the same cells.
+        // SAFETY: the map is page-aligned, longer than `Registers` and lives as long as `self`; all processes access it
+        // through the same cells.
         unsafe { &*self.map.as_mut_ptr().cast::<Registers>() }
     }
 }
@@ -82,11 +82,11 @@ pub(crate) fn ring(word: &Cell32) {
 /// Sleeps until the word is no longer `seen`; wakes up periodically to check the other process.
 pub(crate) fn sleep(word: &Cell32, seen: u32) {
     let timeout = futex::Timespec { tv_sec: 0, tv_nsec: 100_000_000 };
-    // All of its errors mean: poll again.
+    // After any error of this call the caller polls again.
     let _ = futex::wait(futex_word(word), futex::Flags::empty(), seen.to_le(), Some(&timeout));
 }
 
-/// The word as the calls want it, which are all that ever use it so.
+/// The word in the type that the futex calls require; only these calls use this type.
 fn futex_word(word: &Cell32) -> &AtomicU32 {
     // SAFETY: valid and aligned; only the kernel accesses it.
     unsafe { AtomicU32::from_ptr(word.as_ptr()) }

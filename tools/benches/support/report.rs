@@ -2,15 +2,15 @@
 
 use std::time::{Duration, Instant};
 
-/// Samples kept of one measurement: the last ones, once there are more.
+/// Maximum number of samples of one measurement. Of more samples, the last ones are kept.
 const KEPT: usize = 1 << 20;
-/// Durations from which the cost of reading the clock is found.
+/// Number of durations from which the cost of reading the clock is calculated.
 const CLOCK_READS: usize = 10_000;
 
 /// The latencies of one measurement.
 pub(crate) struct Samples {
     nanoseconds: Vec<u64>,
-    /// Place of the next sample once all places are taken.
+    /// Index of the next sample to replace, when the maximum number is reached.
     next: usize,
     /// Time that reading the clock adds to a measured duration.
     clock: Duration,
@@ -65,9 +65,10 @@ impl Samples {
 
 /// Reference value for a median.
 pub(crate) enum Target {
-    /// At most this factor times the median of the other samples, which are named.
+    /// At most this factor times the median of the other samples; the text names these samples.
     Times(f64, &'static str, Samples),
-    /// At most this number of microseconds; the other samples, which are named, show the part that is not the emulator's.
+    /// At most this number of microseconds. The other samples, which the text names, show the part that the emulator
+    /// does not cause.
     Microseconds(f64, &'static str, Samples),
 }
 

@@ -12,7 +12,8 @@ const ANGLE_REFERENCE: u16 = 258;
 const ANGLE_ACTUAL: u16 = 303;
 const OPERATING_MODE: u16 = 304;
 const SYNCHRONOUS_POSITION: u16 = 1;
-/// The way of the drive: the number of reference values, and the distance between them in 2^-32 revolutions.
+/// The movement of the drive: the number of reference values, and the distance between two of them in 2^-32
+/// revolutions.
 const REFERENCES: u32 = 400;
 const STEP: u32 = 100_003;
 /// Smallest difference that the position loop of the drive detects.
@@ -29,7 +30,7 @@ pub(crate) fn control_word(status: u16) -> u16 {
     }
 }
 
-/// Writes parameters of the drive one after the other, as on the device an engineer does with the service tool.
+/// Writes parameters of the drive one after the other, as an engineer does on the device with the service tool.
 struct Commissioning {
     _BAPS_SD_DATA: BAPS_BMSTRUCT,
     write: BAPS_PAR_WRITE,
@@ -61,10 +62,10 @@ pub(crate) struct SynchronousDrive {
     init: BAPS_INIT,
     comm: BAPS_PD_COMM2,
     watch: BAPS_PD_CONTROL,
-    /// Bits of the angle reference value that count.
+    /// Bits of the angle reference value that have an effect.
     mask: u32,
     angle: u32,
-    /// Remaining reference values of the way.
+    /// Remaining reference values of the movement.
     left: u32,
     cycles: u32,
 }
@@ -81,7 +82,7 @@ impl SynchronousDrive {
                 service: BAPS_SD_CONTROL::default(),
                 left,
             },
-            // No event: another one drives the process data.
+            // No event for `BAPS_INIT`: another event drives the process data.
             init: BAPS_INIT {
                 w_COMMAND_REG,
                 u_WR_PAR_NR0: ANGLE_REFERENCE,
@@ -109,7 +110,7 @@ impl SynchronousDrive {
         check(self.comm.x_ERR, "BAPS_PD_COMM2", self.comm.b_SL_QUIT.into())?;
         let enabled = self.comm.w_STATUSWORD & 0x006F == 0x0027;
         if !enabled || self.comm.w_STATUS_REG & 1 == 0 {
-            // The way begins at the position of the drive.
+            // The movement begins at the position of the drive.
             self.angle = self.comm.ud_RD_VALUE0;
         } else if self.left > 0 {
             self.left -= 1;
@@ -118,7 +119,8 @@ impl SynchronousDrive {
         Ok(())
     }
 
-    /// In the cyclic task: sets the drive up; done when it is enabled, synchronized and at the end of its way.
+    /// In the cyclic task: sets the drive up; done when the drive is enabled, synchronized and at the end of its
+    /// movement.
     pub(crate) fn cyclic(&mut self) -> Result<Progress, String> {
         self.cycles += 1;
         if self.cycles <= CYCLES_BEFORE_INIT || self.setup.cycle(&self._BAPS)? == Progress::Again {
@@ -136,7 +138,7 @@ impl SynchronousDrive {
         Ok(Progress::done_if(arrived))
     }
 
-    /// End of the way, as the drive shows it in P258.
+    /// End of the movement, as the drive shows it in P258.
     pub(crate) fn end(&self) -> u32 {
         self.comm.ud_RD_VALUE1
     }

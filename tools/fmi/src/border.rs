@@ -85,7 +85,7 @@ pub(crate) fn with(instance: Instance, what: impl FnOnce(&mut Inner) -> Result<(
     }
 }
 
-/// `count` values to be read.
+/// Returns `count` values that the function reads.
 ///
 /// # Safety
 /// `first` points to `count` values, or is null.
@@ -100,7 +100,7 @@ pub(crate) unsafe fn read<'a, T>(first: *const T, count: usize) -> Result<&'a [T
     Ok(unsafe { core::slice::from_raw_parts(first, count) })
 }
 
-/// `count` values to be written.
+/// Returns `count` values that the function writes.
 ///
 /// # Safety
 /// As [`read`], and no other code uses the values meanwhile.

@@ -26,7 +26,7 @@ fn place<'a>(to: *mut *mut c_void) -> Result<&'a mut *mut c_void, Refused> {
 
 /// Stores a state, in place of an earlier one.
 fn store_state(to: &mut *mut c_void, state: SavedState) {
-    // SAFETY: what is not null there is a state of ours that was not freed.
+    // SAFETY: a pointer that is not null is a state from this library that was not freed.
     match unsafe { to.cast::<SavedState>().as_mut() } {
         Some(old) => *old = state,
         None => *to = Box::into_raw(Box::new(state)).cast(),

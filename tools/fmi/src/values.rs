@@ -61,7 +61,7 @@ impl Typed for bool {
     }
 }
 
-/// As many values as references: no variable is an array.
+/// Checks that there are as many values as references, because no variable is an array.
 fn are_as_many(references: usize, values: usize) -> Result<(), Refused> {
     match references == values {
         true => Ok(()),

@@ -26,7 +26,7 @@ pub struct Device {
     pub substructures: Vec<Structure>,
     /// Structures of registers.
     pub structures: Vec<Structure>,
-    /// In the order of the files; no two have a byte of the image in common.
+    /// Address spaces in the order of the files; they do not overlap in the image.
     pub spaces: Vec<Space>,
     /// In ascending order.
     pub areas: Vec<Area>,
@@ -174,7 +174,7 @@ impl Space {
     }
 }
 
-/// A stretch of addresses with a purpose.
+/// A range of addresses with a purpose.
 pub struct Area {
     /// Name, letter for letter.
     pub name: String,

@@ -100,8 +100,8 @@ impl Sources {
         self.files
     }
 
-    /// Reads and parses `name`, perhaps one of a directory beside (`../other/name`), and returns its number with the content. `from` is where the file is
-    /// asked for; a missing file is reported there.
+    /// Reads and parses `name`, which may be in a directory beside this one (`../other/name`), and returns its number
+    /// with the content. `from` is the place that names the file; the error about a missing file names this place.
     pub(crate) fn parse<T: DeserializeOwned>(
         &mut self,
         name: &str,

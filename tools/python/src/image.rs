@@ -64,7 +64,7 @@ impl PyImage {
         Ok(place)
     }
 
-    /// The place, and the bits of a value there.
+    /// Returns the place of a register, and the bits of a value for this register.
     fn value(&self, name: &str, value: &ValueArgument) -> PyResult<(Arc<NamedLocation>, u32)> {
         let place = self.find(name)?;
         let bits = value.0.bits(&place).map_err(|error| PyValueError::new_err(error.to_string()))?;

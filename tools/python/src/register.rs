@@ -14,7 +14,7 @@ pub(crate) struct Register {
     known: Option<RegisterRef>,
 }
 
-/// Returns the description of the register at a place that was given as `name`.
+/// Returns the description of the register at `place`, which the caller has written as `name`.
 ///
 /// # Errors
 /// There is none.
@@ -117,7 +117,7 @@ impl Register {
     }
 }
 
-/// The registers of the areas that are asked for, each once.
+/// The registers of the requested areas, each once.
 pub(crate) fn registers(fitted: DeviceFit, is_wanted: impl Fn(&str) -> bool) -> Vec<RegisterRef> {
     let mut all: Vec<RegisterRef> = Vec::new();
     for area in fitted.device().named_areas().filter(|area| is_wanted(area.name)) {
@@ -134,7 +134,8 @@ pub(crate) fn places(fitted: DeviceFit, is_wanted: impl Fn(&str) -> bool) -> Vec
     registers(fitted, is_wanted).iter().map(RegisterRef::name).collect()
 }
 
-/// Place of an array or of a part of it: first byte, kind of element, and of each dimension count and distance in bytes.
+/// Place of an array or of a part of it: first byte, kind of element, and for each dimension the number of elements and
+/// their distance in bytes.
 #[derive(IntoPyObject)]
 pub(crate) struct Array(u32, &'static str, Vec<(u16, u32)>);
 

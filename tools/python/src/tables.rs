@@ -80,7 +80,7 @@ pub(crate) fn default_device() -> (u64, u32, u64, usize, usize) {
 /// Name, whether it has flags, members, and numbers of lowest bits.
 type Enumeration = (String, bool, Vec<(String, u32)>, Vec<(String, u32)>);
 
-/// The enumerations of all devices; of those of one name that of the first device.
+/// The enumerations of all devices. If several devices have an enumeration of one name, the first device counts.
 #[pyfunction]
 pub(crate) fn enumerations() -> Vec<Enumeration> {
     let mut all: Vec<Enumeration> = Vec::new();
@@ -103,7 +103,8 @@ pub(crate) fn codes() -> Vec<(&'static str, Vec<(&'static str, u32)>)> {
     contract::CODES.iter().map(|of| (of.name, codes(of))).collect()
 }
 
-/// The structures of the header page: of each field offset, kind, number of elements and bytes of one.
+/// The structures of the header page: for each field its offset, its kind, the number of elements, and the bytes of one
+/// element.
 #[pyfunction]
 pub(crate) fn header(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let structures = PyDict::new(py);

@@ -236,7 +236,7 @@ def test_every_verb_of_scenarios_is_there():
     rows = [line.split(" | ")[0] for line in page.splitlines() if line.startswith("| `")]
     verbs = {verb for row in rows for verb in re.findall(r"`([a-z_]+)\(", row)}
     assert len(verbs) > 40
-    # A plant is given to its constructor, and pytest skips tests. Function blocks, histories of changes, plots and states of
-    # drives are not in Python.
+    # The constructor of `Emulator` takes the plant, and pytest itself skips tests. Function blocks, histories of
+    # changes, plots and states of drives are not available in Python.
     missing = {verb for verb in verbs - {"plant"} if not hasattr(commram.Emulator, verb)}
     assert missing == {"block", "cycle", "cycle_until", "record", "history", "expect_history", "plot", "drive", "skip"}

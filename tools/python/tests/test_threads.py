@@ -42,7 +42,7 @@ def test_other_threads_run_while_time_passes(emulator):
     before = sys.getswitchinterval()
     try:
         thread.start()
-        # From here on threads change only where one lets others in by itself.
+        # From here on, Python switches threads only where a thread releases the interpreter's lock itself.
         sys.setswitchinterval(3600)
         seen = counted[0]
         # Seconds without events take almost no real time.

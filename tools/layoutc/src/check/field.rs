@@ -7,7 +7,7 @@ use crate::raw;
 use crate::source::{SourcePlace, Sources, at};
 use toml::Spanned;
 
-/// The entry's place with the checked field.
+/// A checked field, with the place of its entry in the file.
 pub(crate) type LocatedField = (SourcePlace, Field);
 
 /// Checks everything that concerns `entry` alone. `home` is the structure or block it is written in.

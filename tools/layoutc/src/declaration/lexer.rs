@@ -37,8 +37,8 @@ const SKIPPED: [(&str, &str, &str); 4] = [
 pub(crate) struct Lexer<'a> {
     rest: &'a str,
     place: TextPosition,
-    /// Whether `(*` in a comment begins another one: so in the third edition of the standard, not in those before. It does as
-    /// long as every comment has an end then.
+    /// Whether `(*` in a comment begins a nested comment, as in the third edition of the standard. Earlier editions do
+    /// not nest comments. The lexer assumes nested comments as long as every comment then has an end.
     nests: bool,
     /// The alignment of the last `{attribute 'pack_mode' := '1'}`, which holds for the next structure.
     pub pack: Option<u32>,
@@ -50,8 +50,8 @@ impl<'a> Lexer<'a> {
         Self { rest: text, place, nests: true, pack: None }
     }
 
-    /// Continues after the next word `end` outside of comments and strings. Returns false if there is none. The text before it
-    /// is not ours: it can be of any language.
+    /// Continues after the next word `end` outside of comments and strings. Returns false if there is none. The skipped
+    /// text can be in any language.
     pub(crate) fn skip_past(&mut self, end: &str) -> Result<bool, Fault> {
         loop {
             self.skip()?;

@@ -70,7 +70,7 @@ impl<'a, 'd> Parser<'a, 'd> {
             let word = match token {
                 Token::End => return Ok(()),
                 Token::Word(word) => word.to_ascii_uppercase(),
-                // Some tools leave one after END_TYPE and END_VAR.
+                // Some tools write a `;` after END_TYPE and END_VAR.
                 Token::Symbol(";") => {
                     self.advance()?;
                     continue;
@@ -291,7 +291,8 @@ impl<'a, 'd> Parser<'a, 'd> {
                 ty,
             }));
         }
-        // A member cannot have the attribute, so it is none of the next structure either.
+        // A member cannot have the attribute `pack_mode`, so the attribute does not belong to the next structure
+        // either.
         self.lexer.pack = None;
         self.advance()?;
         Ok(record)

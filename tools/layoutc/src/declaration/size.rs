@@ -125,13 +125,13 @@ pub struct Sizes<'a> {
 type Misfit = (TypeId, TextPosition, Wrong);
 
 impl<'a> Sizes<'a> {
-    /// For types that a compiler lays out with this alignment.
+    /// Calculates sizes as a compiler with this alignment does.
     pub fn new(declarations: &'a Declarations, alignment: Alignment) -> Self {
         let known = vec![SizeState::Unknown; declarations.types.len()];
         Self { declarations, alignment, known, values: Values::new(declarations) }
     }
 
-    /// Size of a type in bytes. That of a structure is a multiple of its alignment.
+    /// Size of a type in bytes. The size of a structure is a multiple of its alignment.
     ///
     /// # Errors
     /// The type, or one it consists of, is not declared, has no fixed size, contains itself, is too large or too deep.
@@ -249,7 +249,8 @@ impl<'a> Sizes<'a> {
         Ok(Extent { size, align: size.min(self.alignment.limit()), depth: 0 })
     }
 
-    /// Places members one after the other, each at the next multiple of its alignment; those of a union at the same address.
+    /// Places members one after the other, each at the next multiple of its alignment; the members of a union have the
+    /// same address.
     fn place(
         &mut self,
         id: TypeId,

@@ -144,7 +144,7 @@ fn depth_and_breadth_are_bounded() {
     let text = format!("TYPE T0 : BYTE; {chain} T : T99999; END_TYPE");
     assert!(refused(&text).ends_with("this type is nested more than 64 deep"));
 
-    // Every level has the one below it twice: 2^29 bytes, if they were counted one by one.
+    // Every type contains the previous one twice: the last one has 2^29 bytes, too many to be counted one by one.
     let doubled: String = (1..30).map(|n| format!("T{n} : STRUCT a, b : T{}; END_STRUCT;", n - 1)).collect();
     assert!(refused(&format!("TYPE T0 : BYTE; {doubled} T : T29; END_TYPE")).ends_with("more than 16 MiB"));
 }

@@ -108,7 +108,8 @@ impl Import {
         self.files.is_empty()
     }
 
-    /// Whether all declared structures can be taken over; of an export of commram itself whether the layout says the same.
+    /// Whether all declared structures can be taken over. For an export of commram itself: whether the layout has the
+    /// same offsets.
     pub fn is_whole(&self) -> bool {
         let is_fine = |verdict| match verdict {
             Verdict::Left => false,
@@ -144,7 +145,7 @@ impl NamePairs {
         self.0.keys().any(|ours| ours.starts_with(&inside))
     }
 
-    /// Every name on the left must be one of the layout.
+    /// Every name on the left must be a name of the layout.
     fn check(&self, homes: &Homes) -> Result<(), ImportError> {
         for (ours, theirs) in &self.0 {
             let mut path = ours.split('.');
@@ -181,8 +182,9 @@ fn nothing_declared(homes: &Homes, declarations: &Declarations) -> ImportError {
     ImportError::NothingDeclared { path: declarations.title(), known: known.join(", "), declared }
 }
 
-/// Every list of registers once. A list that several structures use must have the same places in all of them, and the present ones
-/// for those in `left`, which stay as they are.
+/// Returns every list of registers once. A list that several structures use must have the same places in all of them.
+/// If one of these structures is in `left`, the places must be the present ones, because structures in `left` stay
+/// unchanged.
 fn agree(homes: &Homes, placements: Vec<Placement>, left: &[usize]) -> Result<Vec<Placement>, ImportError> {
     let mut agreed: Vec<Placement> = Vec::new();
     for placement in placements {

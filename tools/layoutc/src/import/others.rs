@@ -21,7 +21,7 @@ struct MovedList<'a> {
     register: &'a str,
     before: u32,
     after: u32,
-    /// The declared type, which says so.
+    /// The declared type with this offset.
     declared: TypeId,
 }
 

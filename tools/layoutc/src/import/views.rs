@@ -16,7 +16,8 @@ struct Register<'a> {
     declared: Option<u32>,
 }
 
-/// The placements of the family's structure that follow from `found`, those of structure `index`; none if nothing moves.
+/// Returns the placements of the family's structure that follow from `found`, the placements of structure `index`; none
+/// if nothing moves.
 pub(super) fn of_family(homes: &Homes, index: usize, found: &[Placement]) -> Vec<Placement> {
     let Some(base) = homes.all[index].view else { return Vec::new() };
     let lists = homes.lists(index);

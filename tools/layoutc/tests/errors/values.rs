@@ -1,4 +1,4 @@
-//! Errors of the ids of values and bits, and what right ones become.
+//! Errors of the ids of values and bits, and the constants of correct ids.
 
 use crate::{FIXTURE, check};
 use std::path::Path;

@@ -24,7 +24,8 @@ TYPE
     END_STRUCT;
 END_TYPE";
 
-/// Another library: other names of types and letters, another order, registers that the layout does not know.
+/// Another library: other names of types, other upper and lower case letters, another order, registers that the layout
+/// does not have.
 const OTHER: &str = "
 TYPE
     WORDS2 : STRUCT w_SECOND : WORD; w_FIRST : WORD; END_STRUCT;
@@ -255,7 +256,7 @@ fn parts_that_structures_share_must_lie_alike_in_all_of_them() {
          `GENERAL` once for both: these structures overlay each other, and the firmware needs the registers at one address \
          in all of them"
     );
-    // The other structure is not declared, so it says what it has always said.
+    // The structure `CTRL` is not declared, so its offsets must stay unchanged.
     let alone = text.replace("CTRL : STRUCT", "OTHER : STRUCT");
     assert_eq!(
         refused(&alone, &[]),
@@ -296,7 +297,7 @@ fn a_device_without_a_library_has_nothing_to_confirm() {
     assert!(text.contains("offsets = \"manual: OWN_TYPES, TYPES.st\""), "{text}");
 }
 
-/// D-785: a register confirms where the file that declares it says so, if there are several.
+/// D-785: if there are several files, the provenance of a register names the file that declares it.
 #[test]
 fn several_files_are_imported_as_one() {
     let (pair, rest) = AS_IT_IS.split_once("    INIT : STRUCT").unwrap();

@@ -13,7 +13,7 @@ const LAYOUTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../layouts");
 /// A function that reads a layout file and rewrites it.
 type Rewriter = fn(&toml::Table) -> toml::Table;
 
-/// No comments, and keys in the order of the alphabet; and the same through JSON, which knows fewer types.
+/// Without comments and with the keys in alphabetical order, directly and through JSON, which has fewer types.
 const WAYS: [Rewriter; 2] =
     [toml::Table::clone, |table| serde_json::from_str(&serde_json::to_string(table).unwrap()).unwrap()];
 
@@ -32,7 +32,7 @@ fn rewrite(from: &Path, to: &Path, way: Rewriter) {
     }
 }
 
-/// The code that this layout becomes, whichever kind it is.
+/// Returns the code that is generated from this layout of any kind.
 fn code(dir: &Path) -> String {
     if dir.join("device.toml").exists() {
         compile(dir).unwrap().rust
@@ -58,7 +58,7 @@ fn every_layout_comes_back_as_it_was() {
     }
 }
 
-/// Elementary types with what names of their registers begin with; the last one is a sub-structure of the fixture.
+/// Types with the prefixes of their registers' names; the last one is a sub-structure of the fixture.
 const TYPES: [(&str, &str, u32, u32); 10] = [
     ("BYTE", "b_", 1, 1),
     ("WORD", "w_", 2, 2),
@@ -72,7 +72,7 @@ const TYPES: [(&str, &str, u32, u32); 10] = [
     ("PAIR", "_", 4, 2),
 ];
 
-/// A register, and how much room is left in front of it.
+/// A register, and the size of the gap in front of it.
 #[derive(Clone, Debug)]
 struct Drawn {
     ty: usize,
@@ -107,7 +107,7 @@ fn drawn() -> impl Strategy<Value = Drawn> {
         })
 }
 
-/// Where each of them lies if they follow each other in this order, and the end.
+/// Returns the offset of each register if the registers follow each other in this order, and the end.
 fn places(registers: &[Drawn], order: &[usize]) -> (Vec<(usize, u32)>, u32) {
     let mut end = 0;
     let placed = order.iter().map(|&number| {
@@ -130,7 +130,7 @@ fn layout(registers: &[Drawn], order: &[usize]) -> tempfile::TempDir {
         "cpu_first = 0x1000\ncpu_last = 0x103F\n",
     ];
     let device = without.iter().fold(device, |device, part| device.replacen(part, "", 1));
-    // A structure of any registers may have none that shows a phase.
+    // A structure of random registers may lack the register that shows the phase.
     let device = device.replace("live = \"cyclic\"", "live = \"always\"");
     fs::write(dir.path().join("device.toml"), device.replace("\"INIT\", ", "")).unwrap();
     let ctrl = fs::read_to_string(dir.path().join("CTRL.toml")).unwrap();
@@ -171,7 +171,7 @@ fn layout(registers: &[Drawn], order: &[usize]) -> tempfile::TempDir {
     dir
 }
 
-/// The same as declarations.
+/// Returns the same registers as declarations.
 fn declarations(registers: &[Drawn], order: &[usize]) -> String {
     let (placed, size) = places(registers, order);
     let mut text =

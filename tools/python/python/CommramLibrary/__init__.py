@@ -8,7 +8,8 @@ from typing import Any
 
 from commram import Connection, Emulator
 
-# In the order of docs/reference/scenarios.md; what takes functions, or returns what only Python can use, is not here.
+# In the order of docs/reference/scenarios.md; without the verbs that take functions, or return values that only Python
+# can use.
 _VERBS = (
     "section",
     "peek",
@@ -53,7 +54,7 @@ _VERBS = (
     "frames",
     "journal",
 )
-# Arguments that are numbers or truths; values and times are texts as engineers write them.
+# Arguments that are numbers or booleans; values and times are texts as engineers write them.
 _TYPES = {
     "identifier": int,
     "mask": int,
@@ -118,7 +119,7 @@ class CommramLibrary:
 
     def get_keyword_types(self, name: str) -> dict[str, Any]:
         known = {it.name: _TYPES[it.name] for it in self._parameters(name) if it.name in _TYPES}
-        # Changes are requested since a snapshot, not since a time.
+        # In other verbs, `since` is a snapshot and not a time.
         return known if name in ("frames", "journal") else {it: known[it] for it in known if it != "since"}
 
     def get_keyword_documentation(self, name: str) -> str:

@@ -77,7 +77,7 @@ def commram(request: pytest.FixtureRequest) -> Generator[Emulator, None, None]:
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
     result = yield
-    # In the call, not in the end of the fixture: the test fails, it is no error beside it.
+    # Checked in the call, not at the end of the fixture: so pytest reports a failed test, not an additional error.
     plant = item.stash.get(_PLANT, None)
     if plant is not None and not plant.closed:
         plant.expect_no_findings(list(_marked(item, "findings") or ()))
