@@ -124,7 +124,7 @@ impl<'a> Modules<'a> {
             event.call(&self.ram);
             assert!(!event.x_ERR);
             if let Some((regs, _)) = &self.slave {
-                // Kept set: without it the slave would leave active operation again.
+                // The input stays TRUE; otherwise the slave would leave active operation again.
                 mode_sl.x_CANsync_RUN |= mode_sl.x_PREPARE_ACTIV;
                 mode_sl.call(regs);
             }

@@ -22,7 +22,7 @@ mod device {
         (7, [0x47, 0x34], 2),
         (2, [0x47, 0x34], 2),
     ];
-    /// `b_ERR` of `CANsync_PAR_READ_MA` where a doubleword is answered to a word, and the other way round (p. 139).
+    /// `b_ERR` of `CANsync_PAR_READ_MA` if the answer is a doubleword instead of a word, and the reverse (p. 139).
     pub(crate) const FORMAT_ERRORS: [u8; 2] = [1 << 2, 1 << 3];
     /// Values that show that frame 1 or 2 was received (p. 176-184).
     pub(crate) const RECEIVED: [i8; 2] = [1, 2];

@@ -141,7 +141,7 @@ impl Drop for Stage {
     }
 }
 
-/// Nothing lost, nothing twice: one call for each event, all at the same distance.
+/// No event is lost or handled twice: one call for each event, at equal intervals.
 #[track_caller]
 fn evenly<P: Program<Error = String>>(tasks: &Tasks<EventRecorder<P>>, period_us: u64, at_least: usize) {
     let noted = tasks.program();

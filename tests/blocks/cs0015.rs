@@ -1,4 +1,4 @@
-//! The function blocks of the CS0015, between two of them at a CAN bus: the program of the first is the test.
+//! The function blocks of two CS0015 at a CAN bus: the test is the program of the first CS0015.
 
 use commram::devices::cs0015::blocks::*;
 use commram::devices::cs0015::registers::{CS0015_FLAGS, CS0015_TX_PDO, FLAGS, TX_PDO};
@@ -34,12 +34,12 @@ const MS: u64 = 1000;
 
 struct Bench {
     plant: Plant,
-    /// Jobs of the master, and of the slave.
+    /// The job blocks of the master and of the slave.
     jobs: [Jobs; 2],
 }
 
 impl Bench {
-    /// After the first cycles of both, `CAN_OPEN` being set.
+    /// Makes a bench after the first cycles of both devices, with `CAN_OPEN` set.
     fn new() -> Result<Self, Box<dyn Error>> {
         let config = PlantConfig::parse("two.toml", PLANT)?;
         let mut plant = Plant::new(&config, |_, device| Ok::<_, Box<dyn Error>>(Segment::of(device)))?;
@@ -87,7 +87,7 @@ impl Bench {
         once(self, 0, NMM_GET_NODE_STATE { NODE: 5, ..Default::default() }).STATE
     }
 
-    /// Calls an SDO block until it is not active any more.
+    /// Calls an SDO block until it is no longer active.
     fn sdo(&mut self, mut call: impl FnMut(&Jobs) -> u8) -> u8 {
         assert_eq!(call(&self.jobs[0]), 2, "it has begun");
         for _ in 0..200 {

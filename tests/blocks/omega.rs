@@ -21,7 +21,7 @@ pub(crate) mod device {
         (6, [0x03, 0x1C], 2),
         (2, [0x03, 0x1C], 2),
     ];
-    /// `b_ERR` of `CANsync_PAR_READ_MA` where a doubleword is answered to a word, and the other way round (p. 224).
+    /// `b_ERR` of `CANsync_PAR_READ_MA` if the answer is a doubleword instead of a word, and the reverse (p. 224).
     pub(crate) const FORMAT_ERRORS: [u8; 2] = [0, 0];
     /// Values that show that frame 1 or 2 was received (p. 253-259).
     pub(crate) const RECEIVED: [i8; 2] = [2, 2];

@@ -150,7 +150,7 @@ fn serve(rig: &Rig) {
 /// Both PLCs restart and everything works.
 fn start_over(rig: &mut Rig) {
     rig.plant.clear_faults();
-    // In the RAM only a change is sure to be seen: see decision D-29.
+    // In the RAM the firmware is certain to see only a change of the value (D-29).
     for init in [&rig.master_init, &rig.slave_init] {
         init.w_CPU_CONTROL.store(0x0001);
     }

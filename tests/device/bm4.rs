@@ -243,7 +243,7 @@ fn both_devices_meet_on_one_bus() {
     }
 }
 
-/// SYNC from outside: the master in slot G passes on what the slave in slot H receives (D-12).
+/// SYNC from outside: the master in slot G passes on the signal that the slave in slot H receives (D-12).
 #[test]
 fn a_master_passes_the_sync_signal_of_another_slot_on() {
     let text = plant_text(500).replace("bus = 'fast'\n", "bus = 'fast'\nsync_in_from = 'H'\n");
@@ -336,8 +336,9 @@ fn a_taken_number_is_reported_with_its_slot() {
     assert_eq!(name.as_deref(), Some("slotH.w_SLAVE_NUMBER"));
 }
 
-/// P. 15, 26: slaves of a bus differ in their numbers, and nothing else counts. The modules of a PLC come on together, so two that have
-/// swapped their numbers differ, and none is compared with a number of before (D-184).
+/// P. 15, 26: slaves of a bus must differ in their numbers, and the manual requires nothing else. The modules of a PLC
+/// are switched on together. So two modules that have swapped their numbers differ, and no module is compared with an
+/// earlier number (D-184).
 #[test]
 fn modules_of_a_plc_swap_their_numbers() {
     let module = |slot: &str, rest: &str| format!("[[device.module]]\nslot = '{slot}'\nbus = 'b'\n{rest}\n");
@@ -379,8 +380,8 @@ fn the_power_on_of_a_plc_without_dip_switches_names_no_number() {
     assert!(text.trim_end().ends_with("  on"), "{text}");
 }
 
-/// P. 15 and 26: slaves of a bus differ in their numbers, and nothing else is asked of them. A master and two slaves of one PLC
-/// make a test bench.
+/// P. 15 and 26: slaves of a bus must differ in their numbers, and the manual requires nothing else. A master and two
+/// slaves of one PLC make a test bench.
 #[test]
 fn a_master_and_slaves_of_one_plc_share_a_bus() {
     let module = |slot: &str, rest: &str| format!("[[device.module]]\nslot = '{slot}'\nbus = 'b'\n{rest}\n");
@@ -425,8 +426,9 @@ fn a_master_and_slaves_of_one_plc_share_a_bus() {
     }
 }
 
-/// P. 15-16, 25: the module itself makes the SYNC signal, so it raises event 11 and takes its handshakes back without a bus.
-/// Nothing of it is on a bus, so the journal has no frames and no edges. A slave has no signal there.
+/// P. 15-16, 25: the module itself makes the SYNC signal, so it raises event 11 and answers its handshakes without a
+/// bus. The journal has no frames and no edges of this module, because it has no bus. A slave without a bus has no
+/// signal.
 #[test]
 fn a_master_without_a_bus_makes_its_sync_signal_for_the_plc() {
     let mut bm4 = Bm4::new(
@@ -459,12 +461,12 @@ fn a_master_without_a_bus_makes_its_sync_signal_for_the_plc() {
     bm4.step(100_000);
     assert_eq!(passed_on.a_STAT_SL[1].load(), 0x03, "the drive there is synchronized");
     assert_eq!(bm4.plant.next_sync(DeviceIndex(0), 3), bm4.plant.next_sync(DeviceIndex(0), 1));
-    // The slave without a bus waits without end, which is found at its start.
+    // The slave without a bus waits without end; the checker reports this at its start.
     assert_eq!(bm4.plant.journal().findings().errors(), [&rules::NO_MASTER]);
 }
 
-/// P. 15-16, 50-51: a slave on a bus without a master never has a SYNC signal, nor a master that passes it on. The plant is
-/// doubted, and the start of the slave is found.
+/// P. 15-16, 50-51: a slave on a bus without a master never has a SYNC signal, nor a master that passes it on. The
+/// check of the plant warns of it, and the checker reports the start of the slave.
 #[test]
 fn a_bus_without_a_master_gives_a_warning_and_a_finding() {
     let text = "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n[[device.module]]\nslot = 'G'\nkind = 'can-06'\n\
@@ -545,7 +547,7 @@ fn the_first_led_shows_frames_and_not_the_sync_signal() {
     registers.b_CTRLREG_WRC1.store(0x05);
     bm4.step(10_000);
     assert_eq!(led(&bm4, 1, 5), Led::Flashes(1));
-    // A slave at the right rate receives that.
+    // A slave at the right rate receives these frames.
     bm4.bring_up(&[&bm4.node(0, SLOTH, right, Mode::Slave)], ..=Stage::SetUp);
     assert_eq!(led(&bm4, 0, 1), Led::Off);
     bm4.run_to_sync(1, 6);
@@ -556,7 +558,7 @@ fn the_first_led_shows_frames_and_not_the_sync_signal() {
     assert_eq!((led(&bm4, 0, 1), led(&bm4, 1, 5)), (Led::Off, Led::Off), "nothing since");
 }
 
-/// P. 76-77 of a slave's lock: `sync_loss_us` as at every other slave (D-124).
+/// P. 76-77: `sync_loss_us` sets when a slave module loses its lock, as at every other slave (D-124).
 #[test]
 fn a_module_keeps_its_lock_for_the_time_that_the_plant_file_gives() {
     for (setting, is_locked) in [("", false), ("sync_loss_us = 60000\n", true)] {
@@ -589,7 +591,8 @@ fn leds_of_slot_h(bm4: &Bm4) -> [Led; 4] {
     Leds::of_code(bm4.segment(0).header().unwrap().ports[1].leds.load()).h
 }
 
-/// P. 16-19, 27, 30-32: DIP switch 9 at OFF makes a module a slave of the controller, which the PLC has no registers of (D-649).
+/// P. 16-19, 27, 30-32: DIP switch 9 at OFF makes a module a slave of the controller, for which the PLC has no
+/// registers (D-649).
 #[test]
 fn a_slave_of_the_controller_is_a_drive_of_its_bus() {
     let mut bm4 = with_controllers_slave("dip9 = false");
@@ -769,7 +772,7 @@ fn the_name_of_the_manuals_example_leads_to_the_register() {
     assert!(last.contains("a_RD_VALUE[5][16]"), "{last}");
 }
 
-/// An Omega Drive-Line II knows no 1 Mbit/s: it hears nothing there.
+/// An Omega Drive-Line II does not support 1 Mbit/s, so it receives nothing on such a bus.
 #[test]
 fn an_omega_hears_nothing_on_a_bus_of_1_mbit() {
     let mut bm4 = Bm4::new(

@@ -204,11 +204,11 @@ fn a_number_that_is_taken_leaves_the_node_alone() {
         OnBoard { plc: DeviceIndex::at(B), what: BoardEvent::NumberTaken { port: 1, number: 2 } }.into();
     assert!(rig.records().any(|record| record.event == taken));
     rig.expect_errors(&[&commram::devices::cansync::rules::NUMBER_TAKEN]);
-    // Nothing has changed at the next power-on, so it is found again (5.00005.03a p. 22).
+    // Nothing has changed at the next power-on, so the checker reports it again (5.00005.03a p. 22).
     rig.plant.set_power(DeviceIndex::at(B), Power::Off);
     rig.plant.set_power(DeviceIndex::at(B), Power::On);
     assert_eq!(rig.records().filter(|record| record.event == taken).count(), 2);
-    // Back to a free one.
+    // Back to a free number.
     rig.plant.devices()[B].segment().header().unwrap().board.dip.store(1);
     rig.plant.set_power(DeviceIndex::at(B), Power::Off);
     rig.plant.set_power(DeviceIndex::at(B), Power::On);
@@ -240,7 +240,7 @@ fn a_number_is_free_when_its_station_has_moved_or_is_off() {
     };
     turn(&mut rig, B, 3);
     assert_eq!(taken(&rig), 1);
-    // The other one moves; the number stays at the switches of the first.
+    // The other station gets another number; the switches of the first station stay as they are.
     turn(&mut rig, C, 1);
     turn(&mut rig, B, 3);
     assert_eq!(taken(&rig), 1);

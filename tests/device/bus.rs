@@ -148,7 +148,7 @@ fn the_second_deadline_follows_reference_value_frame_1() {
     for rate in FASTEST {
         let [earliest, latest] =
             [rate.timing.deadline_RDC2.earliest, rate.timing.deadline_RDC2.latest].map(u64::from);
-        // Whether frame 2, released `after` microseconds after the edge, is acknowledged, and when WRC1 ended.
+        // Returns whether frame 2, released `after` microseconds after the edge, is acknowledged, and the end of WRC1.
         let released = |words: usize, has_wrc1: bool, after: u64| {
             let mut rig = with_drives(Memory::Heap, rate);
             let taken = &rig.slave._CFG_WRC_WORD;
@@ -307,9 +307,9 @@ fn the_load_of_a_bus_is_the_time_of_its_frames() {
         let load = u64::from(rig.plant.bus_load(BusIndex(0), span_us).unwrap());
         let expected = taken * 1000 / span_us;
         assert!(expected > 100, "{expected}");
-        // Whole microseconds there, nanoseconds here.
+        // The journal has whole microseconds; the load is calculated from nanoseconds.
         assert!(load.abs_diff(expected) <= 10, "{load}, {expected}");
-        // A journal that continues from a snapshot knows nothing of the time before it.
+        // A journal that continues from a snapshot has no records from before the snapshot.
         let snapshot = rig.plant.snapshot();
         rig.plant.restore(&snapshot).unwrap();
         let begin = rig.plant.now();

@@ -110,7 +110,7 @@ fn the_largest_two_level_cluster_runs() {
 #[test]
 fn a_run_on_several_cores_equals_a_run_on_one() {
     for rate in FASTEST {
-        // In steps shorter than a processor cycle nothing is left out, and few events come in a row.
+        // With steps shorter than a processor cycle, no cycle is skipped, and only few events are in one step.
         let outcomes = [(1, 250), (1, 2000), (2, 2000), (3, 2000)].map(|(cores, step_us)| {
             let mut cluster = Cluster::new(rate, &[32, 1]);
             cluster.plant.set_cores(NonZero::new(cores).unwrap());
@@ -131,7 +131,7 @@ fn a_run_on_several_cores_equals_a_run_on_one() {
                 intervals(&mut cluster, 10);
             }
             assert_eq!(cluster.plant.faults().count(), 0, "both are over");
-            // Reserved bits, which is a warning or an error of each of their PLCs.
+            // Reserved bits: the checker reports a warning or an error for each of these PLCs.
             for plc in [5, 31, 7] {
                 cluster.plcs[plc].master.b_MAX_SL_NR.store(0x7F);
             }

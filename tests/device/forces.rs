@@ -23,7 +23,7 @@ fn word(offset: u32, value: u32) -> Forced {
 }
 
 #[test]
-fn the_firmware_cannot_change_it() {
+fn the_firmware_cannot_change_a_forced_register() {
     for rate in FASTEST {
         let [_, w_option_status, _] = registers(rate);
         for memory in BOTH {
@@ -122,7 +122,7 @@ fn a_refused_force_gives_its_reason() {
 }
 
 #[test]
-fn there_is_an_end_to_them() {
+fn the_number_of_forced_registers_is_limited() {
     for rate in FASTEST {
         let mut rig = Rig::new(Memory::Heap, rate);
         let first = rate.kind.master.base + offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_RD_BMARRAY);

@@ -171,7 +171,7 @@ fn action_commands_show_at_the_slave_when_they_change_something() {
             rig.run_to_sync();
             rig.run_to_sync();
         }
-        // Another distance, so that the third one is not counted together with the others.
+        // Another interval, so that the journal does not count the third command together with the others.
         rig.run_to_sync();
         rig.slave.b_STATREG_CONTROLWORD.store(0);
         rig.master.a_STEUREG_CONTROLWORD[0].store(0x05);

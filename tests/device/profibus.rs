@@ -30,7 +30,7 @@ fn shared(plant: &Plant) -> Vec<(u16, u32)> {
 fn gateways_with_the_same_address_are_found() {
     for (switches, expected) in [
         (&[Some(5), Some(6)][..], &[][..]),
-        // Both as they are delivered.
+        // Both have the address at delivery.
         (&[None, None], &[(0, 3), (1, 3)]),
         // Below 3 is 3, above 124 is 124 (p. 9).
         (&[Some(7), Some(0), Some(3)], &[(1, 3), (2, 3)]),

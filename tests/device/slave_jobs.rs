@@ -103,7 +103,7 @@ fn t39(memory: Memory, rate: Rate) {
     assert_eq!(par_cmd(&bench), 0x24);
 }
 
-/// A command that shows in every register it may show in.
+/// A command that appears in every register that can show it.
 fn command(command: u8) -> ActionCommand {
     ActionCommand { slave_group: 1 << NUMBER, command, data_byte: 0x5A, data_word: 0x1234 }
 }
@@ -195,7 +195,7 @@ fn a_change_is_shown_until_it_is_confirmed() {
     }
 }
 
-/// An answer that the master has not fetched is still owed: another job is a change (p. 190).
+/// An answer that the master has not fetched is still outstanding, so another job counts as a change (p. 190).
 #[test]
 fn an_answered_job_can_still_be_changed() {
     for rate in FASTEST {

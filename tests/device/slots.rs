@@ -25,7 +25,7 @@ fn running(rate: Rate, bus: &str) -> Rig {
 }
 
 /// The slave node sends these words in both actual value frames, the master those in both reference value frames, from
-/// the next edge on, which is handled.
+/// the next edge on. The function ends after this edge.
 fn fill(rig: &mut Rig, config: [u8; 4], sent: [u32; 2], written: [u32; 2]) {
     let [a, b, c, d] = config;
     let (wrc, rdc) = (&rig.master._CFG_WRC_WORD, &rig.slave._CFG_RDC_WORD);
@@ -47,8 +47,8 @@ fn fill(rig: &mut Rig, config: [u8; 4], sent: [u32; 2], written: [u32; 2]) {
     rig.run_to_sync();
 }
 
-/// Everything is released in this interval; ends at the next edge but one, when the answer to its job is there too.
-/// Returns the frames with the time of their end.
+/// Releases all frames in this interval. The function ends two edges later, when the answer to the job of this interval
+/// has arrived. Returns the frames with the time of their end.
 fn full_interval(rig: &mut Rig, slaves: [u8; 2]) -> Vec<(u64, Frame)> {
     let before = rig.frames().len();
     rig.master.b_CTRLREG_RD_ORDER_RDC1.store(slaves[0]);

@@ -67,7 +67,7 @@ proptest! {
         });
         prop_assert_eq!(&journals[0], &journals[1]);
         prop_assert!(plant.snapshot() == other.snapshot(), "all registers and all firmware");
-        // And back to where it was, with the records up to there.
+        // The plant goes back to the snapshot, and keeps the records up to that moment.
         let records = records_from(&plant, 0).into_iter().filter(|record| record.seq < position).collect::<Vec<_>>();
         prop_assert_eq!(plant.go_back(&snapshot), Ok(()));
         prop_assert_eq!(records_from(&plant, 0), records);
@@ -112,7 +112,7 @@ fn every_device_of_the_registry_is_in_one_of_these_plants() {
 }
 
 #[test]
-fn another_plant_is_refused_by_name_and_the_plant_goes_on_as_it_was() {
+fn another_plant_is_refused_by_name_and_the_plant_continues_unchanged() {
     let mut plant = plant_of(OMEGA);
     plant.advance_to(5_000);
     let before = plant.snapshot();

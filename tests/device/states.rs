@@ -92,7 +92,7 @@ fn every_command_in_every_state() {
 }
 
 /// Manual p. 218, 221; 5.02066.01a p. 131, 134: a node that waits for initialization data takes the command that sets the mode,
-/// too. After a restart that goes with the data that it had (D-602).
+/// too. After a restart the node can use the data from before the restart (D-602).
 #[test]
 fn the_mode_can_be_set_with_the_data_from_before_a_restart() {
     for rate in FASTEST {
@@ -115,7 +115,7 @@ fn the_mode_can_be_set_with_the_data_from_before_a_restart() {
     }
 }
 
-/// Without data from before, those in the registers count, as with 16#0002.
+/// Without data from before the restart, the data in the registers count, as with 16#0002.
 #[test]
 fn the_mode_cannot_be_set_with_bad_data() {
     for rate in FASTEST {
@@ -133,9 +133,9 @@ fn the_mode_cannot_be_set_with_bad_data() {
     }
 }
 
-/// A program that polls reads this register before anything else.
+/// `control_changed` reports a new command before the firmware polls.
 #[test]
-fn whether_something_was_ordered_is_known_without_a_look() {
+fn a_new_command_is_reported_before_the_firmware_polls() {
     for rate in FASTEST {
         let mut rig = Rig::new(Memory::Heap, rate);
         rig.step(1_000);
@@ -145,7 +145,7 @@ fn whether_something_was_ordered_is_known_without_a_look() {
             assert!(rig.plant.control_changed(), "{role:?}");
             rig.step(500);
         }
-        assert!(!rig.plant.control_changed(), "all was looked at");
+        assert!(!rig.plant.control_changed(), "the firmware has polled all commands");
     }
 }
 

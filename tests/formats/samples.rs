@@ -1,7 +1,8 @@
 //! Samples of the formats that commram reads back, in `tests/formats`: a file for each format number.
 //!
-//! A test reads today's sample. If it cannot, the format has changed: the change counts the number of the format up and adds
-//! a sample of the new number. The samples of older numbers stay, and tests hold that they are refused with a clear message.
+//! A test reads today's sample. If it cannot, the format has changed: the change increments the number of the format
+//! and adds a sample of the new number. The samples of older numbers stay, and tests check that commram refuses them
+//! with a clear message.
 
 use crate::snapshot_fields::{Saved, Saving, read_format, save_header, seal, unseal};
 use std::collections::BTreeSet;
@@ -30,7 +31,7 @@ pub(crate) fn sample(name: &str, today: impl FnOnce() -> Vec<u8>) -> Vec<u8> {
 }
 
 /// Compares the lines that describe a format with its sample, from which none may be missing. Lines may be added: they are
-/// written if [`RENEW`] is set. `number` names the constant that a change counts up.
+/// written if [`RENEW`] is set. `number` names the constant that a change increments.
 pub(crate) fn assert_only_added(name: &str, number: &str, today: &str) {
     let kept = String::from_utf8(sample(name, || today.as_bytes().to_vec())).unwrap();
     let missing_in = |there: &str, of: &str| -> Vec<String> {

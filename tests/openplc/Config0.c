@@ -43,8 +43,8 @@ void MAIN_init__(MAIN *data__, BOOL retain) {
 }
 
 /*
- * What its first scan on an image finds in a register goes into a retain flag, and the speed of the link into another: none of
- * the initial values of config_init__. Then it starts the node, with two writes to a register in one scan.
+ * The first scan on an image copies a register into a retain flag, and the speed of the link into another flag: neither has an
+ * initial value of config_init__. Then the program starts the node, with two writes to a register in one scan.
  */
 void MAIN_body__(MAIN *data__) {
   if (__GET_VAR(data__->SCANS,) == 0) {

@@ -1,4 +1,4 @@
-/* In the order of calls of OpenPLC's main program; SIGTERM in place of what its pages order. It ends with the state of an output. */
+/* Calls in the order of OpenPLC's main program. SIGTERM replaces the stop command of OpenPLC's pages. At its end the program prints an output. */
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>

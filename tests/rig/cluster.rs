@@ -13,7 +13,7 @@ use commram::plant::{Plant, PlantConfig};
 const RELEASED: u8 = 0x05;
 const RECEIVED: u8 = 0x02;
 const RE_ARMED: u8 = 0xFF;
-/// A slave number register that counts by itself.
+/// Value of a slave number register for automatic counting.
 const AUTOMATIC: u8 = 0x80;
 /// Low and high word of value 0.
 const LOW: u8 = 0x01;

@@ -23,7 +23,7 @@ fn connections_without_a_token_take_no_place_from_others() {
     let mut open = Vec::new();
     for number in 0..600 {
         let mut stream = server.connect();
-        // Some say nothing, some begin a request and do not end it.
+        // Some connections send nothing, others begin a request and never end it.
         if number % 2 == 0 {
             let _ = stream.write_all(b"GET /api/v1/instances HTTP/1.1\r\nhost: 127.0.0.1\r\nx-slow: ");
         }

@@ -15,7 +15,7 @@ impl Recorder<'_> {
         self.server.get(&self.server.path("time")).ok()["time"].as_u64().unwrap()
     }
 
-    /// Does what these words of the command line say.
+    /// Does the operations of these words of the command line.
     fn words(&mut self, words: &str) {
         let path = self.server.path(&format!("show/operations?{words}"));
         for operation in self.server.get(&path).ok()["operations"].as_array().unwrap() {

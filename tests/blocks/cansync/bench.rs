@@ -8,7 +8,7 @@ const DRIVE: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us 
     [[bus.drive.parameters]]\nnumber = 1000\nformat = 'word'\ninitial = 100\nmax = 500\n";
 /// A PLC cycle.
 const CYCLE_US: u64 = 1000;
-/// Far more than any block takes without waiting for a monitoring time.
+/// A time limit. A block needs much less, unless it waits for a monitoring time.
 const PATIENCE_US: u64 = 60_000_000;
 
 pub(crate) struct Bench {

@@ -93,7 +93,7 @@ impl Programs {
         }
     }
 
-    /// An interval: to the next edge, then the event tasks of those that have seen it.
+    /// Runs an interval: advances the clock to the next edge, then runs the event tasks of the PLCs that have seen it.
     fn interval(&mut self, number: u32) {
         self.bench.rig.run_to_sync();
         self.bench.rig.step(80);
@@ -133,7 +133,7 @@ impl Programs {
         self.control_word.call(ma);
         self.broadcast.x_EN = number.is_multiple_of(17);
         self.broadcast.call(ma);
-        // A job that has ended makes room for the next one; one that has failed takes a reset first.
+        // After the end of a job the next one can begin; after a failed job the block needs a reset first.
         macro_rules! next_job {
             ($block:ident, $failed:expr, $done:expr, $begins:expr, $call:expr) => {
                 let was_busy = self.$block.x_BUSY;
@@ -143,7 +143,7 @@ impl Programs {
                 self.done[$done] += u32::from(was_busy && !self.$block.x_BUSY && self.$block.x_OK);
             };
         }
-        // Seldom enough to leave the up-/downloads their turns (p. 161).
+        // So rarely that up-/downloads get their turns (p. 161).
         next_job!(read, self.read.x_ERR, 0, number.is_multiple_of(8), self.read.call(ma));
         next_job!(write, self.write.x_ERR, 1, number % 16 == 5, self.write.call(ma));
         let source = self.blocks[0];
@@ -162,7 +162,8 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
     #[test]
     fn the_checker_finds_nothing_in_a_correct_program(
-        // At most as late in the interval as the next edge comes early.
+        // A fault begins at most 1000 us after an edge, so that jitter cannot move the next edge before the begin of
+        // the fault.
         faults in prop::collection::vec((1..40u32, 0..1000u64, 0..FAULTS.len()), 1..12),
     ) {
         let mut programs = Programs::new();

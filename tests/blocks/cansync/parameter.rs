@@ -32,7 +32,7 @@ fn a_drives_parameter_is_read_written_and_refused() {
             !set.x_BUSY
         });
         assert_eq!((set.x_OK, set.x_ERR), (true, false));
-        // Held: nothing more happens. Down and up again: the next job.
+        // While `x_EN` stays TRUE, nothing more happens. FALSE and TRUE again begin the next job.
         get.call(&bench.ma);
         assert!(!get.x_BUSY && get.x_OK);
         get.x_EN = false;
@@ -69,7 +69,7 @@ fn every_error_bit_of_the_masters_blocks() {
                 assert!((500_000..502_000).contains(&took), "{took}");
                 assert_eq!(bench.ma.a_CTRLREG_PAR_CMD_SL[5].b_STEUREG_PAR_CMD.load(), 0, "withdrawn");
             }
-            // Down and up again does not help, a reset does.
+            // `x_EN` FALSE and TRUE again do not clear the error; a reset does.
             for x_EN in [false, true] {
                 block.x_EN = x_EN;
                 block.call(&bench.ma);
@@ -97,7 +97,7 @@ fn every_error_bit_of_the_masters_blocks() {
     check!(write(5, 1000, 7), 1 << 1, 0_u16);
 }
 
-/// Manual p. 223-224: dropping `x_EN` too early cancels the job.
+/// Manual p. 223-224: if `x_EN` becomes FALSE too early, the job is cancelled.
 #[test]
 fn a_cancelled_job_needs_a_reset() {
     let mut bench = Bench::active(Memory::Heap);
@@ -133,7 +133,7 @@ fn two_blocks_for_one_slave_take_turns() {
     assert_eq!(get.ud_PAR_VALUE, 77);
 }
 
-/// The monitoring time covers waiting for another block's job, which is left alone.
+/// The monitoring time includes the wait for another block's job, which continues undisturbed.
 #[test]
 fn waiting_for_another_job_ends_with_a_timeout_too() {
     let dead = Dead::new();
@@ -155,7 +155,7 @@ fn waiting_for_another_job_ends_with_a_timeout_too() {
 struct Application {
     block: CANsync_PAR_SL,
     parameters: BTreeMap<u16, (u32, bool)>,
-    /// Calls it takes to do a job.
+    /// Number of calls that a job takes.
     delay: u32,
     waited: u32,
 }
@@ -228,7 +228,7 @@ fn jobs_to_a_slaves_application() {
             application.cycle(b);
             application.block.x_OK
         });
-        assert!(!application.block.x_BUSY, "x_OK does not tell errors from good ends (p. 229)");
+        assert!(!application.block.x_BUSY, "x_OK does not distinguish errors from good ends (p. 229)");
     }
 }
 
@@ -311,7 +311,7 @@ fn a_slaves_block_restarts_after_an_unfetched_answer() {
     }
 }
 
-/// Manual p. 227; 5.02066.01a p. 144: the job shown does not count any more when the firmware has dropped it (D-63).
+/// Manual p. 227; 5.02066.01a p. 144: the job shown is no longer valid when the firmware has dropped it (D-63).
 #[test]
 fn a_job_that_the_firmware_drops_is_reset() {
     for is_answered in [false, true] {
@@ -334,7 +334,7 @@ fn a_job_that_the_firmware_drops_is_reset() {
     }
 }
 
-/// Manual p. 228: without `x_EN` nothing is shown; dropped too early it needs a reset.
+/// Manual p. 228: without `x_EN` the block shows no job; if `x_EN` becomes FALSE too early, the block needs a reset.
 #[test]
 fn the_slaves_block_can_be_switched_off() {
     let mut bench = Bench::active(Memory::Heap);

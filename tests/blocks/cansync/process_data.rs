@@ -120,7 +120,7 @@ fn master_slave_and_drive_exchange_process_data() {
         assert_eq!(at_master[1][0], 5000, "the drive follows its reference value");
         assert_eq!(at_slave[1][0], 5000, "the slave overhears the drive");
         assert_eq!(at_slave[0], [0; 16], "never its own values (p. 258)");
-        // Slaves 0 and 1 in turn, no slave before the end of the first interval.
+        // The master receives from slaves 0 and 1 in turn, and from no slave before the end of the first interval.
         assert!(heard1.ends_with(&[0, 1, 0, 1]) || heard1.ends_with(&[1, 0, 1, 0]), "{heard1:?}");
         assert_eq!(heard1, heard2);
         assert_eq!(heard1[0], -128);
@@ -130,7 +130,7 @@ fn master_slave_and_drive_exchange_process_data() {
 
 /// Manual p. 250, 259: only 5 releases a frame.
 #[test]
-fn values_that_are_not_valid_stay_at_home() {
+fn values_that_are_not_valid_are_not_sent() {
     let mut bench = mapped(Memory::Heap);
     let mut ma = CANsync_PD_COMM_MA { a_WR_VALUES_SEND: [1; 8], si_WRC1_SEND: 5, ..Default::default() };
     let mut sl = CANsync_PD_COMM_SL { a_RD_VALUES_SEND: [1; 8], si_RDC2_SEND: 4, ..Default::default() };

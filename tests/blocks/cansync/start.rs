@@ -5,7 +5,7 @@ use super::device::*;
 use crate::rig::{BOTH, Memory};
 use commram::devices::cansync::{self, BaudRate};
 
-/// Manual p. 134, 212, 216-217: what a start looks like, in both memories.
+/// Manual p. 134, 212, 216-217: the registers during a start, on heap and mapped memory.
 #[test]
 fn init_and_mode_bring_both_nodes_into_active_operation() {
     for memory in BOTH {
@@ -139,7 +139,7 @@ fn mode_gives_each_command_and_shows_each_state() {
     assert_eq!(give(&mut bench, |mode| mode.x_SET_INIT_DATA = true), Some(2));
     assert_eq!(give(&mut bench, |mode| mode.x_SYNC_MODE = true), Some(3));
     assert_eq!(give(&mut bench, |mode| mode.x_CANsync_RUN = true), Some(4));
-    // Both inputs held: stays active.
+    // While both inputs stay TRUE, the node stays active.
     assert_eq!(give(&mut bench, |mode| (mode.x_SYNC_MODE, mode.x_CANsync_RUN) = (true, true)), Some(4));
     assert_eq!(give(&mut bench, |mode| mode.x_RESET_CANsync_CONTROLLER = true), Some(4));
     assert_eq!(bench.ma.w_CPU_CONTROL.load() & 0x0080, 0, "the firmware has cleared bit 7");

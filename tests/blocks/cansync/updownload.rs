@@ -12,7 +12,7 @@ struct BlockPair {
     sl: CANsync_UPDOWNLOAD_SL,
     at_master: CANsync_UPDOWN_BMARRAY,
     at_slave: CANsync_UPDOWN_BMARRAY,
-    /// Every value of `u_LENGTH` at the slave.
+    /// The values of the output `u_LENGTH` at the slave, in their order.
     lengths: Vec<u16>,
 }
 
@@ -28,7 +28,7 @@ impl BlockPair {
         }
     }
 
-    /// One call of each; the master sends from and receives into the same array, the slave likewise.
+    /// Calls each block once; the master sends from and receives into the same array, the slave likewise.
     fn call(&mut self) {
         self.call_slave();
         self.call_master();
@@ -45,7 +45,7 @@ impl BlockPair {
         self.ma.x_RESET = false;
     }
 
-    /// Calls of the master's block alone, as before the slave's program runs.
+    /// Calls only the master's block, as if the slave's program did not run yet.
     fn master_alone(&mut self, cycles: u32) {
         for _ in 0..cycles {
             self.call_master();
@@ -93,7 +93,7 @@ fn transfer(memory: Memory, length: u16, download: bool) -> BlockPair {
     let received = if download { &both.at_slave } else { &both.at_master };
     let length = usize::from(length);
     assert_eq!(received[..length], sent[..length]);
-    assert!(received[length..].iter().all(|value| *value == 0), "nothing behind the end");
+    assert!(received[length..].iter().all(|value| *value == 0), "nothing after the end");
     both.until(|both| both.sl.x_OK);
     assert_eq!((both.sl.x_BUSY, both.sl.x_UPDOWN), (false, download));
     both
@@ -113,8 +113,8 @@ fn transfers_of_every_kind_of_length() {
     assert_eq!(both.lengths, [75, 23]);
 }
 
-/// Manual p. 191, 263; 5.02066.01a p. 96, 187: a transfer that begins while the slave's block has not run yet is done when it does
-/// (D-600), or refused where nothing can show it (D-307).
+/// Manual p. 191, 263; 5.02066.01a p. 96, 187: a transfer that begins before the slave's block runs is done when the
+/// block runs (D-600). A device without registers for such a transfer refuses it (D-307).
 #[test]
 fn a_transfer_may_begin_before_the_slaves_block_runs() {
     for download in [false, true] {
@@ -283,7 +283,7 @@ fn a_master_that_stops_half_way_is_a_timeout_at_the_slave() {
     both.until(|both| both.ma.x_OK && both.sl.x_OK);
 }
 
-/// Manual p. 266: dropping `x_EN` cancels; the slave's block recovers without a reset.
+/// Manual p. 266: `x_EN` FALSE cancels the transfer; the slave's block recovers without a reset.
 #[test]
 fn a_transfer_the_master_cancels_leaves_no_trace() {
     let mut both = BlockPair::new(Memory::Heap);
@@ -302,7 +302,7 @@ fn a_transfer_the_master_cancels_leaves_no_trace() {
     both.until(|both| both.ma.x_OK);
 }
 
-/// Manual p. 270: dropping `x_EN` at the slave cancels, too.
+/// Manual p. 270: `x_EN` FALSE at the slave cancels the transfer, too.
 #[test]
 fn a_transfer_the_slave_cancels_fails_at_the_master() {
     let mut both = BlockPair::new(Memory::Heap);

@@ -9,7 +9,8 @@ use commram::memory::Image;
 use commram::plant::{Plant, PlantConfig};
 use std::time::Duration;
 
-/// Two reference and two (four) actual values every 0.5 ms, all the same cycle; eight in time slices.
+/// Values of `w_COMMAND_REG`. `SAME_CYCLE`: two reference values and two (or four) actual values every 0.5 ms.
+/// `TIME_SLICES`: eight values in time slices.
 pub(crate) const SAME_CYCLE: u16 = 0x0014;
 const TIME_SLICES: u16 = 0x0010;
 /// Parameters: speed reference and actual value, additional reference value.
@@ -105,7 +106,7 @@ fn two_values_are_exchanged() {
         assert_eq!((comm.ud_RD_VALUE0, comm.ud_RD_VALUE1), (5000, 0x8765_4321));
         assert_eq!(comm.w_STATUSWORD & 0x006F, 0x0027, "operation enabled");
         assert_eq!(comm.w_STATUS_REG & 1, 0, "nothing triggers the drive");
-        // Not enabled: nothing happens, not even at the timeout register.
+        // A block that is not enabled does nothing, not even at the timeout register.
         let timeout = stage.base.w_TIMEOUT.load();
         comm.x_EN = false;
         comm.call(&stage.base);
@@ -195,7 +196,7 @@ fn init_reports_every_error() {
         let mut stage = stage;
         stage.initialize(&mut block);
         assert_eq!((block.b_ERR, block.b_SL_QUIT, block.x_OK), (b_ERR, b_SL_QUIT, false), "{block:?}");
-        // It takes a reset.
+        // The block needs a reset.
         block.call(&stage.base);
         assert!(block.x_ERR);
         block.x_RESET = true;
@@ -206,7 +207,7 @@ fn init_reports_every_error() {
         assert!(again.x_OK);
     }
 
-    // No drive: 3 s are preset.
+    // The drive does not answer; the preset monitoring time is 3 s.
     let dead = Dead::new();
     let base = dead.ram.at::<BAPS_CTRL_BMSTRUCT>(BAPS).unwrap();
     let mut block = good();
@@ -344,7 +345,7 @@ fn re_initialization_reports_every_error() {
     });
     assert_eq!((comm.x_RE_INIT_ERR, comm.b_SL_QUIT, comm.b_ERR), (true, 0x80, 1 << 0));
 
-    // No drive: 1 s is preset.
+    // The drive does not answer; the preset monitoring time is 1 s.
     let dead = Dead::new();
     let base = dead.ram.at::<BAPS_CTRL_BMSTRUCT>(BAPS).unwrap();
     let mut comm = BAPS_PD_COMM24 { x_RE_INIT_START: true, ..Default::default() };
@@ -358,7 +359,7 @@ fn re_initialization_reports_every_error() {
     assert_eq!((comm.b_ERR, comm.x_ERR, base.b_COMMAND.load()), (1 << 1, true, 0x01));
 }
 
-/// Manual p. 117: watches the calls, not their results.
+/// Manual p. 117: the block monitors the calls, not their results.
 #[test]
 fn missing_process_data_exchange_is_reported() {
     let mut stage = Stage::new(Memory::Heap, "");

@@ -8,7 +8,7 @@ use commram::fault::FaultSpec;
 use std::time::Duration;
 
 impl Stage {
-    /// Adds a fault at once; its number.
+    /// Adds a fault that begins at once; returns its number.
     fn fault(&mut self, kind: &str, fields: &[&str]) -> u16 {
         let spec = FaultSpec::from_words(fault_kinds(), kind, fields).unwrap();
         let fault = spec.resolve(fault_kinds(), &self.plant.names()).unwrap();
@@ -121,8 +121,8 @@ fn a_silent_drive_gives_each_timeout_of_the_service_data() {
     let mut read = BAPS_PAR_READ { u_PAR_NR: 167, ..Default::default() };
     let mut control = BAPS_SD_CONTROL::default();
     for (bit, is_silent_from) in [
-        // It does not take the job; it has given its result and does not see that this was read; its semaphore is still
-        // set from the previous job.
+        // Three cases: the drive does not take the job; the drive has given its result and does not notice that the
+        // block has read it; the drive's semaphore is still set from the previous job.
         (3, Some(0)),
         (4, Some(1)),
         (2, None),
@@ -169,7 +169,7 @@ fn a_silent_drive_gives_each_timeout_of_the_service_data() {
 
 /// A slow drive is in time for a longer monitoring time: it takes the job 3 s late, and it answers 3 s late.
 #[test]
-fn how_slow_a_job_may_be_is_a_matter_of_the_monitoring_time() {
+fn a_longer_monitoring_time_allows_a_slower_job() {
     for (t_TIME, is_in_time) in [(Duration::from_secs(3), false), (Duration::from_secs(7), true)] {
         let mut stage = Stage::new(Memory::Heap, "");
         stage.fault("baps_slow", &["delay=3s"]);

@@ -71,7 +71,7 @@ fn intr_set_reports_refusals_of_the_board() {
             block.is_answered()
         });
         assert!(block.x_ERR, "{i_EVENT} {i_PAR1}");
-        // Other inputs are another request.
+        // With other inputs the block makes another request.
         (block.i_EVENT, block.i_PAR1) = (0, 20);
         bench.until(|_| {
             block.call(&ram);
@@ -132,7 +132,7 @@ fn opt_init_starts_a_timer_and_routes_triggers_once() {
             assert!((49..=51).contains(&trigger.bell.rings()));
         }
         assert_eq!(header.timers[1].bell.rings(), 0);
-        // It may be run once only.
+        // A program may run the block only once.
         let mut again = OPT_INIT::default();
         bench.until(|_| {
             again.call(&ram);

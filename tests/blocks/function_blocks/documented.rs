@@ -125,7 +125,7 @@ fn every_input_and_output_is_documented_with_its_type_and_preset() {
     }
 }
 
-/// Every block is called by a test against the firmware; those of the CS0015 see to it themselves.
+/// Every block is called by a test against the firmware; a separate test checks this for the blocks of the CS0015.
 #[test]
 fn every_block_is_tested() {
     let tests = [

@@ -169,7 +169,7 @@ fn a_slow_drive_is_a_timeout_and_works_after_a_reset() {
     assert!(blocks.read.x_OK);
 }
 
-/// Manual p. 94, 98, 120: dropping `x_EN` disturbs the exchange between the blocks, bits 0 and 1.
+/// Manual p. 94, 98, 120: `x_EN` FALSE disturbs the exchange between the blocks, bits 0 and 1.
 #[test]
 fn a_dropped_job_needs_a_reset_of_both_blocks() {
     let mut stage = Stage::new(Memory::Heap, PARAMETER);

@@ -111,7 +111,7 @@ impl Bench {
         self.fault("baps_drive_fault", &[&format!("error={number}")]);
     }
 
-    /// Adds a fault at once; its number.
+    /// Adds a fault that begins at once; returns its number.
     pub(crate) fn fault(&mut self, kind: &str, fields: &[&str]) -> u16 {
         let spec = FaultSpec::from_words(fault_kinds(), kind, fields).unwrap();
         let fault = spec.resolve(fault_kinds(), &self.plant.names()).unwrap();

@@ -132,7 +132,7 @@ fn re_initialization_with_numbers_that_do_not_exist() {
                 assert_eq!(bench.command(RE_INITIALIZE, 500), 0x03);
             }
             assert_eq!(bench.command(RE_INITIALIZE, 500), answer);
-            // The numbers of before stay in force.
+            // The previous numbers stay in force.
             bench.regs.a_WR_VALUE[0].store(77);
             bench.exchange(2);
             assert_eq!(bench.regs.a_RD_VALUE[0].load(), 77);

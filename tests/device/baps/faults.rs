@@ -7,7 +7,7 @@ use commram::identity::DeviceIndex;
 /// t_cycK 2 ms.
 const EVERY_2_MS: u16 = 0x0044;
 
-/// When communications take place within `us`, looking every 500 us.
+/// Returns the times of the communications within `us`, checked every 500 us.
 fn communications(bench: &mut Bench, us: u64) -> Vec<u64> {
     let mut times = Vec::new();
     for _ in 0..us / 500 {
@@ -74,7 +74,7 @@ fn a_command_waits_and_each_slice_is_a_hit() {
 #[test]
 fn a_slow_drive_answers_late_and_its_communications_come_late() {
     let mut bench = Bench::new(Memory::Heap, "");
-    // The first slice after that lies 1500 us later.
+    // The first slice after this delay is 1500 us later.
     let number = bench.fault("baps_slow", &["delay=1300us"]);
     bench.regs.w_COMMAND_REG.store(EVERY_2_MS);
     bench.regs.b_COMMAND.store(CONFIGURE);
@@ -97,7 +97,7 @@ fn communications_that_fall_due_meanwhile_become_one() {
     let mut bench = Bench::new(Memory::Heap, "");
     bench.configure(SAME_CYCLE, &[], &[]);
     bench.fault("baps_slow", &["delay=3ms"]);
-    // Due, 3 ms late, and the next one due 500 us later.
+    // Each communication is 3 ms late; 500 us later is the regular time of the next one.
     assert_eq!(communications(&mut bench, 14_000).len(), 4);
 }
 

@@ -21,7 +21,7 @@ enum Op {
     Clear,
     /// A fault of the drive.
     Fault,
-    /// Time slices go by.
+    /// The clock advances by time slices.
     Slices(u8),
 }
 
@@ -37,7 +37,7 @@ fn op() -> impl Strategy<Value = Op> {
     ]
 }
 
-/// A job that the PLC has entered and not seen answered.
+/// A job that the PLC has entered and that has no answer yet.
 #[derive(Clone, Copy, Debug)]
 struct Open {
     write: bool,
@@ -98,13 +98,13 @@ impl Model {
             }
             Op::Clear => {
                 regs.b_MA_SEMAPHORE.store(0);
-                // Not answered up to now: it must never be carried out.
+                // A job without an answer until now must never be carried out.
                 self.given_up += u32::from(self.job.take().is_some());
                 // The drive cannot see that the semaphore was 0 for less than a slice.
                 self.slice()?;
             }
             Op::Fault => {
-                // One that the drive still has takes no second; faults that wait are not to pile up.
+                // While the drive has a fault, a second one would only wait. Waiting faults must not accumulate.
                 self.bench.plant.clear_faults();
                 self.bench.trip(3);
             }

@@ -89,7 +89,7 @@ fn the_drive_notices_that_its_trigger_signal_is_gone() {
     assert_eq!(state(&bench), (DrivecomState::Fault, 77), "whether or not anything is exchanged");
 }
 
-/// P. 74 knows 4 and 8 kHz.
+/// P. 74 has only 4 and 8 kHz.
 #[test]
 fn another_pwm_frequency_is_a_finding() {
     let mut bench = Bench::new(Memory::Heap, "");

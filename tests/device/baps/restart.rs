@@ -113,7 +113,7 @@ fn written_parameters_survive_reset_alone() {
     assert_eq!(bench.read(167), (0, 0, 2000));
 }
 
-/// The trigger signal is the board's: RESET ends it, and so the lock.
+/// The board generates the trigger signal, so RESET ends the signal and the lock.
 #[test]
 fn reset_ends_the_trigger_signal() {
     let mut bench = Bench::new(Memory::Heap, "lock_time_us = 10000");

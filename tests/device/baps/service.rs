@@ -124,7 +124,7 @@ fn parameters_of_the_plant_file() {
     );
 }
 
-/// They are there again after power-off (D-166).
+/// The drive has these parameters again after power-off (D-166).
 #[test]
 fn own_parameters_of_the_drive_in_the_plant_file() {
     let drive = "parameters = [{ number = 167, format = 'word', initial = 1000 }]";

@@ -129,10 +129,10 @@ fn the_offset_says_when_reference_values_are_taken_over() {
     }
 }
 
-/// A trigger that is not the drive's moves its slices to each of its edges: they come closer than 0.5 ms then, and a ramp takes
-/// its time all the same.
+/// A trigger signal with another period than the SYNC slot of the drive moves the drive's time slices to its edges.
+/// Slices can then follow each other within less than 0.5 ms, but a ramp still takes its full time.
 #[test]
-fn a_ramp_takes_its_time_wherever_the_slices_lie() {
+fn a_ramp_takes_its_full_time_for_any_slices() {
     let speed_behind_a_ramp = |period_us: u32| {
         let mut bench = Bench::new(Memory::Heap, "ramp_per_second = 10000");
         bench.configure(SAME_CYCLE, &[SPEED_REFERENCE], &[SPEED_ACTUAL]);

@@ -144,7 +144,7 @@ fn t11_and_t29() {
     assert_eq!((rig.slave.b_STATREG_AKT_CMD.load(), rig.slave.b_AKT_CMD.load()), (0x02, 0x80));
 }
 
-/// The block alone, so that it is its own writes that are looked at.
+/// Only the block runs, without firmware, so that the test checks the block's own writes.
 fn t20_and_t21() {
     for (us_BAUDRATE, us_SYNC_INTERVAL, timing, w_ERR) in
         [(6, 1, [0x40, 0x34], 0), (5, 2, [0x41, 0x34], 0), (4, 4, [0x43, 0x34], 0), (3, 8, [0x47, 0x34], 0)]
@@ -166,7 +166,7 @@ fn t20_and_t21() {
     }
 }
 
-/// A block that works on a rig, called once in each interval until it is no longer busy; the time that this takes in us.
+/// Calls a block once in each interval of a rig until the block is no longer busy; returns the duration in us.
 fn finish(rig: &mut Rig, block: &mut CANsync_UPDOWNLOAD_MA, mut between: impl FnMut(&Rig)) -> u64 {
     let (base, start) = (master(rig), rig.plant.now());
     let (down, mut up) = ([0; UPDOWN_VALUES], [0; UPDOWN_VALUES]);
@@ -193,7 +193,7 @@ fn t22() {
     };
     let us = finish(&mut rig, &mut block, |_| ());
     assert_eq!((block.x_ERR, block.b_ERR), (true, 1 << 2));
-    // Each try ends in the first cycle after its time.
+    // Each attempt ends in the first cycle after its time limit.
     assert!((6_000_000..6_010_000).contains(&us), "{us} us");
 }
 
@@ -269,7 +269,7 @@ fn t28() {
     let job = rig.last_frame(0x505..=0x505).expect("the job");
     assert_eq!((job.data().len(), job.data()[0] & 0x0F, job.data()[1]), (4, 0x01, 0x2C));
     let response = rig.last_frame(0x585..=0x585).expect("the drive's response");
-    // It is a doubleword.
+    // The response has a doubleword.
     assert_eq!((response.data().len(), &response.data()[..2]), (8, &[0x01, 0x2C][..]));
 }
 
@@ -309,7 +309,7 @@ fn t36() {
     assert_eq!(sent, [(0x010, Some(0x90)), (0x010, Some(0x01)), (0x505, None)]);
 }
 
-/// The text, not the table, which says -1.
+/// -128 as in the text of the manual; its table has -1.
 fn t37() {
     let mut rig = active();
     let mut block = CANsync_PD_COMM_MA { si_WRC1_SEND: 5, si_RD_SL_NR1_RECEIVE: 9, ..Default::default() };

@@ -277,7 +277,7 @@ fn findings_can_be_forgotten() {
     }
 }
 
-/// Findings are events like all others: the same run has the same ones, and other ones make another run.
+/// Findings are events like all others: equal runs have equal findings, and other findings give the run another hash.
 #[test]
 fn findings_belong_to_the_run() {
     for rate in FASTEST {

@@ -4,7 +4,7 @@ use super::*;
 use crate::rig::{BOTH, FASTEST, Memory, Rig};
 use commram::devices::cansync::bus::drives;
 
-/// Whether the master got RDC1 in this interval; runs through it.
+/// Runs an interval; returns whether the master has received RDC1 in it.
 fn exchanged(rig: &mut Rig) -> bool {
     rig.master.a_STATREG_RDC[DRIVE].b_STATREG_RDC1.store(0xFF);
     rig.send_wrc1();
@@ -131,7 +131,7 @@ fn a_slave_whose_status_answer_is_lost_does_not_respond() {
 fn a_delayed_reference_frame_and_its_answer_come_late() {
     for rate in FASTEST {
         let mut rig = running(Memory::Heap, rate);
-        // After the slot of the answer; a frame has 50 to 130 bits.
+        // The delayed frame begins after the slot of the answer; a frame has 50 to 130 bits.
         let (slot, delay) = (u64::from(rate.timing.t_WRC1), rate.interval_us * 3 / 10);
         let bits = |bits: u64| bits * 1000 / u64::from(rate.kbit_s);
         let edge = rig.plant.now();
@@ -195,7 +195,7 @@ fn a_duplicated_frame_arrives_twice() {
     }
 }
 
-/// A job that comes twice: a slave node takes the second one for a repetition.
+/// A job that comes twice: a slave node treats the second one as a repetition.
 #[test]
 fn a_duplicated_job_is_a_repetition() {
     for rate in FASTEST {

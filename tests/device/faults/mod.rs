@@ -36,7 +36,7 @@ pub(crate) fn add(rig: &mut Rig, text: &str) -> u16 {
     rig.plant.add_fault(fault).unwrap()
 }
 
-/// All news of faults with their times.
+/// Returns all journal records about faults, with their times.
 fn news(rig: &Rig) -> Vec<(u64, u16, News)> {
     let pending = rig.plant.journal().pending();
     let mut all: Vec<_> = rig

@@ -168,7 +168,7 @@ fn interval(rig: &mut Rig, requests: PlcRequests) {
         regs.a_STEUREG_CONTROLWORD[usize::from(slave)].store(0x05);
     }
     if let Some(slave) = requests.parameter {
-        // Only a new job gives an acknowledgement to look for.
+        // Only a new job gets an acknowledgement that the test can check.
         if parameter(rig, slave.into()).0 & 0x01 == 0 {
             enter_parameter(rig, slave.into(), 0x03, 121, 0);
         }
@@ -201,7 +201,7 @@ fn acknowledged(rig: &Rig) -> Vec<(u64, IsFrame)> {
             CONTROL_WORD.. if offset < CONTROL_WORD + 32 => {
                 Some(|frame| frame.kind() == Some(FrameKind::Action))
             }
-            // Bit 3, sent, comes on.
+            // Bit 3 (sent) becomes 1.
             PARAMETER.. if offset < PARAMETER + 64 && !request & answer & 0x08 != 0 => {
                 Some(|frame| matches!(frame.kind(), Some(FrameKind::Job(_))))
             }

@@ -92,14 +92,14 @@ impl Bench {
         self.with(|master, ctx| master.command(ctx))
     }
 
-    /// The same, where a parameter job goes out: its slave and the job.
+    /// Runs an interval in which the master sends a parameter job; returns its slave and the job.
     pub(crate) fn parameter_job(&mut self) -> Option<(u8, ParameterJob)> {
         let frame = self.interval()?;
         assert_eq!(frame.id() & 0x780, 0x500, "{frame:?} is no job");
         Some(((frame.id() & 0x7F) as u8, ParameterJob::decode(frame.payload()).unwrap()))
     }
 
-    /// The same, where a frame of an up-/download goes out: its slave and the job.
+    /// Runs an interval in which the master sends a frame of an up-/download; returns its slave and the job.
     pub(crate) fn updown_job(&mut self) -> Option<(u8, UpDownJob)> {
         let frame = self.interval()?;
         assert_eq!(frame.id() & 0x780, 0x500, "{frame:?} is no job");
@@ -120,7 +120,7 @@ impl Bench {
         self.respond(job.answer(result).frame(slave));
     }
 
-    /// t_RSPTO passes.
+    /// Advances the clock until t_RSPTO has passed.
     pub(crate) fn no_answer(&mut self) {
         self.with(|master, ctx| master.response_timeout(ctx));
     }

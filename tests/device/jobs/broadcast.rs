@@ -205,7 +205,7 @@ fn jobs_pending_at_once_go_out_in_the_order_of_their_areas() {
                     let frame = bench.interval().unwrap();
                     let (_, data) = (bench.no_answer(), frame.data());
                     if frame.id() == 0x500 && data[0] & 0x80 == 0 {
-                        bench.put(0, 0, 0); // the parameter job would be repeated for ever
+                        bench.put(0, 0, 0); // the parameter job would be repeated without end
                     }
                     (frame.id(), if frame.id() == 0x010 { data[4] } else { data[0] })
                 })

@@ -199,13 +199,13 @@ fn an_answer_to_a_job_that_was_changed_or_withdrawn_is_ignored() {
         let old = ParameterResult::Word(0xAAAA);
         for memory in BOTH {
             let mut bench = Bench::new(memory, rate);
-            // Withdrawn.
+            // The PLC withdraws the job.
             bench.enter_parameter(0, 0x03, 300, 1);
             let (_, job) = bench.parameter_job().unwrap();
             bench.put(0, 0, 0);
             bench.answer(0, &job, old);
             assert_eq!((bench.parameter(0), bench.value(0)), (0, 1));
-            // Another number, entered by the rule; then the same job once more.
+            // The PLC enters a job with another number by the rule; then the same job once more.
             for number in [301, 301] {
                 bench.enter_parameter(0, 0x03, 300, 1);
                 let (_, job) = bench.parameter_job().unwrap();
@@ -253,7 +253,7 @@ fn mismatched_answers_count_as_missing() {
             read.with_sub_slave(1).answer(ParameterResult::Word(1)).frame(0),
             // An answer of another slave.
             read.answer(ParameterResult::Word(1)).frame(1),
-            // An answer to an up-/download, and no grammar at all.
+            // An answer to an up-/download, and a frame that matches no grammar.
             Frame::new(0x580, &[0x80, 0]).unwrap(),
             Frame::new(0x580, &[]).unwrap(),
             Frame::new(0x580, &[0x01]).unwrap(),
@@ -343,7 +343,7 @@ fn leaving_active_operation_ends_the_exchange_in_progress() {
     }
 }
 
-/// The whole way over the bus: PLC `b` is slave 0 and answers by its application, drive 1 at once.
+/// Jobs and answers over the bus: PLC `b` is slave 0, and its application answers; drive 1 answers at once.
 fn over_the_bus(memory: Memory, rate: Rate) {
     let drive = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\n\
                  [[bus.drive.parameters]]\nnumber = 18\nformat = 'doubleword'\ninitial = 5\nmax = 100\n";

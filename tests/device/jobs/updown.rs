@@ -132,7 +132,7 @@ fn an_upload_without_a_length_takes_the_slaves() {
     for rate in FASTEST {
         for memory in BOTH {
             let mut bench = Bench::new(memory, rate);
-            // Asked for nothing, or for something else.
+            // The master asks for no length, or for another length than the slave sets.
             for asked in [0, 100] {
                 bench.enter_block(UPLOAD, 0, ADDRESS, asked);
                 let (_, job) = bench.updown_job().unwrap();
@@ -146,7 +146,7 @@ fn an_upload_without_a_length_takes_the_slaves() {
                 }
                 assert_eq!((bench.block(), bench.counter()), (0x0C, 8));
             }
-            // The slave has more than the block takes, or nothing (D-49).
+            // The length from the slave is larger than the block, or 0 (D-49).
             for (length, error) in [(301, updown_error::LENGTH), (4095, updown_error::LENGTH)] {
                 bench.enter_block(UPLOAD, 0, ADDRESS, 0);
                 let (_, job) = bench.updown_job().unwrap();
@@ -220,13 +220,13 @@ fn a_changed_job_restarts_and_a_withdrawn_job_ends() {
         };
         for memory in BOTH {
             let mut bench = Bench::new(memory, rate);
-            // Withdrawn.
+            // The PLC withdraws the job.
             let job = started(&mut bench);
             bench.enter_block(0x00, 0, ADDRESS, 60);
             bench.answer_block(0, &job, UpDownResult::Done);
             assert_eq!((bench.block(), bench.counter()), (0, 6));
             assert_eq!(bench.interval(), None);
-            // The same one again.
+            // The PLC enters the same job again.
             let job = started(&mut bench);
             bench.enter_block(DOWNLOAD, 0, ADDRESS, 60);
             bench.answer_block(0, &job, UpDownResult::Done);

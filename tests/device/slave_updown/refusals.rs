@@ -59,7 +59,7 @@ fn the_application_gives_up_between_two_blocks() {
     }
 }
 
-/// The numbers of p. 192 that the firmware finds by itself. Each refusal leaves the transfer alone (D-68).
+/// The numbers of p. 192 with which the firmware itself refuses a frame. A refusal does not change the transfer (D-68).
 #[test]
 fn frames_out_of_place_are_refused_and_change_nothing() {
     for rate in FASTEST {
@@ -165,7 +165,7 @@ fn set_up_mode_takes_no_transfer() {
     }
 }
 
-/// D-307: where no single-frame area takes it, the application could not answer.
+/// D-307: on a device without a single-frame area, the application could not answer.
 #[test]
 fn block_1_refuses_transfers_without_a_single_frame_area() {
     for rate in FASTEST.into_iter().filter(|rate| !rate.kind.is_omega()) {

@@ -189,7 +189,7 @@ fn the_slave_sets_the_length_of_an_upload() {
 fn a_changed_transfer_waits_until_the_application_confirms() {
     for rate in FASTEST {
         for area in areas(rate) {
-            // The last one goes on in the other area.
+            // The last transfer continues in the other area.
             for phase in 0..if rate.kind.is_omega() { 4 } else { 3 } {
                 let old = init(Direction::Download, 20);
                 let new = init(Direction::Upload, if phase == 3 { 301 } else { 30 });

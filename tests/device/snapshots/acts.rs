@@ -51,7 +51,7 @@ const GATEWAY: &str = "[[device]]\nkind = 'can-dp2'\nname = 'gw'\nprofibus = 'dp
 
 pub(super) const PLANTS: [&str; 4] = [OMEGA, BM4, CANOPEN, GATEWAY];
 
-/// Each with its place, which are filled in.
+/// Faults, each with placeholders for its place.
 const FAULTS: [&str; 9] = [
     "kind = 'lose_frame'\nbus = '{bus}'\ncount = 3",
     "kind = 'delay_frame'\nbus = '{bus}'\ndelay_us = 1500\ncount = 2",
@@ -82,7 +82,7 @@ pub(super) enum Act {
         value: u32,
         through_channel: bool,
     },
-    /// All nodes of CANsync are brought a step further.
+    /// All CANsync nodes get this command, which leads to the next stage.
     Command(u16),
     InitData,
     /// Masters release this reference value.

@@ -151,7 +151,7 @@ fn blocks_in_structured_text_behave_like_the_rust_blocks() {
     }
 }
 
-/// matiec takes the name of a block for nothing else, also not for a variable of a program.
+/// matiec does not accept the name of a block for anything else, not even for a variable of a program.
 #[test]
 fn blocks_can_be_left_out() {
     let export = |args: &[&str]| run(&[&["export", "st", "--blocks"], args].concat());

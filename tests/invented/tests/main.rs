@@ -166,7 +166,7 @@ fn a_value_passes_from_gate_to_gate() {
     );
     assert_eq!(frame["from"], "left:can1");
     assert_eq!((&passed["plc"], &passed["value"]), (&"right".into(), &0x1234.into()));
-    // At 33.3 kbit/s no bit lasts whole microseconds; nothing is rounded but the end.
+    // At 33.3 kbit/s no bit lasts whole microseconds; only the end of a frame is rounded.
     let (begin, end) = (handshake["time_us"].as_u64().unwrap(), frame["time_us"].as_u64().unwrap());
     assert_eq!((end - begin, &passed["time_us"]), (airtime_us(), &frame["time_us"]));
 }
@@ -191,7 +191,7 @@ fn a_program_that_reads_candump_reads_its_frames() {
 }
 
 #[test]
-fn its_rules_and_those_of_every_device_are_looked_after() {
+fn its_rules_and_those_of_every_device_are_checked() {
     let emulator = start();
     emulator.breaks(&["owner"]);
     emulator.poke(&["left:out.w_SEND=16#05", "left:in.w_VALUE=7"]);
@@ -223,7 +223,7 @@ fn its_supply_can_be_switched_off() {
 }
 
 #[test]
-fn a_scenario_speaks_of_it_as_of_any_other() {
+fn a_scenario_uses_it_like_any_other_device() {
     let scenario = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/gates.rhai");
     let outcome = run(&["test", scenario]);
     assert_eq!(outcome.code, Some(0), "{}{}", outcome.out, outcome.err);

@@ -134,7 +134,7 @@ pub(crate) const CASES: &[Case] = &[
         register: "SLAVE.b_STEUREG_PAR_CMD",
         value: |_| 0x52,
         wrong: |rig| answer_parameter(rig, |slave| slave.b_STEUREG_PAR_CMD.store(0x52)),
-        // The format alone is no end of the job yet.
+        // An answer that changes only the format bit does not end the job.
         right: |rig| {
             answer_parameter(rig, |slave| {
                 slave.b_STATREG_PAR_CMD.store(0x52);
@@ -152,7 +152,7 @@ pub(crate) const CASES: &[Case] = &[
             parameter_under_way(rig);
             rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(9);
         },
-        // Given up as D-11 says; then the data are free.
+        // The program gives the job up as in D-11; then it may change the data.
         right: |rig| {
             parameter_under_way(rig);
             rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD.store(0);
@@ -179,7 +179,7 @@ pub(crate) const CASES: &[Case] = &[
             rig.master.a_DATA_UPDOWNBLK1[74].store(1);
         },
     },
-    // Another command under the same number is another job; the other bits are free.
+    // Another command in the same job is a change of the job; a program may change the other bits.
     Case {
         rule: &cansync::rules::JOB_CHANGED,
         register: "MASTER.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD",
@@ -220,7 +220,7 @@ pub(crate) const CASES: &[Case] = &[
             rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD.store(0);
             rig.step(100);
             enter_parameter(rig, 0, 0x05);
-            // One that has not been sent may still become another.
+            // A program may still change a job that has not been sent.
             rig.step(100);
             enter_parameter(rig, 0, 0x03);
         },

@@ -54,7 +54,7 @@ pub(crate) const CASES: &[Case] = &[
             rig.master._CFG_WRC_WORD.b_CFG_WRC2_WORD0.store(0x0B);
             rig.run_to_sync();
         },
-        // Moved from frame to frame within one interval; values 0 and 1 are words of their own.
+        // The program moves a value to another frame within one interval. Values 0 and 1 use separate words.
         right: |rig| {
             rig.activate();
             rig.configure_wrc1([0x01, 0x03, 0x05, 0x09]);

@@ -146,7 +146,7 @@ fn unrelated_answers_count_as_missing() {
         init(&mut bench, Direction::Download, 12);
         let (_, job) = bench.updown_job().unwrap();
         let unfit = [
-            job.answer(UpDownResult::Data([0; 6])).frame(0), // data that nobody asked for
+            job.answer(UpDownResult::Data([0; 6])).frame(0), // data that the master has not requested
             job.answer(UpDownResult::Done).frame(1),         // of another slave
             Frame::new(0x580, &[0x00, 0, 0, 0]).unwrap(),    // answers a parameter job
             Frame::new(0x580, &[]).unwrap(),

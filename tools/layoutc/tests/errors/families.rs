@@ -136,7 +136,7 @@ fn invalid_families() {
 }
 
 #[test]
-fn structures_that_are_like_none_of_the_family() {
+fn structures_without_a_match_in_the_family() {
     for name in ["NONE", "OWN"] {
         let expected = format!(
             "OWN.toml:3:8: unknown structure `{name}`; a view is one of the structures of the family: SHARED"
@@ -152,7 +152,7 @@ fn structures_that_are_like_none_of_the_family() {
 }
 
 #[test]
-fn registers_that_are_like_none_of_the_family() {
+fn registers_without_a_match_in_the_family() {
     let unlike = |name: &str| {
         format!("OWN.toml:14:1: `SHARED` has no register `{name}`; give its name there as `view_name`")
     };

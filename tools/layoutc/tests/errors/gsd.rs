@@ -16,7 +16,7 @@ fn with(from: &str, to: &str, expected: &str) {
 }
 
 #[test]
-fn a_right_one_is_compiled() {
+fn a_correct_file_is_compiled() {
     let dir = edited("device.toml", "structures = [", "gsd = \"gsd.toml\"\nstructures = [");
     fs::write(dir.path().join("gsd.toml"), RIGHT.replace("bit = 7", "bit = 7, default = 1")).unwrap();
     let rust = commram_layoutc::compile(dir.path()).unwrap().rust;

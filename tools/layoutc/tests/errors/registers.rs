@@ -85,7 +85,7 @@ fn unknown_type() {
 }
 
 #[test]
-fn prefix_that_belies_the_type() {
+fn prefix_that_contradicts_the_type() {
     check(
         "CTRL.toml",
         "\"i_TEMPERATURE\"",
@@ -213,7 +213,7 @@ fn sizes_beyond_all_bounds() {
 }
 
 #[test]
-fn array_that_is_not_called_one() {
+fn array_without_the_prefix_of_arrays() {
     check(
         "CTRL.toml",
         "\"a_GRID\"",

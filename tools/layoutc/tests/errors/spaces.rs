@@ -51,7 +51,7 @@ fn invalid_spaces() {
 }
 
 #[test]
-fn spaces_that_meet() {
+fn spaces_that_overlap() {
     let second = |letter: &str, segment: &str, first: u32, offset: u32| {
         format!(
             "[[space]]\nname = \"more\"\nletter = \"{letter}\"\n{segment}unit = \"byte\"\nfirst = {first}\noffset = {offset}\n\

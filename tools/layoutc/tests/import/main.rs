@@ -184,7 +184,7 @@ fn an_import_writes_no_layout_that_the_compiler_refuses() {
 }
 
 #[test]
-fn a_structure_with_something_missing_or_unlike_stays_as_it_is() {
+fn a_structure_with_a_missing_or_different_register_stays_unchanged() {
     let dir = fixture();
     let text = AS_IT_IS
         .replace("d_VALUE : DWORD;", "d_WERT : DWORD;")
@@ -247,7 +247,7 @@ fn other_names_can_be_given() {
 }
 
 #[test]
-fn parts_that_structures_share_must_lie_alike_in_all_of_them() {
+fn shared_parts_must_have_equal_offsets_in_all_structures() {
     let swapped = "INIT : STRUCT\n        w_STATUS : WORD; w_COMMAND : WORD;";
     let text = AS_IT_IS.replace("INIT : STRUCT\n        w_COMMAND : WORD; w_STATUS : WORD;", swapped);
     assert_eq!(

@@ -44,7 +44,7 @@ fn code(dir: &Path) -> String {
 }
 
 #[test]
-fn every_layout_comes_back_as_it_was() {
+fn every_layout_is_read_back_unchanged() {
     for way in WAYS {
         let anew = tempfile::tempdir().unwrap();
         rewrite(Path::new(LAYOUTS), anew.path(), way);
