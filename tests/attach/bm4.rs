@@ -35,10 +35,10 @@ const PLANT: &str = "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\nsync_source = 
     [[bus.drive]]\nname = 'winder'\nslave_number = 3\nlock_time_us = 20000\ncard_function = 0\n\
     [[bus]]\nname = 'upper'\nkbit_s = 1000\n";
 
-/// One value as a doubleword in words 0 and 1.
+/// Mapping: value 0 as a doubleword in words 0 and 1 of frame 1.
 const VALUES: [i8; 4] = [0, 0, -1, -1];
 const HIGH: [bool; 4] = [false, true, false, false];
-/// The same mapping in frame 2.
+/// Mapping: value 4 as a doubleword in words 0 and 1 of frame 2.
 const VALUES_2: [i8; 4] = [4, 4, -1, -1];
 
 /// The modules of a program with their blocks.

@@ -30,7 +30,7 @@ const SCAN_US: u64 = 50;
 /// No program takes longer, in emulated time.
 const LONGEST_US: u64 = 20_000_000;
 
-/// A program that records the time of each event of its event tasks.
+/// Wraps a program, and records the time of each event of the program's event tasks.
 struct EventRecorder<P> {
     program: P,
     ram: Ram,
@@ -101,7 +101,7 @@ impl Stage {
         tasks.scan().unwrap()
     }
 
-    /// Counts of trigger 1, trigger 2 and trigger controller, with the time of the last one.
+    /// Returns the counts of trigger 1, trigger 2 and trigger controller, each with the time of its last pulse.
     fn triggers(&self) -> [(u32, u64); 3] {
         self.ram.header().triggers.each_ref().map(|slot| (slot.bell.rings(), slot.time_us.load()))
     }
@@ -110,7 +110,7 @@ impl Stage {
         self.plant.devices()[0].as_a::<Plc>().unwrap().baps().drive().parameter(number).unwrap()
     }
 
-    /// The drive is in operation, synchronized to its trigger, and at the position that P258 demands.
+    /// Checks that the drive is in operation, synchronized to its trigger, and at the position that P258 demands.
     fn has_followed(&self, mask: u32) {
         assert_eq!(self.parameter(121) & 0x806F, 0x8027, "enabled and synchronized");
         let reference = self.parameter(258);
@@ -234,7 +234,7 @@ fn a_program_with_opt_init_starts_again() {
     stage.has_followed(0xFFFF_FFF8);
     drop(tasks);
     stage.plant.advance_to(stage.plant.now() + 1_000);
-    // Another program, then the supply: cold start both times.
+    // First another program, then the supply switched off and on: a cold start both times.
     for cycle in [false, true] {
         if cycle {
             stage.plant.set_power(DeviceIndex(0), Power::Off);

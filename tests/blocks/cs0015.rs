@@ -65,7 +65,7 @@ impl Bench {
         self.plant.devices()[device].segment().view(FLAGS)
     }
 
-    /// One cycle of the programs.
+    /// Runs one cycle of the programs.
     fn step(&mut self) {
         self.plant.advance_to(self.plant.now() + 5 * MS);
     }

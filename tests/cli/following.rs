@@ -102,7 +102,7 @@ fn a_closed_terminal_ends_a_command_like_a_signal() {
         emulator.command("trace", &["--follow"]),
         test,
     ] {
-        // Without a step the command only waits when its terminal closes, with one it may be writing.
+        // Without a step the command only waits when its terminal closes; with a step it may be writing.
         for is_writing in [false, true] {
             let (controller, place) = terminal();
             let mut child = command

@@ -100,7 +100,7 @@ fn an_export_of_commram_is_recognized_for_every_device_and_proves_nothing() {
             assert_eq!(checkout.all_files(), before, "{device}");
         }
     }
-    // The same without its head, which a vendor's tool may drop: our fillers have their offsets as names.
+    // An export without its head, which a vendor's tool may drop: the names of our fillers contain their offsets.
     for device in ["omega-drive-line-2", "bm4-plc"] {
         let export = run(&["export", "st", "--device", device]).ok().to_owned();
         let lines: Vec<_> = export.lines().filter(|line| !line.starts_with("(*")).collect();

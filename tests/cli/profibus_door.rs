@@ -151,7 +151,7 @@ fn terminal(emulator: &Emulator) -> String {
     doors.filter_map(|door| door.strip_prefix("profibus-pty:")).next().unwrap().to_owned()
 }
 
-/// The same over a serial line in real time, with the phy that pyprofibus makes for `type=serial`.
+/// pyprofibus on a serial line in real time, with the phy that it makes for `type=serial`.
 #[test]
 fn pyprofibus_runs_unchanged_on_a_serial_line() {
     let Some(mut python) = python(&["pyprofibus", "serial"]) else { return };
@@ -236,7 +236,7 @@ fn a_length_that_no_telegram_has_closes_the_door_for_this_guest() {
     assert_eq!(other.hear().1.len(), 17);
 }
 
-/// Without the refusal the guest would wait without a timeout and without a reason.
+/// If the emulator did not refuse this time, the guest would wait without a timeout, and without an explanation.
 #[test]
 fn a_distant_bit_time_is_refused_with_a_message() {
     let emulator = start();

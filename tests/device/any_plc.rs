@@ -147,7 +147,7 @@ fn serve(rig: &Rig) {
     }
 }
 
-/// Both PLCs restart and everything works.
+/// Restarts both PLCs and checks that everything works.
 fn start_over(rig: &mut Rig) {
     rig.plant.clear_faults();
     // In the RAM the firmware is certain to see only a change of the value (D-29).

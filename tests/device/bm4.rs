@@ -75,7 +75,8 @@ fn rate(kbit_s: u16) -> &'static BaudRate {
     BAUD_RATES.iter().find(|rate| rate.kbit_per_s == kbit_s).unwrap()
 }
 
-/// A master in slot G with a drive at its bus, and a slave in slot H at the bus of another b maXX PLC.
+/// Returns a plant file: a master in slot G with a drive at its bus, and a slave in slot H at the bus of another b maXX
+/// PLC.
 fn plant_text(kbit_s: u16) -> String {
     format!(
         "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n\
@@ -163,7 +164,7 @@ fn values_must_be_released_by_the_deadlines_of_this_device() {
     }
 }
 
-/// Manual 5.02066.01a p. 25, 28-31: event 11 is that of the module that `sync_source` names; LEDs of master and slave.
+/// Manual 5.02066.01a p. 25, 28-31: the module that `sync_source` names raises event 11; LEDs of master and slave.
 #[test]
 fn the_chosen_module_raises_event_11_and_each_has_its_leds() {
     let text = plant_text(1000).replace("name = 'maxx'\n", "name = 'maxx'\nsync_source = 'G'\n");
@@ -282,7 +283,7 @@ fn the_blocks_restart_the_module_of_their_slot_after_a_controller_reset() {
     assert_eq!(init.w_OPTION_STATUS.load(), 0x0001);
 }
 
-/// P. 25: event 11 by the block, every other one is refused.
+/// P. 25: the block enables event 11 and refuses every other event.
 #[test]
 fn intr_set_knows_event_11_only() {
     let mut bm4 = Bm4::new(&plant_text(1000));
@@ -367,7 +368,8 @@ fn modules_of_a_plc_swap_their_numbers() {
     assert!(findings.errors().is_empty(), "{:?}", findings.errors());
 }
 
-/// The PLC itself has no DIP switches (p. 26 describes those of a slave module): its power-on names none.
+/// The PLC itself has no DIP switches (p. 26 describes those of a slave module): the journal record of its power-on
+/// names no number.
 #[test]
 fn the_power_on_of_a_plc_without_dip_switches_names_no_number() {
     let mut bm4 = Bm4::new(&plant_text(1000));
@@ -456,7 +458,7 @@ fn a_master_without_a_bus_makes_its_sync_signal_for_the_plc() {
     assert_eq!(header.sync_counter[1].load(), 0, "no signal at the slave");
     assert_eq!(bm4.plant.next_sync(DeviceIndex(0), 2), None);
     assert_eq!(bm4.plant.why_no_sync(DeviceIndex(0), 2), "maxx:slotH is at no bus");
-    // Another module passes this signal on.
+    // Another module passes on the signal of this master.
     bm4.bring_up(&[&nodes[2]], ..=Stage::SetUp);
     bm4.step(100_000);
     assert_eq!(passed_on.a_STAT_SL[1].load(), 0x03, "the drive there is synchronized");
@@ -465,8 +467,8 @@ fn a_master_without_a_bus_makes_its_sync_signal_for_the_plc() {
     assert_eq!(bm4.plant.journal().findings().errors(), [&rules::NO_MASTER]);
 }
 
-/// P. 15-16, 50-51: a slave on a bus without a master never has a SYNC signal, nor a master that passes it on. The
-/// check of the plant warns of it, and the checker reports the start of the slave.
+/// P. 15-16, 50-51: a slave on a bus without a master never has a SYNC signal, and neither has a master that passes on
+/// the signal of this slave. The check of the plant warns of it, and the checker reports the start of the slave.
 #[test]
 fn a_bus_without_a_master_gives_a_warning_and_a_finding() {
     let text = "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n[[device.module]]\nslot = 'G'\nkind = 'can-06'\n\
@@ -618,7 +620,7 @@ fn a_slave_of_the_controller_is_a_drive_of_its_bus() {
         master.b_CTRLREG_WRC1.store(0x05);
     }
     assert_eq!((master.b_STATREG_RDC1.load(), master.a_RD_BMARRAY[4][0].load()), (4, 4711), "its speed");
-    // Both are in one unit and share its supply.
+    // The slave and its PLC are in one unit and share its supply.
     bm4.plant.set_power(DeviceIndex(0), Power::Off);
     master.b_STATREG_RDC1.store(0x7F);
     for _ in 0..3 {
@@ -659,8 +661,9 @@ fn the_switches_of_a_controller_slave_default_to_the_rate_of_its_bus() {
     }
 }
 
-/// P. 31: H4 of a slave of the controller flashes in the case of a fault, which is BUS-off (D-367). A drive has no such fault, so it is
-/// refused instead of waiting without effect (D-649). The same for an overrun.
+/// P. 31: H4 of a slave of the controller flashes in the case of a fault, which is BUS-off (D-367). A drive has no
+/// BUS-off, so commram refuses the fault, which would otherwise wait without effect (D-649). It refuses an overrun for
+/// the same reason.
 #[test]
 fn a_slave_of_the_controller_has_the_faults_of_a_drive() {
     let mut bm4 = with_controllers_slave("dip9 = false");

@@ -97,7 +97,7 @@ fn a_watched_run_is_the_same_run() {
     assert_eq!(run(0), run(1 << SYNC | 1));
 }
 
-/// Node 1 on the upper bus, node 2 master of the lower one with the SYNC signal passed on: one edge, one event.
+/// Node 1 on the upper bus, node 2 master of the lower one with the SYNC signal passed on: each edge is one event.
 #[test]
 fn a_forwarded_edge_is_one_event() {
     let text = "[[plc]]\nname='a'\nnode2='upper'\n[[plc]]\nname='b'\ndip=3\nnode1='upper'\nnode2='lower'\n\
@@ -187,7 +187,7 @@ fn dip_switches_count_after_the_reset() {
     rig.plant.set_power(DeviceIndex::at(B), Power::HoldReset);
     rig.plant.set_power(DeviceIndex::at(B), Power::ReleaseReset);
     assert_eq!((rig.plant.devices()[B].as_a::<Plc>().unwrap().dip(), rig.slave.w_OMEGA_NR.load()), (2, 2));
-    // The master finds it under its new number.
+    // The master finds the slave under its new number.
     rig.set_up();
     rig.step(100_000);
     let answering: Vec<_> = (0..4).filter(|n| rig.master.a_STAT_SL[*n].load() & 1 != 0).collect();

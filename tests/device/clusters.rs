@@ -26,8 +26,8 @@ fn frames(cluster: &Cluster, bus: BusIndex) -> usize {
     cluster.plant.journal().records().filter(of_bus).count()
 }
 
-/// Three PLCs, one below the other, and a drive: a value goes one level down in each interval, takes two in
-/// the drive (D-34) and comes up again one level in each.
+/// Three PLCs, one below the other, and a drive: a value goes one level down in each interval, needs two intervals in
+/// the drive (D-34), and comes up again by one level in each interval.
 #[test]
 fn a_value_goes_through_three_levels_and_back() {
     for rate in RATES {
@@ -164,7 +164,8 @@ fn set_up(plant: &mut Plant, nodes: &[(usize, Mode, Rate)]) {
     }
 }
 
-/// D-282: edges in the wrong interval synchronize no station, at any level where the rate changes, and the journal reports it.
+/// D-282: edges with the interval of another rate synchronize no station, at whichever level the rate changes, and the
+/// journal reports this.
 #[test]
 fn a_cluster_of_unlike_rates_says_so() {
     let pairs = RATES.iter().flat_map(|upper| RATES.map(|lower| (*upper, lower)));

@@ -79,7 +79,7 @@ fn a_store_to_the_status_is_replaced_at_the_same_time_in_any_slices() {
     }
 }
 
-/// Journals as they were when this list was made: debug and release build, this machine and any other have the same ones.
+/// Hashes of the journals. Debug and release builds have the same journals on every machine.
 /// Renew them after a change of the firmware's behaviour or of the journal's records.
 const KEPT: &str = include_str!("journals.txt");
 

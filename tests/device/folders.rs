@@ -34,7 +34,7 @@ struct Card(tempfile::TempDir);
 
 impl Card {
     fn new(script: &str) -> Self {
-        // A process knows a device by the hash of its layout.
+        // A process identifies a device by the hash of its layout, so each card has another name.
         static NUMBER: AtomicU32 = AtomicU32::new(0);
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
         let card = Card(tempfile::tempdir().unwrap());

@@ -1,4 +1,4 @@
-//! Stations of a PROFIBUS segment: their addresses, and those that two of them share.
+//! Stations of a PROFIBUS segment: their addresses, and addresses that two stations share.
 
 use crate::rig::plant_of;
 use commram::devices::Power;
@@ -7,7 +7,7 @@ use commram::devices::can_dp2::rules::ADDRESS;
 use commram::identity::DeviceIndex;
 use commram::plant::{Plant, PlantConfig};
 
-/// Gateways with these switches at one segment, and one at another.
+/// Returns a plant file: gateways with these switches on one segment, and one gateway on another segment.
 fn text(switches: &[Option<u8>]) -> String {
     let mut text = String::new();
     for (number, switches) in switches.iter().enumerate() {

@@ -150,7 +150,7 @@ fn t34(memory: Memory, rate: Rate) {
     assert_eq!(bench.regs.b_SYNC_MODUS.load(), 0x5A);
 }
 
-/// 5.00005.03a p. 190; D-18, D-61, D-62: the old job is not answered, the new one waits for bit 7.
+/// 5.00005.03a p. 190; D-18, D-61, D-62: the firmware does not answer the old job, and the new job waits for bit 7.
 #[test]
 fn a_changed_job_waits_until_the_application_confirms() {
     for rate in FASTEST {

@@ -5,7 +5,7 @@ use crate::rig::{BOTH, FASTEST, Memory, RATES, Rate, Rig};
 use commram::devices::cansync::records::Missed;
 use commram::journal::Event;
 
-/// Both nodes active, slave 0's turn in every interval, block 1 of the slave enabled.
+/// Returns a rig with both nodes active; slave 0 has its turn in every interval, and block 1 of the slave is enabled.
 fn connected(memory: Memory, rate: Rate) -> Rig {
     let mut rig = Rig::new(memory, rate);
     rig.activate();
@@ -227,7 +227,8 @@ fn a_slave_that_is_active_before_its_master_sets_up_is_synchronized() {
     }
 }
 
-/// D-06: also a job of the master's application, while another one is the slave's.
+/// D-06: the firmware also answers a job of the master's application while another job waits for the slave's
+/// application.
 #[test]
 fn the_status_word_of_an_active_slave_never_reaches_its_application() {
     for rate in FASTEST {
@@ -246,7 +247,8 @@ fn the_status_word_of_an_active_slave_never_reaches_its_application() {
     }
 }
 
-/// P. 181-182 with the deadlines of D-09; built and acknowledged whether or not it is asked for.
+/// P. 181-182, with the deadlines of D-09: the firmware builds and acknowledges the frame whether or not the master
+/// requests it.
 #[test]
 fn own_actual_values_are_taken_at_their_deadline() {
     for rate in RATES {

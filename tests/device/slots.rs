@@ -15,7 +15,7 @@ const ALL_WORDS: [u8; 4] = [0x01, 0x03, 0x05, 0x07];
 /// Data that, after the length 1000, needs a stuff bit after each four bits.
 const STUFFED: u32 = 0x3C3C_3C3C;
 
-/// Both nodes active, at a SYNC edge; `bus` is the text after `[[bus]]`.
+/// Returns a rig with both nodes active, at a SYNC edge; `bus` is the text after `[[bus]]`.
 fn running(rate: Rate, bus: &str) -> Rig {
     let mut rig = Rig::of(Memory::Heap, rate, bus);
     rig.activate();
@@ -24,8 +24,8 @@ fn running(rate: Rate, bus: &str) -> Rig {
     rig
 }
 
-/// The slave node sends these words in both actual value frames, the master those in both reference value frames, from
-/// the next edge on. The function ends after this edge.
+/// Makes the slave node send `sent` in both actual value frames, and the master `written` in both reference value
+/// frames, from the next edge on. The function ends after this edge.
 fn fill(rig: &mut Rig, config: [u8; 4], sent: [u32; 2], written: [u32; 2]) {
     let [a, b, c, d] = config;
     let (wrc, rdc) = (&rig.master._CFG_WRC_WORD, &rig.slave._CFG_RDC_WORD);
@@ -126,7 +126,7 @@ fn jobs_and_answers_keep_their_own_length() {
     }
 }
 
-/// Receivers have a frame at the end of its end-of-frame field, not at that of the intermission.
+/// Receivers have a frame at the end of its end-of-frame field, not at the end of the intermission.
 #[test]
 fn a_frame_is_there_before_the_intermission() {
     for rate in RATES {
@@ -225,7 +225,7 @@ proptest! {
     }
 }
 
-/// Words that need many stuff bits, and any other ones.
+/// Generates words that need many stuff bits, and any other words.
 fn stuffed() -> impl Strategy<Value = u32> {
     prop_oneof![any::<u32>(), Just(STUFFED), Just(!STUFFED), Just(0), Just(u32::MAX), Just(0x8787_8787)]
 }

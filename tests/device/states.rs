@@ -191,7 +191,7 @@ fn an_ignored_command_is_noted_once() {
     }
 }
 
-/// Manual p. 150: bit 7 is set and the firmware clears it; D-29: the other bits are a command like any other.
+/// Manual p. 150: bit 7 is set and the firmware clears it; D-29: the other bits act like any other command.
 #[test]
 fn the_other_bits_written_with_bit_7_act_as_they_do_alone() {
     for rate in FASTEST {

@@ -1,7 +1,7 @@
 //! Worked examples of the manuals as one table, run on heap memory and on the mapped image.
 //!
 //! "5.02066.01a" is the manual of BM4-O-CAN-06, a module of the same family: registers and jobs have the same names;
-//! "5.00005.03a" is the Omega Drive-Line II itself. Times are this device's.
+//! "5.00005.03a" is the Omega Drive-Line II itself. Times are those of the device under test.
 
 use crate::rig::{BOTH, Memory, RATES, Rate, Rig};
 use commram::check::rules;

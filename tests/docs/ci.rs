@@ -247,7 +247,7 @@ fn the_servers_accept_their_files() {
         let Some(mut command) = python(&["check_jsonschema"]) else { return };
         command.args(["-m", "check_jsonschema", "--builtin-schema", schema]);
         if schema.ends_with("gitlab-ci") {
-            // It knows `!reference`.
+            // With this option check-jsonschema accepts `!reference`.
             command.args(["--data-transform", "gitlab-ci"]);
         }
         let outcome = finish(command.arg(&name).current_dir(directory.path()));

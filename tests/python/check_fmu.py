@@ -67,7 +67,7 @@ class Machine:
         self.unit.freeInstance()
 
 
-# The same with another start time, and with two units at once.
+# The same steps with another start time, and with two units at once.
 one, two = Machine("one"), Machine("two", start=100.0)
 for line, other in zip(one.does(sys.argv[2]), two.does(sys.argv[2])):
     assert line == other, (line, other)

@@ -350,7 +350,7 @@ class Check:
         self.passes(0, "w_OPTION_STATUS")
         self.page.enter(".detail input[name=expected]", "16#0003")
         self.page.click(".detail button", "Expect this value")
-        # It does not hold now, which is no success.
+        # The expectation does not hold now, so the page must not report success.
         self.page.until("document.querySelector('#message .warn')?.textContent.includes('has 16#0002 now')")
         self.passes(1, "16#0003", delete=4)
         self.page.value("document.activeElement.blur()")

@@ -30,7 +30,7 @@ pub(crate) struct Bench {
 }
 
 impl Bench {
-    /// A node in set-up mode after the first SYNC edge.
+    /// Returns a node in set-up mode after the first SYNC edge.
     pub(crate) fn in_set_up(memory: Memory, rate: Rate) -> Bench {
         let (kind, base) = (rate.kind, rate.kind.slave.base);
         let mut images = Vec::new();
@@ -77,7 +77,7 @@ impl Bench {
         self.edge();
     }
 
-    /// A node in active operation after a SYNC edge, its PLC ready for jobs in block 1.
+    /// Returns a node in active operation after a SYNC edge; its PLC is ready for jobs in block 1.
     pub(crate) fn active(memory: Memory, rate: Rate) -> Bench {
         let mut bench = Self::in_set_up(memory, rate);
         bench.enable();
@@ -128,20 +128,20 @@ impl Bench {
         frame
     }
 
-    /// One turn of the command and response channel.
+    /// Runs one turn of the command and response channel.
     pub(crate) fn turn(&mut self, frame: &Frame) -> Option<Frame> {
         self.deliver(frame);
         self.answer()
     }
 
-    /// One turn with a parameter job.
+    /// Runs one turn with a parameter job.
     pub(crate) fn parameter(&mut self, job: &ParameterJob) -> ParameterResponse {
         let frame = self.turn(&job.frame(NUMBER)).expect("the slave answers");
         assert_eq!(frame.id(), 0x580 + u16::from(NUMBER));
         ParameterResponse::decode(job, frame.payload()).unwrap()
     }
 
-    /// One turn with an up-/download job.
+    /// Runs one turn with an up-/download job.
     pub(crate) fn updown(&mut self, job: &UpDownJob) -> UpDownResponse {
         let frame = self.turn(&job.frame(NUMBER)).expect("the slave answers");
         assert_eq!(frame.id(), 0x580 + u16::from(NUMBER));

@@ -112,7 +112,7 @@ pub(crate) fn bring_up(nodes: &[&Node], stages: impl RangeBounds<Stage>, mut pas
     }
 }
 
-/// The same for nodes of a plant.
+/// Brings nodes of a plant through the stages, as [`bring_up`] does.
 #[track_caller]
 pub(crate) fn bring_up_in(plant: &mut Plant, nodes: &[&Node], stages: impl RangeBounds<Stage>) {
     bring_up(nodes, stages, |us| plant.advance_to(plant.now() + us));

@@ -47,7 +47,7 @@ impl Drop for Cluster {
 }
 
 impl Cluster {
-    /// `widths[n]`: participants on each bus of level n; those of the last level are drives.
+    /// `widths[n]` is the number of participants on each bus of level n; the participants of the last level are drives.
     pub(crate) fn new(rate: Rate, widths: &[usize]) -> Cluster {
         Self::of(rate, plant_text(rate, widths), Memory::Heap)
     }
@@ -196,7 +196,8 @@ fn drive_text(bus: &str, number: usize) -> String {
     format!("[[bus.drive]]\nname = '{bus}-{number}'\nslave_number = {number}\nlock_time_us = 20000\n")
 }
 
-/// As [`plant_text`], with 32 participants on each bus but the last. The first ones are PLCs: as many as there must be buses.
+/// Does the same as [`plant_text`], with 32 participants on each bus except the last one. The first participants are
+/// PLCs, one for each further bus.
 fn filled_text(rate: Rate, participants: usize) -> (String, Vec<usize>) {
     const MOST: usize = 32;
     let below = participants - 1;

@@ -1,4 +1,5 @@
-//! The devices that tests of CANsync nodes run on, each with its own baud rates, and where in a rig their nodes are.
+//! The devices that tests of CANsync nodes run on, each with its own baud rates, and the places of their nodes in a
+//! rig.
 
 use commram::devices::cansync::BaudRate;
 use commram::devices::{bm4_o_can_06::registers as bm4, omega_drive_line_2::registers as omega};
@@ -18,7 +19,7 @@ pub(crate) struct NodeDevice {
     pub master_number: u16,
 }
 
-/// Where a node is: index of its PLC in the plant, number of the port there, first byte of its registers.
+/// The place of a node: index of its PLC in the plant, number of its port, first byte of its registers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct NodePlace {
     pub plc: usize,
@@ -115,7 +116,7 @@ impl fmt::Debug for Rate {
 }
 
 impl Rate {
-    /// The next lower one of the same device.
+    /// Returns the next lower rate of the same device.
     pub(crate) fn slower(self) -> Rate {
         let lower = |it: &&Rate| core::ptr::eq(it.kind, self.kind) && it.kbit_s < self.kbit_s;
         *RATES.iter().filter(lower).max_by_key(|it| it.kbit_s).expect("the device has a lower one")

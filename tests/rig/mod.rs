@@ -33,7 +33,7 @@ pub(crate) enum Memory {
     Mapped,
 }
 
-/// Both kinds of memory; a test over this list runs the same on each.
+/// Both kinds of memory; a test over this list runs on both.
 pub(crate) const BOTH: [Memory; 2] = [Memory::Heap, Memory::Mapped];
 
 pub(crate) struct Rig {
@@ -47,9 +47,9 @@ pub(crate) struct Rig {
     pub master_init: View<CANsync_INIT_BMSTRUCT>,
     pub slave: View<CANsync_SL_CTRL_BMSTRUCT>,
     pub slave_init: View<CANsync_INIT_BMSTRUCT>,
-    /// Errors that the access checker is to find in this test; any other one, or a missing one, fails it.
+    /// Errors that the access checker must find in this test; any other error, or a missing error, fails the test.
     expected: Vec<&'static Rule>,
-    /// Errors that it may find as well.
+    /// Errors that the access checker may find in addition.
     tolerated: Vec<&'static Rule>,
     _images: Vec<Image>,
 }
@@ -88,7 +88,7 @@ impl Rig {
         self.tolerated = rules.to_vec();
     }
 
-    /// Names the errors that the access checker is to find in this test. Warnings are ignored.
+    /// Names the errors that the access checker must find in this test. Warnings are ignored.
     pub(crate) fn expect_errors(&mut self, rules: &[&'static Rule]) {
         self.expected =
             commram::devices::catalogue().rules.iter().copied().filter(|rule| rules.contains(rule)).collect();
@@ -99,7 +99,7 @@ impl Rig {
         Self::of(memory, rate, "")
     }
 
-    /// `drives` is TOML text that is put after the bus.
+    /// `drives` is TOML text that follows the bus.
     pub(crate) fn of(memory: Memory, rate: Rate, drives: &str) -> Rig {
         Self::of_plant(memory, rate, &rate.plant(drives))
     }
@@ -170,14 +170,14 @@ impl Rig {
         self.bring_up(&[&self.slave_node()], ..=Stage::WaitingForStart);
     }
 
-    /// Both nodes in set-up mode.
+    /// Brings both nodes into set-up mode.
     pub(crate) fn set_up(&mut self) {
         self.initialize_slave();
         self.initialize_master();
         self.bring_up(&[&self.slave_node(), &self.master_node()], Stage::SetUp..=Stage::SetUp);
     }
 
-    /// Both nodes in active operation; ends at the first SYNC edge of it.
+    /// Brings both nodes into active operation; ends at the first SYNC edge of active operation.
     pub(crate) fn activate(&mut self) {
         self.set_up();
         self.bring_up(&[&self.slave_node(), &self.master_node()], Stage::Active..);

@@ -6,7 +6,7 @@ use commram::memory::{Segment, View};
 
 const DRIVE: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n\
     [[bus.drive.parameters]]\nnumber = 1000\nformat = 'word'\ninitial = 100\nmax = 500\n";
-/// A PLC cycle.
+/// Duration of a PLC cycle.
 const CYCLE_US: u64 = 1000;
 /// A time limit. A block needs much less, unless it waits for a monitoring time.
 const PATIENCE_US: u64 = 60_000_000;
@@ -20,7 +20,7 @@ pub(crate) struct Bench {
 }
 
 impl Bench {
-    /// After power-on.
+    /// Returns a bench after power-on.
     pub(crate) fn new(memory: Memory) -> Bench {
         let rig = Rig::of(memory, rate(), DRIVE);
         let ram = |at: NodePlace| Ram::of(rig.plant.devices()[at.plc].segment()).unwrap();
@@ -35,7 +35,8 @@ impl Bench {
         }
     }
 
-    /// Both nodes in active operation with synchronized slaves, all jobs enabled for slaves 0 and 1.
+    /// Returns a bench with both nodes in active operation, synchronized slaves, and all jobs enabled for slaves 0 and
+    /// 1.
     pub(crate) fn active(memory: Memory) -> Bench {
         let mut bench = Bench::new(memory);
         let mut types = CANsync_SL_TYP_INIT { us_SL_TYP0: 1, us_SL_TYP1: 1, ..Default::default() };
@@ -100,7 +101,7 @@ pub(crate) fn init() -> CANsync_INIT {
     CANsync_INIT { us_BAUDRATE, us_SYNC_INTERVAL, ..Default::default() }
 }
 
-/// RAM without firmware, with a clock that the test sets.
+/// Returns RAM without firmware, with a clock that the test sets.
 pub(crate) struct Dead {
     pub ram: Ram,
     header: View<commram::memory::Header>,

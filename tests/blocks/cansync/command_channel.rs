@@ -4,7 +4,7 @@ use super::bench::{Bench, Dead};
 use super::device::*;
 use crate::rig::{BOTH, Memory};
 
-/// Manual p. 204-206: only enabled inputs are taken over, and only legal ones.
+/// Manual p. 204-206: the block takes over only inputs that are enabled and legal.
 #[test]
 fn comm_control_applies_the_enabled_inputs() {
     let dead = Dead::new();
@@ -28,7 +28,7 @@ fn comm_control_applies_the_enabled_inputs() {
     assert_eq!(registers(), [0x80, 7, 31, 31]);
 }
 
-/// Manual p. 196-203: a command of each rank reaches the slave it is meant for, once.
+/// Manual p. 196-203: a command of each rank reaches its slave once.
 #[test]
 fn broadcast_commands_of_each_rank_reach_the_slave() {
     for memory in BOTH {
@@ -185,7 +185,7 @@ fn the_page_lists_the_reception_indicator_after_a_block() {
     }
 }
 
-/// The same on the bus: the master sends command 1 by its block for broadcast commands.
+/// Broadcast command 1 over the bus: the master sends it by its block for broadcast commands.
 #[test]
 fn broadcast_command_1_reaches_the_slave() {
     let mut bench = Bench::active(Memory::Heap);

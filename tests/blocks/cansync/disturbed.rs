@@ -27,12 +27,12 @@ const FAULTS: [&str; 14] = [
     "kind = 'overrun'\nplc = 'a'\nnode = 'MASTER'\ncount = 3",
 ];
 
-/// A fault with this device's names and a jitter that suits its interval.
+/// Returns the text of a fault with the port names of this device, and with a jitter that suits its interval.
 fn fault_text(fault: &str) -> String {
     rate().kind.named(fault).replace("AMPLITUDE", &rate().scaled(400).to_string())
 }
 
-/// Both PLCs' programs.
+/// The programs of both PLCs.
 struct Programs {
     bench: Bench,
     comm_ma: CANsync_PD_COMM_MA,

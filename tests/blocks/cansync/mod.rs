@@ -1,5 +1,5 @@
-//! The function blocks for CANsync against the live firmware, in the roles the manuals give them, on each device.
-//! Module `device` of each device holds its differences. Pages are those of manual 5.00005.03a.
+//! The function blocks for CANsync against the live firmware, on each device, in the roles that the manuals give them.
+//! Each device has a module `device` with its differences. Pages are those of manual 5.00005.03a.
 
 pub(crate) mod bench;
 mod command_channel;

@@ -120,7 +120,8 @@ fn a_cancelled_job_needs_a_reset() {
     });
 }
 
-/// Manual p. 222: several instances, one per slave; two for the same slave wait for each other.
+/// Manual p. 222: a program may have several instances of the block, one per slave; two instances for the same slave
+/// wait for each other.
 #[test]
 fn two_blocks_for_one_slave_take_turns() {
     let mut bench = Bench::active(Memory::Heap);
@@ -232,7 +233,7 @@ fn jobs_to_a_slaves_application() {
     }
 }
 
-/// Manual p. 227: the master withdraws a job and gives another one.
+/// Manual p. 227: the master withdraws a job and gives another job.
 #[test]
 fn a_job_the_master_changes_is_reset() {
     let mut bench = Bench::active(Memory::Heap);

@@ -47,8 +47,8 @@ fn mapping_of_actual_values_as_in_the_manual() {
     assert_eq!(ma.a_CFG_RDC_WORD[2].b_CFG_RDC1_WORD0.load(), 0);
 }
 
-/// A master in active operation with reference values 0, 1 and 4, a slave that takes them and sends its own
-/// actual values 0 and 5, both listening to the drive (slave 1).
+/// Returns a bench in active operation. The master sends reference values 0, 1 and 4. The slave takes them and sends
+/// its own actual values 0 and 5. Both receive the frames of the drive (slave 1).
 pub(crate) fn mapped(memory: Memory) -> Bench {
     let bench = Bench::active(memory);
     let low_high = [false, true, false, true];
@@ -147,7 +147,7 @@ fn values_that_are_not_valid_are_not_sent() {
     assert_eq!(at_master, NEW, "x_COPY_TO_RD_ARRAY is FALSE");
 }
 
-/// Manual p. 252-255: one slave's values, while `x_COPY_TO_RD_ARRAY` is FALSE.
+/// Manual p. 252-255: a block reads the values of one slave while `x_COPY_TO_RD_ARRAY` is FALSE.
 #[test]
 fn values_of_one_slave_are_read_once() {
     let mut bench = mapped(Memory::Heap);

@@ -136,7 +136,8 @@ fn a_transfer_may_begin_before_the_slaves_block_runs() {
     }
 }
 
-/// As before, but the master has given up by then: the late transfer does not block the next one.
+/// A transfer begins before the slave's block runs, but the master gives it up before that: the late transfer does not
+/// block the next transfer.
 #[test]
 fn a_transfer_cancelled_before_the_slaves_block_runs_leaves_no_trace() {
     for download in [false, true] {
@@ -166,7 +167,7 @@ fn a_transfer_cancelled_before_the_slaves_block_runs_leaves_no_trace() {
 /// Manual p. 263, 266; 5.02066.01a p. 187, 189: a slave that the command channel never asks keeps no later transfer waiting.
 #[test]
 fn a_job_for_a_slave_without_a_turn_delays_no_other_job() {
-    // Never sent: slave 5 is above b_MAX_SL_NR (D-601).
+    // The master never sends this job: slave 5 is above b_MAX_SL_NR (D-601).
     let mut both = BlockPair::new(Memory::Heap);
     both.bench.rig.expect_errors(&[&cansync::rules::NEVER_POLLED]);
     (both.ma.si_SL_NR, both.ma.u_LENGTH) = (5, 1);
@@ -177,7 +178,7 @@ fn a_job_for_a_slave_without_a_turn_delays_no_other_job() {
     both.reset_master();
     both.until(|both| both.ma.x_OK);
 
-    // Sent, but slave 0 has no turn any more when it is cancelled.
+    // The master has sent this job, but slave 0 has no turn any more when the job is cancelled.
     let mut both = BlockPair::new(Memory::Heap);
     both.bench.rig.tolerate_errors(&[&cansync::rules::NEVER_POLLED]);
     both.ma.u_LENGTH = 75;
@@ -252,7 +253,7 @@ fn every_error_of_the_masters_block() {
         both.until(|both| both.ma.x_OK);
     }
 
-    // The drive has no area for it (decision D-47).
+    // A drive has no area for up-/downloads (decision D-47).
     let mut both = BlockPair::new(Memory::Heap);
     (both.ma.si_SL_NR, both.ma.u_LENGTH) = (1, 1);
     both.until(|both| !both.ma.x_BUSY);
@@ -273,7 +274,7 @@ fn a_master_that_stops_half_way_is_a_timeout_at_the_slave() {
         assert!(both.bench.rig.plant.now() - start < 1_000_000);
     }
     assert_eq!((both.sl.w_ERR, both.sl.x_BUSY, both.sl.x_OK), (1 << 0, false, false));
-    // The master learns of it when it continues, and both can start again after a reset.
+    // The master notices the timeout when it continues; both blocks can start again after a reset.
     both.until(|both| !both.ma.x_BUSY);
     assert_eq!(both.ma.w_ERR_SL, 0x0103);
     (both.ma.x_RESET, both.sl.x_RESET) = (true, true);
@@ -320,7 +321,7 @@ fn a_transfer_the_slave_cancels_fails_at_the_master() {
     both.until(|both| both.ma.x_OK);
 }
 
-/// A master without the vendor's block may use the area as it likes, within the slave's values.
+/// A master without the vendor's block may send any area of the slave's 2048 values.
 #[test]
 fn areas_that_the_slave_does_not_have_are_refused() {
     let mut both = BlockPair::new(Memory::Heap);

@@ -129,7 +129,7 @@ fn init_enables_the_event_of_the_process_data() {
     }
 }
 
-/// Manual p. 90, 112-116: each of eight values at its own pace.
+/// Manual p. 90, 112-116: each of eight values is exchanged at its own cycle time.
 #[test]
 fn eight_values_are_exchanged_in_time_slices() {
     let numbers = (1000..1008)
@@ -221,7 +221,7 @@ fn init_reports_every_error() {
     assert_eq!((block.b_ERR, block.x_ERR), (1 << 4, true));
 }
 
-/// Manual p. 90-91: `us_MODE` 1 shows that it is busy and can be used again and again.
+/// Manual p. 90-91: with `us_MODE` 1 the block shows that it is busy, and can be used any number of times.
 #[test]
 fn process_data_are_reconfigured_while_no_exchange_runs() {
     let mut stage = Stage::new(Memory::Heap, "");
@@ -335,7 +335,7 @@ fn re_initialization_reports_every_error() {
         assert_eq!((comm.b_SL_QUIT, comm.ud_RD_VALUE0, comm.x_RE_INIT_ERR), (0x01, 5, true));
     }
 
-    // Older drive software does not support it.
+    // Older drive software does not support the re-initialization.
     let mut stage = Stage::new(Memory::Heap, "software = 308\n");
     stage.initialize(&mut init(SAME_CYCLE, [SPEED, 0], [SPEED_ACTUAL, 0, 0, 0]));
     let mut comm = BAPS_PD_COMM24 { x_RE_INIT_START: true, ..exchange() };

@@ -76,7 +76,8 @@ fn a_re_initialization_that_is_not_answered_is_a_timeout() {
     assert_eq!((comm.b_ERR, comm.x_RE_INIT_ERR), (0, false));
 }
 
-/// Manual p. 117: no process data, so no event, no call of the block, and `BAPS_PD_CONTROL` reports it to another task.
+/// Manual p. 117: without process data there is no event and no call of the block; `BAPS_PD_CONTROL` reports this to
+/// another task.
 #[test]
 fn a_silent_drive_stops_the_event_task() {
     let mut stage = Stage::new(Memory::Heap, "");
@@ -167,7 +168,7 @@ fn a_silent_drive_gives_each_timeout_of_the_service_data() {
     assert_eq!(read.ud_PAR_VALUE, 2000);
 }
 
-/// A slow drive is in time for a longer monitoring time: it takes the job 3 s late, and it answers 3 s late.
+/// With a longer monitoring time a slow drive is in time: it takes the job 3 s late and answers 3 s late.
 #[test]
 fn a_longer_monitoring_time_allows_a_slower_job() {
     for (t_TIME, is_in_time) in [(Duration::from_secs(3), false), (Duration::from_secs(7), true)] {

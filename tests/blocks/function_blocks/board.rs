@@ -26,7 +26,7 @@ fn led_sets_four_leds() {
     }
 }
 
-/// Manual p. 47-50: an event for each source the board has by itself, at its period.
+/// Manual p. 47-50: the board raises an event for each of its own sources, at the period of the source.
 #[test]
 fn intr_set_enables_and_disables_events() {
     for memory in BOTH {
@@ -175,7 +175,7 @@ fn time_measurement_counts_emulated_microseconds() {
     }
 }
 
-/// In real time it advances between two actions of the firmware.
+/// In real time the clock also advances between two actions of the firmware.
 #[test]
 fn time_measurement_follows_the_real_clock() {
     let dead = Dead::new();

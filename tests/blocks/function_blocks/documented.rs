@@ -1,4 +1,6 @@
-//! `docs/devices/omega-drive-line-2/function-blocks.md`, `docs/devices/cs0015/function-blocks.md` and `docs/devices/can-dp2/function-blocks.md` name every input and output with its preset, and the presets are the manual's.
+//! `docs/devices/omega-drive-line-2/function-blocks.md`, `docs/devices/cs0015/function-blocks.md` and
+//! `docs/devices/can-dp2/function-blocks.md` name every input and output with its preset, and the presets are those of
+//! the manual.
 
 use commram::devices::omega_drive_line_2::blocks::*;
 use commram::devices::{self, Registered};
@@ -11,7 +13,7 @@ const DOCS: &str = include_str!("../../../docs/devices/omega-drive-line-2/functi
 const CS0015: &str = include_str!("../../../docs/devices/cs0015/function-blocks.md");
 const CAN_DP2: &str = include_str!("../../../docs/devices/can-dp2/function-blocks.md");
 
-/// A preset as the documentation prints it.
+/// Returns a preset as the documentation prints it.
 fn shown(preset: &PinValue) -> String {
     match preset {
         PinValue::Bool(value) => value.to_string().to_uppercase(),
@@ -51,7 +53,7 @@ fn type_of(block: &str, pin: &str, preset: &PinValue) -> &'static str {
     }
 }
 
-/// The section of a block; one section may describe several.
+/// Returns the section that describes a block; one section may describe several blocks.
 fn section(block: &str) -> &'static str {
     [DOCS, CS0015, CAN_DP2]
         .into_iter()

@@ -74,7 +74,7 @@ fn a_parameter_is_read_and_written() {
     }
 }
 
-/// Manual p. 95, 98, 120: what the drive reports, at the blocks and in bits 5 and 6 of `BAPS_SD_CONTROL`.
+/// Manual p. 95, 98, 120: every error of the drive appears at the blocks and in bits 5 and 6 of `BAPS_SD_CONTROL`.
 #[test]
 fn every_error_of_the_drive() {
     let mut stage = Stage::new(Memory::Heap, PARAMETER);

@@ -178,7 +178,7 @@ fn starts_can_be_ordered() {
     assert_eq!(stage.pass(10), []);
 }
 
-/// Events that a slow program misses are reported, periods that it sleeps through are skipped.
+/// The runner reports events that a slow program misses, and skips cyclic periods that the program misses.
 #[test]
 fn missed_events_are_reported() {
     let mut stage = Stage::new(Memory::Heap);
@@ -191,7 +191,7 @@ fn missed_events_are_reported() {
     assert!(stage.pass(4).len() <= 3);
 }
 
-/// A program that ends leaves nothing loaded; a second one is a new project and starts cold.
+/// When a program ends, no project stays loaded. So a second program is a new project and starts cold.
 #[test]
 fn the_next_program_starts_cold() {
     let mut stage = Stage::new(Memory::Heap);

@@ -46,7 +46,7 @@ impl Bench {
         Bench { plant, regs, _images: images }
     }
 
-    /// The same test on heap and mapped memory.
+    /// Runs a test on heap memory and on mapped memory.
     pub(crate) fn on_both(drive: &str, test: impl Fn(Bench)) {
         for memory in BOTH {
             test(Bench::new(memory, drive));
@@ -144,7 +144,7 @@ impl Bench {
         self.command(CONFIGURE, 500)
     }
 
-    /// One call of `BAPS_PD_COMM` in each of `count` slices.
+    /// Calls `BAPS_PD_COMM` once in each of `count` slices.
     #[track_caller]
     pub(crate) fn exchange(&mut self, count: usize) {
         for _ in 0..count {

@@ -99,7 +99,7 @@ fn re_initialization_while_process_data_run() {
         bench.configure(SAME_CYCLE, &[SPEED_REFERENCE, ADDITIONAL], &[SPEED_ACTUAL, 121, ADDITIONAL, 103]);
         bench.regs.a_WR_VALUE[1].store(7);
         bench.exchange(2);
-        // Reference value 0 and actual value 3 change, the others stay valid.
+        // Reference value 0 and actual value 3 change; the other values stay valid.
         bench.numbers(&[305, ADDITIONAL], &[SPEED_ACTUAL, 121, ADDITIONAL, 305]);
         bench.regs.a_WR_VALUE[0].store(1234);
         for count in 0..6 {
@@ -151,7 +151,7 @@ fn re_initialization_goes_on_while_the_plc_only_exchanges() {
     });
 }
 
-/// Another cycle in the middle of the configuration does not restart it.
+/// Another cycle time during a re-initialization does not restart the re-initialization.
 #[test]
 fn re_initialization_outlasts_a_change_of_the_cycle() {
     Bench::on_both("", |mut bench| {

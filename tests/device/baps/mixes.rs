@@ -1,5 +1,5 @@
-//! Process data, re-initialization, faults and service data jobs at once, in any order: what the PLC sees and what
-//! the drive holds agree with a model that knows only the rules.
+//! Process data, re-initialization, faults and service data jobs at once, in any order: the registers of the PLC and
+//! the parameters of the drive agree with a model that only has the rules.
 
 use super::bench::*;
 use crate::rig::{BOTH, Memory};

@@ -10,7 +10,7 @@ use commram::plant::Power;
 const MONITORING: &str = "[plc.drive.monitoring]\ncyclic_data = { time_us = 100000, reaction = 'quick_stop' }\n\
      sync = { time_us = 20000, reaction = 'inhibit', fault = 77 }";
 
-/// Exchanges once with the axis turning.
+/// Returns a bench with a turning axis, after one exchange.
 fn turning(memory: Memory) -> Bench {
     let mut bench = Bench::new(memory, MONITORING);
     bench.configure(SAME_CYCLE, &[SPEED_REFERENCE], &[SPEED_ACTUAL]);

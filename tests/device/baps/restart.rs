@@ -100,7 +100,7 @@ fn a_drive_fails_under_reset_but_not_without_supply() {
     });
 }
 
-/// Parameters that were written keep their values, those of the drive itself included.
+/// Written parameters keep their values, including the parameters of the drive itself.
 #[test]
 fn written_parameters_survive_reset_alone() {
     let mut bench = Bench::new(Memory::Heap, "");

@@ -96,7 +96,7 @@ fn a_job_that_the_plc_gives_up_is_not_carried_out() {
         regs.b_MA_SEMAPHORE.store(0);
         bench.step(20_000);
         assert_eq!((bench.p(302), regs.b_SL_SEMAPHORE.load()), (0, 0));
-        // The next job is not disturbed by it.
+        // The cancelled job does not disturb the next job.
         regs.b_MA_SEMAPHORE.store(1);
         bench.step(10_500);
         assert_eq!((bench.p(302), regs.b_SL_SEMAPHORE.load()), (5, 1));

@@ -1,6 +1,6 @@
-//! Worked examples of manual 5.02066.01a at 1 Mbit/s, this device's own rate, that only its function blocks and front show.
-//! Examples of registers and frames run on both devices: modules `vectors`, `slave_jobs` and `jobs` in `tests/device`.
-//! docs/devices/bm4-plc/overview.md lists them all.
+//! Worked examples of manual 5.02066.01a at 1 Mbit/s, which only this device has: examples that only function blocks
+//! and front show. Examples of registers and frames run on both devices: modules `vectors`, `slave_jobs` and `jobs` in
+//! `tests/device`. docs/devices/bm4-plc/overview.md lists them all.
 
 #![allow(non_snake_case, reason = "the manual's names, letter for letter")]
 
@@ -50,7 +50,7 @@ fn every_vector_of_blocks_and_front_holds() {
     }
 }
 
-/// This device at 1 Mbit/s.
+/// Returns the rate of 1 Mbit/s of this device.
 fn rate() -> Rate {
     *RATES.iter().find(|rate| rate.kbit_s == 1000).expect("the b maXX PLC has it")
 }

@@ -8,7 +8,7 @@ const OVERRUN: u16 = 1 << 1;
 const BUS_OFF: u16 = 0x00C0;
 const IDLE: u16 = 0x000C;
 
-/// A fault at a node, which is called by its name.
+/// Adds a fault at a node; the fault names the node's port.
 fn add_at(rig: &mut Rig, at: NodePlace, text: &str) -> u16 {
     let (plc, port) = [("a", "MASTER"), ("b", "SLAVE")][at.plc];
     add(rig, &format!("{text}\nplc = '{plc}'\nnode = '{port}'"))

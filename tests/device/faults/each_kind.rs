@@ -47,7 +47,7 @@ fn spellings(rate: Rate, kind: &str, fields: &[&str], end: &str) -> (FaultSpec, 
     (spec, text)
 }
 
-/// Runs the fault while there is traffic of every kind, well beyond its end.
+/// Runs the fault during traffic of every kind, until well after the end of the fault.
 fn run(rate: Rate, spec: &FaultSpec, text: &str, door: FaultEntry) -> Rig {
     let in_file = if door == FaultEntry::PlantFile { text } else { "" };
     let mut rig = Rig::of(Memory::Heap, rate, &format!("{DRIVES}{in_file}"));
@@ -65,13 +65,13 @@ fn run(rate: Rate, spec: &FaultSpec, text: &str, door: FaultEntry) -> Rig {
     rig
 }
 
-/// An interval with work for every frame and register that a fault can concern.
+/// Enters work for one interval: for every frame and register that a fault can disturb.
 fn traffic(rig: &mut Rig, interval: u64) {
     rig.master.b_CTRLREG_WRC1.store(0x05);
     if parameter(rig, DRIVE).0 & 0x01 == 0 {
         enter_parameter(rig, DRIVE, 0x03, 1000, 0);
     }
-    // Parameter jobs come first, so the blocks need intervals without one.
+    // Parameter jobs have priority, so the transfers of blocks need intervals without a parameter job.
     rig.master.b_SL_NR_PARAMETER.store(if interval.is_multiple_of(2) { DRIVE as u8 } else { 31 });
     if block(rig).0 & 0x01 == 0 {
         enter_block(rig, 0x05, 0x1000, 6);

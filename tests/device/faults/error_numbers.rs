@@ -13,7 +13,7 @@ enum ErrorSource {
     Application,
     /// An up-/download to slave node 0: control register, base address, length.
     Block(u8, u32, u16),
-    /// The same, with a fault.
+    /// The same up-/download, with a fault.
     Fault(&'static str),
     /// A fault that answers in place of the slave.
     Slave,

@@ -24,7 +24,7 @@ const DRIVES: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us
                       [[bus.drive.parameters]]\nnumber = 1000\nformat = 'word'\ninitial = 100\nmin = 10\nmax = 500\n\
                       [[bus.drive]]\nname = 'd2'\nslave_number = 2\nlock_time_us = 30000\n";
 
-/// Reads a fault as the plant file has it, with `MASTER` and `SLAVE` for the names of the nodes' ports.
+/// Returns the fault of a plant file's text, in which `MASTER` and `SLAVE` are the names of the nodes' ports.
 fn fault(rig: &Rig, text: &str) -> Fault {
     let spec: FaultSpec = toml::from_str(&rig.rate.kind.named(text)).unwrap();
     spec.resolve(fault_kinds(), &rig.plant.names()).unwrap()
@@ -63,7 +63,7 @@ fn hits(rig: &Rig) -> Vec<i32> {
     news(rig).into_iter().filter_map(hit).collect()
 }
 
-/// Both nodes active and the drives locked; ends at a SYNC edge.
+/// Returns a rig with both nodes active and the drives locked, at a SYNC edge.
 fn running(memory: Memory, rate: Rate) -> Rig {
     let mut rig = Rig::of(memory, rate, DRIVES);
     start(&mut rig);

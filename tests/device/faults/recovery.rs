@@ -10,8 +10,8 @@ use proptest::prelude::*;
 
 const BUS_OFF: u16 = 0x00C0;
 
-/// Everything in the slots has ended long ago when the controller goes off; the first frames after its return are
-/// other ones.
+/// All frames of the slots have ended long before the controller goes off; the first frames after its return are new
+/// frames.
 #[test]
 fn the_first_command_after_bus_off_is_on_the_bus() {
     for rate in FASTEST {
@@ -62,7 +62,7 @@ fn a_slave_that_goes_off_takes_no_frame_of_another_one_with_it() {
     }
 }
 
-/// A frame that a fault delays beyond its slot does not end in it any more.
+/// A frame that a fault delays beyond its slot ends outside the slot.
 #[test]
 fn a_delayed_frame_that_is_destroyed_takes_no_other_one_with_it() {
     for rate in FASTEST {
@@ -93,7 +93,7 @@ fn a_controller_that_is_off_gets_no_frame_any_more() {
     }
 }
 
-/// An answer that a drive has ready is gone with its power, even if the power returns before the answer's slot.
+/// A drive without power loses an answer that it has prepared, even if the power returns before the slot of the answer.
 #[test]
 fn an_answer_does_not_survive_the_power_of_its_slave() {
     for rate in FASTEST {

@@ -1,4 +1,4 @@
-//! Faults at the modules of a modular PLC: its ports are called by their names.
+//! Faults at the modules of a modular PLC: a fault names a port by its name.
 
 use crate::rig::bring_up::{Mode, Node, Stage, bring_up_in};
 use crate::rig::plant_of;

@@ -27,7 +27,7 @@ fn turns_on(rig: &mut Rig) {
     assert_eq!(position(rig).wrapping_sub(before), 20 * 1000);
 }
 
-/// Manual 5.00005.03a p. 135: the next interval is run through, at most its actual value frame is missing.
+/// Manual 5.00005.03a p. 135: the slave runs through the next interval; at most its actual value frame is missing.
 #[test]
 fn one_lost_edge_ends_no_lock() {
     for (rate, memory) in FASTEST.into_iter().flat_map(|rate| BOTH.map(|memory| (rate, memory))) {
@@ -119,7 +119,7 @@ fn the_time_without_sync_can_be_set() {
     }
 }
 
-/// P. 134-135: the drives run on when their master is gone, and notice it.
+/// P. 134-135: the drives continue when their master stops, and notice this.
 #[test]
 fn drives_of_a_restarted_master_lose_their_lock_in_time() {
     for rate in FASTEST {
@@ -138,7 +138,7 @@ fn drives_of_a_restarted_master_lose_their_lock_in_time() {
     }
 }
 
-/// The same when the edge before that was lost on the line.
+/// The drives continue also if the edge before the stop of the master was lost on the line.
 #[test]
 fn drives_run_on_after_a_lost_edge() {
     for rate in FASTEST {

@@ -153,7 +153,7 @@ fn control_words_wait_for_their_slaves_turn() {
             assert_eq!(bench.interval().unwrap().data(), [0x80, 0, 0, 0, 1, 0, 7, 1]);
             assert_eq!(bench.interval(), None, "slave 7 is served and no other is asked");
             bench.regs.b_SL_NR_CONTROLWORD.store(0x80);
-            // Two intervals are over; the counter runs whether it is used or not (D-08).
+            // Two intervals have passed; the counter advances even if the master does not use it (D-08).
             for slave in (2..32).chain(0..2).filter(|slave| *slave != 7) {
                 if slave == 8 {
                     assert_eq!(bench.interval(), None, "nothing is left for slave 7");

@@ -192,7 +192,7 @@ impl Model {
             return Next::Block;
         }
         if self.block.control & 0x83 == 0x81 {
-            // Cancelled, and no slave knows of it (D-601).
+            // The job is cancelled before a slave has received any of its frames (D-601).
             self.block.control = 0;
         }
         Next::Nothing

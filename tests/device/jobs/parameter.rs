@@ -107,7 +107,7 @@ fn every_kind_of_job_runs_through_its_bit_sequence_for_every_slave() {
     }
 }
 
-/// T31 with all error numbers of p. 165-166 and one of an application. Bits 0, 3 and 6 are clear, bit 5 set.
+/// T31 with all error numbers of p. 165-166 and one number of an application. Bits 0, 3 and 6 are clear, bit 5 is set.
 #[test]
 fn every_error_number_ends_the_job_and_is_in_the_value() {
     for rate in FASTEST {
@@ -137,7 +137,7 @@ fn every_error_number_ends_the_job_and_is_in_the_value() {
                     }
                 }
             }
-            // The error bit of the last job does not spoil the next one.
+            // The error bit of the last job has no effect on the next job.
             bench.enter_parameter(0, 0x25, 300, 7);
             let (slave, job) = bench.parameter_job().unwrap();
             assert_eq!(bench.parameter(0), 0x0D);
@@ -217,7 +217,7 @@ fn an_answer_to_a_job_that_was_changed_or_withdrawn_is_ignored() {
                 bench.answer(0, &job, ParameterResult::Word(3));
                 assert_eq!((bench.parameter(0), bench.value(0)), (0x02, 3));
             }
-            // The same job entered again is a new one: it is sent, and only then answered.
+            // A job that the PLC enters again is a new job: only an answer after the new frame counts.
             bench.enter_parameter(0, 0x03, 300, 1);
             let (_, job) = bench.parameter_job().unwrap();
             bench.put(0, 0x03, 0x03);

@@ -34,7 +34,7 @@ fn bytes(bench: &Bench) -> Vec<u8> {
     bench.regs.a_DATA_UPDOWNBLK1.iter().flat_map(|cell| cell.load().to_le_bytes()).collect()
 }
 
-/// Offsets of a transfer of `length` bytes, each with "this is the last one".
+/// Returns the offsets of a transfer of `length` bytes; the flag is true for the last offset.
 fn offsets(length: u16) -> impl Iterator<Item = (u16, bool)> {
     (0..length).step_by(6).map(move |offset| (offset, offset + 6 >= length))
 }
@@ -232,7 +232,7 @@ fn a_changed_job_restarts_and_a_withdrawn_job_ends() {
             bench.answer_block(0, &job, UpDownResult::Done);
             init(&mut bench, Direction::Download, 60);
             assert_eq!(bench.counter(), 0);
-            // Another direction, length, address.
+            // The PLC enters a job with another direction, length or address.
             started(&mut bench);
             bench.enter_block(UPLOAD, 0, ADDRESS, 60);
             init(&mut bench, Direction::Upload, 60);

@@ -107,7 +107,7 @@ impl Area {
         (self.counter)(&bench.regs).load()
     }
 
-    /// A transfer that the application has allowed, with its init frame answered.
+    /// Returns a bench with a transfer that the application has allowed and whose init frame was answered.
     pub(crate) fn started(&self, rate: Rate, direction: Direction, length: u16) -> Bench {
         let mut bench = self.bench(Memory::Heap, rate);
         let init = init(direction, length);

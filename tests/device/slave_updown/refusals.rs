@@ -193,7 +193,7 @@ fn block_1_refuses_transfers_without_a_single_frame_area() {
     }
 }
 
-/// The slave's jobs, and the words after its last register.
+/// Returns the slave's job registers, and the words after its last register.
 fn ram(bench: &Bench) -> [u32; 6] {
     let regs = &bench.regs;
     [

@@ -23,7 +23,7 @@ pub(super) const OMEGA: &str = "[[plc]]\nname = 'a'\nnode2 = 'drives'\noption_sy
                      [[bus]]\nname = 'lower'\nkbit_s = 250\n\
                      [[fault]]\nkind = 'lose_sync'\nbus = 'drives'\nat_us = 90000\ncount = 2\n";
 
-/// With a drive that applies its reference values two intervals later.
+/// A plant with a drive that applies its reference values two intervals later.
 pub(super) const BM4: &str = "[[device]]\nkind = 'bm4-plc'\nname = 'a'\n\
                    [[device.module]]\nslot = 'G'\nkind = 'can-06'\nbus = 'drives'\n\
                    [[device.module]]\nslot = 'H'\nkind = 'can-05'\nbus = 'upper'\n\
@@ -165,7 +165,7 @@ fn registers(plant: &Plant, device: usize) -> Vec<(u32, Width)> {
     places.into_iter().collect()
 }
 
-/// The nodes of CANsync: the segment of each and where its area begins.
+/// Returns the device index and the first byte of the area of each CANsync node.
 pub(super) fn nodes(plant: &Plant) -> Vec<(usize, u32)> {
     let devices = plant.devices().iter().enumerate();
     let nodes = devices.flat_map(|(index, device)| {

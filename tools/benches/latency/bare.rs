@@ -26,9 +26,9 @@ pub(crate) const LOOK: Duration = Duration::from_micros(200);
 /// Directories of channel and POSIX shared memory.
 const SHARED_MEMORY: &str = "/dev/shm";
 
-/// As large as an operation of the channel.
+/// A request of the same size as an operation of the channel.
 type Request = [u64; 4];
-/// As large as its reply.
+/// A response of the same size as the reply of the channel.
 type Response = [u64; 2];
 type Factory = PortFactory<ipc::Service, Request, (), Response, ()>;
 

@@ -56,7 +56,7 @@ pub(crate) fn doorbell(criterion: &mut Criterion) -> Outcome {
     Outcome { what: "start-up handshake through the doorbell", samples, target }
 }
 
-/// Both sides poll; the client only stores.
+/// Both sides poll; the client stores without ringing the doorbell.
 pub(crate) fn busy(criterion: &mut Criterion) -> Outcome {
     let [client, server] = cpu::pair();
     let _pinned = Pinned::to(client);

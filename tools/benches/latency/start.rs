@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 const W_OPTION_STATUS: u32 = NODE2 as u32 + 2;
 const START_UP: u32 = 0x0001;
 
-/// Not pinned: the same conditions as for a script that starts an emulator and continues at once.
+/// The processes are not pinned, as in a script that starts an emulator and continues at once.
 pub(crate) fn first_peek(criterion: &mut Criterion) -> Outcome {
     let (mut raw, mut samples) = (Samples::new(), Samples::new());
     let mut group = criterion.benchmark_group("start");
@@ -89,7 +89,7 @@ impl Run {
 
 impl Drop for Run {
     fn drop(&mut self) {
-        // Without effect on a process that has ended and been waited for.
+        // `kill` has no effect on a process that has ended and for which `wait` was called.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }

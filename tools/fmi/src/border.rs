@@ -24,7 +24,7 @@ pub enum Status {
 pub type Instance = *mut c_void;
 /// Callback that receives messages.
 pub type LogMessage = Option<unsafe extern "C" fn(*mut c_void, Status, *const c_char, *const c_char)>;
-/// Never called: nothing can be seen within a step.
+/// Never called: a unit has no intermediate values within a step.
 pub type IntermediateUpdate = Option<unsafe extern "C" fn()>;
 /// Never called: there are no clocks.
 pub type ClockUpdate = Option<unsafe extern "C" fn()>;

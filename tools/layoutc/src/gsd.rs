@@ -85,7 +85,7 @@ pub(crate) struct Gsd {
     pub parameters: Vec<Parameter>,
     /// The user's parameters without any choice.
     pub constants: Vec<u8>,
-    /// The same with every parameter at its default.
+    /// The user's parameters, each with its default.
     pub defaults: Vec<u8>,
     pub diagnosis: Option<Diagnosis>,
     pub modules: Vec<Module>,

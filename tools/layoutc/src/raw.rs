@@ -36,7 +36,7 @@ pub(crate) struct Device {
     pub family: Option<Spanned<String>>,
     /// Area of the device's own interface.
     pub own: Option<Spanned<String>>,
-    /// Without it the device has no switches.
+    /// Lowest and highest number of the DIP switches; without this key the device has no switches.
     #[serde(default)]
     pub dip: Range,
     pub reserved: Reserved,
@@ -335,11 +335,11 @@ pub enum Owner {
 #[derive(Deserialize, Clone, PartialEq, Eq, Debug)]
 #[serde(try_from = "String")]
 pub enum Provenance {
-    /// The manual states it, on the page given.
+    /// The manual states the fact, on the page given.
     Manual,
-    /// Another document states it.
+    /// Another document states the fact.
     Documented(String),
-    /// It follows from this decision.
+    /// The fact follows from this decision.
     Inferred(String),
 }
 

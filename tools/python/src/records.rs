@@ -186,7 +186,7 @@ pub(crate) struct Change {
     before: u32,
     /// The bits that it holds.
     after: u32,
-    /// Both with their meanings.
+    /// Text with the old and the new value and their meanings.
     text: String,
 }
 

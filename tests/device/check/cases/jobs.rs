@@ -241,7 +241,7 @@ fn store_by_channel(rig: &mut Rig, command: u32) {
     rig.plant.store(DeviceIndex::at(at.plc), (at.base + register) as u32, Width::Byte, command).unwrap();
 }
 
-/// A write job for slave 0 that its application has not answered yet.
+/// Enters a write job for slave 0, which the slave's application does not answer yet.
 fn parameter_under_way(rig: &mut Rig) {
     rig.activate();
     rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(8);

@@ -75,7 +75,7 @@ pub(crate) const CASES: &[Case] = &[
             rig.slave.a_CFG_RDC_WORD[9].b_CFG_RDC2_WORD0.store(0x0B);
             rig.run_to_sync();
         },
-        // A half of value 2 and one of value 1: words of their own.
+        // One half of value 2 and one half of value 1 are two separate words.
         right: |rig| {
             rig.activate();
             rig.slave.a_CFG_RDC_WORD[9].b_CFG_RDC1_WORD1.store(0x09);
@@ -162,7 +162,7 @@ pub(crate) const CASES: &[Case] = &[
     },
 ];
 
-/// One interval in time, then one in which WRC1 is released at this time.
+/// Releases WRC1 in time in one interval, and at this time in the next interval.
 fn release_reference(rig: &mut Rig, at: u32) {
     rig.activate();
     rig.send_wrc1();

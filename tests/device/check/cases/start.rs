@@ -17,7 +17,7 @@ pub(crate) const CASES: &[Case] = &[
         },
         right: |rig| set_up_with_drive(rig, &[], 167, rig.rate.interval_us as u16),
     },
-    // A drive that the master never polls: it receives the order of SYNC mode like all others.
+    // A drive that the master never polls: it receives the command for SYNC mode like all other drives.
     Case {
         rule: &cansync::rules::DRIVE_SYNC_SLOT,
         register: "MASTER.a_DATA_PARAMETER[5].d_PAR_VALUE",
@@ -165,7 +165,7 @@ fn start_both(rig: &mut Rig, [master, slave]: [Rate; 2]) {
     rig.step(500);
 }
 
-/// A master beside the slave takes its SYNC signal over, at `rate`.
+/// Starts a master in the same PLC as the slave; the master takes over the slave's SYNC signal, at `rate`.
 fn cluster(rig: &mut Rig, rate: Rate) {
     let kind = rig.rate.kind;
     let above = kind.plc("a", 0, None, Some("line"));
@@ -178,7 +178,7 @@ fn cluster(rig: &mut Rig, rate: Rate) {
     rig.step(10_000);
 }
 
-/// The same plant with a drive card set to `kbit_s`, its master in set-up mode.
+/// Replaces the plant by one with a drive card that is set to `kbit_s`, and brings its master into set-up mode.
 fn drive_at(rig: &mut Rig, expected: &[&'static Rule], kbit_s: u16) {
     let drive = format!("[[bus.drive]]\nname = 'd'\nslave_number = 1\nkbit_s = {kbit_s}\n");
     replace(rig, expected, &rig.rate.plant(&drive));
@@ -186,7 +186,7 @@ fn drive_at(rig: &mut Rig, expected: &[&'static Rule], kbit_s: u16) {
     rig.step(60_000);
 }
 
-/// The same plant with a drive that has this value in a parameter, its master in set-up mode.
+/// Replaces the plant by one with a drive that has this value in a parameter, and brings its master into set-up mode.
 fn set_up_with_drive(rig: &mut Rig, expected: &[&'static Rule], parameter: u16, value: u16) {
     set_up_with_slave(rig, 1, expected, parameter, value);
 }

@@ -145,7 +145,7 @@ fn bounds_can_be_expressions_with_constants_of_any_file() {
     assert_eq!(laid_out(&[&array("N0"), &text]), "1");
 }
 
-/// The same with the attribute as text and as XML.
+/// The attribute `pack_mode` as text and as XML.
 #[test]
 fn the_attribute_pack_mode_sets_the_alignment_of_one_structure() {
     for (mode, size) in [("0", 7), ("1", 7), ("2", 8), ("4", 12), ("8", 12), ("x", 12)] {

@@ -33,7 +33,7 @@ const QUALIFIERS: [&str; 7] =
 const WHOLE_FILES: [&str; 8] =
     ["ACTION", "CLASS", "FUNCTION", "FUNCTION_BLOCK", "INTERFACE", "METHOD", "PROGRAM", "PROPERTY"];
 
-/// Reads all types that `text` declares, which begins at `place` of the current file.
+/// Reads all types that `text` declares. `place` is the position of `text` in the current file.
 pub(crate) fn parse(text: &str, place: TextPosition, into: &mut Declarations) -> Result<(), Fault> {
     Parser::new(text, place, into)?.file()
 }

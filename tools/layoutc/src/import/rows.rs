@@ -17,7 +17,7 @@ pub enum Verdict {
     New,
     /// Only in the layout.
     Missing,
-    /// Another width, other array bounds, or a structure in one of them only.
+    /// Another width, other array bounds, or a structure in only one of layout and declaration.
     Unlike,
     /// A structure that the file does not declare.
     Undeclared,

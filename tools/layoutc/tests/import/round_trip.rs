@@ -179,7 +179,7 @@ fn declarations(registers: &[Drawn], order: &[usize]) -> String {
     let mut end = 0;
     let filler = |text: &mut String, from: u32, to: u32| {
         if to > from {
-            // Not named after its offset, as a filler of our export is.
+            // A filler whose name does not contain its offset, unlike the fillers of our export.
             writeln!(text, "padding_0{from} : ARRAY[1..{}] OF BYTE;", to - from).unwrap();
         }
     };
