@@ -124,7 +124,7 @@ impl<'a> Modules<'a> {
             event.call(&self.ram);
             assert!(!event.x_ERR);
             if let Some((regs, _)) = &self.slave {
-                // The input stays TRUE; otherwise the slave would leave active operation again.
+                // Keeps the input TRUE; otherwise the slave would leave active operation again.
                 mode_sl.x_CANsync_RUN |= mode_sl.x_PREPARE_ACTIV;
                 mode_sl.call(regs);
             }
@@ -141,7 +141,7 @@ impl<'a> Modules<'a> {
         let us = |us: u32| NonZeroU32::new(us).unwrap();
         loop {
             task.next_event(LONG)?;
-            // A release that was too late for the last interval must not count in this one.
+            // Withdraws a release that was too late for the last interval, so that it does not count in this interval.
             self.master.b_CTRLREG_WRC1.store(0);
             if let Some((regs, _)) = &self.slave {
                 regs.b_CTRLREG_RD_RDC1.store(0);

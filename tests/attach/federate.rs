@@ -1,4 +1,4 @@
-//! Emulators in this process that share a plant.
+//! Tests of emulators in this process that share a plant.
 
 use crate::common::unique_name;
 use commram::federation::{FederateConfig, NoExchange};

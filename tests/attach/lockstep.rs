@@ -13,7 +13,7 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 const LONG: Duration = Duration::from_secs(60);
-/// Time that a task which is no longer needed may take to notice it.
+/// Time within which a task notices that it is no longer needed.
 const SHORT: Duration = Duration::from_millis(5);
 const SYNC: usize = 12;
 const WRC1: u32 = NODE2 as u32 + 12;
@@ -177,7 +177,7 @@ fn the_higher_level_takes_the_processor() {
         high = beside(&emulator, SYNC, 0, run(100), || drop(emulator.step(&["12ms"])));
     });
     assert!(high.iter().all(|(start, end)| end - start == 100), "{high:?}");
-    // Turns after the other task has left do not count.
+    // Keeps only the turns that ended before the last turn of the other task.
     let last = high.last().unwrap().1;
     let low: Vec<_> = low.into_iter().filter(|(_, end)| *end <= last).collect();
     for (start, end) in &low {
@@ -243,7 +243,7 @@ fn a_task_without_end_is_removed_and_notified() {
     let error = task.next_event(LONG).unwrap_err();
     assert!(matches!(error, MemoryError::LockstepLost { event: SYNC }), "{error}");
     drop(task);
-    // The task may join again.
+    // The same task can join again.
     drop(image.join_lockstep(SYNC, LONG, LONG).unwrap());
     emulator.step(&["10ms"]);
 }

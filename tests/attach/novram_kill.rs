@@ -9,11 +9,11 @@ use commram::memory::{AttachMode, Attached, Image, MemoryError, Width};
 use std::time::{Duration, Instant};
 
 const KILLS: u64 = 100;
-/// The PLC stores for at most this long before the emulator is killed.
+/// Maximum time for which the PLC stores before the emulator is killed.
 const LONGEST_US: u64 = 30_000;
 /// Time after which the PLC notices that no emulator answers.
 const SHORT: Duration = Duration::from_millis(5);
-/// Retain flags that are stored together with the address, each a word.
+/// Number of retain flags (words) that are stored together with the address.
 const FLAGS: u32 = 64;
 /// The two ways to select a user-defined address; with DIP number 0 they are equivalent.
 const CHOICES: [u32; 2] = [0x1234_5678, 0x1234_5600];
@@ -80,7 +80,7 @@ fn the_next_emulator_finds_the_old_or_the_new_content() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().to_str().unwrap();
     let name = unique_name();
-    // The numbers are the same in every run.
+    // The fixed seed gives the same numbers in every run.
     let mut numbers = fastrand::Rng::with_seed(815);
     let mut last = 0;
     let mut contents = std::collections::BTreeSet::new();

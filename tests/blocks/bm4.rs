@@ -8,12 +8,12 @@ mod device {
         CANsync_PLC_SL_BMSTRUCT as Slave,
     };
 
-    /// Its highest rate.
+    /// Returns the highest rate of the device.
     pub(crate) fn rate() -> crate::rig::Rate {
         crate::rig::FASTEST[1]
     }
 
-    /// `us_BAUDRATE`, bit timing and `w_ERR` (p. 126-127).
+    /// Cases for `CANsync_INIT`: `us_BAUDRATE`, bit timing and `w_ERR` (p. 126-127).
     pub(crate) const TIMINGS: &[(u8, [u8; 2], u16)] = &[
         (6, [0x40, 0x34], 0),
         (5, [0x41, 0x34], 0),

@@ -27,7 +27,7 @@ const PLANT: &str = "[[plc]]\nname = 'line'\nnode2 = 'drives'\n[plc.drive]\nlock
     [[bus]]\nname = 'drives'\n";
 /// Period in which the program scans, in us.
 const SCAN_US: u64 = 50;
-/// No program takes longer, in emulated time.
+/// Emulated time within which every program ends.
 const LONGEST_US: u64 = 20_000_000;
 
 /// Wraps a program, and records the time of each event of the program's event tasks.
@@ -119,7 +119,7 @@ impl Stage {
         assert!(self.parameter(303).abs_diff(reference) <= 32, "{} {reference}", self.parameter(303));
     }
 
-    /// Times at which frame 1 with reference values was released too late; frame 2 is unused.
+    /// Returns the times at which frame 1 with reference values was released too late. Frame 2 is unused.
     fn missed_deadlines(&self) -> Vec<u64> {
         let frame_1 =
             |event: &Event| event.get().is_some_and(|it: Missed| it.what == OmittedFrame::ReferenceValue(1));
@@ -222,7 +222,7 @@ fn a_program_with_opt_init_starts_again() {
     for _ in 0..200_000 / SCAN_US {
         stage.scan(&mut tasks);
     }
-    // STOP and RUN: warm start.
+    // Turns the switch to STOP and to RUN, which is a warm start.
     for switch in [1, 0] {
         stage.ram.header().board.switch.store(switch);
         for _ in 0..20_000 / SCAN_US {
@@ -234,7 +234,7 @@ fn a_program_with_opt_init_starts_again() {
     stage.has_followed(0xFFFF_FFF8);
     drop(tasks);
     stage.plant.advance_to(stage.plant.now() + 1_000);
-    // First another program, then the supply switched off and on: a cold start both times.
+    // A different program leads to a cold start, and so does a program after the supply was switched off and on.
     for cycle in [false, true] {
         if cycle {
             stage.plant.set_power(DeviceIndex(0), Power::Off);

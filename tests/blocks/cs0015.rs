@@ -281,7 +281,7 @@ fn places_of_the_job_block_are_used_again() -> Result<(), Box<dyn Error>> {
         bench.step();
         assert_eq!(bench.flags(1)?.NODEID.load(), NODEID);
     }
-    // The bus has no node 5 any more.
+    // No node has the number 5 now.
     let mut read = SDO_READ { ENABLE: true, NODE: 5, IDX: 0x1000, LENGTH: 4, ..Default::default() };
     for _ in 0..3 {
         read.call(&bench.jobs[0]);

@@ -8,12 +8,12 @@ pub(crate) mod device {
         CANsync_SL_CTRL_BMSTRUCT as Slave,
     };
 
-    /// Its highest rate.
+    /// Returns the highest rate of the device.
     pub(crate) fn rate() -> crate::rig::Rate {
         crate::rig::FASTEST[0]
     }
 
-    /// `us_BAUDRATE`, bit timing and `w_ERR` (p. 214-215).
+    /// Cases for `CANsync_INIT`: `us_BAUDRATE`, the bit timing and `w_ERR` (p. 214-215).
     pub(crate) const TIMINGS: &[(u8, [u8; 2], u16)] = &[
         (5, [0x00, 0x1C], 0),
         (4, [0x01, 0x1C], 0),

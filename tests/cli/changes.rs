@@ -22,7 +22,7 @@ fn diff(emulator: &Emulator, args: &[&str], code: i32) -> String {
     outcome.out
 }
 
-/// Restart to "waiting for initialization data": two registers change.
+/// Restarts the slave up to "waiting for initialization data": two registers change.
 fn handshake(emulator: &Emulator) {
     emulator.poke(&["node2.w_CPU_CONTROL=16#0001"]);
     emulator.step(&["1ms"]);

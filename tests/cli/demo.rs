@@ -90,7 +90,7 @@ fn shows_every_handshake(arguments: &[&str], area: &str) -> String {
     let mut demo = commram();
     let outcome = finish(demo.arg("demo").args(arguments));
     let out = outcome.ok();
-    // In this order: command and answer of each step, then process data, then the dump.
+    // The output contains in this order: command and answer of each step, process data, the dump.
     let mut rest = out;
     for (originator, register, value) in [
         ("PLC", "w_CPU_CONTROL ", "16#0000"),

@@ -10,7 +10,7 @@ use std::net::TcpStream;
 use std::path::Path;
 use std::time::Duration;
 
-/// Every answer arrives within this time, even on a slow machine.
+/// Maximum time for an answer, even on a slow machine.
 const WATCHDOG: Duration = Duration::from_secs(60);
 
 /// A CAN bus, and a PLC that is not connected to it.
@@ -464,7 +464,7 @@ fn a_log_is_played_and_compared() {
     }
 }
 
-/// A log in a temporary directory, and its path.
+/// Writes a log into a temporary directory, and returns the directory and the path of the log.
 fn log_file(text: &str) -> (tempfile::TempDir, String) {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("recorded.log");
@@ -543,7 +543,7 @@ fn a_log_without_a_frame_for_the_bus_is_an_error() {
     assert!(two.run("bus", &["play", &path]).fails(2).contains("it has no frame to play"));
 }
 
-/// A bus takes as many frames as its rate allows, and the log has more.
+/// The log has more frames than the rate of the bus allows in its time.
 #[test]
 fn a_log_with_more_frames_than_the_bus_can_carry_is_played_completely() {
     let frames: String =
@@ -644,7 +644,7 @@ fn times_that_cannot_be_played_are_reported_with_their_line() {
         assert!(played.out.starts_with("4 frames in 2 ms"), "{}", played.out);
         let note = "line 4: its time is before the time of an earlier frame, and 1 more frames; they are sent at once";
         assert!(played.err.contains(note), "{}", played.err);
-        // The last times that a log can have, with more frames than a controller holds.
+        // The largest time that a log can have, with more frames than a controller can store.
         write(&["18446744073709.551615"; 200]);
         let played = emulator.run("bus", &["play", path]);
         assert_eq!(played.code, Some(0), "{}", played.err);
@@ -682,13 +682,13 @@ fn is_answered(port: u16, line: &str) -> bool {
     guest.0.read(&mut [0]).is_ok_and(|count| count > 0)
 }
 
-/// With a stepped clock, and no step between the connections.
+/// The clock is stepped, and does not advance between the connections.
 #[test]
 fn departed_or_silent_guests_take_no_place() {
     let emulator = start(OPEN, &["--clock", "stepped"]);
     let port = port(&emulator);
     let guests = || buses(&emulator)[0]["guests"].as_array().unwrap().len();
-    // Connections that send no data: the oldest one is closed for the newest one.
+    // When there are too many connections that send no data, the emulator closes the oldest of them for a new one.
     let mut silent: Vec<_> = (0..100).map(|_| Guest::come(port)).collect();
     let mut speaker = Guest::open(port);
     assert_eq!(silent[0].0.read(&mut [0]).unwrap(), 0, "the oldest was sent away");

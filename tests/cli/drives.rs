@@ -28,7 +28,7 @@ fn drives_are_listed_shown_and_set() {
     assert_eq!((&slot["value"], &slot["read_only"]), (&4000.into(), &false.into()));
     let drives = json(&emulator, "drive", &["list"]);
     assert_eq!(drives[3]["state"], "ready_to_switch_on");
-    // Without SYNC a drive continues on its local clock.
+    // Without SYNC a drive continues with its local clock.
     emulator.step(&["100ms"]);
     assert_eq!(json(&emulator, "drive", &["list"])[0]["speed"], -1000);
     let trace = emulator.run("trace", &[]);

@@ -20,7 +20,7 @@ use std::time::Duration;
 
 /// Number of clients that stop one emulator.
 const CLIENTS: usize = 6;
-/// Set to run all combinations instead of a selection. That takes minutes.
+/// Environment variable: if it is set, the test runs all combinations instead of a selection, which takes minutes.
 const ALL: &str = "COMMRAM_ATTACK_ALL";
 
 const NOTHING: Vec<PathBuf> = Vec::new();
@@ -121,7 +121,7 @@ fn only_a_second_ctrl_c_at_the_terminal_cuts_the_end_short() {
 fn status_after_an_interrupted_end(is_pressed_again: bool) -> Option<ExitStatus> {
     let (name, terminal) = (unique_name(), Terminal::new());
     let (_reader, writer) = std::io::pipe().unwrap();
-    // The message about the missing image waits some milliseconds for the full pipe.
+    // The emulator waits some milliseconds for the full pipe when it prints the message about the missing image.
     fill(&writer);
     let mut command = Command::new("setsid");
     command.args(["--ctty", commram().get_program().to_str().unwrap(), "run", "-i", &name]);
@@ -185,7 +185,7 @@ impl Terminal {
     }
 }
 
-/// Fills a pipe.
+/// Writes to a pipe until it is full.
 fn fill(writer: &PipeWriter) {
     let flags = rustix::fs::fcntl_getfl(writer).unwrap();
     rustix::fs::fcntl_setfl(writer, flags | OFlags::NONBLOCK).unwrap();
@@ -242,7 +242,7 @@ fn stop_does_not_wait_for_the_next_emulator_of_that_name() {
     assert_eq!(first.files(), NOTHING);
 }
 
-/// Damage to a file.
+/// A way to damage a file.
 #[derive(Clone, Copy, Debug)]
 enum Damage {
     Emptied,
@@ -317,7 +317,8 @@ fn stop_and_clean_reach_the_emulator_despite_damaged_instance_files() {
         for state in [ProcessState::Running, ProcessState::Stopped, ProcessState::Dying] {
             for damage in DAMAGES {
                 case += 1;
-                // Each subset with each process state, and the damages in turn; the lock alone with all of them.
+                // Tries each subset of files in each state of the process with one damage in turn, and the lock alone
+                // with every damage.
                 if all || case % 15 == (subset % 5) * 3 {
                     reach(subset, damage, state);
                 }
@@ -362,7 +363,7 @@ fn reach(subset: u32, damage: Damage, state: ProcessState) {
     assert_eq!(emulator.files(), NOTHING, "{what}");
 }
 
-/// In a separate `/dev/shm`, because `--all` ends all emulators there. The second directory has no lock.
+/// Runs in a separate `/dev/shm`, because `--all` ends all emulators there. The second directory has no lock.
 #[test]
 fn a_held_lock_in_a_directory_open_to_others_shows_the_emulator() {
     let script = "mount -t tmpfs tmpfs /dev/shm || exit 77

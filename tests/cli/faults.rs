@@ -8,7 +8,7 @@ fn set_up(emulator: &Emulator) {
     emulator.run("wait", &["node2.a_STAT_SL[3]==1", "--within", "100ms"]).ok();
 }
 
-/// Does the same as [`set_up`], then enters active operation.
+/// Brings the master into set-up mode and then into active operation.
 fn activate(emulator: &Emulator) {
     set_up(emulator);
     emulator.poke(&["node2.w_CPU_CONTROL=16#0040"]);

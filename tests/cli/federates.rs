@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 const LONG: Duration = Duration::from_secs(60);
-/// Time that a task which is no longer needed may take to notice it.
+/// Time within which a task notices that it is no longer needed.
 const SHORT: Duration = Duration::from_millis(5);
 /// Number of the event of a SYNC edge.
 const SYNC: usize = 12;
@@ -206,7 +206,7 @@ pub(crate) fn passes(program: Child) {
 
 pub(crate) fn journal(emulator: &Emulator) -> String {
     let outcome = emulator.run("trace", &[]);
-    // A journal that continues from a snapshot has a note about its beginning.
+    // The journal of an emulator that continues from a snapshot begins with a note.
     assert_eq!(outcome.code, Some(0), "{}", outcome.err);
     outcome.out
 }
@@ -354,7 +354,7 @@ fn a_dead_federate_is_noticed_and_an_orderly_end_ends_all() {
     let output = step.wait_with_output().unwrap();
     let message = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.code() == Some(3) && message.contains(&reason), "{message}");
-    // An idle federate notices its absence. Without the broker it could not connect either.
+    // An idle federate notices the absence of the broker. Without the broker it could not connect either.
     drop(broker);
     assert_eq!(leads.wait().code(), Some(3));
     let complaints = leads.complaints();
@@ -369,7 +369,7 @@ fn a_dead_federate_is_noticed_and_an_orderly_end_ends_all() {
     assert_eq!(follows.wait().code(), Some(0));
     assert!(follows.complaints().contains("federate 0 has left"));
 
-    // A federate that leads has the turn, and does nothing, when the other one leaves.
+    // The leading federate has the turn and does nothing when the other federate leaves.
     let broker = Broker::start(&helics, 2);
     let mut leads = broker.federate(&plant, "0/2", &[]);
     let follows = broker.federate(&plant, "1/2", &["--follow"]);
@@ -398,7 +398,7 @@ fn a_mismatched_federate_is_refused_with_a_reason() {
     let outcome = ends(&[&nowhere[..], &away].concat(), &library);
     assert!(begin.elapsed() < Duration::from_millis(4_500), "{:?}", begin.elapsed());
     assert_eq!(outcome.code, Some(3), "{}", outcome.err);
-    // HELICS can give up first.
+    // HELICS can report the missing broker before the time limit does.
     let is_named = ["no HELICS broker answers at tcp://127.0.0.1:9 within 2 s", "does a broker run"]
         .iter()
         .any(|text| outcome.err.contains(text));

@@ -179,7 +179,7 @@ fn a_stopped_script_is_visible_in_every_command() {
     assert!(trace.ok().contains("script stopped: firmware.rhai:2: no such output"), "{}", trace.out);
     let json = emulator.run("trace", &["--kind", "stopped", "--format", "jsonl"]);
     assert!(json.ok().contains("\"text\":\"firmware.rhai:2: no such output\""), "{}", json.out);
-    // The tables of the device continue.
+    // The tables of handshakes still work after the error of the script.
     emulator.step(&["20ms"]);
     assert_eq!(emulator.peek(&["data.w_IN"]), "16#0001");
 }
@@ -245,7 +245,7 @@ fn a_snapshot_continues_with_the_same_files_only() {
     assert!(message.contains("digital-io; restore it"), "{message}");
 }
 
-/// Steps of any size give the same journal, also if tables answer each other.
+/// Steps of any size give the same journal, even if tables of two devices answer each other.
 #[test]
 fn the_journal_of_a_folder_does_not_depend_on_the_steps() {
     let answer = |request: u8, answer: u8| {
@@ -382,7 +382,8 @@ fn registers_of_a_folder_are_counted_before_they_are_made() {
     assert!(begin.elapsed().as_secs() < 10);
 }
 
-/// The folder is named from the directory of the plant file, and a client finds it without being told.
+/// The path of the folder is relative to the directory of the plant file, and a client finds the folder without an
+/// option.
 #[test]
 fn one_folder_serves_several_devices() {
     let place = Place::new();

@@ -8,8 +8,8 @@ use std::time::Duration;
 use tempfile::TempDir;
 
 const MIB: usize = 1 << 20;
-/// Part of the long files that a debug build gets. It is several times slower; `tools/nightly attack` runs these tests
-/// with whole files on a release build.
+/// Divisor of the lengths of files. A debug build is several times slower, so it gets shorter files;
+/// `tools/nightly attack` runs these tests with whole files on a release build.
 const PART: usize = if cfg!(debug_assertions) { 8 } else { 1 };
 /// Time in which a file is accepted or refused.
 const FIGURE: Duration = Duration::from_secs(10);
@@ -317,7 +317,7 @@ fn write_overlaid(layout: &std::path::Path, count: usize, words: usize, more: &s
     std::fs::write(layout.join("device.toml"), device).unwrap();
 }
 
-/// Structures of a few lines, and many long files.
+/// Short files with many structures, and many long files.
 #[test]
 fn many_overlaid_structures_are_accepted_or_refused_within_the_promised_time() {
     let files = Files::new();
@@ -336,7 +336,7 @@ fn many_overlaid_structures_are_accepted_or_refused_within_the_promised_time() {
     }
 }
 
-/// The content follows a valid head and has the maximum readable length.
+/// The content follows a valid head and has the maximum length that commram reads.
 #[test]
 fn snapshots_are_refused_within_the_promised_time() {
     let files = Files::new();

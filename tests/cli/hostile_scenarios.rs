@@ -176,7 +176,7 @@ fn a_loop_ends_after_its_real_time() {
     assert!(plain.contains(&expected.replace("  ", " ")), "{}", outcome.out);
 }
 
-/// The engine counts each call of a closure from the same number on.
+/// The engine restarts its count of operations at each call of a closure.
 #[test]
 fn steps_of_closures_are_counted() {
     let text = "let a = []; a.pad(100000, 1); let sum = 0; a.for_each(|x| sum += x);";
@@ -258,7 +258,7 @@ fn a_report_is_written_although_the_user_interrupts_the_run() {
     );
 }
 
-/// Like a pipe to `| head -1`.
+/// The reader closes the pipe early, like `| head -1`.
 #[test]
 fn a_report_is_written_although_the_output_is_not_read() {
     let scripts = Scripts::new(&[("a.rhai", "step(1)"), ("b.rhai", "step(1)")]);

@@ -154,7 +154,7 @@ fn a_name_that_is_taken_is_refused() {
     assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS"]), "16#0001");
 }
 
-/// Their images have different names, but other resources of an instance exist only once.
+/// The images of the two emulators have different names, but other resources of an instance exist only once.
 #[test]
 fn a_used_instance_name_is_refused_for_any_plc_names() {
     let emulator = Emulator::stepped();

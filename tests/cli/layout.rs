@@ -227,14 +227,14 @@ fn true_offsets_of_the_bmaxx_plc_move_the_structure_of_the_family() {
     assert!(!judged.out.contains("\"wrong\""), "{}", judged.out);
 }
 
-/// The same declarations as a vendor's tool would write them: without the head of our export, and with other names of
-/// fillers.
+/// Returns the declarations as a vendor's tool would write them: without the head of our export, and with other names
+/// of fillers.
 fn vendors(export: &str) -> String {
     let lines = export.lines().filter(|line| !line.starts_with("(* Made by commram "));
     lines.collect::<Vec<_>>().join("\n").replace(" padding_", " padding_0")
 }
 
-/// The declarations of a b maXX PLC with eight more bytes before the reference values of the master.
+/// Returns the declarations of a b maXX PLC with eight more bytes before the reference values of the master.
 fn with_more_in_the_master() -> String {
     let declared = vendors(run(&["export", "st", "--device", "bm4-plc"]).ok());
     let (head, tail) = declared.split_once("CANsync_PLC_MA_BMSTRUCT : (*").unwrap();
@@ -253,7 +253,7 @@ fn confirmed_offsets_of_a_shared_structure_stay_where_they_are() {
         checkout.import(args)
     };
     let bm4 = ["--device", "bm4-plc"];
-    // The Omega's library first.
+    // Imports the library of the Omega Drive-Line II first.
     let checkout = Checkout::with(&omega, &every_layout());
     assert_eq!(checkout.import(&[]).code, Some(0));
     let before = checkout.all_files();
@@ -267,8 +267,8 @@ fn confirmed_offsets_of_a_shared_structure_stay_where_they_are() {
     assert_eq!(checkout.all_files(), before);
     let confirms = import(&checkout, &vendors(run(&["export", "st", "--device", "bm4-plc"]).ok()), &bm4);
     assert_eq!(confirms.code, Some(0), "{}", confirms.err);
-    // The other library first: the Omega's registers are not confirmed yet, so they move too, and the command reports
-    // it.
+    // Imports the other library first: the registers of the Omega Drive-Line II are not confirmed yet, so they move
+    // too, and the command reports it.
     let checkout = Checkout::with(&with_more_in_the_master(), &every_layout());
     let moves = checkout.import(&bm4);
     assert_eq!(moves.code, Some(0), "{}", moves.err);

@@ -51,7 +51,7 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// The members as text, with `w_DIP_NR` at the end.
+/// Returns the members as text, with `w_DIP_NR` at the end.
 fn members() -> String {
     let members = MEMBERS.iter().map(|(name, ty)| format!("    {name} : {ty};\r\n"));
     members.collect::<String>() + "    w_DIP_NR : WORD;\r\n"
@@ -98,7 +98,7 @@ fn objects_of_twincat_are_imported_together() {
         err.contains("note: FB_X.TcPOU: skipped, because only types are read: POU FB_X in line 3\n"),
         "{err}"
     );
-    // One file without the others says what is missing.
+    // If the other files are not given, the error names what is missing.
     let checkout = tempfile::tempdir().unwrap();
     copy(Path::new(LAYOUTS), &checkout.path().join("layouts"));
     fs::write(checkout.path().join("STRUCTURE.TcDUT"), &files[0].1).unwrap();

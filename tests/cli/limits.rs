@@ -60,7 +60,7 @@ fn a_limit_of_file_sizes_is_named_and_leaves_no_partial_files() {
         assert!(started.fails(1).contains("`ulimit -f`"), "{blocks}: {}", started.err);
         assert_eq!(files_of(&name), Vec::<PathBuf>::new(), "{blocks}");
     }
-    // The limit and the signal are those of the command.
+    // The process under `with` reaches its own limit, and its own signal ends it.
     let own = limited(
         "-f 1000000",
         &["with", "--", "sh", "-c", "ulimit -f 0; echo text >$0", header.to_str().unwrap()],
@@ -68,7 +68,7 @@ fn a_limit_of_file_sizes_is_named_and_leaves_no_partial_files() {
     assert_eq!(own.code, Some(128 + 25), "{}", own.err);
 }
 
-/// In a separate `/dev/shm`, because the command ends all emulators there.
+/// Runs in a separate `/dev/shm`, because the command ends all emulators there.
 #[test]
 fn stop_all_names_the_limit_that_hides_emulators() {
     let script = "mount -t tmpfs tmpfs /dev/shm || exit 77
@@ -197,7 +197,7 @@ fn a_limit_of_the_stack_or_of_data_is_named() {
         let refused = limited(&format!("-s {few}"), &["list"]);
         assert!(refused.fails(3).contains(&format!("{few} KiB of stack")), "{}", refused.err);
         assert!(refused.err.contains("`ulimit -s`"), "{}", refused.err);
-        // The soft limit alone is raised.
+        // A command raises its soft limit, but not its hard limit.
         assert_eq!(limited(&format!("-S -s {few}"), &["list"]).code, Some(0));
     }
     let name = unique_name();

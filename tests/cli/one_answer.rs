@@ -16,8 +16,9 @@ fn answer(emulator: &Emulator) -> String {
     format!("{} {last}", emulator.peek(&registers))
 }
 
-/// Active operation; the drive responds and is synchronized; 5000 in both directions; on the bus low byte first, then
-/// the drive's status word 16#8037: operation enabled, synchronized.
+/// Expected answer: active operation, drive responds and is synchronized, 5000 in both directions, and the drive's
+/// frame. The frame has the value with its low byte first, then the status word 16#8037: operation enabled,
+/// synchronized.
 const ANSWER: &str = "16#0080 16#03 16#00001388 16#00001388 301#8813000037800000";
 
 /// Runs a program with a separate emulator. The program must succeed, and the drive must have answered.

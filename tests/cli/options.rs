@@ -28,7 +28,7 @@ const MEANINGS: &[(&str, &str)] = &[
 /// An option of a command: `-i, --instance <NAME>` and its help.
 type Opt = (String, String);
 
-/// The options and the inner commands that the help of a command lists.
+/// Returns the options and the inner commands that the help of a command lists.
 fn of(command: &[&str]) -> (Vec<Opt>, Vec<String>) {
     let help = run(&[command, &["-h"]].concat());
     let (mut options, mut inner) = (Vec::<Opt>::new(), Vec::new());
@@ -52,7 +52,7 @@ fn of(command: &[&str]) -> (Vec<Opt>, Vec<String>) {
     (options, inner)
 }
 
-/// All commands with the options of each.
+/// Returns all commands with the options of each.
 fn all() -> Vec<(String, Vec<Opt>)> {
     let help = run(&["help"]);
     let list = help.ok().split("Usage: ").nth(1).unwrap().split("Options:\n").next().unwrap().to_owned();
@@ -70,7 +70,7 @@ fn all() -> Vec<(String, Vec<Opt>)> {
     all
 }
 
-/// The meaning without the notes of the parser in brackets.
+/// Returns the meaning without the notes of the parser in brackets.
 fn meaning(help: &str) -> String {
     let end = ["[env:", "[default: ", "[possible values:"].iter().filter_map(|note| help.find(note)).min();
     help[..end.unwrap_or(help.len())].trim().replace('|', "\\|")

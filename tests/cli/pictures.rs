@@ -37,7 +37,7 @@ fn an_instance_and_its_journal_give_the_same_plot() {
         "-o",
         &past,
     ]);
-    // The plot needs no font of the machine either.
+    // The plot does not need the machine's fonts either.
     of_file
         .env("FONTCONFIG_FILE", "/dev/null")
         .env("HOME", "/nonexistent")

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-/// Every answer arrives within this time, even on a slow machine.
+/// Maximum time for an answer, even on a slow machine.
 const WATCHDOG: Duration = Duration::from_secs(60);
 
 const PLANT: &str = r#"
@@ -180,7 +180,7 @@ fn several_slaves_at_one_serial_line() {
     let slaves = std::thread::spawn(move || {
         let mut octets = [0; 6];
         for station in [7, 8] {
-            // Octets without a gap between telegrams; here one at a time.
+            // The octets arrive one at a time, without a gap between telegrams.
             line.read_exact(&mut octets).unwrap();
             assert_eq!(octets[..4], [0x10, station, 2, 0x49]);
             line.write_all(&[0x10, 2]).unwrap();
@@ -194,7 +194,7 @@ fn several_slaves_at_one_serial_line() {
         assert_eq!(master.hear().1, [0x10, 2, station, 0, station + 2, 0x16]);
     }
     let mut line = slaves.join().unwrap();
-    // Octets that are no telegram go out as they come, and are garbled for all.
+    // Octets that are no telegram are sent unchanged, and every receiver sees them as garbled.
     line.write_all(&[0x55, 0x16]).unwrap();
     assert_eq!(master.hear().1, [0x55, 0x16]);
 }
@@ -205,7 +205,7 @@ fn foreign_masters_ask_a_slave_and_hear_each_other() {
     assert!(emulator.ready.contains(", door profibus-tcp:127.0.0.1:"), "{}", emulator.ready);
     let (mut master, mut other) = (Guest::come(&emulator), Guest::come(&emulator));
     assert!(eventually(|| buses(&emulator)[0]["guests"].as_array().unwrap().len() == 2));
-    // From the first telegram the slave detects the bit rate.
+    // The slave detects the bit rate from the first telegram.
     master.send(&[0xDC, 2, 2]);
     let (token_at, token) = other.hear();
     assert_eq!(token, [0xDC, 2, 2]);
@@ -300,7 +300,7 @@ fn two_gateways_with_one_address_are_named() {
     assert!(eventually(|| findings().matches("dp-address").count() >= 2), "{}", findings());
 }
 
-/// At the bit rate of its bus this is after 50 s.
+/// The bus needs 50 s for these octets.
 #[test]
 fn a_guest_that_leaves_with_scheduled_telegrams_frees_its_place() {
     let emulator = start();

@@ -43,7 +43,7 @@ fn the_commands_of_a_new_project_pass_on_every_device() {
             "{out}"
         );
         assert!(!out.contains("warning"), "{out}");
-        // The failing expectation, without its slashes.
+        // Makes the failing expectation of the template active: removes the slashes of its comment.
         let scenario = directory.path().join("my press/scenarios/start.rhai");
         let text = fs::read_to_string(&scenario).unwrap();
         fs::write(&scenario, text.replace("// expect(", "expect(")).unwrap();

@@ -348,7 +348,8 @@ fn a_step_beyond_a_day_is_refused() {
     assert!(emulator.run("step", &["25h"]).fails(2).contains("24 h"));
 }
 
-/// More than a request carries are read in several ones, at one moment as long as the clock stands still.
+/// A command that names more registers than a request can carry reads them in several requests. While the clock stands
+/// still, all values are from the same moment.
 #[test]
 fn any_number_of_registers_is_read() {
     let emulator = Emulator::stepped();
@@ -361,7 +362,8 @@ fn any_number_of_registers_is_read() {
     assert_eq!((values.len(), values[299], values[599]), (600, "16#2A", "16#00"));
 }
 
-/// The manual's addresses of bits, several of one register, and registers that only the firmware writes.
+/// Bits by name and by the addresses of the manual, several bits of one register, and a bit of a register that only the
+/// firmware writes.
 #[test]
 fn single_bits_are_written_and_forced() {
     let emulator = Emulator::stepped();

@@ -9,7 +9,7 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The TOML files of a directory.
+/// Returns the TOML files of a directory.
 fn in_directory(directory: &str) -> Vec<PathBuf> {
     let entries = root().join(directory).read_dir().unwrap().map(|entry| entry.unwrap().path());
     entries.filter(|path| path.extension().is_some_and(|it| it == "toml")).collect()

@@ -71,7 +71,7 @@ fn snapshot(directory: &TempDir) -> PathBuf {
 
 /// Duration of the closed loop in milliseconds.
 const STEPS: u32 = 60;
-/// 100 rad/s.
+/// Speed reference: 100 rad/s.
 const SPEED: i64 = 68_356_554;
 
 /// Runs the loop in this process with the page's Python model. Returns the values that the master reads after each
@@ -122,7 +122,7 @@ fn a_motor_in_python_closes_the_loop_of_a_drive() {
     let begin = snapshot(&directory);
     let expected = expected(&begin);
     assert!(expected.is_sorted() && expected.last() > Some(&(SPEED * 8 / 10)), "{expected:?}");
-    // The exchange file from the page.
+    // Takes the exchange file from the page.
     let exchange = written(&directory, "motor.toml", &blocks("toml")[0]);
     let model = written(&directory, "motor.py", &blocks("python")[0]);
     let mut program = format!("poke(\"node2.a_WR_VALUE[0]\", {SPEED});\n");
@@ -134,7 +134,7 @@ fn a_motor_in_python_closes_the_loop_of_a_drive() {
     let (from, exchange) = (begin.to_str().unwrap(), exchange.to_str().unwrap());
     let mut journals = Vec::new();
     for count in [1, 2] {
-        // Exchange and model are federates, too.
+        // The exchange and the model are federates, too.
         let broker = Broker::start(&helics, if count == 1 { 2 } else { 4 });
         let motor = Model::start(&helics, &model, &broker, &[]);
         let first = broker

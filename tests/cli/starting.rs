@@ -109,13 +109,13 @@ fn clients_wait_for_an_emulator_that_is_just_starting() {
     }
 }
 
-/// The line that new users type.
+/// A new user types this line.
 #[test]
 fn a_command_right_after_a_background_start_works() {
     let instance = Background::new();
     let script = format!("'{0}' run >/dev/null 2>&1 & '{0}' peek --raw node2.w_OPTION_STATUS", program());
     let mut shell = Command::new("sh");
-    // The default, except for machines that are busy with tests.
+    // Waits longer than the default, because the machine may be busy with tests.
     shell.args(["-c", &script]).env("COMMRAM_INSTANCE", &instance.0).env("COMMRAM_CONNECT_TIMEOUT", "1min");
     assert_eq!(finish(&mut shell).ok(), "16#0001\n");
 }

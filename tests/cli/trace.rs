@@ -144,7 +144,7 @@ fn options_select_parts_of_the_journal() {
 
 #[test]
 fn lost_records_are_reported() {
-    // More frames than the ring holds; states and registers are complete.
+    // There are more frames than the ring can hold; the states and registers are complete.
     let emulator = with_frames("90s");
     let lines = jsonl(&emulator, &[]);
     let (gaps, records): (Vec<_>, Vec<_>) = lines.iter().partition(|line| line["kind"] == "gap");
@@ -390,7 +390,7 @@ fn an_external_reader_finds_registers_frames_and_sync_in_waveforms() {
     assert!(lines[2].contains(" 500:2 "), "{}", lines[2]);
     assert!(lines[3].contains(" 500:waiting_for_"), "{}", lines[3]);
     assert!(lines[4].ends_with(":4"), "16#05 is answered by 16#04: {}", lines[4]);
-    // Every edge and every frame, including those that were counted in one record.
+    // Compares every edge and every frame, including those that were counted in one record.
     let edges = |line: &str| line.split_whitespace().skip(2).map(str::to_owned).collect::<Vec<_>>();
     let syncs = edges(lines[5]);
     assert!(syncs.len() > 500, "{}", syncs.len());

@@ -137,7 +137,7 @@ fn back_by_a_time_and_to_a_condition() {
     assert!(follower.note().contains("the instance has gone back"));
     emulator.step(&["10ms"]);
     assert_eq!(emulator.step(&["--back-to", "node2.w_OPTION_STATUS==16#0002"]), "0.000500 s");
-    // A condition that was not met is not wrong use.
+    // A step back that is not possible has exit code 1, because the arguments are right.
     let outcome = emulator.run("step", &["--back", "1s"]);
     assert!(outcome.fails(1).contains("the earliest moment is 0.000000 s, it is 0.0"), "{outcome:?}");
     let outcome = emulator.run("step", &["--back-to", "node2.w_OPTION_STATUS==16#0043"]);
@@ -188,7 +188,7 @@ fn a_program_that_has_mapped_the_registers_is_named() {
     assert_eq!(emulator.step(&["--back", "1ms", "--detached"]), "0.005000 s");
     drop(task);
     drop(attached);
-    // A read-only client is no obstacle.
+    // A client with a read-only mapping does not prevent the step.
     let attached = devices::attach(&emulator.name, "line", AttachMode::ReadOnly).unwrap();
     assert_eq!(emulator.step(&["--back", "500us"]), "0.004500 s");
     drop(attached);
@@ -220,7 +220,7 @@ fn connecting_clients_of_the_channel_do_not_map_registers() {
     }
 }
 
-/// The range of addresses in a line of `/proc/PID/maps`, if it had the length of the header page.
+/// Shortens the range of addresses in a line of `/proc/PID/maps` to the length of the header page.
 fn header_page(line: &str) -> String {
     let begin = line.split('-').next().unwrap();
     format!("{begin}-{:x} ", u64::from_str_radix(begin, 16).unwrap() + 4096)

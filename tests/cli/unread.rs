@@ -42,7 +42,7 @@ fn an_unread_demonstration_ends_at_the_first_signal() {
 #[test]
 fn unread_rounds_and_scenarios_end_at_the_first_signal() {
     let files = tempfile::tempdir().unwrap();
-    // The seed that the command chooses is a note; one round ends soon and has a table.
+    // Without `--seed` the command prints the seed as a note. The command with one round ends soon and prints a table.
     for args in [&["--rounds", "100000"][..], &["--rounds", "1", "--seed", "1"]] {
         let mut soak = commram();
         soak.args(["soak", "--jobs", "1"]).args(args).current_dir(files.path()).env("TMPDIR", files.path());
@@ -67,7 +67,7 @@ fn an_unread_server_ends_at_the_first_signal() {
     assert_eq!(content(files.path()), NOTHING);
 }
 
-/// The line of its start stays unread.
+/// Nobody reads the line that the emulator prints at its start.
 #[test]
 fn an_unread_emulator_serves_and_ends_in_good_order() {
     for (end, code) in [(Some("-INT"), 130), (Some("-TERM"), 0), (Some("-HUP"), 0), (None, 0)] {

@@ -83,7 +83,7 @@ fn list_shows_the_different_version_of_an_emulator() {
     let listed = run(&["list"]);
     let words = format!("has ABI version {}, this program knows {ABI_VERSION}", ABI_VERSION + 1);
     assert!(listed.code == Some(0) && listed.out.contains(&words), "{listed:?}");
-    // The end of the test needs a usable image.
+    // Restores the version, because the end of the test needs a usable image.
     write(&image(&emulator), VERSION, &ABI_VERSION.to_le_bytes());
 }
 
@@ -200,7 +200,8 @@ fn a_snapshot_of_another_format_is_refused_by_its_versions() {
     }
 }
 
-/// The file is kept for the version that wrote it. The emulator does not start in delivery state instead.
+/// The emulator keeps the file for the version that wrote it, and refuses to start instead of starting in delivery
+/// state.
 #[test]
 fn an_emulator_does_not_start_on_a_novram_file_of_another_version() {
     let directory = tempfile::tempdir().unwrap();

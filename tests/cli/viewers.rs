@@ -24,7 +24,7 @@ fn resize(terminal: &File, (ws_col, ws_row): (u16, u16)) {
     rustix::termios::tcsetwinsize(terminal, size).unwrap();
 }
 
-/// As [`view`]; without a separate error output, errors go to the terminal.
+/// Starts a view like [`view`]. Without a separate error output, errors go to the terminal.
 fn view_with(emulator: &Emulator, has_error_output: bool) -> (File, Child) {
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
     let terminal = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();

@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, Once, mpsc};
 use std::time::{Duration, Instant, SystemTime};
 
-/// Every step of a test takes less time than this, even on a slow machine.
+/// Time limit for each step of a test, even on a slow machine.
 const WATCHDOG: Duration = Duration::from_secs(60);
 
 /// With a real-time clock, the machine's load decides whether a process is in time.
@@ -186,7 +186,7 @@ pub(crate) fn eventually(mut condition: impl FnMut() -> bool) -> bool {
         if start.elapsed() > WATCHDOG {
             return false;
         }
-        // A pause between two polls, not an estimate of the duration.
+        // Pauses between two polls; the pause is no estimate of the duration.
         std::thread::sleep(Duration::from_millis(2));
     }
 }
@@ -254,7 +254,7 @@ pub(crate) struct Emulator {
     err: Mutex<Option<mpsc::Receiver<String>>>,
     /// Errors that the access checker must find in this test. Any other error, or a missing one, fails the test.
     expected: Mutex<Vec<&'static str>>,
-    /// Errors that do not count.
+    /// Errors that the access checker may find in this test.
     tolerated: &'static [&'static str],
 }
 

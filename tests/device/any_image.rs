@@ -43,7 +43,7 @@ enum Act {
         offset: u64,
         value: u32,
     },
-    /// Anywhere, byte by byte.
+    /// Bytes at any offset of the image.
     Bytes {
         device: usize,
         place: prop::sample::Index,
@@ -69,7 +69,7 @@ fn act() -> impl Strategy<Value = Act> {
     ]
 }
 
-/// The registers of a device with their bytes.
+/// Returns the registers of a device with their sizes in bytes.
 fn registers(device: &'static DeviceLayout) -> Vec<(u64, usize)> {
     let fitted = DeviceFit::unknown(device);
     let all = device.areas.iter().flat_map(|area| fitted.used_registers(area));
@@ -128,7 +128,7 @@ fn run(acts: &[Act]) {
     answers_after_power_on(&mut rig);
 }
 
-/// A user sets the switches to valid positions.
+/// Sets the switches to valid positions, as a user would.
 fn answers_after_power_on(rig: &mut Rig) {
     let Rig { plant, files, layouts, .. } = rig;
     for plc in 0..DEVICES {
@@ -158,7 +158,7 @@ proptest! {
     }
 }
 
-/// The registers of a device with their bytes, of each array the first and the last.
+/// Returns the registers of a device with their sizes in bytes, of each array the first and the last.
 fn registers_by_name(device: &'static DeviceLayout) -> Vec<(u64, usize)> {
     let fitted = DeviceFit::unknown(device);
     let mut places = BTreeMap::<String, [(u64, usize); 2]>::new();

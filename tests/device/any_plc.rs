@@ -130,7 +130,7 @@ fn enter_block(rig: &Rig, control: u8, length: u16) {
     rig.master.b_STEUREG_UPDOWNBLK1.store(control);
 }
 
-/// The slave's application allows, takes and confirms every job that is pending.
+/// Acts as the slave's application: allows, takes and confirms every pending job.
 fn serve(rig: &Rig) {
     let regs = &rig.slave;
     for (control, status, changed) in [

@@ -60,7 +60,7 @@ impl Bm4 {
         self.plant.advance_to(edge);
     }
 
-    /// All frames so far with the time of their end.
+    /// Returns all frames so far with the time of their end.
     fn frames(&self) -> Vec<(u64, Frame)> {
         let records = self.plant.journal().records();
         records.filter_map(|it| Some((it.time_us, it.event.get::<Transmitted>()?.frame))).collect()
@@ -316,7 +316,7 @@ fn slave_modules_alone_have_switches_that_can_be_set() {
     }
 }
 
-/// P. 27: a slave number that another station already has.
+/// P. 27: a slave gets a number that another station already has.
 #[test]
 fn a_taken_number_is_reported_with_its_slot() {
     let text =
@@ -540,7 +540,7 @@ fn the_first_led_shows_frames_and_not_the_sync_signal() {
     let h3 = Leds::of_code(bm4.segment(0).header().unwrap().ports[1].leds.load()).h[2];
     assert_eq!((led(&bm4, 0, 1), h3), (Led::Off, Led::Flashes(2)), "SYNC comes, frames do not");
     assert_eq!(led(&bm4, 1, 5), Led::Flashes(1), "the master asks for status words");
-    // In active operation a master without input data sends nothing.
+    // A master without input data sends nothing in active operation.
     bm4.bring_up(&[&master], Stage::Active..);
     bm4.step(1_000_000);
     assert_eq!(led(&bm4, 1, 5), Led::Off);
@@ -579,7 +579,8 @@ fn a_module_keeps_its_lock_for_the_time_that_the_plant_file_gives() {
     }
 }
 
-/// A slave of the controller in slot H of one PLC, as slave 4 of the master in another one.
+/// Returns two PLCs: the master in the first PLC has slave 4, which is a slave of the controller in slot H of the
+/// second PLC.
 fn with_controllers_slave(switches: &str) -> Bm4 {
     Bm4::new(&format!(
         "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n[[device.module]]\nslot = 'H'\nkind = 'can-05'\nbus = 'b'\n\
@@ -588,7 +589,7 @@ fn with_controllers_slave(switches: &str) -> Bm4 {
     ))
 }
 
-/// LEDs of the module in slot H.
+/// Returns the LEDs of the module in slot H.
 fn leds_of_slot_h(bm4: &Bm4) -> [Led; 4] {
     Leds::of_code(bm4.segment(0).header().unwrap().ports[1].leds.load()).h
 }
@@ -688,7 +689,7 @@ fn a_slave_of_the_controller_has_the_faults_of_a_drive() {
     assert!(refused.contains("bus_off: slotJ is a drive of its bus"), "{refused}");
 }
 
-/// P. 27 and 29-31: an error at initialization, and DIP switches 1 to 3 that name no baud rate.
+/// P. 27 and 29-31: an error at initialization, and DIP switches 1 to 3 in a position without a baud rate.
 #[test]
 fn modules_with_wrong_switches_show_it_and_take_no_part() {
     let (together, alone) = (

@@ -14,7 +14,7 @@ const A: usize = 0;
 const B: usize = 1;
 const SYNC: usize = 12;
 
-/// `INTR_SET` in the header page of a PLC.
+/// Enables an event in the header page of a PLC, as `INTR_SET` does.
 fn set_event(plant: &mut Plant, plc: usize, event: usize, factor: i16) {
     let header = plant.devices()[plc].segment().header().unwrap();
     let request = header.interrupts[event].ask(factor, true);
@@ -81,7 +81,7 @@ fn a_watched_event_stops_the_time_at_each_edge() {
     assert_eq!(event(&rig.plant, B, SYNC).0, 10);
 }
 
-/// Stopping at events does not change the run.
+/// Stops at events do not change the run.
 #[test]
 fn a_watched_run_is_the_same_run() {
     let run = |watch: u16| {
@@ -97,7 +97,8 @@ fn a_watched_run_is_the_same_run() {
     assert_eq!(run(0), run(1 << SYNC | 1));
 }
 
-/// Node 1 on the upper bus, node 2 master of the lower one with the SYNC signal passed on: each edge is one event.
+/// Node 1 is a slave on the upper bus. Node 2 is the master of the lower bus and passes on the SYNC signal. Each edge
+/// is one event.
 #[test]
 fn a_forwarded_edge_is_one_event() {
     let text = "[[plc]]\nname='a'\nnode2='upper'\n[[plc]]\nname='b'\ndip=3\nnode1='upper'\nnode2='lower'\n\
@@ -204,11 +205,11 @@ fn a_number_that_is_taken_leaves_the_node_alone() {
         OnBoard { plc: DeviceIndex::at(B), what: BoardEvent::NumberTaken { port: 1, number: 2 } }.into();
     assert!(rig.records().any(|record| record.event == taken));
     rig.expect_errors(&[&commram::devices::cansync::rules::NUMBER_TAKEN]);
-    // Nothing has changed at the next power-on, so the checker reports it again (5.00005.03a p. 22).
+    // The number is still taken at the next power-on, so the checker reports it again (5.00005.03a p. 22).
     rig.plant.set_power(DeviceIndex::at(B), Power::Off);
     rig.plant.set_power(DeviceIndex::at(B), Power::On);
     assert_eq!(rig.records().filter(|record| record.event == taken).count(), 2);
-    // Back to a free number.
+    // Turns the switch back to a free number.
     rig.plant.devices()[B].segment().header().unwrap().board.dip.store(1);
     rig.plant.set_power(DeviceIndex::at(B), Power::Off);
     rig.plant.set_power(DeviceIndex::at(B), Power::On);

@@ -11,7 +11,8 @@ use commram::identity::{BusIndex, DeviceIndex};
 const DRIVES: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n\
                       [[bus.drive]]\nname = 'd2'\nslave_number = 2\nlock_time_us = 30000\n";
 
-/// Drives active, reference value 0 as doubleword in WRC1, actual value 0 of each slave from RDC1.
+/// Returns a rig with active drives: reference value 0 is a doubleword in WRC1, actual value 0 of each slave comes from
+/// RDC1.
 fn with_drives(memory: Memory, rate: crate::rig::Rate) -> Rig {
     let mut rig = Rig::of(memory, rate, DRIVES);
     rig.activate();
@@ -94,7 +95,8 @@ fn a_slave_node_overhears_other_slaves_but_not_itself() {
     }
 }
 
-/// Manual 5.00005.03a p. 182: sent only if released in time and asked for.
+/// Manual 5.00005.03a p. 182: a slave sends its frame only if the frame was released in time and the master asks for
+/// it.
 #[test]
 fn an_own_actual_value_needs_release_and_request() {
     for rate in FASTEST {

@@ -13,14 +13,14 @@ use commram::memory::header::BoardSetting;
 use commram::plant::Plant;
 use core::num::NonZero;
 
-/// Times of the SYNC edges of a bus.
+/// Returns the times of the SYNC edges of a bus.
 fn edges(cluster: &Cluster, bus: BusIndex) -> Vec<u64> {
     let journal = cluster.plant.journal();
     let edge = |record: &Record| record.event == SyncEdge { bus }.into();
     journal.records().chain(journal.pending()).filter(edge).flat_map(|record| record.times()).collect()
 }
 
-/// Frames so far on a bus.
+/// Returns the number of frames so far on a bus.
 fn frames(cluster: &Cluster, bus: BusIndex) -> usize {
     let of_bus = |record: &Record| record.event.get().is_some_and(|it: Transmitted| it.bus == bus);
     cluster.plant.journal().records().filter(of_bus).count()
@@ -61,7 +61,8 @@ fn all_levels_have_their_edges_at_the_same_microsecond() {
     }
 }
 
-/// The top restarts: no edges on lower buses, so no frames and no answers; with the signal everything returns.
+/// The top PLC restarts. Without edges there are no frames and no answers on the lower buses; everything works again
+/// when the signal returns.
 #[test]
 fn a_cluster_pauses_while_its_top_restarts() {
     for rate in FASTEST {
@@ -99,7 +100,8 @@ fn the_largest_two_level_cluster_runs() {
         assert_eq!(cluster.plcs.len() + drives(cluster.plant.buses()).count(), 1 + 32 + 32 * 32);
         cluster.activate();
         cluster.plcs[0].master.a_WR_VALUE[0].store(7);
-        // Two rounds of asking 32 slaves on each level, and the way down and up.
+        // Runs two rounds of requests to 32 slaves on each level, plus the intervals that a value needs on its way down
+        // and up.
         (0..2 * 64 + 8).for_each(|_| cluster.interval());
         assert!(cluster.plcs[1..].iter().all(|plc| plc.sum() == 7 * 32));
         assert_eq!(cluster.plcs[0].sum(), 7 * 1024);

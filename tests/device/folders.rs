@@ -146,7 +146,7 @@ fn power_off() { journal(\"off\"); }
     assert!(!lines.iter().any(|line| line.contains("4 ->") || line.contains("too late")), "{lines:#?}");
 }
 
-/// A snapshot has the state of the script, its timers and the values that programs have written.
+/// A snapshot contains the state of the script, its timers and the values that programs have written.
 #[test]
 fn going_back_restores_the_middle_of_everything() {
     let card = Card::new(
@@ -177,7 +177,7 @@ fn count() { write(\"card.w_COUNT\", read(\"card.w_COUNT\") + 1); }
     assert!(ends.iter().all(|end| end == &ends[0]), "{ends:?}");
 }
 
-/// A stop is a part of the state, too.
+/// A snapshot also contains the fact that the script was stopped.
 #[test]
 fn a_stop_is_visible_until_the_next_power_on() {
     let card = Card::new(

@@ -171,7 +171,7 @@ fn action_commands_show_at_the_slave_when_they_change_something() {
             rig.run_to_sync();
             rig.run_to_sync();
         }
-        // Another interval, so that the journal does not count the third command together with the others.
+        // Begins another interval, so that the journal does not count the third command together with the first two.
         rig.run_to_sync();
         rig.slave.b_STATREG_CONTROLWORD.store(0);
         rig.master.a_STEUREG_CONTROLWORD[0].store(0x05);
@@ -219,7 +219,7 @@ fn the_status_register_is_recorded_except_for_bus_traffic() {
                 .collect::<Vec<_>>()
         };
         assert_eq!(status(&rig), [""; 0]);
-        // Invalid initialization data: a warning, and none after the next restart.
+        // Invalid initialization data lead to a warning. After the next restart there is no further warning.
         for command in [0x0000, 0x0001] {
             rig.master_init.w_CPU_CONTROL.store(command);
             rig.step(500);

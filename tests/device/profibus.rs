@@ -18,7 +18,7 @@ fn text(switches: &[Option<u8>]) -> String {
     text + "[[bus]]\nname = 'dp'\nkind = 'profibus'\n[[bus]]\nname = 'other'\nkind = 'profibus'\n"
 }
 
-/// Devices and addresses of the findings about addresses.
+/// Returns the devices and addresses of the findings about addresses.
 fn shared(plant: &Plant) -> Vec<(u16, u32)> {
     let found = plant.journal().findings();
     let of_addresses = found.iter().filter(|entry| entry.last.rule == &ADDRESS);
@@ -32,7 +32,7 @@ fn gateways_with_the_same_address_are_found() {
         (&[Some(5), Some(6)][..], &[][..]),
         // Both have the address at delivery.
         (&[None, None], &[(0, 3), (1, 3)]),
-        // Below 3 is 3, above 124 is 124 (p. 9).
+        // A switch position below 3 means address 3, a position above 124 means 124 (p. 9).
         (&[Some(7), Some(0), Some(3)], &[(1, 3), (2, 3)]),
         (&[Some(0x7C), Some(0xFF)], &[(0, 124), (1, 124)]),
     ] {
@@ -72,7 +72,7 @@ fn an_address_is_shared_while_both_are_on() {
     assert_eq!(shared(&plant), [(0, 5), (1, 5)]);
 }
 
-/// What `commram bus list` shows: slaves with address and state, their masters, no station without supply.
+/// `commram bus list` shows the slaves with address and state, their masters, and no station without supply.
 #[test]
 fn stations_have_addresses_and_states() {
     let mut plant = plant_of(&text(&[Some(5), Some(6)]));

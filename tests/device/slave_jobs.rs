@@ -40,14 +40,14 @@ fn job(number: u16, access: Access) -> ParameterJob {
     ParameterJob::new(number, access).unwrap()
 }
 
-/// Status and control register of the parameter job; both must read the same.
+/// Returns the control register of the parameter job, and checks that the status register has the same value.
 fn par_cmd(bench: &Bench) -> u8 {
     let control = bench.regs.b_STEUREG_PAR_CMD.load();
     assert_eq!(bench.regs.b_STATREG_PAR_CMD.load(), control);
     control
 }
 
-/// The application's write: status register first.
+/// Writes like the application: status register first.
 fn write_par_cmd(bench: &Bench, value: u8) {
     bench.regs.b_STATREG_PAR_CMD.store(value);
     bench.regs.b_STEUREG_PAR_CMD.store(value);
@@ -103,12 +103,12 @@ fn t39(memory: Memory, rate: Rate) {
     assert_eq!(par_cmd(&bench), 0x24);
 }
 
-/// A command that appears in every register that can show it.
+/// Returns a command that appears in every register that can show a command.
 fn command(command: u8) -> ActionCommand {
     ActionCommand { slave_group: 1 << NUMBER, command, data_byte: 0x5A, data_word: 0x1234 }
 }
 
-/// Status registers of action command, control word and SYNC mode.
+/// Returns the status registers of action command, control word and SYNC mode.
 fn received(bench: &Bench) -> [u8; 3] {
     let regs = &bench.regs;
     [&regs.b_STATREG_AKT_CMD, &regs.b_STATREG_CONTROLWORD, &regs.b_STATREG_SYNC_MODUS].map(|cell| cell.load())

@@ -38,7 +38,7 @@ fn write_slave_par(rig: &Rig, value: u8) {
     rig.slave.b_STEUREG_PAR_CMD.store(value);
 }
 
-/// The slave's application of block 1: allows and takes every transfer, once per interval.
+/// Acts as the slave's application: allows and takes every transfer in block 1, once per interval.
 fn serve_block(rig: &Rig) {
     let control = rig.slave.b_STEUREG_UPDOWNBLK1.load();
     if control & 0x01 != 0 {
@@ -96,7 +96,7 @@ fn a_parameter_job_runs_through_both_register_sets() {
     }
 }
 
-/// P. 166-168 and 190-193: 300 bytes down and up again.
+/// P. 166-168 and 190-193: a download of 300 bytes, then an upload.
 #[test]
 fn a_block_travels_down_and_up() {
     for memory in BOTH {

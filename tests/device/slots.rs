@@ -193,7 +193,8 @@ fn a_frame_longer_than_its_slot_keeps_the_next_one_waiting() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// With any contents: a frame begins after the previous frame has left the wire, and at its slot time at the earliest.
+    /// For any contents, a frame begins after the previous frame has left the wire, and at its slot time at the
+    /// earliest.
     #[test]
     fn no_two_frames_are_on_the_wire_at_once(
         rate in prop::sample::select(&RATES[..]),

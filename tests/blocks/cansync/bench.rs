@@ -8,7 +8,7 @@ const DRIVE: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us 
     [[bus.drive.parameters]]\nnumber = 1000\nformat = 'word'\ninitial = 100\nmax = 500\n";
 /// Duration of a PLC cycle.
 const CYCLE_US: u64 = 1000;
-/// A time limit. A block needs much less, unless it waits for a monitoring time.
+/// Time limit for a block. A block needs much less, unless it waits for a monitoring time.
 const PATIENCE_US: u64 = 60_000_000;
 
 pub(crate) struct Bench {
@@ -94,7 +94,7 @@ impl Bench {
     }
 }
 
-/// `CANsync_INIT` at the device's highest rate.
+/// Returns `CANsync_INIT` with the device's highest rate.
 pub(crate) fn init() -> CANsync_INIT {
     let timing = rate().timing;
     let (us_BAUDRATE, us_SYNC_INTERVAL) = (timing.us_BAUDRATE, timing.b_TIME_PATTERN);

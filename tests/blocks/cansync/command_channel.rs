@@ -105,7 +105,7 @@ fn a_control_word_reaches_its_slave_once() {
     assert_eq!(receive.w_CONTROLWORD, 0x000F);
     receive.call(&bench.sl);
     assert_eq!((receive.si_RECEIVED, receive.w_CONTROLWORD), (0, 0x000F));
-    // The control word was not for the drive. The block sends nothing to a slave number that does not exist.
+    // The drive has received no control word: the block sends nothing to a slave number that does not exist.
     assert_eq!(bench.ma.a_STEUREG_CONTROLWORD[1].load(), 0);
     (send.si_SL_NR_CTRL, send.x_EN) = (-1, true);
     send.call(&bench.ma);
@@ -154,7 +154,7 @@ fn a_control_word_is_broadcast_command_1_too() {
                 }
             }
         }
-        // Another command is shown first.
+        // Plays a different broadcast command first.
         base.b_STATREG_CONTROLWORD.store(0x02);
         base.b_AKT_CMD.store(200);
         base.b_STATREG_AKT_CMD.store(0x02);

@@ -76,7 +76,7 @@ pub(crate) fn init(w_COMMAND_REG: u16, reference: [u16; 2], actual: [u16; 4]) ->
     }
 }
 
-/// `BAPS_PD_COMM24` with the method and cycle time of the configuration.
+/// Returns `BAPS_PD_COMM24` with the method and cycle time of the configuration.
 pub(crate) fn exchange() -> BAPS_PD_COMM24 {
     BAPS_PD_COMM24 { w_COMMAND_REG: SAME_CYCLE, ..Default::default() }
 }
@@ -114,7 +114,7 @@ fn two_values_are_exchanged() {
     }
 }
 
-/// Manual p. 87, 99: with the event that the drive raises.
+/// Manual p. 87, 99: exchange with the event that the drive raises.
 #[test]
 fn init_enables_the_event_of_the_process_data() {
     for i_EVENT in [4, 8] {
@@ -275,7 +275,7 @@ fn the_process_data_blocks_report_refusals_of_the_drive() {
     check!(BAPS_PD_COMM24);
 }
 
-/// Manual p. 109-111: other numbers while the process data run.
+/// Manual p. 109-111: the parameter numbers change while the process data run.
 #[test]
 fn numbers_are_changed_while_the_process_data_run() {
     for memory in BOTH {
@@ -327,7 +327,7 @@ fn re_initialization_reports_every_error() {
         });
         assert_eq!((comm.x_RE_INIT_ERR, comm.b_SL_QUIT), (true, quit));
         assert_eq!((comm.b_ERR, comm.x_ERR), (0, false), "no bit for that (p. 109)");
-        // The old numbers stay in force.
+        // The drive still exchanges the old parameter numbers.
         for _ in 0..10 {
             stage.step(500);
             comm.call(&stage.base);

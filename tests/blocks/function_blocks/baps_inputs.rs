@@ -5,7 +5,7 @@ use crate::rig::Memory;
 use commram::devices::omega_drive_line_2::blocks::*;
 
 /// Manual p. 100, 105, 113: method and cycle time are selected at these blocks, too. An unconnected input is
-/// 0, which is no cycle time.
+/// 0, which is not a valid cycle time.
 #[test]
 fn the_command_register_of_an_exchange_counts() {
     macro_rules! check {
@@ -37,7 +37,7 @@ fn the_command_register_of_an_exchange_counts() {
             }
             assert_eq!((comm.b_SL_QUIT, comm.x_ERR, comm.ud_RD_VALUE0), (0x01, false, 700));
 
-            // Every 2 ms from the next communication on.
+            // From the next communication on, the values are exchanged every 2 ms.
             comm.w_COMMAND_REG = 0x0044;
             comm.call(&stage.base);
             stage.step(500);

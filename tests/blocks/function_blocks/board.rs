@@ -7,7 +7,7 @@ use commram::devices::omega_drive_line_2::registers::NODE2;
 use commram::identity::DeviceIndex;
 use commram::plant::Power;
 
-/// PLC `a` of the bench.
+/// Returns the RAM of PLC `a`.
 fn ram(bench: &Bench) -> Ram {
     Ram::of(bench.rig.plant.devices()[0].segment()).unwrap()
 }

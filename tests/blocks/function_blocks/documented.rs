@@ -28,12 +28,12 @@ fn shown(preset: &PinValue) -> String {
 
 /// Returns the type that the manual's prefix of a pin denotes; without a prefix, the types that its value can have.
 fn type_of(block: &str, pin: &str, preset: &PinValue) -> &'static str {
-    // FB1 has small letters and no prefixes.
+    // The pins of FB1 have small letters and no prefixes.
     if block == "FB1" || pin.starts_with(|first: char| first.is_ascii_uppercase()) {
         return match preset {
             PinValue::Bool(_) => "BOOL",
             PinValue::Time(_) => "TIME",
-            // BYTE, WORD and DWORD do not differ in their presets.
+            // The documents write presets of BYTE, WORD and DWORD in the same way.
             _ => "",
         };
     }
@@ -91,7 +91,7 @@ fn every_input_and_output_is_documented_with_its_type_and_preset() {
         let section = section(kind.name);
         let rows = section.lines().filter(|line| line.starts_with("| in |") || line.starts_with("| out |"));
         let rows = rows.map(|line| line.split('|').map(str::trim).collect::<Vec<_>>());
-        // One row for `us_SL_TYP0` ... `us_SL_TYP31`.
+        // One row documents `us_SL_TYP0` ... `us_SL_TYP31`.
         let mut rows = rows.flat_map(|row| {
             let first = quoted(row[2]).to_owned();
             let count = if row[2].contains("` ... `") { 32 } else { 1 };

@@ -141,7 +141,7 @@ fn semaphores_that_do_not_move_are_timeouts() {
         let read = &blocks.read;
         assert_eq!((read.i_ERR_COMM, read.i_ERR_DETAIL, read.x_ERR, read.x_BUSY), (-1, 0, true, false));
         assert_eq!(base.b_MA_SEMAPHORE.load(), 0);
-        // Every following job fails, too, until all are reset.
+        // Every following job fails, too, until all blocks are reset.
         blocks.write.x_EN = true;
         for _ in 0..3 {
             blocks.call(&base);
@@ -153,7 +153,7 @@ fn semaphores_that_do_not_move_are_timeouts() {
     }
 }
 
-/// A drive that takes longer than the monitoring time.
+/// The drive takes longer than the monitoring time.
 #[test]
 fn a_slow_drive_is_a_timeout_and_works_after_a_reset() {
     let mut stage = Stage::new(Memory::Heap, &format!("service_time_us = 50000\n{PARAMETER}"));

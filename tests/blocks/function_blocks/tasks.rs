@@ -20,7 +20,7 @@ struct CallRecorder {
     log: Rc<RefCell<Vec<(u64, &'static str)>>>,
 }
 
-/// The CANsync event.
+/// Returns an `INTR_SET` that enables the CANsync event.
 fn enabled() -> INTR_SET {
     INTR_SET { i_EVENT: 12, x_EN: true, ..Default::default() }
 }

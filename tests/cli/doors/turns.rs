@@ -132,7 +132,7 @@ fn a_guest_that_hangs_or_dies_in_its_turn_loses_its_seat() {
     assert!(!step.wait().unwrap().success());
 }
 
-/// A step without an end: its guest has one turn after the other.
+/// The guest takes one turn after the other, so that the step never ends.
 #[test]
 fn other_clients_are_served_during_turns_of_guests() {
     let mut emulator = start(OPEN, &["--clock", "stepped"]);

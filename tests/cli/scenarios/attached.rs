@@ -82,7 +82,7 @@ const MOMENTS: &str = r#"
     wait_until(|| peek("node2.a_STAT_SL[1]") == 3, "2s");
     print(`synchronized at ${now()}`);
 
-    // Between two events, and exactly at the moment of one.
+    // Steps to a time between two events, and to the exact time of an event.
     step(37);
     fault("bus_off plc=line node=2");
     print(`off after ${wait_until(|| peek("node2.w_CANsync_STATUS") == 0xC0, "10ms")}`);

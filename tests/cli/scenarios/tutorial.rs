@@ -8,7 +8,7 @@ use std::path::Path;
 const ABOUT_FINDINGS: [(&str, &[&str]); 4] = [
     ("04-deadlines.rhai", &["late-reference"]),
     ("11-restart-of-the-master.rhai", &["left-behind"]),
-    // A forced register of the firmware.
+    // Shows a forced register of the firmware.
     ("12-forced-registers.rhai", &["owner"]),
     ("21-ip-address.rhai", &["ip-address"]),
 ];
@@ -36,7 +36,8 @@ fn every_scenario_of_the_tutorial_passes_without_findings() {
         std::fs::write(directory.path().join(name), text).unwrap();
         scripts += 1;
     }
-    // In parts: on a busy machine, all of them together take longer than the watchdog of a command.
+    // Runs the scenarios in parts: on a busy machine, all scenarios together take longer than the watchdog of a command
+    // allows.
     let mut all = 0;
     for part in 1..=PARTS {
         let shard = format!("{part}/{PARTS}");

@@ -69,7 +69,7 @@ impl Bench {
         self.plant.devices()[0].as_a::<Plc>().unwrap().baps().process_data_events()
     }
 
-    /// Node 2 starts SYNC.
+    /// Starts SYNC by node 2.
     pub(crate) fn start_sync(&mut self, rate: Rate) {
         let at = rate.kind.master;
         let node = Node::at(self.plant.devices()[at.plc].segment(), at.base, rate.timing, Mode::Master);
@@ -80,7 +80,8 @@ impl Bench {
         self.plant.devices()[0].segment().header().unwrap()
     }
 
-    /// `OPT_INIT`: source of the trigger controller (1 SYNC net, 2 timer A) and period of timer A, 0: not started.
+    /// Does what `OPT_INIT` does. `controller` is the source of the trigger controller (1 SYNC net, 2 timer A),
+    /// `timer_a_us` the period of timer A (0: not started).
     pub(crate) fn opt_init(&mut self, controller: u32, timer_a_us: u32) {
         let header = self.header();
         header.opt_init.triggers[Trigger::Controller as usize].store(controller);
@@ -92,7 +93,7 @@ impl Bench {
         assert_eq!(header.opt_init.outcome(request), Some(OptInitResult::Done.code()));
     }
 
-    /// `INTR_SET`: enables an event.
+    /// Enables an event as `INTR_SET` does.
     pub(crate) fn intr_set(&mut self, event: usize) {
         let header = self.header();
         let request = header.interrupts[event].ask(1, true);

@@ -132,7 +132,7 @@ fn re_initialization_with_numbers_that_do_not_exist() {
                 assert_eq!(bench.command(RE_INITIALIZE, 500), 0x03);
             }
             assert_eq!(bench.command(RE_INITIALIZE, 500), answer);
-            // The previous numbers stay in force.
+            // The drive still exchanges the previous parameter numbers.
             bench.regs.a_WR_VALUE[0].store(77);
             bench.exchange(2);
             assert_eq!(bench.regs.a_RD_VALUE[0].load(), 77);
@@ -151,7 +151,7 @@ fn re_initialization_goes_on_while_the_plc_only_exchanges() {
     });
 }
 
-/// Another cycle time during a re-initialization does not restart the re-initialization.
+/// A change of the cycle time during a re-initialization does not restart the re-initialization.
 #[test]
 fn re_initialization_outlasts_a_change_of_the_cycle() {
     Bench::on_both("", |mut bench| {

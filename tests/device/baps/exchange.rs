@@ -1,4 +1,4 @@
-//! Cyclic process data.
+//! Tests of cyclic process data.
 
 use super::bench::*;
 use crate::rig::Memory;
@@ -49,7 +49,7 @@ fn each_communication_is_an_event() {
 #[test]
 fn a_command_waits_for_its_communication() {
     Bench::on_both("", |mut bench| {
-        // Every 2 ms by counter.
+        // Configures an exchange every 2 ms, counted in slices.
         bench.configure(0x0044, &[ADDITIONAL], &[]);
         bench.regs.b_COMMAND.store(EXCHANGE);
         bench.step(1500);

@@ -4,7 +4,7 @@ use super::bench::*;
 use crate::rig::Memory;
 use commram::identity::DeviceIndex;
 
-/// t_cycK 2 ms.
+/// Configuration with a cycle time t_cycK of 2 ms.
 const EVERY_2_MS: u16 = 0x0044;
 
 /// Returns the times of the communications within `us`, checked every 500 us.
@@ -74,7 +74,7 @@ fn a_command_waits_and_each_slice_is_a_hit() {
 #[test]
 fn a_slow_drive_answers_late_and_its_communications_come_late() {
     let mut bench = Bench::new(Memory::Heap, "");
-    // The first slice after this delay is 1500 us later.
+    // The first slice that begins after this delay is 1500 us late.
     let number = bench.fault("baps_slow", &["delay=1300us"]);
     bench.regs.w_COMMAND_REG.store(EVERY_2_MS);
     bench.regs.b_COMMAND.store(CONFIGURE);

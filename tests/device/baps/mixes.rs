@@ -98,7 +98,7 @@ impl Model {
             }
             Op::Clear => {
                 regs.b_MA_SEMAPHORE.store(0);
-                // A job without an answer until now must never be carried out.
+                // A job that has had no answer until now must never be carried out.
                 self.given_up += u32::from(self.job.take().is_some());
                 // The drive cannot see that the semaphore was 0 for less than a slice.
                 self.slice()?;
@@ -171,7 +171,7 @@ impl Model {
         Ok(())
     }
 
-    /// Every job has been answered once or given up.
+    /// Checks that every job was answered once or given up.
     fn finish(&mut self) -> Result<(), TestCaseError> {
         for _ in 0..4 {
             self.slice()?;

@@ -8,7 +8,7 @@ use commram::plant::Power;
 
 const LOCK_US: u64 = 10_000;
 
-/// A PLC with node 2 as the master of an empty bus, SYNC running; ends at an edge.
+/// Returns a PLC with node 2 as the master of an empty bus. SYNC runs, and the time is that of an edge.
 fn with_sync(rate: Rate, drive: &str) -> Bench {
     let mut bench = Bench::of_plant(
         Memory::Heap,
@@ -93,7 +93,7 @@ fn the_end_of_the_signal_ends_the_lock() {
     assert_eq!(status(&bench), (0, 0));
 }
 
-/// Time after the last edge at which a command given at that edge is answered.
+/// Gives a command at an edge. Returns the time from that edge to the answer.
 fn answered_after(bench: &mut Bench) -> u64 {
     to_edge(bench);
     let edge = bench.plant.now();

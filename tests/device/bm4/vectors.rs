@@ -309,11 +309,12 @@ fn t36() {
     assert_eq!(sent, [(0x010, Some(0x90)), (0x010, Some(0x01)), (0x505, None)]);
 }
 
-/// -128 as in the text of the manual; its table has -1.
+/// The expected value is -128 as in the text of the manual; the table of the manual has -1.
 fn t37() {
     let mut rig = active();
     let mut block = CANsync_PD_COMM_MA { si_WRC1_SEND: 5, si_RD_SL_NR1_RECEIVE: 9, ..Default::default() };
-    // The first call re-arms the registers, which hold 0 since the start: the number of slave 0.
+    // The registers hold 0 since the start, which is the number of slave 0. The first call prepares them for a
+    // reception.
     block.call(&master(&rig), &mut [[0; 16]; 32]);
     for _ in 0..3 {
         rig.run_to_sync();

@@ -20,7 +20,7 @@ fn findings(rig: &Rig) -> Vec<Entry> {
     rig.plant.journal().findings().iter().copied().collect()
 }
 
-/// Rule and register of each finding.
+/// Returns the rule and the register of each finding.
 fn names(rig: &Rig) -> Vec<(&'static str, Option<String>)> {
     let of = |entry: &Entry| (entry.last.rule.id(), entry.last.name(rig.fitted(entry.last.plc)));
     findings(rig).iter().map(of).collect()

@@ -38,7 +38,7 @@ enum FaultEntry {
     Running,
 }
 
-/// The fault as words of the command line and the same in a plant file.
+/// Returns the fault as words of the command line and as a text of a plant file.
 fn spellings(rate: Rate, kind: &str, fields: &[&str], end: &str) -> (FaultSpec, String) {
     let fields = fields.iter().map(|field| rate.kind.named(field));
     let words: Vec<String> = fields.chain([format!("at_us={AT_US}"), end.to_owned()]).collect();
@@ -83,7 +83,7 @@ fn traffic(rig: &mut Rig, interval: u64) {
     if !rig.rate.kind.is_omega() {
         return;
     }
-    // The drive is not configured; its refusal is an answer, too.
+    // The drive is not configured, so it refuses the command; a refusal is an answer, too.
     rig.plant.devices()[0].segment().view::<BAPS_CTRL_BMSTRUCT>(BAPS).unwrap().b_COMMAND.store(0x01);
 }
 

@@ -145,7 +145,7 @@ fn a_delayed_reference_frame_and_its_answer_come_late() {
     }
 }
 
-/// A delay over the SYNC edge: the frame belongs to the next interval.
+/// A frame is delayed over the SYNC edge and belongs to the next interval.
 #[test]
 fn a_frame_can_be_delayed_into_the_next_interval() {
     for rate in FASTEST {
@@ -195,7 +195,7 @@ fn a_duplicated_frame_arrives_twice() {
     }
 }
 
-/// A job that comes twice: a slave node treats the second one as a repetition.
+/// A job arrives twice: the slave node treats the second frame as a repetition.
 #[test]
 fn a_duplicated_job_is_a_repetition() {
     for rate in FASTEST {

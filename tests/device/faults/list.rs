@@ -122,7 +122,7 @@ fn mistakes_in_the_plant_file_are_named() {
     assert!(message.starts_with("test.toml: line 10: [[fault]] 1: slave_busy: "), "{message}");
 }
 
-/// Several faults of every kind; the run is the same on both memories, with steps of any length.
+/// Runs a plant with several faults of every kind. The run is the same on both memories and with steps of any length.
 fn run(memory: Memory, rate: Rate, slice_us: u64, count: u32) -> (u64, u64) {
     let mut rig = running(memory, rate);
     let now = rig.plant.now();

@@ -95,7 +95,7 @@ fn enter_parameter(rig: &Rig, slave: usize, control: u8, number: u16, value: u32
     rig.master.a_CTRLREG_PAR_CMD_SL[slave].b_STEUREG_PAR_CMD.store(control);
 }
 
-/// Control register and value of a slave's parameter job at the master.
+/// Returns the control register and the value of a slave's parameter job at the master.
 fn parameter(rig: &Rig, slave: usize) -> (u8, u32) {
     let job = &rig.master.a_CTRLREG_PAR_CMD_SL[slave];
     (job.b_STEUREG_PAR_CMD.load(), rig.master.a_DATA_PARAMETER[slave].d_PAR_VALUE.load())
@@ -111,13 +111,13 @@ fn enter_block(rig: &Rig, control: u8, address: u32, length: u16) {
     rig.master.b_STEUREG_UPDOWNBLK1.store(control);
 }
 
-/// Control register, error number and counter of block 1 at the master.
+/// Returns the control register, the error number and the counter of block 1 at the master.
 fn block(rig: &Rig) -> (u8, u16, u16) {
     let regs = &rig.master;
     (regs.b_STEUREG_UPDOWNBLK1.load(), regs.w_ERR_NR_UPDOWNBLK1.load(), regs.w_COUNTER_UPDOWNBLK1.load())
 }
 
-/// The application of slave node 0 allows and takes every transfer in block 1, once per interval.
+/// Acts as the application of slave node 0: allows and takes every transfer in block 1, once per interval.
 fn serve_block(rig: &mut Rig, intervals: usize) {
     for _ in 0..intervals {
         let control = rig.slave.b_STEUREG_UPDOWNBLK1.load();

@@ -79,7 +79,7 @@ fn a_delayed_frame_that_is_destroyed_takes_no_other_one_with_it() {
     }
 }
 
-/// A frame under construction, which takes 15 us for each word.
+/// The fault begins while a frame is built, which takes 15 us for each word.
 #[test]
 fn a_controller_that_is_off_gets_no_frame_any_more() {
     for rate in FASTEST {

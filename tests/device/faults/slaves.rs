@@ -102,7 +102,7 @@ fn a_late_slave_does_not_respond_in_set_up_mode() {
     }
 }
 
-/// Manual p. 165: bit 6 while the slave is at work.
+/// Manual p. 165: bit 6 is set while the slave works on the job.
 #[test]
 fn busy_answers_are_repeated_as_often_as_asked() {
     for rate in FASTEST {
@@ -150,7 +150,7 @@ fn a_busy_slave_holds_up_a_download() {
     }
 }
 
-/// D-49: another offset than the block's ends the transfer with 16#0001.
+/// D-49: a block with a wrong offset ends the transfer with 16#0001.
 #[test]
 fn a_wrong_offset_in_an_answer_ends_the_transfer() {
     for rate in FASTEST {

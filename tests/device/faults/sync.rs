@@ -71,7 +71,7 @@ fn one_lost_edge_ends_no_lock() {
     }
 }
 
-/// P. 135: only after a settable time without SYNC; two and a half intervals here.
+/// P. 135: the lock is lost only after a settable time without SYNC, here two and a half intervals.
 #[test]
 fn edges_lost_in_succession_end_the_lock() {
     for (rate, memory) in FASTEST.into_iter().flat_map(|rate| BOTH.map(|memory| (rate, memory))) {
@@ -172,7 +172,7 @@ fn set_up_mode_shows_the_lost_lock() {
     }
 }
 
-/// D-125: late and early in turn.
+/// D-125: the edges are late and early in turn.
 #[test]
 fn jitter_moves_edges_about_their_regular_times() {
     for rate in FASTEST {

@@ -72,14 +72,14 @@ impl Bench {
         });
     }
 
-    /// From restart to set-up mode; no slave is expected.
+    /// Brings the master from restart to set-up mode; no slave is expected.
     pub(crate) fn initialize(&mut self) {
         self.bring_up(..=Stage::SetUp);
         assert_eq!(self.master.state(), NodeState::SetUp);
         assert_eq!(self.interval().map(|frame| frame.id()), Some(0x010), "SYNC mode: on");
     }
 
-    /// From set-up mode to active operation.
+    /// Brings the master from set-up mode to active operation.
     pub(crate) fn activate(&mut self) {
         self.bring_up(Stage::Active..);
         assert_eq!(self.master.state(), NodeState::Active);
@@ -106,7 +106,7 @@ impl Bench {
         Some(((frame.id() & 0x7F) as u8, UpDownJob::decode(frame.payload()).unwrap()))
     }
 
-    /// `frame` arrives in the response slot.
+    /// Delivers `frame` in the response slot.
     pub(crate) fn respond(&mut self, frame: Frame) {
         let slave = (frame.id() & 0x7F) as u8;
         self.with(|master, ctx| master.response(ctx, slave, &frame));
@@ -140,7 +140,7 @@ impl Bench {
         registers.b_STEUREG_PAR_CMD.store(control);
     }
 
-    /// Control register of a parameter job; the status register must hold the same.
+    /// Returns the control register of a parameter job, and checks that the status register has the same value.
     pub(crate) fn parameter(&self, slave: usize) -> u8 {
         let registers = &self.regs.a_CTRLREG_PAR_CMD_SL[slave];
         let (control, status) = (registers.b_STEUREG_PAR_CMD.load(), registers.b_STATREG_PAR_CMD.load());
@@ -161,7 +161,7 @@ impl Bench {
         self.regs.b_STEUREG_UPDOWNBLK1.store(control);
     }
 
-    /// Control register of block 1; the status register must hold the same.
+    /// Returns the control register of block 1, and checks that the status register has the same value.
     pub(crate) fn block(&self) -> u8 {
         let control = self.regs.b_STEUREG_UPDOWNBLK1.load();
         assert_eq!(control, self.regs.b_STATREG_UPDOWNBLK1.load(), "control and status register differ");

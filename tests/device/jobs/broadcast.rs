@@ -4,7 +4,7 @@ use super::bench::Bench;
 use crate::rig::{BOTH, FASTEST, RATES, Rig};
 use commram::devices::cansync::frames::Frame;
 
-/// Frames of the command channel since `mark`.
+/// Returns the frames of the command channel since `mark`.
 fn commands(rig: &Rig, mark: u64) -> Vec<Frame> {
     let of_the_channel = |frame: &Frame| frame.id() == 0x010 || frame.id() & 0x780 == 0x500;
     rig.frames()

@@ -117,7 +117,7 @@ impl Model {
         bench.regs.b_MAX_SL_NR.store(max);
     }
 
-    /// The PLC's part, in the registers and in the model.
+    /// Does what the PLC does, in the registers and in the model.
     fn act(&mut self, bench: &Bench, act: Act) {
         self.count += 1;
         let number = self.count;
@@ -361,7 +361,7 @@ proptest! {
                 model.act(&bench, *act);
                 model.interval(&mut bench, *reply);
             }
-            // With every slave in turn and good answers, all remaining jobs end.
+            // When the master polls every slave and all answers are good, all remaining jobs end.
             model.configure(&bench, [0x80; 3], SLAVES - 1);
             for _ in 0..150 {
                 model.interval(&mut bench, Reply::Good);

@@ -12,9 +12,9 @@ use commram::devices::cansync::frames::codec::{
 #[derive(Clone, Copy, Debug)]
 enum JobState {
     Idle,
-    /// Sent, waiting for the answer.
+    /// The job is sent and waits for its answer.
     Sent,
-    /// Answered BUSY, and sent again.
+    /// The slave has answered BUSY, and the job is sent again.
     Busy,
     Finished,
 }

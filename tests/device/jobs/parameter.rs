@@ -223,7 +223,7 @@ fn an_answer_to_a_job_that_was_changed_or_withdrawn_is_ignored() {
             bench.put(0, 0x03, 0x03);
             bench.answer(0, &job, old);
             assert_eq!(bench.parameter(0), 0x03);
-            // A value changed without the registers: the answer to the old value does not end the job.
+            // The PLC changes the value but no register of the job: the answer to the old value does not end the job.
             bench.enter_parameter(0, 0x05, 300, 1);
             let (_, job) = bench.parameter_job().unwrap();
             bench.regs.a_DATA_PARAMETER[0].d_PAR_VALUE.store(2);
@@ -269,7 +269,7 @@ fn mismatched_answers_count_as_missing() {
             bench.answer(0, &read, ParameterResult::Word(4));
             assert_eq!((bench.parameter(0), bench.value(0)), (0x02, 4));
         }
-        // Too late: another interval has begun.
+        // The answer comes too late: the next interval has begun.
         bench.enter_parameter(0, 0x03, 300, 9);
         assert_eq!(bench.parameter_job(), Some((0, read)));
         bench.regs.b_SL_NR_PARAMETER.store(1);

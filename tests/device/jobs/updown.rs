@@ -14,7 +14,7 @@ const ADDRESS: u32 = 0x0001_2300;
 const DOWNLOAD: u8 = 0x15;
 const UPLOAD: u8 = 0x05;
 
-/// Byte `n` of the test pattern.
+/// Returns byte `n` of the test pattern.
 fn byte(n: usize) -> u8 {
     (n as u8).wrapping_mul(37).wrapping_add(11)
 }
@@ -29,7 +29,7 @@ fn fill(bench: &Bench, value: impl Fn(usize) -> u32) {
     }
 }
 
-/// The bytes of block 1.
+/// Returns the bytes of block 1.
 fn bytes(bench: &Bench) -> Vec<u8> {
     bench.regs.a_DATA_UPDOWNBLK1.iter().flat_map(|cell| cell.load().to_le_bytes()).collect()
 }
@@ -192,7 +192,8 @@ fn bit_7_cancels_in_every_phase_and_without_a_job() {
             assert_eq!(bench.interval(), None, "it is slave 0's turn");
             bench.regs.b_SL_NR_UPDOWN.store(5);
             assert_eq!(bench.updown_job(), Some((5, UpDownJob::cancel())));
-            // On another slave's turn, a job that was not sent ends without a frame (D-601). One that was sent waits.
+            // During the turn of another slave, the cancellation of an unsent job ends it without a frame (D-601). The
+            // cancellation of a sent job waits.
             bench.enter_block(DOWNLOAD | 0x80, 6, ADDRESS, 18);
             assert_eq!((bench.interval(), bench.block()), (None, 0x00));
             bench.enter_block(DOWNLOAD, 5, ADDRESS, 18);

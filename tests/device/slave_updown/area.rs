@@ -31,12 +31,12 @@ pub(crate) fn block(direction: Direction, offset: u16, last: bool) -> UpDownJob 
     }
 }
 
-/// The six bytes at `offset` of a block in which byte n is n + 1, cut to eight bits.
+/// Returns the six bytes at `offset` of a block in which byte n is n + 1, cut to eight bits.
 pub(crate) fn bytes(offset: u16) -> [u8; 6] {
     core::array::from_fn(|n| (offset + n as u16 + 1) as u8)
 }
 
-/// Frames that follow the init frame of a block of `length` bytes.
+/// Returns the frames that follow the init frame of a block of `length` bytes.
 pub(crate) fn blocks(length: u16) -> impl Iterator<Item = (u16, bool)> {
     (0..length).step_by(6).map(move |offset| (offset, offset + 6 >= length))
 }
@@ -73,7 +73,7 @@ pub(crate) const SINGLE: Area = Area {
     enable: 0,
 };
 
-/// Areas that the device has (D-296).
+/// Returns the areas that the device has (D-296).
 pub(crate) fn areas(rate: Rate) -> &'static [Area] {
     if rate.kind.is_omega() { &[BLOCK_1, SINGLE] } else { &[BLOCK_1] }
 }
@@ -85,20 +85,20 @@ impl Area {
         bench
     }
 
-    /// Control register; the status register must agree.
+    /// Returns the control register, and checks that the status register has the same value.
     pub(crate) fn job(&self, bench: &Bench) -> u8 {
         let control = (self.control)(&bench.regs).load();
         assert_eq!((self.status)(&bench.regs).load(), control);
         control
     }
 
-    /// The application's write: status register first.
+    /// Writes like the application: status register first.
     pub(crate) fn write(&self, bench: &Bench, value: u8) {
         (self.status)(&bench.regs).store(value);
         (self.control)(&bench.regs).store(value);
     }
 
-    /// The application clears bit 0.
+    /// Clears bit 0 like the application.
     pub(crate) fn acknowledge(&self, bench: &Bench) {
         self.write(bench, self.job(bench) & !0x01);
     }
@@ -118,7 +118,7 @@ impl Area {
     }
 }
 
-/// Bytes of block 1.
+/// Returns the bytes of block 1.
 pub(crate) fn data(bench: &Bench) -> Vec<u8> {
     bench.regs.a_DATA_UPDOWNBLK1.iter().flat_map(|cell| cell.load().to_le_bytes()).collect()
 }

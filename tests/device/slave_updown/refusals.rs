@@ -5,7 +5,7 @@ use crate::rig::bench::{Bench, NUMBER};
 use crate::rig::{FASTEST, Memory};
 use commram::devices::cansync::frames::codec::{Direction, UpDownJob, UpDownResult};
 
-/// P. 192; error numbers that are not the slave's: D-71.
+/// P. 192, and D-71 for error numbers that are not the slave's.
 #[test]
 fn the_application_refuses_at_each_acknowledgement() {
     for rate in FASTEST {
@@ -137,7 +137,7 @@ fn init_frames_that_the_firmware_refuses() {
         bench.updown(&init_at(Download, 0x100, 0, 10));
         assert_eq!((BLOCK_1.base)(&bench.regs).load(), 0x100);
 
-        // MODE 00, offset 16#123: no mode of any phase.
+        // MODE 00 with offset 16#123 is valid in no phase.
         let reserved =
             commram::devices::cansync::frames::Frame::new(0x500 + u16::from(NUMBER), &[0x81, 0x23]).unwrap();
         let answer = bench.turn(&reserved).unwrap();

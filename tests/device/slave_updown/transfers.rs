@@ -135,7 +135,7 @@ fn the_single_frame_area_shows_every_frame() {
     }
 }
 
-/// P. 191: longer than 300 bytes, or block 1 not enabled.
+/// P. 191: a transfer that is longer than 300 bytes, or that begins while block 1 is not enabled.
 #[test]
 fn length_and_enable_choose_the_area() {
     for rate in OMEGA_RATES {

@@ -155,7 +155,7 @@ pub(super) fn act() -> impl Strategy<Value = Act> {
     ]
 }
 
-/// The registers of a device, as offsets and widths.
+/// Returns the registers of a device, as offsets and widths.
 fn registers(plant: &Plant, device: usize) -> Vec<(u32, Width)> {
     let Some(device) = plant.devices().get(device) else { return Vec::new() };
     let (fitted, areas) = (device.fitted(), device.layout().areas);

@@ -152,7 +152,7 @@ pub(crate) const CASES: &[Case] = &[
             parameter_under_way(rig);
             rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(9);
         },
-        // The program gives the job up as in D-11; then it may change the data.
+        // The program cancels the job as in D-11; after that it may change the data.
         right: |rig| {
             parameter_under_way(rig);
             rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD.store(0);
@@ -179,7 +179,7 @@ pub(crate) const CASES: &[Case] = &[
             rig.master.a_DATA_UPDOWNBLK1[74].store(1);
         },
     },
-    // Another command in the same job is a change of the job; a program may change the other bits.
+    // A different command changes the job; the program may change the other bits of the register.
     Case {
         rule: &cansync::rules::JOB_CHANGED,
         register: "MASTER.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD",
@@ -233,7 +233,7 @@ fn enter_parameter(rig: &mut Rig, slave: usize, command: u8) {
     job.b_STEUREG_PAR_CMD.store(command);
 }
 
-/// The control register of the parameter job for slave 0.
+/// Stores a command in the control register of the parameter job for slave 0, through the channel.
 fn store_by_channel(rig: &mut Rig, command: u32) {
     let register = offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_CTRLREG_PAR_CMD_SL)
         + offset_of!(CTRLREG_PAR_CMD_SL, b_STEUREG_PAR_CMD);
@@ -251,7 +251,7 @@ fn parameter_under_way(rig: &mut Rig) {
     assert_eq!(rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD.load(), 0x0D);
 }
 
-/// The slave's application meets a read job and clears bit 0 by `answer`.
+/// Brings a read job to the application of the slave, which clears bit 0 by `answer`.
 fn answer_parameter(rig: &mut Rig, answer: fn(&CANsync_SL_CTRL_BMSTRUCT)) {
     rig.activate();
     enter_parameter(rig, 0, 0x03);
@@ -261,7 +261,7 @@ fn answer_parameter(rig: &mut Rig, answer: fn(&CANsync_SL_CTRL_BMSTRUCT)) {
     answer(&rig.slave);
 }
 
-/// A download of 300 bytes to `slave`, while slaves 0 to `max` are polled.
+/// Enters a download of 300 bytes to `slave`, while the master polls slaves 0 to `max`.
 fn enter_download(rig: &mut Rig, slave: u8, max: u8) {
     rig.activate();
     rig.master.b_MAX_SL_NR.store(max);

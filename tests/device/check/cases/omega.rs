@@ -95,7 +95,7 @@ pub(crate) const CASES: &[Case] = &[
     },
 ];
 
-/// BAPS registers of PLC `a`, after the clock of its drive has been running.
+/// Advances the clock, and returns the BAPS registers of PLC `a`.
 pub(crate) fn baps(rig: &mut Rig) -> View<BAPS_CTRL_BMSTRUCT> {
     rig.step(5000);
     rig.plant.devices()[0].segment().view(BAPS).unwrap()

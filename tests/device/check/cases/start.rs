@@ -208,7 +208,7 @@ fn replace(rig: &mut Rig, expected: &[&'static Rule], plant: &str) {
     rig.expect_errors(expected);
 }
 
-/// A SYNC slot, in us, of another baud rate than `rate`.
+/// Returns a SYNC slot in us that does not fit `rate`.
 fn other_slot(rate: Rate) -> u16 {
     rate.slower().interval_us as u16
 }
