@@ -1,4 +1,4 @@
-//! A plant from a plant file of its own, for tests of function blocks.
+//! A plant from the text of a plant file, for tests of function blocks.
 
 use commram::devices::omega_drive_line_2::blocks::CANsync_INIT;
 use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE2};

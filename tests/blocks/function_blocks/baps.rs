@@ -106,7 +106,7 @@ fn two_values_are_exchanged() {
         assert_eq!((comm.ud_RD_VALUE0, comm.ud_RD_VALUE1), (5000, 0x8765_4321));
         assert_eq!(comm.w_STATUSWORD & 0x006F, 0x0027, "operation enabled");
         assert_eq!(comm.w_STATUS_REG & 1, 0, "nothing triggers the drive");
-        // A block that is not enabled does nothing, not even at the timeout register.
+        // Without `x_EN` the block does nothing, not even at the timeout register.
         let timeout = stage.base.w_TIMEOUT.load();
         comm.x_EN = false;
         comm.call(&stage.base);
