@@ -165,8 +165,7 @@ fn type_in(steps: &[(String, String)]) {
 #[test]
 fn the_session_of_the_readme_works_as_printed() {
     let readme = include_str!("../../README.md");
-    let session_and_rest =
-        readme.split("From restart to initialization data:").nth(1).expect("the session's title");
+    let session_and_rest = readme.split("## Dump the registers\n").nth(1).expect("the session's title");
     type_in(&session(session_and_rest.split("## ").next().unwrap()));
 }
 

@@ -18,7 +18,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Frames per second of all stations together.
 const FRAMES: u64 = 6_400;
-/// Emulated time of one measurement, in us.
+/// Emulated time of one measurement in us.
 const PIECE_US: u64 = 100_000;
 
 /// Frames that a station sends, and frames that it receives from others.
@@ -67,7 +67,8 @@ struct Bench {
 }
 
 impl Bench {
-    /// A bus with `count` stations; each receives its neighbour's frames, and the frames that every CANopen node receives.
+    /// Makes a bus with `count` stations. Each receives its neighbour's frames and the frames that every CANopen node
+    /// receives.
     fn new(count: u16) -> Self {
         let rate = BitRate::new(1_000_000).expect("not 0");
         let mut bus =
@@ -113,7 +114,7 @@ fn can_bus(criterion: &mut Criterion) {
     for count in [8, 127] {
         let mut bench = Bench::new(count);
         group.bench_function(format!("100 ms, {count} stations"), |bencher| bencher.iter(|| bench.piece()));
-        // The figure is valid only if this number of frames was sent, and each frame reached its only receiver.
+        // The figure is valid only if this number of frames was sent and each frame reached its only receiver.
         let before = bench.received.load(Ordering::Relaxed);
         (0..10).for_each(|_| bench.piece());
         let frames = bench.received.load(Ordering::Relaxed) - before;

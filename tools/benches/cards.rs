@@ -12,11 +12,11 @@ use std::fs;
 use std::path::Path;
 use std::time::Instant;
 
-/// Emulated milliseconds of a measurement, and measurements.
+/// Emulated milliseconds of a measurement, and the number of measurements.
 const MILLISECONDS: u64 = 20_000;
 const ROUNDS: usize = 5;
 const HANDSHAKES: u32 = 10;
-/// First register in the image.
+/// Offset of the first register in the image.
 const FIRST: u32 = 4096;
 
 const SCRIPT: &str = "\
@@ -65,7 +65,7 @@ fn write_device(dir: &Path, name: &str) -> Result<(), Box<dyn Error>> {
     Ok(fs::write(dir.join("device.toml"), device)?)
 }
 
-/// Tables for the same work.
+/// Returns the tables that do the same work as the script.
 fn tables() -> String {
     let answer = |n| {
         format!(
@@ -76,7 +76,7 @@ fn tables() -> String {
     answers + "[[mirror]]\nfrom = 'card.a_IN'\nto = 'card.a_OUT'\npage = '1'\nsource = 'manual'\n"
 }
 
-/// Emulated time divided by real time.
+/// Returns the emulated time divided by the real time.
 fn speed(dir: &Path) -> Result<f64, Box<dyn Error>> {
     let plant = format!("[[device]]\nname = 'card'\nkind = '{}'\n", dir.display());
     let config = PlantConfig::parse("plant", &plant)?;

@@ -1,8 +1,9 @@
-//! Emulated intervals per second of clusters in stepped mode: a PLC, 32 PLCs below it, 32 participants below each of them, and
-//! so on; WRC1 and RDC1 busy on all buses in every interval, the tasks of all PLCs included.
+//! Emulated intervals per second of clusters in stepped mode: a PLC, 32 PLCs below it, 32 participants below each of
+//! them, and so on. In every interval WRC1 and RDC1 are sent on all buses, and the tasks of all PLCs run.
 //!
-//! `COMMRAM_BENCH_PARTICIPANTS` names other sizes, one after the other: `1057,65535`, `COMMRAM_BENCH_CORES` how many cores may work
-//! at the plant, `COMMRAM_BENCH_IMAGES=1` puts the registers into image files. The memory use is reported as well.
+//! `COMMRAM_BENCH_PARTICIPANTS` names other sizes: `1057,65535`. `COMMRAM_BENCH_CORES` is the number of cores that the
+//! plant may use. `COMMRAM_BENCH_IMAGES=1` puts the registers into image files. The benchmark also reports the memory
+//! use.
 
 #[path = "../../tests/rig/mod.rs"]
 mod rig;
@@ -20,7 +21,7 @@ use std::time::Duration;
 /// 33, 331 and 1,000 PLCs, and the largest possible cluster.
 const SIZES: [usize; 6] = [2, 33, 1_057, 10_570, 32_001, 65_535];
 
-/// Allocated bytes, without images: an image takes memory only for the pages that were accessed.
+/// Number of allocated bytes without images: an image takes memory only for the pages that were accessed.
 static USED: AtomicUsize = AtomicUsize::new(0);
 
 /// Counts the memory in use.
@@ -70,7 +71,7 @@ fn cores() -> NonZero<usize> {
     asked.and_then(|count| count.parse().ok()).unwrap_or(NonZero::<usize>::MIN)
 }
 
-/// Memory of the registers. Image files may need the maximum number of open files.
+/// Returns the memory for the registers. Image files may need the maximum number of open files.
 fn memory() -> Memory {
     if std::env::var_os("COMMRAM_BENCH_IMAGES").is_none() {
         return Memory::Heap;

@@ -17,10 +17,10 @@ use support::child::Child;
 use support::emulator::{DRIVES, EmulatorOptions, Remote};
 use support::{active, child, cpu, emulator};
 
-/// Name of the loop's role.
+/// Role of the child process that runs the loop.
 const LOOP: &str = "loop";
 const PERIOD_NS: u64 = 500_000;
-/// Duration of each measurement in seconds; `cargo bench` may be given another number of seconds.
+/// Duration of each measurement in seconds; an argument of `cargo bench` can change it.
 const SECONDS: u64 = 5;
 
 fn main() {

@@ -12,9 +12,9 @@ use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_
 use line::{INTERVAL_US, active_plant, plant_of, release};
 use std::time::Duration;
 
-/// The firmware has taken a released frame.
+/// Value of the register when the firmware has taken a released frame.
 const TAKEN: u8 = 0x04;
-/// An actual value frame has arrived.
+/// Value of the register when an actual value frame has arrived.
 const RECEIVED: u8 = 0x02;
 
 fn intervals(criterion: &mut Criterion) {
@@ -68,7 +68,7 @@ fn parts(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// The built-in plant after power-on, without writes, in parts of a minute, as a request advances the clock.
+/// Advances the clock of the built-in plant after power-on in parts of a minute, as a request does. No program writes.
 fn rest(criterion: &mut Criterion) {
     const MINUTE_US: u64 = 60_000_000;
     let mut group = criterion.benchmark_group("rest");
@@ -81,7 +81,7 @@ fn rest(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// A snapshot of an active plant, and its restoration.
+/// Measures a snapshot of an active plant, and its restoration.
 fn snapshots(criterion: &mut Criterion) {
     let (mut plant, master) = active_plant(3);
     release(&master, 1);

@@ -18,9 +18,9 @@ use support::{PATIENCE, active, child, cpu, emulator};
 
 const SYNC: usize = 12;
 const INTERVAL_NS: u64 = 2_000_000;
-/// Samples of one turn.
+/// Number of samples in one turn.
 const TURN: usize = 250;
-/// Turns of each; `cargo bench` may be given another number.
+/// Number of turns of each side; an argument of `cargo bench` can change it.
 const TURNS: usize = 20;
 
 fn main() {

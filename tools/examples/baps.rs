@@ -39,7 +39,7 @@ pub(crate) struct Drive {
 }
 
 impl Drive {
-    /// On the RAM of a PLC.
+    /// Makes the program on the RAM of a PLC.
     pub(crate) fn new(ram: Ram) -> Result<Self, MemoryError> {
         Ok(Drive {
             _BAPS: ram.at(BAPS)?,
@@ -75,19 +75,19 @@ impl Program for Drive {
         }
     }
 
-    /// Nothing: the event is started from the cyclic task.
+    /// Does nothing, because the cyclic task starts the event.
     fn cold_start(&mut self) -> Result<Progress, String> {
         Ok(Progress::Done)
     }
 
-    /// The drive has transferred its values.
+    /// Reads the values that the drive has transferred.
     fn event(&mut self, _number: usize, _missed: u32) -> Result<(), String> {
         self.comm.w_CONTROLWORD = control_word(self.comm.w_STATUSWORD);
         self.comm.call(&self._BAPS);
         check(self.comm.x_ERR, "BAPS_PD_COMM2", self.comm.b_SL_QUIT.into())
     }
 
-    /// `BAPS_INIT` belongs here: not before the sixth cycle, and once only (p. 63). It enables the event as well.
+    /// Calls `BAPS_INIT` once, and not before the sixth cycle (p. 63). This block enables the event as well.
     fn cyclic(&mut self) -> Result<Progress, String> {
         self.cycles += 1;
         if !self.init.x_OK {

@@ -46,7 +46,7 @@ pub(crate) struct Master {
 }
 
 impl Master {
-    /// On the RAM of a PLC.
+    /// Makes the program on the RAM of a PLC.
     pub(crate) fn new(ram: Ram) -> Result<Self, MemoryError> {
         let mut init = CANsync_INIT { us_BAUDRATE: 5, us_SYNC_INTERVAL: INTERVAL_MS, ..Default::default() };
         SLAVES.iter().for_each(|slave| init.a_SL_TYP[*slave] = 1);
@@ -95,7 +95,7 @@ impl Program for Master {
         }
     }
 
-    /// CANsync, triggers, event, set-up mode, active operation: the order of p. 132.
+    /// Follows the order of p. 132: CANsync, triggers, event, set-up mode, active operation.
     fn cold_start(&mut self) -> Result<Progress, String> {
         if !self.init.x_OK {
             self.init.call(&self._CANsync_INIT_MA);
@@ -117,7 +117,8 @@ impl Program for Master {
         Ok(Progress::done_if(self.mode.x_CANsync_ACTIV && self.event.is_answered()))
     }
 
-    /// The bus comes first, because its frames have a deadline; with SYNC offset 0 the drive takes over at the next edge (p. 70).
+    /// Handles the bus first, because its frames have a deadline; with SYNC offset 0 the drive takes over at the next
+    /// edge (p. 70).
     fn event(&mut self, _number: usize, _missed: u32) -> Result<(), String> {
         self.comm.call(&self._CANsync_CTRL_MA, &mut self.a_RD_ARRAY);
         self.drive.exchange()

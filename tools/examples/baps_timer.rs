@@ -32,7 +32,7 @@ pub(crate) struct Timer {
 }
 
 impl Timer {
-    /// On the RAM of a PLC.
+    /// Makes the program on the RAM of a PLC.
     pub(crate) fn new(ram: Ram) -> Result<Self, MemoryError> {
         Ok(Timer {
             triggers: OPT_INIT {
@@ -59,7 +59,7 @@ impl Program for Timer {
         }
     }
 
-    /// Triggers and timer first, then the event (p. 64-65).
+    /// Sets triggers and timer first, then the event (p. 64-65).
     fn cold_start(&mut self) -> Result<Progress, String> {
         if !self.triggers.x_OK {
             self.triggers.call(&self.ram);

@@ -91,7 +91,7 @@ impl Program for Cluster {
         }
     }
 
-    /// Node 1 first, then node 2 (manual p. 132).
+    /// Starts node 1 first, then node 2 (manual p. 132).
     fn cold_start(&mut self) -> Result<Progress, String> {
         for (init, base) in
             [(&mut self.init_sl, &self._CANsync_INIT_SL), (&mut self.init_ma, &self._CANsync_INIT_MA)]
@@ -112,7 +112,7 @@ impl Program for Cluster {
         Ok(Progress::done_if(active && self.event.is_answered()))
     }
 
-    /// Right after the SYNC edge, the slave's block before the master's (manual p. 133).
+    /// Calls the block of the slave before that of the master, directly after the SYNC edge (manual p. 133).
     fn event(&mut self, _number: usize, _missed: u32) -> Result<(), String> {
         self.comm_sl.a_RD_VALUES_SEND[0] = self.a_RD_ARRAY_MA[DRIVE][0];
         self.comm_sl.call(&self._CANsync_CTRL_SL, &mut self.a_RD_ARRAY_SL);

@@ -98,7 +98,7 @@ impl Program for Master {
         }
     }
 
-    /// The blocks in the order of the manual, p. 132.
+    /// Calls the blocks in the order of the manual, p. 132.
     fn cold_start(&mut self) -> Result<Progress, String> {
         if !self.init.x_OK {
             self.init.call(&self._CANsync_INIT_MA);
@@ -118,7 +118,8 @@ impl Program for Master {
         Ok(Progress::done_if(self.mode.x_CANsync_ACTIV && self.event.is_answered()))
     }
 
-    /// Right after the SYNC edge: the reference value of this interval, the actual values of the last one.
+    /// Sends the reference value of this interval and reads the actual values of the last interval, directly after the
+    /// SYNC edge.
     fn event(&mut self, _number: usize, _missed: u32) -> Result<(), String> {
         self.comm.call(&self._CANsync_CTRL_MA, &mut self.a_RD_ARRAY);
         Ok(())

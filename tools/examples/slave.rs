@@ -57,7 +57,7 @@ impl Program for Slave {
         }
     }
 
-    /// The blocks in the order of the manual, p. 132.
+    /// Calls the blocks in the order of the manual, p. 132.
     fn cold_start(&mut self) -> Result<Progress, String> {
         if !self.init.x_OK {
             self.init.call(&self._CANsync_INIT_SL);
@@ -74,7 +74,7 @@ impl Program for Slave {
         Ok(Progress::done_if(self.mode.x_CANsync_ACTIV && self.event.is_answered()))
     }
 
-    /// Right after the SYNC edge: the reference value of the last interval goes back in this one.
+    /// Sends the reference value of the last interval back in this interval, directly after the SYNC edge.
     fn event(&mut self, _number: usize, _missed: u32) -> Result<(), String> {
         self.comm.call(&self._CANsync_CTRL_SL, &mut self.a_RD_ARRAY);
         self.comm.a_RD_VALUES_SEND[0] = self.comm.a_WR_VALUES_RECEIVED[0];

@@ -42,7 +42,7 @@ pub(crate) struct Timer {
 }
 
 impl Timer {
-    /// On the RAM of a PLC, with the task on event `number`.
+    /// Makes the program on the RAM of a PLC, with the task on event `number`.
     pub(crate) fn new(ram: Ram, number: usize) -> Self {
         Timer {
             triggers: OPT_INIT {
@@ -65,7 +65,7 @@ impl Timer {
         }
     }
 
-    /// The work of the task: a real program calls the block of the serial protocol here.
+    /// Does the work of the task. A real program calls the block of the serial protocol here.
     fn telegram(&mut self) {
         self.led.b_LEDS = (self.events / 100 % 2) as u8;
         self.led.call(&self.ram);
@@ -79,7 +79,8 @@ impl Program for Timer {
         *self = Timer::new(self.ram.clone(), self.number);
     }
 
-    /// A CPU timer is set by `INTR_SET` alone and triggers nothing; board timer A needs `OPT_INIT` (p. 71).
+    /// Starts the event. `INTR_SET` alone sets a CPU timer, which triggers nothing; board timer A needs `OPT_INIT` (p.
+    /// 71).
     fn cold_start(&mut self) -> Result<Progress, String> {
         if BOARD_TIMERS.contains(&self.number) && !self.triggers.x_OK {
             self.triggers.call(&self.ram);
@@ -104,7 +105,7 @@ impl Program for Timer {
         if self.events < EVENTS {
             return Ok(Progress::Again);
         }
-        // Disable the event again, as every started event (p. 48).
+        // Every started event must be disabled again (p. 48).
         if self.event.x_EN {
             println!("event {}: {} ms", self.number, self.events);
             println!("missed {}, longest run {} us", self.missed, self.longest);
@@ -115,7 +116,7 @@ impl Program for Timer {
     }
 }
 
-/// The event number from the command line.
+/// Returns the event number from the command line.
 fn event_of(arguments: &Arguments) -> Result<usize, String> {
     let number = arguments.numbers.first().map_or(CPU_TIMERS[1], |number| usize::from(*number));
     let known = CPU_TIMERS.contains(&number) || BOARD_TIMERS.contains(&number);

@@ -1,8 +1,8 @@
 //! A bare iceoryx2 request-response: the reference for the channel.
 //!
-//! Requests and replies are as large as a single operation and its answer in the channel. One client, one
-//! server, which answers each request with the next higher number. Waiting works as between
-//! client and emulator: both poll, or both sleep on a futex word in a shared page.
+//! Requests and replies are as large as a single operation and its answer in the channel. One client, one server, which
+//! answers each request with the next higher number. Client and server wait like client and emulator: both poll, or
+//! both sleep on a futex word in a shared page.
 
 use crate::support::PATIENCE;
 use crate::support::child::{Child, when_parent_ends};
@@ -17,13 +17,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-/// Name of the server's role.
+/// Role of the child process that runs the server.
 pub(crate) const ROLE: &str = "request-response";
 
 /// Period in which a client checks whether its server is ready.
 pub(crate) const LOOK: Duration = Duration::from_micros(200);
 
-/// Directories of channel and POSIX shared memory.
+/// Directory of the channel and of POSIX shared memory.
 const SHARED_MEMORY: &str = "/dev/shm";
 
 /// A request of the same size as an operation of the channel.

@@ -19,14 +19,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Name of the role of the bare page's other side.
+/// Role of the child process at the other side of the bare page.
 pub(crate) const ROLE: &str = "page";
 
 /// `w_CPU_CONTROL` of node 2, `%MW3.200000`.
 const W_CPU_CONTROL: u32 = NODE2 as u32;
 /// `w_OPTION_STATUS` of node 2, `%MW3.200002`.
 const W_OPTION_STATUS: u32 = NODE2 as u32 + 2;
-/// Restart, and the handshake; each is answered by the next number.
+/// Commands for the restart and for the handshake. The answer to a command is the next number.
 const RESTART: u16 = 0x0000;
 const HANDSHAKE: u16 = 0x0001;
 
@@ -111,7 +111,7 @@ fn ring_and_wait(attached: &Attached, command: u16) {
         .expect("the emulator answers");
 }
 
-/// A bare page with a process on its other side.
+/// A bare page and the process at its other side.
 struct BarePage {
     page: Page,
     _other: Child,
@@ -146,7 +146,7 @@ impl BarePage {
     }
 }
 
-/// The other side of the bare page: answers each command with the next number.
+/// Runs the other side of the bare page: answers each command with the next number.
 pub(crate) fn play(args: &[String]) {
     let [waiting, path, processor] = args else { panic!("page: wrong arguments {args:?}") };
     cpu::pin(processor.parse().expect("the number of a processor"));

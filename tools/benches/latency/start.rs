@@ -1,5 +1,5 @@
-//! From the start of `commram run` to the first answered peek of a client that waits for it, compared with a process that has
-//! only a bare iceoryx2 server.
+//! Time from the start of `commram run` to the first answered peek of a client that waits for the emulator. For
+//! comparison: a process that has only a bare iceoryx2 server.
 
 use crate::bare::{LOOK, Pair};
 use crate::support::PATIENCE;
@@ -55,7 +55,7 @@ fn one_start(samples: &mut Samples) -> Duration {
     duration
 }
 
-/// A running `commram run`. Dropping it kills it.
+/// A running `commram run`. It is killed when this value is dropped.
 struct Run {
     process: Child,
     instance: String,

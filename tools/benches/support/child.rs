@@ -14,13 +14,13 @@ use std::time::{Duration, Instant};
 /// First argument of a child process.
 const ROLE: &str = "role";
 
-/// The role and its arguments, if this process is a child.
+/// Returns the role and its arguments if this process is a child.
 pub(crate) fn role() -> Option<Vec<String>> {
     let mut args = std::env::args().skip(1);
     (args.next()? == ROLE).then(|| args.collect())
 }
 
-/// In a child: runs `stop` when the parent wants the child to end or is gone.
+/// Runs `stop` in a child process when the parent wants the child to end, or has ended itself.
 pub(crate) fn when_parent_ends(stop: impl FnOnce() + Send + 'static) {
     // Ctrl-C and `timeout` reach parent and children alike; the children end through the pipe.
     for signal in [SIGINT, SIGTERM] {
@@ -33,7 +33,7 @@ pub(crate) fn when_parent_ends(stop: impl FnOnce() + Send + 'static) {
     });
 }
 
-/// A running child process. Dropping it ends it.
+/// A running child process. It ends when this value is dropped.
 pub(crate) struct Child {
     process: Process,
     name: String,
@@ -53,7 +53,7 @@ impl Child {
         Child { process, name: args.join(" ") }
     }
 
-    /// Processor time that all its threads have taken, in nanoseconds.
+    /// Returns the processor time in nanoseconds that all threads of the child have used.
     pub(crate) fn cpu_ns(&self) -> u64 {
         let tasks = std::fs::read_dir(format!("/proc/{}/task", self.process.id())).expect("it runs");
         let spent = |task: std::io::Result<std::fs::DirEntry>| {

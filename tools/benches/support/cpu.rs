@@ -1,8 +1,8 @@
-//! Which processor a process runs on.
+//! Chooses the processors on which processes run.
 
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
-/// The first two processors this process may use.
+/// Returns the first two processors that this process may use.
 ///
 /// # Panics
 /// There is only one: two processes that poll would take turns of milliseconds.

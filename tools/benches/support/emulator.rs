@@ -13,11 +13,11 @@ use std::ops::RangeInclusive;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
-/// Name of this role.
+/// Role of the child process that runs the emulator.
 pub(crate) const ROLE: &str = "emulator";
 /// The only PLC of the built-in plant.
 pub(crate) const PLC: &str = "line";
-/// Slave numbers of its drives.
+/// Slave numbers of the drives of the built-in plant.
 pub(crate) const DRIVES: RangeInclusive<u8> = 1..=3;
 
 /// Options of the emulator.
@@ -27,11 +27,11 @@ pub(crate) struct EmulatorOptions {
     pub clock: Clock,
     /// Polls instead of sleeping.
     pub busy: bool,
-    /// Its processor.
+    /// Processor on which the emulator runs.
     pub cpu: usize,
 }
 
-/// In the child: the built-in plant, run until the parent ends.
+/// Runs the built-in plant in the child process until the parent ends.
 pub(crate) fn play(args: &[String]) {
     let [instance, clock, waiting, processor] = args else { panic!("emulator: wrong arguments {args:?}") };
     cpu::pin(processor.parse().expect("the number of a processor"));
@@ -50,15 +50,15 @@ pub(crate) fn play(args: &[String]) {
     emulator.run().expect("without NOVRAM nothing can be lost");
 }
 
-/// An instance name that no other run has.
+/// Returns an instance name that no other run has.
 pub(crate) fn unique_instance() -> String {
     static NUMBER: AtomicU32 = AtomicU32::new(0);
     format!("bench-{}-{}", std::process::id(), NUMBER.fetch_add(1, Ordering::Relaxed))
 }
 
-/// A running emulator. Dropping it ends it.
+/// A running emulator. It ends when this value is dropped.
 pub(crate) struct Remote {
-    // Dropped first: the client detaches before the emulator ends.
+    // This field is dropped first, so that the client detaches before the emulator ends.
     attached: Attached,
     instance: String,
     child: Child,
@@ -83,7 +83,7 @@ impl Remote {
         Remote { attached, instance, child }
     }
 
-    /// The mapped image.
+    /// Returns the mapped image.
     pub(crate) fn attached(&self) -> &Attached {
         &self.attached
     }
@@ -93,7 +93,7 @@ impl Remote {
         self.child
     }
 
-    /// Its process.
+    /// Returns the process of the emulator.
     pub(crate) fn child(&self) -> &Child {
         &self.child
     }

@@ -7,9 +7,9 @@ use commram::memory::{MemoryError, Segment, View};
 use commram::plant::{Plant, PlantConfig, PlantError};
 use std::fmt::Write;
 
-/// The interval at 500 kbit/s.
+/// Length of an interval at 500 kbit/s.
 pub(crate) const INTERVAL_US: u64 = 2000;
-/// A reference value frame is released.
+/// Value of the register that releases a reference value frame.
 const RELEASED: u8 = 0x05;
 
 #[derive(Debug, thiserror::Error)]
@@ -19,13 +19,13 @@ enum LineError {
     Plant(#[from] PlantError),
 }
 
-/// The plant, its images in memory of this process.
+/// Makes the plant, with its images in memory of this process.
 pub(crate) fn plant_of(config: &PlantConfig) -> Plant {
     Plant::new(config, |_plc, device| Ok::<_, LineError>(Segment::of(device)))
         .expect("the plant can be built")
 }
 
-/// A plant with `drives` drives in active operation, at a SYNC edge.
+/// Returns a plant with `drives` drives in active operation, at a SYNC edge.
 pub(crate) fn active_plant(drives: u8) -> (Plant, View<CANsync_MA_CTRL_BMSTRUCT>) {
     let mut text = "[[plc]]\nname = 'line'\nnode2 = 'bus'\n[[bus]]\nname = 'bus'\n".to_owned();
     for number in 0..drives {
@@ -40,7 +40,7 @@ pub(crate) fn active_plant(drives: u8) -> (Plant, View<CANsync_MA_CTRL_BMSTRUCT>
     (plant, master)
 }
 
-/// New reference values, both frames released.
+/// Writes new reference values and releases both frames.
 pub(crate) fn release(master: &View<CANsync_MA_CTRL_BMSTRUCT>, value: u32) {
     master.a_WR_VALUE[0].store(value);
     master.a_WR_VALUE[1].store(!value);

@@ -9,8 +9,7 @@ pub(crate) mod report;
 
 use std::time::{Duration, Instant};
 
-/// Longest wait for anything another process has to do. Longer means that the benchmark is broken, and
-/// it fails instead of hanging.
+/// Time limit for anything that another process has to do. After it the benchmark fails instead of hanging.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Polls a condition without a pause until it is true.

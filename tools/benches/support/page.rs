@@ -15,15 +15,15 @@ use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 #[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
 #[repr(C)]
 pub(crate) struct Registers {
-    /// Rung by the client.
+    /// Word that the client rings.
     pub doorbell: Cell32,
     reserved_4: [Cell32; 15],
-    /// Rung by the server.
+    /// Word that the server rings.
     pub answer: Cell32,
     reserved_68: [Cell32; 15],
-    /// Written by the client.
+    /// Register that the client writes.
     pub control: Cell16,
-    /// Written by the server.
+    /// Register that the server writes.
     pub status: Cell16,
 }
 
@@ -40,7 +40,7 @@ pub(crate) struct Page {
 impl Page {
     const SIZE: u64 = 4096;
 
-    /// A new page, zeroed. It disappears with the last process that uses it.
+    /// Makes a new page of zeros. It disappears with the last process that uses it.
     pub(crate) fn create() -> Self {
         let memory = rustix::fs::memfd_create("commram-bench", MemfdFlags::CLOEXEC);
         let file = File::from(memory.expect("memory can be shared"));
@@ -60,12 +60,12 @@ impl Page {
         Page { map, file }
     }
 
-    /// Where a child process finds the page while this process lives.
+    /// Returns the path at which a child process finds the page while this process lives.
     pub(crate) fn path(&self) -> String {
         format!("/proc/{}/fd/{}", std::process::id(), self.file.as_raw_fd())
     }
 
-    /// The registers in the page.
+    /// Returns the registers in the page.
     pub(crate) fn registers(&self) -> &Registers {
         // SAFETY: the map is page-aligned, longer than `Registers` and lives as long as `self`; all processes access it
         // through the same cells.
@@ -86,7 +86,7 @@ pub(crate) fn sleep(word: &Cell32, seen: u32) {
     let _ = futex::wait(futex_word(word), futex::Flags::empty(), seen.to_le(), Some(&timeout));
 }
 
-/// The word in the type that the futex calls require; only these calls use this type.
+/// Returns the word in the type that the futex calls require. Only these calls use this type.
 fn futex_word(word: &Cell32) -> &AtomicU32 {
     // SAFETY: valid and aligned; only the kernel accesses it.
     unsafe { AtomicU32::from_ptr(word.as_ptr()) }

@@ -21,7 +21,7 @@ const NEAR: u32 = 32;
 /// `BAPS_INIT` is enabled after this number of cycles of the cyclic task (manual p. 63).
 pub(crate) const CYCLES_BEFORE_INIT: u32 = 5;
 
-/// The control word that brings a drive with this status word nearer to operation.
+/// Returns the control word that brings a drive with this status word nearer to operation.
 pub(crate) fn control_word(status: u16) -> u16 {
     match status & 0x006F {
         0x0021 => 0x0007,
@@ -71,7 +71,7 @@ pub(crate) struct SynchronousDrive {
 }
 
 impl SynchronousDrive {
-    /// A drive with a SYNC slot of `slot_us`, with this `w_COMMAND_REG` and this mask over P258 (manual p. 74).
+    /// Makes a drive with a SYNC slot of `slot_us`, with this `w_COMMAND_REG` and this mask over P258 (manual p. 74).
     pub(crate) fn new(ram: &Ram, slot_us: u16, w_COMMAND_REG: u16, mask: u32) -> Result<Self, MemoryError> {
         let left = vec![(OPERATING_MODE, SYNCHRONOUS_POSITION), (SYNC_OFFSET, 0), (SYNC_SLOT, slot_us)];
         Ok(SynchronousDrive {
@@ -99,7 +99,7 @@ impl SynchronousDrive {
         })
     }
 
-    /// In the event task: process data first, then the next reference value (manual p. 65).
+    /// Exchanges process data, then calculates the next reference value. The event task calls it (manual p. 65).
     pub(crate) fn exchange(&mut self) -> Result<(), String> {
         if !self.init.x_OK {
             return Ok(());
@@ -119,8 +119,7 @@ impl SynchronousDrive {
         Ok(())
     }
 
-    /// In the cyclic task: sets the drive up; done when the drive is enabled, synchronized and at the end of its
-    /// movement.
+    /// Sets the drive up, until it is enabled, synchronized and at the end of its movement. The cyclic task calls it.
     pub(crate) fn cyclic(&mut self) -> Result<Progress, String> {
         self.cycles += 1;
         if self.cycles <= CYCLES_BEFORE_INIT || self.setup.cycle(&self._BAPS)? == Progress::Again {
@@ -138,7 +137,7 @@ impl SynchronousDrive {
         Ok(Progress::done_if(arrived))
     }
 
-    /// End of the movement, as the drive shows it in P258.
+    /// Returns the end of the movement, as the drive shows it in P258.
     pub(crate) fn end(&self) -> u32 {
         self.comm.ud_RD_VALUE1
     }

@@ -73,7 +73,7 @@ pub(crate) fn run<P: Program<Error = String>>(
     }
 }
 
-/// The error of a block that has failed.
+/// Returns an error if a block has failed.
 pub(crate) fn check(failed: bool, block: &str, error: u16) -> Result<(), String> {
     if failed { Err(format!("{block} has failed: 16#{error:04X}")) } else { Ok(()) }
 }
@@ -87,7 +87,8 @@ pub(crate) fn map_slave(_BASE: &Base<CANsync_SL_CTRL_BMSTRUCT>) {
 /// Error number "no such parameter".
 const NOT_PRESENT: i16 = -5;
 
-/// Answers of a slave to parameter jobs: it has no parameters. (The firmware answers for its status word, D-06.)
+/// The application of a slave without parameters: refuses every parameter job. (The firmware answers for its status
+/// word, D-06.)
 pub(crate) struct Application {
     jobs: CANsync_PAR_SL,
 }
@@ -99,7 +100,7 @@ impl Default for Application {
 }
 
 impl Application {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub(crate) fn cycle(&mut self, _BASE: &Base<CANsync_SL_CTRL_BMSTRUCT>) {
         self.jobs.call(_BASE);
         self.jobs.x_ERR_IN = self.jobs.x_ACTIV;

@@ -8,13 +8,13 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Status {
-    /// Done.
+    /// The function was successful.
     Ok,
-    /// Done, with a warning.
+    /// The function was successful, with a warning.
     Warning,
-    /// Not done; the caller may try another way.
+    /// The function did nothing; the caller may try another way.
     Discard,
-    /// Not done.
+    /// The function failed.
     Error,
     /// The instance can no longer be used.
     Fatal,

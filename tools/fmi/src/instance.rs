@@ -10,15 +10,15 @@ use std::path::Path;
 /// Life cycle of an instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Mode {
-    /// Instantiated, or reset.
+    /// After instantiation or a reset.
     Instantiated,
-    /// Being initialized.
+    /// In initialization.
     Initializing,
     /// Between steps.
     Stepping,
-    /// Terminated.
+    /// After termination.
     Ended,
-    /// Unusable after an internal error.
+    /// After an internal error: the instance is unusable.
     Broken,
 }
 

@@ -1,4 +1,4 @@
-//! Making, initializing, stepping and ending an instance.
+//! Functions that make, initialize, step and end an instance.
 
 use super::border::{Instance, IntermediateUpdate, LogMessage, Refused, Status, exported, give, read, with};
 use super::instance::{Inner, Mode};

@@ -1,4 +1,4 @@
-//! States of an instance: saved, restored, serialized.
+//! Functions that save, restore and serialize states of an instance.
 
 use super::border::{Instance, Refused, Status, exported, read, with, write};
 use super::instance::Mode;

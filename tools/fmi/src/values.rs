@@ -1,4 +1,4 @@
-//! Getting and setting variables.
+//! Functions that read and set variables.
 
 use super::border::{Instance, Refused, Status, exported, read, with, write};
 use super::instance::Mode;

@@ -21,7 +21,7 @@ fn output_of(command: &mut Command) -> String {
     text(&output.stdout)
 }
 
-/// The shared object of this build.
+/// Returns the shared object of this build.
 fn library() -> Vec<u8> {
     let test = std::env::current_exe().unwrap();
     let places = [test.parent().unwrap().to_owned(), test.parent().unwrap().parent().unwrap().to_owned()];

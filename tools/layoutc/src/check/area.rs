@@ -71,7 +71,7 @@ pub(super) fn retain(
     Ok(found.map(|(index, default)| (areas.remove(index), default)))
 }
 
-/// The area, and its first and last number.
+/// Returns the area, and its first and last number.
 fn area(
     sources: &Sources,
     file: usize,
@@ -190,7 +190,7 @@ fn area(
     Ok((area, (first, last)))
 }
 
-/// Highest possible end of the space.
+/// Returns the highest possible end of the space.
 fn raw_end(space: &Space) -> u64 {
     if space.bytes == 0 { u64::from(u32::MAX) } else { space.end() }
 }
@@ -280,7 +280,7 @@ impl OverlaidCells {
     }
 }
 
-/// For each byte the width of the cell it lies in, `None` in unused registers. Cells are aligned to
+/// Returns for each byte the width of the cell that contains it, and `None` in unused registers. Cells are aligned to
 /// their width, so equal widths mean equal starts.
 fn placed_cells(placed: &AreaStructure, structure: &Structure, subs: &[Structure]) -> Vec<Option<u32>> {
     let fields = structure.fields.iter();

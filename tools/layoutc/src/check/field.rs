@@ -111,7 +111,7 @@ pub(crate) fn check(
     Ok((place, field))
 }
 
-/// Offset as written; a register without an offset gets it from the structure of `view`.
+/// Returns the offset as written. A register without an offset gets it from the structure of `view`.
 fn offset(entry: &raw::Entry) -> u32 {
     entry.offset.as_ref().map_or(0, |offset| *offset.get_ref())
 }

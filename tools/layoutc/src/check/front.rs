@@ -6,7 +6,7 @@ use crate::model::{FrontWord, Scalar};
 use crate::raw;
 use crate::source::{Sources, at};
 
-/// Bytes of the front in the header page.
+/// Number of bytes that the front has in the header page.
 const BYTES: u32 = 256;
 
 /// Checks all words of the front and brings them into ascending order.

@@ -23,7 +23,7 @@ use crate::source::{SourcePlace, Sources, at};
 use files::{FileReference, Top};
 use std::collections::BTreeMap;
 
-/// Everything structures refer to by name.
+/// Everything that structures refer to by name.
 struct Parts {
     /// Writer of the registers that the manual reserves.
     reserved: raw::Reserved,
@@ -166,7 +166,7 @@ impl Parts {
             let (file, part) = sources.parse::<raw::Parts>(&named.path, Some(named.at))?;
             read.push((file, part, named.shared));
         }
-        // All meanings first: sub-structures and blocks of any parts file may refer to them.
+        // Adds all meanings first, because sub-structures and blocks of any parts file may refer to them.
         for (file, part, shared) in &read {
             for raw in &part.meaning {
                 let of = (manual_of(*shared), *shared);

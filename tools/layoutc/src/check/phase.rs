@@ -98,7 +98,7 @@ pub(super) fn check_register(
         let (structure, register) = (structure.name.clone(), register.clone());
         return wrong(Reason::NoPhaseRegister { structure, register });
     };
-    // The others have it at the same offset as the first one, because they have been checked.
+    // The other structures have the register at the same offset as the first structure, because they have been checked.
     if let Some(other) = others.iter().find(|other| other.live != 0) {
         let other = &structures[other.structure];
         if found(other).is_some_and(|(elsewhere, _)| elsewhere != offset) {

@@ -1,4 +1,4 @@
-//! Ports: each its own name and number, and an area that exists.
+//! Checks that each port has a unique name and number, and an area that exists.
 
 use super::Names;
 use crate::error::{Error, Reason};

@@ -10,7 +10,8 @@ pub(crate) const MAX_TOKENS: usize = 64;
 /// Maximum depth of constants that refer to each other.
 const MAX_DEPTH: usize = 32;
 
-/// An expression as written. Its value is worked out where it is needed: other values of a library do not matter.
+/// An expression as written. It is evaluated only where its value is needed, because the other values of a library do
+/// not matter.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(crate) struct Expression(Vec<Part>);
 
@@ -20,7 +21,7 @@ enum Part {
     /// A constant, without the names of the lists and namespaces before it.
     Name(String),
     Symbol(&'static str),
-    /// A token that no whole number contains.
+    /// A token that cannot be a part of an expression of whole numbers.
     Other(String),
 }
 
@@ -83,7 +84,7 @@ enum ValueState {
     Known(Result<i64, Wrong>),
 }
 
-/// Values of constants, each worked out once.
+/// Values of constants, each evaluated once.
 pub(crate) struct Values<'a> {
     declarations: &'a Declarations,
     known: HashMap<&'a str, ValueState>,
@@ -94,7 +95,7 @@ impl<'a> Values<'a> {
         Self { declarations, known: HashMap::new() }
     }
 
-    /// The value of an expression, in the range of a DINT.
+    /// Returns the value of an expression, in the range of a DINT.
     pub(crate) fn of(&mut self, expression: &'a Expression) -> Result<i64, Wrong> {
         self.evaluate(expression, 0)
     }

@@ -9,7 +9,7 @@ pub(crate) enum Token<'a> {
     Word(&'a str),
     /// A number as written, base and underscores included.
     Number(&'a str),
-    /// A place of a variable: `%MB3.200000`.
+    /// The address of a variable: `%MB3.200000`.
     Direct,
     /// A string literal.
     Text,
@@ -60,7 +60,7 @@ impl<'a> Lexer<'a> {
                 _ if is_name(first) => word_length(self.rest),
                 '\'' | '"' => match string_length(self.rest, first) {
                     Some(length) => length,
-                    // An apostrophe in a text.
+                    // The apostrophe begins no string, but is part of a text.
                     None => self.rest.find('\n').unwrap_or(self.rest.len()),
                 },
                 _ => first.len_utf8(),
@@ -71,7 +71,7 @@ impl<'a> Lexer<'a> {
         }
     }
 
-    /// The next token and where it begins.
+    /// Returns the next token and its place.
     pub(crate) fn next(&mut self) -> Result<(TextPosition, Token<'a>), Fault> {
         self.skip()?;
         let place = self.place;
