@@ -70,7 +70,7 @@ impl Guest<TcpStream> {
         Guest(stream)
     }
 
-    /// A guest that takes part in the bus traffic.
+    /// Returns a guest that takes part in the bus traffic.
     fn open(port: u16) -> Self {
         let mut guest = Self::come(port);
         assert_eq!(guest.ask("O"), "\r");

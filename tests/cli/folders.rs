@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 const EXAMPLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/devices/digital-io");
 
-/// A directory with a copy of an example, and a plant with it.
+/// A directory with a copy of an example device, and with a plant that contains the device.
 struct Place(tempfile::TempDir);
 
 impl Place {

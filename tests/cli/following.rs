@@ -36,7 +36,7 @@ fn watching(child: &mut Child) -> impl BufRead + use<> {
     notes
 }
 
-/// True if a thread of the process waits in a system call with one of the outputs as first argument.
+/// Whether a thread of the process waits in a system call with one of the outputs as first argument.
 pub(crate) fn is_blocked_by_output(child: &Child) -> bool {
     let threads = std::fs::read_dir(format!("/proc/{}/task", child.id())).unwrap();
     let calls =

@@ -112,7 +112,7 @@ fn a_plot_ends_at_the_last_known_time() {
     assert!(refused.code == Some(2) && refused.out.contains("the plot ends now, at 5 us"), "{}", refused.out);
 }
 
-/// A scenario with a plot that fails, and one with a hostile name that passes.
+/// Returns a scenario with a plot that fails, and one with a hostile name that passes.
 fn scripts() -> Scripts {
     let plot = "plot(\"start.svg\", [\"node2.w_OPTION_STATUS\"]);\nplot(\"late.png\", [\"node2.w_CPU_CONTROL\"], 500);";
     let failing = format!(

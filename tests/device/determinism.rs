@@ -6,8 +6,8 @@ use commram::check::rules;
 const DRIVES: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n\
                       [[bus.drive]]\nname = 'd2'\nslave_number = 2\nramp_per_second = 100000\n";
 
-/// A run with handshakes, process data and a restart in the middle. `slice_us` is the largest step in
-/// which the clock advances; it must not matter.
+/// Runs handshakes and process data, with a restart in the middle. `slice_us` is the largest step in which the clock
+/// advances; it must have no effect on the result.
 fn run(memory: Memory, rate: crate::rig::Rate, slice_us: u64, value: u32) -> (u64, u64) {
     let mut rig = Rig::of(memory, rate, DRIVES);
     let pass = |rig: &mut Rig, us: u64| {

@@ -67,7 +67,7 @@ impl Card {
     }
 }
 
-/// The lines of the journal, each with its kind.
+/// Returns the lines of the journal, each with its kind.
 fn journal(bench: &mut Bench) -> Vec<String> {
     let lines = bench.last_entries(1000).unwrap();
     lines.iter().map(|line| format!("{} {}: {}", line.time_us, line.kind, line.text.trim())).collect()

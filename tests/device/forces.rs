@@ -8,7 +8,7 @@ use commram::memory::Width;
 use commram::plant::{ForceError, Forced};
 use core::mem::offset_of;
 
-/// `w_CPU_CONTROL`, `w_OPTION_STATUS` and `b_CTRLREG_WRC1` of the master.
+/// Returns the offsets of `w_CPU_CONTROL`, `w_OPTION_STATUS` and `b_CTRLREG_WRC1` of the master.
 fn registers(rate: Rate) -> [u32; 3] {
     [
         offset_of!(CANsync_MA_CTRL_BMSTRUCT, w_CPU_CONTROL),

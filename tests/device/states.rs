@@ -40,7 +40,7 @@ fn bring_to(rig: &mut Rig, role: Role, state: usize) -> View<CANsync_INIT_BMSTRU
     node.init
 }
 
-/// Next state for each command in each state; `None`: nothing changes.
+/// Returns the next state for each command in each state, and `None` if nothing changes.
 fn next(state: usize, command: u16) -> Option<usize> {
     match (state, command) {
         (0, 0x0000) => None,

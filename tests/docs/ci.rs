@@ -39,7 +39,7 @@ fn repository() -> (TempDir, String) {
     (directory, sum.split(' ').next().unwrap().to_owned())
 }
 
-/// The scripts of a file: blocks after a line that ends with ` |`, without their indentation.
+/// Returns the scripts of a file: blocks after a line that ends with ` |`, without their indentation.
 fn scripts(text: &str) -> Vec<String> {
     let mut scripts = Vec::new();
     let mut lines = text.lines().peekable();

@@ -3,7 +3,7 @@
 use crate::common::{finish, python};
 use crate::shell::Shell;
 
-/// The texts of the blocks in one language.
+/// Returns the texts of the blocks in one language.
 fn blocks<'a>(page: &'a str, language: &str) -> Vec<&'a str> {
     page.split(language).skip(1).filter_map(|rest| rest.split("\n```").next()).collect()
 }

@@ -192,13 +192,13 @@ fn the_session_of_snapshots_works_as_printed() {
     type_in(&session(include_str!("../../docs/guide/snapshots.md")));
 }
 
-/// Blocks of code of a page: language and text.
+/// Returns the blocks of code of a page: language and text.
 fn blocks(page: &str) -> Vec<(&str, &str)> {
     let mut blocks = page.split("\n```").skip(1).step_by(2);
     std::iter::from_fn(|| blocks.next()).filter_map(|block| block.split_once('\n')).collect()
 }
 
-/// The file that a block names in a comment in its first line.
+/// Returns the file that a block names in a comment in its first line.
 fn file_of(block: &str) -> Option<&str> {
     let line = block.lines().next()?;
     let comment = ["# ", "// ", "/* "].iter().find_map(|sign| line.strip_prefix(sign))?;

@@ -32,7 +32,7 @@ impl Shell {
         Self { name: unique_name(), directory }
     }
 
-    /// The directory of the commands.
+    /// Returns the directory of the commands.
     pub(crate) fn directory(&self) -> &Path {
         self.directory.path()
     }

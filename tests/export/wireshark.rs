@@ -24,7 +24,7 @@ send_frame("drives", 0x200, "01");
 step(20000);
 "#;
 
-/// The texts of a trace, without the names of senders, which a capture does not contain.
+/// Returns the texts of a trace, without the names of senders, which a capture does not contain.
 fn traced(emulator: &Emulator) -> Vec<String> {
     let kinds = "frame,foreign_frame,can_frame,dp_telegram,dp_short";
     let lines = emulator.run("trace", &["--kind", kinds]);
@@ -41,7 +41,7 @@ fn traced(emulator: &Emulator) -> Vec<String> {
     lines.ok().lines().map(text).collect()
 }
 
-/// The values of a field of the dissector, a line for each packet.
+/// Returns the values of a field of the dissector, a line for each packet.
 fn dissected(dissector: &Path, capture: &Path, field: &str) -> Vec<String> {
     let mut command = Command::new("tshark");
     command.arg("-r").arg(capture).arg("-X").arg(format!("lua_script:{}", dissector.display()));

@@ -16,7 +16,7 @@ fn path(name: &str) -> PathBuf {
     [env!("CARGO_MANIFEST_DIR"), "tests", "formats", name].iter().collect()
 }
 
-/// The sample of this name. `today` makes one, which is written only if there is none and [`RENEW`] is set.
+/// Returns the sample of this name. `today` makes one, which is written only if there is none and [`RENEW`] is set.
 pub(crate) fn sample(name: &str, today: impl FnOnce() -> Vec<u8>) -> Vec<u8> {
     let path = path(name);
     if !path.exists() && std::env::var_os(RENEW).is_some() {
@@ -55,7 +55,7 @@ pub(crate) fn assert_only_added(name: &str, number: &str, today: &str) {
     );
 }
 
-/// The same file or state with the header of another format and version, and with a correct checksum.
+/// Returns the same file or state with the header of another format and version, and with a correct checksum.
 pub(crate) fn with_header(bytes: &[u8], format: u16, version: &str) -> Vec<u8> {
     let written = unseal(bytes).unwrap();
     let mut from = Saved::new(written);
@@ -67,7 +67,7 @@ pub(crate) fn with_header(bytes: &[u8], format: u16, version: &str) -> Vec<u8> {
     seal(to.into_bytes())
 }
 
-/// All samples whose names begin like this, with their names.
+/// Returns all samples whose names begin like this, with their names.
 pub(crate) fn samples(begin: &str) -> Vec<(String, Vec<u8>)> {
     let entries = fs::read_dir(path("")).unwrap().map(|entry| entry.unwrap());
     let named = entries.map(|entry| (entry.file_name().into_string().unwrap(), entry.path()));

@@ -52,7 +52,8 @@ impl Cluster {
         Self::of(rate, plant_text(rate, widths), Memory::Heap)
     }
 
-    /// A cluster with `participants` participants, filled level by level: a bus gets stations when all buses before it are full.
+    /// Returns a cluster with `participants` participants, filled level by level: a bus gets stations when all buses
+    /// before it are full.
     pub(crate) fn filled(rate: Rate, participants: usize, memory: Memory) -> Cluster {
         Self::of(rate, filled_text(rate, participants), memory)
     }
@@ -167,7 +168,7 @@ fn plc_of(rate: Rate, segment: &Segment, is_top: bool, children: usize) -> Clust
     }
 }
 
-/// The plant file, and the number of participants on each PLC's bus.
+/// Returns the plant file, and the number of participants on each PLC's bus.
 fn plant_text(rate: Rate, widths: &[usize]) -> (String, Vec<usize>) {
     let (mut plcs, mut buses, mut children) = (String::new(), String::new(), Vec::new());
     // Bus on which the PLCs of a level are slaves, and the number of these PLCs.

@@ -94,7 +94,7 @@ impl NodeDevice {
         self.layout.port_numbered(at.port).expect("a port of the device").name
     }
 
-    /// Plant file text of a PLC: slave number `dip` on the bus above it and master of the one below it.
+    /// Returns the plant file text of a PLC: slave number `dip` on the bus above it and master of the one below it.
     pub(crate) fn plc(&self, name: &str, dip: u8, above: Option<&str>, below: Option<&str>) -> String {
         (self.plc)(name, dip, [above, below])
     }
@@ -127,7 +127,7 @@ impl Rate {
         us * self.interval_us / 2_000
     }
 
-    /// A plant file with PLC `a` as master of PLC `b`; `drives` is put after the bus.
+    /// Returns a plant file with PLC `a` as master of PLC `b`; `drives` is put after the bus.
     pub(crate) fn plant(&self, drives: &str) -> String {
         let Rate { kind, .. } = self;
         let (a, b) = (
@@ -137,7 +137,7 @@ impl Rate {
         format!("{a}{b}{}", self.bus("line", drives))
     }
 
-    /// A bus of a plant file, with drives that support this rate.
+    /// Returns a bus of a plant file, with drives that support this rate.
     pub(crate) fn bus(&self, name: &str, drives: &str) -> String {
         let kbit_s = self.kbit_s;
         // The only card function that supports 1 Mbit/s (5.01010.01 p. 10).

@@ -78,7 +78,7 @@ impl Rig {
         format!("{} {value} x {}", entry.last.rule, entry.count)
     }
 
-    /// The device of a PLC, with its options.
+    /// Returns the device of a PLC, with its options.
     pub(crate) fn fitted(&self, plc: DeviceIndex) -> DeviceFit {
         self.plant.names().fitted(plc)
     }
@@ -142,7 +142,7 @@ impl Rig {
         self.plant.next_sync(DeviceIndex::at(self.master_at.plc), self.master_at.port)
     }
 
-    /// The master; slaves 0 to 3 are expected.
+    /// Returns the master; slaves 0 to 3 are expected.
     pub(crate) fn master_node(&self) -> Node {
         self.node(self.master_at, Mode::Master)
     }
@@ -203,7 +203,7 @@ impl Rig {
         self.plant.journal().records()
     }
 
-    /// All frames so far with the time of their end.
+    /// Returns all frames so far with the time of their end.
     pub(crate) fn frames(&self) -> Vec<(u64, Frame)> {
         self.records()
             .filter_map(|record| Some((record.time_us, record.event.get::<Transmitted>()?.frame)))
@@ -216,13 +216,13 @@ impl Rig {
     }
 }
 
-/// A plant on heap memory.
+/// Returns a plant on heap memory.
 pub(crate) fn plant_of(text: &str) -> Plant {
     let config = PlantConfig::parse("rig", text).unwrap();
     Plant::new(&config, |_plc, device| Ok::<_, RigError>(Segment::of(device))).unwrap()
 }
 
-/// RAM for a PLC; an image is kept alive in `images` and removes its file when `images` is dropped.
+/// Returns RAM for a PLC. An image stays in `images`, and its file is removed when `images` is dropped.
 pub(crate) fn segment(
     memory: Memory,
     plc: &str,

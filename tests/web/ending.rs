@@ -101,7 +101,7 @@ fn emulator_with_server(runtime: &Path) -> (String, Child, Lines<BufReader<Child
     (name, child, lines)
 }
 
-/// The only child of a process.
+/// Returns the only child of a process.
 fn child_of(pid: u32) -> u32 {
     let children = std::fs::read_dir(format!("/proc/{pid}/task")).unwrap().find_map(|task| {
         let children = std::fs::read_to_string(task.unwrap().path().join("children")).unwrap();

@@ -95,7 +95,7 @@ fn a_slow_reader_learns_its_losses_and_delays_no_client() {
     slow.until("clock", |clock| clock["time_us"] == ROUNDS + 1);
 }
 
-/// Byte offset of a register that programs write at any time.
+/// Returns the byte offset of a register that programs write at any time.
 fn register_offset(server: &Server) -> Value {
     let answer = server.get(&server.path("show/operations?poke=node2.b_BT_0%3D1")).ok();
     answer["operations"][0]["poke"]["offset"].clone()

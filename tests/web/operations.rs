@@ -4,7 +4,7 @@ use crate::common::{Emulator, finish, python_for};
 use crate::server::Server;
 use serde_json::{Map, Value, json};
 
-/// Name and sample fields of an operation of the table.
+/// Returns the name and sample fields of an operation of the table.
 pub(crate) fn sample(operation: &Value) -> (String, Value) {
     let fields = operation["fields"].as_array().unwrap().iter().map(|field| {
         let schema = &field["schema"];

@@ -40,19 +40,19 @@ impl Answer {
         Self { status: status.unwrap_or(0), headers, body: body.to_owned() }
     }
 
-    /// The value of a header; empty if there is none.
+    /// Returns the value of a header; empty if there is none.
     pub(crate) fn header(&self, name: &str) -> &str {
         self.headers.iter().find(|(known, _)| known == name).map_or("", |(_, value)| value)
     }
 
-    /// The JSON of a successful answer.
+    /// Returns the JSON of a successful answer.
     #[track_caller]
     pub(crate) fn ok(&self) -> Value {
         assert_eq!((self.status, self.header("content-type")), (200, "application/json"), "{}", self.body);
         serde_json::from_str(&self.body).unwrap()
     }
 
-    /// The problem document of an answer with this status.
+    /// Returns the problem document of an answer with this status.
     #[track_caller]
     pub(crate) fn problem(&self, status: u16) -> Value {
         assert_eq!(
@@ -104,7 +104,7 @@ impl Server {
         Self { child, address, token: token.to_owned(), instance: instance.to_owned(), runtime }
     }
 
-    /// The file with the token.
+    /// Returns the file with the token.
     pub(crate) fn token_file(&self) -> PathBuf {
         let entries = std::fs::read_dir(self.runtime_directory()).unwrap();
         entries.map(|entry| entry.unwrap().path()).next().unwrap()
@@ -118,7 +118,7 @@ impl Server {
         self.runtime.path()
     }
 
-    /// A path of the instance.
+    /// Returns a path of the instance.
     pub(crate) fn path(&self, rest: &str) -> String {
         format!("/api/v1/instances/{}/{rest}", self.instance)
     }
@@ -220,14 +220,14 @@ pub(crate) struct EventStream {
 }
 
 impl EventStream {
-    /// The status line of the answer.
+    /// Returns the status line of the answer.
     pub(crate) fn status(&mut self) -> u16 {
         let mut line = String::new();
         self.lines.read_line(&mut line).unwrap();
         line.split(' ').nth(1).and_then(|code| code.parse().ok()).unwrap_or(0)
     }
 
-    /// The next event: its name and its data; `None` at the end of the stream.
+    /// Returns the next event: its name and its data; `None` at the end of the stream.
     pub(crate) fn next(&mut self) -> Option<(String, Value)> {
         let mut event = None;
         loop {
@@ -244,7 +244,7 @@ impl EventStream {
         }
     }
 
-    /// The data of the next event of this name that fulfils the condition.
+    /// Returns the data of the next event of this name that fulfils the condition.
     #[track_caller]
     pub(crate) fn until(&mut self, name: &str, condition: impl Fn(&Value) -> bool) -> Value {
         loop {

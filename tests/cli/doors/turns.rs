@@ -34,7 +34,8 @@ fn seated(emulator: &Emulator, count: usize) {
     }));
 }
 
-/// One guest sends a question every 1500 us; the other one answers 300 us after it received it. Returns the journal.
+/// Runs two guests: one sends a question every 1500 us, and the other answers 300 us after it received the question.
+/// Returns the journal.
 fn questions_and_answers(steps: &[&str]) -> String {
     let emulator = start(OPEN, &["--clock", "stepped"]);
     let port = port(&emulator);

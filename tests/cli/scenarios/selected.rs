@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex};
 const GOOD: &str = "expect(\"node2.w_OPTION_STATUS\", 1);";
 const BAD: &str = "expect(\"node2.w_OPTION_STATUS\", 2);";
 
-/// A folder with subfolders.
+/// Returns a folder with subfolders.
 fn tree() -> Scripts {
     let scripts = Scripts::new(&[]);
     for folder in ["winder/slow", "common"] {

@@ -55,7 +55,7 @@ fn rate() -> Rate {
     *RATES.iter().find(|rate| rate.kbit_s == 1000).expect("the b maXX PLC has it")
 }
 
-/// Slave 0 is another PLC; a drive has number 5.
+/// Returns a rig in active operation. Slave 0 is another PLC; a drive has number 5.
 fn active() -> Rig {
     let drive = "[[bus.drive]]\nname = 'd'\nslave_number = 5\nlock_time_us = 20000\n";
     let mut rig = Rig::of(Memory::Heap, rate(), drive);

@@ -141,7 +141,7 @@ fn requests() -> impl Strategy<Value = PlcRequests> {
         .prop_map(|(wrc1, wrc2, control_word, parameter)| PlcRequests { wrc1, wrc2, control_word, parameter })
 }
 
-/// The faulty station: `None` is the master, otherwise the slave with this number.
+/// Returns the faulty station: `None` is the master, otherwise the slave with this number.
 fn any_fault() -> impl Strategy<Value = (Option<u8>, &'static str)> {
     prop_oneof![
         Just((None, "kind = 'bus_off'\nplc = 'a'\nnode = 'MASTER'")),

@@ -23,7 +23,7 @@ struct Maxx {
 }
 
 impl Maxx {
-    /// The master in slot G is in set-up mode at 1 Mbit/s.
+    /// Brings the master in slot G into set-up mode at 1 Mbit/s.
     fn set_up() -> Self {
         let plant = plant_of(PLANT);
         let segment = plant.devices()[0].segment().clone();

@@ -59,7 +59,7 @@ fn reply() -> impl Strategy<Value = Reply> {
     ]
 }
 
-/// A configuration register of the command channel.
+/// Returns a configuration register of the command channel.
 fn polled() -> impl Strategy<Value = u8> {
     prop_oneof![3 => Just(0x80), 1 => 0..SLAVES]
 }

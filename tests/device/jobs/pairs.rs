@@ -42,9 +42,9 @@ fn bring_to(bench: &mut Bench, state: JobState) {
     }
 }
 
-/// Expected values by the bit table of p. 164 and decisions D-41, D-42, D-48: the control register after the
-/// pending answer, and after a further interval with an answer. `None`: the firmware does not act, both
-/// registers keep their values.
+/// Returns the expected values by the bit table of p. 164 and decisions D-41, D-42, D-48: the control register after
+/// the pending answer, and after a further interval with an answer. `None`: the firmware does not act, both registers
+/// keep their values.
 fn right(state: JobState, control: u8) -> (Option<u8>, Option<u8>) {
     let (active, sent) = (control & 0x01 != 0, control & 0x08 != 0);
     let (read, write) = (control & 0x02 != 0, control & 0x04 != 0);

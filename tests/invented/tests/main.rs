@@ -171,7 +171,7 @@ fn a_value_passes_from_gate_to_gate() {
     assert_eq!((end - begin, &passed["time_us"]), (airtime_us(), &frame["time_us"]));
 }
 
-/// From the start bit to the end of the frame, rounded up.
+/// Returns the time from the start bit to the end of the frame, rounded up.
 fn airtime_us() -> u64 {
     use commram::can::{BitRate, Frame, Payload, wire};
     let frame = Frame::standard(0x123, Payload::new(&[0x34, 0x12]).unwrap());

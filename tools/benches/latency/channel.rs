@@ -28,12 +28,12 @@ const TAKEN: u32 = 0x04;
 /// Length of an interval at 500 kbit/s.
 const INTERVAL_US: u64 = 2000;
 
-/// Client and emulator sleep until their bell rings.
+/// Measures a peek while client and emulator sleep until their bell rings.
 pub(crate) fn sleeping(criterion: &mut Criterion) -> Outcome {
     peek(criterion, "sleeping", Duration::ZERO)
 }
 
-/// Client and emulator poll.
+/// Measures a peek while client and emulator poll.
 pub(crate) fn busy(criterion: &mut Criterion) -> Outcome {
     peek(criterion, "busy", PATIENCE)
 }
@@ -71,8 +71,8 @@ fn one_peek(client: &Client) {
     assert_eq!(value, START_UP);
 }
 
-/// Poke, 2 ms step and peek in one message, with client and emulator on one processor. The bus is in active
-/// operation: each message releases a reference value frame and checks that the firmware has taken it.
+/// Measures a poke, a step of 2 ms and a peek in one message, with client and emulator on one processor. The bus is in
+/// active operation: each message releases a reference value frame and checks that the firmware has taken it.
 pub(crate) fn message(criterion: &mut Criterion) -> Outcome {
     let [cpu, _] = cpu::pair();
     let _pinned = Pinned::to(cpu);

@@ -30,7 +30,8 @@ const W_OPTION_STATUS: u32 = NODE2 as u32 + 2;
 const RESTART: u16 = 0x0000;
 const HANDSHAKE: u16 = 0x0001;
 
-/// The client rings the doorbell and sleeps; the emulator sleeps until the doorbell rings.
+/// Measures the handshake when the client rings the doorbell and sleeps, and the emulator sleeps until the doorbell
+/// rings.
 pub(crate) fn doorbell(criterion: &mut Criterion) -> Outcome {
     let [client, server] = cpu::pair();
     let _pinned = Pinned::to(client);
@@ -56,7 +57,7 @@ pub(crate) fn doorbell(criterion: &mut Criterion) -> Outcome {
     Outcome { what: "start-up handshake through the doorbell", samples, target }
 }
 
-/// Both sides poll; the client stores without ringing the doorbell.
+/// Measures the handshake when both sides poll and the client does not ring the doorbell.
 pub(crate) fn busy(criterion: &mut Criterion) -> Outcome {
     let [client, server] = cpu::pair();
     let _pinned = Pinned::to(client);

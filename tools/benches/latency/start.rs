@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 const W_OPTION_STATUS: u32 = NODE2 as u32 + 2;
 const START_UP: u32 = 0x0001;
 
-/// The processes are not pinned, as in a script that starts an emulator and continues at once.
+/// Measures the start. The processes are not pinned, as in a script that starts an emulator and continues at once.
 pub(crate) fn first_peek(criterion: &mut Criterion) -> Outcome {
     let (mut raw, mut samples) = (Samples::new(), Samples::new());
     let mut group = criterion.benchmark_group("start");

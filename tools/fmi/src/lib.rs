@@ -18,7 +18,7 @@ pub use border::{
     Signature, Status,
 };
 
-/// All functions: name, types of the arguments, return type.
+/// Returns all functions: name, types of the arguments, return type.
 #[must_use]
 pub fn signatures() -> Vec<Signature> {
     [life::SIGNATURES, values::SIGNATURES, state::SIGNATURES, absent::SIGNATURES].concat()

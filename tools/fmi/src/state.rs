@@ -104,7 +104,7 @@ exported! {
     }
 }
 
-/// A state as bytes, with the phase of its life that the instance was in.
+/// Returns a state as bytes, with the phase of its life that the instance was in.
 fn bytes(it: &super::instance::Inner, kept: &SavedState) -> Vec<u8> {
     let mode = match kept.mode {
         Mode::Instantiated => 0,

@@ -20,7 +20,7 @@ pub struct Front {
     pub area: Area,
 }
 
-/// The front of a device; `None` if the device has none.
+/// Returns the front of a device; `None` if the device has none.
 #[must_use]
 pub fn of(device: &Device) -> Option<Front> {
     let last = device.front.last()?;
@@ -68,7 +68,8 @@ fn space() -> Space {
     }
 }
 
-/// Its existence and its writer are from the device's manual; name, place and type are commram's own.
+/// Returns the field of a word. Its existence and its writer are from the device's manual; name, place and type are
+/// commram's own.
 fn field(word: &FrontWord, ours: &Provenance) -> Field {
     let FrontWord { name, scalar, offset, owner, meaning, source, page, doc, .. } = word;
     let owner: Owner = *owner;

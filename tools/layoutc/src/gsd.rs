@@ -134,7 +134,7 @@ pub(crate) struct Layout<'a> {
 }
 
 impl Layout<'_> {
-    /// Structure, offset and name of a register.
+    /// Returns the structure, offset and name of a register.
     fn find(
         &self,
         sources: &Sources,

@@ -3,7 +3,7 @@
 use crate::model::{Device, FieldType, Structure};
 use std::fmt::Write;
 
-/// FNV-1a (64 bits) over a canonical description of names, addresses, types and dimensions. Comments,
+/// Returns FNV-1a (64 bits) over a canonical description of names, addresses, types and dimensions. Comments,
 /// documentation, meanings, owners and reset values do not count.
 pub(crate) fn layout_hash(device: &Device) -> u64 {
     canonical(device).bytes().fold(0xCBF2_9CE4_8422_2325, |hash, byte| {

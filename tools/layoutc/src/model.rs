@@ -72,7 +72,7 @@ pub struct Phase {
 }
 
 impl Device {
-    /// The name of a phase; 0 is `always`.
+    /// Returns the name of a phase; 0 is `always`.
     pub(crate) fn phase_name(&self, number: usize) -> &str {
         let phase = self.phases.as_ref().and_then(|phases| phases.values.get(number.checked_sub(1)?));
         phase.map_or(ALWAYS, |phase| &phase.name)
@@ -154,7 +154,7 @@ pub struct Space {
 }
 
 impl Space {
-    /// Bytes that one number counts.
+    /// Returns the number of bytes that one number of an address counts.
     pub(crate) fn unit_bytes(&self) -> u32 {
         match self.unit {
             Unit::Byte => 1,
@@ -162,13 +162,13 @@ impl Space {
         }
     }
 
-    /// The byte of the image where number `number` lies, if the space begins before it.
+    /// Returns the byte of the image where number `number` lies, if the space begins before it.
     pub(crate) fn place(&self, number: u32) -> Option<u32> {
         let bytes = number.checked_sub(self.first)?.checked_mul(self.unit_bytes())?;
         self.offset.checked_add(bytes)
     }
 
-    /// One past its last byte in the image.
+    /// End of the space in the image: the offset after its last byte.
     pub(crate) fn end(&self) -> u64 {
         u64::from(self.offset) + u64::from(self.bytes)
     }
@@ -347,7 +347,7 @@ impl Scalar {
         self.row().1
     }
 
-    /// The short names of all types.
+    /// Returns the short names of all types.
     pub(crate) fn prefixes() -> impl Iterator<Item = &'static str> {
         Self::TABLE.iter().map(|row| row.2)
     }
@@ -356,7 +356,7 @@ impl Scalar {
         self.row().2
     }
 
-    /// In bytes; also the alignment.
+    /// Width in bytes, which is also the alignment.
     pub(crate) fn width(self) -> u32 {
         self.row().3
     }
@@ -374,7 +374,7 @@ impl Scalar {
         }
     }
 
-    /// Name of the type in generated code.
+    /// Returns the name of the type in generated code.
     pub(crate) fn variant(self) -> String {
         format!("{self:?}")
     }
@@ -399,7 +399,7 @@ pub struct Meaning {
 }
 
 impl Meaning {
-    /// The pages of this manual that state it; empty if none does.
+    /// Returns the pages of this manual that state it; empty if none does.
     pub fn page_in(&self, manual: &str) -> &str {
         self.pages.iter().find(|(known, _)| known == manual).map_or("", |(_, pages)| pages)
     }
@@ -467,7 +467,7 @@ impl Device {
         self.substructures.iter().chain(&self.structures).filter(|structure| !structure.shared)
     }
 
-    /// The family's structures and sub-structures that something of the device is made of.
+    /// Returns the family's structures and sub-structures that something of the device is made of.
     pub(crate) fn used_shared_types(&self) -> impl Iterator<Item = &Structure> {
         self.used_types().filter(|structure| structure.shared)
     }
@@ -488,7 +488,7 @@ impl Device {
         subs.chain(structures.filter(move |(index, _)| counts(*index)).map(|(_, structure)| structure))
     }
 
-    /// The dimensions of `field` alone, outermost first.
+    /// Returns the dimensions of `field` alone, outermost first.
     #[must_use]
     pub fn dims(&self, field: &Field) -> Vec<Dim> {
         let mut stride = self.size(field);
@@ -500,7 +500,7 @@ impl Device {
         .collect()
     }
 
-    /// Bytes of `field` with all its elements.
+    /// Returns the number of bytes of `field` with all its elements.
     pub(crate) fn size(&self, field: &Field) -> u32 {
         field.size(&self.substructures)
     }

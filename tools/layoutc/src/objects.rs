@@ -117,7 +117,7 @@ pub(crate) fn read(sources: &mut Sources, path: &str, place: SourcePlace) -> Res
     Ok(objects)
 }
 
-/// The default of an entry of this type; `None` if that cannot be one.
+/// Returns the default of an entry of this type; `None` if that cannot be one.
 fn value(ty: Option<Type>, default: Option<Default>) -> Option<Value> {
     let most = match ty {
         Some(Type::U8) => u8::MAX.into(),

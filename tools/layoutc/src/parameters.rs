@@ -53,7 +53,7 @@ enum Access {
 }
 
 impl Format {
-    /// All values of the format; a negative minimum makes it signed.
+    /// Returns all values of the format; a negative minimum makes it signed.
     fn values(self, signed: bool) -> RangeInclusive<i64> {
         match (self, signed) {
             (Format::Word, false) => 0..=u16::MAX.into(),

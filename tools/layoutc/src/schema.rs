@@ -12,7 +12,7 @@ mod tests {
     use serde_json::Value;
     use std::collections::BTreeSet;
 
-    /// The keys that the parser's error message about an unknown key lists.
+    /// Returns the keys that the parser's error message about an unknown key lists.
     fn keys<T: DeserializeOwned>() -> BTreeSet<String> {
         let error = toml::from_str::<T>("no_such_key = 1").err().unwrap();
         let (_, known) = error.message().split_once("`no_such_key`, expected ").unwrap();

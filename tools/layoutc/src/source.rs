@@ -66,7 +66,7 @@ impl Sources {
         self.reach == Reach::Folder
     }
 
-    /// The text of a file that is no part of the layout; `None` if there is none.
+    /// Returns the text of a file that is no part of the layout; `None` if there is none.
     pub(crate) fn read_text(&self, name: &str) -> Result<Option<String>, Error> {
         self.confine(name).map_err(|reason| self.error_of(name, None, reason))?;
         match read(&self.dir.join(name)) {
@@ -95,7 +95,7 @@ impl Sources {
         Self { edits, ..Self::new(dir) }
     }
 
-    /// Every file that was read, with its text.
+    /// Returns every file that was read, with its text.
     pub(crate) fn into_files(self) -> Vec<(PathBuf, String)> {
         self.files
     }
@@ -133,7 +133,7 @@ impl Sources {
         Ok((file, value))
     }
 
-    /// The error of file `name`, at the place that names it if there is one.
+    /// Returns the error of file `name`, at the place that names it if there is one.
     fn error_of(&self, name: &str, from: Option<SourcePlace>, reason: Reason) -> Error {
         match from {
             Some(at) => self.error(at, reason),
@@ -159,7 +159,7 @@ impl Sources {
     }
 }
 
-/// Shorthand for the place where `span` starts.
+/// Returns the place where `span` begins.
 pub(crate) fn at(file: usize, span: Range<usize>) -> SourcePlace {
     SourcePlace { file, byte: span.start }
 }

@@ -144,7 +144,7 @@ impl PyBench {
         Ok(self.lock(py)?.open()?.names().buses.clone())
     }
 
-    /// The names of all registers, or of those of one area.
+    /// Returns the names of all registers, or of those of one area.
     #[pyo3(signature = (area = None))]
     fn names(&self, py: Python<'_>, area: Option<&str>) -> PyResult<Vec<String>> {
         let mut state = self.lock(py)?;
@@ -162,7 +162,7 @@ impl PyBench {
         Ok(all)
     }
 
-    /// Description of a register.
+    /// Returns the description of a register.
     fn register(&self, py: Python<'_>, name: &str) -> PyResult<Register> {
         let mut state = self.lock(py)?;
         let (bench, found) = state.found(name)?;
@@ -236,7 +236,7 @@ impl PyBench {
         })
     }
 
-    /// Changes since a snapshot.
+    /// Returns the changes since a snapshot.
     fn changes(&self, py: Python<'_>, since: &Snapshot) -> PyResult<Vec<Change>> {
         self.act(py, |bench| {
             let mut all = Vec::new();
@@ -294,7 +294,7 @@ impl PyBench {
         self.take(py, |bench| bench.wait_bits(register, mask.0, value.0, within.0), errors::of_wait)
     }
 
-    /// One check of a wait that began at `start`, for conditions in Python.
+    /// Checks once whether a wait that began at `start` has ended, for conditions in Python.
     fn pass_or_fail(&self, py: Python<'_>, start: u64, within: u64) -> PyResult<()> {
         let here = core::panic::Location::caller();
         self.take(py, |bench| bench.pass_or_fail(start, within, here), errors::of_wait)
@@ -508,12 +508,12 @@ impl PyBench {
         Ok(lines.into_iter().map(|line| line.text).collect())
     }
 
-    /// The memory of a PLC in this process, for views of it.
+    /// Returns the memory of a PLC in this process, for views of it.
     fn memory(&self, py: Python<'_>, plc: &str) -> PyResult<Memory> {
         self.act(py, |bench| bench.segment(plc)).map(Memory::of)
     }
 
-    /// Name of the PLC, and the place of an array in its memory.
+    /// Returns the name of the PLC, and the place of an array in its memory.
     fn array_of(&self, py: Python<'_>, name: &str) -> PyResult<(String, Array)> {
         let mut state = self.lock(py)?;
         let names = state.open()?.names();
@@ -524,7 +524,7 @@ impl PyBench {
         Ok((plc, Array::find(names.fitted(number), name)?))
     }
 
-    /// The names of the rules that the access checker knows.
+    /// Returns the names of the rules that the access checker knows.
     #[staticmethod]
     fn rules() -> Vec<String> {
         devices::catalogue().rules.iter().map(|rule| rule.id().to_owned()).collect()
@@ -544,7 +544,7 @@ fn prefix(plcs: &[String], plc: usize) -> String {
     commram::layout::plc_prefix(plcs, DeviceIndex::at(plc))
 }
 
-/// All areas with registers, of all PLCs.
+/// Returns all areas with registers, of all PLCs.
 fn areas(bench: &Bench) -> Vec<String> {
     let names = bench.names();
     let mut all = Vec::new();
@@ -556,7 +556,7 @@ fn areas(bench: &Bench) -> Vec<String> {
     all
 }
 
-/// Identifier and mask of 11 bits; `None` if it has 29.
+/// Returns the identifier and mask of 11 bits; `None` if it has 29.
 fn standard(identifier: u32, extended: bool, mask: Option<u16>) -> PyResult<Option<(u16, u16)>> {
     match (extended, mask, u16::try_from(identifier)) {
         (true, None, _) => Ok(None),

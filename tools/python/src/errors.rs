@@ -29,7 +29,7 @@ pub(crate) fn interrupt() -> PyErr {
     RAISED.take().unwrap_or_else(|| pyo3::exceptions::PyKeyboardInterrupt::new_err(()))
 }
 
-/// An exception of the class of this name.
+/// Returns an exception of the class of this name.
 pub(crate) fn of_class(class: &str, text: impl ToString) -> PyErr {
     let make = |py: Python<'_>| {
         let class = PyModule::import(py, "commram._errors")?.getattr(class)?;
@@ -38,7 +38,7 @@ pub(crate) fn of_class(class: &str, text: impl ToString) -> PyErr {
     Python::attach(|py| make(py).unwrap_or_else(|error: PyErr| error))
 }
 
-/// The exception of a verb's error.
+/// Returns the exception of a verb's error.
 pub(crate) fn of(error: ScenarioError) -> PyErr {
     match error {
         ScenarioError::Failed(failure) => failed("Failed", *failure),
@@ -55,7 +55,7 @@ pub(crate) fn of(error: ScenarioError) -> PyErr {
     }
 }
 
-/// As [`of`], for verbs that wait: a failure is a `Timeout`.
+/// Returns the exception of the error of a verb that waits: a failure is a `Timeout`.
 pub(crate) fn of_wait(error: ScenarioError) -> PyErr {
     match error {
         ScenarioError::Failed(failure) => failed("Timeout", *failure),
@@ -97,7 +97,7 @@ fn refused(error: &Refused) -> PyErr {
     }
 }
 
-/// The exception of an image's error.
+/// Returns the exception of an image's error.
 pub(crate) fn memory(error: &MemoryError) -> PyErr {
     let class = match error {
         MemoryError::ReadOnly { .. } => return PyTypeError::new_err(error.to_string()),
@@ -114,7 +114,7 @@ pub(crate) fn memory(error: &MemoryError) -> PyErr {
     of_class(class, error)
 }
 
-/// The exception of a connection's error.
+/// Returns the exception of a connection's error.
 pub(crate) fn client(error: &ClientError) -> PyErr {
     match error {
         ClientError::Refused(error) => refused(error),
@@ -124,7 +124,7 @@ pub(crate) fn client(error: &ClientError) -> PyErr {
     }
 }
 
-/// Something has the wrong type.
+/// Returns the exception for an argument of the wrong type.
 pub(crate) fn wrong_type(given: &Bound<'_, PyAny>, right: &str) -> PyErr {
     let shown = given.repr().unwrap_or_else(|_| PyString::new(given.py(), "this"));
     let class = given.get_type().name().map_or_else(|_| String::new(), |name| format!(" is a {name};"));

@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyBytes, PyString};
 use std::path::PathBuf;
 
-/// An integer; values that convert to an integer are refused: no bool, no float.
+/// Takes an integer, and refuses values that Python would convert to one, such as a bool or a float.
 fn integer(given: &Bound<'_, PyAny>, right: &str) -> PyResult<i64> {
     if given.is_instance_of::<PyBool>() {
         return Err(wrong_type(given, right));

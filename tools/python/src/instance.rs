@@ -41,7 +41,7 @@ fn enter(instance: &str) -> PyResult<Client> {
     Client::connect(instance, &root, Box::new(bells), patience).map_err(|error| errors::client(&error))
 }
 
-/// The PLCs of an instance, one at least: those that are served, or those that a dead emulator has left.
+/// Returns the PLCs of an instance, one at least: those that are served, or those that a dead emulator has left.
 ///
 /// # Errors
 /// No instance of this name runs; the error lists the running ones.

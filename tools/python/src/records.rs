@@ -70,7 +70,7 @@ pub(crate) struct Record {
     text: String,
 }
 
-/// The records from an emulated time on.
+/// Returns the records from an emulated time on.
 ///
 /// # Errors
 /// The instance has ended.

@@ -24,7 +24,7 @@ pub(crate) fn register_of(fitted: DeviceFit, place: NamedLocation, name: &str) -
     Ok(Register { name: name.to_owned(), place, known })
 }
 
-/// As in Python's modules `struct` and `array`.
+/// Returns the code of a type as in Python's modules `struct` and `array`.
 fn code(ty: RegType) -> &'static str {
     match (ty.width(), ty.number(u32::MAX) < 0) {
         (1, false) => "B",
@@ -104,7 +104,7 @@ impl Register {
         self.known.map(|known| known.register.provenance()).unwrap_or_default()
     }
 
-    /// Meaning of a value.
+    /// Returns the meaning of a value.
     fn decode(&self, value: i64) -> String {
         match self.known {
             Some(known) => known.decode(value as u32),
@@ -117,7 +117,7 @@ impl Register {
     }
 }
 
-/// The registers of the requested areas, each once.
+/// Returns the registers of the requested areas, each once.
 pub(crate) fn registers(fitted: DeviceFit, is_wanted: impl Fn(&str) -> bool) -> Vec<RegisterRef> {
     let mut all: Vec<RegisterRef> = Vec::new();
     for area in fitted.device().named_areas().filter(|area| is_wanted(area.name)) {
@@ -129,7 +129,7 @@ pub(crate) fn registers(fitted: DeviceFit, is_wanted: impl Fn(&str) -> bool) -> 
     all
 }
 
-/// Their names.
+/// Returns the names of these registers.
 pub(crate) fn places(fitted: DeviceFit, is_wanted: impl Fn(&str) -> bool) -> Vec<String> {
     registers(fitted, is_wanted).iter().map(RegisterRef::name).collect()
 }
@@ -140,7 +140,7 @@ pub(crate) fn places(fitted: DeviceFit, is_wanted: impl Fn(&str) -> bool) -> Vec
 pub(crate) struct Array(u32, &'static str, Vec<(u16, u32)>);
 
 impl Array {
-    /// The array of this name: `node2.a_RD_BMARRAY`, or `node2.a_RD_BMARRAY[1]` for one row.
+    /// Returns the array of this name: `node2.a_RD_BMARRAY`, or `node2.a_RD_BMARRAY[1]` for one row.
     ///
     /// # Errors
     /// There is none.

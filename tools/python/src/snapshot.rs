@@ -39,7 +39,7 @@ impl Snapshot {
         self.copies.iter().map(MemoryCopy::area).collect()
     }
 
-    /// Changes from this snapshot to a later one.
+    /// Returns the changes from this snapshot to a later one.
     fn diff(&self, later: &Self) -> PyResult<Vec<Change>> {
         if !self.is_like(later) {
             let (own, other) = (self.areas().join(", "), later.areas().join(", "));
@@ -54,7 +54,7 @@ impl Snapshot {
         self.is_like(other) && self.diff(other).is_ok_and(|changes| changes.is_empty())
     }
 
-    /// The names of the registers with the numbers that they held.
+    /// Returns the names of the registers with the numbers that they held.
     fn items(&self) -> Vec<(String, i64)> {
         self.copies.iter().flat_map(MemoryCopy::registers).collect()
     }

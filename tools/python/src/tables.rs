@@ -44,7 +44,7 @@ impl Memory {
     }
 }
 
-/// A time in microseconds.
+/// Returns a time in microseconds.
 #[pyfunction]
 pub(crate) fn microseconds(time: Time) -> PyResult<u64> {
     time.0.us().map_err(|error| PyValueError::new_err(error.to_string()))
@@ -54,14 +54,14 @@ fn default_registers() -> DeviceFit {
     DeviceFit::unknown(devices::default().layout)
 }
 
-/// The names of the default device's registers.
+/// Returns the names of the default device's registers.
 #[pyfunction]
 #[pyo3(signature = (area = None))]
 pub(crate) fn names(area: Option<&str>) -> Vec<String> {
     places(default_registers(), |place| area.is_none_or(|area| area == place))
 }
 
-/// Description of a register of the default device.
+/// Returns the description of a register of the default device.
 #[pyfunction]
 pub(crate) fn register(name: &str) -> PyResult<Register> {
     let fitted = default_registers();
@@ -70,7 +70,7 @@ pub(crate) fn register(name: &str) -> PyResult<Register> {
     register_of(fitted, place, name)
 }
 
-/// Magic number, attach contract, layout hash, sizes of the header page and of the image.
+/// Returns the magic number, attach contract, layout hash, sizes of the header page and of the image.
 #[pyfunction]
 pub(crate) fn default_device() -> (u64, u32, u64, usize, usize) {
     let device = devices::default().layout;
@@ -80,7 +80,8 @@ pub(crate) fn default_device() -> (u64, u32, u64, usize, usize) {
 /// Name, whether it has flags, members, and numbers of lowest bits.
 type Enumeration = (String, bool, Vec<(String, u32)>, Vec<(String, u32)>);
 
-/// The enumerations of all devices. If several devices have an enumeration of one name, the first device counts.
+/// Returns the enumerations of all devices. If several devices have an enumeration of the same name, the first device
+/// counts.
 #[pyfunction]
 pub(crate) fn enumerations() -> Vec<Enumeration> {
     let mut all: Vec<Enumeration> = Vec::new();
@@ -96,15 +97,15 @@ pub(crate) fn enumerations() -> Vec<Enumeration> {
     all
 }
 
-/// The codes of the header page.
+/// Returns the codes of the header page.
 #[pyfunction]
 pub(crate) fn codes() -> Vec<(&'static str, Vec<(&'static str, u32)>)> {
     let codes = |of: &contract::Codes| of.codes.iter().map(|(value, name, _)| (*name, *value)).collect();
     contract::CODES.iter().map(|of| (of.name, codes(of))).collect()
 }
 
-/// The structures of the header page: for each field its offset, its kind, the number of elements, and the bytes of one
-/// element.
+/// Returns the structures of the header page: for each field its offset, its kind, the number of elements, and the size
+/// of one element in bytes.
 #[pyfunction]
 pub(crate) fn header(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let structures = PyDict::new(py);

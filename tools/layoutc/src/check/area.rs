@@ -195,8 +195,8 @@ fn raw_end(space: &Space) -> u64 {
     if space.bytes == 0 { u64::from(u32::MAX) } else { space.end() }
 }
 
-/// The manual's name of the application's variable. Without such a name, a name made from area and phase; its source is
-/// the source of the area's name.
+/// Returns the manual's name of the application's variable. If there is none, returns a name made from area and phase,
+/// with the source of the area's name.
 fn variable(
     sources: &Sources,
     file: usize,

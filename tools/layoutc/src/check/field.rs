@@ -120,7 +120,7 @@ fn padding(entry: &raw::Entry, bytes: u32, home: &raw::Structure) -> Field {
     gap(offset(entry), bytes, home)
 }
 
-/// Bytes without a register.
+/// Returns a field for bytes without a register.
 pub(crate) fn gap(offset: u32, bytes: u32, home: &raw::Structure) -> Field {
     Field {
         name: format!("_padding_{offset}"),
@@ -156,7 +156,7 @@ fn kind(sources: &Sources, parts: &Parts, place: SourcePlace, name: &str) -> Res
     Err(sources.error(place, Reason::UnknownType(name.to_owned(), subs)))
 }
 
-/// Array bounds and how far they are used.
+/// Returns the array bounds, and for each of them the number of used elements.
 fn dims(
     sources: &Sources,
     file: usize,

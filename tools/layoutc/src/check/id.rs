@@ -8,7 +8,7 @@ use crate::source::{Sources, at};
 use std::collections::BTreeSet;
 use toml::Spanned;
 
-/// The type of the constants of `meaning`; `None` if there are none.
+/// Returns the type of the constants of `meaning`; `None` if there are none.
 pub(super) fn check(sources: &Sources, file: usize, meaning: &raw::Meaning) -> Result<Option<Scalar>, Error> {
     let scalar = match &meaning.ty {
         None => None,

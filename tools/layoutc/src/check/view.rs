@@ -9,7 +9,7 @@ use crate::raw;
 use crate::source::{SourcePlace, Sources, at};
 use toml::Spanned;
 
-/// The family's structure called `wanted`.
+/// Returns the family's structure called `wanted`.
 pub(crate) fn find(
     sources: &Sources,
     parts: &Parts,

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Offsets of the members of `T` and its size, from files that are read one after the other.
+/// Returns the offsets of the members of `T` and its size, from files that are read one after the other.
 #[track_caller]
 fn laid_out(texts: &[&str]) -> String {
     let declarations = added(texts).unwrap_or_else(|error| panic!("{error}"));
@@ -14,7 +14,7 @@ fn laid_out(texts: &[&str]) -> String {
     format!("{}{size}", offsets.collect::<String>())
 }
 
-/// The error of files, or of the size of their type `T`.
+/// Returns the error of files, or of the size of their type `T`.
 #[track_caller]
 fn refused(texts: &[&str]) -> String {
     let size = |declarations: Declarations| {

@@ -206,7 +206,7 @@ fn combine(left: Option<i64>, right: Option<i64>, with: fn(i64, i64) -> Option<i
     with(left?, right?)
 }
 
-/// A whole number that fits a DINT: `31`, `1_000`, `16#1F`.
+/// Returns a whole number that fits a DINT: `31`, `1_000`, `16#1F`.
 fn whole(text: &str) -> Option<i64> {
     let (base, digits) = match text.split_once('#') {
         Some((base, digits)) => (base.parse().ok().filter(|base| [2, 8, 16].contains(base))?, digits),

@@ -145,7 +145,7 @@ fn word_length(text: &str) -> usize {
     text.find(|c: char| !is_name(c)).unwrap_or(text.len())
 }
 
-/// Length of a string literal, which ends on its line; `$` escapes the next character.
+/// Returns the length of a string literal, which ends on its line; `$` escapes the next character.
 fn string_length(text: &str, quote: char) -> Option<usize> {
     let mut escaped = false;
     for (at, c) in text.char_indices().skip(1) {
@@ -160,7 +160,7 @@ fn string_length(text: &str, quote: char) -> Option<usize> {
     None
 }
 
-/// Length of a comment with comments in it, up to its `*)`.
+/// Returns the length of a comment with comments in it, up to its `*)`.
 fn nested_length(inside: &str) -> Option<usize> {
     let bytes = inside.as_bytes();
     let mut depth = 0;
@@ -179,7 +179,7 @@ fn nested_length(inside: &str) -> Option<usize> {
     }
 }
 
-/// The value of `attribute 'pack_mode' := '2'`. 0 means the same as 1: no gaps.
+/// Returns the value of `attribute 'pack_mode' := '2'`. 0 means the same as 1: no gaps.
 fn pack_mode(pragma: &str) -> Option<u32> {
     let (name, value) = pragma.split_once(":=")?;
     let name = name.trim().strip_prefix("attribute")?.trim();
@@ -187,7 +187,7 @@ fn pack_mode(pragma: &str) -> Option<u32> {
     alignment_of_pack_mode(is_it.then(|| value.trim().trim_matches('\''))?)
 }
 
-/// The alignment in bytes of a value of the attribute `pack_mode`.
+/// Returns the alignment in bytes of a value of the attribute `pack_mode`.
 pub(crate) fn alignment_of_pack_mode(value: &str) -> Option<u32> {
     match value {
         "0" | "1" => Some(1),
@@ -198,7 +198,8 @@ pub(crate) fn alignment_of_pack_mode(value: &str) -> Option<u32> {
     }
 }
 
-/// Digits, base, underscores and a fraction; the two points of a range are not a fraction.
+/// Returns the length of a number: digits, base, underscores and a fraction. The two points of a range are not a
+/// fraction.
 fn number_length(text: &str) -> usize {
     let bytes = text.as_bytes();
     let mut length = 0;
@@ -217,7 +218,7 @@ fn direct_length(text: &str) -> usize {
 }
 
 impl Token<'_> {
-    /// Name of the token in error messages.
+    /// Returns the name of the token in error messages.
     pub(crate) fn description(self) -> String {
         match self {
             Token::Word(text) | Token::Number(text) => format!("`{text}`"),

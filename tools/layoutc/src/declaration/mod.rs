@@ -175,13 +175,13 @@ impl Declarations {
         Ok(())
     }
 
-    /// The type of this name; upper and lower case are not distinguished, and namespaces do not matter.
+    /// Returns the type of this name; upper and lower case are not distinguished, and namespaces do not matter.
     pub fn find(&self, name: &str) -> Option<TypeId> {
         let found = self.by_name.get(&unqualified(name))?;
         Some(self.named[*found].ty)
     }
 
-    /// The type of this name, if only one file declares it.
+    /// Returns the type of this name, if only one file declares it.
     ///
     /// # Errors
     /// Two files declare the type.
@@ -192,7 +192,7 @@ impl Declarations {
         })
     }
 
-    /// The type of this name, if only one file declares it.
+    /// Returns the type of this name, if only one file declares it.
     fn resolve(&self, name: &str) -> Result<Option<TypeId>, Wrong> {
         let key = unqualified(name);
         let Some((file, at)) = self.several.get(&key) else { return Ok(self.find(name)) };
@@ -203,12 +203,12 @@ impl Declarations {
         Err(Wrong::SeveralTypes(first.name.as_str().into(), place(first.file, first.at), place(*file, *at)))
     }
 
-    /// The file that declares a type.
+    /// Returns the file that declares a type.
     pub fn file_of(&self, ty: TypeId) -> &Path {
         &self.files[self.of(ty).file]
     }
 
-    /// Name of the files in messages.
+    /// Returns the name of the files in messages.
     pub fn title(&self) -> String {
         let first = self.files.first().map_or_else(String::new, |path| path.display().to_string());
         match self.files.len() {
@@ -218,19 +218,19 @@ impl Declarations {
         }
     }
 
-    /// Names of the structures, in the order of the files.
+    /// Returns the names of the structures, in the order of the files.
     pub fn structures(&self) -> impl Iterator<Item = &str> {
         let is_structure =
             |named: &&Named| matches!(&self.of(named.ty).ty, Type::Record(record) if !record.is_union);
         self.named.iter().filter(is_structure).map(|named| named.name.as_str())
     }
 
-    /// The own members of a structure or union; of other types none.
+    /// Returns the own members of a structure or union; of other types none.
     pub fn members(&self, ty: TypeId) -> &[Member] {
         self.record(ty).map_or(&[], |record| &record.members)
     }
 
-    /// One sentence for each file with parts that were skipped.
+    /// Returns one sentence for each file with parts that were skipped.
     pub fn notes(&self) -> Vec<String> {
         let parts = self.skipped.chunk_by(|one, other| one.file == other.file);
         parts
@@ -258,7 +258,7 @@ impl Declarations {
         &self.types[id.0]
     }
 
-    /// Index of the file that is read now.
+    /// Returns the index of the file that is read now.
     fn current_file(&self) -> usize {
         self.files.len().saturating_sub(1)
     }
@@ -299,7 +299,7 @@ impl Declarations {
 
 #[cfg(test)]
 mod exports_tests;
-/// The last part of a name with namespaces, in lower case.
+/// Returns the last part of a name with namespaces, in lower case.
 fn unqualified(name: &str) -> String {
     name.rsplit('.').next().unwrap_or(name).to_ascii_lowercase()
 }

@@ -145,7 +145,7 @@ impl<'a, 'd> Parser<'a, 'd> {
         self.end_of_declaration(ty)
     }
 
-    /// A list of variables, of which only constants matter.
+    /// Reads a list of variables, of which only constants matter.
     fn variables(&mut self) -> Result<(), Fault> {
         let begin = self.next.0;
         self.advance()?;
@@ -170,7 +170,7 @@ impl<'a, 'd> Parser<'a, 'd> {
         self.advance()
     }
 
-    /// `N : INT := 5;`
+    /// Reads `N : INT := 5;`.
     fn constant(&mut self) -> Result<(), Fault> {
         let name = match self.next.1 {
             Token::Word(name) => name,
@@ -251,7 +251,7 @@ impl<'a, 'd> Parser<'a, 'd> {
         Ok(Type::Named(name))
     }
 
-    /// `(RED, GREEN)`, with the elementary type of the values in `(RED, GREEN) UINT`.
+    /// Reads `(RED, GREEN)`, or with the elementary type of the values `(RED, GREEN) UINT`.
     fn enumeration(&mut self) -> Result<Type, Fault> {
         self.group()?;
         match self.next.1 {
@@ -298,7 +298,7 @@ impl<'a, 'd> Parser<'a, 'd> {
         Ok(record)
     }
 
-    /// Some tools export members with the names of keywords: `type : USINT;`.
+    /// Reads the name of a member. Some tools export members with the names of keywords: `type : USINT;`.
     fn member_name(&mut self, end: &'static str) -> Result<&'a str, Fault> {
         let expected = match end {
             "END_STRUCT" => "the name of a member or END_STRUCT",
@@ -347,7 +347,7 @@ impl<'a, 'd> Parser<'a, 'd> {
         self.bound()
     }
 
-    /// An expression up to `..`, `,` or `]`.
+    /// Reads an expression up to `..`, `,` or `]`.
     fn bound(&mut self) -> Result<Expression, Fault> {
         let mut bound = Expression::default();
         let mut open = 0;
@@ -430,7 +430,7 @@ impl<'a, 'd> Parser<'a, 'd> {
         }
     }
 
-    /// `N.S.T`
+    /// Reads `N.S.T`.
     fn qualified_name(&mut self, expected: &'static str) -> Result<String, Fault> {
         let mut name = self.name(expected)?.to_owned();
         while self.accept(".")? {

@@ -32,7 +32,7 @@ fn name_of(tag: &Tag, element: &'static str, at: TextPosition) -> Result<String,
     name.map(str::to_owned).ok_or((at, Wrong::NoAttribute(element, "name")))
 }
 
-/// The next element in the current one, or nothing at the end of the current one.
+/// Returns the next element in the current one, or nothing at the end of the current one.
 fn child(xml: &mut Xml<'_>) -> Result<Option<(TextPosition, Tag)>, Fault> {
     loop {
         match xml.next()? {
@@ -136,7 +136,7 @@ fn skipped(xml: &mut Xml<'_>, what: &'static str) -> Result<Type, Fault> {
     Ok(Type::Unsized(what))
 }
 
-/// The base type in the current element, up to its end.
+/// Returns the base type in the current element, up to its end.
 fn inner(xml: &mut Xml<'_>, into: &mut Declarations, depth: usize) -> Result<Option<Type>, Fault> {
     let mut ty = None;
     while let Some((at, part)) = child(xml)? {

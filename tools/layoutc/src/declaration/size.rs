@@ -131,7 +131,7 @@ impl<'a> Sizes<'a> {
         Self { declarations, alignment, known, values: Values::new(declarations) }
     }
 
-    /// Size of a type in bytes. The size of a structure is a multiple of its alignment.
+    /// Returns the size of a type in bytes. The size of a structure is a multiple of its alignment.
     ///
     /// # Errors
     /// The type, or one it consists of, is not declared, has no fixed size, contains itself, is too large or too deep.
@@ -139,7 +139,7 @@ impl<'a> Sizes<'a> {
         self.extent(ty, 0).map(|extent| extent.size).map_err(|misfit| self.in_file(misfit))
     }
 
-    /// The members of a structure with their offsets; of other types none.
+    /// Returns the members of a structure with their offsets; of other types none.
     ///
     /// # Errors
     /// As [`Sizes::size`].
@@ -221,7 +221,7 @@ impl<'a> Sizes<'a> {
         }
     }
 
-    /// Number of elements of each dimension of the array `id`.
+    /// Returns the number of elements of each dimension of the array `id`.
     fn counts(
         &mut self,
         id: TypeId,
@@ -282,7 +282,7 @@ impl<'a> Sizes<'a> {
         Ok((placed, whole))
     }
 
-    /// The members of the structure that `id` extends. They come first, as if they were a member.
+    /// Returns the members of the structure that `id` extends. They come first, as if they were a member.
     fn base(&mut self, id: TypeId, name: &str, depth: usize) -> Result<(MemberOffsets<'a>, Extent), Misfit> {
         let at = self.declarations.of(id).at;
         let unknown = || (id, at, Wrong::UnknownBase(name.to_owned()));

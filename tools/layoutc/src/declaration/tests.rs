@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Names, offsets and sizes of the members of `name`, then the size of the whole.
+/// Returns the names, offsets and sizes of the members of `name`, then the size of the whole.
 #[track_caller]
 fn laid_out(text: &str, name: &str, alignment: Alignment) -> String {
     let declarations = Declarations::parse(Path::new("x.st"), text).unwrap_or_else(|error| panic!("{error}"));
@@ -15,7 +15,7 @@ fn laid_out(text: &str, name: &str, alignment: Alignment) -> String {
     texts.join(", ")
 }
 
-/// The complaint about `text`, or about the size of its type `T`.
+/// Returns the complaint about `text`, or about the size of its type `T`.
 #[track_caller]
 fn refused(text: &str) -> String {
     let declarations = match Declarations::parse(Path::new("x.st"), text) {

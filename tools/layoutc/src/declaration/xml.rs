@@ -51,7 +51,7 @@ impl Tag {
         self.name == name
     }
 
-    /// Value of an attribute.
+    /// Returns the value of an attribute.
     pub(crate) fn attribute(&self, name: &str) -> Option<&str> {
         let found = self.attributes.iter().find(|(known, _)| known == name);
         found.map(|(_, value)| value.as_str())
@@ -87,7 +87,7 @@ impl<'a> Xml<'a> {
         Self { reader: Reader::from_str(text), text, depth: 0, is_empty: false, known }
     }
 
-    /// The next part, and the place where it begins.
+    /// Returns the next part, and the place where it begins.
     pub(crate) fn next(&mut self) -> Result<(TextPosition, Content), Fault> {
         loop {
             let at = self.place(self.reader.buffer_position());
@@ -143,7 +143,7 @@ impl<'a> Xml<'a> {
         self.depth == 0
     }
 
-    /// The text of the current element, up to and including its end, and the place where the text begins.
+    /// Returns the text of the current element, up to and including its end, and the place where the text begins.
     pub(crate) fn text(&mut self) -> Result<(TextPosition, String), Fault> {
         let mut all = String::new();
         let mut begin = None;
@@ -160,7 +160,7 @@ impl<'a> Xml<'a> {
         }
     }
 
-    /// The place behind `<![CDATA[`, if it is at `at`, where the last part began.
+    /// Returns the place behind `<![CDATA[`, if it is at `at`, where the last part began.
     fn behind_mark(&self, at: TextPosition) -> TextPosition {
         const MARK: &str = "<![CDATA[";
         let is_marked = self.text[self.known.0..].starts_with(MARK);
@@ -175,7 +175,7 @@ impl<'a> Xml<'a> {
         Ok(Content::Begin(Tag::of(start)))
     }
 
-    /// Place of a byte offset, which is not before the last one.
+    /// Returns the place of a byte offset, which is not before the last one.
     fn place(&mut self, offset: u64) -> TextPosition {
         let (from, mut place) = self.known;
         let offset = usize::try_from(offset).unwrap_or(usize::MAX).clamp(from, self.text.len());

@@ -62,7 +62,7 @@ pub(crate) fn emit(out: &mut String, device: &Device) {
     out.push_str("        ],\n    };\n\n");
 }
 
-/// A reference to a register of a structure.
+/// Returns a reference to a register of a structure.
 fn register(device: &Device, (structure, name): &(usize, String)) -> String {
     let structure = &device.structures[*structure];
     let registers = |field: &Field| match field.kind {

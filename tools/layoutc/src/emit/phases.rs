@@ -5,7 +5,7 @@ use super::text::doc;
 use crate::model::{Device, Phase, Phases};
 use std::fmt::Write;
 
-/// The phases that the layout itself declares.
+/// Returns the phases that the layout itself declares.
 fn own(device: &Device) -> Option<&Phases> {
     device.phases.as_ref().filter(|phases| !phases.shared)
 }
@@ -38,7 +38,7 @@ pub(crate) fn descriptor(out: &mut String, device: &Device) {
     out.push_str("    ] };\n\n");
 }
 
-/// The reference of an area to the descriptor.
+/// Returns the reference of an area to the descriptor.
 pub(crate) fn reference(device: &Device) -> String {
     let phases = device.phases.as_ref();
     phases.map_or("None".to_owned(), |phases| format!("Some(&{})", path(device, phases.shared, "PHASES")))

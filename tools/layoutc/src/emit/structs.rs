@@ -107,7 +107,7 @@ fn emit_methods(out: &mut String, structure: &Structure) {
     out.push_str("    }\n}\n\n");
 }
 
-/// Expression that copies `place`, an array of `dims` dimensions.
+/// Returns the expression that copies `place`, an array of `dims` dimensions.
 fn load(field: &Field, place: &str, dims: usize) -> String {
     if let FieldType::Padding(_) = field.kind {
         return format!("core::array::from_fn(|i| {place}[i].load())");
@@ -125,7 +125,7 @@ fn load(field: &Field, place: &str, dims: usize) -> String {
     }
 }
 
-/// Statement that writes the reset value into all elements.
+/// Returns the statement that writes the reset value into all elements.
 fn store(field: &Field) -> String {
     let place = format!("self.{}", field.name);
     if let FieldType::Padding(_) = field.kind {

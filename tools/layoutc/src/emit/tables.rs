@@ -62,7 +62,7 @@ fn described(out: &mut String, device: &Device, meanings: &BTreeSet<usize>) {
     out.push_str("}\n\n");
 }
 
-/// The meanings that registers of the device's own structures have.
+/// Returns the meanings that registers of the device's own structures have.
 fn used_meanings(device: &Device) -> BTreeSet<usize> {
     let own = device.structures.iter().filter(|structure| !structure.shared);
     let fields = own.flat_map(|structure| &structure.fields).flat_map(|field| match field.kind {
@@ -73,7 +73,7 @@ fn used_meanings(device: &Device) -> BTreeSet<usize> {
     fields.filter_map(|field| field.meaning).chain(front).collect()
 }
 
-/// The path of a static, from the module of descriptors.
+/// Returns the path of a static, from the module of descriptors.
 pub(super) fn path(device: &Device, shared: bool, name: &str) -> String {
     if shared { format!("{}::descriptor::{name}", super::family_module(device)) } else { name.to_owned() }
 }
@@ -287,7 +287,7 @@ fn emit_register(out: &mut String, device: &Device, group: Option<&Field>, field
     );
 }
 
-/// Source of the dimensions of `field` alone, outermost first.
+/// Returns the source of the dimensions of `field` alone, outermost first.
 fn dims(device: &Device, field: &Field) -> Vec<String> {
     let dims = device.dims(field).into_iter();
     dims.map(|Dim { count, used, stride }| {

@@ -2,7 +2,7 @@
 
 use crate::model::{Device, Field, FieldType, Provenance, Scalar};
 
-/// One documentation line per line of `text`, each starting with `indent`.
+/// Returns one documentation line per line of `text`, each with `indent` at its begin.
 pub(crate) fn doc(indent: &str, text: &str) -> String {
     // Brackets in names such as `a_X[3]` must not be taken for links.
     text.lines().map(|line| format!("{indent}/// {}\n", escape(line))).collect()
@@ -40,7 +40,7 @@ fn provenance(from: &Provenance) -> String {
     }
 }
 
-/// The type of a field, with `scalar` naming the type of elementary registers.
+/// Returns the type of a field, with `scalar` naming the type of elementary registers.
 pub(crate) fn field_type(
     device: &Device,
     field: &Field,

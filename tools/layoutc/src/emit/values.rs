@@ -83,7 +83,7 @@ impl ConstantOwner<'_> {
         let _ = writeln!(out, "        pub const {id}: {ty} = 0x{number:0digits$X};");
     }
 
-    /// Hexadecimal digits of a number.
+    /// Returns the number of hexadecimal digits of a value.
     fn digits(&self) -> usize {
         self.scalar.width() as usize * 2
     }

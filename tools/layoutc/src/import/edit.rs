@@ -10,7 +10,7 @@ use std::ops::Range;
 use std::path::PathBuf;
 use toml_edit::{DocumentMut, InlineTable, Item, TableLike, Value};
 
-/// The files that change, with their new content.
+/// Returns the files that change, with their new content.
 pub(crate) fn files(
     homes: &Homes,
     placements: &[Placement],
@@ -59,7 +59,7 @@ fn structure(
     list::place(registers, &offsets, gaps)
 }
 
-/// Where a structure, sub-structure or block is written.
+/// Returns the table of the file in which a structure, sub-structure or block is written.
 fn table<'a>(document: &'a mut DocumentMut, home: &Home) -> Option<&'a mut dyn TableLike> {
     Some(match home.table {
         Table::Top => document.as_table_mut(),

@@ -99,7 +99,7 @@ impl Homes {
         }
     }
 
-    /// The registers of a structure and its blocks, in ascending order: list, name and offset.
+    /// Returns the registers of a structure and its blocks, in ascending order: list, name and offset.
     pub(crate) fn registers(&self, structure: usize) -> impl Iterator<Item = (usize, &str, u32)> {
         let of_list = |list: usize| {
             let entries = self.all[list].raw.register.iter().map(Spanned::get_ref);
@@ -128,13 +128,13 @@ impl Homes {
         (0..self.all.len()).filter(|index| self.all[*index].table == Table::Top)
     }
 
-    /// The sub-structure of this name.
+    /// Returns the sub-structure of this name.
     pub(crate) fn substructure(&self, name: &str) -> Option<usize> {
         let is_it = |home: &Home| matches!(home.table, Table::Substructure(_)) && home.name() == name;
         self.all.iter().position(is_it)
     }
 
-    /// A structure's own list and those of its blocks.
+    /// Returns a structure's own list and those of its blocks.
     pub(crate) fn lists(&self, structure: usize) -> Vec<usize> {
         let blocks = self.all[structure].raw.blocks.iter().filter_map(|name| {
             let is_it = |home: &Home| matches!(home.table, Table::Block(_)) && home.name() == name.get_ref();
@@ -143,7 +143,7 @@ impl Homes {
         blocks.chain([structure]).collect()
     }
 
-    /// Everything a structure uses: its lists and the sub-structures in them.
+    /// Returns everything a structure uses: its lists and the sub-structures in them.
     pub(crate) fn parts(&self, structure: usize) -> Vec<usize> {
         let mut parts = self.lists(structure);
         for list in self.lists(structure) {
@@ -171,12 +171,12 @@ impl Home {
         !matches!(self.raw.offsets, raw::Provenance::Inferred(_))
     }
 
-    /// In bytes.
+    /// Size in bytes.
     pub(crate) fn size(&self) -> u32 {
         self.raw.size.as_ref().map_or(0, |size| *size.get_ref())
     }
 
-    /// Offsets of the registers as they are; none of padding.
+    /// Returns the offsets of the registers as they are; none of padding.
     pub(crate) fn offsets(&self) -> Vec<Option<u32>> {
         let entries = self.raw.register.iter().map(toml::Spanned::get_ref);
         entries

@@ -87,7 +87,7 @@ fn padding(entry: &InlineTable) -> Option<i64> {
     entry.get("padding")?.as_integer()
 }
 
-/// The comments at a removed line, as separate lines.
+/// Returns the comments at a removed line, as separate lines.
 fn remarks(line: &Line, indent: &str) -> String {
     let lead = line.lead.rfind('\n').map_or("", |at| &line.lead[..at]);
     let tail = line.tail.trim();
@@ -95,7 +95,7 @@ fn remarks(line: &Line, indent: &str) -> String {
     format!("{lead}{tail}")
 }
 
-/// The line break and the blanks in front of an entry.
+/// Returns the line break and the blanks in front of an entry.
 fn indent(lead: &str) -> &str {
     lead.rfind('\n').map_or("\n  ", |at| &lead[at..])
 }

@@ -216,7 +216,7 @@ impl<'a> Matcher<'a> {
         Ok(())
     }
 
-    /// The member at the end of a path with dots.
+    /// Returns the member at the end of a path with dots.
     fn find(&mut self, ty: TypeId, path: &str) -> Result<Option<DeclaredMember>, ImportError> {
         let mut found = DeclaredMember { offset: 0, ty, path: String::new() };
         for name in path.split('.') {
@@ -305,7 +305,7 @@ fn bounds(entry: &raw::Entry) -> Vec<u32> {
     entry.array.as_ref().map(|array| array.get_ref().clone()).unwrap_or_default()
 }
 
-/// Fillers, as `commram export st` names them.
+/// Whether a member is a filler with the name that `commram export st` gives it.
 fn is_padding(name: &str, shape: &Shape) -> bool {
     let number = name.strip_prefix("padding_").unwrap_or_default();
     !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()) && shape.size == 1

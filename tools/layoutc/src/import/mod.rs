@@ -119,7 +119,7 @@ impl Import {
         self.rows.iter().all(|row| is_fine(row.verdict))
     }
 
-    /// The files that change, with their new contents.
+    /// Returns the files that change, with their new contents.
     pub fn files(&self) -> impl Iterator<Item = (&Path, &str)> {
         self.files.iter().map(|(path, text)| (path.as_path(), text.as_str()))
     }
@@ -145,7 +145,7 @@ impl NamePairs {
         self.0.keys().any(|ours| ours.starts_with(&inside))
     }
 
-    /// Every name on the left must be a name of the layout.
+    /// Checks that every name on the left is a name of the layout.
     fn check(&self, homes: &Homes) -> Result<(), ImportError> {
         for (ours, theirs) in &self.0 {
             let mut path = ours.split('.');
@@ -247,7 +247,7 @@ fn compare(
     }
 }
 
-/// The provenance of what has been imported: the device's library, and the name of the file that declares the type.
+/// Returns the provenance of an import: the device's library, and the name of the file that declares the type.
 fn marks<'a>(
     homes: &'a Homes,
     declarations: &'a Declarations,

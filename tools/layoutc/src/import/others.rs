@@ -72,7 +72,7 @@ pub(super) fn check(
     Ok(also.iter().map(|other| other.0.device.clone()).collect())
 }
 
-/// The first register of a shared list that `placement` moves.
+/// Returns the first register of a shared list that `placement` moves.
 fn moved<'a>(homes: &'a Homes, placement: &Placement) -> Option<MovedList<'a>> {
     let home = Some(&homes.all[placement.home]).filter(|home| home.is_shared)?;
     let before = home.offsets();
@@ -89,7 +89,7 @@ fn moved<'a>(homes: &'a Homes, placement: &Placement) -> Option<MovedList<'a>> {
 }
 
 impl Other {
-    /// The structure of this device with confirmed offsets that has the registers of the family's list `name`.
+    /// Returns the structure of this device with confirmed offsets that has the registers of the family's list `name`.
     fn confirms(&self, name: &str) -> Option<&Home> {
         let homes = &self.0;
         let has_it = |structure: usize| {

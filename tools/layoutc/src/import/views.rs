@@ -114,7 +114,7 @@ fn alignment(homes: &Homes, entry: &Entry) -> u32 {
     of_scalar.or_else(|| homes.substructure(ty).and_then(of_sub)).unwrap_or(1)
 }
 
-/// Bytes of a register with all its elements; sub-structures have the size of `found`.
+/// Returns the number of bytes of a register with all its elements; sub-structures have the size of `found`.
 fn bytes(homes: &Homes, found: &[Placement], entry: &Entry) -> u32 {
     let Some(ty) = entry.ty.as_ref().map(|ty| ty.get_ref().as_str()) else { return 0 };
     let of_sub = |sub: usize| {

@@ -87,7 +87,7 @@ const FILES: [(&str, &str); 5] = [
     ),
 ];
 
-/// All files, with `from` of `file` replaced by `to`.
+/// Makes all files, with `from` of `file` replaced by `to`.
 fn edited(file: &str, from: &str, to: &str) -> TempDir {
     let dir = TempDir::new().unwrap();
     for (path, text) in FILES {

@@ -4,13 +4,13 @@ use super::edited;
 use std::fs;
 use std::path::Path;
 
-/// The error of the folder, with paths relative to it.
+/// Returns the error of the folder, with paths relative to it.
 fn error_of(dir: &Path) -> String {
     let Err(error) = commram_layoutc::read_folder(dir) else { panic!("the folder should be refused") };
     error.to_string().replace(&format!("{}/", dir.display()), "")
 }
 
-/// The fixture without the ports and tables that only a device in a crate can have.
+/// Returns the fixture without the ports and tables that only a device in a crate can have.
 fn plain() -> tempfile::TempDir {
     let dir =
         edited("device.toml", "structures = [\"INIT\", \"CTRL\"]", "structures = [\"INIT\", \"CTRL\"] ");

@@ -17,7 +17,7 @@ use std::path::Path;
 
 const FIXTURE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixture");
 
-/// A copy of the fixture in which `from` of `file` is replaced by `to`.
+/// Returns a copy of the fixture in which `from` of `file` is replaced by `to`.
 fn edited(file: &str, from: &str, to: &str) -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     for entry in fs::read_dir(FIXTURE).unwrap() {
@@ -31,7 +31,7 @@ fn edited(file: &str, from: &str, to: &str) -> tempfile::TempDir {
     dir
 }
 
-/// The error of a layout, with paths relative to its directory.
+/// Returns the error of a layout, with paths relative to its directory.
 fn error_of(dir: &Path) -> String {
     let error = commram_layoutc::compile(dir).expect_err("the layout should be refused");
     error.to_string().replace(&format!("{}/", dir.display()), "")

@@ -120,7 +120,7 @@ fn places(registers: &[Drawn], order: &[usize]) -> (Vec<(usize, u32)>, u32) {
     (placed, end.next_multiple_of(4))
 }
 
-/// The fixture with a structure of these registers instead of the original.
+/// Returns the fixture with a structure of these registers instead of the original.
 fn layout(registers: &[Drawn], order: &[usize]) -> tempfile::TempDir {
     let dir = fixture();
     let device = fs::read_to_string(dir.path().join("device.toml")).unwrap();
