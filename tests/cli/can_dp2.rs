@@ -1,4 +1,4 @@
-//! The CAN-DP/2 through the built program: its plant and its demonstration.
+//! Runs the plant and the demonstration of the CAN-DP/2 with the built program.
 
 use crate::common::{Emulator, finish, is_there, run};
 

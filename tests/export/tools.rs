@@ -109,7 +109,7 @@ fn readers_of_electronic_data_sheets_accept_all_of_ours() {
     }
 }
 
-/// A master of the PDOs of two panels. One panel takes the PDO that the other one sends.
+/// A plant in which the panel `door-1` receives a PDO of the panel `panel`, and the panel `dark` has no program.
 const PANELS: &str = "
 [[device]]
 kind = 'cs0015'

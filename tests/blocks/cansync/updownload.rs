@@ -211,7 +211,7 @@ fn one_transfer_after_another() {
     }
 }
 
-/// The inputs at the start count until the end.
+/// Until the end of a transfer the block uses the inputs that it had at the start.
 #[test]
 fn inputs_that_change_meanwhile_change_nothing() {
     let mut both = BlockPair::new(Memory::Heap);
