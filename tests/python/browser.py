@@ -14,7 +14,7 @@ PATIENCE = 60
 
 class Browser:
     def __init__(self, program, profile):
-        # No sandbox: containers lack the needed privileges, and the page is trusted.
+        # Runs without a sandbox: containers lack the needed privileges, and the page is trusted.
         options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"]
         options += ["--disable-background-networking", "--disable-component-update", "--disable-extensions"]
         options += ["--remote-debugging-port=0", "--remote-allow-origins=*", f"--user-data-dir={profile}"]

@@ -80,7 +80,7 @@ def exchange(network, node):
     network.send_message(0x220, struct.pack("<4H", 0x1234, 0x5678, 1, 2))
     words = [struct.unpack("<H", node.sdo.upload(0x5800, word))[0] for word in range(1, 5)]
     assert words == [0x1234, 0x5678, 1, 2], words
-    # With every SYNC, starting with the next Operational.
+    # The PDO is sent with every SYNC. The change takes effect when the node enters Operational the next time.
     node.sdo.download(0x1801, 2, b"\x01")
     node.nmt.state = "PRE-OPERATIONAL"
     node.nmt.state = "OPERATIONAL"
@@ -148,7 +148,7 @@ def main(port, bitrate, eds):
         block = bytes(range(256))
         node.sdo.download(0x2000, 0, block)
         assert node.sdo.upload(0x2000, 0) == block
-        # Another Node-ID, entered twice, takes effect at once.
+        # A new Node-ID that is entered twice takes effect at once.
         node.sdo.download(0x20F0, 0, b"\x05")
         node.sdo.download(0x20F1, 0, b"\x05")
         moved = network.add_node(5, eds)

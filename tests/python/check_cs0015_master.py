@@ -60,7 +60,7 @@ class Node(can.Listener):
             self.count += 1
             self.network.send_message(0x180 + NUMBER, struct.pack("<4H", self.count, 0, 0, 0))
         if message.arbitration_id == 0 and bytes(message.data) == bytes([129, NUMBER]):
-            # canopen's node stays in the state after the reset.
+            # The node of the package canopen must be in the state after a reset.
             self.node.nmt.state = "PRE-OPERATIONAL"
             self.resets += 1
             self.toggle = 0
@@ -111,7 +111,7 @@ def order(ram, function, *arguments, data=b""):
     for number, byte in enumerate(data):
         ram[f"jobs.a_DATA[0][{number}]"] = byte
     ram["jobs.a_LENGTH[0]"] = len(data)
-    # The data first, then the control register.
+    # Writes the data first, then the control register.
     ram["jobs.a_CONTROL[0]"] = commram.JOB_CONTROL.ORDER
     yield
     while ram["jobs.a_CONTROL[0]"] == commram.JOB_CONTROL.ORDER:

@@ -34,7 +34,7 @@ def of_canopen(path, node):
 
 
 def of_lely(path, node):
-    # The check of the file, then of the mappings that follow from the node's identifiers.
+    # Checks the file, then the mappings that follow from the node's identifiers.
     run("dcf.cli", "-n", str(node), "-p", path)
     with tempfile.TemporaryDirectory() as directory:
         network = Path(directory, "network.yml")

@@ -67,13 +67,14 @@ class Machine:
         self.unit.freeInstance()
 
 
-# The same steps with another start time, and with two units at once.
+# Runs the same steps in two units at once, with different start times.
 one, two = Machine("one"), Machine("two", start=100.0)
 for line, other in zip(one.does(sys.argv[2]), two.does(sys.argv[2])):
     assert line == other, (line, other)
     print(line)
 
-# A motor that follows the drive's demand with a time constant, against friction. The master reads its values.
+# Models a motor that follows the drive's demand with a time constant, against friction. The master reads the values of
+# the drive.
 TIME_CONSTANT, SPEED = 0.02, 100.0  # seconds, rad/s
 INCREMENTS = 2**32 / (2 * math.pi) / 1000
 one["drive1.is_modelled"] = True
@@ -91,7 +92,7 @@ assert 5 < seen[8] < 60 and abs(seen[-1] - 98) < 0.5, seen
 assert seen[5:] == sorted(seen[5:]), seen
 print("loop closed", round(seen[-1]))
 
-# A restored state continues identically, in this unit and, through bytes, in another one.
+# A restored state continues identically in the same unit, and as bytes in the other unit.
 state = one.unit.getFMUState()
 saved, at = one.unit.serializeFMUState(state), one.us
 
@@ -131,7 +132,7 @@ refused(lambda: two.unit.setUInt16([variables["node2.w_OPTION_STATUS"].valueRefe
 refused(lambda: two.unit.deserializeFMUState(saved[:-9]), "no state")
 print("refused")
 
-# FMPy's loop, and the real time for a minute of machine time.
+# Runs the loop of FMPy, and measures the real time for a minute of machine time.
 started = time.monotonic()
 two["drive2.is_modelled"] = True
 for _ in range(int(sys.argv[3]) if len(sys.argv) > 3 else 1000):

@@ -55,12 +55,13 @@ def slave():
     description = DpSlaveDesc()
     description.slaveAddr = SLAVE
     description.name = "gw"
-    # From the view of the slave: outputs that it receives, inputs that it sends.
+    # The slave receives outputs and sends inputs.
     description.inputSize = description.outputSize = 8
     description.setPrmTelegram = DpTelegram_SetPrm_Req(da=SLAVE, sa=None)
     description.setPrmTelegram.identNumber = 0x04A4
     description.chkCfgTelegram = DpTelegram_ChkCfg_Req(da=SLAVE, sa=None)
-    # CANopen master with start frame at 125 kbit/s; a word from 220h on each way, swapped.
+    # Configures a CANopen master with start frame at 125 kbit/s, and in each direction one word from 220h on with
+    # swapped bytes.
     description.setUserPrmData(bytes([0, 6, 0x06, 1, 0, 0, 0, 0, 0]))
     description.setCfgDataElements([
         DpCfgDataElement(0x83, bytes([0x87, 0x02, 0x20, 0xAA])),
@@ -75,7 +76,7 @@ def main():
         phy = CpPhySerial(port=sys.argv[1])
     else:
         phy = Door(int(sys.argv[1]))
-        # Its timeouts use the time of the bus, which does not advance between steps of the plant's clock.
+        # The timeouts of pyprofibus use the time of the bus, which does not advance between steps of the plant's clock.
         for module in (dp_master, phy_module, util):
             module.monotonic_time = lambda: phy.now / 500000
     phy.setConfig(baudrate=500000)

@@ -58,7 +58,7 @@ class Check:
 
     def go(self, name):
         target = json.dumps(f"#/{self.emulator.name}/{name}")
-        # The same page with a longer address is drawn again.
+        # If the shown page has a longer address, it is drawn again.
         self.page.value(f"window.old = location.hash.startsWith({target} + '/') && document.getElementById('page-{name}'); location.hash = {target}; true")
         self.page.until(f"![null, window.old].includes(document.getElementById('page-{name}'))", name)
 
@@ -194,7 +194,7 @@ class Check:
         self.page.until("document.querySelector('[role=slider][aria-label=SWITCH]').ariaValueText === 'stop'")
         self.page.click("[role=slider][aria-label=SWITCH] text", "RUN")
         self.waits_for(lambda: self.board()["switch"], "run", "switch")
-        # The keys move as the drawing shows, and not beyond its ends.
+        # The keys move the switch in the direction that the drawing shows, and not beyond its ends.
         self.page.value("document.querySelector('[role=slider][aria-label=SWITCH]').focus()")
         for key, position in [("ArrowUp", "run"), ("ArrowDown", "stop"), ("ArrowUp", "run")]:
             self.page.key(key)
@@ -227,7 +227,7 @@ class Check:
         self.page.until("document.querySelectorAll('.journal .rows-body .row').length > 3")
         self.page.enter("#page-journal input[type=search]", "w_CPU_CONTROL handshake")
         self.page.until("document.querySelector('.journal .rows-body .row')?.textContent.includes('w_CPU_CONTROL')")
-        # Another filter changes the numbers of the rows, and not the chosen record.
+        # A different filter changes the numbers of the rows, but not the selected record.
         self.page.enter("#page-journal input[type=search]", " ")
         row = """[...document.querySelectorAll('.journal .rows-body .row')].findLast((it) => it.parts[1].textContent === 'channel_write')"""
         self.page.until(f"{row}?.dataset.index > 1")
@@ -240,7 +240,7 @@ class Check:
         assert record["kind"] == "channel_write"
         self.page.enter("#page-journal input[type=search]", "nothing has this")
         self.page.until("document.querySelector('.journal .empty').textContent.includes('No record')")
-        # A time is found, and is shown on the bus.
+        # The filter finds a record by its time, and its link shows this time on the bus.
         self.page.enter("#page-journal input[type=search]", f"{record['time_us'] / 1e6:.6f}")
         self.page.until("document.querySelectorAll('.journal .rows-body .row').length > 0")
         self.page.click("#page-journal a")
@@ -253,7 +253,7 @@ class Check:
             self.page.until(f"document.querySelector('#page-drives tbody')?.innerText.includes({json.dumps(drive['drive'])})")
             assert state in self.page.text("#page-drives tbody"), drive
         self.page.until("document.querySelector('#page-drives .parameters') !== null")
-        # The fields follow the parameters, and a refused entry disappears.
+        # The fields show the values of the parameters, and a refused entry disappears.
         field = "document.querySelector('#page-drives .parameters input')"
         name = self.page.until(f"{field}?.getAttribute('aria-label')")
         number, known = name.split()[0], int(self.page.until(f"{field}.value"))
@@ -340,7 +340,7 @@ class Check:
         self.waits_for(lambda: self.emulator.peek("node2.w_CPU_CONTROL")["value"], 1, "poke")
         self.page.click("#clock button", "Step")
         self.waits_for(self.time_us, 3_000, "step")
-        # Another load of the page keeps the recording.
+        # A reload of the page keeps the recording.
         self.page.open("about:blank")
         self.page.open(f"{self.origin}#/{self.emulator.name}/registers")
         self.page.until("document.querySelector('button.record')?.textContent === 'Recording: 2'")
@@ -470,7 +470,7 @@ class Check:
                 self.go(name)
                 if name == "registers":
                     self.choose_register("node2.w_CPU_CONTROL")
-                # A change of colours fades.
+                # A change of colours takes some time.
                 time.sleep(0.5)
                 assert not (wrong := self.page.value(AXE)), (scheme, name, wrong)
 

@@ -47,7 +47,7 @@ def test_reads_and_writes_are_those_of_the_registers(stepped):
     with stepped.attach() as ram:
         ram["node2.a_WR_VALUE[0]"] = -2
         assert ram["node2.a_WR_VALUE[0]"] == -2
-        # In the package an address is a number of the register, in the module bits.
+        # The package reads an address with the type of its register; the module reads its bits.
         assert ram["%MD3.200052"] & 0xFFFFFFFF == 0xFFFFFFFE
         assert stepped.command("peek", "--raw", "node2.a_WR_VALUE[0]") == "16#FFFFFFFE\n"
         ram["%MW3.200000"] = 0x0001
