@@ -235,7 +235,7 @@ impl EventStream {
             if self.lines.read_line(&mut line).ok()? == 0 {
                 return None;
             }
-            // Headers, sizes of chunks and comments are other lines.
+            // Ignores other lines: headers, sizes of chunks and comments.
             if let Some(name) = line.strip_prefix("event: ") {
                 event = Some(name.trim_end().to_owned());
             } else if let Some((data, name)) = line.strip_prefix("data: ").zip(event.take()) {

@@ -116,7 +116,7 @@ impl PyBench {
             }
         });
         let mut bench = bench?;
-        // A test ends by itself, or its runner ends it.
+        // A limit is not necessary: a test ends by itself, or its runner ends it.
         bench.set_limit(u64::MAX);
         bench.set_interrupt(errors::is_interrupted);
         let state = State { bench: Some(bench), found: HashMap::new() };
