@@ -152,7 +152,7 @@ impl Client {
     /// As [`Client::request`], with a vector that can be reused. The vector is cleared first.
     ///
     /// # Errors
-    /// As [`Client::request`].
+    /// See [`Client::request`].
     pub fn request_into(&self, ops: &[Op], replies: &mut Vec<Reply>) -> Result<(), ClientError> {
         replies.clear();
         if ops.is_empty() {
@@ -293,7 +293,7 @@ impl Client {
     /// Writes a register.
     ///
     /// # Errors
-    /// As [`Client::peek`].
+    /// See [`Client::peek`].
     pub fn poke(&self, plc: DeviceIndex, offset: u32, width: Width, value: u32) -> Result<(), ClientError> {
         self.fitting(self.single(Op::Poke { plc, offset, width, value })?.written())
     }
@@ -301,7 +301,7 @@ impl Client {
     /// Copies bytes.
     ///
     /// # Errors
-    /// As [`Client::peek`].
+    /// See [`Client::peek`].
     pub fn read_range(&self, plc: DeviceIndex, offset: u32, len: u32) -> Result<Vec<u8>, ClientError> {
         self.fitting(self.single(Op::ReadRange { plc, offset, len })?.bytes())
     }
@@ -309,7 +309,7 @@ impl Client {
     /// Advances the clock; returns the new time, in microseconds.
     ///
     /// # Errors
-    /// As [`Client::peek`].
+    /// See [`Client::peek`].
     pub fn advance(&self, us: u64) -> Result<u64, ClientError> {
         self.fitting(self.single(Op::Advance { us })?.time())
     }
@@ -317,7 +317,7 @@ impl Client {
     /// Describes the instance that answers.
     ///
     /// # Errors
-    /// As [`Client::peek`].
+    /// See [`Client::peek`].
     pub fn info(&self) -> Result<InstanceInfo, ClientError> {
         self.fitting(self.single(Op::Info)?.info())
     }
@@ -325,7 +325,7 @@ impl Client {
     /// Asks the emulator to end.
     ///
     /// # Errors
-    /// As [`Client::peek`].
+    /// See [`Client::peek`].
     pub fn stop(&self) -> Result<(), ClientError> {
         self.fitting(self.single(Op::Stop)?.stopping())
     }

@@ -58,7 +58,7 @@ impl Drop for Guest {
 /// Calls `enter`, which enters the channel of `instance`, in a separate thread, and waits at most `limit` for its result.
 ///
 /// # Errors
-/// As `enter`, [`ClientError::Stuck`] or [`ClientError::NoThread`].
+/// The errors of `enter`, [`ClientError::Stuck`] or [`ClientError::NoThread`].
 pub(super) fn enter_within<R: Send + 'static>(
     limit: Duration,
     instance: &str,

@@ -2,7 +2,7 @@
 
 use crate::memory::{Block, Cell64};
 
-/// Contents of a row of words after the last run of the firmware.
+/// Contents of consecutive words after the last run of the firmware.
 pub(crate) struct Baseline(Box<[Block]>);
 
 impl Baseline {
@@ -28,7 +28,7 @@ impl Baseline {
         self.0.iter().flat_map(|block| block.words())
     }
 
-    /// Their places.
+    /// All words, for changes.
     pub(crate) fn words_mut(&mut self) -> impl Iterator<Item = &mut u64> {
         self.0.iter_mut().flat_map(|block| block.words_mut())
     }
@@ -99,8 +99,8 @@ mod tests {
             assert!(left.words().zip(&cells).all(|(left, now)| *left == now.load()));
         }
     }
-    /// Each word contains registers of several widths, and other threads write meanwhile: only whole registers are
-    /// stored and reported.
+    /// Each word contains registers of several widths, and other threads write them during the test. Only whole
+    /// registers are stored and reported.
     #[test]
     fn no_register_is_torn() {
         const TURNS: usize = 20_000;

@@ -10,14 +10,14 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use core::mem::offset_of;
 
 const WORD: usize = size_of::<u64>();
-/// Bytes up to the board. After them clients and emulator write side by side, and both write the same fields of the
-/// requests.
+/// Number of watched bytes: the page up to the field `board`. In the rest of the page, both clients and emulator write,
+/// and they share the fields of requests.
 const BYTES: usize = offset_of!(Header, board);
-/// Blocks that are compared; memory after them is not watched.
+/// Number of blocks that are compared.
 const BLOCKS: usize = BYTES.div_ceil(Block::WORDS * WORD);
 const WORDS: usize = BLOCKS * Block::WORDS;
 
-/// For each word the bits that only the emulator changes, and only while the firmware runs.
+/// For each word, the bits that only the emulator changes, and only while the firmware runs.
 const WATCHED: [u64; WORDS] = {
     let mut bytes = without([true; WORDS * WORD], BYTES, WORDS * WORD - BYTES);
     bytes = without(bytes, offset_of!(Header, state), size_of::<u32>());
@@ -40,7 +40,7 @@ const WATCHED: [u64; WORDS] = {
     words
 };
 
-/// Same as blocks.
+/// [`WATCHED`] as blocks.
 static WATCHED_BLOCKS: [Block; BLOCKS] = {
     let mut blocks = [Block::new([0; Block::WORDS]); BLOCKS];
     let mut block = 0;

@@ -1,12 +1,12 @@
 //! The access checker: reports accesses of PLC programs that contradict the manual.
 //!
 //! The rules are data ([`Rule`](crate::journal::Rule)); `docs/reference/checker.md` lists them. A violation is a
-//! [`Finding`](crate::journal::Finding): an event in the journal, which counts it in its table of
-//! [`Findings`](crate::journal::Findings). They come from these places:
+//! [`Finding`](crate::journal::Finding), which is an event of the journal. The journal counts the findings of each rule
+//! in its table of [`Findings`](crate::journal::Findings). Findings come from two sources:
 //!
-//! - A watch compares registers with the contents that the firmware left, before the firmware runs again, and so sees
-//!   writes through the map. Writes through the channel are reported to it. [`DeviceWatch`] serves any device; a family
-//!   with rules about its registers has its own watch.
+//! - Before the firmware runs, a watch compares registers with their contents after the last run. So it detects writes
+//!   of programs that have mapped the image. The plant reports writes through the channel to the watch. [`DeviceWatch`]
+//!   is for any device; a family with rules about its registers has its own watch.
 //! - The firmware reports violations when it takes over a command or initialization data.
 //!
 //! Nothing in this module changes a register or depends on a device.
@@ -42,7 +42,7 @@ impl DeviceWatch {
     /// Creates the watch over device number `plc` of the plant, with the present registers as baseline.
     ///
     /// # Errors
-    /// If the segment is too small for the device.
+    /// The segment is too small for the device.
     pub fn new(
         plc: DeviceIndex,
         segment: &Segment,
@@ -54,32 +54,32 @@ impl DeviceWatch {
         })
     }
 
-    /// Before the firmware runs: checks the writes since [`DeviceWatch::leave`].
+    /// Called before the firmware runs: checks the writes since [`DeviceWatch::leave`].
     #[inline]
     pub fn look(&mut self, now: u64, journal: &mut Journal) {
         self.header.look(now, journal);
         self.owned.look(now, journal);
     }
 
-    /// After the firmware has run: stores the baseline.
+    /// Called after the firmware has run: stores the baseline.
     #[inline]
     pub fn leave(&mut self) {
         self.header.leave();
         self.owned.leave();
     }
 
-    /// The speed of the clock in the header page was set.
+    /// Called when the emulator has set the speed of the clock in the header page.
     pub(crate) fn show_speed(&mut self, permille: u32) {
         self.header.show_speed(permille);
     }
 
-    /// The emulated time in the header page was set.
+    /// Called when the emulator has set the emulated time in the header page.
     #[inline]
     pub fn show_time(&mut self, now: u64) {
         self.header.show_time(now);
     }
 
-    /// A write of `bytes` bytes at byte `offset` of the image came through the channel.
+    /// Called when a client has written `bytes` bytes at byte `offset` of the image through the channel.
     pub fn written(&mut self, offset: u32, bytes: u32, now: u64, journal: &mut Journal) {
         self.owned.written(offset, bytes, now, journal);
     }

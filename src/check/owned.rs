@@ -1,4 +1,4 @@
-//! The watch over registers that only the firmware writes, for areas without further rules.
+//! The watch over registers that only the firmware writes. It is for areas without other rules.
 
 use super::{rules, word};
 use crate::identity::DeviceIndex;
@@ -9,26 +9,26 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
 const WORD: u32 = word::WORD as u32;
 
-/// The registers of a device that only its own firmware writes, in ascending order. The firmware of a bus owns the
-/// registers in the areas of its ports, and they are watched there.
+/// The registers of a device that only its own firmware writes, in ascending order. The registers in the areas of ports
+/// belong to the firmware of a bus, which has its own watch for them.
 pub(crate) fn owned(layout: &'static DeviceLayout) -> impl Iterator<Item = RegisterRef> {
     let is_ports = |area| layout.ports.iter().any(|port| core::ptr::eq(port.area, area));
     let areas = layout.areas.iter().filter(move |area| !is_ports(*area));
     areas.flat_map(move |area| owned_in(layout, area))
 }
 
-/// Returns the registers of this kind in a single area.
+/// As [`owned`], for a single area.
 fn owned_in(layout: &'static DeviceLayout, area: &'static Area) -> impl Iterator<Item = RegisterRef> {
     let registers = DeviceFit::unknown(layout).registers_in(area, RegisterPhase::ALWAYS);
     registers.filter(|register| register.owner() == Owner::Firmware)
 }
 
-/// The bits of a register in its word.
+/// The bits of a register in the 64-bit word that contains it.
 fn mask(register: &RegisterRef) -> u64 {
     word::mask(register.offset(), register.width())
 }
 
-/// A word with such registers, and its baseline.
+/// A word with registers that only the firmware writes, and its baseline.
 struct Word {
     offset: u32,
     now: View<Cell64>,
@@ -36,7 +36,7 @@ struct Word {
     watched: u64,
 }
 
-/// The watch over such registers.
+/// The watch over registers that only the firmware writes.
 pub(crate) struct OwnedWatch {
     plc: DeviceIndex,
     registers: Box<[RegisterRef]>,
@@ -62,7 +62,7 @@ impl OwnedWatch {
     /// The watch over these registers, in ascending order, of a device's image.
     ///
     /// # Errors
-    /// If the image is too small for them.
+    /// The image is too small for the registers.
     pub(crate) fn new(
         plc: DeviceIndex,
         segment: &Segment,
@@ -87,10 +87,11 @@ impl OwnedWatch {
         Ok(watch)
     }
 
-    /// Creates the watch over such registers of an area of `layout` with permanently valid structures.
+    /// Creates the watch over the registers that only the firmware writes in an area of `layout`. The structures of the
+    /// area must always be valid.
     ///
     /// # Errors
-    /// If the image is too small for them.
+    /// The image is too small for the registers.
     pub(crate) fn of_area(
         plc: DeviceIndex,
         segment: &Segment,
@@ -132,7 +133,8 @@ impl OwnedWatch {
         }
     }
 
-    /// A write of `bytes` bytes came through the channel; it counts even if it has changed no value.
+    /// Called when a client has written `bytes` bytes through the channel. The write counts even if it has changed no
+    /// value.
     pub(crate) fn written(&mut self, offset: u32, bytes: u32, time: u64, journal: &mut Journal) {
         let hit = |register: &&RegisterRef| {
             register.offset() < offset + bytes && offset < register.offset() + register.width()

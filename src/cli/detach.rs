@@ -125,7 +125,7 @@ impl Detached {
     /// Closes both outputs: a process that waits for their end can continue.
     ///
     /// # Errors
-    /// The system refuses.
+    /// The operating system refuses the operation.
     pub(crate) fn let_go(self) -> Result<(), CliError> {
         put(&self.nothing, 1)?;
         put(self.log.as_ref().unwrap_or(&self.nothing), 2)

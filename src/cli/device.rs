@@ -142,7 +142,7 @@ fn on_any_fit<T>(
 /// Parses a register or address of any device; [`Session::place`] resolves it at an instance.
 ///
 /// # Errors
-/// As [`on_any_device`].
+/// See [`on_any_device`].
 pub(crate) fn of_any_device(text: &str) -> Result<NamedLocation, CliError> {
     on_any_device(|fitted| NamedLocation::parse(fitted, text))
 }

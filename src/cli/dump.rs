@@ -180,7 +180,7 @@ impl Blocks {
     /// number of bytes.
     ///
     /// # Errors
-    /// As [`Blocks::follow`].
+    /// See [`Blocks::follow`].
     pub(crate) fn follow_stretches(
         session: &Session,
         stretches: &[(DeviceIndex, u32, u32)],

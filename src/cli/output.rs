@@ -52,7 +52,7 @@ pub(crate) fn json(value: &impl Serialize) -> Result<String, CliError> {
 /// Formats a value as JSON in one line, with its line end.
 ///
 /// # Errors
-/// As [`json()`].
+/// See [`json()`].
 pub(crate) fn json_line(value: &impl Serialize) -> Result<String, CliError> {
     let text = serde_json::to_string(value).map_err(|error| CliError::Output { reason: error.into() })?;
     Ok(json_escaped(&text) + "\n")
@@ -137,7 +137,7 @@ pub(crate) fn is_verbose() -> bool {
 /// variable `PAGER`, `less` without it; none if the variable is empty.
 ///
 /// # Errors
-/// As [`print()`].
+/// See [`print()`].
 pub(crate) fn page(text: &str) -> Result<(), CliError> {
     let rows = rustix::termios::tcgetwinsize(io::stdout()).map_or(0, |size| usize::from(size.ws_row));
     if !io::stdout().is_terminal() || rows == 0 || text.lines().count() < rows {

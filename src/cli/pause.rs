@@ -117,7 +117,7 @@ fn end_after_signal(signals: &UnixStream) {
 /// notices this end first while it writes.
 ///
 /// # Errors
-/// As `follow`.
+/// See `follow`.
 pub(crate) fn following(follow: impl FnOnce() -> Result<(), CliError>) -> Result<(), CliError> {
     follow().map_err(|error| match error {
         CliError::Output { .. } if output::is_closed_terminal() => CliError::Ended(Exit::Interrupted.code()),

@@ -179,7 +179,7 @@ pub(crate) fn read(session: &Session, wanted: &[ReadTarget]) -> Result<Vec<Regis
 /// Reads registers at one moment, and returns the readings of each argument.
 ///
 /// # Errors
-/// As [`read`].
+/// See [`read`].
 pub(crate) fn read_each(
     session: &Session,
     wanted: &[&ReadTarget],

@@ -280,7 +280,7 @@ impl TerminationSignals {
     /// Catches the termination signals. The first one ends writes to outputs that are not read.
     ///
     /// # Errors
-    /// The system refuses.
+    /// The operating system refuses the operation.
     pub(crate) fn take() -> Result<Self, CliError> {
         let signals = SignalsInfo::new([SIGINT, SIGTERM, SIGHUP]);
         let signals = signals.map_err(|reason| CliError::Signals { reason })?;
@@ -315,7 +315,7 @@ impl TerminationSignals {
 /// for example from several `commram stop` or a parent, never interrupts an orderly end.
 ///
 /// # Errors
-/// The system refuses.
+/// The operating system refuses the operation.
 pub(crate) fn end_at_second_ctrl_c() -> Result<(), CliError> {
     let was_pressed = AtomicBool::new(false);
     let act = move |signal: &libc::siginfo_t| {

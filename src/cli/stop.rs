@@ -152,7 +152,7 @@ fn end(name: &str, clean: bool) -> Result<(), CliError> {
 /// of this name that has started meanwhile has replaced these files, and is left alone.
 ///
 /// # Errors
-/// As [`remove_remains`], except for a new emulator.
+/// The errors of [`remove_remains`], except for a new emulator.
 fn clean_up(name: &str) -> Result<Option<String>, CliError> {
     let mut tries = 0;
     loop {

@@ -43,7 +43,7 @@ pub(crate) trait Row: Serialize {
 /// Prints the rows; `text` produces the text format.
 ///
 /// # Errors
-/// As [`output::print`].
+/// See [`output::print`].
 pub(crate) fn print<R: Row>(
     format: Format,
     rows: &[R],
@@ -58,7 +58,7 @@ pub(crate) fn print<R: Row>(
 /// The rows in a format; `text` produces the text format.
 ///
 /// # Errors
-/// As [`output::json`].
+/// See [`output::json`].
 pub(crate) fn formatted<R: Row>(
     format: Format,
     rows: &[R],

@@ -11,7 +11,7 @@ pub trait Exchange: Send {
     /// Returns the next message of another federate, with the number of that federate; does not wait.
     ///
     /// # Errors
-    /// As [`Exchange::send`].
+    /// See [`Exchange::send`].
     fn receive(&mut self) -> Result<Option<(u8, Vec<u8>)>, String>;
 
     /// Describes what the connection lacks if it was not made yet.

@@ -5,12 +5,12 @@
 //! define atomic accesses of different sizes to the same bytes, but the processor does: an aligned access of up to 64
 //! bits is one access to memory. So the RAM is treated like the registers of a device. Every access is an instruction
 //! that is opaque to the compiler, and no Rust atomic or plain access touches the RAM. Safe code with views, snapshots
-//! and raw accesses therefore has no undefined behaviour. It can only read a mixed value, which is why a register is
-//! *written* at its own width only.
+//! and raw accesses therefore has no undefined behaviour. The worst result of an access at another width is a value
+//! that mixes old and new bytes. To prevent this, a register is *written* at its own width only.
 //!
-//! The access checker reads 128 consecutive bytes, thirty-two at a time. The processor may split these into accesses of
-//! 64 bits or more, so no register is torn; the checker never writes in this way. Copies of many words use one
-//! instruction, which moves them in the same way.
+//! The access checker reads 128 consecutive bytes with loads of 32 bytes. The processor may split such a load, but only
+//! into accesses of 64 bits or more, so no register is torn. The checker never writes with such instructions. A copy of
+//! many words is one instruction (`rep movsd`), which does not tear a register either.
 //!
 //! On processors other than x86-64, and in Miri, the same functions use Rust's atomics, which compile to these
 //! instructions on every Linux platform.
@@ -35,21 +35,21 @@ pub(super) trait MemoryValue: Copy + Eq {
     /// Stores (Release).
     ///
     /// # Safety
-    /// As [`MemoryValue::load`], and valid for writes.
+    /// The conditions of [`MemoryValue::load`]; the memory is also valid for writes.
     unsafe fn store(at: *mut Self, value: Self);
 
-    /// Stores `new` if the memory holds `current` (Acquire and Release); returns the old value, as an error if it
-    /// differs.
+    /// Stores `new` if the memory holds `current` (Acquire and Release). Returns the old value: `Ok` if it was
+    /// `current`, otherwise `Err`.
     ///
     /// # Safety
-    /// As [`MemoryValue::store`].
+    /// See [`MemoryValue::store`].
     unsafe fn compare_exchange(at: *mut Self, current: Self, new: Self) -> Result<Self, Self>;
 }
 
 /// Loads consecutive 32-bit words into private memory, each with a separate load.
 ///
 /// # Safety
-/// As [`MemoryValue::load`], for all of them.
+/// The conditions of [`MemoryValue::load`] hold for all these words.
 #[cfg(feature = "emulator")]
 pub(super) unsafe fn load_words(from: *const u32, into: &mut [u32]) {
     // SAFETY: the caller vouches for the pointer.
@@ -115,8 +115,8 @@ mod machine {
 
     #[cfg(feature = "emulator")]
     pub(crate) unsafe fn load_words(from: *const u32, into: &mut [u32]) {
-        // SAFETY: the caller vouches for the pointer; as many words are written as the slice has. The direction is upwards by
-        // convention.
+        // SAFETY: the caller vouches for the pointer, and the instruction writes as many words as the slice has. The
+        // calling convention requires a clear direction flag, so the addresses ascend.
         unsafe {
             asm!(
                 "rep movsd",
@@ -188,7 +188,7 @@ mod tests {
     use super::MemoryValue;
     use core::fmt::Debug;
 
-    /// A word between others, which must not change.
+    /// Writes and exchanges a word between two others, which must not change.
     fn round_trip<T: MemoryValue + Debug + Default>(one: T, other: T) {
         let mut memory = [T::default(); 3];
         let at = &raw mut memory[1];
@@ -204,8 +204,8 @@ mod tests {
         assert_eq!(memory, [T::default(), other, T::default()]);
     }
 
-    /// The rules of this module need all code to use it. No other source of the program has atomics of these widths;
-    /// the atomic of the cell is for calls of the kernel.
+    /// The rules of this module hold only if all code uses it. So no other source file may contain atomics of these
+    /// widths. The only exception is the atomic of the cell, which is passed to system calls.
     #[test]
     #[cfg_attr(miri, ignore = "reads all sources, which takes too long under Miri")]
     fn no_other_code_accesses_the_ram() {

@@ -22,13 +22,14 @@ const READ_ONLY_POLL: Duration = Duration::from_millis(1);
 /// Access rights of an attached client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AttachMode {
-    /// Take part: read and write registers, ring and wait.
+    /// Read and write registers, ring bells and wait for them.
     ReadWrite,
     /// Read only. The memory is mapped read-only, so even a faulty program cannot write. The image of a
     /// dead emulator can be read, too.
     ReadOnly,
-    /// Ring and wait, without the registers: only the header page is mapped. Clients of the channel attach like this,
-    /// because the emulator goes back in time only while no program has mapped the registers for writing.
+    /// Ring bells and wait for them, without access to the registers: only the header page is mapped. Clients of the
+    /// channel attach in this mode, because the emulator can return to an earlier time only while no program has mapped
+    /// the registers for writing.
     HeaderOnly,
 }
 
@@ -99,8 +100,8 @@ fn map_segment(file: &ImageFile, size: usize, writable: bool) -> Result<Segment,
 }
 
 impl Attached {
-    /// Maps the first `size` bytes. The caller has compared the length of the file with the header page. A map can be
-    /// longer than the file, but the rest is not usable.
+    /// Maps the first `size` bytes. The caller has compared the length of the file with the header page, because bytes
+    /// of a map after the end of its file cannot be accessed.
     fn map(file: ImageFile, writable: bool, size: usize, header: &Header) -> Result<Attached, MemoryError> {
         let segment = map_segment(&file, size, writable)?;
         let generation = header.generation.load();
@@ -108,10 +109,10 @@ impl Attached {
         Ok(Attached { file, segment, header, generation })
     }
 
-    /// Maps only the header page, for clients that only ring and wait.
+    /// Replaces the map by one of the header page only, for clients that do not access registers.
     ///
     /// # Errors
-    /// The system refuses.
+    /// The operating system refuses the operation.
     #[cfg(feature = "channel")]
     pub(crate) fn only_header(self) -> Result<Attached, MemoryError> {
         let Attached { file, segment, generation, .. } = self;
@@ -130,7 +131,7 @@ impl Attached {
     /// The header page.
     ///
     /// # Errors
-    /// Attached read-only; use [`Attached::header_snapshot`] then.
+    /// The image is attached read-only: use [`Attached::header_snapshot`] instead.
     pub fn header(&self) -> Result<&View<Header>, MemoryError> {
         self.header.as_ref().ok_or(MemoryError::ReadOnly { offset: 0 })
     }
@@ -150,20 +151,20 @@ impl Attached {
         self.generation
     }
 
-    /// True if an emulator serves the image: the one of the attachment, or a successor that has taken it
-    /// over.
+    /// True if an emulator serves the image: the emulator to which this client attached, or a later one that has taken
+    /// the image over.
     pub fn is_alive(&self) -> bool {
         self.file.is_alive(&self.header_snapshot())
     }
 
-    /// True if the emulator of the attachment has ended and could not write the changes in NOVRAM.
+    /// True if the emulator to which this client attached has ended and could not save the changes in NOVRAM.
     #[must_use]
     pub fn is_unsaved(&self) -> bool {
         let header = self.header_snapshot();
         header.generation.load() == self.generation && header.state.load() == State::Unsaved.code()
     }
 
-    /// Checks that the emulator of the attachment still serves the image.
+    /// Checks that the emulator to which this client attached still serves the image.
     ///
     /// # Errors
     /// The emulator has stopped, died, or been replaced by another one. In each case the registers have lost their
@@ -193,7 +194,7 @@ impl Attached {
     /// cycle. Makes a system call only if the firmware sleeps.
     ///
     /// # Errors
-    /// Attached read-only.
+    /// The image is attached read-only.
     pub fn ring(&self) -> Result<(), MemoryError> {
         self.header()?.doorbell.ring();
         Ok(())
@@ -202,7 +203,7 @@ impl Attached {
     /// Stores to the register at `%MB3.offset` and rings.
     ///
     /// # Errors
-    /// As [`Segment::store`].
+    /// See [`Segment::store`].
     pub fn post(&self, offset: u32, width: Width, value: u32) -> Result<(), MemoryError> {
         self.segment.store(offset, width, value)?;
         self.ring()
@@ -212,7 +213,7 @@ impl Attached {
     /// real time, independent of the emulated time.
     ///
     /// # Errors
-    /// As [`Segment::load`] and [`Attached::check`], or [`MemoryError::RegisterTimeout`]. A killed
+    /// The errors of [`Segment::load`] and [`Attached::check`], or [`MemoryError::RegisterTimeout`]. A killed
     /// emulator is noticed within 100 ms.
     pub fn wait_register(
         &self,
@@ -235,7 +236,7 @@ impl Attached {
     /// real time.
     ///
     /// # Errors
-    /// As [`Attached::check`], or [`MemoryError::Timeout`]. A killed emulator is noticed within 100 ms.
+    /// The errors of [`Attached::check`], or [`MemoryError::Timeout`]. A killed emulator is noticed within 100 ms.
     pub fn wait_until<R>(
         &self,
         what: &str,
@@ -250,7 +251,7 @@ impl Attached {
     /// of occurrences. `timeout` is real time.
     ///
     /// # Errors
-    /// As [`Attached::check`], [`MemoryError::NoSuchEvent`], or [`MemoryError::Timeout`].
+    /// The errors of [`Attached::check`], [`MemoryError::NoSuchEvent`], or [`MemoryError::Timeout`].
     pub fn wait_event(&self, number: usize, seen: u32, timeout: Duration) -> Result<u32, MemoryError> {
         let bell = self.header.as_ref().and_then(|header| header.events.get(number)).map(|event| &event.bell);
         if number >= super::header::EVENT_SLOTS {

@@ -50,13 +50,13 @@ impl Bell {
         ring(self);
     }
 
-    /// Waits until the bell has rung more than `seen` times, for at most `timeout` (`None`: without a
-    /// limit). Returns whether it has.
+    /// Waits until the bell has rung more than `seen` times, for at most `timeout` (`None`: without a limit). Returns
+    /// true if it has rung, and false on a timeout.
     pub fn wait(&self, seen: u32, timeout: Option<Duration>) -> bool {
         wait_any(&[(self, seen)], timeout).is_some()
     }
 
-    /// Forgets waiters that are known to be dead.
+    /// Sets the number of waiters to 0, because all of them are known to be dead.
     pub(super) fn forget_waiters(&self) {
         self.waiters.store(0);
     }
@@ -115,7 +115,7 @@ fn one_of_many(bell: &Bell, seen: u32) -> futex::Wait {
     wait
 }
 
-/// The steps of the handshake, of a bell or of a model of one.
+/// The steps of the handshake. A bell implements them, and so does the model of a bell in the tests.
 trait Line {
     fn rings(&self) -> u32;
     fn count_ring(&self);

@@ -1,9 +1,9 @@
 //! Register cells: all code of this project accesses the emulated RAM through them.
 //!
 //! Every register is a cell of its natural width (BYTE 8, WORD 16, DWORD 32 bits). Firmware and clients write it at
-//! that width only, so a write never tears a register or changes its neighbour. The module `access` makes it possible
-//! that cells of different widths overlap. A cell holds its value in little-endian byte order (decision D-01) on every
-//! host.
+//! that width only, so a write never tears a register or changes its neighbour. Cells of different widths may overlap,
+//! because all their accesses go through the module `access`. A cell holds its value in little-endian byte order
+//! (decision D-01) on every host.
 //!
 //! Loads are `Acquire` and stores are `Release`, so "data first, then the control register" needs no further fences: a
 //! reader that sees the control register also sees the data written before it.
@@ -58,7 +58,7 @@ macro_rules! cell {
             /// Writes `new` if the register still holds `current`.
             ///
             /// # Errors
-            /// The value found instead of `current`; the register is then untouched.
+            /// The value of the register, if it is not `current`. The register is then unchanged.
             #[inline]
             pub fn compare_exchange(&self, current: $value, new: $value) -> Result<$value, $value> {
                 // SAFETY: as in `store`.
@@ -111,8 +111,8 @@ impl Cell32 {
         self.0.get()
     }
 
-    /// The cell as futex calls need it (header words, never registers). Only for the kernel: an atomic access through
-    /// it would bypass `access`.
+    /// The cell as an argument of futex calls, for words of the header page only. No code accesses the atomic itself,
+    /// because that would bypass `access`.
     #[inline]
     pub(super) fn as_futex(&self) -> &AtomicU32 {
         // SAFETY: valid and aligned, and only the kernel accesses it.

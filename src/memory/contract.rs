@@ -45,7 +45,7 @@ mod tests {
     use super::*;
     use crate::memory::Bell;
 
-    /// Every byte of the page is in the contract's tables, under the name it has here.
+    /// Every byte of the page is in the tables of the contract, under the name of its field.
     #[test]
     #[cfg_attr(miri, ignore = "searches a page for each field, which takes too long under Miri")]
     fn the_attach_contract_describes_every_byte() {

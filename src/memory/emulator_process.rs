@@ -11,14 +11,15 @@ use std::fs::File;
 use std::os::fd::{AsRawFd, OwnedFd};
 use std::time::Duration;
 
-/// Number of reads of the kernel's table for a held lock: while other locks change, a reader may miss a line.
+/// Number of times that the kernel's table of locks is read. One read is not enough: while other locks change, a reader
+/// may miss a line.
 const READS: usize = 3;
 /// Marks the SIGTERM of [`EmulatorProcess::terminate`]. The mark is in the field `si_errno`, which Linux passes on and does
 /// not use.
 const STOP_MARK: i32 = i32::from_be_bytes(*b"stop");
 
-/// True if [`EmulatorProcess::terminate`] has sent this signal: it then concerns the emulator, and no other part of its
-/// process.
+/// True if [`EmulatorProcess::terminate`] has sent this signal. The signal then concerns only the emulator in this
+/// process, not the command of `commram with`.
 #[cfg(feature = "cli")]
 pub(crate) fn is_from_stop(signal: &libc::siginfo_t) -> bool {
     (signal.si_signo, signal.si_code, signal.si_errno) == (libc::SIGTERM, libc::SI_QUEUE, STOP_MARK)
@@ -42,9 +43,9 @@ pub struct EmulatorProcess {
 }
 
 impl EmulatorProcess {
-    /// Returns the process that has locked `file`, according to the kernel and independent of the content of files.
-    /// Only if the kernel shows no such process, returns the process that has `signed`. `None` if the process has
-    /// ended, belongs to another user, or is not visible in this pid namespace.
+    /// Returns the process that has locked `file` according to the kernel. If the kernel shows no such process, returns
+    /// the process `signed`, which a file names. `None` if the process has ended, belongs to another user, or is not
+    /// visible in this pid namespace.
     pub(super) fn holding(file: &File, signed: Option<ProcessId>) -> Result<Option<Self>, MemoryError> {
         for _ in 0..READS {
             let Some(pid) = locks::holder_of(file) else { continue };
@@ -79,7 +80,7 @@ impl EmulatorProcess {
             Err(Errno::SRCH | Errno::INVAL | Errno::NOENT) => return Ok(None),
             Err(errno) => return Err(failed(id.pid, "open a descriptor of the process", errno)),
         };
-        // The descriptor always means the same process; this check proves that it is the right one.
+        // The descriptor always refers to the same process. This check proves that this process is the wanted one.
         Ok((id.is_running() && id.is_own()).then_some(Self { id, descriptor }))
     }
 
@@ -105,7 +106,7 @@ impl EmulatorProcess {
     /// Continues the process if it was stopped (SIGSTOP, or Ctrl-Z in its terminal). Returns true if it was.
     ///
     /// # Errors
-    /// The system refuses.
+    /// The operating system refuses the operation.
     pub fn resume(&self) -> Result<bool, MemoryError> {
         let stopped = self.id.is_stopped();
         if stopped {
@@ -114,11 +115,11 @@ impl EmulatorProcess {
         Ok(stopped)
     }
 
-    /// Asks the emulator to end normally, by a marked SIGTERM. `commram with` ends its emulator then; a SIGTERM without
-    /// the mark goes to its command.
+    /// Asks the emulator to end normally, by a marked SIGTERM. On this signal `commram with` ends its emulator. It
+    /// passes a SIGTERM without the mark on to its command.
     ///
     /// # Errors
-    /// The system refuses.
+    /// The operating system refuses the operation.
     pub fn terminate(&self) -> Result<(), MemoryError> {
         // SAFETY: zero is a valid value of every field of this structure.
         let mut info: libc::siginfo_t = unsafe { core::mem::zeroed() };

@@ -4,7 +4,8 @@ use super::{Address, HEADER_SIZE, State, header::EVENT_SLOTS, limits, names::IMA
 use rustix::io::Errno;
 use std::{io, path::PathBuf, time::Duration};
 
-/// A refused access or image file: the fault, its place, and what would be right.
+/// The reason why an access or an image file was refused. The message names the fault, its place, and what would be
+/// right.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MemoryError {
@@ -19,7 +20,7 @@ pub enum MemoryError {
     OutOfRange {
         /// The refused access.
         address: Address,
-        /// One past the segment's last byte.
+        /// Offset of the first byte after the segment.
         end: usize,
     },
     /// The access touches the header page, which belongs to the attach contract and holds no registers.
@@ -33,9 +34,9 @@ pub enum MemoryError {
     BlockOutOfRange {
         /// First byte of the block.
         offset: usize,
-        /// Its length in bytes.
+        /// Length in bytes.
         size: usize,
-        /// One past the last byte that the block may have.
+        /// Offset of the first byte after the permitted range.
         end: usize,
     },
     /// A typed view at an address its widest register does not allow.
@@ -99,7 +100,7 @@ pub enum MemoryError {
     NoRoom {
         /// The image.
         path: PathBuf,
-        /// Its length in bytes.
+        /// Length in bytes.
         needed: usize,
         /// Free memory there, in KiB.
         free_kib: u64,
@@ -178,7 +179,7 @@ pub enum MemoryError {
     OpenDirectory {
         /// The refused path.
         path: PathBuf,
-        /// Its mode.
+        /// Mode of the directory.
         mode: u32,
     },
     /// An entry of another kind has the name of the instance's directory.
@@ -192,7 +193,7 @@ pub enum MemoryError {
     WrongMagic {
         /// The refused path.
         path: PathBuf,
-        /// Its first eight bytes, little endian.
+        /// First eight bytes of the file, as a little-endian number.
         found: u64,
     },
     /// The image follows another version of the attach contract.
@@ -200,13 +201,13 @@ pub enum MemoryError {
     OtherAbi {
         /// The refused path.
         path: PathBuf,
-        /// The image's version.
+        /// Version of the image.
         found: u32,
-        /// This program's version.
+        /// Version that this program uses.
         expected: u32,
     },
-    /// An emulator of another build was killed and has left its image; its clients rely on other
-    /// registers.
+    /// An emulator of another build was killed and has left its image. Clients that still map the image use the
+    /// registers of that build.
     #[error("{} was left by a commram with register map 16#{found:016X}, this one (version {}) was built with \
              16#{expected:016X}; remove it with `commram stop --clean -i {instance}`",
              .path.display(), env!("CARGO_PKG_VERSION"))]
@@ -220,7 +221,7 @@ pub enum MemoryError {
         /// This program's hash.
         expected: u64,
     },
-    /// The image holds another register map.
+    /// The image has another register map than the program expects.
     #[error("{} holds {device} with register map 16#{found:016X}, this program is made for 16#{expected:016X}; \
              rebuild it against this emulator's layout", .path.display())]
     OtherLayout {
@@ -249,7 +250,7 @@ pub enum MemoryError {
     TooShort {
         /// The refused path.
         path: PathBuf,
-        /// Its length in bytes.
+        /// Length in bytes.
         size: u64,
         /// The length according to its header page.
         expected: u32,
@@ -293,7 +294,7 @@ pub enum MemoryError {
     RegisterTimeout {
         /// The register.
         address: Address,
-        /// Its value at the end.
+        /// Value of the register at the end of the wait.
         last: u32,
         /// Length of the wait, in real time.
         timeout: Duration,
@@ -348,7 +349,8 @@ pub enum MemoryError {
 }
 
 impl MemoryError {
-    /// True if the system or a limit of this process refused a resource. A file may exist that could not be opened.
+    /// True if the operating system or a limit of this process refused a resource. A file that could not be opened may
+    /// still exist.
     pub(super) fn is_shortage(&self) -> bool {
         let Self::System { reason, .. } = self else { return false };
         matches!(Errno::from_io_error(reason), Some(Errno::MFILE | Errno::NFILE | Errno::NOMEM))

@@ -32,8 +32,8 @@ impl ImageFile {
         let flags = access | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
         let opened = loop {
             match rustix::fs::open(&path, flags, Mode::empty()) {
-                // The emulator is checking whether another process has the file open (`Onlookers`). Another user could
-                // also hold such a lease, on a file of that user.
+                // A process holds a lease of the file. It is the emulator, which checks whether another process has the
+                // file open (`Onlookers`), or another user, to whom the file belongs.
                 Err(Errno::AGAIN) => {
                     if let Ok(stat) = rustix::fs::lstat(&path) {
                         judge(&path, &stat)?;
@@ -104,14 +104,15 @@ impl ImageFile {
         Ok(())
     }
 
-    /// True if the emulator that wrote `header` still runs: its process exists, or, if the process is in an invisible
-    /// pid namespace, the file is locked.
+    /// True if the emulator that wrote `header` still runs. Its process exists; or, if its pid namespace is not visible
+    /// here, the file is locked.
     pub(crate) fn is_alive(&self, header: &Header) -> bool {
         !State::from_code(header.state.load()).is_some_and(State::is_over)
             && (emulator(header).is_running() || self.is_locked())
     }
 
-    /// Takes a shared lock for a moment; a starting emulator waits longer than this moment.
+    /// True if a process has locked the file. The check takes a shared lock for a moment. A starting emulator waits
+    /// longer than this moment.
     pub(crate) fn is_locked(&self) -> bool {
         match self.file.try_lock_shared() {
             // If the unlock fails, closing the file releases the lock.
@@ -171,7 +172,7 @@ fn judge(path: &Path, stat: &Stat) -> Result<(), MemoryError> {
     }
 }
 
-/// An error with a reason that the user can act on, instead of the errno.
+/// The error for `errno`, with a reason that the user can act on.
 fn why_not_opened(path: &Path, errno: Errno) -> MemoryError {
     let failed = MemoryError::System { path: path.to_owned(), doing: "open", reason: errno.into() };
     rustix::fs::lstat(path).ok().and_then(|stat| judge(path, &stat).err()).unwrap_or(failed)

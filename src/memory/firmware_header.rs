@@ -1,8 +1,8 @@
 //! The header page as the firmware of a device sees it: the values that it shows, and the requests that it reads.
 //!
-//! In most plants both are one page. If several plants must run identically, all of them must get a request of a
-//! program before any firmware reads the request. In such plants the firmware reads requests in a separate page, which
-//! the emulator updates.
+//! Usually values and requests are in the same page. In a federation several hosts run the same plant, and all of them
+//! must have a request of a program before the firmware of any host reads it. There the firmware reads requests in a
+//! separate page, which the emulator updates.
 
 use super::{Cell32, Header, View};
 use core::ops::Deref;
@@ -51,7 +51,8 @@ impl FirmwareHeader {
         self.both(|page| cell(page).store(value));
     }
 
-    /// Takes a request, if any. If it was replaced meanwhile, the next call takes the new one.
+    /// Takes a request from the cell, if there is one. If a program replaces the request at this moment, the next call
+    /// takes the new request.
     pub fn take(&self, cell: impl Fn(&Header) -> &Cell32) -> Option<u32> {
         let request = cell(&self.requested).load();
         let is_taken = request != 0 && cell(&self.requested).compare_exchange(request, 0).is_ok();

@@ -19,13 +19,13 @@ use std::os::fd::{BorrowedFd, RawFd};
 
 /// Images of one process that can be guarded at the same time.
 const MAX_GUARDED: usize = 256;
-/// Number of consecutive faults, with the file at its full length, that other threads may cause; more faults mean that
-/// memory is missing.
+/// Number of consecutive faults that other threads may cause although the file has its full length. More faults mean
+/// that memory is missing.
 const MAX_TRIES: usize = 16;
-/// Message when the process cannot continue.
+/// Message of an emulator when it cannot continue.
 const LAST_WORDS: &[u8] =
     b"commram: error: SIGBUS: /dev/shm is full, or another program has shortened a file there that is in use\n";
-/// Message of a client.
+/// Message of a client when it cannot continue.
 const CLIENTS_WORDS: &[u8] =
     b"commram: another program has shortened an image or a part of the channel while it was in use, or /dev/shm \
         is full; `commram stop` ends the emulator, and `commram stop --clean` removes the files of a killed one\n";
@@ -70,7 +70,7 @@ impl Slot {
         Some(rustix::fs::fallocate(file, FallocateFlags::empty(), 0, size).is_ok())
     }
 
-    /// After a fault: true if the access can be repeated.
+    /// Repairs the map after a fault. Returns true if the access can be repeated.
     fn mend(&self) -> bool {
         self.grow_back().unwrap_or_else(|| self.tries.fetch_add(1, Ordering::Relaxed) < MAX_TRIES)
     }
@@ -106,7 +106,7 @@ impl Guard {
         self.slot().is_some_and(|slot| slot.mended.load(Ordering::Acquire))
     }
 
-    /// Checks the file before any access to the map.
+    /// Restores the length of the file before any access to the map raises SIGBUS.
     pub(crate) fn look(&self) {
         if let Some(slot) = self.slot() {
             // Without memory, the next access to the map ends the process.
@@ -126,7 +126,7 @@ impl Drop for Guard {
 /// Handles SIGBUS in this process from now on. For emulators; a library must not change signal handlers.
 ///
 /// # Errors
-/// The system refuses.
+/// The operating system refuses the operation.
 pub fn survive_shortened_files() -> io::Result<()> {
     gap::prepare();
     handle(emulator_lives_on)
@@ -136,7 +136,7 @@ pub fn survive_shortened_files() -> io::Result<()> {
 /// change signal handlers.
 ///
 /// # Errors
-/// The system refuses.
+/// The operating system refuses the operation.
 pub fn end_on_shortened_files(exit_code: u8) -> io::Result<()> {
     EXIT_CODE.store(exit_code.into(), Ordering::Relaxed);
     handle(client_ends)
@@ -146,7 +146,7 @@ pub fn end_on_shortened_files(exit_code: u8) -> io::Result<()> {
 /// channel is damaged ([`take_gap_of_thread`]). For a client program of several instances.
 ///
 /// # Errors
-/// The system refuses.
+/// The operating system refuses the operation.
 #[cfg(feature = "web")]
 pub(crate) fn survive_lost_channels() -> io::Result<()> {
     gap::prepare();
@@ -182,7 +182,7 @@ extern "C" fn emulator_lives_on(
         return;
     }
     write_words(LAST_WORDS);
-    // SAFETY: a plain system call; the access is repeated then and ends the process.
+    // SAFETY: a plain system call. The processor then repeats the access, which ends the process.
     unsafe { libc::signal(libc::SIGBUS, libc::SIG_DFL) };
 }
 

@@ -37,7 +37,7 @@ pub const EVENT_SLOTS: usize = 16;
 pub const TRIGGERS: usize = 3;
 /// Tasks of one PLC that can take part in lockstep at the same time.
 pub const SEATS: usize = 8;
-/// Words for the front of devices that [`Board`] does not describe.
+/// Number of words for front elements of devices that [`Board`] does not describe.
 pub const FRONT: usize = 64;
 /// Length of the instance's and the PLC's name field in bytes, with the terminating zero.
 pub const NAME_LENGTH: usize = 32;
@@ -74,7 +74,7 @@ pub struct Header {
     pub virtual_time_us: Cell64,
     /// The processor cycle in microseconds: the longest delay until the firmware sees a store without a ring.
     pub processor_cycle_us: Cell32,
-    /// SYNC pulses seen at each port, in the order of [`Header::ports`], wrapping.
+    /// Number of SYNC pulses that each port has received, wrapping, in the order of [`Header::ports`].
     pub sync_counter: [Cell32; PORTS],
     /// Rung by clients after a store; the firmware is the only waiter.
     pub doorbell: Bell,
@@ -103,11 +103,11 @@ pub struct Header {
     /// Counted up by clients after each request in [`Header::interrupts`], [`Header::opt_init`],
     /// [`Header::initial_flag`], [`Header::project_request`], [`Header::lockstep`] or [`Program::start_request`].
     pub board_requests: Cell32,
-    /// Cycles of the cyclic task since the last cold or warm start, the present one included. The PLC counts them; 0:
-    /// not counted.
+    /// Number of cycles of the cyclic task since the last cold or warm start, including the present cycle. The PLC
+    /// counts them; 0 if it does not count.
     pub program_cycles: Cell32,
-    /// `CLOCK_MONOTONIC` at emulated time 0, in ns modulo 2^64, extrapolated if the clock has another speed; 0 in
-    /// stepped mode, until the clock runs, and while it is paused.
+    /// Value of `CLOCK_MONOTONIC` at emulated time 0, in ns modulo 2^64. It is extrapolated if the clock's speed is not
+    /// 1000. 0 in stepped mode, before the clock runs, and while the clock is paused.
     pub real_epoch_ns: Cell64,
     /// Offset of the first retain flag in this file; 0 if the device has none.
     pub retain_offset: Cell32,
@@ -115,9 +115,9 @@ pub struct Header {
     pub retain_size: Cell32,
     /// Zero.
     pub reserved_776: [Cell32; 2],
-    /// Initial values of retain flags, which a cold start gives them.
+    /// Request to set the initial value of a retain flag. A cold start gives the flag this value.
     pub initial_flag: InitialFlag,
-    /// Request to load a project: the number of a [`Project`] plus 1; the firmware sets it back to 0.
+    /// Request to load a project: the number of a [`Project`] plus 1. The firmware sets the request back to 0.
     pub project_request: Cell32,
     /// The loaded [`Project`], written by the firmware.
     pub project: Cell32,
@@ -139,7 +139,7 @@ pub struct Header {
     pub areas: [AreaEntry; AREAS],
     /// The ports of the device.
     pub ports: [PortEntry; PORTS],
-    /// The front of devices that [`Header::board`] does not describe.
+    /// Front elements of devices that [`Header::board`] does not describe.
     pub front: [Cell32; FRONT],
     /// Zero.
     pub reserved_3776: [Cell8; HEADER_SIZE - 3776],
@@ -167,15 +167,15 @@ const _: () = assert!(size_of::<Header>() == HEADER_SIZE);
 codes! {
     /// What the emulator behind an image is doing.
     State {
-        /// The image is being filled.
+        /// The emulator is filling the image.
         Starting = 1,
         /// Registers have their start values and the firmware runs.
         Ready = 2,
-        /// The emulator is shutting down; nothing is answered any more.
+        /// The emulator is shutting down. It answers no requests.
         Stopping = 3,
-        /// The emulator has ended; the file is about to disappear.
+        /// The emulator has ended and will remove the file immediately.
         Stopped = 4,
-        /// As stopped, and what had changed in NOVRAM could not be written.
+        /// As `Stopped`; in addition, the emulator could not save the changes in NOVRAM.
         Unsaved = 5,
     }
 }
@@ -198,7 +198,7 @@ codes! {
     ClockMode {
         /// The wall clock, times the speed.
         RealTime = 0,
-        /// Requests through the channel or the script; time stands still in between.
+        /// Requests of clients or of a script. Between two requests the emulated time does not advance.
         Stepped = 1,
     }
 }
@@ -210,8 +210,8 @@ pub fn field_at(offset: usize) -> Option<&'static str> {
 }
 
 impl Header {
-    /// Announces a change of state to all processes that wait for an answer. The bells of the events do not ring: they
-    /// count events.
+    /// Announces a change of [`Header::state`] to all processes that wait for an answer. The bells of the events do not
+    /// ring, because their counts are numbers of events.
     pub(super) fn announce(&self) {
         self.answer.ring();
         self.channel_reply.ring();
@@ -239,14 +239,15 @@ impl Header {
         ports.for_each(|(entry, port)| entry.set_fit(fitted.port(port.number)));
     }
 
-    /// `device`, the one of this image, with the options that the ports describe.
+    /// Returns `device`, which must be the device of this image, with the options that the ports describe.
     #[must_use]
     pub fn fitted(&self, device: &'static DeviceLayout) -> DeviceFit {
         let ports = self.ports.iter().zip(device.ports);
         ports.fold(DeviceFit::unknown(device), |fitted, (entry, port)| fitted.with(port.number, entry.fit()))
     }
 
-    /// Resets the board to its state before power-on: nothing enabled, no task seated. Bells keep their counts.
+    /// Resets the board to its state before power-on: no event is enabled, and no task has a seat. Bells keep their
+    /// counts.
     pub(super) fn clear_board(&self) {
         self.board.clear();
         self.program.clear();
@@ -262,8 +263,9 @@ impl Header {
         self.real_epoch_ns.store(0);
     }
 
-    /// Publishes a real-time clock: its epoch, 0 while it is paused, and emulated time per real time x 1000.
-    /// [`Header::exact_us`] never combines the epoch of one clock with the speed of another: between them the epoch is 0.
+    /// Publishes a real-time clock: its epoch, which is 0 while the clock is paused, and emulated time per real time x
+    /// 1000. During the change of both fields the epoch is 0, so [`Header::exact_us`] never combines the epoch of one
+    /// clock with the speed of another.
     pub fn set_real_clock(&self, epoch_ns: u64, permille: u32) {
         self.real_epoch_ns.store(0);
         self.speed.store(permille);
@@ -293,8 +295,8 @@ impl Header {
         self.front.get(word.index()).map_or(0, Cell32::load)
     }
 
-    /// Values of the front of `device`, the one of this image, without words that [`Board`] or [`Program`] contain
-    /// under the same name.
+    /// Values of the front of `device`, which must be the device of this image. Words that [`Board`] or [`Program`]
+    /// contain under the same name are left out.
     pub fn front_words(
         &self,
         device: &'static DeviceLayout,
@@ -303,7 +305,7 @@ impl Header {
         own.map(|word| (word, self.front_value(word)))
     }
 
-    /// Announces a stored request to the emulator.
+    /// Announces to the emulator that a request was stored.
     pub fn submit_request(&self) {
         self.board_requests.increment();
         self.doorbell.ring();

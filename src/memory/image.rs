@@ -19,7 +19,7 @@ use std::{
     sync::Arc,
 };
 
-/// Data of an image that its creator chooses.
+/// Properties of an image that the emulator sets when it creates the image.
 #[derive(Clone, Debug)]
 pub struct ImageSpec {
     /// The device: its name, the hash of its register map and the length of its segment.
@@ -36,7 +36,7 @@ pub struct ImageSpec {
 /// it is dropped.
 #[derive(Debug)]
 pub struct Image {
-    /// Before the file.
+    /// Declared before the file, so that it is dropped first.
     guard: Arc<Guard>,
     file: Arc<ImageFile>,
     segment: Segment,
@@ -54,9 +54,9 @@ impl Image {
     /// its registers are zeroed and its generation is incremented.
     ///
     /// # Errors
-    /// Bad names; another emulator runs ([`MemoryError::AlreadyRunning`]); an emulator with another register map has
-    /// left the image ([`MemoryError::LeftByOther`]); the path names something else than an image of this user, which
-    /// stays unchanged; or the system refuses.
+    /// Bad names; another emulator runs ([`MemoryError::AlreadyRunning`]); a killed emulator with another register map
+    /// has left the image ([`MemoryError::LeftByOther`]); the path exists but is not an image of this user, and stays
+    /// unchanged; or the operating system refuses.
     pub fn create(instance: &str, plc: &str, spec: &ImageSpec) -> Result<Image, MemoryError> {
         claim::enter(&ImageSite::new(instance, plc, spec)?)
     }
@@ -91,15 +91,15 @@ impl Image {
         Ok(Self { guard, file: Arc::new(file), segment, header, taken_over, end: State::Stopped })
     }
 
-    /// Zeroes all bytes after the header page without shortening the file, which would kill clients that access their
-    /// map. The memory stays allocated, because others could take it meanwhile.
+    /// Zeroes all bytes after the header page. Does not shorten the file for this purpose, because that would kill
+    /// clients that access their map. The memory stays allocated, so that other processes cannot take it.
     fn zero_registers(&self) -> Result<(), MemoryError> {
         let mut registers = (HEADER_SIZE as u32..self.segment.size() as u32).step_by(4);
         registers.try_for_each(|offset| self.segment.store(offset, Width::Dword, 0))
     }
 
-    /// Fills the header of an image in state starting. Bells keep their counts in a takeover, because clients may wait
-    /// on them.
+    /// Fills the header of an image in state [`State::Starting`]. If the image is taken over, bells keep their counts,
+    /// because clients may wait on them.
     fn fill(&mut self, spec: &ImageSpec) {
         let header = &*self.header;
         let own = ProcessId::own();
@@ -135,7 +135,8 @@ impl Image {
         self.set_state(State::Stopping);
     }
 
-    /// Records, for the process that asked for the end, that changes in NOVRAM could not be written.
+    /// Records that changes in NOVRAM could not be saved. The process that has stopped the emulator reads this from the
+    /// header page.
     pub fn set_unsaved(&mut self) {
         self.end = State::Unsaved;
     }
@@ -172,8 +173,8 @@ impl Image {
     }
 
     /// True if another process has shortened the file while it was mapped; then the contents of the registers are lost.
-    /// Known immediately if this process has accessed them since ([`super::survive_shortened_files`]), otherwise after
-    /// [`ImageFileWatch::look`].
+    /// An access to the lost registers sets this immediately ([`super::survive_shortened_files`]); otherwise
+    /// [`ImageFileWatch::look`] sets it.
     #[inline]
     pub fn was_shortened(&self) -> bool {
         self.guard.has_mended()
@@ -188,7 +189,7 @@ impl Image {
         }
     }
 
-    /// Process id of the killed emulator that this one has replaced on its image.
+    /// Process id of the killed emulator whose image this emulator has taken over.
     pub fn taken_over(&self) -> Option<u32> {
         self.taken_over
     }
@@ -196,7 +197,7 @@ impl Image {
     /// Removes the image of a killed emulator. Returns whether there was one.
     ///
     /// # Errors
-    /// As [`Image::create`].
+    /// See [`Image::create`].
     pub fn remove_dead(instance: &str, plc: &str) -> Result<bool, MemoryError> {
         claim::remove_dead(&ImageSite::new(instance, plc, ())?)
     }
@@ -204,12 +205,12 @@ impl Image {
 
 impl Drop for Image {
     fn drop(&mut self) {
-        // An error cannot be reported here; the file is then a dead one, which the next emulator takes over.
+        // An error cannot be reported here. If the file stays, the next emulator takes it over.
         let _ = self.file.unlink();
-        // After the removal, so that a process that sees this state finds the name free.
+        // This follows the removal, so a process that sees this state can use the name.
         self.set_state(self.end);
-        // Last, because it ends the wait of `commram stop`. A map of the header page would keep the file open, and
-        // locked, for as long as any part of this process has it.
+        // The unlock is last, because it ends the wait of `commram stop`. Closing the file is not enough: it stays
+        // open, and locked, while any part of this process has mapped the header page.
         let _ = self.file.file.unlock();
     }
 }
@@ -221,10 +222,10 @@ pub enum FileState {
     Intact,
     /// The file is longer than before; the added part is not used.
     Lengthened {
-        /// Its length in bytes.
+        /// New length of the file in bytes.
         size: u64,
     },
-    /// Its path names nothing or another file; processes that have mapped it continue.
+    /// The path of the file does not exist or names another file. Processes that have mapped the file continue.
     Removed,
     /// The file was shorter than its map. Its length is restored, but its contents are lost.
     Shortened,
@@ -263,7 +264,7 @@ impl AsFd for ImageFileWatch {
     }
 }
 
-/// Allocates all memory of the file now: later, a missing page would kill the process that accesses it.
+/// Allocates all memory of the file now. If memory were missing later, the access to a page would kill the process.
 fn allocate(file: &ImageFile, needed: usize) -> Result<(), MemoryError> {
     match rustix::fs::fallocate(&file.file, FallocateFlags::empty(), 0, needed as u64) {
         Ok(()) => Ok(()),
@@ -271,7 +272,7 @@ fn allocate(file: &ImageFile, needed: usize) -> Result<(), MemoryError> {
             let free_kib = room::free().unwrap_or(0) / 1024;
             Err(MemoryError::NoRoom { path: file.path.clone(), needed, free_kib })
         }
-        // Some file systems do not support this.
+        // Some file systems do not support allocation.
         Err(Errno::OPNOTSUPP) if file.size()? < needed as u64 => {
             file.file.set_len(needed as u64).map_err(|error| file.failed("size", error))
         }

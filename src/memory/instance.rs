@@ -1,7 +1,7 @@
 //! The lock of an instance: one emulator per name, independent of the names of its PLCs.
 //!
 //! The lock is a file in the instance's directory, which belongs to one user. The images have separate locks, by which
-//! clients detect a running emulator. These locks do not exclude an emulator with other PLCs.
+//! clients detect a running emulator. The locks of the images alone would not keep out an emulator with other PLCs.
 
 use super::private::PrivateDir;
 use super::process::ProcessId;
@@ -22,7 +22,7 @@ const FOLDERS: &str = "devices";
 /// Longest list of folders that is read, in bytes.
 #[cfg(feature = "emulator")]
 const LONGEST_FOLDERS: u64 = 1 << 20;
-/// Follows the process in a lock file if it only removes the files of a killed emulator.
+/// Word in a lock file, after the process: this process only removes the files of a killed emulator.
 const CLEANER: &str = "cleaner";
 /// Longest wait for a lock: its holder may be ending, or a client may be checking it.
 const PATIENCE: Duration = Duration::from_millis(500);
@@ -40,17 +40,17 @@ impl InstanceLock {
     /// Takes the lock of `instance`.
     ///
     /// # Errors
-    /// Bad name; another emulator has the instance ([`MemoryError::InstanceTaken`]); its directory is accessible to
-    /// other users; or the system refuses.
+    /// Bad name; another emulator has the instance ([`MemoryError::InstanceTaken`]); the directory of the instance is
+    /// accessible to other users; or the operating system refuses.
     pub fn take(instance: &str) -> Result<Self, MemoryError> {
         Self::take_as(instance, &format!("{}\n", ProcessId::own()))
     }
 
-    /// As [`InstanceLock::take`], to remove the files of a killed emulator. No emulator can start under this name
-    /// meanwhile, and users need not end the process that has this lock.
+    /// As [`InstanceLock::take`], to remove the files of a killed emulator. While a process has this lock, no emulator
+    /// can start under this name. Users need not end that process: it ends soon.
     ///
     /// # Errors
-    /// As [`InstanceLock::take`].
+    /// See [`InstanceLock::take`].
     pub fn take_to_clean(instance: &str) -> Result<Self, MemoryError> {
         Self::take_as(instance, &format!("{} {CLEANER}\n", ProcessId::own()))
     }
@@ -58,7 +58,7 @@ impl InstanceLock {
     fn take_as(instance: &str, signature: &str) -> Result<Self, MemoryError> {
         let path = names::channel_root(instance)?;
         Self::try_to_take(instance, &path, signature).inspect_err(|error| {
-            // An empty directory is of no use; another process that starts creates it again.
+            // An empty directory is of no use. An emulator that starts creates the directory again.
             if matches!(error, MemoryError::System { .. }) {
                 let _ = std::fs::remove_dir(&path);
             }
@@ -70,7 +70,7 @@ impl InstanceLock {
         let start = Instant::now();
         loop {
             let directory = PrivateDir::create(path)?;
-            // The previous holder may be removing directory and lock.
+            // The previous holder of the lock may be removing directory and lock now.
             let Some(file) = open(&directory).map_err(|reason| failed("open", reason))? else {
                 continue;
             };
@@ -115,7 +115,7 @@ impl InstanceLock {
     /// without line ends. Call it before the images exist: clients read the list when they attach.
     ///
     /// # Errors
-    /// The system refuses.
+    /// The operating system refuses the operation.
     #[cfg(feature = "emulator")]
     pub(crate) fn publish_device_folders<'p>(
         &self,
@@ -163,7 +163,8 @@ impl InstanceLock {
     /// there were any.
     ///
     /// # Errors
-    /// An image belongs to another user, its emulator runs, or the system refuses; the others are removed.
+    /// An image belongs to another user, its emulator runs, or the operating system refuses. All other images are
+    /// removed.
     pub fn remove_dead(&self, keep: impl Fn(&str) -> bool) -> Result<bool, MemoryError> {
         let (mut any, mut refused) = (false, None);
         for plc in list::named(&self.instance)?.into_iter().filter(|plc| !keep(plc)) {
@@ -180,7 +181,7 @@ impl Drop for InstanceLock {
     fn drop(&mut self) {
         #[cfg(feature = "emulator")]
         self.directory.remove(FOLDERS);
-        // The lock is released afterwards, when the file is closed.
+        // The process releases the lock later, when it closes the file.
         self.directory.remove(LOCK);
         self.directory.remove_if_empty();
     }

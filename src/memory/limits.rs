@@ -30,7 +30,8 @@ pub(crate) fn named(reason: &io::Error) -> String {
     }
 }
 
-/// The same for an error that may come from a lack of memory, if the address space or the data segment is limited.
+/// As [`named`], for an error that a lack of memory may have caused. Empty unless the address space or the data segment
+/// is limited.
 pub(crate) fn describe_space_limit() -> String {
     let named = |most: Option<u64>, what, option| {
         most.map_or_else(String::new, |most| {
@@ -48,7 +49,7 @@ const STACK: u64 = 1 << 20;
 /// Makes sure that the main thread can have the stack that it needs; raises its soft limit if necessary.
 ///
 /// # Errors
-/// The limit.
+/// The limit that is too low.
 #[cfg(feature = "cli")]
 pub(crate) fn allow_stack() -> Result<(), MemoryLimit> {
     let Rlimit { current, maximum } = getrlimit(Resource::Stack);
@@ -60,8 +61,8 @@ pub(crate) fn allow_stack() -> Result<(), MemoryLimit> {
     Err(MemoryLimit { what: "stack", option: "-s", needed: STACK, most })
 }
 
-/// Data and address space that a command needs in addition to those of its start, in bytes: stacks of threads, the heap,
-/// and the report of a panic, which would wait for memory without an end.
+/// Data and address space that a command needs after its start, in bytes: stacks of threads, the heap, and the report
+/// of a panic. Without memory that report would never end.
 #[cfg(feature = "cli")]
 pub(crate) const OF_A_COMMAND: u64 = 16 << 20;
 
@@ -73,9 +74,9 @@ pub(crate) struct MemoryLimit {
     pub(crate) what: &'static str,
     /// Option of `ulimit`, for example `-d`.
     pub(crate) option: &'static str,
-    /// Number of bytes that the process would have.
+    /// Number of bytes that the process needs.
     pub(crate) needed: u64,
-    /// Number of bytes that it may have.
+    /// Number of bytes that the process may have.
     pub(crate) most: u64,
 }
 
@@ -83,7 +84,7 @@ pub(crate) struct MemoryLimit {
 /// its soft limits if necessary.
 ///
 /// # Errors
-/// The limit that is too low, with the number of bytes that suffices for the next start too.
+/// The limit that is too low, with a number of bytes that is also enough for the next start.
 #[cfg(feature = "emulator")]
 pub(crate) fn allow_memory(more: u64) -> Result<(), MemoryLimit> {
     let memories =
@@ -109,7 +110,7 @@ fn used(name: &str) -> u64 {
     kib.unwrap_or(0_u64).saturating_mul(1024)
 }
 
-/// The same for an error that may come from a limit of file sizes, if there is one.
+/// As [`named`], for an error that a limit of file sizes may have caused. Empty if there is no such limit.
 pub(crate) fn describe_file_limit() -> String {
     getrlimit(Resource::Fsize).current.map_or_else(String::new, |most| {
         format!("; this process may write files of {} KiB (`ulimit -f`)", most / 1024)
@@ -125,7 +126,7 @@ pub(crate) fn allow_files(more: u64, wished: u64) -> Result<(), FileLimit> {
     // The listing itself uses one descriptor.
     let open = match fs::read_dir(OPEN_FILES) {
         Ok(files) => files.count().saturating_sub(1) as u64,
-        // Without /proc: a new descriptor has the lowest free number. If there is none, all are used.
+        // Without /proc: a new descriptor has the lowest free number. If the open fails, all descriptors are used.
         Err(_) => fs::File::open(NOTHING).map_or(u64::MAX, |file| u64::from(file.as_raw_fd().unsigned_abs())),
     };
     let Rlimit { current, maximum } = getrlimit(Resource::Nofile);
@@ -145,21 +146,21 @@ pub(crate) fn allow_files(more: u64, wished: u64) -> Result<(), FileLimit> {
 /// A too low limit of open files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct FileLimit {
-    /// Number of files that the process would have open.
+    /// Number of open files that the process needs.
     pub(crate) needed: u64,
-    /// Largest number that it may have.
+    /// Number of open files that the process may have.
     pub(crate) most: u64,
 }
 
-/// Difference of the memory of one process from start to start, in bytes: the heap and the arenas of threads grow in steps
-/// of 132 KiB, and random addresses and the order of threads decide whether there is one step more or less.
+/// Number of bytes by which the memory of the same program may differ between two starts. The heap and the arenas of
+/// threads grow in steps of 132 KiB. Random addresses and the order of threads decide whether a step more is needed.
 #[cfg(feature = "emulator")]
 const SPREAD: u64 = 512 << 10;
 
 /// Checks that this process can have `more` bytes of address space in addition to the present ones.
 ///
 /// # Errors
-/// The number of bytes that suffices for the next start too, and the allowed number.
+/// A number of bytes that is also enough for the next start, and the allowed number.
 #[cfg(feature = "channel")]
 pub(crate) fn check_address_space(more: u64) -> Result<(), (u64, u64)> {
     let Some(most) = address_space() else { return Ok(()) };

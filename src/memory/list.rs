@@ -8,7 +8,7 @@ use super::{
 };
 use std::{collections::BTreeSet, fs, path::PathBuf};
 
-/// An image file, or something else with the name of one.
+/// An image file, or another kind of entry with the name of an image.
 #[derive(Debug)]
 pub struct ImageInfo {
     /// Name of the instance.

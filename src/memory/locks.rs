@@ -17,7 +17,7 @@ pub(super) fn holder_of(file: &File) -> Option<u32> {
 
 /// The holder in a line of the table, if the line describes an exclusive `flock` lock of this file.
 fn holder_in(line: &str, stat: &Stat) -> Option<u32> {
-    // A process that waits for a lock has `->` in the place of the kind.
+    // The line of a process that waits for a lock has `->` instead of the kind.
     let mut fields = line.split_ascii_whitespace().skip(1);
     let is_exclusive = fields.next()? == "FLOCK" && fields.nth(1)? == "WRITE";
     let pid = fields.next()?.parse().ok()?;

@@ -1,7 +1,7 @@
 //! Rules for names of instances and PLCs, and the paths of their files.
 //!
-//! Names of instances and PLCs contain no dot, so `commram.<instance>.<plc>` splits in only one way.
-//! The other files of an instance have one dot more than an image can have.
+//! Names of instances and PLCs contain no dot, so `commram.<instance>.<plc>` can be split in only one way. The names of
+//! other files of an instance have one dot more than the name of an image.
 
 use super::MemoryError;
 use std::path::{Path, PathBuf};
@@ -27,7 +27,7 @@ pub fn check_instance(name: &str) -> Result<(), MemoryError> {
 /// Checks the name of a PLC.
 ///
 /// # Errors
-/// As [`check_instance`].
+/// See [`check_instance`].
 pub fn check_plc(name: &str) -> Result<(), MemoryError> {
     check("PLC", name)
 }
@@ -46,7 +46,7 @@ pub fn image_path(instance: &str, plc: &str) -> Result<PathBuf, MemoryError> {
 /// have this name, because it has a dot more.
 ///
 /// # Errors
-/// As [`check_instance`].
+/// See [`check_instance`].
 pub fn channel_root(instance: &str) -> Result<PathBuf, MemoryError> {
     check_instance(instance)?;
     Ok(Path::new(IMAGE_DIRECTORY).join(format!("{PREFIX}{instance}{DIRECTORY}")))

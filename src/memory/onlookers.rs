@@ -1,8 +1,8 @@
-//! Detects whether another process has an image open or mapped: only such a process can read or store a register.
+//! Detects whether another process has an image open or mapped. Only such a process can read or write a register.
 //!
-//! The kernel reports each open of the file (inotify). A write lease shows whether no other process is left: the kernel
-//! grants the lease only while no other process has the file open or mapped. The lease is released immediately. If
-//! inotify or leases are not available, the image counts as open.
+//! The kernel reports each open of the file (inotify). The emulator detects the end of such accesses by a write lease:
+//! the kernel grants the lease only while no other process has the file open or mapped. The emulator releases the lease
+//! immediately. If inotify or leases are not available, the image counts as open.
 
 use super::image::ImageFileWatch;
 use rustix::buffer::spare_capacity;
@@ -32,7 +32,7 @@ impl Onlookers {
         &self.images
     }
 
-    /// True if no other process has an image open. [`Onlookers::wait`] reports processes that open it later.
+    /// True if no other process has an image open. [`Onlookers::wait`] reports processes that open one later.
     pub(crate) fn are_gone(&self) -> bool {
         self.opened.is_some() && self.images.iter().all(is_free)
     }

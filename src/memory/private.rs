@@ -1,4 +1,4 @@
-//! A directory of one user, inside a directory that all users can write to.
+//! A directory that belongs to one user, inside a directory to which all users can write.
 //!
 //! Another user can guess the name of the directory, and create it first, or a link in its place. The directory is
 //! therefore opened without following links and checked through its descriptor. Its contents are accessed only through
@@ -50,7 +50,7 @@ impl PrivateDir {
     /// Opens the directory; `None` if there is none.
     ///
     /// # Errors
-    /// As [`PrivateDir::create`].
+    /// See [`PrivateDir::create`].
     pub(crate) fn open(path: &Path) -> Result<Option<Self>, MemoryError> {
         let directory = match Directory::open_itself(path) {
             Ok(directory) => directory,
@@ -69,7 +69,7 @@ impl PrivateDir {
     /// not a regular file of this user with exactly one name: another user may have put it there.
     ///
     /// # Errors
-    /// As [`PrivateDir::find_file`].
+    /// See [`PrivateDir::find_file`].
     pub(crate) fn find_own_file(path: &Path, name: &str) -> Result<Option<File>, MemoryError> {
         let Ok(directory) = Directory::open_itself(path) else { return Ok(None) };
         let user = rustix::process::geteuid().as_raw();
@@ -85,7 +85,7 @@ impl PrivateDir {
         }))
     }
 
-    /// Its path.
+    /// The path by which the directory was opened.
     #[cfg(feature = "channel")]
     pub(crate) fn path(&self) -> &Path {
         &self.path
@@ -103,7 +103,8 @@ impl PrivateDir {
         is_ours.then(|| DirectoryLock(std::sync::Arc::clone(self)))
     }
 
-    /// Opens or creates the file `name` in it for reading and writing; `None` if the directory itself has been removed.
+    /// Opens or creates the file `name` in the directory, for reading and writing. `None` if the directory itself has
+    /// been removed.
     pub(crate) fn open_file(&self, name: &str) -> io::Result<Option<File>> {
         match self.directory.read_write(name) {
             Ok(file) => Ok(Some(file)),
@@ -120,7 +121,7 @@ impl PrivateDir {
         }
     }
 
-    /// Opens the file `name` in it for reading; `None` if there is none.
+    /// Opens the file `name` in the directory for reading; `None` if there is no such file.
     ///
     /// # Errors
     /// This process cannot open another file.
@@ -157,15 +158,15 @@ impl PrivateDir {
         self.directory.with_new(&new, text.as_bytes(), |_| Ok(self.directory.rename(&new, name)?))
     }
 
-    /// Removes the entry `name`, if it exists; a directory with all its contents. Follows no link.
+    /// Removes the entry `name`, if it exists. A directory is removed with all its contents. Follows no link.
     pub(crate) fn remove(&self, name: &str) {
         if self.directory.remove(name) == Err(Errno::ISDIR) {
             let _ = std::fs::remove_dir_all(self.directory.path_by_descriptor().join(name));
         }
     }
 
-    /// Removes all entries except `kept`; directories with all their contents. Follows no link. Returns the entries that
-    /// cannot be removed.
+    /// Removes all entries except `kept`. Directories are removed with all their contents. Follows no link. Returns the
+    /// entries that cannot be removed.
     #[cfg(feature = "cli")]
     pub(crate) fn remove_all_except(&self, kept: &str) -> io::Result<Vec<String>> {
         let mut left = Vec::new();
@@ -231,7 +232,7 @@ fn judge(path: &Path, stat: &Stat) -> Result<(), MemoryError> {
     }
 }
 
-/// An error with a reason that the user can act on, instead of the errno.
+/// The error for `errno`, with a reason that the user can act on.
 fn why_not_opened(path: &Path, errno: Errno) -> MemoryError {
     rustix::fs::lstat(path)
         .ok()

@@ -1,4 +1,4 @@
-//! The process that an image belongs to, and whether it still runs.
+//! Identifies the process of an emulator, and checks whether it still runs.
 
 use std::fs;
 use std::os::unix::fs::MetadataExt;
@@ -31,12 +31,12 @@ impl ProcessId {
         Some(Self { pid: pid.parse().ok()?, start: start.parse().ok()? })
     }
 
-    /// True if the process exists in this pid namespace and has not ended (a zombie has).
+    /// True if the process exists in this pid namespace and has not ended. A zombie has ended.
     pub(crate) fn is_running(self) -> bool {
         running_since(self.pid) == Some(self.start)
     }
 
-    /// True if the process belongs to the user of this one.
+    /// True if the process belongs to the same user as this process.
     pub(crate) fn is_own(self) -> bool {
         let user = rustix::process::geteuid().as_raw();
         fs::metadata(format!("/proc/{}", self.pid)).is_ok_and(|process| process.uid() == user)
@@ -55,7 +55,7 @@ impl core::fmt::Display for ProcessId {
     }
 }
 
-/// Start time of the process of this number, if it has not ended (a zombie has).
+/// Start time of the process with this number; `None` if it has ended. A zombie has ended.
 fn running_since(pid: u32) -> Option<u64> {
     let (state, start) = state(pid)?;
     (!matches!(state, 'Z' | 'X' | 'x')).then_some(start)

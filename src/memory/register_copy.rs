@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 
 /// Ranges are extended to multiples of this number of bytes.
 const LINE: usize = 64;
-/// Number of words that are compared at once before single words: most words are unchanged.
+/// Number of words that are first compared as a whole, because most words are unchanged. Only a difference leads to a
+/// comparison of single words.
 const AT_ONCE: usize = 256;
 
 /// A copy of the registers in some ranges.
@@ -40,7 +41,7 @@ fn differences(first: usize, now: &[u32], before: &[u32]) -> impl Iterator<Item 
 }
 
 impl Segment {
-    /// Splits these ascending ranges into blocks of whole lines, each line once.
+    /// Extends these ascending ranges to whole lines, and joins ranges that share a line.
     fn blocks(&self, ranges: &[Range<usize>]) -> impl Iterator<Item = Range<usize>> {
         let mut next = HEADER_SIZE;
         ranges.iter().map(move |range| {
@@ -62,19 +63,19 @@ impl Segment {
         }
     }
 
-    /// Copies the registers in these ascending ranges.
+    /// Makes a copy of the registers in these ascending ranges.
     pub(crate) fn copy_registers(&self, ranges: &[Range<usize>]) -> RegisterCopy {
         let mut copy = RegisterCopy { words: Vec::new(), now: Vec::new() };
         self.renew_copy(ranges, &mut copy);
         copy
     }
 
-    /// Renews the copy.
+    /// Reads the registers into an existing copy.
     pub(crate) fn renew_copy(&self, ranges: &[Range<usize>], copy: &mut RegisterCopy) {
         self.copy_words(ranges, &mut copy.words);
     }
 
-    /// Returns the stores of other processes into these ranges since the copy, and renews the copy.
+    /// Returns the stores of other processes into these ranges since the copy was made, and brings the copy up to date.
     pub(crate) fn stored_since(&self, ranges: &[Range<usize>], copy: &mut RegisterCopy) -> Vec<StoredBytes> {
         self.copy_words(ranges, &mut copy.now);
         if copy.now == copy.words {
@@ -93,7 +94,8 @@ impl Segment {
         stored
     }
 
-    /// Repeats in this segment the store of another process into a segment of the same device. Ignores words outside.
+    /// Applies to this segment a store that another process made in another segment of the same device. Ignores words
+    /// outside the segment.
     pub(crate) fn store_bytes(&self, stored: &StoredBytes) {
         let StoredBytes { offset, mask, value } = *stored;
         let _ = self.update(offset, Width::Dword, |word| word & !mask | value & mask);

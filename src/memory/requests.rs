@@ -5,8 +5,8 @@ use crate::layout::{FrontWord, Owner};
 use core::iter;
 
 impl Header {
-    /// The cells that programs write, for a device with this front. Requests come first: a reader that goes in this
-    /// order and finds a request also finds its parameters.
+    /// The cells that programs write, for a device with this front. Requests come before their parameters. Programs
+    /// store the parameters first, so a reader in this order that finds a request also finds its parameters.
     fn request_cells<'a>(&'a self, front: &'a [FrontWord]) -> impl Iterator<Item = &'a Cell32> {
         let Header { board, program, initial_flag: flag, opt_init, .. } = self;
         let requests =
@@ -29,8 +29,8 @@ impl Header {
 }
 
 impl Segment {
-    /// For each cell, the value in the page of the firmware and in the page of the programs; does nothing if both are
-    /// one page.
+    /// Calls `each` for each cell, with its value in the firmware's page and in the programs' page. Does nothing if
+    /// both are the same page.
     fn for_each_request_cell(&self, front: &[FrontWord], mut each: impl FnMut(u16, &Cell32, &Cell32)) {
         let Some(face) = self.both_pages() else { return };
         let cells = face.requested().request_cells(front).zip((*face).request_cells(front));
@@ -60,7 +60,8 @@ impl Segment {
         changed
     }
 
-    /// Stores in this segment a change of another segment of the same device. Ignores an index without a cell.
+    /// Applies to this segment a change that was delivered in another segment of the same device. Ignores an index
+    /// without a cell.
     pub(crate) fn store_request(&self, front: &[FrontWord], index: u16, value: u32) {
         self.for_each_request_cell(front, |at, asked, written| {
             if at == index {
@@ -71,7 +72,7 @@ impl Segment {
         self.submit_requests();
     }
 
-    /// Copies the programs' page to the firmware's page, after a state was restored.
+    /// Copies the programs' page to the firmware's page, after a snapshot was restored.
     pub(crate) fn copy_requests(&self, front: &[FrontWord]) {
         self.for_each_request_cell(front, |_, asked, written| asked.store(written.load()));
         if let Some(face) = self.both_pages() {
@@ -85,7 +86,7 @@ impl Segment {
         }
     }
 
-    /// Both pages; `None` if they are one.
+    /// The pages of firmware and programs; `None` if both are the same page.
     fn both_pages(&self) -> Option<FirmwareHeader> {
         self.asked.as_ref().and_then(|_| self.firmware_header().ok())
     }

@@ -1,4 +1,4 @@
-//! Checks that all images have room before the first one is created.
+//! Checks that there is memory for all images before the first image is created.
 //!
 //! Images are in memory. Without this check, a too large plant would first take all memory from the other
 //! programs of the machine, and then fail.
@@ -18,8 +18,8 @@ pub(crate) fn free() -> Option<u64> {
     Some(stat.f_bavail.saturating_mul(stat.f_frsize))
 }
 
-/// With fewer free inodes than this number, a lack of inodes can be the reason for an error: a channel and some clients
-/// need this number.
+/// Number of inodes that a channel and some clients need. With fewer free inodes, their lack can be the reason for an
+/// error.
 const FEW_INODES: u64 = 32;
 
 /// Text about free inodes, to append to the error of a system call at `path`; empty if inodes do not explain the error.
@@ -32,7 +32,7 @@ pub(crate) fn named(path: &Path, reason: &io::Error) -> String {
     describe_inodes(path.ancestors().skip(1).find(is_there).unwrap_or(Path::new(".")))
 }
 
-/// The same for an error in the memory file system that may come from a lack of inodes.
+/// As [`named`], for an error in the memory file system that a lack of inodes may have caused.
 #[cfg(feature = "channel")]
 pub(crate) fn describe_lack() -> String {
     describe_inodes(Path::new(IMAGE_DIRECTORY))
@@ -50,8 +50,9 @@ fn describe_inodes(directory: &Path) -> String {
     }
 }
 
-/// Refuses images of `instance` that do not fit into the free memory together: PLC and length in bytes. The images of a
-/// killed emulator count as present. A single image is not checked: its creation reports the error.
+/// Checks that the images of `instance`, each given as PLC and length in bytes, fit into the free memory together.
+/// Images that a killed emulator has left already have their memory. A single image is not checked, because its
+/// creation reports the error.
 ///
 /// # Errors
 /// Bad names, or [`MemoryError::NoRoomForAll`].
@@ -81,7 +82,8 @@ pub(crate) fn check<'a>(
     }
 }
 
-/// Bytes that programs can still use, according to a text like `/proc/meminfo`; a tenth stays free for other programs.
+/// Number of bytes that the images may use, according to a text like `/proc/meminfo`. A tenth of the available memory
+/// stays free for other programs.
 #[cfg(feature = "emulator")]
 fn available(meminfo: &str) -> Option<u64> {
     let kibibytes = |name: &str| -> Option<u64> {

@@ -1,8 +1,8 @@
-//! A running instance, even if its directory or files were changed.
+//! Finds a running instance, even if its directory or files were changed.
 //!
-//! An emulator holds the lock in the instance's directory and those of its images until it has cleaned up. Files opened
-//! here stay the same files, and the pinned process stays the same process, when another emulator of the same name
-//! starts.
+//! An emulator holds the lock in the instance's directory, and the locks of its images, until it has removed its files.
+//! Files that are opened here, and the pinned process, remain those of this emulator, even when another emulator of the
+//! same name starts.
 
 use super::file::ImageFile;
 use super::instance::{self, LOCK};
@@ -42,7 +42,7 @@ impl RunningInstance {
     /// # Errors
     /// Bad name; the system refuses; or no emulator is found and the instance's directory is accessible to other users.
     pub fn find(instance: &str) -> Result<Option<Self>, MemoryError> {
-        // Unreadable files would hide the emulator.
+        // If files cannot be opened, the emulator would not be found.
         let refused = |_| MemoryError::System {
             path: names::IMAGE_DIRECTORY.into(),
             doing: "open the files of an instance",
@@ -60,7 +60,7 @@ impl RunningInstance {
         }
     }
 
-    /// Returns the present result, and whether a process is just removing the files of a killed emulator. Such a
+    /// Searches once. Also returns true if a process is removing the files of a killed emulator at this moment. Such a
     /// process holds the same locks as an emulator.
     fn look(instance: &str) -> Result<(Option<Self>, bool), MemoryError> {
         let (lock, refused) = match lock_file(instance) {
@@ -99,7 +99,7 @@ impl RunningInstance {
             }
             files.push(LockedFile { path: image.path, file: image.file });
         }
-        // A cleaning process may have started or ended between two of these steps.
+        // Between two of these steps, a process that removes files may have started or ended.
         let (begun, all_free) =
             (is_cleaned(&lock_file(instance).ok().flatten()), !files.iter().any(LockedFile::is_locked));
         if begun || files.is_empty() || all_free {
@@ -123,7 +123,7 @@ impl RunningInstance {
             || !self.files.iter().any(LockedFile::is_locked)
     }
 
-    /// Waits a short time for the end of its process, at most `limit`.
+    /// Waits for the end of the emulator's process, for at most `limit`.
     pub fn wait(&self, limit: Duration) {
         match &self.process {
             Some(process) => drop(process.wait(limit)),
@@ -131,8 +131,8 @@ impl RunningInstance {
         }
     }
 
-    /// True if files of the emulator, which has ended, still have their names: it was killed. Files that another
-    /// emulator has taken over do not count.
+    /// True if files of the emulator, which has ended, still have their names. The emulator was then killed. Files that
+    /// another emulator has taken over do not count.
     pub fn has_left_files(&self) -> bool {
         self.files.iter().any(|file| file.is_named() && !file.is_locked())
     }

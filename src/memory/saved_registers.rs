@@ -1,8 +1,8 @@
 //! Registers and header fields in a snapshot: the RAM without its zeros, and the fields of the header page that belong
 //! to the plant.
 //!
-//! Bells and their counters are not restored but continue, since processes may wait on them. Fields of the instance and
-//! of the participating processes are not part of the plant.
+//! Bells and their counters continue and are not restored, because processes may wait on them. Fields that describe the
+//! instance and its processes are not saved either.
 
 use super::access::{MemoryValue, load_words};
 use super::{Cell32, Cell64, HEADER_SIZE, Header, Segment};
@@ -12,14 +12,14 @@ use zerocopy::IntoBytes;
 
 /// Lines of zeros are not saved.
 const LINE: usize = 64;
-/// Size of a step of copying and comparing, in bytes and words. A program may fill all registers, and even a debug
-/// build must save them quickly.
+/// Number of bytes that are copied and compared in one step. Large steps are fast, which matters if a program has
+/// filled all registers.
 const CHUNK: usize = 64 * LINE;
 const WORDS: usize = CHUNK / size_of::<u32>();
-/// Follows the last run of lines.
+/// Marks the end of the saved registers, after the last run of lines.
 const END: u32 = u32::MAX;
 
-/// The lines that these ranges touch, each once, as chunks.
+/// The lines that these ranges touch, grouped into chunks. No line occurs twice.
 fn chunks(ranges: &[Range<usize>]) -> impl Iterator<Item = Range<usize>> {
     let mut next = HEADER_SIZE;
     ranges.iter().flat_map(move |range| {

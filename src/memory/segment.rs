@@ -1,4 +1,4 @@
-//! Segment 3 of one PLC: byte n is `%MB3.n`.
+//! The RAM of one device. In the PLCs, this is segment 3: byte n is `%MB3.n`.
 //!
 //! Access rules, enforced here:
 //!
@@ -60,11 +60,12 @@ impl Backing {
     }
 }
 
-/// Segment 3 of one PLC. Cloning gives another handle on the same memory.
+/// The RAM of one device: segment 3 of a PLC. A clone is another handle on the same memory.
 #[derive(Clone)]
 pub struct Segment {
     pub(super) backing: Arc<Backing>,
-    /// A separate page in which firmware reads requests; usually it reads them in the page that programs write.
+    /// A separate page in which firmware reads requests. `None` in most plants: firmware reads requests in the page
+    /// that programs write.
     #[cfg(feature = "emulator")]
     pub(super) asked: Option<Arc<Backing>>,
 }
@@ -99,7 +100,7 @@ impl Segment {
         Some(Self::from_backing(Arc::new(Backing::new(map, size, writable)?)))
     }
 
-    /// Its length in bytes.
+    /// Length of the segment in bytes.
     pub fn size(&self) -> usize {
         self.backing.size
     }
@@ -128,8 +129,8 @@ impl Segment {
     /// Returns a typed view of the registers that begin at `%MB3.offset`.
     ///
     /// # Errors
-    /// Out of bounds, misaligned, or the segment is read-only: a view's cells can be stored to, so there
-    /// is none on a read-only map; use [`Segment::snapshot`] there.
+    /// Out of bounds, misaligned, or the segment is read-only. A read-only segment has no views, because the cells of a
+    /// view can be written; use [`Segment::snapshot`] instead.
     pub fn view<T: SharedRegs>(&self, offset: usize) -> Result<View<T>, MemoryError> {
         self.need_writable(offset)?;
         if offset < HEADER_SIZE && size_of::<T>() > 0 {
@@ -141,7 +142,7 @@ impl Segment {
     /// The header page.
     ///
     /// # Errors
-    /// The segment is read-only; use [`Segment::header_snapshot`] there.
+    /// The segment is read-only; use [`Segment::header_snapshot`] instead.
     pub fn header(&self) -> Result<View<Header>, MemoryError> {
         self.need_writable(0)?;
         View::new(Arc::clone(&self.backing), 0)
@@ -224,7 +225,7 @@ impl Segment {
     /// Stores to the register at `%MB3.offset` (Release).
     ///
     /// # Errors
-    /// As [`Segment::load`]; also a value wider than the register, or a read-only segment.
+    /// The errors of [`Segment::load`]; also a value wider than the register, or a read-only segment.
     pub fn store(&self, offset: u32, width: Width, value: u32) -> Result<(), MemoryError> {
         let register = self.writable_register(offset, width, &[value])?;
         match register {
@@ -239,7 +240,7 @@ impl Segment {
     /// the value replaced, or as its error the value found instead of `current`.
     ///
     /// # Errors
-    /// As [`Segment::store`], for both values.
+    /// The errors of [`Segment::store`], for both values.
     pub fn compare_exchange(
         &self,
         offset: u32,
@@ -263,7 +264,7 @@ impl Segment {
     /// old value.
     ///
     /// # Errors
-    /// As [`Segment::store`], for the value `f` returns.
+    /// The errors of [`Segment::store`], for the value `f` returns.
     pub fn update(&self, offset: u32, width: Width, f: impl Fn(u32) -> u32) -> Result<u32, MemoryError> {
         let mut seen = self.load(offset, width)?;
         loop {
@@ -277,7 +278,7 @@ impl Segment {
     /// Loads the part of a register at `%MB3.offset`, by one load of the whole register.
     ///
     /// # Errors
-    /// As [`Segment::load`] for the register, or the part is not within it.
+    /// The errors of [`Segment::load`] for the register, or the part is not within it.
     pub fn load_within(
         &self,
         register_offset: u32,
@@ -293,7 +294,7 @@ impl Segment {
     /// values that others write at the same time.
     ///
     /// # Errors
-    /// As [`Segment::store`] for the register, or the part is not within it.
+    /// The errors of [`Segment::store`] for the register, or the part is not within it.
     pub fn store_within(
         &self,
         register_offset: u32,
@@ -319,7 +320,7 @@ impl Segment {
         Ok(())
     }
 
-    /// The callers have checked that the block is in bounds.
+    /// Copies bytes without a check of the bounds, which the callers have made.
     pub(super) fn copy_bytes(&self, offset: usize, into: &mut [u8]) {
         let first_word = offset & !3;
         let skip = offset - first_word;
@@ -386,8 +387,8 @@ impl Segment {
         if start < HEADER_SIZE && !(width == Width::Dword && is_front(start, 4)) {
             return Err(MemoryError::InHeader { address });
         }
-        // SAFETY: in bounds and aligned for the width (just checked, the base is page-aligned), mapped
-        // for as long as `self` lives. `writable_register` alone lends one out to be stored to.
+        // SAFETY: in bounds and aligned for the width (just checked, the base is page-aligned), mapped for as long as
+        // `self` lives. Only `writable_register` returns a register that may be written.
         unsafe {
             let at = self.backing.base.as_ptr().add(start);
             Ok(match width {

@@ -106,7 +106,7 @@ impl Instance {
         image
     }
 
-    /// Creates the files of a killed emulator, as changed by `damage`.
+    /// Creates the files of a killed emulator, after `damage` has changed the header.
     pub(crate) fn leave(&self, size: usize, damage: impl FnOnce(&Header)) {
         let mut header = Header::new_box_zeroed().unwrap();
         header.magic.store(header::MAGIC);
@@ -178,7 +178,8 @@ impl Drop for Emulator {
     }
 }
 
-/// Not a real test: the body of [`Emulator`]. Reads a pipe of its parent and ends with it.
+/// Not a real test: this is the process of [`Emulator`]. It reads a pipe from its parent, and ends when the parent
+/// ends.
 #[test]
 fn emulator_process() {
     let Ok(instance) = std::env::var(CHILD) else { return };

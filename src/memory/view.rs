@@ -13,7 +13,7 @@ pub struct View<T: SharedRegs> {
     keep: Arc<Backing>,
 }
 
-// SAFETY: the view hands out nothing but `&T`, `T: SharedRegs` is Sync, and the backing is Send + Sync.
+// SAFETY: the view only returns `&T`, `T: SharedRegs` is Sync, and the backing is Send + Sync.
 unsafe impl<T: SharedRegs> Send for View<T> {}
 // SAFETY: as above.
 unsafe impl<T: SharedRegs> Sync for View<T> {}

@@ -12,10 +12,10 @@ pub struct Unmapped {
 
 /// Register widths of a device, byte by byte.
 ///
-/// Rule of the shared memory: a byte is accessed at one width only, the width of the register that is used there. Where
-/// the initialization structure overlays a cyclic one, both have the same width, except under registers that are unused
-/// in that area: only the master uses `a_SL_TYP[12]` to `[31]` (manual 5.00005.03a p. 149-150, 174-175), so on node 1
-/// an access to them is an access to a part of `a_WR_VALUE_RECEIVE`.
+/// Rule of the shared memory: a byte is accessed at one width only, the width of the register at its address. Where the
+/// initialization structure overlays a cyclic structure, the registers of both have the same width. The exception are
+/// registers that the area does not use. Only the master uses `a_SL_TYP[12]` to `[31]` (manual 5.00005.03a p. 149-150,
+/// 174-175), so on node 1 an access to them is an access to a part of `a_WR_VALUE_RECEIVE`.
 ///
 /// An access from outside may be narrower or wider than the registers at its address; this map splits it.
 pub struct RegisterWidths {
@@ -39,7 +39,7 @@ struct PartialAccess {
     offset: u32,
     /// Bytes of the part: 1, 2 or 4.
     bytes: u32,
-    /// Offset and width of the register it lies in.
+    /// Offset and width of the register that contains the part.
     register: (u32, Width),
 }
 
@@ -54,7 +54,7 @@ impl RegisterWidths {
             let described = fitted.placed(area).map(|placed| placed.structure.bytes).max().unwrap_or(0);
             let mut bytes = vec![0; described as usize];
             if device.is_front(area.first) {
-                // The header page has words there even if the device does not use them.
+                // The front of the header page consists of words, even if the device does not use them.
                 bytes = (0..area.bytes).map(|place| (4 | ((place % 4) << 4)) as u8).collect();
             }
             let decided = |found: &RegisterRef| found.placed.role.is_none() || found.role.is_some();
@@ -71,8 +71,8 @@ impl RegisterWidths {
         RegisterWidths { device, areas: areas.collect() }
     }
 
-    /// The area that contains all of `offset .. offset + len`; otherwise the first byte outside all areas. The header
-    /// page gives the number of retain flags of a PLC.
+    /// The area that contains all of `offset .. offset + len`; the error is the first byte outside all areas. The
+    /// number of retain flags of a PLC is read from the header page.
     fn area(&self, segment: &Segment, offset: u32, len: u32) -> Result<&AreaWidths, Unmapped> {
         let area = self
             .areas
@@ -149,8 +149,8 @@ impl RegisterWidths {
         if parts.next().is_none() {
             return exchange_part(segment, first, current, new).map_err(|_| missing);
         }
-        // Several registers cannot be exchanged in one step. The firmware does not run meanwhile, but a mapped client
-        // may write between the load and the store, as on the device.
+        // Several registers cannot be exchanged in one step. The firmware does not run between the load and the store.
+        // A client that has mapped the image may write between them, as on the device.
         let seen = self.load(segment, offset, width)?;
         if seen != current {
             return Ok(Err(seen));
@@ -218,7 +218,7 @@ fn retain_bytes(segment: &Segment) -> u32 {
     segment.header().map_or(0, |header| header.retain_size.load())
 }
 
-/// Reads `bytes` bytes at `offset` out of the register they lie in.
+/// Reads the bytes of `part` by a load of the whole register.
 fn load_part(segment: &Segment, part: PartialAccess) -> Result<u32, MemoryError> {
     let (start, width) = part.register;
     let value = segment.load(start, width)? >> ((part.offset - start) * 8);
@@ -235,7 +235,7 @@ fn store_part(segment: &Segment, part: PartialAccess, value: u32) -> Result<(), 
     segment.update(start, width, |old| old & keep | value << shift).map(|_| ())
 }
 
-/// Compare-exchange of a part, atomic for the register it lies in.
+/// Exchanges the bytes of a part, by an atomic compare-exchange of the whole register.
 fn exchange_part(
     segment: &Segment,
     part: PartialAccess,
@@ -303,7 +303,8 @@ mod tests {
         assert_eq!(parts(200_012, Width::Word).len(), 2, "two byte registers");
     }
 
-    /// Only the master uses the slave types: on node 1 they are parts of the reference values under them.
+    /// Only the master uses the slave types. On node 1 their bytes are parts of the reference values at the same
+    /// addresses.
     #[test]
     fn an_unused_register_has_the_width_of_the_one_under_it() {
         let slave = DEVICE.register("node1.a_SL_TYP[13]").unwrap().offset();

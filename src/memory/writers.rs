@@ -6,8 +6,8 @@ use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
 /// The other processes that have the registers of this file mapped for writing, as `NAME (process NUMBER)`. Processes
-/// of other users are not visible, and only the owner can open an image. Clients of the channel map only the header
-/// page and are not listed.
+/// of other users are not visible, but only the owner of an image can open it. Clients of the channel map only the
+/// header page and are not listed.
 pub(crate) fn writers_of(file: &Path) -> Vec<String> {
     let Ok(file) = fs::metadata(file) else { return Vec::new() };
     let Ok(processes) = fs::read_dir("/proc") else { return Vec::new() };

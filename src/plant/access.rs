@@ -1,4 +1,4 @@
-//! Accesses from outside by address, of any width to any registers.
+//! Accesses of clients by address: any width, to any registers.
 
 use super::Plant;
 use crate::identity::DeviceIndex;
@@ -20,7 +20,7 @@ impl Plant {
     /// it.
     ///
     /// # Errors
-    /// Same as [`Plant::load`].
+    /// See [`Plant::load`].
     pub fn store(&mut self, plc: DeviceIndex, offset: u32, width: Width, value: u32) -> Result<(), Unmapped> {
         self.keep_changes(By::Program);
         let (widths, ram) = self.ram(plc, offset)?;
@@ -29,11 +29,11 @@ impl Plant {
         Ok(())
     }
 
-    /// Same as [`Plant::store`], if the memory contains `current`. The inner result is the previous
-    /// value, `Ok` if the new value was written.
+    /// As [`Plant::store`], but writes `new` only if the memory contains `current`. The inner result is the previous
+    /// value: `Ok` if `new` was written, otherwise `Err`.
     ///
     /// # Errors
-    /// Same as [`Plant::load`].
+    /// See [`Plant::load`].
     pub fn compare_exchange(
         &mut self,
         plc: DeviceIndex,
@@ -54,7 +54,7 @@ impl Plant {
     /// Copies bytes, independently of the widths of the registers.
     ///
     /// # Errors
-    /// Same as [`Plant::load`].
+    /// See [`Plant::load`].
     pub fn read_range(&self, plc: DeviceIndex, offset: u32, to: &mut [u8]) -> Result<(), Unmapped> {
         let (widths, ram) = self.ram(plc, offset)?;
         widths.read_range(ram, offset, to)

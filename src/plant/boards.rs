@@ -1,4 +1,4 @@
-//! The boards of the PLCs as the plant's callers see them: switches, supply, events, NOVRAM.
+//! Functions of the plant for the boards of its PLCs: switches, supply, events, NOVRAM.
 
 use super::Plant;
 use crate::devices::records::{BoardEvent, OnBoard};
@@ -9,18 +9,18 @@ use crate::layout::{FrontWord, Owner};
 use crate::memory::header::{BoardSetting, FRONT, SeatState};
 
 impl Plant {
-    /// Answers the requests of clients to the boards at the present time: requests and switches in the header pages.
-    /// Returns whether there were any.
+    /// Handles requests and switches that clients have written in the header pages, at the present time. Returns true
+    /// if a board was polled.
     pub fn look_at_boards(&mut self) -> bool {
         if !self.is_asked() {
             return false;
         }
         self.look_for_writes();
         let changed = self.look_at_requests();
-        // Without an answer the firmware wrote nothing here, and stores of a task in its turn must not count as the
-        // firmware's own.
+        // A new baseline is stored only if the firmware has written registers. Otherwise stores of a task in lockstep
+        // would count as stores of the firmware.
         if changed {
-            // A cold start has written the retain flags.
+            // A cold start writes the retain flags, so forced values must be restored.
             self.forces.apply(&self.devices);
             self.leave();
         }
@@ -47,8 +47,8 @@ impl Plant {
         changed
     }
 
-    /// Switches supply or RESET of a PLC at the present time. Other PLCs and their buses continue; the bus of its node
-    /// 2 stops as at a restart of its master.
+    /// Switches the supply or RESET of a PLC at the present time. Other PLCs and their buses continue. The bus at node
+    /// 2 of this PLC stops, as at a restart of its master.
     pub fn set_power(&mut self, plc: DeviceIndex, power: Power) {
         self.look_for_writes();
         if let Some(device) = self.devices.get_mut(plc.index()) {
@@ -60,7 +60,7 @@ impl Plant {
         self.leave();
     }
 
-    /// Changes a setting of the board of a PLC at the present time. Returns `false` if it has no such switch.
+    /// Changes a setting of the board of a PLC at the present time. Returns `false` if the board has no such switch.
     pub fn set_board(&mut self, plc: DeviceIndex, setting: BoardSetting) -> bool {
         let steps = match setting {
             BoardSetting::Front { word, value } => {
@@ -80,14 +80,14 @@ impl Plant {
         true
     }
 
-    /// Writes a word of a front as a client does; `false`: clients do not write this word, or not this value.
+    /// Writes a word of a front as a client does. Returns `false` if clients cannot write this word, or not this value.
     fn set_front(&self, plc: DeviceIndex, index: usize, value: u32) -> bool {
         let Some(device) = self.devices.get(plc.index()) else { return false };
         let is_it =
             |word: &&FrontWord| word.index() == index && word.owner == Owner::Plc && word.takes(value);
         let word = device.layout().front.iter().find(is_it);
         let index = word.map(FrontWord::index).filter(|index| *index < FRONT);
-        // The header page of firmware has this front, so it exists.
+        // A device with a front is writable, so its firmware has a header page.
         let face = device.segment().firmware_header().ok();
         index.zip(face).map(|(index, face)| face.put(|page| &page.front[index], value)).is_some()
     }
@@ -104,7 +104,7 @@ impl Plant {
         novram.for_each(|novram| novram.store());
     }
 
-    /// Interrupt level of an event of PLC `plc`; `None`: there is no such event.
+    /// Interrupt level of an event of PLC `plc`; `None` if the event does not exist.
     pub fn event_level(&self, plc: DeviceIndex, event: usize) -> Option<u8> {
         self.devices.get(plc.index())?.event_level(event)
     }

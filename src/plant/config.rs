@@ -29,7 +29,7 @@ use std::path::Path;
 use std::sync::Arc;
 use twox_hash::XxHash3_64;
 
-/// PLCs, and buses: the journal's records have 16 bits for them.
+/// Maximum number of PLCs, and of buses: records of the journal have 16 bits for each number.
 const MOST: usize = u16::MAX as usize;
 
 /// The plant that runs without a file.
@@ -45,9 +45,9 @@ pub struct PlantConfig {
     pub devices: Vec<Arc<dyn DeviceConfig>>,
     /// The buses.
     pub buses: Vec<Arc<dyn BusSection>>,
-    /// Faults that are injected from power-on or from a time on; see `docs/reference/faults.md`.
+    /// Faults that are active from power-on or from a given time; see `docs/reference/faults.md`.
     pub faults: Vec<FaultSpec>,
-    /// The text of the plant file, with absolute paths of the folders of devices.
+    /// The text of the plant file, in which the paths of device folders are absolute.
     text: Arc<str>,
 }
 
@@ -68,8 +68,8 @@ impl PlantConfig {
         Self::parse_from(path.parent().unwrap_or(Path::new("")), &path.display().to_string(), &text)
     }
 
-    /// Parses and checks the text of a plant file; `file` is its name for messages. Folders of devices are named from the
-    /// working directory.
+    /// Parses and checks the text of a plant file. `file` is the name of the file for messages. Relative paths of
+    /// device folders begin at the working directory.
     ///
     /// # Errors
     /// [`PlantError`] with the wrong entry and a correct value.
@@ -77,7 +77,7 @@ impl PlantConfig {
         Self::parse_from(Path::new(""), file, text)
     }
 
-    /// As [`PlantConfig::parse`], with folders of devices named from `base`.
+    /// As [`PlantConfig::parse`]; relative paths of device folders begin at `base`.
     fn parse_from(base: &Path, file: &str, text: &str) -> Result<Self, PlantError> {
         let (config, faults) = file::read(base, file, text)?;
         config.check().map_err(|error| {
@@ -91,7 +91,7 @@ impl PlantConfig {
         Ok(config)
     }
 
-    /// The text of the plant file, with absolute paths of the folders of devices.
+    /// The text of the plant file, in which the paths of device folders are absolute.
     pub fn source(&self) -> &str {
         &self.text
     }
@@ -101,10 +101,10 @@ impl PlantConfig {
         &self.text
     }
 
-    /// Numbers that differ between plants with different settings of devices and buses, within one version of commram:
-    /// the processor cycle, then one for each device and for each bus. Faults are not settings.
-    // The numbers come from the debug output, which contains names of structures: with another name, a plant refuses the
-    // snapshots of earlier versions.
+    /// Numbers by which plants with different settings can be distinguished, within one version of commram: the
+    /// processor cycle, then a hash for each device and for each bus. Faults are not settings.
+    // The hashes are made from the debug output of the settings, which contains names of structures. After such a name
+    // has changed, a plant refuses the snapshots of earlier versions.
     pub(super) fn settings(&self) -> Arc<[u64]> {
         let PlantConfig { processor_cycle_us, devices, buses, faults: _, text: _ } = self;
         let of = |settings: &dyn core::fmt::Debug| XxHash3_64::oneshot(format!("{settings:?}").as_bytes());
@@ -113,7 +113,7 @@ impl PlantConfig {
         [u64::from(*processor_cycle_us)].into_iter().chain(devices).chain(buses).collect()
     }
 
-    /// The device of this name.
+    /// The device with this name.
     pub fn device(&self, name: &str) -> Option<&dyn DeviceConfig> {
         self.devices.iter().find(|device| device.name() == name).map(|device| &**device)
     }
@@ -153,7 +153,7 @@ impl PlantConfig {
         }
     }
 
-    /// Targets of faults. Meant for a plant with checked numbers.
+    /// The possible targets of faults. The numbers in the plant must have been checked before.
     pub(super) fn sites(&self) -> Sites {
         let ports = self.ports_of_buses();
         let mask = |bus: &Arc<dyn BusSection>| {
@@ -180,14 +180,15 @@ impl PlantConfig {
         Sites { buses: buses.collect(), devices: devices.collect() }
     }
 
-    /// The messages of a bus, as far as its devices know them before they run.
+    /// The messages of a bus, as far as its devices know the messages before they run.
     pub fn messages(&self, bus: &str) -> Vec<Message> {
         let mut found = self.messages_of_buses(|name| name == bus);
         found.next().map(|(_, messages)| messages).unwrap_or_default()
     }
 
-    /// The selected buses with their messages, as far as their devices know them before they run. A plant can have many
-    /// buses, so the messages of each bus are created when it is processed, and the devices are searched only once.
+    /// The selected buses with their messages, as far as the devices know the messages before they run. A plant can
+    /// have many buses. So the iterator creates the messages of a bus only when it reaches the bus, and searches the
+    /// devices only once.
     pub fn messages_of_buses(
         &self,
         is_selected: impl Fn(&str) -> bool,
@@ -225,8 +226,9 @@ impl PlantConfig {
 /// A port, with its device's name.
 type PortOf<'a> = (&'a str, PortConfig<'a>);
 
-/// The participants with a number on a bus: `ports` first, then the participants of the bus itself. A port has
-/// the name of its device, or a name like `maxx:slotG` if the device has several ports there.
+/// The participants of a bus that have a number: `ports` first, then the participants that the section of the bus
+/// declares. A port has the name of its device, or a name like `maxx:slotG` if several ports of the device are on this
+/// bus.
 fn numbers_on<'a>(bus: &'a dyn BusSection, ports: &'a [PortOf<'a>]) -> Vec<(Cow<'a, str>, u8)> {
     let mut counts: HashMap<&str, usize> = HashMap::new();
     ports.iter().for_each(|(name, _)| *counts.entry(name).or_default() += 1);

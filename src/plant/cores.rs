@@ -1,9 +1,10 @@
-//! A plant with many buses: each runs independently as long as it can, on a single core or on several.
+//! Runs the buses of a large plant independently of each other, on a single core or on several.
 //!
-//! Between two moments of interaction (SYNC edges, times of devices), buses that allow it run independently
-//! ([`Bus::apart_until`]), each with all its events in a row. The data of a bus then come into the processor's
-//! caches once and not for each event. Several cores share the buses, and likewise the watches of the access checker.
-//! The events of this period are put into the journal in the order of a sequential run: by time, then in plant order.
+//! Buses interact only at certain moments: at SYNC edges, and at events of devices. Between two such moments, buses
+//! that allow it ([`Bus::apart_until`]) run independently: each bus handles all its events in a row. The processor's
+//! caches then load the data of a bus once, not for each event. Several cores share the buses, and also the watches of
+//! the access checker. The journal gets the events of this period in the order of a sequential run: by time, then in
+//! plant order.
 
 use super::Plant;
 use super::ports::PluggedPort;
@@ -15,23 +16,23 @@ use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::Journal;
 use core::num::NonZero;
 
-/// With fewer buses, sorting their events takes longer than running them.
+/// Minimum number of buses. With fewer buses, sorting their events takes longer than running them.
 pub(super) const LEAST: usize = 32;
-/// Number of sources of events at one moment in each device: its own watch, its own poll, and the watches and polls of
+/// Maximum number of sources of events in each device at one moment: its watch, its poll, and the watches and polls of
 /// its ports.
 const TELLERS: usize = 256;
 
 /// Buses that run independently, with their ports.
 type Share = (BusIndex, Vec<Box<dyn Bus>>, Journal);
 
-/// A period in which buses run independently, with its processor cycles; a cycle runs only if it would change the
+/// A period in which buses run independently, with the processor cycles in it. A cycle runs only if it would change the
 /// state.
 #[derive(Clone, Copy)]
 struct IndependentPeriod {
     until: u64,
     first_cycle: u64,
     cycle_us: u64,
-    /// Sources that report in processor cycles have lower numbers than buses.
+    /// Number of sources that report in processor cycles. The numbers of buses as sources follow.
     lookers: usize,
 }
 
@@ -47,10 +48,10 @@ impl Plant {
         };
     }
 
-    /// Lets the buses run independently before the next other event up to `time`, if they can; processor cycles that
-    /// change nothing are ignored. Returns whether they did.
+    /// If possible, runs the buses independently until the next event of another participant, at most up to `time`.
+    /// Skips processor cycles that change nothing. Returns true if the buses have run.
     pub(super) fn go_apart(&mut self, time: u64) -> bool {
-        // Faults and register changes in between must be found event by event.
+        // Faults must act, and changes of followed registers must be recorded, event by event.
         if !self.is_unobserved() {
             return false;
         }
@@ -111,8 +112,8 @@ impl Plant {
             .collect()
     }
 
-    /// Looks for writes on several cores: for each device, first its own registers, then the registers of its ports.
-    /// Returns `false` if one core must do it.
+    /// Checks the writes of clients on several cores: for each device, first its own registers, then the registers of
+    /// its ports. Returns `false` if the caller must do the work on one core.
     pub(super) fn look_on_cores(&mut self) -> bool {
         if self.drafts.len() < 2 {
             return false;
@@ -132,7 +133,8 @@ impl Plant {
         true
     }
 
-    /// Stores the baselines after a firmware run on several cores. Returns `false` if one core must do it.
+    /// Stores the baselines after a firmware run, on several cores. Returns `false` if the caller must do the work on
+    /// one core.
     pub(super) fn leave_on_cores(&mut self) -> bool {
         let is_shared = self.drafts.len() > 1;
         if is_shared {
@@ -141,7 +143,7 @@ impl Plant {
         is_shared
     }
 
-    /// Calls the functions for the watches of all devices and of all ports, on the buses where they are plugged in.
+    /// Calls one function for the watch of each device, and the other function for the watches of ports on each bus.
     fn each_watch(
         &mut self,
         of_device: impl Fn(DeviceIndex, &mut DeviceWatch, &mut Journal) + Copy + Send + 'static,

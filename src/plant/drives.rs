@@ -6,7 +6,7 @@ use crate::devices::{DriveDetails, DriveState, ParameterRefusal, Shaft};
 /// Location of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum DriveLocation {
-    /// On a bus, at this place of [`Drives::list`](crate::devices::Drives::list).
+    /// Index of the bus, and index in its [`Drives::list`](crate::devices::Drives::list).
     Bus(usize, usize),
     /// The drive in a device.
     Device(usize),
@@ -15,7 +15,7 @@ enum DriveLocation {
 /// A drive of the plant.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PlantDrive {
-    /// `winder`; of the drive that a PLC is built into `line:drive`.
+    /// Name of the drive: `winder`; or `line:drive` for the drive that contains PLC `line`.
     pub name: String,
     /// Bus of the drive, if it is on a bus.
     pub bus: Option<String>,
@@ -24,8 +24,8 @@ pub struct PlantDrive {
 }
 
 impl Plant {
-    /// The drives: first the drives on buses in the order of the plant file, then the drives of devices. Their
-    /// positions here are their numbers.
+    /// The drives: first the drives on buses in the order of the plant file, then the drives of devices. The number of
+    /// a drive is its index in this list.
     pub fn drives(&self) -> Vec<PlantDrive> {
         let on_bus = self.buses().iter().flat_map(|bus| {
             let drive = |(name, state): (&str, _)| PlantDrive {
@@ -87,7 +87,7 @@ impl Plant {
         Some(done)
     }
 
-    /// Demanded and actual motion of the motor of drive `number`; `None` if there is no such drive.
+    /// Set and actual motion of the motor of drive `number`; `None` if there is no such drive.
     pub fn shaft(&self, number: usize) -> Option<Shaft> {
         match self.drive_at(number)? {
             DriveLocation::Bus(bus, drive) => self.buses().get(bus)?.drives()?.shaft(drive),
@@ -95,9 +95,9 @@ impl Plant {
         }
     }
 
-    /// Sets the speed of the motor of drive `number` from its next control task on, independently of the drive's
-    /// demand: a client simulates the coupled load. `None`: the motor follows the drive. Returns `false` if there is no
-    /// such drive.
+    /// Sets the speed of the motor of drive `number`, from the next control task of the drive on. The speed then does
+    /// not depend on the drive's set value, so that a client can simulate the coupled load. With `None` the motor
+    /// follows the drive again. Returns `false` if there is no such drive.
     pub fn turn_shaft(&mut self, number: usize, speed: Option<i32>) -> bool {
         let Some(at) = self.drive_at(number) else { return false };
         let Plant { now, buses, devices, .. } = self;

@@ -1,4 +1,4 @@
-//! Forced registers: they keep their value even if firmware and PLC write them.
+//! Forced registers: they keep their value even if firmware or PLC write them.
 //!
 //! Plain RAM cannot trap accesses, so a forced value is restored before each poll and after each write of
 //! the firmware. The firmware therefore never sees another value; a PLC on the mapped RAM sees its own value
@@ -20,9 +20,9 @@ pub struct Forced {
     pub plc: DeviceIndex,
     /// First byte of the register in the image.
     pub offset: u32,
-    /// Its width.
+    /// Width of the register.
     pub width: Width,
-    /// The value it keeps.
+    /// The forced value.
     pub value: u32,
 }
 
@@ -38,12 +38,12 @@ pub enum ForceError {
     /// No register area covers the address.
     #[error(transparent)]
     NoArea(#[from] LayoutError),
-    /// The address is only a part of a register, or several registers.
+    /// The access covers only a part of a register, or several registers.
     #[error("{asked}: only a whole register can be forced, here {right}")]
     NotWhole {
-        /// Address that was to be forced.
+        /// The refused access.
         asked: Address,
-        /// The register there.
+        /// The register at this address.
         right: Address,
     },
     /// The value has more bits than the register.
@@ -91,7 +91,7 @@ impl Plant {
         Ok(())
     }
 
-    /// Releases a forced register; it keeps the value until the next write. Returns whether it was forced.
+    /// Releases a forced register. The register keeps the value until the next write. Returns true if it was forced.
     pub fn unforce(&mut self, plc: DeviceIndex, offset: u32) -> bool {
         let ended = self.forces.end(plc, offset);
         if ended {
@@ -107,7 +107,7 @@ impl Plant {
 }
 
 impl Forced {
-    /// Checks that the address is one whole register, or plain RAM, and that the value fits.
+    /// Checks that the access covers exactly one register, or plain RAM, and that the value fits.
     pub(super) fn check(&self, device: &'static Layout) -> Result<(), ForceError> {
         let address = device.at(self.width, self.offset);
         device.area_at(address)?;
@@ -115,7 +115,7 @@ impl Forced {
             return Err(ForceError::TooWide { address, value: self.value });
         }
         for byte in self.offset..self.offset + self.width.bytes() {
-            // Plain RAM and padding have no registers; this is not an error here.
+            // Plain RAM and padding contain no registers, but may be forced.
             for register in device.registers_at(Address::byte(byte), None).unwrap_or_default() {
                 if (register.offset(), register.width()) != (self.offset, self.width.bytes()) {
                     return Err(ForceError::NotWhole { asked: address, right: register.address() });
@@ -172,7 +172,7 @@ impl Forces {
         self.find(plc, offset).map(|at| self.list.remove(at)).is_ok()
     }
 
-    /// Puts all forced values into the RAM. Returns whether a register had another value.
+    /// Writes all forced values into the RAM. Returns true if a register had another value.
     #[inline]
     pub(super) fn apply(&self, devices: &[Box<dyn Device>]) -> bool {
         !self.list.is_empty() && self.store(devices)
@@ -181,7 +181,7 @@ impl Forces {
     #[cold]
     fn store(&self, devices: &[Box<dyn Device>]) -> bool {
         self.list.iter().fold(false, |any, forced| {
-            // Place and value were checked when the force was taken, and neither PLCs nor segments ever change.
+            // Address and value were checked when the force was set, and neither PLCs nor segments change later.
             let before = devices.get(forced.plc.index()).and_then(|device| {
                 device.segment().update(forced.offset, forced.width, |_| forced.value).ok()
             });

@@ -1,5 +1,5 @@
-//! Guests, which the server of the doors adds. The plant depends only on their actions: the same actions at the same
-//! emulated times give the same journal.
+//! Guests: programs that take part in buses of the plant through doors. The plant depends only on their actions: the
+//! same actions at the same emulated times give the same journal.
 
 use super::Plant;
 use crate::can::{ErrorState, Frame};
@@ -12,19 +12,19 @@ use crate::profibus::Burst;
 use std::sync::Arc;
 
 impl Plant {
-    /// The guests of bus number `bus`, for an action of one of them.
+    /// The guests of bus number `bus`, for an action of a guest.
     fn guests_of(&mut self, bus: BusIndex) -> Option<&mut dyn BusGuests> {
         (self.has_looked, self.is_seen) = (false, false);
         self.guests_seen(bus)
     }
 
-    /// The guests of bus number `bus`, for reading the state of one of them.
+    /// The guests of bus number `bus`, for reading the state of a guest.
     fn guests_seen(&mut self, bus: BusIndex) -> Option<&mut dyn BusGuests> {
         self.buses[..self.named_buses].get_mut(bus.index())?.guests()
     }
 
-    /// Guest number `guest` takes part in bus number `bus` from now on. `is_stepped`: its frames enter at the next step
-    /// only; the journal records this.
+    /// Guest number `guest` takes part in bus number `bus` from now on. If `is_stepped`, the bus takes over frames of
+    /// the guest only at the next step of the clock; the journal records this.
     pub fn guest_joins(&mut self, bus: BusIndex, guest: u8, is_stepped: bool) {
         let now = self.now;
         let Some(guests) = self.guests_of(bus) else { return };
@@ -33,7 +33,8 @@ impl Plant {
         self.journal.push(now, GuestNews { bus, guest, news });
     }
 
-    /// The guests that take part in buses with known stations, except the guest that acts by requests: bus and number.
+    /// The guests that take part in buses with known stations, each as bus and number. Guest 0, which acts by requests,
+    /// is left out.
     pub(crate) fn guests(&self) -> Vec<(BusIndex, u8)> {
         let mut found = Vec::new();
         for (index, bus) in BusIndex::enumerate(self.buses()) {
@@ -51,8 +52,8 @@ impl Plant {
         self.journal.push(now, GuestNews { bus, guest, news: Attendance::Left });
     }
 
-    /// The guest has disconnected, with more frames to send than there was room for. Frames that would wait without a
-    /// limit are dropped.
+    /// The guest has disconnected, and some of its frames have not been sent. The bus drops those frames that could
+    /// wait long.
     pub(crate) fn guest_has_gone(&mut self, bus: BusIndex, guest: u8) {
         let now = self.now;
         if let Some(guests) = self.guests_of(bus) {
@@ -70,7 +71,7 @@ impl Plant {
         self.guests_seen(bus).map_or_else(ErrorState::default, |guests| guests.guest_errors(guest))
     }
 
-    /// The traffic of the bus goes to `receiver` from now on, except what this guest sends; with `None` the guest
+    /// From now on `receiver` gets the traffic of the bus, except the guest's own frames. With `None` the guest
     /// receives no more traffic.
     pub fn guest_hears(&mut self, bus: BusIndex, guest: u8, receiver: Option<Arc<Guest>>) {
         if let Some(guests) = self.guests_seen(bus) {
@@ -78,7 +79,7 @@ impl Plant {
         }
     }
 
-    /// A guest that takes part sends a frame, or a telegram.
+    /// A participating guest sends a frame, or a telegram.
     ///
     /// # Errors
     /// [`GuestRefusal`].
@@ -124,14 +125,14 @@ impl Plant {
         Ok(())
     }
 
-    /// A guest wants to take part, but has named another rate than the rate of the bus, which has this `S` code
-    /// (decision D-316).
+    /// Records that a guest wanted to take part with a baud rate that differs from that of the bus. `code` is the rate
+    /// of the guest as an `S` code (decision D-316).
     pub fn report_rate_mismatch(&mut self, bus: BusIndex, guest: u8, code: u8) {
         self.journal.find(self.now, Finding::at_bus(&rules::GUEST_BIT_RATE, bus, guest, code.into()));
     }
 
-    /// A guest has announced a telegram of `octets` octets, an impossible length, and was disconnected (decision
-    /// D-357).
+    /// Records that a guest has announced a telegram of `octets` octets, which is an impossible length, and was
+    /// disconnected (decision D-357).
     pub fn guest_talks_nonsense(&mut self, bus: BusIndex, guest: u8, octets: u16) {
         self.journal.find(self.now, Finding::at_bus(&rules::GUEST_TELEGRAM, bus, guest, octets.into()));
     }
@@ -185,8 +186,8 @@ mod tests {
         plant.guest_joins(BusIndex(0), 2, true);
         assert_eq!(plant.guest_sends(BusIndex(0), 2, &frame(0x123, &[])), Ok(()));
         plant.advance_to(20_000);
-        // Alone, guest 1 tries for 57 bits 16 times, then for 65 each; the 22nd try begins at 9960 us and is over at 10416 us.
-        // Then come 45 bits, an intermission of 3, 48 bits.
+        // While guest 1 is alone, its first 16 attempts take 57 bit times each, the later ones 65. The 22nd attempt
+        // begins at 9960 us and ends at 10416 us. Then follow 45 bits, an intermission of 3 bits, and 48 bits.
         assert_eq!(arrived(&plant), [(10_776, 0x123, Some(2)), (11_184, 0x200, Some(1))]);
         let lines = lines(&plant);
         assert!(
@@ -206,7 +207,7 @@ mod tests {
         plant.advance_to(10_000);
         assert_eq!(arrived(&plant).len(), 3);
         assert_eq!(plant.guest_sends(BusIndex(0), 1, &frame(5, &[])), Err(GuestRefusal::NotHere));
-        // A single guest on the bus keeps nothing for guests that join later.
+        // The frame of a guest that is alone on the bus is not kept for guests that join later.
         assert_eq!(plant.guest_sends(BusIndex(0), 2, &frame(6, &[])), Ok(()));
         plant.guest_leaves(BusIndex(0), 2);
         plant.guest_joins(BusIndex(0), 1, false);

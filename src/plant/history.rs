@@ -1,5 +1,5 @@
-//! Registers that a client follows: the plant compares them before each poll of the firmware, and after each run of the
-//! firmware.
+//! Registers whose changes a client follows. The plant compares these registers before each poll and after each run of
+//! the firmware.
 
 use super::Plant;
 use super::force::Forces;
@@ -32,7 +32,7 @@ impl Plant {
     /// does not influence the plant.
     ///
     /// # Errors
-    /// [`FollowError`]; the registers before the excess register are followed.
+    /// [`FollowError`]. If there are too many registers, the first ones are followed nevertheless, up to the maximum.
     pub fn follow_registers(
         &mut self,
         plc: DeviceIndex,
@@ -40,7 +40,7 @@ impl Plant {
         len: u32,
         keep: Keep,
     ) -> Result<(), FollowError> {
-        // Earlier writes are not recorded.
+        // Writes before this moment must not be recorded as changes.
         self.keep_changes(By::Program);
         let (widths, ram) = self.ram(plc, offset)?;
         let registers = widths.registers(ram, offset, len)?;
@@ -49,8 +49,8 @@ impl Plant {
         if registers.iter().all(follows) { Ok(()) } else { Err(FollowError::TooMany) }
     }
 
-    /// Returns at most `max` changes of registers that are followed for onlookers, from number `from` on, and the
-    /// number of the next change.
+    /// Returns at most `max` changes of registers that are followed for onlookers, beginning with change number `from`.
+    /// Also returns the number of the next change.
     pub fn changes(&mut self, from: u64, max: usize) -> (Vec<Change>, u64) {
         self.journal.changes(from, max)
     }
@@ -72,7 +72,7 @@ impl Plant {
         }
     }
 
-    /// Returns the journal, and the data that it compares.
+    /// Returns the journal, and the registers that the journal compares.
     #[inline]
     fn compared(&mut self) -> (&mut Journal, Compared<'_>) {
         let Plant { now, devices, forces, journal, .. } = self;

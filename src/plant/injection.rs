@@ -1,11 +1,11 @@
-//! Faults as the plant's callers see them, and faults of nodes and slaves as a whole.
+//! Functions of the plant for faults.
 
 use super::Plant;
 use crate::devices;
 use crate::fault::{DeviceSite, Fault, FaultStatus, Owner, Refusal, Sites};
 
 impl Plant {
-    /// Adds a fault; a fault with a start that has passed begins at once. Returns its number.
+    /// Adds a fault and returns its number. If the start time of the fault has passed, the fault begins immediately.
     ///
     /// # Errors
     /// [`Refusal`]: the plant has no such bus, slave or port, the target cannot have this fault, or there are
@@ -20,14 +20,14 @@ impl Plant {
     /// Clears fault number `id`.
     ///
     /// # Errors
-    /// [`Refusal::UnknownFault`] if there is no fault of that number, or no longer.
+    /// [`Refusal::UnknownFault`] if no fault has that number, or the fault has ended.
     pub fn clear_fault(&mut self, id: u16) -> Result<(), Refusal> {
         self.faults.clear(self.now, id, &mut self.journal)?;
         self.tell_of_faults();
         Ok(())
     }
 
-    /// Clears all faults; returns their number.
+    /// Clears all faults. Returns how many there were.
     pub fn clear_faults(&mut self) -> u16 {
         let ids: Vec<u16> = self.faults().map(|fault| fault.id).collect();
         let cleared = ids.into_iter().filter(|id| self.clear_fault(*id).is_ok());
@@ -78,7 +78,7 @@ impl Plant {
         Sites { buses: buses.collect(), devices: devices.collect() }
     }
 
-    /// Fires the faults that act without a trigger.
+    /// Applies the faults that act by themselves, not at an operation of their target.
     pub(super) fn fire(&mut self) {
         let Plant { now, devices, buses, faults, journal, is_rescheduled, .. } = self;
         *is_rescheduled = true;

@@ -4,13 +4,14 @@ use super::Plant;
 use crate::identity::BusIndex;
 use crate::journal::Source;
 
-/// Maximum delay with which the journal records combined counts, in emulated microseconds.
+/// Maximum delay, in emulated microseconds, of a record in the journal that combines several frames.
 const LATE_US: u64 = 2_000_000;
 
 impl Plant {
-    /// Load of bus `bus` in thousandths: the time for which arrived frames kept its wire busy, in the last `span_us` of
-    /// emulated time or since power-on if this is less. `None` if no time has passed. The load is computed from the
-    /// records that the journal still has; a journal that continues from a snapshot has no records before the snapshot.
+    /// Load of bus `bus` in thousandths: the part of the last `span_us` of emulated time, or of the time since power-on
+    /// if this is shorter, in which frames kept the wire busy. Only frames that have arrived count. `None` if no time
+    /// has passed. The load is computed from the records that the journal still has; after a start from a snapshot, the
+    /// journal has no records before the snapshot.
     pub fn bus_load(&self, bus: BusIndex, span_us: u64) -> Option<u16> {
         let wire = self.buses().get(bus.index())?;
         let begin = self.now().saturating_sub(span_us).max(self.journal().since_us());

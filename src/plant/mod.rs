@@ -1,4 +1,4 @@
-//! A whole installation: PLCs with their communication RAM, drives, the buses between them, one clock.
+//! A whole installation: PLCs with their communication RAM, drives, the buses between them, and one clock for all.
 //!
 //! Only [`Plant::advance_to`] advances the simulation. The same plant and the same register writes at the same emulated
 //! times give the same journal, byte for byte.
@@ -49,21 +49,21 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use worker_pool::WorkerPool;
 
-/// Number of consecutive attempts to run buses independently before the plant gives up for a while.
+/// Number of consecutive attempts to run buses independently. If all fail, the plant makes no attempt for some time.
 const TRIES: u32 = 4;
 
 /// The whole simulation, with its clock and its journal.
 pub struct Plant {
     now: u64,
     next_cycle: u64,
-    /// Time of the next event of all devices. It may be too early, which has no effect.
+    /// Time of the next event of all devices. The value may be too early, which has no effect.
     next_device: u64,
     cycle_us: u64,
     /// No event has occurred since the last processor cycle.
     has_looked: bool,
     /// No register was written since the last poll of the registers.
     is_seen: bool,
-    /// Whether a watched event is to stop [`Plant::advance_until`].
+    /// True if a watched event is to stop [`Plant::advance_until`].
     watching: bool,
     devices: Vec<Box<dyn Device>>,
     /// The buses of the plant file, then placeholders for unconnected ports: one for each kind, and one for each port that
@@ -71,8 +71,8 @@ pub struct Plant {
     buses: Vec<Box<dyn Bus>>,
     /// Number of buses in the plant file.
     named_buses: usize,
-    /// Time of the next event of each device and bus. Valid only while the clock advances: between two advances, any
-    /// client may change it.
+    /// Time of the next event of each device and bus. Valid only while the clock advances: between two advances, a
+    /// client may change the times.
     schedule: DueQueue,
     /// `schedule` is stale and must be rebuilt before use.
     is_rescheduled: bool,
@@ -84,9 +84,9 @@ pub struct Plant {
     workers: WorkerPool,
     forces: Forces,
     faults: Faults,
-    /// Watches of the access checker over each device; the buses have the watches over ports.
+    /// Watches of the access checker, one for each device. The watches for ports are in the buses.
     watches: Vec<DeviceWatch>,
-    /// Ports of devices that are to be notified of a SYNC edge; empty between events.
+    /// Ports whose devices must still be notified of a SYNC edge; empty between events.
     edges: Vec<Origin>,
     /// Register widths of each device, for accesses from outside.
     widths: Vec<RegisterWidths>,
@@ -100,7 +100,7 @@ impl Plant {
     /// layout: heap or image.
     ///
     /// # Errors
-    /// If the configuration is refused, or if a segment is not accessible or is too small.
+    /// The configuration is refused, or a segment is not accessible or is too small.
     pub fn new<E>(
         config: &PlantConfig,
         mut segment: impl FnMut(&str, &'static Layout) -> Result<Segment, E>,
@@ -182,14 +182,14 @@ impl Plant {
         self.buses.iter().map(|bus| bus.next_time()).fold(first, u64::min)
     }
 
-    /// Advances the clock to `time`, and handles all events on the way, including events at `time` itself. A time in
+    /// Advances the clock to `time`, and handles all events up to `time`, including events at `time` itself. A time in
     /// the past changes nothing.
     pub fn advance_to(&mut self, time: u64) {
         while self.advance_until(time) {}
     }
 
-    /// Same as [`Plant::advance_to`], but stops early when a watched event ([`Plant::watch`]) has occurred, and then
-    /// returns `true`. Later events at the same moment are left for the next call.
+    /// As [`Plant::advance_to`], but stops early when a watched event ([`Plant::watch`]) has occurred, and then returns
+    /// `true`. The next call handles the remaining events of this moment.
     pub fn advance_until(&mut self, time: u64) -> bool {
         self.look_for_writes();
         self.is_rescheduled = true;
@@ -197,8 +197,8 @@ impl Plant {
         let mut stopped = false;
         let mut tries = TRIES;
         while !stopped {
-            // At the same moment the order is: faults, the processor cycle, the devices' own times, the buses in plant
-            // order.
+            // Order of events at the same moment: faults, the processor cycle, events of devices, events of buses in
+            // plant order.
             if self.is_rescheduled {
                 self.schedule_buses();
             }
@@ -265,8 +265,8 @@ impl Plant {
         stopped
     }
 
-    /// Advances the clock to a time before the next event ([`Plant::next_event`]): cheaper than [`Plant::advance_to`],
-    /// which checks earlier writes. A time in the past changes nothing.
+    /// Advances the clock to a time before the next event ([`Plant::next_event`]). This is faster than
+    /// [`Plant::advance_to`], because it does not check earlier writes. A time in the past changes nothing.
     #[inline]
     pub fn pass_to(&mut self, time: u64) {
         self.now = self.now.max(time);
@@ -276,7 +276,8 @@ impl Plant {
         self.watches.iter_mut().for_each(|watch| watch.show_time(self.now));
     }
 
-    /// The speed of the clock in the header pages was set: emulated time per real time x 1000.
+    /// Notifies the access checker that the speed of the clock in the header pages was set, in emulated time per real
+    /// time x 1000.
     pub(crate) fn show_speed(&mut self, permille: u32) {
         self.watches.iter_mut().for_each(|watch| watch.show_speed(permille));
     }
@@ -289,8 +290,7 @@ impl Plant {
         self.watching = events_of(&mut self.devices).any(|its| its.watched != 0);
     }
 
-    /// Whether a watched event has occurred; all devices are asked, so that no old event stops
-    /// the next call.
+    /// True if a watched event has occurred. Takes the events of all devices, so that no old event stops the next call.
     fn take_stop(&mut self) -> bool {
         events_of(&mut self.devices).fold(false, |stop, its| stop | its.take_stop())
     }
@@ -311,15 +311,15 @@ impl Plant {
         self.next_device = self.devices.iter().map(|device| device.next_time()).fold(NEVER, u64::min);
     }
 
-    /// All boards poll their switches and all nodes poll their control registers at the present time, as a doorbell
-    /// requests. Does not shift the regular processor cycle.
+    /// Runs a processor cycle at the present time, because a client has rung the doorbell: all boards poll their
+    /// switches, and all ports poll their control registers. The times of the regular processor cycles do not change.
     pub fn processor_cycle(&mut self) {
         self.look_for_writes();
         self.run_cycle();
         self.leave();
     }
 
-    /// Returns false if the next cycle writes registers again, since the firmware has written a forced one.
+    /// Returns false if the next cycle must write registers again, because the firmware has written a forced register.
     fn run_cycle(&mut self) -> bool {
         self.look_at_requests();
         self.forces.apply(&self.devices);
@@ -344,15 +344,15 @@ impl Plant {
         self.is_seen
     }
 
-    /// Whether a PLC has written the control register of a port, or turned a switch of its board, that the firmware has not polled
-    /// yet.
+    /// True if a program has written the control register of a port, or turned a switch of its board, and the firmware
+    /// has not polled it yet.
     pub fn control_changed(&self) -> bool {
         self.buses.iter().any(|bus| bus.control_changed())
             || self.devices.iter().any(|device| device.has_changed())
     }
 
-    /// Handles the present event of a bus. If the order is not visible, also handles the following events of the
-    /// same bus before any other event.
+    /// Handles the present event of a bus. If no participant can see the order of the events, also handles the
+    /// following events of this bus before events of others.
     fn bus_events(&mut self, index: BusIndex, time: u64) {
         let until = if self.is_unobserved() {
             let others =
@@ -390,8 +390,8 @@ impl Plant {
         self.is_rescheduled = false;
     }
 
-    /// Notifies the devices of the SYNC edges at their ports; an edge may have started or moved an activity of the
-    /// device.
+    /// Notifies the devices of the SYNC edges at their ports. An edge may start or move an activity of the device, so
+    /// the time of its next event is computed again.
     fn tell_edges(&mut self) {
         for Origin { plc, node } in self.edges.drain(..) {
             if let Some(device) = self.devices.get_mut(plc.index()) {

@@ -1,4 +1,5 @@
-//! Stores of outside programs into the images, recorded for other plants that must run the same way.
+//! Stores of outside programs into the images. They are repeated in the images of other hosts, whose plants must run
+//! identically.
 
 use super::Plant;
 use super::snapshot::registers_of;
@@ -8,8 +9,8 @@ use crate::memory::{RegisterCopy, StoredBytes};
 use core::ops::Range;
 use serde::{Deserialize, Serialize};
 
-/// Contents of the registers of all devices at the last poll. Requests to the boards need no copy: their firmware reads
-/// them in separate pages.
+/// Contents of the registers of all devices at the last poll. Requests to the boards need no copy, because the firmware
+/// reads them in separate pages.
 pub(crate) struct Outside(Vec<DeviceRegisters>);
 
 struct DeviceRegisters {
@@ -27,7 +28,7 @@ pub(crate) struct Stored {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum StoreTarget {
     Registers(StoredBytes),
-    /// To the header page: the cell that programs write there, and the value.
+    /// A store to the header page: index of the cell among those that programs write, and the value.
     Board(u16, u32),
 }
 
@@ -40,12 +41,12 @@ impl DeviceRegisters {
 }
 
 impl Outside {
-    /// Copies the present contents.
+    /// Copies the present contents of the registers.
     pub(crate) fn of(plant: &Plant) -> Self {
         Outside(plant.devices().iter().map(|device| DeviceRegisters::of(&**device)).collect())
     }
 
-    /// Registers that differ from the last poll.
+    /// Stores since the last poll: the registers whose contents have changed.
     pub(crate) fn stored(&mut self, plant: &Plant) -> Vec<Stored> {
         let devices = DeviceIndex::enumerate(plant.devices().iter().zip(&mut self.0));
         let stored = devices.flat_map(|(plc, (device, seen))| {
@@ -55,7 +56,7 @@ impl Outside {
         stored.collect()
     }
 
-    /// Takes the present contents of the registers as already known.
+    /// Copies the present contents, so that stores up to now are not returned.
     pub(crate) fn renew(&mut self, plant: &Plant) {
         let devices = plant.devices().iter().zip(&mut self.0);
         devices.for_each(|(device, seen)| device.segment().renew_copy(&seen.ranges, &mut seen.registers));
@@ -63,7 +64,7 @@ impl Outside {
 }
 
 impl Plant {
-    /// Whether programs have made a request to a board that its firmware has not seen, or the boards have something to
+    /// True if programs have made a request to a board that its firmware has not seen, or if a board has something to
     /// poll.
     pub(crate) fn has_undelivered_requests(&self) -> bool {
         let is_asked = |device: &dyn Device| device.segment().has_new_requests(device.layout().front);
@@ -81,7 +82,8 @@ impl Plant {
         stores.collect()
     }
 
-    /// Repeats the store of a program into the image of another plant like this one, as a program here would make it.
+    /// Repeats the store that a program has made into an image of another, identical plant. The effect is that of a
+    /// store by a program on this host.
     pub(crate) fn store_as_outside(&self, stored: &Stored) {
         let Some(device) = self.devices().get(stored.plc.index()) else { return };
         match stored.what {

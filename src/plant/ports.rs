@@ -1,4 +1,4 @@
-//! Connection of ports with buses: which port of which device is where, and the signals between both.
+//! Connections between the ports of devices and the buses, and the signals between both.
 
 use super::Plant;
 use crate::devices::{
@@ -10,12 +10,12 @@ use crate::snapshot_fields;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// A port of a device, plugged in.
+/// A port of a device, connected to a bus.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Port {
-    /// Its number in the device's layout.
+    /// Number of the port in the device's layout.
     pub(super) number: u8,
-    /// Index of its bus.
+    /// Index of the bus.
     pub(super) bus: BusIndex,
     /// Place of the port on the bus.
     pub(super) place: usize,
@@ -27,7 +27,7 @@ pub(super) struct Port {
 pub(super) struct PluggedPort {
     /// Index of the device.
     pub(super) device: DeviceIndex,
-    /// Index of the port there.
+    /// Index of the port in the device.
     pub(super) port: usize,
 }
 
@@ -38,16 +38,17 @@ snapshot_fields!(Ports { parts: of_device; built: ways, seats });
 #[derive(Default)]
 pub(super) struct Ports {
     of_device: Vec<Vec<Port>>,
-    /// For each bus the ports that can take over its SYNC signal: their device, their index in the device, and the
-    /// index of the device's port on this bus.
+    /// For each bus, the ports on other buses to which a device can pass on the SYNC signal of this bus. Each entry has
+    /// the device, the index of the other port in the device, and the index of the device's port on this bus.
     ways: Vec<Vec<(DeviceIndex, usize, usize)>>,
-    /// For each bus the ports at its places.
+    /// For each bus, the port at each of its places.
     seats: Arc<Vec<Vec<PluggedPort>>>,
 }
 
 impl Ports {
-    /// Plugs the ports of the next device in. The buses of the plant file, with their indices by name in `named`, are
-    /// followed by the placeholders for ports without a bus: one for each kind, then one for each port that runs alone.
+    /// Connects the ports of the next device to their buses. `named` has the index of each bus in the plant file by its
+    /// name. Placeholders for ports without a bus follow these buses: one for each kind, then one for each port that
+    /// runs alone.
     pub(super) fn plug_in(
         &mut self,
         device: &mut dyn Device,
@@ -98,7 +99,7 @@ impl Ports {
         DeviceIndex::enumerate(&self.of_device).flat_map(of_device)
     }
 
-    /// Ports at the places of each bus; each port that is plugged in gets the next place.
+    /// For each bus, the port at each of its places. The places are in the order in which the ports were connected.
     pub(super) fn seats(&self) -> Arc<Vec<Vec<PluggedPort>>> {
         Arc::clone(&self.seats)
     }
@@ -161,7 +162,7 @@ impl Plant {
         }
     }
 
-    /// Takes the action that polling the front of device `index` requires.
+    /// Carries out the action that results from polling the front of device `index`.
     pub(super) fn follow(&mut self, look: FrontAction, index: DeviceIndex) {
         self.is_rescheduled |= !matches!(look, FrontAction::Nothing | FrontAction::Answered);
         match look {
@@ -177,7 +178,7 @@ impl Plant {
         }
     }
 
-    /// The firmware of all ports of device `index` polls its control registers.
+    /// Polls the control registers of all ports of device `index`, as their firmware does.
     pub(super) fn ports_look(&mut self, index: DeviceIndex) {
         let mut of_device = self.devices[index.index()].ports();
         for port in &mut self.ports.of_device[index.index()] {
@@ -221,7 +222,7 @@ impl Plant {
         None
     }
 
-    /// The port that receives the SYNC signal which the master on a bus passes on now.
+    /// The port that receives the SYNC signal that the master of bus `bus` passes on at present.
     fn sync_comes_from(&self, bus: BusIndex) -> Option<Port> {
         let sync = self.buses.get(bus.index())?.sync()?;
         let takes_it = |&&(device, to, _): &&(DeviceIndex, usize, usize)| {
@@ -232,7 +233,7 @@ impl Plant {
         Some(self.ports.of_device[device.index()][from])
     }
 
-    /// Describes in words why there is no SYNC signal at port `port` of device `device`, when [`Plant::next_sync`]
+    /// Describes why there is no SYNC signal at port `port` of device `device`, for the case that [`Plant::next_sync`]
     /// returns `None`.
     pub fn why_no_sync(&self, device: DeviceIndex, port: u8) -> String {
         let names = self.names();

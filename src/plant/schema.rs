@@ -61,12 +61,12 @@ fn name() -> Value {
     })
 }
 
-/// A section with any keys.
+/// Schema of a section with any keys.
 fn open() -> Value {
     json!({ "type": "object", "required": ["name"], "properties": { "name": name() } })
 }
 
-/// A section with the folder of a device.
+/// Schema of a section that names the folder of a device.
 fn of_folder() -> Value {
     let path = json!({
         "type": "string", "pattern": "/",
@@ -93,7 +93,7 @@ fn section(mut schema: Value, definitions: &mut Map<String, Value>) -> Value {
     schema
 }
 
-/// The section with its `kind`.
+/// Adds the property `kind` to the schema of a section.
 fn of_kind(mut section: Value, kind: &str, needed: bool) -> Value {
     section["properties"]["kind"] = json!({ "const": kind });
     if needed && let Some(required) = section["required"].as_array_mut() {
@@ -102,7 +102,7 @@ fn of_kind(mut section: Value, kind: &str, needed: bool) -> Value {
     section
 }
 
-/// A `[[fault]]` of this kind.
+/// Schema of a `[[fault]]` of this kind.
 fn fault(kind: &'static FaultKind) -> Value {
     let mut properties = Map::new();
     for field in kind.all_fields() {
@@ -159,7 +159,8 @@ mod tests {
         known.split(", ").map(str::to_owned).collect()
     }
 
-    /// Compares the keys of a table, and of tables in it, with the keys of the parser. Returns the number of tables.
+    /// Compares the keys that the schema has for a table, and for tables in it, with the keys that the parser knows.
+    /// Returns the number of tables.
     fn compare(root: &Value, schema: &Value, plant: &dyn Fn(&str) -> String, added: &[&str]) -> usize {
         let properties = schema["properties"].as_object().unwrap();
         let keys = properties.keys().filter(|key| !added.contains(&key.as_str()));

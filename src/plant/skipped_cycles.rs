@@ -1,20 +1,22 @@
 //! Skipping of polls that change nothing.
 //!
-//! A processor cycle polls the registers; a client does not announce its stores to them. After a processor cycle, if all
-//! ports and devices are quiescent and no register is written, the cycles up to the next event would have the same
-//! result, so the plant skips them. No client can see the difference: until the time has passed, only the client that
-//! advances the clock can write, and programs that have mapped an image. The next poll sees their writes, so the plant
-//! always polls when [`Plant::advance_to`] reaches a processor cycle for the first time.
+//! A processor cycle polls the registers, because clients do not announce their stores. If all ports and devices are
+//! quiescent after a cycle, and no register is written, the cycles up to the next event would change nothing, so the
+//! plant skips them.
 //!
-//! While a bus is busy, a poll also updates the registers for the present traffic. If one call advances the clock over
-//! several polls without any work, the last poll is sufficient.
+//! No client can see the difference. Until the clock has reached the next event, only two kinds of clients can write:
+//! the client that advances the clock, and programs that have mapped an image. The next poll sees their writes, because
+//! the plant always polls when [`Plant::advance_to`] reaches a processor cycle for the first time.
+//!
+//! While a bus is busy, a poll also updates the registers that show the present traffic. If one call advances the clock
+//! over several polls that change nothing else, the plant makes only the last poll.
 
 use super::Plant;
 use super::ports::Port;
 
 impl Plant {
-    /// Same as [`Plant::next_event`], but without processor cycles that change nothing: a client that waits for a
-    /// register need not poll it earlier, unless another program writes it.
+    /// As [`Plant::next_event`], but without processor cycles that change nothing. A client that waits for a register
+    /// need not poll the register earlier, unless another program writes it.
     pub fn next_change(&self) -> u64 {
         let others = self.next_besides_cycle();
         if self.has_looked && self.next_cycle < others && self.is_quiescent() {
@@ -30,8 +32,8 @@ impl Plant {
         self.buses.iter().map(|bus| bus.next_time()).fold(first, u64::min)
     }
 
-    /// Called after a processor cycle without later events: skips the cycles before `until` if they would change
-    /// nothing.
+    /// Called after a processor cycle that no other event has followed. Skips the cycles before `until` if they would
+    /// change nothing.
     #[inline]
     pub(super) fn leave_out_cycles(&mut self, until: u64) {
         if self.next_cycle < until && self.is_quiescent() {
@@ -41,16 +43,17 @@ impl Plant {
         }
     }
 
-    /// Called at the next processor cycle. Skips this cycle, and the cycles that follow it until `due`, the time of the
-    /// next other event, if they change nothing but the live traffic in the registers. A later cycle, at `time` at the
-    /// latest, shows that traffic (decision D-585).
+    /// Called at the next processor cycle. `due` is the time of the next event that is not a processor cycle. If this
+    /// cycle and the cycles until `due` would only update the registers that show the live traffic, skips them. A later
+    /// cycle, at `time` at the latest, updates these registers (decision D-585).
     #[inline]
     pub(super) fn leaves_cycles_out(&mut self, due: u64, time: u64) -> bool {
         let (first, cycle_us) = (self.next_cycle, self.cycle_us);
         if first + cycle_us > time || self.watching || !self.is_unobserved() {
             return false;
         }
-        // No event occurs in between: if the last poll changes nothing, the earlier ones change nothing either.
+        // No event occurs before the last of these polls. If the last poll changes nothing, the earlier polls change
+        // nothing either.
         let more = (due.min(time - cycle_us) - first) / cycle_us;
         let Some(more) =
             [more, 0].into_iter().find(|more| self.poll_changes_nothing(first + more * cycle_us))
@@ -63,8 +66,8 @@ impl Plant {
         true
     }
 
-    /// The next processor cycle up to `time` that is needed, by present knowledge: buses that run independently make
-    /// earlier cycles themselves where a cycle would find something to do.
+    /// The last processor cycle up to `time` that must run, as far as is known now. Buses that run independently make
+    /// the earlier cycles that would change something.
     pub(super) fn last_needed_cycle(&mut self, time: u64) -> u64 {
         let first = self.next_cycle;
         let may_be_left = first + self.cycle_us <= time && !self.watching && self.is_unobserved();
@@ -72,12 +75,12 @@ impl Plant {
             return first;
         }
         self.is_seen = true;
-        // The journal receives the time at the first cycle after its next poll.
+        // The journal must be notified of the time at the first cycle after `next_look`.
         let wanted = time.min(self.journal.next_look().saturating_add(self.cycle_us - 1)).max(first);
         first + (wanted - first) / self.cycle_us * self.cycle_us
     }
 
-    /// Whether no registers are followed or forced, and there are no faults.
+    /// True if no registers are followed or forced, and there are no faults.
     #[inline]
     pub(super) fn is_unobserved(&self) -> bool {
         self.faults.is_empty() && !self.journal.follows() && self.forces.list().is_empty()
@@ -94,7 +97,7 @@ impl Plant {
         })
     }
 
-    /// Whether further polls would change nothing until another event occurs, after a poll that has handled all
+    /// True if further polls would change nothing until another event occurs. The last poll must have handled all
     /// changes.
     fn is_quiescent(&self) -> bool {
         let mut devices = self.devices.iter().zip(self.ports.of_devices());

@@ -19,7 +19,8 @@ use core::borrow::Borrow;
 use core::ops::Range;
 use std::sync::Arc;
 
-/// The state of a plant at a moment, for that plant or a plant of the same plant file.
+/// The state of a plant at a moment. It can be restored in that plant, or in a plant that was built from the same plant
+/// file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Snapshot {
     time_us: u64,
@@ -29,7 +30,7 @@ pub struct Snapshot {
     state: Vec<u8>,
 }
 
-/// A search for a moment of the history; the journal's records are set aside meanwhile.
+/// A search for a moment in the past of the plant. During the search, the journal's records are kept here.
 pub(crate) struct Search(Rings);
 
 /// Reason for which a plant cannot restore a snapshot.
@@ -38,12 +39,12 @@ pub enum SnapshotError {
     /// The snapshot has other devices or buses.
     #[error("it is of another plant: it has {theirs}, here there are {ours}")]
     OtherPlant {
-        /// Its devices and buses.
+        /// Devices and buses of the snapshot.
         theirs: String,
-        /// Names in this plant.
+        /// Devices and buses of this plant.
         ours: String,
     },
-    /// The registers of a device are elsewhere.
+    /// The snapshot has other addresses for the registers of a device.
     #[error(
         "the registers of PLC '{plc}' lie elsewhere in it: its layout is 16#{found:016X}, here it is 16#{expected:016X}; \
          take it back to the version of commram and of the layout that it was made with"
@@ -56,7 +57,7 @@ pub enum SnapshotError {
         /// Hash of its layout here.
         expected: u64,
     },
-    /// A PLC is another device in it.
+    /// A PLC of the snapshot is another device than in this plant.
     #[error(
         "PLC '{plc}' is another device in it, {theirs}, here {ours}; start its plant by `commram run --from`"
     )]
@@ -71,13 +72,13 @@ pub enum SnapshotError {
     /// The devices and buses of the snapshot have other settings.
     #[error("its plant file has another setting of {what}; start its plant by `commram run --from`")]
     OtherSettings {
-        /// Settings that differ there.
+        /// The settings that differ.
         what: String,
     },
-    /// A file of a device's folder has changed since the snapshot, whose plant is otherwise the same.
+    /// A file in the folder of a device has changed since the snapshot. All other settings agree.
     #[error("a file of {what} has changed since the snapshot, in {folders}; restore it")]
     ChangedFolder {
-        /// Settings that differ.
+        /// The devices whose folders have changed.
         what: String,
         /// The folders of the plant's devices.
         folders: String,
@@ -85,7 +86,7 @@ pub enum SnapshotError {
     /// All settings agree, but the state differs.
     #[error("its state differs: its plant file has other faults, or it does not begin at the same moment")]
     OtherState,
-    /// Its bytes are not a state of this plant.
+    /// The bytes of the snapshot are not a state of this plant.
     #[error("it is damaged, or was made by another build of commram: {0}")]
     Damaged(#[from] Damaged),
 }
@@ -97,14 +98,14 @@ impl Snapshot {
         self.time_us
     }
 
-    /// Bytes of memory that it takes.
+    /// Size of the snapshot in memory, in bytes.
     #[must_use]
     pub fn size(&self) -> usize {
         let names = self.layouts.iter().map(|(name, _)| name).chain(&self.buses);
         size_of::<Self>() + self.state.capacity() + names.map(String::capacity).sum::<usize>()
     }
 
-    /// Returns its memory for another snapshot.
+    /// Returns the memory of the snapshot, so that another snapshot can use it.
     pub(crate) fn into_state(self) -> Vec<u8> {
         self.state
     }
@@ -122,7 +123,8 @@ impl Snapshot {
 }
 
 impl Plant {
-    /// Does the postponed work. The result is the same, but snapshots take less time.
+    /// Does the work that the parts of the plant have postponed. This does not change their results, but makes
+    /// snapshots faster.
     pub(crate) fn settle(&mut self) {
         self.buses.iter_mut().filter_map(|bus| bus.drives_mut()).for_each(|drives| drives.settle());
     }
@@ -144,7 +146,7 @@ impl Plant {
         SnapshotFile { plant: self.text.as_ref().to_owned(), snapshot }
     }
 
-    /// Same as [`Plant::snapshot`], in the memory of bytes that are no longer needed.
+    /// As [`Plant::snapshot`], but reuses the memory of `bytes`.
     pub(crate) fn snapshot_reusing(&self, bytes: Vec<u8>) -> Snapshot {
         let mut to = Saving::reusing(bytes);
         self.save(&mut to);
@@ -168,16 +170,16 @@ impl Plant {
         self.take_over(snapshot, false)
     }
 
-    /// Goes back to a snapshot of this plant's own past: the journal keeps its records up to the snapshot.
+    /// Returns to a snapshot from this plant's own past. The journal keeps its records up to the snapshot.
     ///
     /// # Errors
-    /// Same as [`Plant::restore`].
+    /// See [`Plant::restore`].
     pub fn go_back(&mut self, snapshot: &Snapshot) -> Result<(), SnapshotError> {
         self.take_over(snapshot, true)
     }
 
-    /// Begins a search that visits moments of the history and ends at one of them: the journal's records up to that
-    /// moment stay.
+    /// Begins a search that visits several moments in the past and ends at one of them. The journal keeps its records
+    /// up to that moment.
     pub(crate) fn search(&mut self) -> Search {
         Search(self.journal.lay_aside())
     }
@@ -198,8 +200,8 @@ impl Plant {
         to.into_bytes()
     }
 
-    /// Whether another plant with the [`Plant::likeness`] `theirs` has the same parts, and had the state that this
-    /// plant had when it returned `ours`.
+    /// Compares two results of [`Plant::likeness`]: `ours` of this plant and `theirs` of another plant. They are equal
+    /// if both plants have the same parts and had the same state.
     ///
     /// # Errors
     /// The difference between the plants.
@@ -216,7 +218,7 @@ impl Plant {
         let mut from = Saved::new(&snapshot.state);
         let taken = self.read(&mut from, goes_back).and_then(|()| from.end());
         if taken.is_err() {
-            // This plant can read the bytes that it has just saved.
+            // This cannot fail, because this plant has just saved the bytes.
             let _ = self.read(&mut Saved::new(before.bytes()), true);
         }
         self.arrive();
@@ -274,20 +276,20 @@ impl Plant {
             next_cycle,
             next_device,
             cycle_us: _,
-            // A plant that continues polls first.
+            // After a restoration the plant polls first.
             has_looked: _,
             is_seen: _,
-            // A client outside waits for an event.
+            // A client outside the plant sets this while it waits for an event.
             watching: _,
             devices,
             buses,
             named_buses: _,
-            // The buses are asked before time passes.
+            // The schedule is rebuilt from the buses before the clock advances.
             schedule: _,
             is_rescheduled: _,
             ports,
             journal,
-            // Empty between events, as the edges are.
+            // Empty between events.
             drafts: _,
             workers: _,
             forces,
@@ -346,7 +348,7 @@ impl Plant {
     }
 }
 
-/// Ranges of the registers that can have contents, in ascending order.
+/// Ranges of the image that contain registers, in ascending order.
 pub(super) fn registers_of(device: &dyn Device) -> Vec<Range<usize>> {
     let layout: &'static Layout = device.layout();
     let areas = layout.areas.iter().map(|area| area.first as usize..area.last() as usize + 1);

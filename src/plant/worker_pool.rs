@@ -1,8 +1,8 @@
-//! Permanent worker threads: repeated work for several cores does not start new threads each time.
+//! Permanent worker threads, so that repeated work for several cores does not start new threads each time.
 //!
-//! Each piece of work is moved to a thread as a whole and returned, so no other thread has access meanwhile. An idle
-//! thread polls for work for a moment, because work mostly comes again soon, then sleeps (on a futex, in the channel of
-//! the work).
+//! Each piece of work is moved to a thread as a whole and moved back afterwards, so no other thread can access it at
+//! the same time. An idle thread first polls for work for a moment, because the next piece usually follows soon. Then
+//! it sleeps on a futex of the channel that delivers the work.
 
 use core::time::Duration;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -24,7 +24,7 @@ pub(super) struct WorkerPool {
 }
 
 struct Worker {
-    /// Taken when the thread is to end.
+    /// `None` when the thread is to end.
     work: Option<Sender<Work>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -32,7 +32,7 @@ struct Worker {
 impl WorkerPool {
     /// Starts `count` threads.
     pub(super) fn of(count: usize) -> Self {
-        // With fewer processors, a polling thread would keep the thread that it waits for from working.
+        // With fewer processors, a polling thread would use the processor that the thread with the work needs.
         let is_room = available_parallelism().is_ok_and(|processors| processors.get() > count);
         let looks = if is_room { LOOKS } else { Duration::ZERO };
         let start = |_| {

@@ -6,8 +6,8 @@ use crate::identity::DeviceIndex;
 use crate::journal::{By, ChannelWrite, Origin};
 
 impl Plant {
-    /// Checks the writes of clients since the last run of the firmware, before it runs again: device by device, first
-    /// its own registers, then the registers of its ports.
+    /// Called before the firmware runs: checks the writes of clients since its last run. The order is device by device,
+    /// first the device's own registers, then the registers of its ports.
     #[inline]
     pub(super) fn look_for_writes(&mut self) {
         (self.has_looked, self.is_seen) = (false, false);
@@ -26,7 +26,7 @@ impl Plant {
         }
     }
 
-    /// The firmware has run: from now on, writes come from clients.
+    /// Called after the firmware has run: stores the baselines. Later differences are writes of clients.
     #[inline]
     pub(super) fn leave(&mut self) {
         self.keep_changes(By::Firmware);

@@ -1,8 +1,8 @@
 //! Common parts of all function blocks: a name, declared pins, and a call for each PLC cycle.
 //!
-//! A block is declared with the macro `function_block`, which makes its struct, its presets and its table of pins
-//! from one text. Code that looks up blocks by name (a scenario, a completion, a test of the documentation) uses the
-//! device's list of [`BlockKind`]s.
+//! The macro `function_block` declares a block: from one declaration it makes the struct, the presets and the table of
+//! pins. Code that finds blocks by name (scenarios, completions, tests of the documentation) uses the device's list of
+//! [`BlockKind`]s.
 
 use super::{Base, Pin, PinError, PinType, PinValue, Ram};
 use crate::memory::{MemoryError, SharedRegs};
@@ -18,19 +18,19 @@ pub trait FunctionBlock: Default + 'static {
     const NAME: &'static str;
     /// Inputs, outputs, and data that are both, in the order of the documentation.
     const PINS: &'static [Pin];
-    /// The data that [`cycle`](Self::cycle) uses in addition to the pins.
+    /// The registers and variables that [`cycle`](Self::cycle) uses in addition to the pins.
     type Wires;
 
-    /// Connects a block at this place.
+    /// Connects a block to the registers and variables at this place.
     ///
     /// # Errors
-    /// Its registers do not fit there.
+    /// The registers of the block do not fit at this place.
     fn connect(place: &BlockContext<'_>) -> Result<Self::Wires, MemoryError>;
 
     /// The value of a pin; `None` if there is no such pin.
     fn pin(&self, wires: &Self::Wires, name: &str) -> Option<PinValue>;
 
-    /// A pin for setting; `None` if there is no such pin.
+    /// Mutable access to a pin; `None` if there is no such pin.
     fn pin_mut<'a>(&'a mut self, wires: &'a mut Self::Wires, name: &str) -> Option<&'a mut dyn PinType>;
 
     /// Runs one PLC cycle.
@@ -41,13 +41,13 @@ pub trait FunctionBlock: Default + 'static {
 pub struct BlockContext<'a> {
     /// The RAM of its PLC.
     pub ram: &'a Ram,
-    /// Offset of its area in the RAM.
+    /// Offset of the block's area in the RAM.
     pub offset: usize,
-    /// Variables of its PLC's program.
+    /// Variables of the PLC program.
     pub variables: &'a Variables,
 }
 
-/// Variables of a PLC's program that connect blocks to each other: one of each type.
+/// Variables of a PLC program through which blocks exchange data: one variable for each type.
 #[derive(Default)]
 pub struct Variables(RefCell<HashMap<TypeId, Rc<dyn Any>>>);
 
@@ -62,18 +62,18 @@ impl Variables {
     }
 }
 
-/// A parameter of a block's call.
+/// A parameter of `call` of a block: registers, the board, or a shared variable.
 pub trait Wire: Sized {
-    /// The view of the wire that the call gets.
+    /// The type that `call` gets.
     type CallView;
 
-    /// Connects it.
+    /// Connects the parameter to the registers or variable at this place.
     ///
     /// # Errors
-    /// The registers do not fit there.
+    /// The registers do not fit at this place.
     fn connect(place: &BlockContext<'_>) -> Result<Self, MemoryError>;
 
-    /// Borrows it for one call.
+    /// Borrows the connected registers or variable for one call.
     fn lend(&mut self) -> impl DerefMut<Target = Self::CallView>;
 }
 
@@ -89,7 +89,7 @@ impl<T: SharedRegs> Wire for Base<T> {
     }
 }
 
-/// The board: no registers, but the header page.
+/// The board. Its data are in the header page, not in registers.
 impl Wire for Ram {
     type CallView = Self;
 
@@ -102,7 +102,7 @@ impl Wire for Ram {
     }
 }
 
-/// A variable that several blocks of one PLC are connected to.
+/// A variable that several blocks of one PLC share.
 pub struct Shared<T>(Rc<RefCell<T>>);
 
 impl<T: Default + 'static> Wire for Shared<T> {
@@ -153,7 +153,7 @@ impl<B: FunctionBlock> BlockInstance for Wired<B> {
 pub struct BlockKind {
     /// The block's name.
     pub name: &'static str,
-    /// The structure that its area must have; none for blocks that belong to no area.
+    /// The structure that the block's area must have; `None` for blocks that belong to no area.
     pub structure: Option<&'static str>,
     /// Pins of the block.
     pub pins: &'static [Pin],
@@ -161,20 +161,20 @@ pub struct BlockKind {
 }
 
 impl BlockKind {
-    /// A block that requires a structure of that name in its area.
+    /// The kind of block `B`. Its area must have the structure with this name.
     pub const fn of<B: FunctionBlock>(structure: Option<&'static str>) -> Self {
         BlockKind { name: B::NAME, structure, pins: B::PINS, make: make::<B> }
     }
 
-    /// Makes a block with its presets.
+    /// Creates a block with its presets.
     ///
     /// # Errors
-    /// Its registers do not fit there.
+    /// The registers of the block do not fit at this place.
     pub fn make(&self, place: &BlockContext<'_>) -> Result<Box<dyn BlockInstance>, MemoryError> {
         (self.make)(place)
     }
 
-    /// Whether the block has a pin of that name.
+    /// True if the block has a pin with that name.
     pub fn has(&self, pin: &str) -> bool {
         self.pins.iter().any(|it| it.name == pin)
     }
@@ -184,7 +184,7 @@ fn make<B: FunctionBlock>(place: &BlockContext<'_>) -> Result<Box<dyn BlockInsta
     Ok(Box::new(Wired { block: B::default(), wires: B::connect(place)? }))
 }
 
-/// Lists of blocks: `structure: blocks` or `-: blocks` for those that belong to no area.
+/// Lists of blocks: `structure: blocks`, or `-: blocks` for blocks that belong to no area.
 macro_rules! block_kinds {
     ($($structure:tt: $($block:ident)*;)*) => {
         &[$($($crate::plc::BlockKind::of::<$block>($crate::plc::block_kinds!(@ $structure)),)*)*]

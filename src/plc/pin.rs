@@ -1,4 +1,4 @@
-//! Inputs and outputs of function blocks as values that a script or another language can give and take.
+//! Inputs and outputs of function blocks as values, for scripts and other languages.
 
 use crate::time;
 use core::fmt;
@@ -19,7 +19,7 @@ pub enum Direction {
 /// An input or output of a function block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pin {
-    /// Its name, letter for letter as in the manual.
+    /// Name of the pin, letter for letter as in the manual.
     pub name: &'static str,
     /// Direction of the value.
     pub direction: Direction,
@@ -48,7 +48,7 @@ pub enum PinValue {
     Int(i64),
     /// TIME, of emulated time.
     Time(Duration),
-    /// A text, for a TIME, `2ms`, or for a STRING.
+    /// A text: the value of a STRING, or a TIME such as `2ms`.
     Text(String),
     /// ARRAY.
     Array(Vec<PinValue>),
@@ -71,10 +71,10 @@ impl fmt::Display for PinValue {
     }
 }
 
-/// A value that a pin does not take.
+/// The reason why a pin cannot have a value.
 #[derive(Debug, PartialEq, Eq, Error)]
 pub enum PinError {
-    /// A value of another type, or out of range.
+    /// The value has another type, or is out of range.
     #[error("`{given}` is not {right}")]
     Wrong {
         /// The value.
@@ -82,7 +82,7 @@ pub enum PinError {
         /// A correct value.
         right: String,
     },
-    /// A text that does not name a time.
+    /// The text is not a time.
     #[error("`{text}` is no time: {source}")]
     Time {
         /// The text.
@@ -107,7 +107,7 @@ pub trait PinType {
     /// The value has another type or is out of range; the error names a correct value.
     fn set(&mut self, given: &PinValue) -> Result<(), PinError>;
 
-    /// The elements of a STRING with this text; `None` if this is not the type of characters.
+    /// The elements of a STRING with this text; `None` if this type is not the type of characters.
     fn characters(text: &str) -> Option<Vec<Self>>
     where
         Self: Sized,
@@ -157,7 +157,7 @@ integers!(u8 {
     }
 } i8 u16 i16 u32 i32);
 
-/// Taken from a number of microseconds or a text with a unit, too.
+/// A TIME. It can also be set by a number of microseconds, or by a text with a unit.
 impl PinType for Duration {
     fn get(&self) -> PinValue {
         PinValue::Time(*self)

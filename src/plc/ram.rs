@@ -21,8 +21,8 @@ impl Ram {
         Ok(Ram { segment: segment.clone(), header: segment.header()? })
     }
 
-    /// A structure at byte `offset` of the image, as `_NAME AT %MB3.offset : T` declares it in an IEC program. The
-    /// structures are cells, or those of the module `registers` of the device.
+    /// A structure at byte `offset` of the image, as `_NAME AT %MB3.offset : T` declares it in an IEC program. `T` is a
+    /// cell, or a structure from the module `registers` of the device.
     ///
     /// ```
     /// use commram::memory::{Cell16, Segment};
@@ -36,8 +36,8 @@ impl Ram {
     /// ```
     ///
     /// # Errors
-    /// The offset is misaligned for the structure, or the structure does not end in the memory in which it begins: the image ends,
-    /// or another area of the device follows, such as its flags.
+    /// The offset is misaligned for the structure, or the structure extends beyond the memory in which it begins:
+    /// beyond the image, or into another area of the device, such as its flags.
     pub fn at<T: SharedRegs>(&self, offset: usize) -> Result<Base<T>, MemoryError> {
         let registers = self.segment.view(offset)?;
         let size = size_of::<T>();
@@ -108,7 +108,8 @@ impl<T: SharedRegs> Deref for Base<T> {
     }
 }
 
-/// A structure of registers with the same layout as `V`: `V` itself, and types with other names in devices.
+/// A structure of registers with the same layout as `V`: `V` itself, and structures of other devices that differ only
+/// in their names.
 pub trait Like<V>: SharedRegs + AsRef<V> {}
 
 impl<V, T: SharedRegs + AsRef<V>> Like<V> for T {}
@@ -126,8 +127,8 @@ impl<V> Viewed<'_, V> {
         self.ram
     }
 
-    /// Notifies the firmware that a restart was written to the control register of the port there. The firmware cannot
-    /// see the write in the RAM if the register already had this value (decision D-29).
+    /// Notifies the firmware that a restart was written to the control register of the port with this structure. The
+    /// firmware cannot see the write in the RAM if the register already had this value (decision D-29).
     pub(crate) fn notify_restart(&self) {
         let is_here = |port: &&PortEntry| port.file_offset.load() as usize == self.offset;
         if let Some(port) = self.ram.header.ports.iter().find(is_here) {
@@ -144,14 +145,14 @@ impl<V> Deref for Viewed<'_, V> {
     }
 }
 
-/// A monitoring time under way, in emulated time.
+/// A monitoring time that is running, in emulated time.
 #[derive(Clone, Copy, Debug)]
 pub struct Watch {
     ends_us: u64,
 }
 
 impl Watch {
-    /// Whether the time is over.
+    /// True if the time is over.
     pub(crate) fn is_over(self, ram: &Ram) -> bool {
         ram.now_us() >= self.ends_us
     }

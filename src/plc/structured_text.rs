@@ -1,4 +1,5 @@
-//! Function blocks in IEC Structured Text: texts that several devices share, with words for the differences.
+//! Function blocks in IEC Structured Text. Several devices share a text; words in the text are replaced where they
+//! differ.
 
 /// A part of a device's function blocks in Structured Text.
 #[derive(Clone, Copy, Debug)]

@@ -1,12 +1,12 @@
 //! A small runner of a PLC program's tasks: start tasks, cyclic task, event tasks.
 //!
-//! Two steps: [`Tasks::scan`] runs the tasks that are due at the present emulated time and returns; a test calls it
-//! between two `advance_to` of a plant in the same process. [`Tasks::run`] does so for an attached image whenever the
-//! emulated clock has advanced.
+//! There are two ways to run the tasks. [`Tasks::scan`] runs the tasks that are due at the present emulated time and
+//! returns; a test calls it between two calls of `advance_to` of a plant in the same process. [`Tasks::run`] is for an
+//! attached image: it runs the due tasks whenever the emulated clock has advanced.
 //!
-//! The switch of the board decides: the program starts at RUN, stops at STOP, and starts warm after a reset, unless its
-//! project was only sent and is therefore lost. Tasks do not interrupt each other; event tasks come first, in the order
-//! in which they were given.
+//! The switch of the board controls the program. The program starts at RUN and stops at STOP. After a reset it starts
+//! warm, unless its project was not a boot project and is therefore lost. Tasks do not interrupt each other. If several
+//! tasks are due, event tasks run first, in the order in which they were given to [`Tasks::load`].
 
 use super::Ram;
 use crate::memory::header::{Power, ProgramState, Project, RunSwitch, Start};
@@ -20,20 +20,20 @@ pub trait Program {
     /// An error that ends the program.
     type Error;
 
-    /// A start begins: variables get their initial values; at a cold start also the retained variables (manual p. 38).
-    /// Function blocks are variables.
+    /// Called at the beginning of a start. Variables get their initial values; retained variables only at a cold start
+    /// (manual p. 38). Function blocks are variables.
     fn initialize(&mut self, start: Start);
 
     /// Start task after a cold start: called in every processor cycle until it is [`Progress::Done`].
     ///
     /// # Errors
-    /// The program gives up.
+    /// The program ends with an error.
     fn cold_start(&mut self) -> Result<Progress, Self::Error>;
 
-    /// Start task after a warm start: retained variables keep their values. By default the same as the cold start.
+    /// Start task after a warm start: retained variables keep their values. The default calls [`Program::cold_start`].
     ///
     /// # Errors
-    /// The program gives up.
+    /// The program ends with an error.
     fn warm_start(&mut self) -> Result<Progress, Self::Error> {
         self.cold_start()
     }
@@ -41,23 +41,23 @@ pub trait Program {
     /// The cyclic task. [`Progress::Done`] ends the program.
     ///
     /// # Errors
-    /// The program gives up.
+    /// The program ends with an error.
     fn cyclic(&mut self) -> Result<Progress, Self::Error>;
 
     /// The task of an event. `missed` counts events of this number without a call.
     ///
     /// # Errors
-    /// The program gives up.
+    /// The program ends with an error.
     fn event(&mut self, number: usize, missed: u32) -> Result<(), Self::Error> {
         let _ = (number, missed);
         Ok(())
     }
 }
 
-/// Whether there is more to do.
+/// Result of a call of a task.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// Call again.
+    /// The task has more to do: call it again.
     Again,
     /// The task has ended.
     Done,
@@ -73,10 +73,10 @@ impl Progress {
 /// Why a program has ended.
 #[derive(Debug, Error)]
 pub enum RunError<E: fmt::Display + fmt::Debug> {
-    /// The emulator is gone, or no task became due for too long.
+    /// The emulator has ended, or no task became due within the given time.
     #[error(transparent)]
     Memory(#[from] MemoryError),
-    /// The program gave up.
+    /// The program has ended with an error.
     #[error("{0}")]
     Program(E),
 }
@@ -84,7 +84,7 @@ pub enum RunError<E: fmt::Display + fmt::Debug> {
 /// The present phase of the program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
-    /// No start was ordered yet, or a stop was ordered.
+    /// The board has not requested a start yet, or has requested a stop.
     Stopped,
     Starting(Start),
     Cyclic,
@@ -98,11 +98,11 @@ pub struct Tasks<P: Program> {
     /// Event numbers, each with the count of events at the last poll.
     events: Vec<(usize, u32)>,
     phase: Phase,
-    /// Whether its variables have been initialized.
+    /// True if the variables of the program have been initialized.
     is_initialized: bool,
-    /// Orders of the board seen so far.
+    /// Number of starts and stops that the board has requested so far.
     orders: u32,
-    /// Power-ons and resets of the board seen so far.
+    /// Number of power-ons and resets of the board so far.
     restarts: u32,
     /// Time at which the start task or the cyclic task is due.
     next_us: u64,
@@ -116,15 +116,16 @@ impl<P: Program> Tasks<P> {
         let mut orders = header.program.start.rings();
         match ProgramState::from_code(header.program.state.load()) {
             Some(ProgramState::None) if header.project.load() == Project::None.code() => {}
-            // The program of a loaded project: a start that was ordered before the program attached is still pending.
+            // A project is loaded, and this is its program. A start that the board has requested before the program
+            // attached is still pending.
             Some(ProgramState::Stopped) => {
                 let kind = Start::from_code(header.program.start_kind.load());
                 if matches!(kind, Some(Start::Cold | Start::Warm | Start::Hot)) {
                     orders = orders.wrapping_sub(1);
                 }
             }
-            // If the previous program has not ended in good order, or ended only a moment ago, the board cannot
-            // distinguish this program from it.
+            // If the previous program did not end normally, or has ended only a moment ago, the board cannot
+            // distinguish this program from the previous one. So this program requests a start itself.
             _ => header.program.start_request.store(Start::Cold.code()),
         }
         header.program.state.store(ProgramState::Stopped.code());
@@ -156,7 +157,7 @@ impl<P: Program> Tasks<P> {
     /// Runs all tasks that are due now. [`Progress::Done`]: the program has ended.
     ///
     /// # Errors
-    /// The program gave up.
+    /// The program has ended with an error.
     pub fn scan(&mut self) -> Result<Progress, P::Error> {
         self.obey();
         let now = self.ram.now_us();
@@ -188,12 +189,12 @@ impl<P: Program> Tasks<P> {
 
     /// Runs the program until it ends. `patience` is the longest real time without a due task.
     ///
-    /// In stepped mode the emulated time waits for the event tasks (lockstep): each event gets its call, at its own
-    /// emulated time. Event tasks take no emulated time. An order of the board is obeyed at the emulated time at which it is given. The time
-    /// does not wait for start and cyclic tasks.
+    /// In stepped mode the emulated time waits for the event tasks (lockstep): the task of an event runs at the
+    /// emulated time of the event, and takes no emulated time. A start or stop that the board requests takes effect at
+    /// the emulated time of the request. The emulated time does not wait for start tasks and the cyclic task.
     ///
     /// # Errors
-    /// The program gave up, the emulator has gone, or `patience` is over.
+    /// The program has ended with an error, the emulator has ended, or no task was due within `patience`.
     pub fn run(&mut self, attached: &Attached, patience: Duration) -> Result<(), RunError<P::Error>>
     where
         P::Error: fmt::Display + fmt::Debug,
@@ -201,7 +202,7 @@ impl<P: Program> Tasks<P> {
         let stepped = self.ram.header().clock_mode.load() == ClockMode::Stepped.code();
         let mut seats = Vec::new();
         for (event, _) in self.events.iter().filter(|_| stepped) {
-            // One of the seats gets the turns for orders.
+            // The first seat also gets the turns for starts and stops that the board requests.
             seats.push(match seats.is_empty() {
                 true => attached.join_with_orders(*event, patience, patience)?,
                 false => attached.join_lockstep(*event, patience, patience)?,
@@ -220,7 +221,8 @@ impl<P: Program> Tasks<P> {
         }
     }
 
-    /// `obeys_in_turns`: an order brings a turn.
+    /// True if a task is due. `obeys_in_turns`: a start or stop that the board requests is announced as a turn, so it
+    /// is not polled here.
     fn is_due(&self, obeys_in_turns: bool) -> bool {
         let header = self.ram.header();
         !obeys_in_turns && header.program.start.rings() != self.orders
@@ -229,10 +231,10 @@ impl<P: Program> Tasks<P> {
                 && self.events.iter().any(|&(event, seen)| count(&self.ram, event) != seen)
     }
 
-    /// Obeys the orders of the board.
+    /// Carries out the starts and stops that the board requests.
     fn obey(&mut self) {
         let header = self.ram.header();
-        // A reset may be over before the poll.
+        // A reset may have ended before this poll, so the number of resets shows it.
         let restarts = header.program.restarts.load();
         if core::mem::replace(&mut self.restarts, restarts) != restarts && self.phase != Phase::Stopped {
             self.enter(Phase::Stopped, ProgramState::Stopped);
@@ -258,7 +260,7 @@ impl<P: Program> Tasks<P> {
                 _ => self.enter(Phase::Stopped, ProgramState::Stopped),
             }
         }
-        // RESET and a missing supply stop everything without an order.
+        // RESET and a missing supply stop all tasks without a request of the board.
         let header = self.ram.header();
         let may_run = header.board.switch.load() == RunSwitch::Run.code()
             && header.program.power.load() == Power::On.code();
@@ -269,7 +271,7 @@ impl<P: Program> Tasks<P> {
 
     fn enter(&mut self, phase: Phase, state: ProgramState) {
         self.phase = phase;
-        // 0 means that the project is gone; it stays 0 until a project is loaded.
+        // 0 means that the project was deleted. The state stays 0 until a project is loaded.
         self.ram
             .header()
             .program
@@ -307,7 +309,7 @@ impl<P: Program> Drop for Tasks<P> {
     fn drop(&mut self) {
         self.ram.header().program.state.store(ProgramState::None.code());
         self.ram.header().submit_request();
-        // The board must see it before the next program is loaded, even while the clock is stopped.
+        // The board must see this state before the next program is loaded, even while the clock is stopped.
         self.ram.header().doorbell.ring();
     }
 }

@@ -123,7 +123,7 @@ impl Emulator {
     /// files.
     ///
     /// # Errors
-    /// As [`Emulator::start`], or the snapshot is refused.
+    /// The errors of [`Emulator::start`], or the snapshot is refused.
     pub fn start_from(
         config: &PlantConfig,
         options: Options,
@@ -254,7 +254,7 @@ impl Emulator {
     /// touch.
     ///
     /// # Errors
-    /// As [`Plant::follow_registers`].
+    /// See [`Plant::follow_registers`].
     pub fn keep_changes(&mut self, plc: DeviceIndex, offset: u32, len: u32) -> Result<(), FollowError> {
         self.plant.follow_registers(plc, offset, len, Keep::InJournal)
     }

@@ -48,7 +48,7 @@ fn named(reports: &[Report], name: &str) -> Result<String, SerializeError> {
 /// The XML, in the form of Jenkins' schema.
 ///
 /// # Errors
-/// As [`junit`].
+/// See [`junit`].
 pub(crate) fn junit_text(all: &quick_junit::Report) -> Result<String, SerializeError> {
     // The library removes control characters only.
     let text = xml_text::allowed(all.to_string()?);

@@ -1,8 +1,8 @@
 //! Snapshots of structures: their contents, and how to restore them.
 //!
-//! A structure mixes data from the plant file (views of registers, tables, names) with data that has changed since. A
-//! snapshot contains only the changed data. It is read into a structure from the same plant file, so that the data of
-//! the plant file stay unchanged.
+//! A structure mixes two kinds of data: data made from the plant file (views of registers, tables, names), and data
+//! that change during the run. A snapshot contains only the second kind. It is read into a structure that was built
+//! from the same plant file, so the first kind needs no change.
 //!
 //! [`snapshot_fields!`](macro@crate::snapshot_fields) names **each** field of a structure and declares whether it is
 //! kept. A new field without a declaration is a compiler error instead of a snapshot with a missing field.
@@ -19,7 +19,7 @@ pub use sealed::{seal, unseal};
 
 /// A value with changes that are part of a snapshot.
 pub trait SnapshotFields {
-    /// Appends its state.
+    /// Appends the state of the value.
     fn save(&self, to: &mut Saving);
 
     /// Restores a state that a structure of the same type has saved. After an error the contents are undefined: they
@@ -121,7 +121,7 @@ impl<T: SnapshotFields, const N: usize> SnapshotFields for [T; N] {
     }
 }
 
-/// The plant file decides whether there is a value.
+/// The plant file decides whether the value is `Some`, so a snapshot does not change this.
 impl<T: SnapshotFields> SnapshotFields for Option<T> {
     fn save(&self, to: &mut Saving) {
         self.iter().for_each(|part| part.save(to));

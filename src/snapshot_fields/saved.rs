@@ -1,4 +1,4 @@
-//! The bytes of a state, as they are written and read.
+//! Writes and reads the bytes of a state.
 
 use postcard::ser_flavors::Flavor;
 use serde::Serialize;
@@ -44,21 +44,22 @@ impl Flavor for ByteAppender<'_> {
 }
 
 impl Saving {
-    /// Creates an empty state, in the memory of bytes that are no longer needed.
+    /// Creates an empty state. Reuses the memory of `bytes`, and drops their content.
     #[must_use]
     pub fn reusing(mut bytes: Vec<u8>) -> Self {
         bytes.clear();
         Saving { bytes }
     }
 
-    /// Appends a value. The length of every value must be known before (serde cannot count all iterators).
+    /// Appends a value. The length of each sequence in the value must be known before it is written; serde does not
+    /// know the length of some iterators.
     #[inline]
     pub fn value<T: Serialize + ?Sized>(&mut self, value: &T) {
         let written = postcard::serialize_with_flavor(value, ByteAppender(&mut self.bytes));
         debug_assert!(written.is_ok(), "{written:?}");
     }
 
-    /// Appends bytes; the reader knows their number.
+    /// Appends bytes without their number. The reader must know the number.
     pub fn raw(&mut self, bytes: &[u8]) {
         self.bytes.extend_from_slice(bytes);
     }
@@ -149,7 +150,7 @@ impl<'a> Saved<'a> {
         if holds { Ok(()) } else { Err(self.no(what)) }
     }
 
-    /// Creates the error for a `what` that does not exist here.
+    /// Creates the error that there is no valid `what` at the present position.
     #[must_use]
     pub fn no(&self, what: &'static str) -> Damaged {
         Damaged { what, at: self.all.len() - self.rest.len() }

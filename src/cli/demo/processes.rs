@@ -26,7 +26,7 @@ impl Interrupts {
     /// the process at once.
     ///
     /// # Errors
-    /// The system refuses.
+    /// The operating system refuses the operation.
     pub(crate) fn catch() -> Result<Self, CliError> {
         let flag = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM, SIGHUP] {
@@ -169,7 +169,7 @@ impl SoftPlc {
     /// Starts the soft-PLC on the image of a PLC.
     ///
     /// # Errors
-    /// The system refuses.
+    /// The operating system refuses the operation.
     pub(crate) fn start(instance: &str, plc: &str) -> Result<Self, CliError> {
         let child = command("demo-plc")?.args([instance, plc]).spawn().map_err(process_error)?;
         Ok(Self { child })
@@ -199,7 +199,7 @@ impl Drop for SoftPlc {
 /// time.
 ///
 /// # Errors
-/// The system refuses.
+/// The operating system refuses the operation.
 pub(crate) fn terminate(child: &mut Child, patience: Duration) -> Result<(), CliError> {
     let start = Instant::now();
     let mut asked = false;

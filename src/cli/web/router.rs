@@ -174,7 +174,7 @@ pub(super) async fn body_of(request: Request) -> Result<Map<String, Value>, Prob
 /// Same as [`body_of`], with another limit than the usual one, in bytes.
 ///
 /// # Errors
-/// As [`body_of`].
+/// See [`body_of`].
 pub(super) async fn body_within(mut request: Request, max: usize) -> Result<Map<String, Value>, Problem> {
     let too_large = || {
         Problem::new(

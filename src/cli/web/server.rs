@@ -39,7 +39,7 @@ const LAST_WORDS: Duration = Duration::from_millis(300);
 /// Serves until `end` becomes true.
 ///
 /// # Errors
-/// The system refuses.
+/// The operating system refuses the operation.
 pub(super) fn serve(
     app: Arc<App>,
     listener: StdListener,

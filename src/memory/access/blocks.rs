@@ -33,7 +33,7 @@ impl Block {
         &mut self.0
     }
 
-    /// Loads the values of the cells, up to the shorter of the two slices.
+    /// Loads the values of the cells into the blocks, until the shorter slice ends.
     #[inline]
     pub(crate) fn load(blocks: &mut [Block], cells: &[[Cell64; BLOCK]]) {
         let count = blocks.len().min(cells.len());
@@ -41,7 +41,8 @@ impl Block {
         unsafe { load(cells.as_ptr().cast(), &mut blocks[..count]) }
     }
 
-    /// Index of the first block, at or after `from`, whose cells have changed, up to the shorter of the two slices.
+    /// Index of the first block, at or after `from`, whose cells have changed. The comparison ends with the shorter
+    /// slice.
     #[inline]
     pub(crate) fn first_unlike(blocks: &[Block], cells: &[[Cell64; BLOCK]], from: usize) -> Option<usize> {
         let count = blocks.len().min(cells.len());
@@ -51,7 +52,7 @@ impl Block {
         first.map(|first| from + first)
     }
 
-    /// True if cells have changed in a bit of `watched`, up to the shortest of the three slices.
+    /// True if a cell has changed in a bit that is set in `watched`. The comparison ends with the shortest slice.
     #[inline]
     pub(crate) fn differ_in(blocks: &[Block], cells: &[[Cell64; BLOCK]], watched: &[Block]) -> bool {
         let count = blocks.len().min(cells.len());
@@ -60,10 +61,10 @@ impl Block {
     }
 }
 
-/// Loads sixteen words in a row for each of the blocks (Acquire).
+/// Loads sixteen consecutive words for each of the blocks (Acquire).
 ///
 /// # Safety
-/// As [`MemoryValue::load`], for all of them.
+/// The conditions of [`MemoryValue::load`] hold for all these words.
 #[inline]
 unsafe fn load(at: *const [u64; BLOCK], to: &mut [Block]) {
     #[cfg(all(target_arch = "x86_64", not(miri)))]
@@ -79,10 +80,10 @@ unsafe fn load(at: *const [u64; BLOCK], to: &mut [Block]) {
     }
 }
 
-/// Index of the first block that differs from the same number of words in a row (Acquire).
+/// Index of the first block that differs from the memory at `at`, where as many blocks follow each other (Acquire).
 ///
 /// # Safety
-/// As [`load`].
+/// See [`load`].
 #[inline]
 unsafe fn first_unlike(at: *const [u64; BLOCK], blocks: &[Block]) -> Option<usize> {
     #[cfg(all(target_arch = "x86_64", not(miri)))]
@@ -94,10 +95,10 @@ unsafe fn first_unlike(at: *const [u64; BLOCK], blocks: &[Block]) -> Option<usiz
     unsafe { first_unlike_by_words(at, blocks, |_| u64::MAX) }
 }
 
-/// As [`first_unlike`], in the bits of `watched` only, which has the same number of blocks.
+/// As [`first_unlike`], but compares only the bits that are set in `watched`. `watched` has the same number of blocks.
 ///
 /// # Safety
-/// As [`load`].
+/// See [`load`].
 #[inline]
 unsafe fn first_unlike_in(at: *const [u64; BLOCK], blocks: &[Block], watched: &[Block]) -> Option<usize> {
     let blocks = &blocks[..blocks.len().min(watched.len())];

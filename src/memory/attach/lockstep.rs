@@ -1,4 +1,5 @@
-//! A task in lockstep: the emulated time waits for it.
+//! Tasks in lockstep: the emulated time waits while such a task runs. One run, from the event until the task is done,
+//! is a turn.
 //!
 //! The clock does not run during a turn. A task that models its run time first reads its inputs, then calls
 //! [`LockstepTask::run_for`] with the run time, and only then stores its outputs. So the outputs enter the RAM at
@@ -11,7 +12,7 @@ use crate::memory::{Header, MemoryError, View, bell};
 use core::num::NonZeroU32;
 use std::time::{Duration, Instant};
 
-/// A task in lockstep. Dropping it leaves.
+/// A task that takes part in lockstep. Dropping the value ends its part.
 #[derive(Debug)]
 pub struct LockstepTask<'a> {
     attached: &'a Attached,
@@ -24,14 +25,15 @@ pub struct LockstepTask<'a> {
 }
 
 impl Attached {
-    /// Joins lockstep with the task of event `event`: from now on the emulated time stops whenever the event has
-    /// occurred, until the task is done. Stepped mode only. `INTR_SET` enables the event.
+    /// Joins lockstep with the task that event `event` starts. From now on the emulated time stops at each of these
+    /// events until the task is done. This needs a stepped clock. The function block `INTR_SET` enables the event.
     ///
     /// If a turn takes more real time than `patience` (in whole milliseconds; zero: no limit), the emulator continues
     /// without the task. `timeout` limits the wait for the emulator's consent.
     ///
     /// # Errors
-    /// Attached read-only, no seat is free, the clock is not stepped, no such event, or as [`Attached::check`].
+    /// The image is attached read-only, no seat is free, the clock is not stepped, the event does not exist, or an
+    /// error of [`Attached::check`].
     pub fn join_lockstep(
         &self,
         event: usize,
@@ -41,7 +43,8 @@ impl Attached {
         self.join(event, 0, patience, timeout)
     }
 
-    /// As [`Attached::join_lockstep`], with an additional turn for each order of the board.
+    /// As [`Attached::join_lockstep`]; the task also gets a turn when the board orders a start or stop of the program,
+    /// and after a reset.
     #[cfg_attr(not(feature = "plc"), expect(dead_code, reason = "for the runner of tasks"))]
     pub(crate) fn join_with_orders(
         &self,
@@ -122,12 +125,13 @@ impl Attached {
 }
 
 impl LockstepTask<'_> {
-    /// Ends the present turn, if there is one, and waits for the next event; returns its emulated time in microseconds.
-    /// An event that occurred during the last run is returned immediately. `timeout` is real time.
+    /// Ends the present turn, if there is one, and waits for the next event. Returns the emulated time of that event in
+    /// microseconds. If the event occurred during the last turn, the function returns immediately. `timeout` is real
+    /// time.
     ///
     /// # Errors
-    /// As [`Attached::check`], [`MemoryError::Timeout`], or [`MemoryError::LockstepLost`] if the emulator has continued
-    /// without this task.
+    /// The errors of [`Attached::check`], [`MemoryError::Timeout`], or [`MemoryError::LockstepLost`] if the emulator
+    /// has continued without this task.
     pub fn next_event(&mut self, timeout: Duration) -> Result<u64, MemoryError> {
         self.end_turn(0);
         self.await_turn(timeout)
@@ -137,7 +141,7 @@ impl LockstepTask<'_> {
     /// PLC interrupt it. Returns the emulated time afterwards. Call it within a turn.
     ///
     /// # Errors
-    /// As [`LockstepTask::next_event`].
+    /// See [`LockstepTask::next_event`].
     pub fn run_for(&mut self, us: NonZeroU32, timeout: Duration) -> Result<u64, MemoryError> {
         self.end_turn(us.get());
         self.await_turn(timeout)
@@ -163,7 +167,7 @@ impl LockstepTask<'_> {
         self.begin_turn()
     }
 
-    /// Begins the announced turn; returns its emulated time.
+    /// Begins the turn that the emulator has announced. Returns the emulated time of the turn.
     fn begin_turn(&mut self) -> Result<u64, MemoryError> {
         let seat = &self.seat;
         self.turns = seat.turn.rings();

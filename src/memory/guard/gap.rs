@@ -1,8 +1,9 @@
 //! Replaces a missing page of the channel by zeros.
 //!
 //! iceoryx2 does not report where it maps its memory, so the handler finds the map in the process's list of maps. The
-//! effect of the zeros on iceoryx2 does not matter: the emulator gives up the channel as soon as iceoryx2 returns
-//! ([`channel_has_gaps`]), and a client of several instances the connection of the thread ([`take_gap_of_thread`]).
+//! effect of the zeros on iceoryx2 does not matter. The emulator gives up the channel as soon as iceoryx2 returns
+//! ([`channel_has_gaps`]). A client of several instances gives up the connection that the thread uses
+//! ([`take_gap_of_thread`]).
 
 #[cfg(any(test, feature = "web"))]
 use crate::memory::names::PREFIX;
@@ -24,7 +25,7 @@ thread_local! {
     static GAP_OF_THREAD: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Reads values that a signal handler cannot read.
+/// Reads the values that the signal handler needs but cannot read itself.
 pub(super) fn prepare() {
     PAGE.store(page_size(), Ordering::Relaxed);
 }
@@ -60,7 +61,7 @@ pub(super) fn close(address: usize) -> bool {
     is_closed
 }
 
-/// The same for an image in a client, which does not need it any more.
+/// As [`close`], for an image instead of a channel. The client no longer needs this image.
 #[cfg(feature = "web")]
 pub(super) fn close_image(address: usize) -> bool {
     is_in(address, names_an_image) && fill(address)
@@ -74,13 +75,13 @@ fn fill(address: usize) -> bool {
     }
     let start = core::ptr::without_provenance_mut(address - address % page);
     let rights = ProtFlags::READ | ProtFlags::WRITE;
-    // SAFETY: the page belongs to a map of shared memory without Rust references, because others write there, too. It
-    // cannot be read now, and others could have written zeros.
+    // SAFETY: the page belongs to a map of shared memory. There are no Rust references into it, because other processes
+    // write there, too. Those processes could also have written zeros.
     unsafe { rustix::mm::mmap_anonymous(start, page, rights, MapFlags::PRIVATE | MapFlags::FIXED) }.is_ok()
 }
 
-/// True if the line of the map at `address` fulfils `names`. Reads the list of maps without allocating memory, as a signal
-/// handler must.
+/// Searches the process's list of maps for the map at `address`, and returns the result of `names` for its line.
+/// Allocates no memory, because a signal handler calls it.
 fn is_in(address: usize, names: fn(&[u8]) -> bool) -> bool {
     let Ok(maps) = rustix::fs::open(c"/proc/self/maps", OFlags::RDONLY | OFlags::CLOEXEC, Mode::empty())
     else {
@@ -129,7 +130,7 @@ fn names_an_image(line: &[u8]) -> bool {
     has_name(line, PREFIX)
 }
 
-/// True if the line ends with the path of a file in the directory of images whose name begins with `prefix`.
+/// True if the line ends with the path of a file in the directory of images, and the file's name begins with `prefix`.
 fn has_name(line: &[u8], prefix: &str) -> bool {
     let path = line.iter().position(|&byte| byte == b'/').and_then(|at| line.get(at..));
     let rest = path.and_then(|path| path.strip_prefix(IMAGE_DIRECTORY.as_bytes()));

@@ -5,7 +5,7 @@ use crate::memory::struct_tables::publish;
 use crate::memory::{Bell, Cell32, SharedRegs};
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-/// The board's front: switches and LEDs are written by clients, the display by the firmware.
+/// The board's front. Clients write the switches and LEDs, the firmware writes the display.
 #[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
 #[repr(C)]
 pub struct Board {
@@ -37,7 +37,7 @@ pub struct Program {
     /// Counts power-ons and resets of this PLC, from 1. The registers then have their start values, no event is
     /// enabled, and `OPT_INIT` may run again.
     pub restarts: Cell32,
-    /// The valid DIP number: as latched at the last power-on or reset.
+    /// The DIP number in effect: the switches as they were at the last power-on or reset.
     pub dip_latched: Cell32,
 }
 
@@ -48,20 +48,20 @@ codes! {
         Run = 0,
         /// The PLC program is stopped.
         Stop = 1,
-        /// Held in RESET; it springs back to STOP when released.
+        /// The switch is held in RESET. When it is released, it springs back to STOP.
         Reset = 2,
     }
 }
 codes! {
-    /// What the PLC program does, for the seven-segment display (manual p. 40).
+    /// State of the PLC program, which the seven-segment display shows (manual p. 40).
     ProgramState {
         /// No project is loaded.
         None = 0,
-        /// A project is loaded and stands.
+        /// A project is loaded, and its program does not run.
         Stopped = 1,
         /// Cold or warm start runs.
         Initializing = 2,
-        /// The cyclic parts run.
+        /// The cyclic tasks run.
         Cyclic = 3,
         /// The boot project is being erased.
         ErasingBootProject = 4,
@@ -72,20 +72,20 @@ codes! {
     }
 }
 codes! {
-    /// Which project is loaded, and so what becomes of it at power-off and reset (manual p. 37).
+    /// The loaded project. Its kind decides whether it survives power-off and reset (manual p. 37).
     Project {
         /// None.
         None = 0,
-        /// The boot project: the flash memory has it too.
+        /// The boot project. A copy is in the flash memory, so it survives power-off.
         Boot = 1,
-        /// One that was only sent: the next power-off or reset loses it.
+        /// A project that was only sent to the RAM. It is lost at the next power-off or reset.
         Sent = 2,
     }
 }
 codes! {
     /// How a PLC program starts (manual p. 38).
     Start {
-        /// Nothing is wanted.
+        /// No start or stop is requested.
         None = 0,
         /// All variables get their initial values, retain ones too.
         Cold = 1,
@@ -120,7 +120,7 @@ publish! { Program:
 const _: () = assert!(size_of::<Board>() == 16 && size_of::<Program>() == 32);
 
 impl Board {
-    /// All dark, all switches at 0.
+    /// Sets the front to its state before power-on: LEDs and display dark, all switches 0.
     pub fn clear(&self) {
         [&self.dip, &self.leds, &self.display, &self.switch].iter().for_each(|cell| cell.store(0));
     }
@@ -146,9 +146,9 @@ impl Program {
 #[cfg_attr(feature = "emulator", derive(serde::Serialize))]
 #[repr(C)]
 pub struct BoardState {
-    /// DIP switch S33 as set.
+    /// Present position of DIP switch S33.
     pub dip: u32,
-    /// The valid DIP number.
+    /// The DIP number in effect: the switches as they were at the last power-on or reset.
     pub dip_latched: u32,
     /// The LEDs.
     pub leds: u32,
@@ -160,7 +160,7 @@ pub struct BoardState {
     pub power: u32,
     /// The [`ProgramState`].
     pub program: u32,
-    /// The last [`Start`] ordered.
+    /// The last requested [`Start`].
     pub start_kind: u32,
     /// Power-ons and resets.
     pub restarts: u32,
@@ -226,16 +226,16 @@ pub enum BoardSetting {
     PowerCycle,
     /// Sets the DIP switches of a module.
     ModuleDip {
-        /// Number of its port.
+        /// Number of the port with the module.
         port: u8,
         /// 0 to 31.
         dip: u8,
     },
     /// Sets a word of the front that clients write.
     Front {
-        /// Its number, as in [`Header::front`].
+        /// Index of the word in [`Header::front`].
         word: u8,
-        /// Its value.
+        /// New value of the word.
         value: u32,
     },
 }

@@ -13,7 +13,7 @@ pub struct BoardAssignmentError {
     pub expected: String,
 }
 
-/// A [`BoardSetting`] as text, before its PLC is looked up.
+/// A [`BoardSetting`] as text. Its PLC is a name that was not looked up yet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BoardAssignment<'a> {
     /// The parsed text.
@@ -26,19 +26,19 @@ pub struct BoardAssignment<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum AssignmentTarget<'a> {
     Setting(BoardSetting),
-    /// DIP switches of the module in a port.
+    /// Setting of the DIP switches of a module in a port.
     ModuleDip {
         port: &'a str,
         dip: u8,
     },
-    /// A word of the front that only some devices have.
+    /// Setting of a front element that only some devices have.
     Front {
         name: &'a str,
         value: &'a str,
     },
 }
 
-/// Settings that have a word for each of their values.
+/// Settings with a fixed set of values: name, word of the value, setting.
 const WORDS: [(&str, &str, BoardSetting); 12] = [
     ("switch", "run", BoardSetting::Switch(RunSwitch::Run)),
     ("switch", "stop", BoardSetting::Switch(RunSwitch::Stop)),
@@ -61,7 +61,7 @@ impl<'a> BoardAssignment<'a> {
     /// `panel:s1=unlock`.
     ///
     /// # Errors
-    /// The setting is unknown, or it cannot have this value.
+    /// The setting is unknown, or cannot have this value.
     pub fn parse(text: &'a str) -> Result<Self, BoardAssignmentError> {
         let wrong =
             |expected: &str| BoardAssignmentError { text: text.to_owned(), expected: expected.to_owned() };
@@ -95,7 +95,7 @@ impl<'a> BoardAssignment<'a> {
         Ok(Self { text, plc, what: AssignmentTarget::Setting(setting) })
     }
 
-    /// This setting of a PLC; messages show `text` for it.
+    /// Creates the assignment of `setting` to a PLC. Messages show `text`.
     pub fn of(text: &'a str, plc: Option<&'a str>, setting: BoardSetting) -> Self {
         Self { text, plc, what: AssignmentTarget::Setting(setting) }
     }
@@ -103,7 +103,7 @@ impl<'a> BoardAssignment<'a> {
     /// The setting for a PLC of this device type.
     ///
     /// # Errors
-    /// The device has no such port or switch, or it cannot have this value.
+    /// The device has no such port or switch, or the switch cannot have this value.
     pub fn at(&self, device: &'static DeviceLayout) -> Result<BoardSetting, BoardAssignmentError> {
         let wrong = |error: LayoutError| BoardAssignmentError {
             text: self.text.to_owned(),
@@ -133,7 +133,7 @@ impl<'a> BoardAssignment<'a> {
 }
 
 impl BoardSetting {
-    /// The word for it in [`BoardAssignment::parse`].
+    /// The word for this value in [`BoardAssignment::parse`].
     pub fn name(self) -> &'static str {
         match self {
             BoardSetting::Dip(_) | BoardSetting::ModuleDip { .. } => "dip",
@@ -170,7 +170,7 @@ impl BoardSetting {
     }
 }
 
-/// A [`BoardState`] as text; `None` is a part that the device does not have.
+/// A [`BoardState`] as text. A field is `None` if the device does not have this element.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BoardWords {
     /// Character and point of the display; a blank if it is dark.
@@ -181,9 +181,9 @@ pub struct BoardWords {
     pub switch: Option<String>,
     /// `on`, `off`.
     pub power: String,
-    /// The DIP switch as set.
+    /// Present position of the DIP switch.
     pub dip: Option<u32>,
-    /// The valid DIP number.
+    /// The DIP number in effect: the switches as they were at the last power-on or reset.
     pub dip_latched: Option<u32>,
     /// `none`, `stopped`, `initializing`, `cyclic` and so on.
     pub program: Option<String>,
@@ -196,7 +196,7 @@ pub struct BoardWords {
 }
 
 impl BoardWords {
-    /// Names of the fields in output by name, and in the description of a device.
+    /// Names of the fields, in outputs and in the description of a device.
     pub const NAMES: [&'static str; 10] = [
         "display",
         "leds",
@@ -212,7 +212,8 @@ impl BoardWords {
 }
 
 impl BoardState {
-    /// The state as text, limited to the fields `has` of [`BoardWords::NAMES`]; unknown codes stay numbers.
+    /// The state as text, limited to the fields `has`, which are names of [`BoardWords::NAMES`]. A code without a name
+    /// becomes a number.
     pub fn words(&self, has: &[&str]) -> BoardWords {
         let has = |name| has.contains(&name);
         let if_has = |name, text: String| has(name).then_some(text);
@@ -274,7 +275,7 @@ mod tests {
         assert!(message("display=8").contains("the settings are dip, leds, switch, power, start, project"));
     }
 
-    /// As text, and as the two numbers of the channel.
+    /// Each setting survives a conversion to text, and to the two numbers of the channel, and back.
     #[test]
     fn every_setting_has_a_unique_word_and_unique_numbers() {
         use BoardSetting as Set;

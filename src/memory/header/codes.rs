@@ -16,7 +16,7 @@ macro_rules! codes {
                 codes: &[$(($value, stringify!($variant), concat!($($vdoc),*))),*],
             };
 
-            /// The meaning of the number in the header, if it has one.
+            /// The meaning of a number in the header page; `None` if the number has no meaning.
             pub fn from_code(code: u32) -> Option<Self> {
                 bytemuck::checked::try_cast(code).ok()
             }

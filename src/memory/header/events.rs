@@ -22,7 +22,7 @@ pub struct Interrupt {
     /// Bit 0: `x_EN`. Bits 1 to 15: number of the request, different from the one in `answer`. Bits 16 to 31: `i_PAR1`,
     /// the period of a CPU timer in units of 50 us.
     pub request: Cell32,
-    /// The request that `result` belongs to.
+    /// Number of the request to which `result` belongs.
     pub answer: Cell32,
     /// An [`InterruptResult`], stored before `answer`. Output `x_ERR` of the function block is TRUE if it is not 0.
     pub result: Cell32,
@@ -40,7 +40,7 @@ pub struct OptInit {
     pub timers: [TimerSetup; 2],
     /// Number of the request, different from `answer`.
     pub request: Cell32,
-    /// The request that `result` belongs to.
+    /// Number of the request to which `result` belongs.
     pub answer: Cell32,
     /// An [`OptInitResult`], stored before `answer`.
     pub result: Cell32,
@@ -72,28 +72,30 @@ pub enum Trigger {
 }
 
 codes! {
-    /// What became of an `INTR_SET`.
+    /// Result of a call of `INTR_SET`.
     InterruptResult {
         /// Enabled or disabled as asked.
         Done = 0,
         /// The event number is reserved or does not exist.
         NoSuchEvent = 1,
-        /// The event that excludes this one is enabled: 11 and 12, 4 and 8 (manual p. 48).
+        /// Another event is enabled that excludes this event: 11 and 12 exclude each other, so do 4 and 8 (manual p.
+        /// 48).
         Excluded = 2,
         /// `i_PAR1` of a CPU timer must be 1 to 32767.
         BadFactor = 3,
     }
 }
 codes! {
-    /// What became of an `OPT_INIT`.
+    /// Result of a call of `OPT_INIT`.
     OptInitResult {
         /// Triggers are routed, timers run.
         Done = 0,
-        /// It has been run since the last power-on, reset, cold or warm start, and may be run once only (manual p. 59).
+        /// `OPT_INIT` has already run since the last power-on, reset, cold or warm start; it may run only once (manual
+        /// p. 59).
         AlreadyRun = 1,
         /// A trigger mode is reserved or does not exist.
         BadTrigger = 2,
-        /// A divider, enable or configuration mode of a timer is none.
+        /// A divider, enable or configuration mode of a timer has an invalid value.
         BadTimer = 3,
     }
 }
@@ -123,13 +125,14 @@ impl EventSlot {
 }
 
 impl Interrupt {
-    /// No request, no answer.
+    /// Removes request and answer.
     pub fn clear(&self) {
         [&self.request, &self.answer, &self.result].iter().for_each(|cell| cell.store(0));
     }
 
-    /// Stores a request with a new number, and returns it. The caller submits it with [`super::Header::submit_request`]
-    /// and waits until [`Interrupt::outcome`] returns the result. Only one task at a time may do so for an event.
+    /// Stores a request with a new number, and returns the number. The caller submits the request with
+    /// [`super::Header::submit_request`] and waits until [`Interrupt::outcome`] returns the result. For each event,
+    /// only one task at a time may have a request.
     pub fn ask(&self, factor: i16, enable: bool) -> u32 {
         let number = (self.answer.load() >> 1).wrapping_add(1) & 0x7FFF;
         let request = u32::from(factor as u16) << 16 | number << 1 | u32::from(enable);
@@ -137,14 +140,14 @@ impl Interrupt {
         request
     }
 
-    /// The result of `request`; `None` before the answer.
+    /// The result of `request`; `None` while the firmware has not answered.
     pub fn outcome(&self, request: u32) -> Option<u32> {
         (self.answer.load() == request).then(|| self.result.load())
     }
 }
 
 impl OptInit {
-    /// No request, no answer, all inputs 0.
+    /// Removes request and answer, and sets all inputs to 0.
     pub fn clear(&self) {
         let timers = self.timers.iter().flat_map(|timer| [&timer.divider, &timer.enable, &timer.cfg_mode]);
         let handshake = [&self.request, &self.answer, &self.result];
@@ -158,7 +161,7 @@ impl OptInit {
         request
     }
 
-    /// The result of `request`; `None` before the answer.
+    /// The result of `request`; `None` while the firmware has not answered.
     pub fn outcome(&self, request: u32) -> Option<u32> {
         (self.answer.load() == request).then(|| self.result.load())
     }

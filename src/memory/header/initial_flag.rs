@@ -1,4 +1,4 @@
-//! Initial values of retain flags, which a cold start gives them (manual 5.00005.03a p. 38).
+//! Initial values of retain flags. A cold start gives the flags these values (manual 5.00005.03a p. 38).
 
 use crate::memory::struct_tables::publish;
 use crate::memory::{Cell32, SharedRegs};
@@ -10,22 +10,22 @@ use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 pub struct InitialFlag {
     /// Number of the flag, from 0: the n of `%MB10000000` + n.
     pub flag: Cell32,
-    /// Width in bytes: 1, 2, 4. It must suit the flag. 0 removes all initial values.
+    /// Width in bytes: 1, 2 or 4. The width must suit the address of the flag. 0 removes all initial values.
     pub width: Cell32,
     /// The initial value.
     pub value: Cell32,
     /// Number of the request, different from `answer`; stored last.
     pub request: Cell32,
-    /// The request that `result` belongs to.
+    /// Number of the request to which `result` belongs.
     pub answer: Cell32,
     /// An [`InitialFlagResult`], stored before `answer`.
     pub result: Cell32,
 }
 
 codes! {
-    /// What became of an initial value.
+    /// Result of a request.
     InitialFlagResult {
-        /// The next cold start writes it.
+        /// The firmware has taken over the initial value; the next cold start writes it into the flag.
         Done = 0,
         /// There is no such flag, it does not suit the width, or the value does not fit.
         NoSuchFlag = 1,
@@ -39,7 +39,7 @@ publish! { InitialFlag: 0 => flag, 4 => width, 8 => value, 12 => request, 16 => 
 const _: () = assert!(size_of::<InitialFlag>() == 24);
 
 impl InitialFlag {
-    /// No request, no answer.
+    /// Removes request and answer.
     pub fn clear(&self) {
         let cells = [&self.flag, &self.width, &self.value, &self.request, &self.answer, &self.result];
         cells.iter().for_each(|cell| cell.store(0));
@@ -56,7 +56,7 @@ impl InitialFlag {
         request
     }
 
-    /// The result of `request`; `None` before the answer.
+    /// The result of `request`; `None` while the firmware has not answered.
     pub fn outcome(&self, request: u32) -> Option<u32> {
         (self.answer.load() == request).then(|| self.result.load())
     }

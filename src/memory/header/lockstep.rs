@@ -20,18 +20,19 @@ pub struct Seat {
     pub owner: Cell32,
     /// A [`SeatState`].
     pub state: Cell32,
-    /// Start time of that process: field 22 of `/proc/<pid>/stat`.
+    /// Start time of the process `owner`: field 22 of `/proc/<pid>/stat`.
     pub owner_start: Cell64,
     /// Number of the task's event, plus [`SEAT_ORDERS`] if orders of the board also give it a turn.
     pub event: Cell32,
-    /// Longest real time of a turn before the task counts as lost, in ms; 0: as long as its process lives.
+    /// Longest real time of a turn, in ms. After this time the task counts as lost. 0: no limit while the task's
+    /// process lives.
     pub patience_ms: Cell32,
     /// Rung by the emulator at the start of a turn. The clock stops until `done` has rung the same number of times.
     pub turn: Bell,
     /// Emulated time of the turn in microseconds; written before `turn` rings.
     pub time_us: Cell64,
-    /// Request of the task at the end of a turn: 0, the task is done until the next event; otherwise, another turn
-    /// after this emulated run time in microseconds.
+    /// Request of the task at the end of a turn. 0: the task is done until the next event. Another value: the task gets
+    /// another turn after this emulated run time, in microseconds.
     pub run_us: Cell32,
     /// Zero.
     pub reserved_44: Cell32,
@@ -42,7 +43,7 @@ pub struct Seat {
 }
 
 codes! {
-    /// How far a task is with taking part in lockstep.
+    /// Steps by which a task takes part in lockstep.
     SeatState {
         /// Free, or the task has left.
         Free = 0,
@@ -54,7 +55,7 @@ codes! {
         Refused = 3,
         /// The emulator gave the task up, because its process died or its turn took too long.
         Lost = 4,
-        /// The emulator looks at what is asked; the answer comes at once.
+        /// The emulator is processing the request of the task. Its answer follows immediately.
         Deciding = 5,
     }
 }

@@ -6,9 +6,9 @@ use crate::memory::struct_tables::publish;
 use crate::memory::{Cell8, Cell32, SharedRegs};
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 
-/// Most areas that a device can have, its retain flags included.
+/// Maximum number of areas of a device, including its retain flags.
 pub const AREAS: usize = 16;
-/// Most ports that a device can have.
+/// Maximum number of ports of a device.
 pub const PORTS: usize = MOST_PORTS;
 /// Length of the names in the tables in bytes, with the terminating zero.
 pub const TABLE_NAME_LENGTH: usize = 16;
@@ -21,13 +21,13 @@ pub struct AreaEntry {
     pub name: [Cell8; TABLE_NAME_LENGTH],
     /// Text around the width in an address of this area: `M3.` for `%MB3.200000`, `M` for `%MB10000000`.
     pub space: [Cell8; 8],
-    /// Number of its first byte or word in that space.
+    /// Number of the first byte or word of the area in the space.
     pub first: Cell32,
-    /// Bytes that one number counts: 1 or 2.
+    /// Number of bytes per address: 1 or 2.
     pub unit: Cell32,
     /// Offset of the area in the file.
     pub file_offset: Cell32,
-    /// Its length in bytes.
+    /// Length of the area in bytes.
     pub size: Cell32,
     /// Zero.
     pub reserved_40: [Cell32; 2],
@@ -37,23 +37,23 @@ pub struct AreaEntry {
 #[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
 #[repr(C)]
 pub struct PortEntry {
-    /// Its name, for example `node2`; UTF-8, zero-padded. All zeros: no port.
+    /// Name of the port, for example `node2`; UTF-8, zero-padded. All zeros: no port.
     pub name: [Cell8; TABLE_NAME_LENGTH],
-    /// Kind of its medium, as in `kind` of `[[bus]]`; UTF-8, zero-padded.
+    /// Kind of the medium, as in `kind` of `[[bus]]`; UTF-8, zero-padded.
     pub medium: [Cell8; TABLE_NAME_LENGTH],
-    /// Its number in journals and on the channel, from 1.
+    /// Number of the port in journals and on the channel, from 1.
     pub number: Cell32,
-    /// Offset of its registers in the file.
+    /// Offset of the port's registers in the file.
     pub file_offset: Cell32,
     /// Incremented, wrapping, by a program after it has stored 16#0000 in the port's `w_CPU_CONTROL`. This makes the
     /// store a restart even if the register already held 16#0000 (decision D-29).
     pub restarts_written: Cell32,
-    /// Its DIP switches, if it has separate ones.
+    /// DIP switches of the port, if it has its own.
     pub dip: Cell32,
-    /// Its LEDs, if it has separate ones: eight bits for each, 0 off, 16#FF on, 16#FE alternating with another one,
-    /// else the number of flashes.
+    /// LEDs of the port, if it has its own, with eight bits for each LED: 0 off, 16#FF on, 16#FE alternating with
+    /// another LED, any other value the number of flashes.
     pub leds: Cell32,
-    /// Its role on its medium: 0 none, there is no such module; 1 master, 2 slave, 3 peer.
+    /// Role of the port on its medium: 0 none, because the module is missing; 1 master, 2 slave, 3 peer.
     pub role: Cell32,
     /// Zero.
     pub reserved_56: [Cell32; 2],
@@ -121,7 +121,7 @@ impl PortEntry {
         });
     }
 
-    /// The option that the role describes; unknown for an invalid code.
+    /// The device option that [`PortEntry::role`] describes; `Fit::Unknown` for an invalid code.
     pub(super) fn fit(&self) -> Fit {
         match self.role.load() {
             0 => Fit::Empty,

@@ -38,7 +38,7 @@ pub(super) trait ImageName {
     /// Refuses a file unless it is an image of this user.
     fn judge(&self, file: &Self::File) -> Result<(), Self::Error>;
 
-    /// Waits a moment for a lock that another process has; an error after the longest total wait.
+    /// Waits a moment for a lock that another process has. Returns an error when the total wait is too long.
     fn wait(&self, file: Self::File) -> Result<(), Self::Error>;
 }
 
@@ -62,7 +62,7 @@ pub(super) trait ImageCreator: ImageName {
     fn take_over(&self, file: Self::File) -> Result<Self::Image, Self::Error>;
 }
 
-/// Acquires the name, for a new file or the file of a dead emulator.
+/// Acquires the name of the image, with a new file or with the file of a dead emulator.
 pub(super) fn enter<S: ImageCreator>(site: &S) -> Result<S::Image, S::Error> {
     loop {
         let Some(file) = site.find()? else {
@@ -79,15 +79,15 @@ pub(super) fn enter<S: ImageCreator>(site: &S) -> Result<S::Image, S::Error> {
         };
         match claim(site, file)? {
             Some(file) if site.fits(&file)? => return site.take_over(file),
-            // The file of a dead emulator, with another shape: it cannot serve the old clients, so a new file replaces
-            // it.
+            // The file of a dead emulator has another shape, so this emulator cannot serve the clients that map it. A
+            // new file replaces it.
             Some(file) => file.unlink()?,
             None => {}
         }
     }
 }
 
-/// Removes the file of a dead emulator; returns whether there was one.
+/// Removes the file of a dead emulator. Returns true if there was such a file.
 pub(super) fn remove_dead<S: ImageName>(site: &S) -> Result<bool, S::Error> {
     loop {
         let Some(file) = site.find()? else { return Ok(false) };

@@ -11,13 +11,14 @@ use std::os::fd::AsRawFd;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// Longest wait of a starting emulator for a lock with a holder that does not look like a running emulator:
-/// it may be ending, or be a client that checks for a running emulator.
+/// Longest wait of a starting emulator for a lock, if its holder does not look like a running emulator. The holder may
+/// be an emulator that is ending, or a client that checks whether an emulator runs.
 const PATIENCE: Duration = Duration::from_millis(500);
-/// Longest wait if the holder runs: it may have been killed a moment ago and still exist.
+/// Longest wait if the holder looks like a running emulator. It may have been killed a moment ago, so its process still
+/// exists.
 const GRACE: Duration = Duration::from_millis(50);
 
-/// The path of an image, the start time of the attempt, and the data of the image.
+/// The path of an image, the start of the attempt to get it, and the properties of the image.
 pub(super) struct ImageSite<'a, S> {
     instance: &'a str,
     plc: &'a str,

@@ -1,4 +1,4 @@
-//! Checks of a plant as a whole that no device or bus can make by itself.
+//! Checks that concern several devices or buses of a plant.
 
 use super::{MOST, PlantConfig, PlantError, PortOf, equal_numbers};
 use crate::devices;

@@ -8,8 +8,8 @@ use std::sync::Arc;
 use toml::de::DeTable;
 
 impl PlantConfig {
-    /// Returns allowed settings that are probably a mistake, with their lines in `text`, the file as it
-    /// was read.
+    /// Returns settings that are allowed but are probably a mistake, with their lines in `text`, the original text of
+    /// the file.
     #[must_use]
     pub fn doubts(&self, text: &str) -> Vec<(Option<usize>, Doubt)> {
         let ports = self.ports_of_buses();
@@ -48,7 +48,7 @@ impl PlantConfig {
         }
         let table = DeTable::parse(text).ok();
         let sections = table.as_ref().map(|table| NamedSections::new(table.get_ref()));
-        // The places of the line ends: there may be as many doubts as lines.
+        // The line ends are searched only once, because there may be as many doubts as lines.
         let ends: Vec<_> =
             text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n').map(|it| it.0).collect();
         let placed = |doubt: Doubt| {

@@ -41,7 +41,7 @@ pub enum PlantError {
     /// The plant has no PLC.
     #[error("the plant has no PLC; add a [[plc]] section with a name")]
     NoPlc,
-    /// More entries than journal and channel have numbers for.
+    /// The plant has more entries of a kind than journal and channel can number.
     #[error("the plant has {count} {}; there can be at most {MOST}", several(what))]
     TooMany {
         /// "PLC" or "bus".
@@ -72,7 +72,7 @@ pub enum PlantError {
         file: String,
         /// The line, from 1.
         line: usize,
-        /// The sections' name.
+        /// Name of the sections.
         name: &'static str,
     },
     /// A section has an unknown kind.
@@ -104,25 +104,25 @@ pub enum PlantError {
     UnknownBus {
         /// The device.
         plc: String,
-        /// Its port.
+        /// Port of the device.
         port: String,
-        /// The bus it names.
+        /// Name of the bus in the device's section.
         bus: String,
         /// The known buses.
         known: String,
     },
-    /// A device refers to a bus of another kind than its port fits.
+    /// A device refers to a bus of a kind that its port does not fit.
     #[error("{port} of PLC '{plc}' is on bus '{bus}' of kind '{kind}'; it needs one of kind '{right}'")]
     OtherKind {
         /// The device.
         plc: String,
-        /// Its port.
+        /// Port of the device.
         port: String,
-        /// The bus it names.
+        /// Name of the bus in the device's section.
         bus: String,
-        /// Kind of that bus.
+        /// Kind of the named bus.
         kind: &'static str,
-        /// Kind of the buses that it can be on.
+        /// Kind of bus that the port needs.
         right: &'static str,
     },
     /// Two masters on one bus.
@@ -132,13 +132,13 @@ pub enum PlantError {
     TwoMasters {
         /// The bus.
         bus: String,
-        /// A device.
+        /// The device of the first port.
         first: String,
-        /// Its port.
+        /// Port of the device.
         first_port: String,
-        /// The other device; it may be the same one.
+        /// The device of the second port; it may be the same device.
         second: String,
-        /// Its port.
+        /// Port of the device.
         second_port: String,
     },
     /// Two slaves with one number.
@@ -153,13 +153,14 @@ pub enum PlantError {
         /// Another participant.
         second: String,
     },
-    /// A device or bus cannot be built: a number out of its range, or a setting that only its owner can judge.
+    /// A device or bus cannot be built: a number is out of its range, or a check of the device or bus itself has
+    /// failed.
     #[error(transparent)]
     Build(#[from] BuildError),
     /// A fault is refused.
     #[error("[[fault]] {number}: {source}")]
     Fault {
-        /// Position in the file, from 1.
+        /// Number of the fault in the file, from 1.
         number: usize,
         /// Why.
         source: FaultError,

@@ -1,4 +1,5 @@
-//! A plant file as text: the owner of each section, and the line of an error.
+//! Reads the text of a plant file: passes each section to the device or bus that it belongs to, and finds the line of
+//! an error.
 
 use super::folders::Folders;
 use super::keys::{self, Section};
@@ -13,7 +14,7 @@ use std::sync::Arc;
 use toml::Spanned;
 use toml::de::{DeArray, DeTable, DeValue, Deserializer, Error, ValueDeserializer};
 
-/// Keys of the plant itself, and the names of all other keys for messages.
+/// The keys that are not sections of devices and buses. Sections are fields only so that messages list their names.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 #[serde(expecting = "a plant: tables of its parts")]
@@ -41,8 +42,8 @@ pub(super) struct Source<'a> {
     pub(super) text: &'a str,
 }
 
-/// Reads a plant file; folders of devices are named from `base`. Also returns where its faults begin: only the whole
-/// plant can detect errors in them.
+/// Reads a plant file; relative paths of device folders begin at `base`. Also returns the offset of each fault in the
+/// text. The offsets are needed for errors that only the whole plant can detect.
 pub(super) fn read(base: &Path, file: &str, text: &str) -> Result<(PlantConfig, Vec<usize>), PlantError> {
     let source = Source { file, text };
     let mut table = DeTable::parse(text).map_err(|error| source.syntax(&error))?;
@@ -83,7 +84,8 @@ pub(super) fn read(base: &Path, file: &str, text: &str) -> Result<(PlantConfig, 
     Ok((PlantConfig { processor_cycle_us, devices, buses: read_buses, faults, text }, places))
 }
 
-/// The line, from 1, of an offset. It counts from the beginning of the text, so it is for errors only.
+/// The line, from 1, of an offset. The function counts the lines from the beginning of the text, which is slow, so it
+/// is for errors only.
 pub(super) fn line_of(text: &str, offset: usize) -> usize {
     1 + text.as_bytes().iter().take(offset).filter(|byte| **byte == b'\n').count()
 }
@@ -121,7 +123,7 @@ impl PlantError {
 impl Source<'_> {
     fn syntax(&self, error: &Error) -> PlantError {
         let line = error.span().map(|span| self.line_of(span.start));
-        // The hint of the parser is on a separate line.
+        // The parser puts its hint on a separate line.
         let what = error.message().lines().collect::<Vec<_>>().join(", ");
         PlantError::Syntax { file: self.file.to_owned(), line, what }
     }
@@ -151,7 +153,7 @@ impl Source<'_> {
         }
     }
 
-    /// Takes the `kind` out of a section and finds the reader of the rest.
+    /// Removes `kind` from a section and finds the reader for the other keys.
     fn of_kind<'t, T: ?Sized>(
         &self,
         mut section: Spanned<DeValue<'t>>,
@@ -186,7 +188,7 @@ impl Source<'_> {
             DeValue::Table(table) => table.keys().map(Spanned::span).collect(),
             _ => Vec::new(),
         };
-        // A PLC has no kind; of_kind takes the key out of the other sections.
+        // A PLC has no `kind`. In all other sections `of_kind` has removed this key.
         let before: &[_] = if name == "plc" { &[] } else { &["kind"] };
         let section_keys = Section { name, before, keys };
         read(ValueDeserializer::from(section)).map_err(|error| self.wrong(&error, &section_keys))

@@ -9,14 +9,14 @@ use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::DeValue;
 
-/// The folders that a plant file names.
+/// The device folders that a plant file names.
 pub(super) struct Folders<'a> {
     source: Source<'a>,
-    /// The directory from which they are named.
+    /// The directory at which relative paths begin.
     base: &'a Path,
-    /// Each folder that was read, by its absolute path: a plant can have many devices of one folder.
+    /// Each folder that was read, by its absolute path. Many devices of a plant can have the same folder.
     read: HashMap<PathBuf, &'static Folder>,
-    /// Places of relative paths in the text, with the absolute ones.
+    /// Ranges of relative paths in the text, each with the absolute path.
     places: Vec<(Range<usize>, String)>,
 }
 
@@ -25,7 +25,7 @@ impl<'a> Folders<'a> {
         Folders { source, base, read: HashMap::new(), places: Vec::new() }
     }
 
-    /// The folder of a device, if its section names one; takes `kind` out of the section.
+    /// The folder of a device, if `kind` of its section is a path. Removes `kind` from the section.
     ///
     /// # Errors
     /// [`PlantError::Folder`] with the line of the path.

@@ -1,9 +1,9 @@
-//! Mistakes of the TOML reader in the words of a plant file: keys, and ranges of numbers.
+//! Translates errors of the TOML reader into terms of a plant file: keys, and ranges of numbers.
 
 use crate::layout::did_you_mean;
 use core::ops::Range;
 
-/// The types of the reader, and the values of a plant file for them.
+/// Names of types in messages of the reader, each with a description for users.
 const TYPES: &[(&str, &str)] = &[
     ("u8", "a whole number from 0 to 255"),
     ("u16", "a whole number from 0 to 65535"),
@@ -20,17 +20,17 @@ const TYPES: &[(&str, &str)] = &[
     ("a sequence", "a list in brackets"),
 ];
 
-/// The keys of a section that are read before the rest.
+/// A section, for messages about its keys.
 pub(super) struct Section {
-    /// Its name in double brackets.
+    /// Name of the section, as between the double brackets.
     pub name: &'static str,
-    /// The keys that the reader of the rest does not know.
+    /// Keys that are removed before the section is read, and that the reader therefore does not know.
     pub before: &'static [&'static str],
-    /// The places of its own keys in the text; keys of its tables are elsewhere.
+    /// Ranges of the keys of the section in the text, without keys of tables in it.
     pub keys: Vec<Range<usize>>,
 }
 
-/// Describes an error of the reader at `place` in `text`.
+/// Describes an error of the reader. `place` is its range in `text`.
 pub(super) fn describe(message: &str, text: &str, place: Option<Range<usize>>, section: &Section) -> String {
     if let Some((key, known)) = unknown_key(message) {
         let is_own = place.as_ref().is_some_and(|place| section.keys.contains(place));
@@ -56,7 +56,7 @@ pub(super) fn describe(message: &str, text: &str, place: Option<Range<usize>>, s
 fn unknown_key(message: &str) -> Option<(&str, Vec<&str>)> {
     let rest = message.strip_prefix("unknown field `")?;
     let (key, rest) = rest.split_once('`')?;
-    // The names are between every second pair of quotes.
+    // Names are in backquotes, so every second part is a name.
     Some((key, rest.split('`').skip(1).step_by(2).collect()))
 }
 

@@ -69,7 +69,7 @@ fn inside<'a, 't>(section: &'a Value<'t>, path: &str) -> &'a Value<'t> {
     at(section).or_else(own_drive).unwrap_or(section)
 }
 
-/// The value out of its range.
+/// The value that is out of its range.
 fn setting<'a, 't>(root: &'a DeTable<'t>, error: &SettingError) -> Option<&'a Value<'t>> {
     let SettingError { what, name, value, .. } = error;
     let at = |section: &'a Value<'t>| {
@@ -81,13 +81,13 @@ fn setting<'a, 't>(root: &'a DeTable<'t>, error: &SettingError) -> Option<&'a Va
     own.or_else(|| named(root, name).chain(module).find_map(at))
 }
 
-/// The section of a module that `name` names by its port, as in `maxx:slotG`.
+/// The section of the module at port `name`, for example `maxx:slotG`.
 fn module<'a, 't>(root: &'a DeTable<'t>, name: &str) -> Option<&'a Value<'t>> {
     let (device, port) = name.split_once(':')?;
     module_at(named(root, device), port)
 }
 
-/// The section of the module at this port in the sections of its device.
+/// The section of the module at `port`, searched in the sections of its device.
 fn module_at<'a, 't>(devices: impl Iterator<Item = &'a Value<'t>>, port: &str) -> Option<&'a Value<'t>>
 where
     't: 'a,
@@ -96,12 +96,12 @@ where
     modules.find(|module| text_at(module, "slot").is_some_and(|slot| is_port_of(port, slot)))
 }
 
-/// Whether the port is that of the module in this slot.
+/// True if this is the port of the module in this slot.
 fn is_port_of(port: &str, slot: &str) -> bool {
     port.strip_prefix("slot") == Some(slot)
 }
 
-/// The number of the later one of two devices on a bus; if it uses the default, its bus.
+/// The number of the later one of two devices on a bus. If that device has no number in the file, its bus.
 fn slave_number<'a, 't>(root: &'a DeTable<'t>, bus: &str, number: u8, second: &str) -> Option<&'a Value<'t>> {
     let buses = sections_of(root, "bus").filter(|section| is_named(section, bus));
     let drives = buses.flat_map(|section| below(section.get_ref(), "drive"));
@@ -119,8 +119,8 @@ fn slave_number<'a, 't>(root: &'a DeTable<'t>, bus: &str, number: u8, second: &s
     })
 }
 
-/// Places where a device is connected to a bus, in the order of the file: the section, and the bus's name
-/// in it.
+/// The connections of devices to a bus, in the order of the file: each as the section, and the name of the bus in the
+/// section.
 fn plugged_at<'a, 't>(
     root: &'a DeTable<'t>,
     device: &str,
@@ -137,7 +137,7 @@ fn plugged_at<'a, 't>(
     found.into_iter()
 }
 
-/// All sections of what [`PlantError`] calls "PLC", "bus" or "drive".
+/// All sections of a kind that [`PlantError`] calls "PLC", "bus" or "drive".
 fn sections_of<'a, 't>(root: &'a DeTable<'t>, what: &str) -> impl Iterator<Item = &'a Value<'t>> {
     let arrays: &[&str] = match what {
         "PLC" => &["plc", "device"],

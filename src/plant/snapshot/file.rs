@@ -1,10 +1,10 @@
-//! A snapshot as a file: with the text of the plant file, so that it can be started from.
+//! A snapshot as a file. The file also contains the text of the plant file, so that an emulator can start from it.
 
 use super::Snapshot;
 use crate::plant::{PlantConfig, PlantError};
 use crate::snapshot_fields::{Damaged, Saved, Saving, read_format, save_header, seal, unseal};
 
-/// First bytes of such a file.
+/// First bytes of a snapshot file.
 const MAGIC: [u8; 8] = *b"cmrmsnap";
 /// Number of the format. A change of the contents of a snapshot increments it. Every format begins with the magic, this
 /// number and the version of commram, and ends with the checksum of [`seal`].
@@ -49,7 +49,7 @@ impl SnapshotFile {
     /// Maximum length of a file, in bytes.
     pub const LONGEST: u64 = 64 << 20;
 
-    /// Whether these bytes begin like a snapshot file.
+    /// True if these bytes begin like a snapshot file.
     #[must_use]
     pub fn is_one(bytes: &[u8]) -> bool {
         bytes.starts_with(&MAGIC)
@@ -65,7 +65,7 @@ impl SnapshotFile {
         seal(to.into_bytes())
     }
 
-    /// A file's content.
+    /// Reads a snapshot from the content of a file.
     ///
     /// # Errors
     /// [`SnapshotFileError`].
@@ -73,8 +73,8 @@ impl SnapshotFile {
         if !Self::is_one(bytes) {
             return Err(SnapshotFileError::NoSnapshot);
         }
-        // This check comes first: a damaged header must not be mistaken for the header of another version. All formats
-        // have this checksum.
+        // The checksum is checked first, because a damaged header could look like the header of another version. All
+        // formats have this checksum.
         let written = unseal(bytes).ok_or(SnapshotFileError::Checksum)?;
         let mut from = Saved::new(written);
         let _magic = from.raw(MAGIC.len())?;
@@ -87,7 +87,7 @@ impl SnapshotFile {
         Ok(SnapshotFile { plant, snapshot })
     }
 
-    /// Returns the plant of the snapshot; messages call it `file`.
+    /// Returns the plant of the snapshot. `file` is its name in messages.
     ///
     /// # Errors
     /// The text is not a plant file.

@@ -34,7 +34,7 @@ impl Directory {
     /// error, because [`Directory::open`] creates it.
     ///
     /// # Errors
-    /// As [`Directory::open`], except [`NovramError::InUse`].
+    /// The errors of [`Directory::open`], except [`NovramError::InUse`].
     pub fn check(path: &Path) -> Result<(), NovramError> {
         let failed = |doing| {
             move |errno: Errno| NovramError::Io { path: path.to_owned(), doing, source: errno.into() }

@@ -249,7 +249,7 @@ impl Bench {
     /// Sends a remote frame that asks for the data of an identifier, with a length of 0.
     ///
     /// # Errors
-    /// As [`Bench::send_frame`].
+    /// See [`Bench::send_frame`].
     pub fn rtr(&mut self, bus: &str, id: u32, extended: bool) -> Result<(), ScenarioError> {
         let frame = Frame::remote(identifier(id, extended)?, 0);
         let bus = self.bus(bus)?;

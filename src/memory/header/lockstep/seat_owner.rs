@@ -16,8 +16,8 @@ impl Seat {
         SeatWords { owner: &self.owner, state: &self.state, event: &self.event }
     }
 
-    /// Answers a task that asks for the seat: accepted if `may` allows its event, else refused. Returns the event and
-    /// the decision; `None` if the task has left.
+    /// Answers a task that asks for the seat. The task is accepted if `may` returns true for its event, otherwise
+    /// refused. Returns the event and the decision; `None` if the task has left.
     pub(crate) fn decide(&self, may: impl FnMut(u32) -> bool) -> Option<(u32, bool)> {
         self.hands().decide(may)
     }
@@ -27,16 +27,16 @@ impl Seat {
         self.hands().lose()
     }
 
-    /// Frees the seat if a refused or lost task died without leaving; returns whether it did.
+    /// Frees the seat if a refused or lost task died without leaving. Returns true if the seat was freed.
     pub(crate) fn bury(&self) -> bool {
         self.hands().bury(|owner| self.is_running(owner), || self.clear())
     }
 }
 
 /// The words that determine the owner of a seat: cells, or a model of them. A task takes a free seat by exchanging
-/// `owner`, sets the event and asks. It may leave at any moment after the emulator has stopped waiting for it: it sets
-/// `state` to free and then `owner` to 0. The next task may ask before the emulator reads the seat again, so no step of
-/// the emulator may affect the next task.
+/// `owner`, sets the event and asks. It may leave at any moment, even if the emulator no longer waits for it. To leave,
+/// it sets `state` to free and then `owner` to 0. The next task may ask before the emulator reads the seat again, so no
+/// step that concerns the old task may affect the next task.
 struct SeatWords<'a, W> {
     owner: &'a W,
     state: &'a W,
@@ -73,7 +73,8 @@ impl<W: Word> SeatWords<'_, W> {
             if self.state.exchange(deciding, answer.code()) {
                 return Some((event, is_seated));
             }
-            // The task has left, so the event may belong to the next task, which gets no answer before it asks.
+            // The task has left, so the event may be that of the next task. That task must not get an answer before it
+            // asks.
         }
         None
     }
@@ -87,7 +88,7 @@ impl<W: Word> SeatWords<'_, W> {
         // Read after the owner: a task that takes a seat finds it free.
         let state = SeatState::from_code(self.state.load());
         let is_out = matches!(state, Some(SeatState::Refused | SeatState::Lost));
-        // The task may have left before it died, and another one may have the seat.
+        // The task may have left before it died, and another task may have the seat now.
         if !is_out || is_running(owner) || !self.owner.exchange(owner, NO_OWNER) {
             return false;
         }

@@ -9,11 +9,11 @@ use loom::thread;
 enum System {
     /// As Linux does.
     Right,
-    /// A process does not detect that a name has moved to another file.
+    /// Fault: a process does not detect that the name now belongs to another file.
     NamesStay,
-    /// Giving a name replaces the file that has it.
+    /// Fault: giving the name to a file replaces the file that has it.
     NamesReplace,
-    /// A lock excludes no other process.
+    /// Fault: a lock excludes no other process.
     LocksAreOpen,
 }
 
@@ -177,7 +177,7 @@ impl Visitor {
     }
 }
 
-/// Checks all interleavings with few preemptions: the faults of these models need one or two.
+/// Checks all interleavings with few preemptions. The faults of these models show after one or two preemptions.
 fn model(system: System, left: Option<usize>, go: impl Fn(&dyn Fn(u32) -> Visitor) + Sync + Send + 'static) {
     let mut builder = loom::model::Builder::new();
     builder.preemption_bound = Some(2);
@@ -236,7 +236,7 @@ fn removing_remains_spares_a_starting_emulator() {
         let cleaner = thread::spawn(move || remove_dead(&cleaner));
         assert!(starter.starts());
         let _ = cleaner.join().unwrap();
-        // A refused process finds nothing to remove later.
+        // A process that was refused later finds no file to remove.
         assert_eq!(remove_dead(&visitor(0)), Ok(false));
     });
 }

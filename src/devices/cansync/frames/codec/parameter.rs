@@ -236,8 +236,8 @@ impl ParameterResponse {
     /// Decodes the data field of an answer to `job`.
     ///
     /// # Errors
-    /// As [`ParameterResponse::decode_alone`]; also [`CodecError::OtherParameter`], [`CodecError::OtherSubSlave`] or
-    /// [`CodecError::Mismatch`] if the answer does not fit `job`.
+    /// The errors of [`ParameterResponse::decode_alone`]; also [`CodecError::OtherParameter`],
+    /// [`CodecError::OtherSubSlave`] or [`CodecError::Mismatch`] if the answer does not fit `job`.
     #[inline]
     pub fn decode(job: &ParameterJob, payload: &Payload) -> Result<Self, CodecError> {
         let response = Self::decode_alone(payload)?;
