@@ -1,15 +1,15 @@
-//! How client and emulator wake each other.
+//! Bells, by which client and emulator wake each other.
 //!
-//! iceoryx2 carries the messages but wakes no thread. The emulator's thread sleeps on the doorbell in
-//! the header page of the image. Clients sleep on another bell there until a reply is announced. Both
-//! bells are futex words shared by all clients, so a wake-up only means "check again".
+//! iceoryx2 transports the messages but wakes no thread. The emulator's thread sleeps on the doorbell in the header
+//! page of the image. Clients sleep on another bell in the header page until the emulator announces a reply. All
+//! clients share both bells, so a wake-up only means "check again".
 
 use std::time::Duration;
 
 /// The bells between client and emulator.
 ///
-/// A wait must not miss a ring. A thread that reads the count first, and then finds no work, is woken by
-/// every ring after that count.
+/// A wait must not miss a ring. So a thread first reads the number of rings, then checks for work, and then waits for a
+/// ring after this number.
 pub trait Bells {
     /// Client: wakes the emulator's thread.
     fn ring_doorbell(&self);
@@ -23,7 +23,7 @@ pub trait Bells {
     /// Emulator: a reply was sent; wakes the clients.
     fn announce_reply(&self);
 
-    /// Client: process id of the emulator these bells belong to, as the emulator itself sees it.
+    /// Client: process id of the emulator to which these bells belong, in the pid namespace of the emulator.
     fn emulator_pid(&self) -> u32;
 
     /// Client: true if the emulator's process still runs. Called when a reply is late.

@@ -67,20 +67,20 @@ impl Default for Patience {
 pub struct Client {
     port: Port,
     service: Service<Threads>,
-    // After the ports, which belong to the guest's node.
+    // Declared after the ports, which belong to the guest's node, so that it is dropped after them.
     guest: Guest,
     bells: Box<dyn Bells + Send>,
     patience: Patience,
     instance: String,
     /// Process id of the emulator.
     pid: u32,
-    /// Set when the reply is no longer needed.
+    /// Becomes true when the reply is no longer needed.
     #[cfg(feature = "cli")]
     cancel: Option<Arc<AtomicBool>>,
 }
 
 impl Client {
-    /// Connects to `instance`, with the channel's files in the directory `root`.
+    /// Connects to `instance`, whose channel has its files in the directory `root`.
     ///
     /// # Errors
     /// The instance is not running, has another version, or has too many clients; or its channel is damaged.
@@ -123,14 +123,14 @@ impl Client {
         self.patience.reply = reply;
     }
 
-    /// From now on, withdraws a request when `cancel` becomes true: the emulator ends it like a request of a killed
-    /// client, and the request fails as after its time limit.
+    /// From now on, a request is withdrawn when `cancel` becomes true. The request then fails as if its time limit was
+    /// over, and the emulator ends it like a request of a killed client.
     #[cfg(feature = "cli")]
     pub(crate) fn set_cancel(&mut self, cancel: Arc<AtomicBool>) {
         self.cancel = Some(cancel);
     }
 
-    /// True if another program has shortened a part of the channel, so a request or leaving the channel could read
+    /// True if another program has shortened a part of the channel. A request, or leaving the channel, could then read
     /// zeros.
     #[cfg(feature = "web")]
     pub(crate) fn is_shortened(&self) -> bool {
@@ -139,7 +139,8 @@ impl Client {
 
     /// Sends the operations as one request and waits for the replies, one per operation in the same order.
     ///
-    /// A failed operation is answered by [`Reply::Error`], and the operations after it by [`Reply::NotExecuted`].
+    /// The reply of a failed operation is [`Reply::Error`]. The replies of the operations after it are
+    /// [`Reply::NotExecuted`].
     ///
     /// # Errors
     /// The request as a whole got no replies.
@@ -195,7 +196,8 @@ impl Client {
         let (mut start, mut withdrawn) = (None, false);
         loop {
             let seen = self.bells.reply_count();
-            // Read before checking for the reply: the emulator answers a request first and then closes it.
+            // The state is read before the check for the reply, because the emulator first answers a request and then
+            // closes it.
             let open = pending.is_connected();
             if self.take_reply(pending, replies)? {
                 return Ok(());
@@ -222,8 +224,8 @@ impl Client {
             if !self.is_emulator_alive() {
                 return if self.take_reply(pending, replies)? { Ok(()) } else { Err(self.gone()) };
             }
-            // An ending emulator withdraws its announcement and then answers; one that has given up the channel does
-            // not answer.
+            // An emulator that ends withdraws its announcement and then answers. An emulator that has given up the
+            // channel does not answer.
             if !self.guest.domain().is_announced(self.bells.emulator_pid())
                 && core::mem::replace(&mut withdrawn, true)
             {
@@ -261,7 +263,7 @@ impl Client {
         self.gone()
     }
 
-    /// True if the emulator of this connection runs, and not another one that has taken the image over.
+    /// True if the emulator of this connection still runs. False if another emulator has taken the image over.
     fn is_emulator_alive(&self) -> bool {
         self.bells.emulator_pid() == self.pid && self.bells.emulator_alive()
     }
@@ -284,8 +286,8 @@ impl Client {
     /// Reads a register.
     ///
     /// # Errors
-    /// The emulator refused it ([`ClientError::Refused`]), or there was no reply. The functions below have the same
-    /// errors.
+    /// The emulator refused the operation ([`ClientError::Refused`]), or there was no reply. The functions below have
+    /// the same errors.
     pub fn peek(&self, plc: DeviceIndex, offset: u32, width: Width) -> Result<u32, ClientError> {
         self.fitting(self.single(Op::Peek { plc, offset, width })?.value())
     }
@@ -356,7 +358,7 @@ pub(super) fn domain_of(instance: &str, root: &Path, bells: &dyn Bells) -> Resul
     let Some(domain) = domain.filter(is_ready) else {
         return Err(not_running(instance, root));
     };
-    // iceoryx2 would wait for such an object without a timeout.
+    // iceoryx2 would wait without a timeout for an object without content.
     if let Some(path) = domain.half_made().pop() {
         return Err(ClientError::Damaged { instance: instance.to_owned(), path });
     }
@@ -382,14 +384,16 @@ fn ports(
     let domain = domain_of(instance, root, bells)?;
     let (name, place) = (instance.to_owned(), root.to_owned());
     let ends = guest::enter_within(limit, instance, move || enter(&name, &place, domain))?;
-    // If the emulator was replaced meanwhile, this may be a connection to objects that the new one has removed.
+    // If another emulator has replaced this one during the connection, the objects of this connection may have been
+    // removed.
     if !ends.2.domain().is_announced(bells.emulator_pid()) {
         return Err(not_running());
     }
     Ok(ends)
 }
 
-/// Refuses a client without enough resources for iceoryx2, which would fail later without a reason.
+/// Refuses a client that does not have enough resources for iceoryx2. Otherwise iceoryx2 would fail later without
+/// naming the reason.
 fn check_limits(instance: &str) -> Result<(), ClientError> {
     let name = || instance.to_owned();
     limits::allow_files(FILES, FILES).map_err(|limits::FileLimit { needed, most }| {
@@ -412,7 +416,7 @@ fn enter(instance: &str, root: &Path, domain: Domain) -> Result<ClientParts, Cli
     let guest = Guest::enter(domain).map_err(|e| connect(e.to_string()))?;
     let node = guest.node().ok_or_else(|| connect("no node".into()))?;
     let service = match open(node).ok_or_else(|| connect("no service".into()))? {
-        // Killed clients may occupy the places.
+        // Clients that were killed may still occupy places.
         Err(OpenError::ExceedsMaxNumberOfNodes) => {
             guest.domain().clean_up_after_the_dead(node);
             open(node).ok_or_else(|| connect("no service".into()))?

@@ -1,7 +1,8 @@
 //! Finds clients that have died during their requests.
 //!
-//! A killed client cannot withdraw its request, so its client seems to wait. iceoryx2 detects the dead node. But the
-//! query takes system calls, and in a damaged channel it may never return, so a thread runs it at intervals.
+//! A killed client cannot withdraw its request, so the request looks as if the client still waited. iceoryx2 can detect
+//! the dead node of the client. This query needs system calls, and in a damaged channel it may never return, so a
+//! separate thread runs it at intervals.
 
 use super::domain::Domain;
 use iceoryx2::identifiers::UniqueNodeId;
@@ -20,7 +21,8 @@ pub(super) struct DeadClients {
 }
 
 impl DeadClients {
-    /// Returns the nodes that were found dead since the last call. Costs almost nothing while there is no result.
+    /// Returns the nodes that were found dead since the last call. A call takes almost no time while there is no
+    /// result.
     pub(crate) fn look(&mut self, domain: &Domain) -> Vec<UniqueNodeId> {
         if let Some(answer) = &self.asked {
             return match answer.try_recv() {

@@ -1,12 +1,15 @@
 //! The iceoryx2 domain of an instance: the location of its files, the settings of its service, and the removal of files
 //! of killed runs.
 //!
-//! All files of an instance are in its root directory, which only its user can enter. Its POSIX shared memory has a
-//! name prefix stored in that directory. Half of the prefix is random, so no other program can create such an
-//! object first. iceoryx2 removes most files of a killed process, but not all: a run killed while it creates the
-//! service can block the service permanently, and a 16-byte counter per prefix always stays. So the owner of the
-//! instance sweeps the domain before the start and after the end, if no living process uses it. A client that outlives
-//! the emulator does so when it leaves ([`Guest`](super::guest::Guest)).
+//! All files of an instance are in its root directory, which only its user can enter. The names of its POSIX shared
+//! memory objects begin with a prefix, which is stored in that directory. Half of the prefix is random, so no other
+//! program can create such an object first.
+//!
+//! iceoryx2 removes most files of a killed process, but not all of them. If an emulator is killed while it creates the
+//! service, the remaining files can block the service permanently. A counter of 16 bytes for each prefix always
+//! remains. So the owner of the instance sweeps the domain: it removes all files before its start and after its end, if
+//! no living process uses the domain. If a client continues after the end of the emulator, it sweeps the domain when it
+//! leaves ([`Guest`](super::guest::Guest)).
 
 use super::limit::{self, LimitError};
 use super::passage::{self, ChannelRoot, ChannelSite};
@@ -26,9 +29,10 @@ use std::path::{Path as FsPath, PathBuf};
 use std::sync::{Arc, Once};
 use std::time::{Duration, Instant};
 
-/// The server's side.
+/// Variant of iceoryx2 for the server.
 pub(super) type Ipc = ipc::Service;
-/// The client's side, which may move from the thread that has entered the domain to the one that uses it.
+/// Variant of iceoryx2 for clients. Its objects may move to another thread: one thread enters the domain, another one
+/// uses it.
 pub(super) type Threads = ipc_threadsafe::Service;
 pub(super) type ServiceBuilder<S> = Builder<[WireOp], (), [Block], (), S>;
 pub(super) type Service<S> =
@@ -36,7 +40,8 @@ pub(super) type Service<S> =
 
 /// Clients that can be connected at the same time.
 pub const MAX_CLIENTS: usize = 32;
-/// The clients' nodes, the server's node, and some nodes of dead processes that are not cleaned up yet.
+/// Maximum number of nodes: those of the clients and the server, and some nodes of dead processes that were not removed
+/// yet.
 pub(super) const MAX_NODES: usize = MAX_CLIENTS + 8;
 /// Longest root directory in bytes: the paths of iceoryx2 below it are limited to 255 bytes.
 pub(super) const MAX_ROOT: usize = 120;
@@ -48,7 +53,7 @@ const READY: &str = "ready";
 const PREFIX: &str = "prefix";
 /// Directories that iceoryx2 creates in the root.
 const DIRECTORIES: [&str; 2] = ["nodes", "services"];
-/// Longest wait of the owner for clients that are just leaving.
+/// Longest wait of the owner for clients that are leaving at its start.
 const MOVE_IN: Duration = Duration::from_secs(2);
 
 /// The reason why a domain's directory cannot be used.
@@ -90,8 +95,8 @@ pub(super) struct Domain {
 }
 
 impl Domain {
-    /// Creates the domain of `instance` in `root`, for its owner. While the second value exists, leaving clients do not
-    /// sweep.
+    /// Creates the domain of `instance` in `root`, for its owner. While the returned lock exists, leaving clients do
+    /// not sweep.
     pub(crate) fn own(instance: &str, root: &FsPath) -> Result<(Self, DirectoryLock), RootError> {
         let start = Instant::now();
         let create = || Ok(Arc::new(PrivateDir::create(root)?));
@@ -107,7 +112,7 @@ impl Domain {
         let prefix = match prefix(&directory, &tag) {
             Some(prefix) => prefix,
             None => {
-                // Objects of a killed run; its directory was removed afterwards.
+                // Removes objects of a killed run whose directory was removed afterwards.
                 shm::remove(&tag);
                 new_prefix(&directory, &tag).map_err(|source| io_error(root, source))?
             }
@@ -131,14 +136,14 @@ impl Domain {
         let mut config = Config::default();
         config.global.set_root_path(&Path::new(bytes).map_err(|_| unusable())?);
         config.global.prefix = FileName::new(prefix.as_bytes()).map_err(|_| unusable())?;
-        // The server cleans up after dead processes; a client that reads one value must not spend time on that.
+        // The server removes files of dead processes. A client that only reads a value should not spend time on this.
         config.global.node.cleanup_dead_nodes_on_creation = false;
         config.global.node.cleanup_dead_nodes_on_destruction = false;
         config.global.service.cleanup_dead_nodes_on_open = false;
         Ok(Self { root, tag, prefix, config })
     }
 
-    /// Starts again with a new prefix. Only for the owner: clients that are still connected are cut off.
+    /// Gives the domain a new prefix. Only for the owner: clients that are still connected lose their connection.
     pub(crate) fn renew(self) -> Result<Self, RootError> {
         self.sweep();
         let prefix =
@@ -211,8 +216,8 @@ impl Domain {
         self.node()
     }
 
-    /// Announces that the server, which is this process, is ready. Clients do not enter the domain before, so they do
-    /// not meet the sweep.
+    /// Announces that the server, which is this process, is ready. Clients enter the domain only after the
+    /// announcement, so a sweep before it cannot affect them.
     pub(crate) fn announce(&self) -> Result<(), RootError> {
         let published = self.root.publish(READY, &format!("{}\n", ProcessId::own()));
         published.map_err(|source| io_error(self.root.path(), source))
@@ -228,7 +233,7 @@ impl Domain {
         ProcessId::parse(&self.root.read(READY)?)
     }
 
-    /// Removes the files of dead processes, while others may use the domain.
+    /// Removes the files of dead processes. Other processes may use the domain at the same time.
     pub(crate) fn clean_up_after_the_dead<S: iceoryx2::service::Service>(&self, node: &Node<S>) {
         self.remove_half_made();
         node.try_cleanup_dead_nodes();
@@ -252,9 +257,9 @@ impl Domain {
         shm::lengths(&self.prefix)
     }
 
-    /// Returns shared memory objects that stay without content and so prevent entering the domain. Removes unused ones,
-    /// which a process left when it was killed while creating them. The returned ones are still in use by a slow
-    /// process, or damaged.
+    /// Returns shared memory objects that stay without content, and so prevent clients from entering the domain. First
+    /// removes those that no process uses: a process was killed while it created them. The returned objects are in use
+    /// by a slow process, or damaged.
     pub(crate) fn half_made(&self) -> Vec<PathBuf> {
         let (used, left): (Vec<_>, Vec<_>) =
             shm::half_made(&self.prefix).into_iter().partition(|path| shm::is_in_use(path));
@@ -268,7 +273,7 @@ impl Domain {
     /// the channel.
     pub(crate) fn dead_nodes(&self) -> Vec<UniqueNodeId> {
         let mut dead = Vec::new();
-        // Nodes that cannot be listed are found the next time.
+        // Nodes that cannot be listed now are found by the next call.
         let _ = Node::<Ipc>::list(&self.config, |node| {
             if let NodeState::Dead(node) = &node {
                 dead.push(*node.id());
@@ -319,8 +324,8 @@ impl ChannelSite for Domain {
         self.root.remove(READY);
     }
 
-    /// If iceoryx2 cannot list the nodes because of damage, the domain counts as unused. Without a thread for the list it
-    /// counts as used.
+    /// True if a living process uses the domain. If iceoryx2 cannot list the nodes because of damage, the domain counts
+    /// as unused. If there is no thread for the query, it counts as used.
     fn in_use(&self) -> bool {
         if !self.root.path().join(DIRECTORIES[0]).exists() {
             return false;
@@ -334,14 +339,14 @@ impl ChannelSite for Domain {
         DIRECTORIES.iter().any(|directory| self.root.path().join(directory).exists())
     }
 
-    /// Cuts off clients that are still connected. Removes files of the opened directory only: its name may already
-    /// belong to the directory of the next owner.
+    /// Removes all files of the domain. Clients that are still connected lose their connection. Works on the opened
+    /// directory only, because its name may already belong to the directory of the next owner.
     fn sweep(&self) {
         for directory in DIRECTORIES {
             self.root.remove(directory);
         }
         shm::remove(&self.prefix);
-        // Last: without the prefix the other files cannot be found.
+        // The prefix is removed last: without it the other files cannot be found.
         self.root.remove(PREFIX);
     }
 
@@ -383,8 +388,8 @@ fn canonical(root: &FsPath) -> Result<PathBuf, RootError> {
     if short { Ok(path) } else { Err(RootError::Unusable { path }) }
 }
 
-/// The beginning of all prefixes of an instance, which makes the owner of an object recognizable; for a root without
-/// links.
+/// The beginning of all prefixes of an instance, by which the owner of an object can be recognized. `root` must be a
+/// path without links.
 pub(super) fn tag(instance: &str, root: &FsPath) -> String {
     let hash = fnv1a(&[&root.to_string_lossy(), instance]);
     format!("{CHANNEL_PREFIX}{:08x}", hash >> 32 ^ hash & 0xFFFF_FFFF)
@@ -403,7 +408,7 @@ fn new_prefix(root: &PrivateDir, tag: &str) -> io::Result<String> {
     Ok(prefix)
 }
 
-/// Keeps iceoryx2 from writing to the user's terminal, unless its variable `IOX2_LOG_LEVEL` asks for it.
+/// Prevents iceoryx2 from writing to the user's terminal, unless the environment variable `IOX2_LOG_LEVEL` is set.
 fn quiet() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| set_log_level_from_env_or(LogLevel::Fatal));
@@ -436,7 +441,7 @@ mod tests {
         assert!(Domain::find("a", root.path()).unwrap().is_none());
     }
 
-    /// The path of a domain without its owner, and the domain as a client found it before the owner ended.
+    /// The path of a domain whose owner has ended, and the domain as a client has found it before this end.
     fn found_before_the_end() -> (TempDir, PathBuf, Domain) {
         let parent = TempDir::new().unwrap();
         let path = parent.path().join("iox.d");

@@ -1,8 +1,8 @@
 //! Events of the boards as an iceoryx2 event service, one for each PLC: `commram.events.<plc>`, in the domain of the
 //! channel. The id of a notification is the number of the event.
 //!
-//! Notifications wake listeners; they do not count: several events of one number become one notification. The
-//! counters in the header page have the number of events and are updated before the notification.
+//! Notifications only wake listeners. Several events of one number may become one notification. The counters in the
+//! header page count the events, and are updated before the notification.
 
 use super::client::{ClientError, Patience, domain_of};
 use super::domain::{Domain, Ipc, MAX_CLIENTS, MAX_NODES, Threads};
@@ -29,7 +29,7 @@ fn builder<S: iceoryx2::service::Service>(node: &Node<S>, plc: &str) -> Option<B
     Some(builder.event_id_max_value(LAST_EVENT))
 }
 
-/// The emulator's side: notifies listeners of events. Costs almost nothing without listeners.
+/// The emulator's side: notifies listeners of events. Without listeners it takes almost no time.
 pub struct EventNotifier {
     /// One service per PLC.
     services: Vec<(Service<Ipc>, Notifier<Ipc>)>,
@@ -61,7 +61,7 @@ impl EventNotifier {
         }
         for event in (0..=LAST_EVENT).filter(|event| events & 1 << event != 0) {
             if let Err(reason) = notifier.notify_with_custom_event_id(EventId::new(event)) {
-                // A listener has died; the others were notified.
+                // A listener has died. The other listeners were notified.
                 tracing::debug!(?reason, "a listener could not be notified");
             }
         }
@@ -71,7 +71,7 @@ impl EventNotifier {
 /// The client's side: waits for events of one PLC.
 pub struct EventListener {
     listener: Listener<Threads>,
-    // After the port, which belongs to the service and the guest.
+    // Declared after the port, which belongs to the service and the guest, so that these are dropped after it.
     service: Service<Threads>,
     _guest: Guest,
     bells: Box<dyn Bells>,
@@ -79,7 +79,7 @@ pub struct EventListener {
 }
 
 impl EventListener {
-    /// Listens to the events of PLC `plc` of `instance`, with the channel's files in the directory `root`.
+    /// Listens to the events of PLC `plc` of `instance`, whose channel has its files in the directory `root`.
     ///
     /// # Errors
     /// The instance is not running or has no such PLC, or iceoryx2 refuses.
@@ -118,7 +118,7 @@ impl EventListener {
             if events != 0 || left.is_zero() {
                 return Ok(events);
             }
-            // An ending emulator removes its port before it waits for its clients to leave.
+            // An emulator that ends removes its port before it waits for its clients to leave.
             if self.service.dynamic_config().number_of_notifiers() == 0 || !self.bells.emulator_alive() {
                 return Err(ClientError::EmulatorGone { instance: self.instance.clone() });
             }

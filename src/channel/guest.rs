@@ -1,7 +1,7 @@
-//! A client in a domain: enters and leaves it with a time limit.
+//! A client in a domain. It enters and leaves the domain with a time limit.
 //!
-//! Entering and leaving run in a separate thread ([`limit`]). The result then moves to the calling thread, so clients
-//! use the variant of iceoryx2 that allows this.
+//! Entering and leaving run in a separate thread ([`limit`]). The result then moves to the calling thread. So clients
+//! use the variant of iceoryx2 whose objects may move to another thread.
 
 use super::client::ClientError;
 use super::domain::{Domain, Threads};
@@ -21,7 +21,7 @@ pub(super) struct Guest {
 impl Guest {
     /// Enters a domain. May never return: see [`enter_within`].
     pub(crate) fn enter(domain: Domain) -> Result<Self, NodeCreationFailure> {
-        // Before the node: a failed attempt also leaves files.
+        // The guest is created before the node, because a failed attempt to create the node also leaves files.
         let mut guest = Guest { node: None, domain };
         guest.node = Some(guest.domain.node()?);
         Ok(guest)
@@ -58,7 +58,7 @@ impl Drop for Guest {
 /// Calls `enter`, which enters the channel of `instance`, in a separate thread, and waits at most `limit` for its result.
 ///
 /// # Errors
-/// The errors of `enter`, [`ClientError::Stuck`] or [`ClientError::NoThread`].
+/// The error of `enter`, [`ClientError::Stuck`] if the time is over, or [`ClientError::NoThread`].
 pub(super) fn enter_within<R: Send + 'static>(
     limit: Duration,
     instance: &str,

@@ -1,4 +1,4 @@
-//! The bells of the header page, as the channel uses them.
+//! The bells of the header page, for use by the channel.
 
 use super::Bells;
 use crate::memory::{Attached, Header, MemoryError, View};
@@ -18,13 +18,13 @@ impl HeaderBells {
         HeaderBells { headers, attached: None }
     }
 
-    /// A client's side. Attach with [`AttachMode::HeaderOnly`](crate::memory::AttachMode::HeaderOnly): a client that
-    /// maps the registers, even for a moment, keeps the emulator from going back in time.
+    /// A client's side. Attach with [`AttachMode::HeaderOnly`](crate::memory::AttachMode::HeaderOnly): while a client
+    /// maps the registers, the emulator cannot go back in time.
     ///
     /// # Errors
     /// The image is attached read-only: such a client cannot ring.
     pub fn of_client(attached: Attached) -> Result<Self, MemoryError> {
-        // A client of the channel does not need the registers mapped.
+        // A client of the channel does not access the registers.
         let attached = attached.only_header()?;
         Ok(HeaderBells { headers: vec![attached.header()?.clone()], attached: Some(attached) })
     }

@@ -8,7 +8,7 @@ use std::io;
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
-/// Limit for calls that wait for no other process.
+/// Limit for calls that do not wait for another process.
 pub(super) const SHORT: Duration = Duration::from_secs(1);
 
 /// The reason why there is no result.
@@ -18,7 +18,7 @@ pub(super) enum LimitError {
     Late,
     /// The thread has panicked.
     Ended,
-    /// The system has no thread.
+    /// The operating system refuses a thread.
     NoThread(io::Error),
 }
 
@@ -35,7 +35,7 @@ pub(super) fn on_a_thread<R: Send + 'static>(
         RecvTimeoutError::Timeout => LimitError::Late,
         RecvTimeoutError::Disconnected => LimitError::Ended,
     })?;
-    // The thread is about to end; joining it makes sure that it is gone from the process.
+    // The thread ends immediately. After the join it no longer exists in the process.
     let _ = thread.join();
     Ok(result)
 }

@@ -1,8 +1,8 @@
 //! The channel: a request-response interface to a running emulator, for tools and tests.
 //!
-//! The channel is the second interface beside the mapped image. It has functions that a map does not have: it
-//! advances the emulated time, waits for a register without missing a change, and executes several operations in one
-//! step (poke, step, peek) with no other input in between. If it is missing or fails, firmware and mapped clients
+//! The channel is the second interface of an emulator; the first is the mapped image. The channel can advance the
+//! emulated time, wait for a register without missing a change, and execute several operations (poke, step, peek) with
+//! no other input in between. If the channel is missing or fails, the firmware and clients with a mapped image
 //! continue.
 //!
 //! | part | content |
@@ -11,8 +11,8 @@
 //! | [`server`], [`client`] | the two sides over iceoryx2 |
 //! | [`bells`] | how the two sides wake each other |
 //!
-//! Rules: one server per instance; up to [`server::MAX_CLIENTS`] clients; a client has one request under way and
-//! always waits for its reply.
+//! Rules: an instance has one server and up to [`server::MAX_CLIENTS`] clients. A client has only one request in
+//! progress and always waits for its reply.
 
 pub mod bells;
 pub mod client;

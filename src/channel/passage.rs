@@ -1,20 +1,21 @@
 //! How an owner enters the directory of a channel, and how the last process that leaves removes the files of iceoryx2.
 //!
-//! The owner holds the instance's lock, which is in the same directory. It sweeps before it announces itself and when
-//! it ends. Clients that outlive it sweep when they leave. A sweep must not affect an owner that has entered meanwhile.
+//! The owner holds the instance's lock, which is in the same directory. It sweeps (removes all files) before it
+//! announces itself and when it ends. Clients that continue after its end sweep when they leave. Such a sweep must not
+//! affect the next owner, which may already have entered.
 
 #[cfg(test)]
 mod model;
 
-/// A directory, real or modelled, which may have lost its name.
+/// A directory, real or modelled. Another directory may have its name by now.
 pub(super) trait ChannelRoot {
-    /// While it exists, no other process has the lock.
+    /// While a value of this type exists, no other process has the lock.
     type Lock;
 
     /// Takes the lock if it is free.
     fn try_lock(&self) -> Option<Self::Lock>;
 
-    /// True if the name still belongs to this directory.
+    /// True if this directory still has the name.
     fn is_named(&self) -> bool;
 }
 
@@ -42,12 +43,13 @@ pub(super) trait ChannelSite: Sized {
     /// Removes the directory if it is empty.
     fn remove_root(&self);
 
-    /// The site in the directory that now has the name, if this is a new directory without an owner. A client that enters
-    /// while the owner removes the directory makes such a directory, because iceoryx2 works with paths.
+    /// The directory that now has the name, if it is a new directory without an owner. Such a directory appears if a
+    /// client enters while the owner removes the old one, because iceoryx2 works with paths.
     fn made_again(&self) -> Option<Self>;
 }
 
-/// Returns the directory for its owner; `create` makes it. While the second value exists, leaving clients do not sweep.
+/// Returns the directory for its owner; `create` opens or creates it. While the returned lock exists, leaving clients
+/// do not sweep.
 pub(super) fn own<R: ChannelRoot, E>(
     mut create: impl FnMut() -> Result<R, E>,
     mut wait: impl FnMut() -> Result<(), E>,
@@ -63,7 +65,7 @@ pub(super) fn own<R: ChannelRoot, E>(
     }
 }
 
-/// Maximum number of sweeps of a leaving client: files that cannot be removed stay.
+/// Maximum number of sweeps of a leaving client. Files that it cannot remove stay.
 const SWEEPS: u32 = 10;
 
 /// Called by a client that has left. If the server has ended before, the client must remove the remaining files.
@@ -90,7 +92,7 @@ fn sweep_as_last(place: &impl ChannelSite) {
             place.remove_root();
         }
         drop(held);
-        // Clients that have left meanwhile, or have failed to enter, found the lock taken and did not sweep.
+        // Clients that have left during the sweep, or have failed to enter, found the lock taken and did not sweep.
         if !place.has_files() || place.in_use() {
             return;
         }

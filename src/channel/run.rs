@@ -12,12 +12,12 @@ pub(crate) enum Progress {
     Waiting,
 }
 
-/// A request under way.
+/// A request in progress.
 #[derive(Debug, Default)]
 pub(crate) struct Run {
     /// Index of the next operation.
     next: usize,
-    /// State of that operation.
+    /// State of the operation in progress.
     execution: Execution,
     /// The replies so far.
     pub replies: ReplyBuffer,
@@ -51,7 +51,7 @@ impl Run {
         self.resume(host, ops)
     }
 
-    /// Executes operations that only read, while another request is under way. The host is not notified.
+    /// Executes operations that only read, while another request is in progress. Does not call [`Host::begin_request`].
     pub(crate) fn look(&mut self, host: &mut dyn Host, ops: &[WireOp]) -> Progress {
         self.resume(host, ops)
     }

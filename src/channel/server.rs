@@ -1,8 +1,8 @@
 //! The emulator's side of the channel.
 //!
-//! The server runs on the firmware thread, which creates it and calls [`Server::poll`] after every firmware step.
-//! Polling without requests costs some ten nanoseconds. A request in the steady state makes no system call and, on this
-//! side, no allocation.
+//! The server runs on the firmware thread, which creates it and calls [`Server::poll`] after every firmware step. A
+//! poll without requests takes some ten nanoseconds. After the first requests of a client, the server needs no system
+//! call and no allocation for a request.
 
 mod error;
 mod opening;
@@ -32,7 +32,7 @@ use std::time::Duration;
 type Port = iceoryx2::port::server::Server<Ipc, [WireOp], (), [Block], ()>;
 type Request = ActiveRequest<Ipc, [WireOp], (), [Block], ()>;
 
-/// Most requests that one [`Server::poll`] accepts, so that busy clients cannot stop the firmware.
+/// Maximum number of requests that one call of [`Server::poll`] accepts, so that busy clients cannot stop the firmware.
 const MAX_PER_POLL: usize = 2 * MAX_CLIENTS;
 
 /// Longest wait at the end for clients to leave, so that all files can be removed.
@@ -42,8 +42,8 @@ const LEAVE: Duration = Duration::from_millis(250);
 /// iceoryx2.
 const ROOM: u64 = 2 << 20;
 
-/// Removes the channel of a killed emulator from the directory `root`. The caller holds the instance's lock. Clients
-/// that are still connected are cut off.
+/// Removes the channel of a killed emulator from the directory `root`. The caller must hold the instance's lock.
+/// Clients that are still connected lose their connection.
 ///
 /// # Errors
 /// The directory cannot be used.
@@ -56,23 +56,23 @@ pub fn remove_remains(instance: &str, root: &Path) -> Result<(), ServerError> {
 
 /// The emulator's side of the channel. Not `Send`: create it on the thread that polls it.
 pub struct Server {
-    /// Requests that wait in real time. With a stepped clock, the request under way and its successors in order of
-    /// arrival. Declared before the port, which they refer to.
+    /// In real time, the requests that wait. With a stepped clock, the request in progress and the following ones in
+    /// order of arrival. Declared before the port, to which requests refer.
     waiting: Vec<(Request, Run)>,
     departed: DeadClients,
     /// `None` only while the server is being dropped.
     port: Option<Port>,
     service: Option<Service<Ipc>>,
     node: Option<Node<Ipc>>,
-    /// Runs for reuse.
+    /// Unused runs, kept to reuse their memory.
     spare: Vec<Run>,
     bells: Box<dyn Bells>,
     domain: Domain,
 }
 
 impl Server {
-    /// Opens the channel of `instance` with its files in the directory `root`, which is created if missing and used
-    /// only by the channel. The caller holds the instance's lock. Files of earlier runs are removed.
+    /// Opens the channel of `instance` with its files in the directory `root`. Creates the directory if it is missing;
+    /// only the channel may use it. Removes files of earlier runs. The caller must hold the instance's lock.
     ///
     /// # Errors
     /// The directory cannot be used, the channel is already served, or iceoryx2 gets no resources.
@@ -140,20 +140,20 @@ impl Server {
         self.waiting.len()
     }
 
-    /// Continues requests under way, then receives and executes new ones, and answers finished ones. With a stepped
-    /// clock only one request at a time advances the clock and changes the plant, and later ones wait for its end.
-    /// Requests that only read are answered meanwhile ([`Op::only_looks`](crate::request::Op::only_looks)).
+    /// Continues requests in progress, receives and executes new requests, and answers finished ones. With a stepped
+    /// clock only one request at a time advances the clock and changes the plant; later requests wait for its end.
+    /// Requests that only read need not wait ([`Op::only_looks`](crate::request::Op::only_looks)).
     ///
     /// Never blocks, except while a request advances the clock until it pauses.
     ///
-    /// Returns the number of answered requests. If it is not zero, more may have arrived meanwhile.
+    /// Returns the number of answered requests. If it is not zero, more requests may have arrived during the call.
     pub fn poll(&mut self, host: &mut dyn Host) -> usize {
         self.forget_dead_clients();
         let answered = if host.is_stepped() { self.resume(host) } else { self.retry(host) };
         answered + self.receive(host)
     }
 
-    /// Forgets requests of clients that have given up or died.
+    /// Drops requests of clients that have given up or died.
     fn forget_dead_clients(&mut self) {
         if self.waiting.is_empty() {
             return;
@@ -196,7 +196,8 @@ impl Server {
         process
     }
 
-    /// With a stepped clock: continues the first request until it pauses again, then its successors.
+    /// With a stepped clock: continues the first request until it pauses again. If it ends, continues with the next
+    /// one.
     fn resume(&mut self, host: &mut dyn Host) -> usize {
         let mut answered = 0;
         while let Some((request, run)) = self.waiting.first_mut() {
@@ -288,8 +289,8 @@ impl Server {
 }
 
 impl Server {
-    /// Ends a damaged channel. Does not access its memory, which may be missing, so no request is answered. Removes its
-    /// files.
+    /// Ends a damaged channel and removes its files. Does not access its memory, which may be missing, so no request is
+    /// answered.
     pub fn abandon(mut self) {
         self.domain.withdraw();
         core::mem::forget(core::mem::take(&mut self.waiting));

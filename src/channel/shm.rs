@@ -9,14 +9,14 @@ use std::time::{Duration, Instant};
 
 /// Directory of POSIX shared memory on Linux.
 pub(super) const SHM: &str = "/dev/shm";
-/// Longest time for a shared memory object without content: far more than a living process needs, even on a busy
+/// Longest time that a shared memory object may be without content. A living process needs far less, even on a busy
 /// processor.
 const HALF_MADE: Duration = Duration::from_millis(500);
-/// Longest object with access for all users: iceoryx2's counter of nodes has 16 bytes.
+/// Maximum length of an object that is accessible to all users: iceoryx2's counter of nodes has 16 bytes.
 const MAX_PUBLIC: u64 = 4096;
 
-/// Shared memory objects of this user with names that begin with `prefix`. Other users can see the prefix and create
-/// objects with it; no process of this user opens those, and they must not block one.
+/// Shared memory objects of this user with names that begin with `prefix`. Objects of other users are left out: another
+/// user can see the prefix and create such objects, but no process of this user opens them.
 pub(super) fn objects(prefix: &str) -> impl Iterator<Item = PathBuf> {
     let own = rustix::process::geteuid().as_raw();
     let entries = std::fs::read_dir(SHM).into_iter().flatten().flatten();
@@ -58,7 +58,7 @@ fn is_longer_than_file(line: &str, prefix: &str) -> Option<bool> {
     let (first, end) = fields.next()?.split_once('-')?;
     let hexadecimal = |digits| u64::from_str_radix(digits, 16).ok();
     let mapped = hexadecimal(fields.nth(1)?)? + (hexadecimal(end)? - hexadecimal(first)?);
-    // The last page of a map may have more than the object.
+    // The last page of a map may extend beyond the end of the object.
     let length = length(path)?.next_multiple_of(crate::memory::page_size().max(1) as u64);
     Some(mapped > length)
 }
@@ -70,9 +70,9 @@ pub(super) fn remove(prefix: &str) {
     }
 }
 
-/// Objects that stay without content. A process killed between creating an object and setting its size leaves one.
-/// iceoryx2 0.10.0 waits for the size without a limit, even with a timeout (`dynamic_storage/posix_shared_memory.rs`,
-/// `MappingSizeIsZero`). A living process needs only microseconds.
+/// Objects that stay without content. Such an object remains if a process is killed after it has created the object and
+/// before it has set the size. iceoryx2 0.10.0 waits for the size without a limit, even if it is called with a timeout
+/// (`dynamic_storage/posix_shared_memory.rs`, `MappingSizeIsZero`). A living process sets the size within microseconds.
 pub(super) fn half_made(prefix: &str) -> Vec<PathBuf> {
     let empty = || {
         let empty = objects(prefix).filter(|path| path.symlink_metadata().is_ok_and(|data| data.len() == 0));
@@ -103,8 +103,9 @@ pub(super) fn is_in_use(path: &Path) -> bool {
     })
 }
 
-/// Replaces objects that other users can open by private copies; returns whether there were any. No process of this
-/// user may use them yet. A process that has opened one keeps the old file, which is no longer used.
+/// Replaces objects that other users can open by private copies. Returns true if there were such objects. No process of
+/// this user may use them yet. A process of another user that has opened one still has the old file, which is no longer
+/// used.
 pub(super) fn make_private(prefix: &str) -> io::Result<bool> {
     let shm = Directory::open(Path::new(SHM))?;
     let mut any = false;
@@ -121,8 +122,8 @@ pub(super) fn make_private(prefix: &str) -> io::Result<bool> {
 fn replace(shm: &Directory, name: &str, prefix: &str) -> io::Result<()> {
     let mut content = Vec::new();
     shm.read(name)?.take(MAX_PUBLIC).read_to_end(&mut content)?;
-    // With the prefix, so that a sweep removes it if this process dies here. The rest of the name is random, so no
-    // other user can create it first.
+    // The name has the prefix, so that a sweep removes the copy if this process dies here. The rest of the name is
+    // random, so that no other user can create an object with this name first.
     let new = format!("{prefix}{}", random()?);
     shm.with_new(&new, &content, |_| Ok(shm.rename(&new, name)?))
 }
@@ -134,7 +135,7 @@ pub(super) fn random() -> io::Result<String> {
     Ok(format!("{:08x}", u32::from_ne_bytes(random)))
 }
 
-/// True if `is_so` is true now or becomes true within `patience`.
+/// Waits until `is_so` is true, for at most `patience`. Returns false if the time is over.
 pub(super) fn settles(patience: Duration, mut is_so: impl FnMut() -> bool) -> bool {
     let start = Instant::now();
     loop {

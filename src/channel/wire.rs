@@ -1,9 +1,9 @@
 //! Requests and replies as fixed-width integers.
 //!
-//! A request is a slice of [`WireOp`], one per operation. A reply is a slice of [`Block`]: per operation one head
-//! block, followed by the blocks of its data. Both sides may be hostile or of another build, so every bit pattern must
-//! be decodable, if only into an error. Therefore the format has only integers, no `bool`, `char` or enum, and decoding
-//! is checked. Both sides are on one machine, so integers have its byte order.
+//! A request is a slice of [`WireOp`], one for each operation. A reply is a slice of [`Block`]: for each operation a
+//! head block, followed by the blocks of its data. The other side may be hostile or of another build, so the decoder
+//! must accept every bit pattern, and return an error for invalid ones. Therefore the format has only integers, no
+//! `bool`, `char` or enum. Both sides are on the same machine, so integers have the byte order of this machine.
 //!
 //! `docs/reference/channel.md` describes the format for other languages. The type names contain its version: iceoryx2
 //! refuses a client with other type names or sizes.
@@ -35,16 +35,16 @@ use columns::InColumns;
 use iceoryx2::prelude::ZeroCopySend;
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-/// Version of the format. A change of an operation, a reply, or a type of the program within a reply counts it up, here and
-/// in the names of [`WireOp`] and [`Block`].
+/// Version of the format. Increment it, here and in the names of [`WireOp`] and [`Block`], after a change of an
+/// operation, a reply, or a type of the program within a reply.
 pub const WIRE_VERSION: u32 = 3;
 /// Longest reply in bytes: four full ranges and some space for other replies.
 pub const MAX_REPLY_BYTES: usize = 4 * MAX_RANGE as usize + 64 * MAX_OPS;
 /// Longest reply in blocks.
 pub const MAX_REPLY_BLOCKS: usize = MAX_REPLY_BYTES / size_of::<Block>();
 
-/// One operation of a request. The table of operations lists the columns of their fields, and `columns.rs` their
-/// content.
+/// One operation of a request. The table of operations (`ops!`) lists the columns of each field, and `columns.rs`
+/// defines their content.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, ZeroCopySend,
 )]
@@ -90,13 +90,13 @@ pub struct Block {
 
 const _: () = assert!(size_of::<WireOp>() == 32 && size_of::<Block>() == 16);
 
-/// A field of an operation without meaning, and its content.
+/// A field of an operation whose content has no meaning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{field} is 16#{value:X}")]
 pub struct BadField {
     /// The field: "the kind".
     pub field: &'static str,
-    /// Its content.
+    /// Content of the field.
     pub value: u32,
 }
 
@@ -137,7 +137,8 @@ macro_rules! codec {
                     $($number => Op::$op $({ $($field: InColumns::of_columns(($(wire.$column,)+))?),+ })?,)+
                     _ => return Err(BadField::new("the kind", wire.kind)),
                 };
-                // A field may get a meaning in a later version, so this version must not ignore it.
+                // An unused field may get a meaning in a later version, so this version must refuse content that it
+                // does not know.
                 if WireOp::from(&op) != wire {
                     return Err(BadField::new("an unused field", wire.kind));
                 }

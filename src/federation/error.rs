@@ -15,7 +15,7 @@ pub enum FederationError {
             boards identically"
     )]
     Unprepared,
-    /// Messages of another federate stopped.
+    /// No messages arrive from another federate.
     #[error(
         "federate {federate} has sent nothing for {} s: it has not been started or has died, its host is down, or \
             there is no connection to it (does a broker run?)",
@@ -53,7 +53,7 @@ pub enum FederationError {
         federate: u8,
         /// Number of federates according to that federate.
         theirs: u8,
-        /// Number of federates according to this one.
+        /// Number of federates according to this federate.
         ours: u8,
     },
     /// Another federate has another plant.
@@ -64,10 +64,10 @@ pub enum FederationError {
         /// Difference between the plants.
         why: String,
     },
-    /// All federates only follow.
+    /// All federates only follow, so no federate advances the clock.
     #[error("all federates follow (--follow), so none advances the clock; start one of them without it")]
     NobodyLeads,
-    /// Input has entered the plant on this host but not on another one.
+    /// Input has entered the plant on this host but not on another host.
     #[error(
         "at {at_us} us federate {federate} has another journal than this one: a program has stored into an image \
             while the clock advanced or in the turn of another federate, or has set a switch without the \
@@ -82,10 +82,10 @@ pub enum FederationError {
     /// The coupling with other simulators failed.
     #[error(transparent)]
     Coupling(#[from] crate::coupling::CouplingError),
-    /// A message is malformed, or arrived in place of another one.
+    /// A message is malformed, or is not the message that had to come next.
     #[error("federate {federate} has sent an unexpected message; does another program use this federation?")]
     Nonsense {
-        /// Federate with the turn.
+        /// Number of the federate that has sent the message.
         federate: u8,
     },
 }

@@ -14,7 +14,7 @@ pub trait Exchange: Send {
     /// See [`Exchange::send`].
     fn receive(&mut self) -> Result<Option<(u8, Vec<u8>)>, String>;
 
-    /// Describes what the connection lacks if it was not made yet.
+    /// Describes for what the connection is waiting; `None` if it is established.
     fn missing(&self) -> Option<String> {
         None
     }

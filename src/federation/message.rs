@@ -41,7 +41,7 @@ pub(super) struct Turn {
     pub(super) inputs: Vec<Input>,
     /// Hash of the sender's journal after the inputs.
     pub(super) hash: u64,
-    /// Emulated time up to which the sender has no further input.
+    /// Emulated time before which the sender has no further input.
     pub(super) want: u64,
     /// For each device, the events at which the sender needs a turn: bit n for event n.
     pub(super) watched: Vec<u16>,
@@ -58,8 +58,8 @@ pub(super) enum Input {
     Boards,
     /// New state of a task in lockstep: device, event, code of the state.
     Task(DeviceIndex, u16, u32),
-    /// A motor that a model turns: number of the drive, and speed; `None`: the speed that the drive
-    /// demands.
+    /// Speed of a motor whose load a client simulates: number of the drive, and speed. `None`: the motor follows the
+    /// drive again.
     Shaft(u16, Option<i32>),
 }
 

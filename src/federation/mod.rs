@@ -2,10 +2,11 @@
 //! hosts.
 //!
 //! A plant is deterministic: the same input at the same emulated time gives the same result. So federates exchange only
-//! the input, not the traffic of the buses: operations of clients, stores of programs, and the time up to which they
-//! have no further input. At each moment the federates take turns in the order of their numbers. Then all clocks
-//! advance to the earliest time that a federate requests, or to an event at which a federate needs a turn (decision
-//! D-570). Each turn carries a hash of the journal, so that a difference between hosts is detected.
+//! input (operations of clients and stores of programs), not the traffic of the buses. Each federate also sends the
+//! time before which it has no further input. At each moment the federates take turns in the order of their numbers.
+//! Then all clocks advance to the earliest time that a federate has sent, or to an event at which a federate needs a
+//! turn (decision D-570). Each message about a turn contains a hash of the journal, so that a difference between hosts
+//! is detected.
 //!
 //! An [`Exchange`] transports the messages.
 
@@ -39,9 +40,9 @@ pub struct FederateConfig {
     pub own: u8,
     /// Number of federates.
     pub count: u8,
-    /// This federate never advances the clock by itself.
+    /// True if this federate never advances the clock by itself.
     pub follows: bool,
-    /// Longest silence of another federate.
+    /// Longest time without a message of another federate.
     pub limit: Duration,
     /// Emulated time between two exchanges with other simulators, if there are any; federate 0 only (decision D-578).
     pub exchange_us: Option<u64>,
@@ -52,24 +53,24 @@ pub struct FederateConfig {
 pub enum FederationEvent {
     /// No message has arrived.
     Nothing,
-    /// The plant or the owner of the turn has changed.
+    /// The plant has changed, or another federate has the turn now.
     Moved,
-    /// This federate ended normally.
+    /// The federate with this number has ended normally.
     Left(u8),
 }
 
-/// This federate among the others.
+/// This federate as a member of the federation.
 pub struct Federation {
     part: FederateConfig,
     exchange: Box<dyn Exchange>,
-    /// Received greetings, by federate, until all have arrived.
+    /// The greeting of each federate, until all have arrived.
     hellos: Vec<Option<Hello>>,
     is_complete: bool,
     /// Number of the federate that has the turn.
     turn: u8,
     /// Earliest of the times that the federates requested in this round.
     want: u64,
-    /// For each federate, turns that arrived too early: messages of several federates may arrive in any order.
+    /// For each federate, turns that have arrived too early. Messages of different federates may arrive in any order.
     pending: Vec<VecDeque<Turn>>,
     /// Input on this host that was not sent yet.
     inputs: Vec<Input>,
@@ -132,7 +133,7 @@ impl Federation {
         self.is_complete && self.turn == self.part.own
     }
 
-    /// Describes the federate for which the clock waits; `None` if it is this one.
+    /// Describes the federate for which the clock waits; `None` if the clock waits for this federate.
     pub fn waits_for(&self) -> Option<String> {
         match (self.is_complete, self.is_own_turn()) {
             (false, _) => Some(format!("federate {}, which has not joined yet", self.missing())),
@@ -176,8 +177,8 @@ impl Federation {
         Ok(())
     }
 
-    /// In this federate's turn: lets the boards answer the requests of programs in the header page. Returns whether
-    /// there was any.
+    /// In this federate's turn: lets the boards answer the requests of programs in the header page. Returns true if
+    /// there were requests.
     pub fn look_at_boards(&mut self, plant: &mut Plant) -> bool {
         if !plant.has_undelivered_requests() {
             return false;
@@ -192,13 +193,13 @@ impl Federation {
         self.inputs.push(Input::Task(plc, event as u16, state.code()));
     }
 
-    /// Records the speed that a model here gives a motor.
+    /// Records, for the other federates, that a client of this host has set the speed of a motor.
     pub fn note_shaft(&mut self, drive: usize, speed: Option<i32>) {
         self.inputs.push(Input::Shaft(drive as u16, speed));
     }
 
-    /// Returns the time of the next exchange with other simulators after `now`, at any federate; registers may change
-    /// then. `u64::MAX` if there is none.
+    /// Returns the time of the next exchange of any federate with other simulators after `now`. Registers may change at
+    /// this time. `u64::MAX` if there is no exchange.
     pub fn next_exchange(&self, now: u64) -> u64 {
         let Some(period) = self.hellos.iter().flatten().find_map(|hello| hello.exchange_us) else {
             return u64::MAX;
@@ -212,8 +213,9 @@ impl Federation {
         self.arrived.take_if(|at| *at >= target).is_some()
     }
 
-    /// Ends this federate's turn: it has no further input until `want`. `target`: time that a client here wants to
-    /// reach. `watched`: for each device, the events at which this federate needs a turn earlier, bit n for event n.
+    /// Ends this federate's turn. `want`: time before which this federate has no further input. `target`: time that a
+    /// client of this host wants to reach. `watched`: for each device, the events at which this federate needs a turn
+    /// earlier, bit n for event n.
     ///
     /// # Errors
     /// [`FederationError`].
@@ -233,16 +235,16 @@ impl Federation {
         Ok(())
     }
 
-    /// Processes the messages of the others in their turns, and advances the clock when all turns are over. In the own
-    /// turn it detects that another federate has ended.
+    /// Processes messages of the federate that has the turn, and advances the clock when all turns are over. In this
+    /// federate's own turn it only detects that another federate has ended.
     ///
     /// # Errors
     /// [`FederationError`].
     pub fn look(&mut self, host: &mut dyn Host) -> Result<FederationEvent, FederationError> {
         let mut news = FederationEvent::Nothing;
         self.show_life()?;
-        // When the clock has reached the requested time of a client, the client gets its answer before later messages
-        // are processed.
+        // If the clock has reached the time that a client has requested, the client gets its answer before later
+        // messages are processed.
         while !(news == FederationEvent::Moved && self.is_own_turn()) {
             let Some((from, bytes)) = self.exchange.receive().map_err(FederationError::Exchange)? else {
                 self.is_in_time()?;
@@ -338,8 +340,8 @@ impl Federation {
 
     /// In this federate's turn: collects what programs have stored since the last call.
     fn gather(&mut self, plant: &Plant) {
-        // A program first stores, then sends a request to a board. So stores are collected after the requests and sent
-        // before them.
+        // A program first stores registers, then sends a request to a board. So stores are collected after the
+        // requests, and sent before them.
         let asked = plant.deliver_board_requests();
         self.gather_registers(plant);
         self.inputs.extend(asked.into_iter().map(Input::Stored));
@@ -384,7 +386,7 @@ impl Federation {
         Ok(())
     }
 
-    /// Ends the turn of federate `self.turn`. After the turn of the last one the clock advances.
+    /// Ends the turn of federate `self.turn`. After the turn of the last federate the clock advances.
     fn turn_over(&mut self, plant: &mut Plant, want: u64, watched: Vec<u16>) {
         self.want = self.want.min(want);
         self.watched[usize::from(self.turn)] = watched;

@@ -1,12 +1,13 @@
 //! The log format of `candump -L`, which can-utils (`log2asc`, `canplayer`) and Wireshark read:
-//! `(0000000002.001234) drives 583#7900210000000000`. Only frames; times are emulated time since power-on.
+//! `(0000000002.001234) drives 583#7900210000000000`. A log contains only frames. Times are emulated time since
+//! power-on.
 
 use super::{Format, Names, Record, Source};
 use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
 use core::fmt;
 use std::fmt::Write;
 
-/// Longest name of a network interface under Linux; readers need not take longer ones.
+/// Maximum length of the name of a network interface under Linux. Programs that read logs may refuse longer names.
 const LONGEST_NAME: usize = 15;
 
 /// Writes frames as `candump -L` does.
@@ -26,7 +27,7 @@ impl Candump {
     }
 }
 
-/// A name made of the bus's number that no other bus has.
+/// A name that contains the number of the bus and that no other bus has.
 fn number(index: usize, others: &[String]) -> String {
     let mut name = format!("bus{index}");
     while others.contains(&name) {
@@ -35,7 +36,7 @@ fn number(index: usize, others: &[String]) -> String {
     name
 }
 
-/// A frame as the format has it: `583#7900210000000000`, `00000123#R4`.
+/// A frame in the form of the format: `583#7900210000000000`, `00000123#R4`.
 pub struct FrameText<'a>(pub &'a Frame);
 
 impl fmt::Display for FrameText<'_> {

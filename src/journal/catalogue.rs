@@ -26,12 +26,12 @@ pub struct Catalogue {
 }
 
 impl Catalogue {
-    /// The kind with this name.
+    /// The kind of event with this name.
     pub fn kind(&self, name: &str) -> Option<&'static EventKind> {
         self.kinds.iter().copied().find(|kind| kind.name() == name)
     }
 
-    /// The rule of this number.
+    /// The rule with this number.
     pub fn rule(&self, number: u8) -> Option<&'static Rule> {
         self.rules.iter().copied().find(|rule| rule.number() == number)
     }
@@ -41,12 +41,12 @@ impl Catalogue {
         self.rules.iter().copied().find(|rule| rule.id() == id)
     }
 
-    /// Name of the kind of fault of this number.
+    /// Name of the kind of fault with this number.
     pub fn fault(&self, number: u8) -> Option<&'static str> {
         self.faults.iter().find(|fault| fault.number == number).map(|fault| fault.name)
     }
 
-    /// The event with these words; `None` if no event has such words.
+    /// Decodes an event; `None` if the words are not an event.
     pub fn event(&self, words: Words) -> Option<Event> {
         let [number, ..] = words[0].to_le_bytes();
         let kind = self.kinds.iter().copied().find(|kind| kind.number() == number)?;

@@ -23,8 +23,8 @@ event_kinds! {
 }
 
 impl Changed {
-    /// The change of the `width` at `offset` of device `plc`, which can be a part of the changed register: a program may
-    /// access a narrower register that only another port uses. `None` if this part has not changed.
+    /// The change of the register of this `width` at `offset` of device `plc`. It may be only a part of the changed
+    /// register, because structures can overlay each other with different widths. `None` if this part has not changed.
     #[must_use]
     pub fn part(&self, plc: DeviceIndex, offset: u32, width: Width) -> Option<Changed> {
         let place = offset.checked_sub(self.offset)?;
@@ -45,14 +45,14 @@ pub enum By {
     Program,
     /// A client of the channel, or a verb of a scenario.
     Channel,
-    /// A force.
+    /// The emulator, because the register is forced.
     Force,
 }
 
 impl By {
     const ALL: [By; 4] = [By::Firmware, By::Program, By::Channel, By::Force];
 
-    /// Its name in JSON Lines.
+    /// Name of the originator in JSON Lines.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -67,11 +67,12 @@ impl By {
 /// Facts about a change, in addition to the values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChangeDetails {
-    /// The register's width.
+    /// Width of the register.
     pub width: Width,
     /// Originator of the change.
     pub by: By,
-    /// Which of the structures that overlay each other was valid: it gives the register its name.
+    /// The phase at the time of the change. If structures overlay each other, it shows which structure was valid, and
+    /// so the name of the register.
     pub live: RegisterPhase,
 }
 

@@ -1,18 +1,19 @@
-//! Events as three words: for the running hash, for counting equal ones, and for the channel.
+//! Events encoded as three words. The running hash, the count of equal events, and the channel use the words.
 //!
-//! First word: bits 0-7 number of the [`EventKind`], 8-15 number of the port, 16-31 index of the device or bus. The
-//! upper 32 bits of the first word and the other two words belong to the kind, which puts its [`Part`]s there one after
-//! the other. [`event_kinds!`](crate::event_kinds!) makes the encoder and the decoder from one list of fields.
+//! First word: bits 0-7 are the number of the [`EventKind`], bits 8-15 the number of the port, bits 16-31 the index of
+//! the device or bus. The upper 32 bits of the first word and the other two words contain the fields of the kind, one
+//! [`Part`] after the other. [`event_kinds!`](crate::event_kinds!) makes the encoder and the decoder from one list of
+//! fields.
 
 use super::event::{Origin, Source};
 use super::kind::EventKind;
 use crate::identity::{BusIndex, DeviceIndex};
 use crate::layout::RegisterPhase;
 
-/// An event as numbers. Equal events have equal words, different events different ones.
+/// An event as numbers. Equal events have equal words, and different events have different words.
 pub type Words = [u64; 3];
 
-/// Halves of words that belong to the kind.
+/// Number of 32-bit halves that contain the fields of the kind.
 const HALVES: usize = 5;
 
 /// An event kind that can be encoded as words and decoded.
@@ -23,7 +24,7 @@ pub trait EventCodec: Copy + 'static {
     /// Encodes the event as words.
     fn words(&self) -> Words;
 
-    /// Decodes the words of this kind; `None` if they are invalid. Bits that it does not use are ignored.
+    /// Decodes the words of this kind; `None` if the words are invalid. Ignores bits that the kind does not use.
     fn read(words: Words) -> Option<Self>;
 
     /// The device or bus of the event.
@@ -35,7 +36,7 @@ pub trait Part: Copy {
     /// Appends the field.
     fn put(self, packer: &mut Packer);
 
-    /// Takes the field from the words; `None` if the number has no meaning.
+    /// Reads the field from the words; `None` if the number has no meaning.
     fn take(unpacker: &mut Unpacker) -> Option<Self>;
 }
 
@@ -47,14 +48,15 @@ pub struct Packer {
 }
 
 impl Packer {
-    /// Words of a kind; `index` and `number` are the location of the event.
+    /// Creates the words of an event of this kind, still without fields. `index` and `number` are the location of the
+    /// event.
     #[inline]
     pub fn new(kind: &EventKind, index: u16, number: u8) -> Self {
         let first = u64::from(kind.number()) | u64::from(number) << 8 | u64::from(index) << 16;
         Packer { first, halves: [0; HALVES], used: 0 }
     }
 
-    /// Appends a number. There is room for five.
+    /// Appends a number. An event has room for five numbers.
     #[inline]
     pub fn put(&mut self, number: u32) {
         debug_assert!(self.used < HALVES, "an event has five numbers at most");
@@ -64,7 +66,7 @@ impl Packer {
         self.used += 1;
     }
 
-    /// The words.
+    /// The words with all parts.
     #[inline]
     pub fn words(self) -> Words {
         let pair = |high: u32, low: u32| u64::from(high) << 32 | u64::from(low);
@@ -73,7 +75,7 @@ impl Packer {
     }
 }
 
-/// Takes parts out of words.
+/// Reads parts from words.
 pub struct Unpacker {
     first: u64,
     halves: [u32; HALVES],
@@ -276,7 +278,8 @@ macro_rules! event_kinds {
 
         impl $crate::journal::EventCodec for $name {
             const KIND: &'static $crate::journal::EventKind = {
-                // A static has one address in all modules, by which a catalogue finds a kind that devices share.
+                // A static has the same address in all modules. By this address the catalogue recognizes a kind that
+                // several devices register.
                 static KIND: $crate::journal::EventKind =
                     $crate::journal::EventKind::new::<$name>($number, $text, $crate::journal::Ring::$ring);
                 &KIND

@@ -1,5 +1,5 @@
-//! A draft of the journal: events of a reporter, before the earlier events of other reporters are known. When they are
-//! known, the draft is merged into the journal.
+//! Drafts of the journal. Buses and watches on several cores report events independently, so the order of their events
+//! is not known at first. Each core collects its events in a draft. The journal merges the drafts in the order of time.
 
 use super::{Event, Finding, Journal, Keeping};
 use std::sync::Arc;
@@ -41,7 +41,7 @@ impl Draft {
 }
 
 impl Journal {
-    /// A draft for a journal in which no register is followed.
+    /// Creates a draft. No register may be followed in the journal.
     pub(crate) fn draft() -> Self {
         Journal { draft: Some(Box::default()), ..Journal::new(1) }
     }

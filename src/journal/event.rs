@@ -18,8 +18,8 @@ pub struct Origin {
 }
 
 impl Origin {
-    /// Used as index of the device for a guest, a foreign program that takes part in a bus. The port is the guest's
-    /// number.
+    /// Index of the device if the origin is a guest: a foreign program that takes part in a bus. The port is then the
+    /// guest's number.
     const GUEST: DeviceIndex = DeviceIndex(u16::MAX);
 
     /// Guest number `guest` of the event's bus.
@@ -28,7 +28,7 @@ impl Origin {
         Origin { plc: Self::GUEST, node: guest }
     }
 
-    /// The guest's number, if it is a guest.
+    /// The guest's number, if the origin is a guest.
     #[must_use]
     pub const fn guest(self) -> Option<u8> {
         if self.plc.0 == Self::GUEST.0 { Some(self.node) } else { None }
@@ -47,7 +47,7 @@ pub enum Source {
 }
 
 impl Source {
-    /// From here on, indices of devices are indices of buses, for findings on a bus.
+    /// Indices of devices from this number on mean buses: index minus this number. Only findings on a bus use them.
     pub(super) const BUSES: u16 = 1 << 15;
 
     /// The device with this index, or the bus.
@@ -67,7 +67,7 @@ impl Source {
 pub enum Keeping {
     /// In a separate record.
     Noted,
-    /// Together with equal events at equal distances.
+    /// In one record, together with equal events at equal distances.
     Counted,
     /// In a separate record; the event is a request, and the records of its answers contain the latency.
     Request {
@@ -78,7 +78,7 @@ pub enum Keeping {
         /// The value written.
         value: u32,
     },
-    /// Counted, unless it answers a request.
+    /// As `Counted`; but in a separate record if the event answers a request.
     Answer {
         /// Index of the device.
         plc: DeviceIndex,
@@ -89,7 +89,7 @@ pub enum Keeping {
         /// The value of the register now, if more answers to the same request will follow.
         pending_value: Option<u32>,
     },
-    /// In a separate record, after all events that were counted up to here; the event may answer a command.
+    /// In a separate record. Records of all events that were counted before precede it. The event may answer a command.
     State {
         /// Index of the device.
         plc: DeviceIndex,
@@ -106,7 +106,7 @@ pub struct Event {
 }
 
 impl Event {
-    /// `words` must be those of the kind.
+    /// Creates an event from its words, which must be valid for the kind.
     pub(super) const fn of_words(kind: &'static EventKind, words: Words) -> Self {
         Event { kind, words }
     }
@@ -155,18 +155,18 @@ impl Event {
         self.kind.stored(self.words)
     }
 
-    /// The sender, if the event is the end of a frame or telegram of a guest.
+    /// The guest that has sent the frame or telegram, if the event is the end of one.
     #[must_use]
     pub fn guest(&self) -> Option<u8> {
         self.frame().map_or_else(|| self.kind.guest(self.words), |carried| carried.guest)
     }
 
-    /// The part of a telegram that the event has, if one was on the line.
+    /// The octets of a telegram, as far as the event contains them. `None` if the event is not a telegram on the line.
     pub(super) fn telegram(&self) -> Option<Octets> {
         self.kind.telegram(self.words)
     }
 
-    /// The time slot of the bus that a frame was in.
+    /// The time slot of the bus in which the frame was sent.
     pub(super) fn slot(&self) -> Option<&'static str> {
         self.kind.slot(self.words)
     }

@@ -1,4 +1,4 @@
-//! The fields of a record in JSON Lines that belong to its kind, in their order.
+//! The fields of a record in JSON Lines that depend on its kind, in order.
 
 use serde::{Serialize, Serializer};
 use serde_json::Value;

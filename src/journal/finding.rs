@@ -11,7 +11,8 @@ use crate::identity::{BusIndex, DeviceIndex};
 use crate::layout::{Address, DeviceFit, RegType, RegisterPhase, RegisterRef, Width, format_value};
 use crate::memory::{HEADER_SIZE, header};
 
-/// On a bus, the numbers of participants follow the numbers of guests.
+/// For findings on a bus: number of a participant plus this value, so that numbers of participants differ from numbers
+/// of guests.
 const PARTICIPANTS: u32 = 0x100;
 
 /// A rule was broken at a register.
@@ -19,12 +20,12 @@ const PARTICIPANTS: u32 = 0x100;
 pub struct Finding {
     /// The rule.
     pub rule: &'static Rule,
-    /// Index of the device in the plant; or of a bus, see [`Finding::at_bus`].
+    /// Index of the device in the plant; or index of a bus, see [`Finding::at_bus`].
     pub plc: DeviceIndex,
     /// Offset of the register in the device's RAM; on a bus the number of the guest, or 256 plus the number of the
     /// participant.
     pub offset: u32,
-    /// Which of the structures that overlay each other the register belongs to.
+    /// The phase, which shows the structure of the register if structures overlay each other.
     pub live: RegisterPhase,
     /// The value written.
     pub value: u32,
@@ -33,13 +34,13 @@ pub struct Finding {
 }
 
 event_kinds! {
-    /// A finding as the journal has it, with the number of its rule.
+    /// A finding as an event of the journal: with the number of its rule.
     Found = 40, "finding", Rare, at plc {
         /// Number of the rule.
         rule: u8,
         /// Offset of the register in the device's RAM.
         offset: u32,
-        /// Which of the structures that overlay each other the register belongs to.
+        /// The phase, which shows the structure of the register if structures overlay each other.
         live: RegisterPhase,
         /// The value written.
         value: u32,
@@ -94,15 +95,16 @@ impl EventText for Found {
 }
 
 impl Finding {
-    /// Guest number `guest` of bus number `bus` broke a rule; such a finding has no register.
+    /// Creates the finding that guest number `guest` of bus number `bus` has broken a rule. Such a finding has no
+    /// register.
     #[must_use]
     pub const fn at_bus(rule: &'static Rule, bus: BusIndex, guest: u8, value: u32) -> Self {
         let (plc, offset) = (DeviceIndex(Source::BUSES | bus.number()), guest as u32);
         Finding { rule, plc, offset, live: RegisterPhase::ALWAYS, value, late_us: 0 }
     }
 
-    /// Participant `number` of bus number `bus` has a fault; such a finding has no register either, and its value is
-    /// read as a number.
+    /// Creates the finding that participant `number` of bus number `bus` has broken a rule. Such a finding has no
+    /// register; texts show its value as a decimal number.
     #[must_use]
     pub const fn at_participant(rule: &'static Rule, bus: BusIndex, number: u8, value: u32) -> Self {
         let (plc, offset) = (DeviceIndex(Source::BUSES | bus.number()), PARTICIPANTS | number as u32);
@@ -115,7 +117,7 @@ impl Finding {
         Source::of_index(self.plc)
     }
 
-    /// The register; `None` in the header page and where there is none.
+    /// The register; `None` if the finding is in the header page, or not at a register.
     #[must_use]
     pub fn register(&self, fitted: impl Into<DeviceFit>) -> Option<RegisterRef> {
         if self.is_at_bus() {
@@ -153,7 +155,7 @@ impl Finding {
         Some(self.register(fitted).map_or_else(byte, |register| register.address()))
     }
 
-    /// The value as the register writes it: `16#0043`.
+    /// The value in the form of the register: `16#0043`.
     #[must_use]
     pub fn value_text(&self, fitted: impl Into<DeviceFit>) -> String {
         if self.is_at_participant() {

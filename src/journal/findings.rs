@@ -2,9 +2,9 @@
 
 use super::{Finding, Rule, Severity};
 
-/// Most pairs of rule and register that are counted separately.
+/// Maximum number of pairs of rule and register that are counted separately.
 pub const MAX_ENTRIES: usize = 256;
-/// Most changes of the value of one entry that become records of the journal.
+/// Maximum number of records in the journal for one entry. A record is written when the value of the finding changes.
 const MAX_RECORDS: u8 = 8;
 
 /// Counters of a rule at a register.
@@ -12,8 +12,8 @@ const MAX_RECORDS: u8 = 8;
 pub struct Entry {
     /// The last finding.
     pub last: Finding,
-    /// False: counts the findings of the rule at all registers without a separate entry; place and value are those of
-    /// the last finding.
+    /// True: the entry counts the findings at one register. False: it counts the findings of the rule at all registers
+    /// that have no entry of their own; place and value are then those of the last finding.
     pub is_single: bool,
     /// Count of occurrences.
     pub count: u64,
@@ -88,7 +88,7 @@ impl Findings {
         (entries, records, further)
     }
 
-    /// A table of such parts; `None` if they do not fit together.
+    /// Creates a table from the parts that [`Findings::parts`] returns; `None` if they do not fit together.
     pub(super) fn of_parts(entries: Vec<Entry>, records: Vec<u8>, further: Vec<Entry>) -> Option<Self> {
         let fits = entries.len() == records.len() && entries.len() <= MAX_ENTRIES;
         fits.then_some(Findings { entries, records, further })
@@ -109,12 +109,12 @@ impl Findings {
         self.len() == 0
     }
 
-    /// The rules of severity [`Severity::Error`] that were broken, each one once.
+    /// The broken rules of severity [`Severity::Error`], without repetitions.
     pub fn errors(&self) -> Vec<&'static Rule> {
         self.rules(Severity::Error)
     }
 
-    /// The rules of one severity that were broken, each one once, in the order of the rules.
+    /// The broken rules of one severity, without repetitions, in the order of the rules.
     pub fn rules(&self, severity: Severity) -> Vec<&'static Rule> {
         let broken = self.iter().map(|entry| entry.last.rule);
         let mut rules: Vec<_> = broken.filter(|rule| rule.severity() == severity).collect();
@@ -123,7 +123,7 @@ impl Findings {
         rules
     }
 
-    /// Forgets everything.
+    /// Removes all findings and counts.
     pub fn clear(&mut self) {
         *self = Findings::default();
     }

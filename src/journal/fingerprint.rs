@@ -1,11 +1,11 @@
 //! The running hash over all events: equal hashes prove that two runs are the same run.
 //!
 //! The hash must distinguish runs that differ in a few single bits, for example after one wrong step of an emulator.
-//! Hashes made for tables are linear enough that two such differences cancel. XXH3 multiplies unlike halves of a block,
-//! and the same events give the same value on every machine and in every build.
+//! With hashes for hash tables, two such differences can cancel each other. XXH3 multiplies parts of a block with each
+//! other, so this does not happen. It gives the same value for the same events on every machine and in every build.
 //!
-//! The stream is hashed in blocks, and the value of each block is the seed of the next one. So a snapshot only needs
-//! one value and the events of one block to continue in the middle of the stream.
+//! The stream is hashed in blocks, and the hash of each block is the seed of the next block. So a snapshot stores only
+//! one hash and the events of the current block.
 
 use super::Words;
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
@@ -21,7 +21,7 @@ pub(super) struct Fingerprint {
     /// Hash of all blocks before this one.
     before: u64,
     block: [u8; EVENTS * EVENT],
-    /// Number of bytes in the block so far; there is always room for one more event.
+    /// Number of bytes in the block so far. The block always has room for one more event.
     len: usize,
 }
 
@@ -31,7 +31,7 @@ impl Fingerprint {
         Fingerprint { before: 0, block: [0; EVENTS * EVENT], len: 0 }
     }
 
-    /// Takes in one more event.
+    /// Adds an event to the hash.
     #[inline]
     pub(super) fn add(&mut self, time_us: u64, words: Words) {
         let [first, second, third] = words;
@@ -85,7 +85,7 @@ mod tests {
 
     #[test]
     fn the_same_bit_flipped_in_two_frames_changes_it() {
-        // Enough frames to cross the blocks in which the stream is taken in.
+        // Enough frames for several blocks.
         let frames: Vec<u64> = (0..40).map(|n| 0x0123_4567_89AB_CDEFu64.rotate_left(n)).collect();
         let mut seen = HashSet::from([hash(&frames)]);
         for bit in 0..64 {

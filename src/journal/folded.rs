@@ -1,19 +1,21 @@
-//! Lines for people with the cyclic traffic folded: one counted line for each frame, handshake and SYNC edge that
-//! repeats between two other events.
+//! Lines for people, with cyclic traffic combined: each frame, handshake or SYNC edge that repeats between two other
+//! events becomes one line with a count.
 
 use super::text::{Text, seconds};
 use super::{Catalogue, ChannelWrite, Format, Names, Record, Ring, Source};
 use std::fmt::Write;
 
-/// Writes records as [`Text`] does, but counts cyclic traffic until another event: a quiet period.
+/// Writes records as [`Text`] does, but combines the cyclic traffic of a quiet period: the time until the next other
+/// event.
 ///
 /// Frames, telegrams, SYNC edges, and handshakes that do not answer a request of the channel are cyclic. Records with
-/// the same source and the same text up to the first `: ` are one group; the rest of the text is values.
+/// the same source and the same text up to the first `: ` form a group. The text after `: ` is regarded as values,
+/// which may differ within a group.
 pub(crate) struct Folded {
     text: Text,
-    /// The traffic since the last other event, in the order of the first records.
+    /// The cyclic traffic since the last other event, in the order of the first records.
     groups: Vec<Group>,
-    /// Emulated time after which a quiet period ends without an event.
+    /// Maximum length of a quiet period in emulated microseconds.
     longest_us: u64,
 }
 
@@ -27,9 +29,9 @@ struct Group {
     begin_us: u64,
     end_us: u64,
     count: u64,
-    /// Distance of the events, if the group is a single record of counted events.
+    /// Distance of the events in microseconds, if the group is a single record of counted events.
     period_us: Option<u32>,
-    /// The journal still counts the last record.
+    /// True if the count of the last record may continue.
     may_continue: bool,
 }
 

@@ -1,8 +1,8 @@
-//! Waveforms as FST, the format of GTKWave's own: the same signals as in a value change dump, in less space.
+//! Waveforms in FST, GTKWave's own format. It has the same signals as a value change dump, but smaller files.
 //!
-//! The writer of the format supports vectors of bits but no texts. A text is a vector of 8 bits for each character,
-//! like a string in Verilog: the last character lowest, and zeros above it. Viewers show it as text in ASCII mode
-//! (D-590).
+//! The library that writes the format supports vectors of bits but no texts. So a text is a vector with 8 bits for each
+//! character, like a string in Verilog: the last character is in the lowest bits, and unused upper bits are 0. Viewers
+//! show such a vector as text in ASCII mode (D-590).
 
 use super::waves::{Change, Content, Shape, Step, Waves};
 use fst_writer::{
@@ -11,9 +11,9 @@ use fst_writer::{
 };
 use std::io::{Seek, Write};
 
-/// Microseconds: the power of ten of seconds.
+/// Exponent of the time unit: microseconds.
 const MICROSECONDS: i8 = -6;
-/// The longest name that readers take.
+/// Maximum length of a name that viewers can read.
 const LONGEST_NAME: usize = 500;
 
 /// Waveforms as the contents of an FST file.
@@ -32,7 +32,7 @@ pub fn write(waves: &Waves) -> Result<Vec<u8>, FstWriteError> {
     let mut header = FstHeaderWriter::write_to_mem(&info)?;
     let signals = define(waves, &lengths, &mut header)?;
     let mut body = header.finish()?;
-    // A repeated event is not a duplicate, and other signals have no repetitions.
+    // Repeated events must not be removed as duplicates. Other signals contain no repetitions.
     body.set_deduplicate(false);
     for Change { time_us, signal, content } in &waves.changes {
         let Some(Some(id)) = signals.get(*signal) else { continue };

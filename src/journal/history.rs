@@ -1,10 +1,10 @@
-//! How registers change: the stored changes of followed registers.
+//! Changes of followed registers, and where they are stored.
 //!
-//! Plain RAM cannot trap accesses, so registers are compared with their previous values. A comparison before the
-//! firmware polls finds writes of a program; a comparison after each of its events finds writes of the firmware.
-//! Another one follows each write through the channel. The firmware's own reports of registers count as well, so that
-//! a request that was answered between two comparisons is not missed. The order of several program writes between two
-//! polls of the firmware is not known; they are reported in the order of their addresses.
+//! Plain RAM cannot trap accesses, so registers are compared with their previous values. A comparison before each poll
+//! of the firmware finds writes of a program, and a comparison after each event of the firmware finds writes of the
+//! firmware. Another comparison follows each write through the channel. The firmware's own reports of registers count
+//! as well: they show a request that was answered between two comparisons. If a program makes several writes between
+//! two polls, their order is not known. The changes are then reported in the order of their addresses.
 //!
 //! A comparison changes nothing in the plant. Changes for the journal become records ([`Changed`]). Other changes go
 //! to a bounded list with separate numbers. Clients that only observe ("onlookers", for example a view) read that list, so
@@ -17,11 +17,11 @@ use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-/// Most registers followed at a time.
+/// Maximum number of followed registers.
 pub const MAX_FOLLOWED: usize = 65_536;
 /// Maximum count of changes in the list for onlookers.
 pub const KEPT_CHANGES: usize = 65_536;
-/// An onlooker that has asked for no changes for this real time counts as gone.
+/// Real time without a request for changes after which onlookers count as absent.
 const GONE: Duration = Duration::from_secs(10);
 /// Count of comparisons between two reads of the host's clock.
 const LOOKS: u32 = 4096;
@@ -31,14 +31,14 @@ const LOOKS: u32 = 4096;
 pub enum Keep {
     /// Into the journal, until the end.
     InJournal,
-    /// Into the list for onlookers (clients that only observe), as long as one of them requests changes.
+    /// Into the list for onlookers (clients that only observe), as long as an onlooker requests changes.
     ForOnlookers,
 }
 
 /// A change of a register, and its number in the list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Change {
-    /// Number of the change; at a gap in the numbers, changes are no longer kept.
+    /// Number of the change. A gap in the numbers means that the changes in between are no longer kept.
     pub seq: u64,
     /// Emulated time in microseconds: of the comparison, or of the firmware's report.
     pub time_us: u64,
@@ -53,7 +53,7 @@ pub struct Stored {
     pub plc: DeviceIndex,
     /// Offset of the register.
     pub offset: u32,
-    /// The value that the firmware has found there, if it has read the register.
+    /// The value before the write, if the firmware has read the register.
     pub found: Option<u32>,
     /// The value that the firmware has written.
     pub now: u32,
@@ -64,7 +64,7 @@ pub(crate) trait Rams {
     /// The value of a register of device `plc`.
     fn load(&self, plc: DeviceIndex, offset: u32, width: Width) -> Option<u32>;
 
-    /// Which of the structures that overlay each other is valid there.
+    /// The phase at this offset: if structures overlay each other, it shows which structure is valid.
     fn live(&self, plc: DeviceIndex, offset: u32) -> RegisterPhase;
 
     /// Whether the register is forced.
@@ -84,11 +84,12 @@ pub(super) struct FollowedRegister {
     width: Width,
     /// Value at the last comparison.
     held: u32,
-    /// Which structure was valid when it changed last.
+    /// The phase at the last change: if structures overlay each other, it shows which structure was valid.
     live: RegisterPhase,
     in_journal: bool,
     for_onlookers: bool,
-    /// Value that onlookers know, while the plant has gone to another moment and they are not yet notified.
+    /// The value that onlookers know, if the plant has moved to another moment and onlookers have not been notified
+    /// yet.
     #[serde(skip)]
     left: Option<u32>,
 }
@@ -103,7 +104,7 @@ pub(super) struct History {
     /// Time of the last request for changes.
     asked: Instant,
     looks: u32,
-    /// A client searches for a past moment: changes on the way are not reported to onlookers.
+    /// True while a client searches for a past moment. Changes during the search are not reported to onlookers.
     pub(super) is_searching: bool,
 }
 
@@ -126,7 +127,7 @@ impl History {
 
     /// Whether the changes of a register are in the journal.
     pub(super) fn is_recorded(&self, plc: DeviceIndex, offset: u32) -> bool {
-        // The last one that begins there or before: a wider register can contain the offset.
+        // The last register that begins at the offset or before it, because a wider register can contain the offset.
         let at = self.find(plc, offset).map_or_else(|next| next.checked_sub(1), Some);
         let register = at.and_then(|at| self.followed.get(at)).filter(|it| it.plc == plc);
         register.is_some_and(|it| it.in_journal && offset < it.offset + it.width.bytes())
@@ -161,7 +162,7 @@ impl History {
         self.followed.is_empty()
     }
 
-    /// Follows a register from now on; `false` if too many are.
+    /// Follows a register from now on. Returns `false` if too many registers are followed.
     pub(super) fn follow(
         &mut self,
         plc: DeviceIndex,
@@ -212,8 +213,8 @@ impl History {
         }
     }
 
-    /// The plant has gone to another moment: onlookers get the differences. The journal gets none: the next comparison
-    /// must still find writes of programs since the last comparison.
+    /// Called when the plant has moved to another moment. Onlookers get the differences. The journal gets no changes
+    /// here, and the next comparison must still find writes of programs since the last comparison.
     pub(super) fn arrived(&mut self, time_us: u64, rams: &impl Rams) {
         let History { followed, changes, end, is_searching, .. } = self;
         if *is_searching {
@@ -234,7 +235,7 @@ impl History {
         }
     }
 
-    /// Takes the firmware's report of a register.
+    /// Records the firmware's report of a register that it has written.
     pub(super) fn stored(&mut self, time_us: u64, stored: Stored, mut note: impl FnMut(Changed)) {
         let Ok(at) = self.find(stored.plc, stored.offset) else { return };
         let History { followed, changes, end, is_searching, .. } = self;
@@ -251,7 +252,7 @@ impl History {
         }
     }
 
-    /// At most `max` changes from number `from` on, and the number of the next change. The request shows that an
+    /// At most `max` changes from number `from` on, and the number of the next change. The call also shows that an
     /// onlooker is still present.
     pub(super) fn read(&mut self, from: u64, max: usize) -> (Vec<Change>, u64) {
         self.asked = Instant::now();
@@ -264,7 +265,8 @@ impl History {
         self.followed.binary_search_by_key(&(plc, offset), |register| (register.plc, register.offset))
     }
 
-    /// Uses the host's clock, not the plant's: it only decides how long an absent onlooker is kept.
+    /// Releases the registers of onlookers that have not asked for a long time. This uses the clock of the host, not of
+    /// the plant; it has no influence on the plant.
     fn forget_absent_onlookers(&mut self) {
         self.looks = self.looks.wrapping_add(1);
         if self.looks.is_multiple_of(LOOKS) && self.asked.elapsed() > GONE {
@@ -272,7 +274,7 @@ impl History {
         }
     }
 
-    /// Releases the registers and changes that only onlookers have asked for.
+    /// Releases the registers that only onlookers follow, and their changes.
     fn forget_onlookers(&mut self) {
         self.followed.iter_mut().for_each(|register| register.for_onlookers = false);
         self.followed.retain(|register| register.in_journal);
@@ -281,7 +283,7 @@ impl History {
 }
 
 impl FollowedRegister {
-    /// Sets the value to `to`, and reports the change to the journal and the onlookers that want it.
+    /// Sets the value to `to`, and reports the change to the journal and to onlookers if they follow the register.
     fn set_value(
         &mut self,
         to: u32,
@@ -315,7 +317,7 @@ mod tests {
     use std::cell::RefCell;
     use std::collections::HashMap;
 
-    /// Registers without a device.
+    /// RAM of the tests: registers without a device.
     #[derive(Default)]
     struct Loose {
         held: RefCell<HashMap<u32, u32>>,
@@ -375,7 +377,7 @@ mod tests {
         assert!(kept_changes(&mut history).is_empty());
     }
 
-    /// The snapshot is of an earlier moment, at which a program had just written.
+    /// The snapshot was taken after a program had written and before the next comparison.
     #[test]
     fn a_return_to_a_snapshot_is_not_a_write() {
         let (rams, mut history) = (Loose::default(), History::new());
@@ -441,7 +443,7 @@ mod tests {
         history.asked = Instant::now().checked_sub(GONE + Duration::from_secs(1)).unwrap();
         compare(&mut history);
         assert_eq!(history.followed.iter().map(|it| it.offset).collect::<Vec<_>>(), [6]);
-        // A stepped clock may be idle, without a comparison.
+        // While a stepped clock stands still, no comparison takes place.
         history.follow(DeviceIndex(0), 2, Width::Dword, Keep::ForOnlookers, &rams);
         history.asked = Instant::now().checked_sub(GONE + Duration::from_secs(1)).unwrap();
         history.follow(DeviceIndex(0), 10, Width::Dword, Keep::ForOnlookers, &rams);

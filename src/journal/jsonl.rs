@@ -1,5 +1,5 @@
-//! One JSON object per line, for programs. `docs/reference/journal.md` describes the fields; new versions may add fields
-//! and kinds, and count `v` up when they change one.
+//! One JSON object per line, for programs. `docs/reference/journal.md` describes the fields. New versions of commram
+//! may add fields and kinds. They increment `v` only if they change an existing field.
 
 use super::{Catalogue, Fields, Format, Names, Origin, Reader, Record, Source};
 use serde::Serialize;
@@ -18,13 +18,13 @@ impl Jsonl {
         Jsonl { reader: Reader::new(names, catalogue) }
     }
 
-    /// Records are missing: the states of ports may have changed.
+    /// Called when records are missing: the states of ports may have changed.
     #[cfg(feature = "cli")]
     pub(crate) fn forget_states(&mut self) {
         self.reader.gap();
     }
 
-    /// The object of a record that follows the records so far.
+    /// The object of the next record.
     pub(crate) fn line(&mut self, record: &Record) -> impl Serialize + use<> {
         self.reader.observe(record);
         let repeated = (record.count > 1).then(|| Repeated {
@@ -112,7 +112,7 @@ impl Format for Jsonl {
 }
 
 fn write(line: &impl Serialize, out: &mut String) {
-    // Numbers and strings under fixed names, which can always be written.
+    // This cannot fail: the object contains only numbers and strings under fixed names.
     out.push_str(&serde_json::to_string(line).unwrap_or_default());
     out.push('\n');
 }

@@ -22,7 +22,7 @@ pub enum Ring {
     Registers,
     /// Missed deadlines and injected faults.
     Missed,
-    /// All events that are rare in a good run.
+    /// All events that are rare in a run without errors.
     Rare,
     /// Changes of followed registers.
     History,
@@ -33,11 +33,12 @@ impl Ring {
     pub(super) const ALL: [Ring; RINGS] =
         [Ring::Traffic, Ring::Registers, Ring::Missed, Ring::Rare, Ring::History];
 
-    /// Capacity of this ring if the others have `capacity` records.
+    /// Capacity of this ring, if the other rings can have `capacity` records each.
     #[inline]
     pub(super) fn share(self, capacity: usize) -> usize {
         match self {
-            // This ring stays empty unless a client asks for it, and then its capacity is additional.
+            // This ring is empty unless a client follows registers. Its memory is in addition to that of the other
+            // rings.
             Ring::History => (capacity / 2).max(1),
             _ => capacity,
         }
@@ -46,13 +47,13 @@ impl Ring {
 
 /// The text and the fields of an event kind. The structure, number and name come from `event_kinds!`.
 pub trait EventText: EventCodec {
-    /// How the journal keeps it.
+    /// How the journal keeps the event.
     #[inline]
     fn keeping(&self) -> Keeping {
         Keeping::Noted
     }
 
-    /// Whether the catalogue knows all numbers in the event that refer to registered items.
+    /// True if the catalogue has all rules and kinds to which numbers in the event refer.
     fn is_known(&self, catalogue: &Catalogue) -> bool {
         let _ = catalogue;
         true
@@ -61,7 +62,7 @@ pub trait EventText: EventCodec {
     /// The event as text for people.
     fn text(&self, reader: &mut Reader) -> String;
 
-    /// The event as fields for programs: the fields of this kind.
+    /// The event as fields for programs, without the fields that all kinds have.
     fn fields(&self, reader: &mut Reader) -> Fields;
 
     /// The frame, if one has arrived.
@@ -69,12 +70,12 @@ pub trait EventText: EventCodec {
         None
     }
 
-    /// The sender, if the event is the end of a telegram of a guest.
+    /// The guest that has sent the telegram, if the event is the end of one.
     fn guest(&self) -> Option<u8> {
         None
     }
 
-    /// The octets, if it is a telegram that was on the line.
+    /// The octets, if the event is a telegram on the line.
     fn telegram(&self) -> Option<Octets> {
         None
     }
@@ -96,11 +97,11 @@ pub trait EventText: EventCodec {
 pub struct ArrivedFrame {
     /// The frame.
     pub frame: Frame,
-    /// The guest of the event, if it belongs to one.
+    /// The guest that has sent the frame; `None` if no guest has sent it.
     pub guest: Option<u8>,
 }
 
-/// A telegram, or the part of it that an event has.
+/// A telegram, or the first octets of a telegram if the event does not contain all of them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Octets {
     /// The first octets.
@@ -109,7 +110,7 @@ pub struct Octets {
     pub length: usize,
 }
 
-/// The kind of an event. Kinds are equal if their numbers are.
+/// The kind of an event. Kinds are equal if their numbers are equal.
 pub struct EventKind {
     number: u8,
     name: &'static str,
@@ -133,8 +134,8 @@ struct KindDecoders {
 }
 
 impl EventKind {
-    /// The kind of `T`. The number is part of the channel's wire format and belongs to this kind alone; `name` is that
-    /// in JSON Lines and on the command line.
+    /// Creates the kind of `T`. `number` is part of the channel's wire format, and no other kind may use it. `name` is
+    /// the name in JSON Lines and on the command line.
     pub const fn new<T: EventText>(number: u8, name: &'static str, ring: Ring) -> Self {
         let reads = KindDecoders {
             normal: |words, catalogue| {
@@ -165,13 +166,13 @@ impl EventKind {
         self.name
     }
 
-    /// The ring that keeps it.
+    /// The ring that keeps events of this kind.
     #[inline]
     pub const fn ring(&self) -> Ring {
         self.ring
     }
 
-    /// The words without the bits that this kind ignores; `None` if they are invalid.
+    /// The words, with 0 in all bits that this kind ignores; `None` if the words are invalid.
     pub(crate) fn normal(&self, words: Words, catalogue: &Catalogue) -> Option<Words> {
         (self.reads.normal)(words, catalogue)
     }

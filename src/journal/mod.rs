@@ -6,14 +6,15 @@
 //!
 //! - Frames, register traffic, missed deadlines and states have a ring each, so that bus traffic cannot push out the
 //!   events that an engineer needs.
-//! - Events that repeat at equal distances (SYNC edges, handshakes and missed deadlines of every interval) are
-//!   counted in one record with first time, distance and number. The record loses no information. Frames are never
-//!   counted together.
-//! - Records are numbered without gaps, so a reader can continue at the last number and knows how many it has missed.
+//! - Events that repeat at equal distances (SYNC edges, handshakes and missed deadlines of every interval) are counted
+//!   in one record with the last time, the distance and the count. No information is lost. Frames are never counted
+//!   together.
+//! - Records are numbered without gaps. So a reader can continue after the last number that it has read, and knows how
+//!   many records it has missed.
 //!
-//! An [`Event`] is a [`EventKind`] and words. This module defines the kinds of events in registers of any device; each
-//! family of devices defines its own kinds. Each kind is a structure with an implementation of [`EventText`]; the
-//! [`Catalogue`] contains all of them.
+//! An [`Event`] consists of an [`EventKind`] and words. This module defines the kinds of events in registers of any
+//! device; each family of devices defines its own kinds. Each kind is a structure with an implementation of
+//! [`EventText`]. The [`Catalogue`] contains all kinds.
 //!
 //! [`text`], [`jsonl`], [`candump`], [`pcapng`] write records for people and programs. [`vcd`] and `fst` (feature
 //! `studio`) write records as signals: [`Waves`]. `docs/reference/journal.md` describes the formats.
@@ -109,16 +110,17 @@ pub trait Format<Out = String> {
         let _ = out;
     }
 
-    /// Appends the lines of a record to `out`, if the format has any for it.
+    /// Appends the record to `out`, if the format can express it.
     fn record(&mut self, record: &Record, out: &mut Out);
 
-    /// Processes a record without writing it: later records may depend on its effect on the state.
+    /// Takes note of a record without writing it: the text of later records may depend on the state that the record
+    /// shows.
     fn skip(&mut self, record: &Record);
 
-    /// Appends that `lost` records are missing here, if the format can say so; returns whether it can.
+    /// Appends a note that `lost` records are missing here. Returns false if the format cannot express this.
     fn gap(&mut self, lost: u64, out: &mut Out) -> bool;
 
-    /// Appends the output that the format has held back until the following records were known.
+    /// Appends the output that the format has held back until it knows the following records.
     fn end(&mut self, out: &mut Out) {
         let _ = out;
     }
@@ -130,16 +132,16 @@ pub struct Journal {
     tally: Tally,
     requests: Requests,
     findings: Findings,
-    /// Time of the next search for ended counts.
+    /// Time at which the journal next searches for counts that have ended.
     next_look: u64,
     written: u64,
     fingerprint: Fingerprint,
     history: History,
     history_id: HistoryId,
-    /// Emulated time in microseconds of the first possible record: that of the snapshot from which the journal
-    /// continues.
+    /// Emulated time in microseconds of the first possible record: 0, or the time of the snapshot from which the
+    /// journal continues.
     since_us: u64,
-    /// Set for a draft: reports are only stored here.
+    /// `Some` if this journal is a draft, which only collects reports.
     draft: Option<Box<Draft>>,
 }
 
@@ -171,8 +173,8 @@ impl Journal {
         self.push_octets(time_us, event, None);
     }
 
-    /// Writes the event of a telegram with its octets, as they were on the line, or an event with its text. Without octets the
-    /// event has all of them.
+    /// Writes the event of a telegram with its octets as they were on the line, or an event with its text. `octets` is
+    /// `None` if the event itself contains all octets.
     #[inline]
     pub fn push_octets<T: EventText>(&mut self, time_us: u64, event: T, octets: Option<&[u8]>) {
         if let Some(stored) = event.stored()
@@ -240,7 +242,7 @@ impl Journal {
         noted.into_iter().for_each(|change| self.push(time_us, change));
     }
 
-    /// Notifies onlookers that the plant has gone to another moment.
+    /// Notifies onlookers that the plant has moved to another moment.
     #[cold]
     pub(crate) fn arrived(&mut self, time_us: u64, rams: &impl Rams) {
         self.history.arrived(time_us, rams);
@@ -278,7 +280,7 @@ impl Journal {
         event.kind().push(event.words(), self, time_us);
     }
 
-    /// Takes an event into the hash.
+    /// Adds an event to the hash.
     #[inline]
     fn witness(&mut self, time_us: u64, event: Event) {
         self.fingerprint.add(time_us, event.words());
@@ -298,14 +300,14 @@ impl Journal {
 
     #[cold]
     fn note_state(&mut self, time_us: u64, event: Event, plc: DeviceIndex, command: u32) {
-        // Events that were counted up to here belong to the state before.
+        // Events that were counted up to now belong to the previous state, so their records come first.
         self.tally.all().into_iter().for_each(|record| self.ring.note(record));
         let latency_us = self.requests.commanded(time_us, plc, command);
         self.ring.note(Record { latency_us, ..Record::single(time_us, event) });
     }
 
-    /// Passes the time to the journal, so that it writes ended counts also when there are no events. Call it at
-    /// regular emulated times.
+    /// Passes the time to the journal, so that the journal writes ended counts even if there are no events. Must be
+    /// called at regular emulated times.
     #[inline]
     pub fn tick(&mut self, now_us: u64) {
         if now_us >= self.next_look {
@@ -319,7 +321,7 @@ impl Journal {
         self.next_look
     }
 
-    /// Does the same as [`Journal::tick`] at each of `count` times from `first` on, `step` apart.
+    /// Has the effect of `count` calls of [`Journal::tick`], the first at time `first`, at intervals of `step`.
     pub fn tick_through(&mut self, first: u64, step: u64, count: u64) {
         let end = first + count * step;
         let mut at = first;
@@ -332,25 +334,26 @@ impl Journal {
         }
     }
 
-    /// The records still kept, oldest first. Records with a running count come later, see [`Journal::pending`].
+    /// The records that are still kept, oldest first, without records whose count is still running
+    /// ([`Journal::pending`]).
     pub fn records(&self) -> Records<'_> {
         self.ring.records(0)
     }
 
-    /// The records still kept from number `from` on, oldest first. A jump in their numbers is the count of records
-    /// that are no longer kept.
+    /// The records from number `from` on that are still kept, oldest first. A gap in their numbers shows how many
+    /// records are no longer kept.
     pub fn read(&self, from: u64) -> Records<'_> {
         self.ring.records(from)
     }
 
-    /// The records with a running count, in the order of time. These records have no number yet; each of them appears
-    /// among [`Journal::records`] as soon as it is complete, at the latest after a second.
+    /// The records whose count is still running, in the order of time. These records have no number yet. Each of them
+    /// appears in [`Journal::records`] as soon as its count has ended, at the latest after a second.
     pub fn pending(&self) -> Vec<Record> {
         self.tally.pending()
     }
 
-    /// Emulated time in microseconds from which on it can have records: 0, or that of the snapshot of another plant from which it
-    /// continues.
+    /// Emulated time in microseconds from which on the journal can have records: 0, or the time of the snapshot of
+    /// another plant from which the journal continues.
     pub fn since_us(&self) -> u64 {
         self.since_us
     }
@@ -370,12 +373,12 @@ impl Journal {
         &self.findings
     }
 
-    /// Forgets the findings of the access checker. The records stay.
+    /// Removes the findings of the access checker from the table. Their records stay.
     pub fn clear_findings(&mut self) {
         self.findings.clear();
     }
 
-    /// Number of events written since the start, kept or not.
+    /// Number of events written since the start, including those that are no longer kept.
     pub fn written(&self) -> u64 {
         self.written
     }

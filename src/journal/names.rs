@@ -1,11 +1,11 @@
-//! Names of everything to which records refer by index.
+//! Names of the devices and buses to which records refer by index.
 
 use super::event::{Origin, Source};
 use crate::identity::{BusIndex, DeviceIndex};
 use crate::layout::{DeviceFit, DeviceLayout};
 use std::borrow::Cow;
 
-/// Names of everything to which records refer by index.
+/// Names of the devices and buses to which records refer by index.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Names {
     /// The PLCs, in the order of the plant.
@@ -27,12 +27,12 @@ impl Names {
         name(&self.buses, index.index(), "bus")
     }
 
-    /// The device of the PLC; one without registers if it is not known.
+    /// The device of the PLC; a device without registers if it is not known.
     pub fn device(&self, plc: DeviceIndex) -> &'static DeviceLayout {
         self.fitted(plc).device()
     }
 
-    /// The same device, with the options of the PLC.
+    /// As [`Names::device`], with the options of this PLC.
     pub fn fitted(&self, plc: DeviceIndex) -> DeviceFit {
         let known = self.devices.get(plc.index()).copied();
         known.unwrap_or_else(|| DeviceFit::unknown(&DeviceLayout::UNKNOWN))

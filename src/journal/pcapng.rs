@@ -1,5 +1,5 @@
-//! Logs in pcapng, which Wireshark and its tools read and write. Only frames and telegrams; times are emulated time since
-//! power-on. Each bus is an interface of the link type CAN_SOCKETCAN, or PROFIBUS_DL.
+//! Logs in pcapng, which Wireshark and its tools read and write. A log contains only frames and telegrams. Times are
+//! emulated time since power-on. Each bus is an interface of the link type CAN_SOCKETCAN or PROFIBUS_DL.
 //!
 //! A log has only three kinds of blocks: section, interface, packet.
 
@@ -13,11 +13,11 @@ pub use write::Pcapng;
 const SECTION: u32 = 0x0A0D_0D0A;
 const INTERFACE: u32 = 1;
 const PACKET: u32 = 6;
-/// Kinds of packets that older programs wrote; the second one has no time.
+/// Block types of packets in files of older programs. The simple packet has no time.
 const OLD_PACKET: u32 = 2;
 const TIMELESS_PACKET: u32 = 3;
 
-/// Marks the order of bytes in a section.
+/// Number that shows the byte order of a section.
 const BYTE_ORDER: u32 = 0x1A2B_3C4D;
 /// LINKTYPE_CAN_SOCKETCAN.
 const SOCKETCAN: u16 = 227;
@@ -40,7 +40,7 @@ const OFFSET: u16 = 14;
 /// Option of a packet: its direction, in the two lowest bits.
 const PACKET_FLAGS: u16 = 2;
 
-/// Bits of an identifier as SocketCAN has it, which is big-endian on this link type.
+/// Flags in an identifier in the form of SocketCAN. On this link type the identifier is big-endian.
 const EXTENDED: u32 = 1 << 31;
 const REMOTE: u32 = 1 << 30;
 const ERROR: u32 = 1 << 29;

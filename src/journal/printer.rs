@@ -7,18 +7,18 @@ use crate::identity::{BusIndex, DeviceIndex};
 /// Selects records. An empty selection means all.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Selection {
-    /// These kinds.
+    /// Kinds of the wanted records.
     pub kinds: Vec<&'static EventKind>,
-    /// These buses, by index.
+    /// Indices of the wanted buses.
     pub buses: Vec<BusIndex>,
-    /// These PLCs with their nodes, by index. If buses are selected too, records of both are printed.
+    /// Indices of the wanted PLCs, with their nodes. If buses are selected too, records of both are printed.
     pub plcs: Vec<DeviceIndex>,
     /// Excludes records that ended before this emulated time, in microseconds.
     pub since_us: u64,
 }
 
 impl Selection {
-    /// Whether the record is wanted.
+    /// True if the record is wanted.
     pub fn takes(&self, record: &Record) -> bool {
         let from_there = match record.event.source() {
             _ if self.buses.is_empty() && self.plcs.is_empty() => true,
@@ -34,9 +34,9 @@ impl Selection {
 
 /// Prints records in the order of their numbers.
 ///
-/// Records are missing where their numbers jump. The printer reports a gap only if it may contain wanted records.
-/// Every ring drops only its oldest records. So after a record of a ring, no records of that ring are missing in the
-/// same part of the journal.
+/// A gap in the numbers means that records are missing. The printer reports a gap only if it may contain wanted
+/// records. Every ring drops only its oldest records. So after the first record of a ring in a part of the journal, no
+/// later records of that ring are missing in this part.
 pub struct Printer<Out = String> {
     format: Box<dyn Format<Out>>,
     selection: Selection,
@@ -44,7 +44,7 @@ pub struct Printer<Out = String> {
     next: u64,
     /// Count of records missing before the next printed one.
     lost: u64,
-    /// Rings that may have dropped wanted records before the next one.
+    /// Rings that may have dropped wanted records before the next record.
     forgetful: [bool; RINGS],
 }
 
@@ -59,7 +59,7 @@ impl<Out> Printer<Out> {
         self.format.begin(out);
     }
 
-    /// The records to come are a part of the journal, read at one moment.
+    /// Begins a part: the following records are read from the journal at one moment.
     pub fn begin_part(&mut self) {
         let kinds = &self.selection.kinds;
         self.forgetful = [kinds.is_empty(); RINGS];
@@ -71,7 +71,7 @@ impl<Out> Printer<Out> {
         self.next
     }
 
-    /// Continues with record number `from` of another history; its state is unknown.
+    /// Continues with record number `from` of another history. The states of the ports are then unknown.
     pub fn turn_to(&mut self, from: u64)
     where
         Out: Default,
@@ -80,11 +80,11 @@ impl<Out> Printer<Out> {
         (self.next, self.lost) = (from, 0);
     }
 
-    /// Appends the record to `out` if it is wanted, after a note about the records missing before it. Returns the
-    /// count of missing records if the format has no place for such a note, else 0.
+    /// Appends the record to `out` if it is wanted. If records are missing before it, appends a note about them first.
+    /// Returns the number of missing records if the format cannot express such a note, otherwise 0.
     ///
-    /// Records without a number are printed as well. A caller that continues to read must not print them: they come
-    /// again with their number.
+    /// Records without a number are printed as well. A caller that will read further parts must not print them, because
+    /// they come again with their number.
     pub fn print(&mut self, record: &Record, out: &mut Out) -> u64 {
         if !record.is_pending() {
             if self.forgetful.contains(&true) {
@@ -94,7 +94,7 @@ impl<Out> Printer<Out> {
             self.forgetful[record.event.kind().ring() as usize] = false;
         }
         if record.time_us < self.selection.since_us {
-            // Records missing here are older still.
+            // Records that are missing here are older than the wanted time.
             self.lost = 0;
         }
         if !self.selection.takes(record) {
@@ -107,7 +107,7 @@ impl<Out> Printer<Out> {
         untold
     }
 
-    /// Appends the output that the format has held back: no record follows now.
+    /// Ends the output: appends the text that the format has held back.
     pub fn end(&mut self, out: &mut Out) {
         self.format.end(out);
     }
@@ -179,12 +179,13 @@ mod tests {
     #[test]
     fn a_gap_without_wanted_records_is_not_reported() {
         let kinds = |kind| Selection { kinds: vec![kind], ..Selection::default() };
-        // The ring of states still has its first record, so the later gap is in another ring.
+        // The ring of states still has its first record, so it has dropped nothing; the later gap concerns another
+        // ring.
         let first = [refused(0, DeviceIndex(0)), sync(9, BusIndex(0)), refused(10, DeviceIndex(0))];
         assert_eq!(lost(kinds(Refused::KIND), &[&first]), 0);
         assert_eq!(lost(kinds(Edge::KIND), &[&first]), 8);
         assert_eq!(lost(Selection::default(), &[&first]), 8);
-        // Later it may have forgotten some.
+        // In the next part, the ring may have dropped records.
         assert_eq!(
             lost(
                 kinds(Refused::KIND),

@@ -1,4 +1,4 @@
-//! The meaning of numbers in records: names, registers, and which of overlaid structures is valid.
+//! Translates numbers in records into names and registers.
 
 use super::catalogue::Catalogue;
 use super::event::{Origin, Source};
@@ -10,12 +10,12 @@ use crate::layout::{Address, Area, RegType, RegisterPhase, RegisterRef, Width, f
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Names, and the phases of the ports according to the records so far: structures overlay each other, so the name of a
-/// register depends on the phase.
+/// Names of devices and buses, and the phase of each port according to the records so far. The name of a register
+/// depends on the phase, because structures overlay each other.
 pub struct Reader {
     pub(crate) names: Names,
     pub(crate) catalogue: &'static Catalogue,
-    /// Whether all records since power-on are known: ports without a record are then in their first phase.
+    /// True if all records since power-on are known. Ports without a record are then in their first phase.
     since_power_on: Option<bool>,
     live: HashMap<Port, RegisterPhase>,
     /// Octets of the last record.
@@ -27,7 +27,7 @@ pub struct Reader {
 type Port = (DeviceIndex, u8);
 
 impl Reader {
-    /// A reader that has seen nothing yet.
+    /// Creates a reader without records.
     pub(super) fn new(names: Names, catalogue: &'static Catalogue) -> Self {
         Reader {
             names,
@@ -39,7 +39,7 @@ impl Reader {
         }
     }
 
-    /// Keeps the state and the octets in a record.
+    /// Takes the phase and the octets from a record.
     pub(super) fn observe(&mut self, record: &Record) {
         self.since_power_on.get_or_insert(record.seq == 0);
         self.octets.clone_from(&record.octets);
@@ -48,13 +48,13 @@ impl Reader {
         }
     }
 
-    /// Records are missing: the states may have changed.
+    /// Called when records are missing: phases may have changed.
     pub(super) fn gap(&mut self) {
         self.since_power_on = Some(false);
         self.live.clear();
     }
 
-    /// The octets of the record, if it is a telegram or a text and its event does not have all of them.
+    /// The octets of the last record, if the record has octets in addition to its event.
     pub(crate) fn octets(&self) -> Option<Arc<[u8]>> {
         self.octets.clone()
     }
@@ -83,7 +83,7 @@ impl Reader {
         self.valid_register(plc, offset, live)
     }
 
-    /// The register that begins there while `live` is valid.
+    /// The register that begins at `offset` in phase `live`.
     fn valid_register(&mut self, plc: DeviceIndex, offset: u32, live: RegisterPhase) -> Option<RegisterRef> {
         let fitted = self.names.fitted(plc);
         let address = fitted.device().at(Width::Byte, offset);
@@ -93,13 +93,13 @@ impl Reader {
         })
     }
 
-    /// The register that an access of `width` bytes at `offset` means, if it is just one.
+    /// The register at `offset`, if an access of `width` bytes covers exactly one register.
     pub(super) fn accessed(&mut self, plc: DeviceIndex, offset: u32, width: u8) -> RegisterLocation {
         let register = self.register(plc, offset);
         self.place(register, plc, offset, width)
     }
 
-    /// The register of this width that was there while `live` was valid.
+    /// The register of this width at `offset` in phase `live`.
     pub(super) fn followed(
         &mut self,
         plc: DeviceIndex,
@@ -148,7 +148,7 @@ impl Reader {
     }
 }
 
-/// A register that a family knows by its name; none if the device has no such register.
+/// A register of a port, found by its name; `None` if the device has no such register.
 pub(crate) struct NamedRegister(Option<RegisterRef>);
 
 impl NamedRegister {
@@ -185,7 +185,7 @@ impl RegisterLocation {
         }
     }
 
-    /// Name with that of its area, if it is a register.
+    /// Name of the register with the name of its area; `None` if the place is not a register.
     pub(super) fn name(&self) -> Option<String> {
         self.register.map(|register| register.name())
     }
@@ -205,7 +205,7 @@ impl RegisterLocation {
         format_value(self.ty, value)
     }
 
-    /// The meaning of the value, if it is more than a number.
+    /// The meaning of the value; `None` if it is just a number.
     pub(super) fn meaning(&self, value: u32) -> Option<String> {
         self.register
             .filter(|register| register.register.meaning.is_some())

@@ -9,19 +9,19 @@ pub struct Record {
     /// Number of the record, from 0. [`Record::PENDING`] while its events are still counted; [`Record::COUNTED`] if the
     /// count has ended and the record has no number yet.
     pub seq: u64,
-    /// Emulated time in microseconds since power-on; of several events that of the last one.
+    /// Emulated time in microseconds since power-on. If the record counts several events, the time of the last event.
     pub time_us: u64,
     /// The event.
     pub event: Event,
     /// Count of equal events in the record, at least 1.
     pub count: u32,
-    /// Distance between them in microseconds; 0 for a single event.
+    /// Distance between the events in microseconds; 0 for a single event.
     pub period_us: u32,
     /// For a handshake or a state: microseconds from the request to this answer, if the request came through the
     /// channel.
     pub latency_us: Option<u32>,
-    /// Octets of a telegram as they were on the line, or of a text, at most 255; `None` if the event has neither, or already
-    /// has all octets.
+    /// Octets of a telegram as they were on the line, or of a text, at most 255. `None` if the event has no octets, or
+    /// contains all of them itself.
     pub octets: Option<Arc<[u8]>>,
 }
 
@@ -37,7 +37,7 @@ impl Record {
         Record { seq: Self::PENDING, time_us, event, count: 1, period_us: 0, latency_us: None, octets: None }
     }
 
-    /// The octets, if it is a telegram that was on the line.
+    /// The octets, if the record is a telegram on the line.
     pub fn telegram(&self) -> Option<Octets> {
         let known = self.event.telegram()?;
         let whole =
@@ -45,17 +45,17 @@ impl Record {
         Some(whole.unwrap_or(known))
     }
 
-    /// Whether the record has no number yet.
+    /// True if the record has no number yet.
     pub fn is_pending(&self) -> bool {
         self.seq >= Self::COUNTED
     }
 
-    /// Whether the count of the record may continue.
+    /// True if the count of the record may continue.
     pub fn may_continue(&self) -> bool {
         self.seq == Self::PENDING
     }
 
-    /// The same record at emulated time `now_us`: a count with a missing event has ended.
+    /// The record as it is at emulated time `now_us`: if an expected event is missing, the count has ended.
     pub(crate) fn judged_at(self, now_us: u64) -> Self {
         let is_over = self.period_us == 0 || self.time_us.saturating_add(self.period_us.into()) < now_us;
         let seq = if self.is_pending() && is_over { Self::COUNTED } else { self.seq };

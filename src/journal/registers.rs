@@ -9,7 +9,7 @@ use crate::event_kinds;
 use crate::layout::RegisterPhase;
 
 event_kinds! {
-    /// A register that shows the state of a port, and with it which structure is valid, changed.
+    /// The register that shows the state of a port has changed. Its value also determines which structure is valid.
     State = 3, "state", Rare, at origin {
         /// Offset of the register.
         offset: u32,
@@ -19,7 +19,7 @@ event_kinds! {
         from: u16,
         /// Value now.
         to: u16,
-        /// Which of the structures that overlay each other is valid now.
+        /// The phase from now on: if structures overlay each other, it shows which structure is valid.
         live: RegisterPhase,
     }
 
@@ -31,7 +31,7 @@ event_kinds! {
         request: u16,
         /// Value that the firmware wrote instead.
         answer: u16,
-        /// More answers to the same request are to come.
+        /// True if more answers to the same request will follow.
         more_answers_follow: bool,
     }
 
@@ -61,7 +61,7 @@ event_kinds! {
         offset: u32,
         /// Width in bytes: 1, 2 or 4.
         width: u8,
-        /// The value it keeps.
+        /// The forced value.
         value: u32,
     }
 

@@ -1,10 +1,10 @@
-//! Requests of handshakes that came through the channel, until they are answered.
+//! Handshake requests that were written through the channel and are not answered yet.
 
 use crate::identity::DeviceIndex;
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 
-/// Requests remembered; more than a client can have under way in one node.
+/// Maximum number of stored requests. A client cannot have so many unanswered requests in one node.
 const PLACES: usize = 64;
 
 #[derive(Clone, Copy, Serialize, Deserialize)]
@@ -51,7 +51,7 @@ impl Requests {
         &mut self.places[(offset as usize ^ plc.index() << 3) % PLACES]
     }
 
-    /// A register was written.
+    /// Records that a register was written.
     pub(crate) fn written(&mut self, time_us: u64, plc: DeviceIndex, offset: u32, value: u32) {
         let before = self.place(plc, offset).replace(Request { plc, offset, value, time_us });
         self.open += u32::from(before.is_none());
@@ -84,7 +84,7 @@ impl Requests {
         self.take(plc, offset)?.latency(time_us)
     }
 
-    /// The request in the register at `offset`, which is forgotten.
+    /// Removes and returns the request in the register at `offset`.
     #[inline]
     fn take(&mut self, plc: DeviceIndex, offset: u32) -> Option<Request> {
         if self.open == 0 {

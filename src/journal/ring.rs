@@ -26,7 +26,7 @@ struct StoredOctets {
 }
 
 impl StoredOctets {
-    /// Bytes of memory, with those of the allocation: two counters, and a head of about the same size.
+    /// Bytes of memory, including the overhead of the allocation: two counters, and a header of about the same size.
     fn bytes(&self) -> usize {
         size_of::<Self>() + 4 * size_of::<usize>() + self.octets.len()
     }
@@ -36,17 +36,17 @@ impl StoredOctets {
 #[derive(Default)]
 struct Lane {
     lines: VecDeque<Line>,
-    /// Octets of records that have some, with ascending numbers.
+    /// Octets of the records that have octets, in ascending order of their numbers.
     octets: VecDeque<StoredOctets>,
     /// Bytes of memory of all octets.
     octet_bytes: usize,
 }
 
 impl Lane {
-    /// Makes room for a line and its octets in a ring of `capacity` lines: the oldest records are dropped.
+    /// Drops the oldest records until there is room for a line and its octets in a ring of `capacity` lines.
     #[inline]
     fn make_room(&mut self, capacity: usize) {
-        // The newest record has room, for any size.
+        // The newest record is always kept, whatever its size.
         while !self.lines.is_empty() && self.lines.len() + self.octet_bytes / size_of::<Line>() >= capacity {
             let dropped = self.lines.pop_front();
             while let (Some(line), Some(first)) = (&dropped, self.octets.front())
@@ -65,7 +65,7 @@ impl Lane {
             let stored = StoredOctets { seq, octets };
             self.octet_bytes += stored.bytes();
             self.octets.push_back(stored);
-            // Octets take the memory of lines that the ring had before.
+            // Memory that lines no longer use is released, because octets use it now.
             if self.lines.capacity() / 4 > self.lines.len().max(16) {
                 self.lines.shrink_to(2 * self.lines.len());
             }
@@ -94,7 +94,7 @@ impl Rings {
         Rings { lanes: core::array::from_fn(|_| Lane::default()), capacity: capacity.max(1), end: 0 }
     }
 
-    /// Numbers a record and appends it; the oldest ones of its kind are dropped when there is no room.
+    /// Gives a record its number and appends it. If its ring is full, drops the oldest records of this ring.
     #[inline]
     pub(crate) fn note(&mut self, record: Record) {
         let seq = self.end;
@@ -105,7 +105,7 @@ impl Rings {
         lane.push(Record { seq, ..record });
     }
 
-    /// Gives the next record the number `end`. Earlier records stay if they are of the same run.
+    /// Sets the number of the next record to `end`. Earlier records are kept only if they are of the same run.
     pub(crate) fn begin_at(&mut self, end: u64, is_same_run: bool) {
         self.end = end;
         for lane in &mut self.lanes {
@@ -113,7 +113,7 @@ impl Rings {
         }
     }
 
-    /// Takes the records out; new records come in their place until they are put back.
+    /// Takes the records out and leaves empty rings for new records, until the old records are put back.
     pub(crate) fn lay_aside(&mut self) -> Self {
         let new = Rings { end: self.end, ..Rings::new(self.capacity) };
         core::mem::replace(self, new)
@@ -208,7 +208,7 @@ mod tests {
     use super::*;
     use crate::identity::BusIndex;
 
-    /// With the 12 MB that an emulator takes otherwise, its binary included, it stays below 32 MB.
+    /// An emulator uses 12 MB of other memory, including its binary, so it stays below 32 MB.
     #[test]
     fn full_rings_take_less_than_20_mb() {
         let mut rings = Rings::new(super::super::Journal::DEFAULT_CAPACITY);
@@ -236,11 +236,11 @@ mod tests {
         assert_eq!(lane.octet_bytes, sum);
         assert!(sum + lane.lines.len() * size_of::<Line>() <= 1000 * size_of::<Line>() + 400, "{sum}");
         assert!(lane.lines.len() > 250 && lane.octets.len() == lane.lines.len() / 2, "{}", lane.lines.len());
-        // Short telegrams later on take all lines again.
+        // Later records without octets use all lines again.
         (0..1000).for_each(|_| note(&mut rings, 0));
         let lane = &rings.lanes[Ring::Traffic as usize];
         assert_eq!((lane.lines.len(), lane.octets.len(), lane.octet_bytes), (1000, 0, 0));
-        // The newest record is kept, for any size.
+        // The newest record is always kept, whatever its size.
         let mut small = Rings::new(1);
         (0..3).for_each(|_| note(&mut small, 255));
         assert_eq!(small.records(0).map(|it| (it.seq, it.octets.unwrap()[0])).collect::<Vec<_>>(), [(2, 2)]);

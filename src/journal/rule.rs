@@ -29,7 +29,7 @@ impl fmt::Display for Severity {
     }
 }
 
-/// A rule of the access checker. Rules are equal if their numbers are.
+/// A rule of the access checker. Rules are equal if their numbers are equal.
 pub struct Rule {
     number: u8,
     id: &'static str,
@@ -39,7 +39,7 @@ pub struct Rule {
 }
 
 impl Rule {
-    /// A rule; `rules!` declares them. Number and name belong to it alone.
+    /// Creates a rule; `rules!` calls this. No other rule may have the same number or name.
     pub const fn new(
         number: u8,
         id: &'static str,
@@ -121,7 +121,7 @@ macro_rules! rules {
             );
         )+
 
-        /// All of them.
+        /// All rules of this list.
         pub static ALL: &[&$crate::journal::Rule] = &[$(&$rule),+];
     };
 }

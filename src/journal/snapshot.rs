@@ -12,11 +12,11 @@ use serde::{Deserialize, Serialize};
 pub struct HistoryId {
     /// Count of returns to an earlier moment or to a snapshot; wraps around after 65535.
     pub number: u16,
-    /// The first record after the last return. Earlier records were already there.
+    /// Number of the first record after the last return. Earlier records belong to the previous history.
     pub begin: u64,
 }
 
-/// An [`Entry`], with its finding as the journal has it.
+/// An [`Entry`] with its finding in the form of an event.
 #[derive(Serialize, Deserialize)]
 struct KeptEntry {
     last: Words,
@@ -53,7 +53,7 @@ impl Journal {
             fingerprint,
             history,
             history_id: _,
-            // The time of the snapshot.
+            // Set to the time of the snapshot when it is restored.
             since_us: _,
             // The journal of a plant is not a draft.
             draft: _,
@@ -116,7 +116,7 @@ impl Journal {
     }
 }
 
-/// The event with these words, if there is one.
+/// Decodes an event; an error if the words are not an event.
 pub(super) fn event_of(
     words: Words,
     catalogue: &'static Catalogue,

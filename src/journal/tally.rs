@@ -1,8 +1,8 @@
-//! Counting of events that repeat at equal distances.
+//! Counts events that repeat at equal distances.
 //!
-//! After two equal events, a third one is expected at the same distance. From there on the events are only counted,
-//! until one is missing or comes early, or the count has lasted a second. First time, distance and number give the time
-//! of each event, so that no information is lost.
+//! After two equal events, a third event is expected at the same distance. From then on the events are only counted,
+//! until an event is missing or comes early, or the count has lasted a second. The time of each event can be computed
+//! from last time, distance and count, so no information is lost.
 
 use super::catalogue::Catalogue;
 use super::coded::Words;
@@ -12,12 +12,12 @@ use crate::snapshot_fields::{Damaged, Saved, Saving};
 
 /// Longest distance at which equal events count as repetition: 100 ms of emulated time.
 pub(super) const LONGEST_PERIOD_US: u64 = 100_000;
-/// A count becomes a record at the latest after this time, so that followers of the journal see it.
+/// A count becomes a record at the latest after this time, so that programs that follow the journal see it.
 const LONGEST_TALLY_US: u64 = 1_000_000;
 
 /// Number of different events that can be watched; a power of two.
 const PLACES: usize = 128;
-// Their number is kept in a byte.
+// The index of a place is stored in a byte.
 const _: () = assert!(PLACES <= u8::MAX as usize);
 /// Number of places where an event may be stored.
 const WAYS: usize = 4;
@@ -26,11 +26,11 @@ const WAYS: usize = 4;
 #[derive(Clone, Copy)]
 struct WatchedEvent {
     event: Event,
-    /// Time of the last one.
+    /// Time of the last equal event.
     last: u64,
     /// Distance from the previous event; 0 if there was no previous event, or it was too far away.
     period: u32,
-    /// Events counted and not noted yet; the last of them came at `last`.
+    /// Number of events that were counted and are not in a record yet. The last of them was at `last`.
     count: u32,
 }
 
@@ -53,14 +53,14 @@ impl WatchedEvent {
 pub(super) struct Outcome {
     /// A count that has ended.
     pub counted: Option<Record>,
-    /// Whether the event itself is to be noted, since it was not counted.
+    /// True if the event was not counted, so it needs a record of its own.
     pub single: bool,
 }
 
 /// All events that are watched.
 pub(super) struct Tally {
     places: Vec<Option<WatchedEvent>>,
-    /// All counts are over.
+    /// True if no count is running.
     is_quiet: bool,
 }
 
@@ -81,7 +81,7 @@ impl Tally {
         }
     }
 
-    /// Restores the data that [`Tally::save`] has saved.
+    /// Restores the events and counts that [`Tally::save`] has saved.
     pub(crate) fn restore(
         &mut self,
         from: &mut Saved<'_>,
@@ -131,7 +131,8 @@ impl Tally {
         }
     }
 
-    /// The place of the event; else an empty place next to it; else the place of the event with the longest absence.
+    /// The place of the event. If it has none: an empty place among those where it may be stored, or else the place of
+    /// the event that has not occurred for the longest time.
     #[inline]
     fn place(&mut self, key: Words) -> Option<&mut Option<WatchedEvent>> {
         let mixed = key[0].wrapping_add(key[1].rotate_left(24)).wrapping_add(key[2].rotate_left(44));
@@ -157,7 +158,8 @@ impl Tally {
         self.places.get_mut(best)
     }
 
-    /// Ends the counts with a missing event before `now`. Returns them in the order of time.
+    /// Ends the counts whose next event was expected before `now` and is missing. Returns their records in the order of
+    /// time.
     pub(crate) fn overdue(&mut self, now: u64) -> Vec<Record> {
         if self.is_quiet {
             return Vec::new();
@@ -167,7 +169,7 @@ impl Tally {
         records
     }
 
-    /// Ends all counts. Returns them in the order of time.
+    /// Ends all counts. Returns their records in the order of time.
     pub(crate) fn all(&mut self) -> Vec<Record> {
         if core::mem::replace(&mut self.is_quiet, true) { Vec::new() } else { self.end(|_| true) }
     }
@@ -184,7 +186,7 @@ impl Tally {
         records
     }
 
-    /// The counts that are not over, in the order of time.
+    /// Records of the running counts, in the order of time.
     pub(crate) fn pending(&self) -> Vec<Record> {
         let mut records: Vec<_> = self.places.iter().flatten().filter_map(WatchedEvent::record).collect();
         records.sort_by_key(|record| record.time_us);

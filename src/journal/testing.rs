@@ -1,4 +1,4 @@
-//! Kinds of events to test the journal with, as families of devices have them.
+//! Kinds of events for tests of the journal, similar to those of families of devices.
 
 use super::{ArrivedFrame, Catalogue, EventCodec, EventText, Fields, Keeping, Reader};
 use crate::can::{Frame, Payload};

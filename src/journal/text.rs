@@ -18,7 +18,7 @@ impl Text {
         Text { reader: Reader::new(names, catalogue), width }
     }
 
-    /// The event of a record that follows the records so far: its line without time and source.
+    /// The line of the next record, without time and source.
     pub(crate) fn description(&mut self, record: &Record) -> String {
         let mut text = self.event(record);
         // Writing to a String cannot fail.
@@ -36,7 +36,7 @@ impl Text {
         text
     }
 
-    /// The event alone, without latency and repetitions.
+    /// The text of the event alone, without latency and repetitions.
     pub(super) fn event(&mut self, record: &Record) -> String {
         self.reader.observe(record);
         record.event.text(&mut self.reader)

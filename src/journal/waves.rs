@@ -1,8 +1,9 @@
 //! The journal as signals over time: content of every waveform format and of plots.
 //!
-//! A scope for each bus has its SYNC edges as events and its frames; a scope for each PLC has a scope for each area
-//! with its registers. A register with a meaning has it as text beside its value. Other events are text under the
-//! name of their kind. A signal has no value until the journal contains one.
+//! Each bus is a scope with its SYNC edges, as events, and its frames. Each PLC is a scope that contains a scope for
+//! each area, with the registers. If the values of a register have a meaning, a second signal shows it as text. Other
+//! events are text in a signal with the name of their kind. A signal has no value before its first record in the
+//! journal.
 
 use super::reader::RegisterLocation;
 use super::window::Window;
@@ -32,7 +33,7 @@ pub struct Waves {
 pub struct Past {
     /// Times in microseconds, ascending, each with the value from then on.
     pub values: Vec<(u64, u32)>,
-    /// Whether the values are complete from the start of the journal on.
+    /// True if `values` contains all values since the start of the journal.
     pub is_recorded: bool,
 }
 
@@ -67,7 +68,7 @@ pub(super) enum Shape {
 /// The value of a signal.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Content {
-    /// Width in bits, their values, and a mask of the known bits.
+    /// A number: width in bits, value, and a mask of the known bits.
     Bits { width: u32, value: u64, known: u64 },
     /// A text, a single word.
     Text(String),
@@ -80,7 +81,7 @@ impl Content {
         Content::Bits { width, value, known: u64::MAX }
     }
 
-    /// The data of a frame, its first byte on top; bytes that it does not have are not known.
+    /// The data of a frame, with the first byte in the highest bits. Bytes that the frame does not have are unknown.
     fn data(frame: &Frame) -> Self {
         let payload = frame.payload();
         let data = if frame.arbitration().is_remote() { &[][..] } else { payload.data() };
@@ -119,12 +120,12 @@ pub(super) struct Change {
 }
 
 impl Waves {
-    /// The signals of the wanted records; the other records only update the state.
+    /// The signals of the wanted records. Other records are only used to determine the phases of ports.
     pub fn of(records: &[Record], wanted: &Selection, names: Names, catalogue: &'static Catalogue) -> Self {
         Self::within(Window::ALL, records, wanted, names, catalogue)
     }
 
-    /// As [`Waves::of`], with only those events of counted records that are in this window.
+    /// As [`Waves::of`], but of counted records only the events in this window.
     pub(crate) fn within(
         window: Window,
         records: &[Record],
@@ -151,7 +152,7 @@ impl Waves {
             }
         }
         let mut waves = taking.waves;
-        // A counted record comes when its count ends.
+        // A counted record is written when its count ends, so times are not in order here.
         waves.changes.sort_by_key(|change| change.time_us);
         waves.drop_repetitions();
         waves
@@ -166,12 +167,12 @@ impl Waves {
         };
         let mut values: Vec<_> =
             self.changes_of(SignalSubject::Register(plc, offset)).filter_map(number).collect();
-        // Each register at this place has the change.
+        // A change is stored for each register at this place, so values may repeat.
         values.dedup();
         Past { values, is_recorded: self.is_recorded(plc, offset) }
     }
 
-    /// As [`Waves::register`] for a register of this width, which may be a part of a recorded one.
+    /// As [`Waves::register`], for a register of this width, which may be a part of the recorded register.
     pub fn part(&self, plc: DeviceIndex, offset: u32, width: Width) -> Past {
         let has_width = |it: &Signal, at: u32| match it.shape {
             Shape::Bits(bits) => offset + width.bytes() <= at + bits / 8,
@@ -224,7 +225,7 @@ impl Waves {
         self.changes.iter().filter(is_it)
     }
 
-    /// Drops a value that equals the one before; events are kept each time.
+    /// Drops values that equal the previous value of the signal. Keeps all events.
     fn drop_repetitions(&mut self) {
         let mut shown: HashMap<usize, Content> = HashMap::new();
         self.changes.retain(|Change { signal, content, .. }| {
@@ -237,7 +238,7 @@ struct WaveCollector {
     window: Window,
     reader: Reader,
     waves: Waves,
-    /// The registers at each place with a value: structures that overlay each other have different ones.
+    /// For each place with a value, the registers at this place: different registers if structures overlay each other.
     overlaid: HashMap<(DeviceIndex, u32), Vec<OverlaidRegister>>,
 }
 
@@ -250,7 +251,7 @@ struct OverlaidRegister {
     has_meaning: bool,
 }
 
-/// Text beside a register while its memory has a value of another register.
+/// Text of a register's meaning while its memory contains the value of another register.
 const NOT_LIVE: &str = "not_live";
 
 impl WaveCollector {
@@ -316,7 +317,7 @@ impl WaveCollector {
         let subject = SignalSubject::Register(plc, offset);
         let content = Content::number(8 * width.bytes(), value.into());
         let text = |name: &str| format!("{name}_text");
-        // The registers of other structures at this place have the same memory, so they change as well.
+        // Registers of other structures at this place share the memory, so they change as well.
         let mut here = self.overlaid.remove(&(plc, offset)).unwrap_or_default();
         for other in here.iter().filter(|it| it.width == width && (it.name != name || it.scopes != scopes)) {
             self.note(record, &other.scopes, &other.name, subject, content.clone());
@@ -359,7 +360,7 @@ impl WaveCollector {
     }
 }
 
-/// Names and texts in the form for waveforms: without blanks, and without brackets, which would mean bits.
+/// Converts names and texts for waveforms: replaces blanks, and brackets, which would mean bits.
 fn word(text: &str) -> String {
     let allowed = text.trim().replace("][", "_").replace(']', "").replace('[', "_");
     let allowed = allowed.replace(|c: char| c.is_control() && !c.is_whitespace(), "_");

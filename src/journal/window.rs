@@ -1,8 +1,8 @@
 //! The part of emulated time that a reader shows, and its resolution.
 //!
-//! A counted record can represent millions of events, but a picture has a thousand columns.
+//! A counted record can represent millions of events, but a picture has only about a thousand columns.
 
-/// Parts of a picture's width that count as separate: more than any picture has columns.
+/// Number of parts into which a picture's width is divided: more than any picture has columns.
 #[cfg(all(feature = "script", feature = "studio"))]
 const GRAINS: u64 = 4096;
 
@@ -11,12 +11,12 @@ const GRAINS: u64 = 4096;
 pub(crate) struct Window {
     from_us: u64,
     to_us: u64,
-    /// Events at smaller distances are left out, in microseconds.
+    /// Minimum distance of events in microseconds; events at smaller distances are left out.
     grain_us: u64,
 }
 
 impl Window {
-    /// All events.
+    /// The window that contains all events.
     pub(crate) const ALL: Self = Window { from_us: 0, to_us: u64::MAX, grain_us: 0 };
 
     /// The window of a picture from `from_us` to `to_us`.

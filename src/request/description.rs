@@ -47,10 +47,10 @@ pub(crate) struct Answer {
     /// Number in the wire format.
     number: u16,
     pub text: String,
-    /// The value, if the reply is a single value.
+    /// The schema of the value, if the reply is a single value.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub value: Option<Value>,
-    /// Its fields otherwise.
+    /// The fields of the reply, if it is not a single value.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub fields: Vec<Field>,
 }

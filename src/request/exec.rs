@@ -1,4 +1,4 @@
-//! Executes operations: the only place that defines the effect of each of them.
+//! Executes operations. Only this module defines the effects of operations.
 
 mod buses;
 mod clock;
@@ -21,24 +21,24 @@ use crate::layout::Test;
 
 /// An operation in progress.
 ///
-/// With a stepped clock an operation advances the clock where needed, and has no reply while it pauses
-/// ([`Host::should_pause`]); the caller continues it soon. In real time a wait cannot advance the clock: it has no
-/// reply yet, and the caller tries again after every firmware step.
+/// With a stepped clock an operation advances the clock where needed. While the operation pauses
+/// ([`Host::should_pause`]), it has no reply, and the caller continues it soon. In real time a wait cannot advance the
+/// clock: [`Execution::run`] returns no reply yet, and the caller calls it again after every firmware step.
 #[derive(Debug, Default)]
 pub struct Execution {
     /// Latest end of the operation in progress, in emulated microseconds.
     end: Option<u64>,
-    /// End of the present part of the operation. Pauses do not change the parts.
+    /// Emulated time at which the present part of the operation ends. Pauses do not change the parts.
     part: Option<u64>,
-    /// The operation has advanced the clock.
+    /// True if the operation has advanced the clock.
     has_set_out: bool,
-    /// Events that a wait has passed.
+    /// Number of events that a wait has handled.
     events: u32,
     /// Conditions of the next wait.
     conditions: Vec<(Register, Test)>,
-    /// Octets of the next telegram.
+    /// Octets of the telegram that the request is sending.
     octets: Vec<u8>,
-    /// Number of the client: clients send files in several requests. 0 for operations of the same process.
+    /// Number of the client, because a client sends a file in several requests. 0 for operations of the same process.
     client: u128,
     /// Process id of a client that asks the host to end, if it is known.
     process: Option<u32>,
@@ -66,7 +66,7 @@ impl Execution {
         host.permit(op)?;
         if op.acts() {
             travel::is_about_to_act(host);
-            // Stores are recorded separately.
+            // The history records stores separately.
             if op.class() != Class::Stores {
                 host.plant_and_travel().1.touch();
             }
@@ -78,13 +78,13 @@ impl Execution {
         Ok(reply)
     }
 
-    /// Whether the operation has begun and waits or pauses.
+    /// True if the operation has begun and waits or pauses.
     pub fn is_under_way(&self) -> bool {
         self.end.is_some()
     }
 }
 
-/// An operation and its host. The function that executes an operation has the name of the operation.
+/// An execution and its host. For each operation it has a function with the name of the operation.
 struct Work<'a> {
     execution: &'a mut Execution,
     host: &'a mut dyn Host,

@@ -1,4 +1,4 @@
-//! JSON forms of fields of operations, for types that have none of their own.
+//! JSON forms of fields of operations, for types that do not implement serde themselves.
 
 use crate::can::Frame;
 use crate::devices;
@@ -37,8 +37,8 @@ pub(super) struct TestForm {
     value: u32,
 }
 
-/// Declares a module for serde that sends a type as its form. The form converts from a reference, and back if it is
-/// valid.
+/// Declares a module for serde (`with = ".."`) that serializes a type as another type, its form. The form must have
+/// conversions from a reference, and back to the type if it is valid.
 macro_rules! sent_as {
     ($($module:ident: $type:ty => $form:ty, $what:literal;)+) => {$(
         pub(super) mod $module {
@@ -63,7 +63,7 @@ sent_as! {
     setting: BoardSetting => SettingForm, "setting of a board";
 }
 
-/// A setting as its two numbers in the wire format.
+/// A setting of a board as its two numbers in the wire format.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SettingForm {

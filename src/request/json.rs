@@ -26,7 +26,7 @@ trait InJson {
     fn form(&self, names: &Names) -> impl Serialize;
 }
 
-/// Types that need no names.
+/// Implements [`InJson`] for types that contain no indices of PLCs or buses.
 macro_rules! as_they_are {
     ($($type:ty)+) => {$(
         impl InJson for $type {

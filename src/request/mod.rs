@@ -1,11 +1,11 @@
 //! Requests: the only interface to an emulator.
 //!
-//! An operation is a value of [`Op`], its answer one of [`Reply`] or a [`Refused`], and [`Execution`] is the one
-//! function between them. The [`Host`] runs a plant. This module does not define how a request comes to the host: a
-//! scenario calls the function in its own process, and the channel carries operations and replies between processes.
+//! An operation is a value of [`Op`]. [`Execution`] executes it on a [`Host`], which runs a plant, and returns a
+//! [`Reply`] or [`Refused`]. This module does not define how a request reaches the host: a scenario calls [`Execution`]
+//! in its own process, and the channel carries operations and replies between processes.
 //!
-//! Rules: operations of one request run in order and stop at the first refusal; with a stepped clock, earlier requests
-//! to the boards are answered first ([`Host::begin_request`]).
+//! The operations of a request run in order; after the first refusal the remaining operations are not executed. With a
+//! stepped clock, earlier requests in the header pages are answered first ([`Host::begin_request`]).
 
 mod description;
 mod exec;

@@ -1,5 +1,5 @@
-//! [`Names`] between processes: a device is sent as the hash of its layout, which the registry finds again, and a list
-//! of its ports.
+//! Serializes [`Names`] for other processes. A device is sent as the hash of its layout and a list of its ports. The
+//! receiver finds the device in its registry by the hash.
 
 use crate::devices;
 use crate::journal::Names;
@@ -14,7 +14,7 @@ struct Sent {
     devices: Vec<SentDevice>,
 }
 
-/// Hash of its layout, and its ports in their order.
+/// A device: hash of its layout, and its ports in their order.
 #[derive(Serialize, Deserialize)]
 struct SentDevice(u64, Vec<SentFit>);
 

@@ -21,7 +21,7 @@ pub const MAX_OPS: usize = 256;
 pub const MAX_RANGE: u32 = 65_536;
 /// Maximum number of records in the answer to an [`Op::Journal`], and of changes in the answer to an [`Op::Changes`].
 pub const MAX_RECORDS: u32 = 1024;
-/// Maximum number of [`Op::Condition`]s for an [`Op::WaitFor`]: the number of bits of its answer.
+/// Maximum number of [`Op::Condition`]s for an [`Op::WaitFor`]. The answer has one bit for each condition.
 pub const MAX_CONDITIONS: usize = 32;
 /// Maximum advance of the clock in an operation: 24 h of emulated time, in microseconds.
 pub const MAX_ADVANCE_US: u64 = 24 * 3_600_000_000;
@@ -32,17 +32,17 @@ pub const MAX_SPEED: u32 = 1_000_000;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Class {
-    /// Changes nothing in the plant, so that the time of its execution makes no difference.
+    /// Changes nothing in the plant, so the time of its execution makes no difference.
     Looks,
     /// Only stores a register.
     Stores,
     /// Changes the plant in another way.
     Acts,
-    /// Advances the clock, or is a part of an operation that does.
+    /// Advances the clock, or is part of an operation that advances it.
     Advances,
-    /// Goes back in time, or to another history.
+    /// Returns the plant to an earlier moment, or to another state from a file.
     Travels,
-    /// Changes something beside the plant: its doors, the snapshots that are kept.
+    /// Changes something outside the plant: doors, kept snapshots, the speed of the clock.
     Manages,
     /// Ends the emulator, in any state of the plant.
     Ends,
@@ -60,9 +60,9 @@ macro_rules! declare {
     ),+ $(,)?) => {
         /// An operation of a request.
         ///
-        /// `plc` is the PLC's number in the instance, from 0; `offset` is the byte in its image file, which the device's
-        /// [`spaces`](crate::layout::DeviceLayout::spaces) map to the address, and must suit the width. Times are emulated
-        /// time in microseconds.
+        /// `plc` is the PLC's number in the instance, from 0. `offset` is a byte offset in the image file of this PLC;
+        /// the device's [`spaces`](crate::layout::DeviceLayout::spaces) map it to an address. It must suit the width.
+        /// Times are emulated time in microseconds.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
         #[serde(rename_all = "snake_case", deny_unknown_fields)]
         pub enum Op {
@@ -89,7 +89,7 @@ macro_rules! declare {
             /// Checks the fields that the table limits.
             ///
             /// # Errors
-            /// The first field outside its range.
+            /// The first field whose value is out of range.
             pub(crate) fn check_ranges(&self) -> Result<(), OutOfRange> {
                 match self {
                     $(Op::$op $({ $($field),+ })? => {
@@ -108,17 +108,17 @@ macro_rules! declare {
 ops!(declare);
 
 impl Op {
-    /// Whether the operation changes nothing in the plant, so that the time of its execution makes no difference.
+    /// True if the operation changes nothing in the plant, so the time of its execution makes no difference.
     pub fn only_looks(&self) -> bool {
         matches!(self.class(), Class::Looks | Class::Ends)
     }
 
-    /// Whether the operation changes the plant in another way than by advancing the clock.
+    /// True if the operation changes the plant in another way than by advancing the clock.
     pub(crate) fn acts(&self) -> bool {
         matches!(self.class(), Class::Stores | Class::Acts)
     }
 
-    /// The emulated time this operation may take at most because it waits, in microseconds.
+    /// Maximum emulated time that this operation waits, in microseconds.
     pub fn waits_us(&self) -> u64 {
         match self {
             Op::Wait { within_us, .. } | Op::WaitFor { within_us, .. } => (*within_us).min(MAX_ADVANCE_US),
@@ -126,7 +126,7 @@ impl Op {
         }
     }
 
-    /// The emulated time by which this operation advances the clock at most, in microseconds, as far as it is known.
+    /// Maximum emulated time by which this operation advances the clock, in microseconds, if it is known.
     #[cfg(feature = "cli")]
     pub(crate) fn advances_us(&self) -> u64 {
         match self {
@@ -135,7 +135,7 @@ impl Op {
         }
     }
 
-    /// The operations that bring a snapshot file, in their order.
+    /// The operations that send a snapshot file to the emulator, in order.
     pub fn bring(file: &[u8]) -> impl Iterator<Item = Op> {
         let parts = file.chunks(FilePart::MAX).filter_map(FilePart::new);
         (0..).step_by(FilePart::MAX).zip(parts).map(|(at, part)| Op::BringSaved { at, part })

@@ -1,8 +1,8 @@
 //! The table of operations.
 //!
 //! An entry has the operation's variant in `Op`, its number, its name, its class, its reply and its fields. A field has
-//! its type, its largest value if the type allows more, with the code of the refusal, and the columns of the wire format
-//! with its numbers. A macro that needs the table gets it by `ops!(macro_name)`:
+//! a type and the columns of the wire format that contain it. If the type allows larger values than the operation, the
+//! field also has the largest value and the code of the refusal. A macro gets the table by `ops!(macro_name)`:
 //!
 //! - `op.rs` declares `Op` with it, its JSON form (`{"advance":{"us":1000}}`, `"forces"`), and the check of the ranges,
 //! - `exec.rs` calls the function of the same name for each operation,
@@ -21,7 +21,7 @@ macro_rules! ops {
                 plc: DeviceIndex => plc,
                 /// Byte offset of the register.
                 offset: u32 => offset,
-                /// Its width.
+                /// Width of the register.
                 width: Width => width,
             },
             /// Writes a register.
@@ -30,7 +30,7 @@ macro_rules! ops {
                 plc: DeviceIndex => plc,
                 /// Byte offset of the register.
                 offset: u32 => offset,
-                /// Its width.
+                /// Width of the register.
                 width: Width => width,
                 /// The value; must fit the width.
                 value: u32 => value,
@@ -41,7 +41,7 @@ macro_rules! ops {
                 plc: DeviceIndex => plc,
                 /// Byte offset of the register.
                 offset: u32 => offset,
-                /// Its width.
+                /// Width of the register.
                 width: Width => width,
                 /// The value expected in the register; must fit the width.
                 current: u32 => second,
@@ -57,18 +57,18 @@ macro_rules! ops {
                 /// Number of bytes.
                 len: u32 [..=MAX_RANGE, RANGE_TOO_LONG] => value,
             },
-            /// Waits until `register AND mask = value`. In stepped mode it advances the clock, event by event. Refused
-            /// with code 10 and the last value if that does not happen in time.
+            /// Waits until `register AND mask = value`. In stepped mode it advances the clock, event by event. If this
+            /// does not happen in time, the wait is refused with code 10 and the last value.
             Wait = 5, wait, Advances -> Waited {
                 /// Number of the PLC.
                 plc: DeviceIndex => plc,
                 /// Byte offset of the register.
                 offset: u32 => offset,
-                /// Its width.
+                /// Width of the register.
                 width: Width => width,
                 /// The bits that count; must fit the width.
                 mask: u32 => second,
-                /// New value of the bits in the mask; no bit outside the mask.
+                /// Awaited value of the bits in the mask; bits outside the mask must be 0.
                 value: u32 => value,
                 /// Longest wait in emulated microseconds.
                 within_us: u64 [..=MAX_ADVANCE_US, ADVANCE_TOO_LONG] => time_us,
@@ -79,17 +79,17 @@ macro_rules! ops {
                 plc: DeviceIndex => plc,
                 /// Byte offset of the register.
                 offset: u32 => offset,
-                /// Its width.
+                /// Width of the register.
                 width: Width => width,
                 /// Condition for the register; mask and value must fit the width.
                 #[serde(with = "TestForm")]
                 test: Test => node second value,
             },
-            /// Waits until all conditions that precede it hold at the same moment, or any of them. In stepped mode it
-            /// advances the clock, event by event. Bit n of the replied value is set if condition n (from 0) holds.
-            /// Refused with code 10 and the same value if that does not happen in time.
+            /// Waits until all preceding conditions of the request hold at the same moment, or any of them. In stepped
+            /// mode it advances the clock, event by event. Bit n of the replied value is set if condition n (from 0)
+            /// holds. If this does not happen in time, the wait is refused with code 10 and the same value.
             WaitFor = 14, wait_for, Advances -> Waited {
-                /// Whether a single condition is sufficient.
+                /// True if a single condition is sufficient.
                 any: bool => value,
                 /// Longest wait in emulated microseconds.
                 within_us: u64 [..=MAX_ADVANCE_US, ADVANCE_TOO_LONG] => time_us,
@@ -109,7 +109,7 @@ macro_rules! ops {
             /// Advances the clock to the next moment at which the emulator has something to do; stepped mode only.
             /// Events of the present time are handled now, and no time passes.
             AdvanceToEvent = 11, advance_to_event, Advances -> Time {
-                /// The longest time, in microseconds.
+                /// Maximum advance, in microseconds.
                 within_us: u64 [..=MAX_ADVANCE_US, ADVANCE_TOO_LONG] => time_us,
             },
             /// Changes the speed of a real-time clock, at the present emulated time, or pauses it. Does not influence the
@@ -120,9 +120,9 @@ macro_rules! ops {
             },
             /// Reads the journal from record number `from` on.
             Journal = 10, journal, Looks -> Journal {
-                /// Number of the first record wanted; records that are no longer kept are left out.
+                /// Number of the first wanted record. Records that are no longer kept are left out.
                 from: u64 => time_us,
-                /// Most records wanted; more than 1024 are never sent.
+                /// Maximum number of records; a reply never has more than 1024.
                 max: u32 => value,
             },
             /// Records all changes from now on of the registers in a range. Does not influence the plant.
@@ -147,20 +147,20 @@ macro_rules! ops {
             /// Reads the changes of registers followed with `for_onlookers`, from number `from` on. The emulator stops
             /// collecting these changes if it gets no such request for ten seconds of real time.
             Changes = 71, changes, Looks -> Changes {
-                /// Number of the first change wanted; changes that are no longer kept are left out.
+                /// Number of the first wanted change. Changes that are no longer kept are left out.
                 from: u64 => time_us,
-                /// Most changes wanted; more than 1024 are never sent.
+                /// Maximum number of changes; a reply never has more than 1024.
                 max: u32 => value,
             },
-            /// Forces a register: it keeps the value, also if firmware or PLC write another one.
+            /// Forces a register: it keeps the value, even if firmware or PLC write another value.
             Force = 30, force, Acts -> Written {
                 /// Number of the PLC.
                 plc: DeviceIndex => plc,
                 /// Byte offset of the register.
                 offset: u32 => offset,
-                /// Its width.
+                /// Width of the register.
                 width: Width => width,
-                /// The value it keeps; must fit the width.
+                /// The forced value; must fit the width.
                 value: u32 => value,
             },
             /// Releases a forced register.
@@ -169,7 +169,7 @@ macro_rules! ops {
                 plc: DeviceIndex => plc,
                 /// Byte offset of the register.
                 offset: u32 => offset,
-                /// Its width.
+                /// Width of the register.
                 width: Width => width,
             },
             /// Returns the forced registers.
@@ -184,7 +184,7 @@ macro_rules! ops {
             FaultList = 21, fault_list, Looks -> Faults,
             /// Clears a fault, or all of them.
             FaultClear = 22, fault_clear, Acts -> FaultsCleared {
-                /// Number of the fault, at least 1; `None` or 0: all.
+                /// Number of the fault, at least 1; `None` or 0 clears all faults.
                 id: Option<NonZeroU16> => value,
             },
             /// Reads a PLC's board.
@@ -220,7 +220,7 @@ macro_rules! ops {
                 drive: u16 => plc,
                 /// Number of the parameter.
                 number: u16 => node,
-                /// Its new value.
+                /// New value of the parameter.
                 value: i64 => time_us,
             },
             /// Returns the present activity of the buses: their intervals and ports.
@@ -236,7 +236,7 @@ macro_rules! ops {
             DoorClose = 62, door_close, Manages -> DoorsClosed {
                 /// Number of the bus.
                 bus: BusIndex => plc,
-                /// The door, with its real port or number; `None`: all.
+                /// The door, with its real port or number; `None` closes all doors of the bus.
                 door: Option<DoorSpec> => width node value,
             },
             /// Takes part in a bus from now on, and sends a frame if one is given.
@@ -252,64 +252,65 @@ macro_rules! ops {
             TelegramSend = 64, telegram_send, Acts -> Written {
                 /// Number of the bus.
                 bus: BusIndex => plc,
-                /// These are the last octets: the telegram is sent.
+                /// True if these are the last octets: the telegram is then sent.
                 is_last: bool => width,
                 /// The octets.
                 part: FilePart => node value second time_us,
             },
-            /// Keeps a snapshot of the plant, and returns its number; stepped mode only, as all operations on
+            /// Keeps a snapshot of the plant, and returns its number; stepped mode only, like all operations on
             /// snapshots.
             Save = 72, save, Manages -> Value,
             /// Forgets a snapshot.
             Forget = 73, forget, Manages -> Written {
-                /// Its number.
+                /// Number of the snapshot.
                 number: u32 => value,
             },
             /// Reads a part of a snapshot as a file, at most 65536 bytes; fewer at the end.
             ReadSaved = 74, read_saved, Manages -> Bytes {
-                /// Its number.
+                /// Number of the snapshot.
                 number: u32 => value,
                 /// The first byte of the part.
                 from: u32 => offset,
             },
-            /// Brings a part of the client's snapshot file, in the order of its bytes; byte 0 begins a new file.
+            /// Sends a part of a snapshot file of the client to the emulator. Parts follow in the order of the bytes;
+            /// byte 0 begins a new file.
             BringSaved = 75, bring_saved, Manages -> Written {
                 /// The first byte of the part.
                 at: u32 => offset,
                 /// The bytes.
                 part: FilePart => node value second time_us,
             },
-            /// Restores the snapshot in the file that the client has brought.
+            /// Restores the snapshot in the file that the client has sent.
             Restore = 76, restore, Travels -> Time {
-                /// Also if an outside participant cannot go back.
+                /// True: go back even if an outside participant cannot go back with the plant.
                 detached: bool => node,
             },
             /// Restores a kept snapshot.
             BackTo = 77, back_to, Travels -> Time {
-                /// Its number.
+                /// Number of the snapshot.
                 number: u32 => value,
-                /// Also if an outside participant cannot go back.
+                /// True: go back even if an outside participant cannot go back with the plant.
                 detached: bool => node,
             },
             /// Goes back in time.
             Back = 78, back, Travels -> Time {
                 /// Duration in microseconds.
                 us: u64 => time_us,
-                /// Also if an outside participant cannot go back.
+                /// True: go back even if an outside participant cannot go back with the plant.
                 detached: bool => node,
             },
-            /// Goes back to the last moment before now at which the preceding conditions became true. The reply is that
-            /// of `wait_for`.
+            /// Goes back to the last moment before now at which the preceding conditions became true. The reply is the
+            /// same as for `wait_for`.
             BackUntil = 79, back_until, Travels -> Waited {
                 /// A single condition is sufficient.
                 any: bool => value,
-                /// Also if an outside participant cannot go back.
+                /// True: go back even if an outside participant cannot go back with the plant.
                 detached: bool => node,
             },
-            /// Goes back to the start of the plant, or to the snapshot that it has begun with, before the first action of
-            /// a client. Going back by a time keeps the actions of the moment where it ends.
+            /// Goes back to the start of the plant, or to the snapshot with which it has begun, before the first action
+            /// of a client. (`back` to the same time keeps the actions that clients made at that time.)
             BackToStart = 87, back_to_start, Travels -> Time {
-                /// Also if an outside participant cannot go back.
+                /// True: go back even if an outside participant cannot go back with the plant.
                 detached: bool => node,
             },
             /// Returns the emulated time.

@@ -10,9 +10,9 @@ pub(crate) struct OutOfRange {
     operation: &'static str,
     /// Name of the field.
     field: &'static str,
-    /// Its value.
+    /// Value of the field.
     value: u64,
-    /// Its largest value.
+    /// Largest value that the field may have.
     most: u64,
     /// Code of the refusal.
     code: Code,
@@ -22,7 +22,7 @@ impl OutOfRange {
     /// Checks the value of a field.
     ///
     /// # Errors
-    /// It is above `most`.
+    /// The value is above `most`.
     pub(super) fn check<N: Into<u64>>(
         [operation, field]: [&'static str; 2],
         value: N,

@@ -1,7 +1,8 @@
-//! Reading the journal part by part: where a part ends, and where the next one begins.
+//! Reads the journal in parts: where a part ends, and where the next part begins.
 //!
-//! Every reader uses [`JournalPart`], because a journal can have an end but no records: a plant that continues from a snapshot
-//! numbers its records from where the snapshot stopped, and the earlier records are not in the snapshot.
+//! Every reader uses [`JournalPart`], because the end number of a journal may be large although the journal has no
+//! records. A plant that continues from a snapshot continues the numbers of the snapshot, but does not have the earlier
+//! records.
 
 use super::{MAX_RECORDS, Op, Reply, WrongReply};
 use crate::journal::{HistoryId, Record};
@@ -31,14 +32,14 @@ impl JournalPart {
         self.records.last().map_or(self.end, |last| last.seq.saturating_add(1))
     }
 
-    /// Whether no part follows this one.
+    /// True if no part follows this part.
     #[must_use]
     pub fn is_last(&self) -> bool {
         self.next() >= self.end
     }
 
-    /// Number of the record at which the journal begins, if the part was read from an earlier number and the plant has
-    /// continued from a snapshot: the earlier records were never in this journal, so they are not lost.
+    /// Number of the first possible record, if the plant has continued from a snapshot and the part was read from an
+    /// earlier number. The earlier records were never in this journal, so they are not lost.
     #[must_use]
     pub fn begins_at(&self, from: u64) -> Option<u64> {
         let HistoryId { number, begin } = self.turn;
@@ -47,11 +48,11 @@ impl JournalPart {
     }
 }
 
-/// Reads the journal from record number `from` to its end, in as many operations as needed. If the plant restores a
-/// snapshot meanwhile, reading restarts, so that all records are of the same history.
+/// Reads the journal from record number `from` to its end, in as many operations as needed. If a snapshot is restored
+/// during this time, reading starts again, so that all records are of the same history.
 ///
 /// # Errors
-/// An operation fails, or a reply brings the reader no further.
+/// An operation fails, or a reply contains no further records although it is not the last one.
 pub fn read_journal<E: From<WrongReply>>(
     from: u64,
     mut ask: impl FnMut(Op) -> Result<Reply, E>,

@@ -7,14 +7,14 @@ use crate::memory::header::BoardSetting;
 use core::fmt;
 use serde::Serialize;
 
-/// Code of the refusal; `docs/reference/channel.md` lists them. An emulator of a later version may have others.
+/// Code of a refusal. `docs/reference/channel.md` lists all codes. An emulator of a later version may have other codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 pub struct Code(pub u16);
 
 impl Code {
     /// No register area covers the register.
     pub const UNMAPPED: Self = Self(1);
-    /// A range leaves the register areas.
+    /// A range contains addresses outside the register areas.
     pub const RANGE_UNMAPPED: Self = Self(2);
     /// The address does not suit the width.
     pub const MISALIGNED: Self = Self(3);
@@ -40,7 +40,7 @@ impl Code {
     pub const NO_SYNC: Self = Self(11);
     /// The request has too many operations.
     pub const TOO_MANY_OPERATIONS: Self = Self(12);
-    /// The operation's bytes mean nothing.
+    /// The bytes of the operation are invalid.
     pub const MALFORMED: Self = Self(13);
     /// The advance of the clock is too long.
     pub const ADVANCE_TOO_LONG: Self = Self(14);
@@ -52,7 +52,7 @@ impl Code {
     pub const TOO_MANY_FAULTS: Self = Self(27);
     /// No fault has that number.
     pub const UNKNOWN_FAULT: Self = Self(28);
-    /// Only a part of a register was to be forced, or several registers.
+    /// A force must concern exactly one whole register.
     pub const NOT_WHOLE: Self = Self(30);
     /// Too many registers are forced.
     pub const TOO_MANY_FORCES: Self = Self(31);
@@ -64,7 +64,7 @@ impl Code {
     pub const START_REFUSED: Self = Self(33);
     /// The PLC or its module has no such switch.
     pub const NO_SUCH_SWITCH: Self = Self(34);
-    /// Only the firmware writes there: at the front of a device.
+    /// Only the firmware writes this word of a device's front.
     pub const READ_ONLY: Self = Self(39);
 
     /// The host has no doors.
@@ -73,9 +73,9 @@ impl Code {
     pub const UNKNOWN_BUS: Self = Self(36);
     /// The door cannot be opened, or does not exist.
     pub const DOOR: Self = Self(37);
-    /// The bus does not take the frame.
+    /// The bus refuses the frame.
     pub const FRAME: Self = Self(38);
-    /// As many frames as a controller holds wait to be sent already; later there is room.
+    /// The queue of frames to be sent is full; try again later.
     pub const QUEUE_FULL: Self = Self(45);
 
     /// A wait for conditions has too many of them, or none.
@@ -84,17 +84,18 @@ impl Code {
     pub const SNAPSHOT: Self = Self(50);
     /// An outside participant cannot go back with the plant.
     pub const NOT_ALONE: Self = Self(51);
-    /// The time is before the kept history, or the searched condition did not occur since then.
+    /// The time is before the kept history, or the condition did not occur within the kept history.
     pub const NOT_SO_FAR: Self = Self(52);
 
     /// The instance has no drive of that number.
     pub const UNKNOWN_DRIVE: Self = Self(42);
-    /// The drive does not take the parameter, or not this value.
+    /// The drive refuses the parameter, or this value of the parameter.
     pub const PARAMETER: Self = Self(43);
-    /// The drive cannot take a parameter now: it has no supply, or recalculates it.
+    /// The drive cannot change a parameter now: it has no supply, or is recalculating the parameter.
     pub const NOT_NOW: Self = Self(44);
 
-    /// Whether the operation is impossible in any state. If not, the plant is in a wrong state for it.
+    /// True if the operation is impossible in any state of the plant. False if only the present state does not permit
+    /// it.
     pub fn is_wrong_use(self) -> bool {
         const STATES: [Code; 10] = [
             Code::QUEUE_FULL,
@@ -112,7 +113,7 @@ impl Code {
     }
 }
 
-/// Reason of a refusal: the subject, the place, and a correct value.
+/// Reason for a refusal. The text names the error, its place, and a correct value.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, thiserror::Error)]
 #[error("{text}")]
 pub struct Refused {
@@ -161,7 +162,7 @@ impl Refused {
         Self::new(Code::SHUTTING_DOWN, format_args!("instance '{instance}' is ending{reason}"))
     }
 
-    /// A fault, refused with this text.
+    /// The refusal of a fault, with this text.
     pub(super) fn fault(refusal: &fault::Refusal, text: impl fmt::Display) -> Self {
         let code = match refusal {
             fault::Refusal::TooMany => Code::TOO_MANY_FAULTS,

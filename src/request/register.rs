@@ -71,7 +71,7 @@ impl Register {
         Err(Refused::new(Code::NEVER_MATCHES, text))
     }
 
-    /// The front is written by its owner only: a client cannot change the display.
+    /// Refuses words of the front that only the firmware writes, for example the display.
     pub(crate) fn writable(self) -> Result<(), Refused> {
         let address = self.address;
         if !self.device.is_front(address.offset()) {

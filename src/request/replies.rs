@@ -2,7 +2,7 @@
 //!
 //! An entry has the reply's variant in `Reply`, its number, its name and its content: one value, or fields. The type of
 //! a field defines its place in the wire format (`channel/wire/content.rs`); fields in the data of a reply follow each
-//! other in the order of the table. A macro that needs the table gets it by `replies!(macro_name)`.
+//! other in the order of the table. A macro gets the table by `replies!(macro_name)`.
 
 /// Passes the table of replies to the macro `$then`.
 macro_rules! replies {
@@ -14,7 +14,7 @@ macro_rules! replies {
             Written = 2, written,
             /// The comparison was made.
             Exchanged = 3, exchanged {
-                /// Whether the register held the expected value and was written.
+                /// True if the register held the expected value and was written.
                 ok: bool,
                 /// Previous value.
                 found: u32,
@@ -48,7 +48,7 @@ macro_rules! replies {
             Forces = 30, forces (forces: Vec<Forced>),
             /// The fault was added.
             FaultAdded = 20, fault_added {
-                /// Its number in the instance.
+                /// Number of the fault in the instance.
                 id: u16,
             },
             /// The pending and active faults, in the order in which they were added.

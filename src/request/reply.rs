@@ -40,7 +40,7 @@ replies!(declare);
 /// A drive of the plant.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DriveEntry {
-    /// `winder`; of the drive that a PLC is built into `line:drive`.
+    /// Name of the drive: `winder`; or `line:drive` for the drive that contains PLC `line`.
     pub name: String,
     /// Bus of the drive, if it is on a bus.
     pub bus: Option<String>,
@@ -51,34 +51,34 @@ pub struct DriveEntry {
 /// Present activity of a bus.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BusScene {
-    /// Its name.
+    /// Name of the bus.
     pub name: String,
-    /// Its kind, as in the plant file.
+    /// Kind of the bus, as in the plant file.
     pub kind: String,
-    /// The rate that it runs at now, in bit/s.
+    /// Present bit rate of the bus, in bit/s.
     pub bit_s: u32,
-    /// The interval that repeats on the bus, as long as it does.
+    /// The interval that repeats on the bus; `None` while no interval repeats.
     pub interval: Option<Interval>,
-    /// The ports of PLCs that are plugged in: `line:node2`.
+    /// The ports of PLCs that are connected to the bus: `line:node2`.
     pub ports: Vec<String>,
 }
 
 /// Description of a bus.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BusState {
-    /// Its name.
+    /// Name of the bus.
     pub name: String,
-    /// Its kind, as in the plant file.
+    /// Kind of the bus, as in the plant file.
     pub kind: String,
-    /// The rate that it runs at now, in bit/s.
+    /// Present bit rate of the bus, in bit/s.
     pub bit_s: u32,
-    /// Load of its wire in the last 100 ms of emulated time, in thousandths, as far as the journal has records.
+    /// Load of the bus in the last 100 ms of emulated time, in thousandths, according to the records of the journal.
     pub load_permille: Option<u16>,
-    /// The ports that are plugged in: `line:node2`.
+    /// The ports that are connected to the bus: `line:node2`.
     pub ports: Vec<String>,
     /// The doors to the bus, in the order in which they were opened.
     pub doors: Vec<DoorState>,
-    /// Its stations that have power, at CAN and PROFIBUS.
+    /// Stations of the bus that have power; only for CAN and PROFIBUS.
     pub stations: Vec<Station>,
     /// Stations that are set to another rate and therefore do not take part.
     pub strangers: Vec<RateMismatch>,
@@ -98,20 +98,20 @@ pub struct RateMismatch {
 pub struct Station {
     /// Device and port, or the guest: `panel:can`, `guest1`.
     pub name: String,
-    /// Address at a PROFIBUS; for a guest the sender address of its last telegram.
+    /// Address on a PROFIBUS. For a guest, the sender address of its last telegram.
     pub address: Option<u8>,
-    /// At CAN the state of its controller: `error_active`, `error_warning`, `error_passive` or `bus_off`. At a PROFIBUS
-    /// the activity of the station: `baud_search`, `baud_control`, `wait_prm`, `wait_cfg`, `data_exchange`, `master` or
-    /// `guest`.
+    /// On a CAN bus, the state of the station's controller: `error_active`, `error_warning`, `error_passive` or
+    /// `bus_off`. On a PROFIBUS, the activity of the station: `baud_search`, `baud_control`, `wait_prm`, `wait_cfg`,
+    /// `data_exchange`, `master` or `guest`.
     pub state: String,
-    /// The transmit errors that it has counted; 0 at a PROFIBUS.
+    /// Transmit error counter of the station; 0 on a PROFIBUS.
     pub transmit_errors: u16,
-    /// The receive errors that it has counted; 0 at a PROFIBUS.
+    /// Receive error counter of the station; 0 on a PROFIBUS.
     pub receive_errors: u16,
 }
 
 impl Station {
-    /// Returns true at CAN, where the state is that of the error counters.
+    /// True on a CAN bus, where the state follows from the error counters.
     #[must_use]
     pub fn counts_errors(&self) -> bool {
         ErrorState::ALL.iter().any(|state| state.name() == self.state)
@@ -123,13 +123,13 @@ impl Station {
 pub struct InstanceInfo {
     /// Name of the instance.
     pub name: String,
-    /// Whether the emulated time passes only on request.
+    /// True if the emulated time advances only on request.
     pub is_stepped: bool,
     /// Emulated time per real time x 1000 (1000 is real time); 0 in stepped mode.
     pub speed: u32,
     /// Emulated time since the start, in microseconds.
     pub time_us: u64,
-    /// Counts the emulators that have used the image, from 1.
+    /// Number of emulators that have used the image, from 1.
     pub generation: u32,
     /// Process id of the emulator.
     pub pid: u32,
@@ -139,7 +139,7 @@ pub struct InstanceInfo {
     pub version: String,
     /// The task in lockstep that has its turn, if the emulated time waits for such a task now.
     pub waits_for: Option<String>,
-    /// Names of its PLCs and buses, in the order of their numbers, and the devices of the PLCs.
+    /// Names of the PLCs and buses, in the order of their numbers, and the devices of the PLCs.
     #[serde(with = "super::naming")]
     pub names: Names,
 }
@@ -147,7 +147,7 @@ pub struct InstanceInfo {
 /// Result of a wait.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Waited {
-    /// Emulated time of its end, in microseconds.
+    /// Emulated time at the end of the wait, in microseconds.
     pub time_us: u64,
     /// The register's whole value at that time.
     pub value: u32,
@@ -158,7 +158,7 @@ pub struct Waited {
 #[error("the reply does not fit the operation; use the same version on both sides")]
 pub struct WrongReply;
 
-/// Contents of a reply of the expected kind.
+/// Declares functions that return the content of a reply, if the reply is of the expected kind.
 macro_rules! contents {
     ($($(#[$doc:meta])* $name:ident: $pattern:pat => $content:expr, $type:ty;)*) => {
         impl Reply {
@@ -187,7 +187,7 @@ contents! {
     exchanged: Reply::Exchanged { ok, found } => if ok { Ok(found) } else { Err(found) }, Result<u32, u32>;
     /// The bytes of a range.
     bytes: Reply::Bytes(bytes) => bytes, Vec<u8>;
-    /// When a register matched, and its value.
+    /// Time at which a register had the awaited value, and its whole value.
     waited: Reply::Waited(waited) => waited, Waited;
     /// Emulated time, in microseconds.
     time: Reply::Time(time_us) => time_us, u64;

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// An area of plain RAM: no firmware writes there.
 pub(crate) const RAM: Range<u32> = 1_000_000..1_262_144;
 
-/// Two PLCs, with a master on a bus with a drive at the first one; a processor cycle of 1 ms.
+/// A plant of two PLCs. The first PLC is master of a bus with a drive. The processor cycle is 1 ms.
 const PLANT: &str = r#"
 processor_cycle_us = 1000
 
@@ -34,19 +34,19 @@ pub(crate) struct TestHost {
     pub plant: Plant,
     pub is_stepped: bool,
     pub stop: Arc<AtomicBool>,
-    /// Stores of another program: time, offset, value (WORD in PLC 0).
+    /// Stores of another program, each with time, offset and value: a WORD in PLC 0.
     pub script: Vec<(u64, u32, u16)>,
-    /// Number of times that it has run.
+    /// Number of calls that have advanced the plant.
     pub steps: usize,
     /// Number of requests that have begun.
     pub requests: usize,
     /// Raises `stop` at this time.
     pub stop_at: u64,
-    /// Whether operations pause wherever they can, and then continue for a part.
+    /// True if operations pause at every opportunity, and continue for one part.
     pub pauses: bool,
     /// Whether an operation has paused.
     has_paused: Cell<bool>,
-    /// Number of queries until the turn of the participant that the time waits for has ended.
+    /// Number of queries until the participant for which the clock waits ends its turn.
     pub turn_left: usize,
     /// Whether the real-time clock of the test server is stopped.
     #[cfg_attr(not(feature = "channel"), expect(dead_code, reason = "for the tests of the channel"))]

@@ -1,10 +1,10 @@
-//! Going back: the history of the plant, and the return to a moment of it.
+//! The history of the plant, and the return to an earlier moment.
 //!
-//! With a stepped clock only the clock advances between two actions of clients, and a client acts before the clock
-//! advances. The history therefore keeps only the stores of operations; after any other action it takes a snapshot
-//! before the clock advances. From a snapshot the plant reaches every later moment with the same stores, as it did the
-//! first time. Only stores of a program through the map come without a request; going back over such a stretch is
-//! reported to the client.
+//! The history consists of snapshots and the stores that operations have made after each snapshot. If a client has
+//! acted in another way, the history takes a snapshot before the clock advances again. From a snapshot the plant
+//! reaches every later moment by the same stores, because it is deterministic. Only stores of programs that have mapped
+//! the image are not known here. If the plant would go back over a part of the history with such stores, the client
+//! gets a report.
 
 mod back;
 mod file;
@@ -22,14 +22,16 @@ use crate::plant::{Plant, Snapshot};
 use std::collections::{BTreeMap, VecDeque};
 use stretch::Stretch;
 
-/// Most snapshots that clients keep at a time.
+/// Maximum number of snapshots that clients keep at a time.
 const MAX_SAVED: usize = 64;
-/// Emulated time between two snapshots while the clock advances in one go: the maximum time that must be repeated.
+/// Emulated time between two snapshots while the clock advances without other actions. A return repeats at most this
+/// time.
 const STRETCH_US: u64 = 10_000_000;
-/// The interval between two operations: programs may store through the map, and a snapshot contains these stores.
+/// Emulated time between two snapshots at the beginning of operations. Between two operations, programs may store
+/// through the map, and a snapshot contains these stores.
 const PAUSE_US: u64 = 100_000;
 
-/// The history for going back.
+/// The history by which the plant can return to an earlier moment.
 #[derive(Debug)]
 pub struct Travel {
     /// Snapshots that clients have asked for, by their numbers.
@@ -39,16 +41,16 @@ pub struct Travel {
     leaving: (u32, Vec<u8>),
     /// Files that clients are sending.
     coming: IncomingFiles,
-    /// The plant before the first action of a client, and before its time first passed.
+    /// The plant at its start, before the first action of a client and before the clock first advanced.
     start: Option<Snapshot>,
     /// Stretches of the history, the oldest first.
     history: VecDeque<Stretch>,
-    /// Bytes that it takes, and may take.
+    /// Memory of the history, and its maximum, in bytes.
     size: usize,
     most: usize,
-    /// An action since the last snapshot is not recorded in the history.
+    /// True if a client has acted since the last snapshot in a way that the history does not record.
     is_touched: bool,
-    /// The plant has restored a snapshot from outside its history, so the history was dropped.
+    /// True if the history was dropped because the plant has restored a snapshot from outside its history.
     came_from_elsewhere: bool,
 }
 
@@ -57,7 +59,7 @@ struct KeptSnapshot {
     snapshot: Snapshot,
     /// Number of events in the journal at the time of the snapshot.
     written: u64,
-    /// The present state of the plant follows from the snapshot.
+    /// True if the present state of the plant follows from the snapshot.
     is_behind: bool,
 }
 
@@ -71,7 +73,7 @@ impl Travel {
     /// Default limit of the bytes for snapshots of the history.
     pub const DEFAULT_BYTES: usize = 8 << 20;
 
-    /// Creates an empty history; its snapshots may take `most` bytes, 0: none is kept.
+    /// Creates an empty history. Its snapshots may take `most` bytes; with 0 no snapshot is kept.
     #[must_use]
     pub fn new(most: usize) -> Self {
         Travel {
@@ -88,7 +90,7 @@ impl Travel {
         }
     }
 
-    /// Emulated time of the earliest moment that the plant can go back to, in microseconds; `None` if there is none.
+    /// Emulated time of the earliest moment to which the plant can return, in microseconds; `None` if there is none.
     #[must_use]
     pub fn earliest(&self) -> Option<u64> {
         self.history.front().map(|stretch| stretch.begin.time_us())
@@ -116,7 +118,7 @@ impl Travel {
         self.history.back().is_none_or(|last| last.begin.time_us() + after_us <= now)
     }
 
-    /// Keeps the start, if the plant is still there.
+    /// Takes a snapshot of the start, if the plant is still at its start.
     fn note_start(&mut self, plant: &Plant) {
         if self.start.is_none() && self.most > 0 {
             let start = plant.snapshot();
@@ -131,7 +133,7 @@ impl Travel {
         let now = plant.now();
         self.is_touched = false;
         let mut room = Vec::new();
-        // The last snapshot of a moment contains all actions of this moment.
+        // Of several snapshots of a moment only the last one is kept: it contains all actions of this moment.
         while let Some(last) = self.history.pop_back_if(|last| last.begin.time_us() >= now) {
             self.size -= last.size();
             room = last.begin.into_state();
@@ -144,7 +146,7 @@ impl Travel {
         }
     }
 
-    /// The plant is at its present time: later moments are no longer part of its history.
+    /// Called when the plant has returned to an earlier moment: removes later moments from the history.
     fn is_at(&mut self, plant: &Plant) {
         let (now, written) = (plant.now(), plant.journal().written());
         self.drop_from(now + 1);
@@ -156,22 +158,24 @@ impl Travel {
         self.saved.values_mut().for_each(|saved| saved.is_behind &= saved.written <= written);
     }
 
-    /// The plant is at its present time, before actions of this moment that the history may contain.
+    /// As [`Travel::is_at`], if the plant is in the state before the actions that the history may contain for this
+    /// moment.
     fn begins_anew(&mut self, plant: &Plant) {
-        // An entry of the same moment may be a later one, so a new snapshot is taken before time passes.
+        // An entry for the same moment may contain later actions, so it is dropped. A new snapshot is taken before the
+        // clock advances.
         self.drop_from(plant.now());
         self.is_at(plant);
         self.touch();
     }
 
-    /// Drops stretches that begin at a moment or after it.
+    /// Drops stretches of the history that begin at this moment or later.
     fn drop_from(&mut self, time_us: u64) {
         while let Some(later) = self.history.pop_back_if(|it| it.begin.time_us() >= time_us) {
             self.size -= later.size();
         }
     }
 
-    /// Drops the history, because it does not belong to the present state.
+    /// Drops the history, because the present state of the plant does not follow from it.
     fn is_elsewhere(&mut self) {
         self.history.clear();
         self.start = None;
@@ -204,7 +208,7 @@ pub(super) fn is_about_to_act(host: &mut dyn Host) {
     }
 }
 
-/// Called before the clock advances in stepped mode; `is_first`: by an operation that has just begun.
+/// Called before the clock advances in stepped mode. `is_first`: the operation that advances it has just begun.
 pub(super) fn set_out(host: &mut dyn Host, is_first: bool) {
     if host.is_stepped() {
         let (plant, travel) = host.plant_and_travel();
@@ -216,7 +220,7 @@ pub(super) fn set_out(host: &mut dyn Host, is_first: bool) {
     }
 }
 
-/// The clock has advanced without a request.
+/// Called when the clock has advanced without a request.
 pub(super) fn arrived(host: &mut dyn Host) {
     let (plant, travel) = host.plant_and_travel();
     if let Some(stretch) = travel.history.back_mut() {
@@ -236,7 +240,7 @@ pub(super) fn save(host: &mut dyn Host) -> Result<u32, Refused> {
         return Err(Refused::new(Code::SNAPSHOT, text));
     }
     travel.last = travel.last.wrapping_add(1).max(1);
-    // Stores from here on do not belong to this moment, even if no time passes.
+    // Later stores must not become part of this snapshot's moment, even if the clock does not advance.
     travel.touch();
     let (snapshot, written) = (plant.snapshot(), plant.journal().written());
     travel.saved.insert(travel.last, KeptSnapshot { snapshot, written, is_behind: true });
@@ -275,7 +279,7 @@ fn go_to(host: &mut dyn Host, snapshot: &Snapshot, is_behind: bool) -> Result<()
     gone.map_err(|error| Refused::new(Code::SNAPSHOT, error))
 }
 
-/// Refuses while the clock runs by itself, and while an outside participant cannot go back.
+/// Refuses a return if the clock is not stepped, or if there is an outside participant that cannot go back.
 fn alone(host: &mut dyn Host, detached: bool) -> Result<(), Refused> {
     stepped(host)?;
     match host.outsiders().filter(|_| !detached) {

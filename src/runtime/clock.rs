@@ -58,13 +58,13 @@ impl Clock {
 /// A wall clock, read in emulated microseconds.
 #[derive(Debug)]
 pub(super) struct WallClock {
-    /// The moment from which on the clock has this speed.
+    /// The moment since which the clock has this speed.
     since: Instant,
     /// `CLOCK_MONOTONIC` at that moment, in ns.
     since_ns: u64,
     /// Emulated time at that moment, in microseconds.
     from_us: u64,
-    /// 0.0: the clock is paused.
+    /// Speed factor; 0.0 while the clock is paused.
     speed: f64,
 }
 
@@ -74,15 +74,15 @@ impl WallClock {
         Self::at(0, 0.0)
     }
 
-    /// The clock has emulated time `from_us` and speed `speed` now.
+    /// A clock that has emulated time `from_us` now, and continues with speed `speed`.
     pub(super) fn at(from_us: u64, speed: f64) -> Self {
         let now = clock_gettime(ClockId::Monotonic);
         let since_ns = now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64;
         WallClock { since: Instant::now(), since_ns, from_us, speed }
     }
 
-    /// `CLOCK_MONOTONIC` at emulated time 0, in ns, extrapolated; modulo 2^64, because a slow clock may have begun
-    /// before the machine did. 0: the clock is paused.
+    /// Value of `CLOCK_MONOTONIC` at emulated time 0, in ns, extrapolated. The value is modulo 2^64: for a slow clock,
+    /// emulated time 0 may be before the start of the machine. 0 while the clock is paused.
     pub(super) fn epoch_ns(&self) -> u64 {
         if self.speed == 0.0 {
             return 0;
@@ -106,7 +106,7 @@ impl WallClock {
         self.from_us + passed
     }
 
-    /// Real time until the emulated time reaches `time`; zero if it is past, [`Duration::MAX`] while the clock is
+    /// Real time until the emulated time reaches `time`; zero if `time` is past, [`Duration::MAX`] while the clock is
     /// paused.
     pub(super) fn until(&self, time: u64) -> Duration {
         let Some(left) = time.checked_sub(self.from_us) else { return Duration::ZERO };

@@ -1,28 +1,29 @@
-//! An emulator coupled with other simulators: exchanges happen in the turns of its federate.
+//! Coupling of an emulator with other simulators. Exchanges take place in the turns of its federate.
 
 use super::emulator::Emulator;
 use crate::coupling::{Coupling, Progress};
 use crate::federation::FederationError;
 
 impl Emulator {
-    /// Exchanges values with other simulators from now on. This federate must have [joined](Emulator::join) with the
-    /// period of the coupling.
+    /// Couples the emulator with other simulators: exchanges values with them from now on. This federate must have
+    /// [joined](Emulator::join) with the period of the coupling.
     pub fn couple(&mut self, coupling: Coupling) {
         self.membership.coupling = Some(coupling);
     }
 
-    /// True if input may enter the plant here now.
+    /// True if input may enter the plant on this host now.
     pub(super) fn may_act_now(&self) -> bool {
         self.membership.may_act(self.plant.now())
     }
 
-    /// Runs the exchange with other simulators at its time, in this federate's turn; returns true if it did.
-    /// When the other simulators have left, it stops the emulator.
+    /// Exchanges values with other simulators if it is time for an exchange and this federate has the turn. Returns
+    /// true if an exchange took place. If the other simulators have left, stops the emulator.
     pub(super) fn exchange(&mut self) -> Result<bool, FederationError> {
         if !self.membership.has_turn() {
             return Ok(false);
         }
-        // Taken out for the call, because the exchange executes operations on the emulator.
+        // The coupling is taken out of the emulator for the call, because the exchange executes operations on the
+        // emulator.
         let Some(mut coupling) = self.membership.coupling.take() else { return Ok(false) };
         let progress = coupling.take(self);
         let was_one = matches!(progress, Ok(Progress::Exchanged(_)));

@@ -32,13 +32,14 @@ use std::time::Instant;
 pub struct Options {
     /// Name of the instance.
     pub instance: String,
-    /// Its clock.
+    /// Clock of the emulator.
     pub clock: Clock,
-    /// Poll instead of sleeping: the emulator also answers stores without a ring, and uses a full processor core.
+    /// True: poll instead of sleeping. The emulator then answers stores without a ring immediately, and uses a full
+    /// processor core.
     pub busy: bool,
     /// Directory for the NOVRAM of the PLCs; `None`: NOVRAM is lost at the end.
     pub novram: Option<PathBuf>,
-    /// The emulator will share its plant with others, by [`Emulator::join`].
+    /// True if the emulator will share its plant with emulators on other hosts, by [`Emulator::join`].
     pub is_federate: bool,
 }
 
@@ -50,12 +51,13 @@ pub struct StopHandle {
 }
 
 impl StopHandle {
-    /// Asks the emulator to end; it does so within its present step.
+    /// Asks the emulator to end. It ends within its present step.
     pub fn stop(&self) {
         self.end(None);
     }
 
-    /// As [`StopHandle::stop`], with the reason that clients get: a part of a sentence after the name of the instance.
+    /// As [`StopHandle::stop`], with a reason. Messages to clients show the reason after the name of the instance, as a
+    /// part of the sentence.
     pub fn stop_because(&self, reason: impl Into<String>) {
         self.end(Some(reason.into()));
     }
@@ -81,7 +83,7 @@ pub struct Emulator {
     pub(super) guests: Guests,
     /// The clock in real time; unused if stepped.
     wall: WallClock,
-    /// Start of the present turns of guests, if there are any.
+    /// Start of the present turns of guests, if guests have turns now.
     pub(super) turn_since: Option<Instant>,
     /// Target of a step that has paused to serve other clients.
     pub(super) under_way: Option<u64>,
@@ -131,8 +133,8 @@ impl Emulator {
     ) -> Result<Self, RuntimeError> {
         options.clock.check()?;
         let doors = config.buses.iter().map(|bus| bus.doors().len()).sum();
-        // Before anything of the instance exists: without free file descriptors, nothing of the instance could be
-        // removed.
+        // This check comes before any file of the instance exists: without free file descriptors, the files could not
+        // be removed.
         needs::allow_files_of(config.devices.len(), doors)?;
         needs::allow_memory_of(config.devices.len())?;
         let lock = take_instance(config, &options.instance)?;
@@ -153,8 +155,8 @@ impl Emulator {
             let segment = if options.is_federate { segment.with_request_page() } else { segment };
             images.push(image);
             if let (Some(path), Some(of)) = (&options.novram, config.device(plc)) {
-                // After the first image: starting an instance twice then reports the running instance, not the
-                // directory in use.
+                // The directory is opened after the first image. If the instance already runs, the error then names the
+                // running instance instead of the directory in use.
                 let directory = match &mut directory {
                     Some(directory) => directory,
                     none => none.insert(Directory::open(path)?),
@@ -186,7 +188,7 @@ impl Emulator {
         let bell = images[0].header().clone();
         let guests = Guests::new(config, options.clock.is_stepped(), move || bell.doorbell.ring())?;
         let stop = StopHandle { stop: Arc::default(), header: images[0].header().clone() };
-        // After the event services: the watch includes their memory.
+        // Created after the event services, so that the watch includes their memory.
         #[cfg(feature = "channel")]
         let channel_watch = server.as_ref().map(|server| server.watch());
         let watch = Watch::start(
@@ -250,8 +252,7 @@ impl Emulator {
         &self.plant
     }
 
-    /// Records in the journal every later change of the registers that the `len` bytes from `offset` on of PLC `plc`
-    /// touch.
+    /// Records in the journal every later change of the registers in the `len` bytes from `offset` on of PLC `plc`.
     ///
     /// # Errors
     /// See [`Plant::follow_registers`].
@@ -264,13 +265,13 @@ impl Emulator {
         StopHandle { stop: Arc::clone(&self.stop), header: self.header().clone() }
     }
 
-    /// The header page for the whole instance: that of the first PLC.
+    /// The header page of the first PLC, which also serves for the whole instance.
     pub(super) fn header(&self) -> &View<Header> {
         // `Plant::new` refuses a plant without a PLC.
         self.images[0].header()
     }
 
-    /// Description of another process that can write to registers.
+    /// Description of another process that can write to registers, if there is one.
     pub(super) fn mapped_client(&self) -> Option<String> {
         let writer = self.images.iter().find_map(|image| image.writers().into_iter().next())?;
         Some(format!("{writer}, which has mapped the registers,"))
@@ -289,8 +290,8 @@ impl Emulator {
     /// Runs until asked to end.
     ///
     /// # Errors
-    /// [`RuntimeError::Federation`]: another federate or the connection has failed. [`RuntimeError::Novram`]: changes
-    /// in NOVRAM could not be written; everything else ended normally.
+    /// [`RuntimeError::Federation`] if another federate or the connection has failed. [`RuntimeError::Novram`] if
+    /// changes in NOVRAM could not be written; all other parts have ended normally.
     pub fn run(&mut self) -> Result<(), RuntimeError> {
         let outcome = match self.options.clock {
             #[cfg(feature = "channel")]
@@ -300,7 +301,8 @@ impl Emulator {
                 Ok(())
             }
             Clock::RealTime { speed } => {
-                // The default slack of 50 us would delay each SYNC edge by that time. Without it, the delay is shorter.
+                // The default timer slack of 50 us would delay each SYNC edge by that time. With the smallest slack,
+                // the delay is shorter.
                 let _ = rustix::thread::set_current_timer_slack(core::num::NonZeroU64::new(1));
                 self.run_wall(WallClock::at(self.plant.now(), speed), self.options.clock.speed_permille());
                 self.run_real_time();
@@ -308,7 +310,8 @@ impl Emulator {
             }
         };
         self.images.iter().for_each(Image::set_stopping);
-        // Before closing the channel: if a program has damaged its memory, closing it can kill this process.
+        // NOVRAM is saved before the channel is closed. If a program has damaged the channel's memory, closing it can
+        // kill this process.
         let saved = self.close_novram();
         if saved.is_err() && self.options.novram.is_some() {
             self.images.iter_mut().for_each(Image::set_unsaved);
@@ -317,7 +320,7 @@ impl Emulator {
         outcome.and(saved)
     }
 
-    /// Publishes this clock with the speed `permille` / 1000, and continues with it.
+    /// Continues with clock `wall`, whose speed is `permille` / 1000, and publishes it in the header pages.
     fn run_wall(&mut self, wall: WallClock, permille: u32) {
         for image in &self.images {
             image.header().set_real_clock(wall.epoch_ns(), permille);
@@ -326,10 +329,11 @@ impl Emulator {
         self.wall = wall;
     }
 
-    /// Changes the speed of the real-time clock, and continues from its present time; a backlog of more than one step
-    /// is dropped.
+    /// Changes the speed of the real-time clock, which continues from its present time. If the plant is late by more
+    /// than one step, the rest of this time is dropped.
     pub(super) fn set_real_speed(&mut self, permille: u32) {
-        // The plant first reaches the present time, so that no client that has extrapolated it sees an earlier one.
+        // The plant first advances to the present time. Otherwise a client that has extrapolated the present time could
+        // then see an earlier time.
         let now = self.real_now();
         self.plant.advance_to(now);
         self.run_wall(WallClock::at(now, f64::from(permille) / 1000.0), permille);
@@ -341,7 +345,7 @@ impl Emulator {
             let path = emulator.shortened().map(|image| image.path().to_owned());
             path.map_or(Ok(()), |path| Err(RuntimeError::Shortened { path }))
         };
-        // The missing part of a shortened image may not have been accessed yet.
+        // Looks for shortened images: perhaps the missing part was not accessed yet.
         for image in &self.images {
             let _ = image.watch().look();
         }
@@ -349,7 +353,7 @@ impl Emulator {
         self.plant.keep_novram();
         self.save_novram(true);
         self.novram.close()?;
-        // An image may have been shortened meanwhile.
+        // An image may have been shortened during the write.
         lost(self)
     }
 
@@ -385,7 +389,8 @@ impl Emulator {
     fn close_channel(&mut self) {}
 }
 
-/// Takes the instance, and removes leftover images of a killed emulator for PLCs that this one does not have.
+/// Takes the lock of the instance. Removes the images that a killed emulator has left for PLCs that this plant does not
+/// have.
 fn take_instance(config: &PlantConfig, instance: &str) -> Result<InstanceLock, MemoryError> {
     let lock = InstanceLock::take(instance)?;
     lock.publish_device_folders(config.devices.iter().filter_map(|device| device.folder()))?;

@@ -23,7 +23,7 @@ pub enum RuntimeError {
     /// The snapshot to start from is refused.
     #[error(transparent)]
     Snapshot(#[from] SnapshotError),
-    /// The emulator cannot share its plant with others, or no longer can.
+    /// The emulator cannot, or can no longer, share its plant with emulators on other hosts.
     #[cfg(feature = "channel")]
     #[error(transparent)]
     Federation(#[from] crate::federation::FederationError),
@@ -51,9 +51,9 @@ pub enum RuntimeError {
     OpenFiles {
         /// Number of PLCs.
         plcs: usize,
-        /// Number of files that they need.
+        /// Number of open files that the emulator needs.
         needed: u64,
-        /// Largest number of open files.
+        /// Number of open files that the process may have.
         most: u64,
     },
     /// The process may not have enough memory for its PLCs.
@@ -68,9 +68,9 @@ pub enum RuntimeError {
         what: &'static str,
         /// Option of `ulimit`, for example `-d`.
         option: &'static str,
-        /// Number of bytes that the process can have, in the course of time.
+        /// Number of bytes that the emulator may need over time.
         needed: u64,
-        /// Largest number of bytes.
+        /// Number of bytes that the process may have.
         most: u64,
     },
     /// A speed factor out of range.

@@ -1,7 +1,8 @@
 //! Connects guests with the plant: passes on the frames that they send, and the traffic that they receive.
 //!
-//! In real time this happens after every firmware step. With a stepped clock, frames enter at the beginning of a step
-//! and guests receive frames at its end, unless a guest has a seat in lockstep: see [`super::turns`].
+//! In real time this happens after every firmware step. With a stepped clock, frames of guests enter the buses at the
+//! beginning of a step, and guests receive frames at its end. Guests with a seat in lockstep are different: see
+//! [`super::turns`].
 
 use crate::devices::{Attendance, GuestRefusal};
 use crate::door::{DoorError, DoorState, Doors, Guest, GuestRequests, GuestTurn, Rate};
@@ -15,23 +16,23 @@ pub(super) struct Guests {
     present: Vec<GuestEntry>,
 }
 
-/// A connected guest; the plant may know it.
+/// A connected guest, which may take part in its bus.
 struct GuestEntry {
     guest: Arc<Guest>,
     requests: GuestRequests,
     /// Number of frames to send at the last check; later frames wait for the next check.
     waiting: usize,
-    /// True if the guest's bit rate is that of the bus, or it has set none.
+    /// True if the guest has the bit rate of the bus, or has not set a bit rate.
     fits: bool,
-    /// The guest takes part in the bus.
+    /// True if the guest takes part in the bus.
     is_in: bool,
-    /// The bus sends its traffic to the guest.
+    /// True if the bus sends its traffic to the guest.
     is_receiver: bool,
-    /// With a stepped clock, the emulated time waits for this guest.
+    /// True if the guest has a seat: the stepped clock waits for this guest.
     has_seat: bool,
     /// The bit rates of guest and bus, in bit/s, that a finding has reported as different.
     rate_mismatch: Option<(Rate, u32)>,
-    /// A finding has reported an invalid message of this guest.
+    /// True if a finding has reported an invalid message of this guest.
     is_nonsense: bool,
 }
 
@@ -79,8 +80,8 @@ impl Guests {
         self.doors.is_empty() && self.present.is_empty()
     }
 
-    /// Reads the requests of the guests. A guest with another bit rate than its bus receives nothing, which is a
-    /// finding.
+    /// Reads the requests of the guests. A guest whose bit rate differs from that of its bus receives nothing, and a
+    /// finding reports this.
     pub(super) fn look(&mut self, plant: &mut Plant) {
         if self.is_empty() {
             return;
@@ -90,14 +91,14 @@ impl Guests {
                 self.present.push(GuestEntry::new(Arc::clone(guest)));
             }
         }
-        // Events of one moment happen in this order, independent of the order of arrival.
+        // Guests act in this order at a moment, independent of the order in which their messages have arrived.
         self.present.sort_by_key(|it| (it.guest.bus, it.guest.number));
         learn_all(&mut self.present, |_| true, plant);
         self.forget_departed();
     }
 
-    /// Connects and disconnects guests and passes their frames to the plant. Guests that asked for a seat get one, and
-    /// the durations begin that guests have asked for.
+    /// Connects and disconnects guests and passes their frames to the plant. Guests that have asked for a seat get it.
+    /// Requested durations until a guest's next turn begin now.
     pub(super) fn enter(&mut self, plant: &mut Plant, is_stepped: bool) {
         if self.is_empty() {
             return;
@@ -112,7 +113,7 @@ impl Guests {
         self.forget_departed();
     }
 
-    /// Forgets guests that have left, once the plant does not know them and no frame of theirs is left.
+    /// Removes guests that have left, after the plant has removed them and all their frames have been passed on.
     fn forget_departed(&mut self) {
         let is_over = |it: &mut GuestEntry| {
             it.requests.has_gone && !it.is_in && !it.has_seat && it.guest.waiting() == 0
@@ -128,9 +129,9 @@ impl Guests {
         bring_in_all(&mut self.present, |it| it.has_seat, plant, true);
     }
 
-    /// Description of one of the guests that take part.
+    /// Description of a guest that takes part, if there is one.
     pub(super) fn present_one(&self, plant: &Plant) -> Option<String> {
-        // Guests that have left are forgotten only when the clock advances.
+        // Guests that have left stay in the list until the clock advances.
         let is_here = |it: &&GuestEntry| (it.is_in || it.has_seat) && !it.guest.requests().has_gone;
         self.present.iter().find(is_here).map(|it| it.label(plant))
     }
@@ -140,7 +141,8 @@ impl Guests {
         self.present.iter().find(|it| it.has_turn()).map(|it| it.label(plant))
     }
 
-    /// Call after the plant has moved to another moment, with other guests: connects the present guests again.
+    /// Called after the plant has moved to another moment, at which other guests took part: connects the present guests
+    /// again.
     pub(super) fn reconnect_all(&mut self, plant: &mut Plant) {
         for (bus, guest) in plant.guests() {
             if !self.present.iter().any(|it| it.is_in && (it.guest.bus, it.guest.number) == (bus, guest)) {
@@ -168,7 +170,7 @@ impl Guests {
 
     /// Gives a turn to all guests for which `now` is the requested time.
     pub(super) fn grant(&mut self, now: u64) {
-        // `count` visits all guests; `any` would stop at the first.
+        // `count` visits all guests; `any` would stop at the first match.
         if self.present.iter().filter(|it| it.guest.grant(now)).count() > 0 {
             self.doors.announce();
         }
@@ -194,8 +196,7 @@ impl Guests {
         }
     }
 
-    /// Sends guests the state of their bus, and wakes the doors if guests have received traffic, which the buses
-    /// themselves send to them.
+    /// Sends each guest the state of its bus. Wakes the doors if guests have received traffic from the buses.
     pub(super) fn send_heard(&mut self, plant: &mut Plant) {
         if !self.present.iter().any(GuestEntry::hears) {
             return;
@@ -211,7 +212,8 @@ impl Guests {
 
 /// Reads the requests of the selected guests.
 fn learn_all(present: &mut [GuestEntry], are_meant: fn(&GuestEntry) -> bool, plant: &mut Plant) {
-    // Frames first: a guest that opened before another one sent must be present when that frame enters.
+    // The number of frames is read before the requests: if a guest has opened its connection before another guest sent
+    // a frame, it must be present when that frame enters.
     for it in present.iter_mut().filter(|it| are_meant(it)) {
         it.waiting = it.guest.waiting();
     }
@@ -227,7 +229,7 @@ fn bring_in_all(
     is_stepped: bool,
 ) {
     for it in present.iter_mut().filter(|it| are_meant(it)) {
-        // Messages sent before a guest left are still valid.
+        // Messages that a guest has sent before it left are still valid.
         if it.fits && (it.requests.takes_part || it.waiting > 0) && !it.is_in {
             plant.guest_joins(it.guest.bus, it.guest.number, is_stepped);
             it.is_in = true;
@@ -236,7 +238,7 @@ fn bring_in_all(
     for it in present.iter_mut().filter(|it| are_meant(it)) {
         let is_through = it.send(plant);
         if it.requests.has_gone && !is_through {
-            // Frees the place for other guests.
+            // This frees the place of the guest for other guests.
             plant.guest_has_gone(it.guest.bus, it.guest.number);
         }
         if it.is_in && is_through && (!it.requests.takes_part || !it.fits) {
@@ -312,7 +314,7 @@ impl GuestEntry {
         self.requests.hears && self.fits
     }
 
-    /// Sends the waiting frames; returns false if its controller cannot take them all at once.
+    /// Sends the waiting frames. Returns false if the guest's controller has no room for all of them.
     fn send(&mut self, plant: &mut Plant) -> bool {
         while self.waiting > 0
             && let Some(message) = self.guest.next_to_send()

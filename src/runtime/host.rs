@@ -9,7 +9,7 @@ use crate::request::{Host, InstanceInfo, Travel};
 use crate::request::{Op, Refused};
 use std::time::{Duration, Instant};
 
-/// Real time of an operation before other clients are served.
+/// Real time after which an operation pauses, so that other clients are served.
 const SLICE: Duration = Duration::from_millis(5);
 
 impl Emulator {
@@ -21,7 +21,7 @@ impl Emulator {
         next
     }
 
-    /// Description of the participant that the clock waits for.
+    /// Description of the participant for which the clock waits.
     fn waits_for(&self) -> Option<String> {
         let here = self.lockstep.waits_for(&self.plant).or_else(|| self.guests.waits_for(&self.plant));
         #[cfg(feature = "channel")]
@@ -51,7 +51,7 @@ impl Host for Emulator {
 
     fn has_travelled(&mut self) {
         self.guests.reconnect_all(&mut self.plant);
-        // Clients that wait for a register check it again.
+        // Wakes clients that wait for a register, so that they check it again.
         self.announce();
     }
 

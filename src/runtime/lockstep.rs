@@ -1,10 +1,12 @@
 //! Tasks of PLC processes in lockstep: the emulated time waits for them.
 //!
 //! When the event of a task has occurred, the clock stops and the task gets a turn. At the end of the turn, the task
-//! states its run time; the clock continues, and the task gets another turn when this time is over. Tasks of one PLC
-//! share its processor. A task of a higher level interrupts a task of a lower level, which then ends later by the same
-//! time. Tasks of the same level wait for each other (manual 5.00005.03a p. 43-44, 73). The emulator gives up a task
-//! that dies, leaves or takes too long.
+//! states its run time in emulated time. Then the clock continues, and the task gets another turn when this time is
+//! over.
+//!
+//! Tasks of one PLC share its processor. A task of a higher level interrupts a task of a lower level, whose run then
+//! ends later by the duration of the interruption. Tasks of the same level wait for each other (manual 5.00005.03a p.
+//! 43-44, 73). The emulator gives up a task that dies, leaves or takes too long.
 
 use crate::identity::DeviceIndex;
 use crate::memory::header::{SEAT_ORDERS, Seat, SeatState};
@@ -23,7 +25,7 @@ struct Task {
     level: u8,
     /// Number of events that the task has seen.
     seen: u32,
-    /// Number of the board's orders that the task has seen; `None` if it does not obey any.
+    /// Number of starts and stops of the board that the task has seen; `None` if the task does not obey them.
     orders: Option<u32>,
     /// End of the task's present run, in emulated time.
     until: Option<u64>,
@@ -41,7 +43,7 @@ impl Task {
 
 /// A turn in progress.
 struct Turn {
-    /// Index of its task.
+    /// Index of the task.
     index: usize,
     /// Number of turns that the task had ended before.
     done: u32,
@@ -60,17 +62,17 @@ enum TurnCheck {
 
 /// All tasks in lockstep.
 pub(super) struct Lockstep {
-    /// The turn that the clock waits for.
+    /// The turn for which the clock waits.
     turn: Option<Turn>,
     headers: Vec<View<Header>>,
     /// Last seen number of requests of each PLC.
     requests: Vec<u32>,
     tasks: Vec<Task>,
-    /// True if tasks may take part.
+    /// True if the clock is stepped, so that tasks may take part.
     stepped: bool,
 }
 
-/// Observer of the effects that tasks have on a plant outside of events.
+/// Observer of actions of tasks that change the plant. A federation passes them to the other hosts.
 pub(crate) trait Witness {
     /// Lets the boards answer pending requests; returns whether there were any.
     fn boards(&mut self, plant: &mut Plant) -> bool;
@@ -106,7 +108,7 @@ impl Lockstep {
         Lockstep { turn: None, headers, requests, tasks: Vec::new(), stepped }
     }
 
-    /// Gives seats to tasks that ask for one and forgets tasks that have left; returns whether there were any.
+    /// Gives seats to tasks that ask for one, and removes tasks that have left. Returns true if there were such tasks.
     pub(crate) fn look(&mut self, plant: &mut Plant, witness: &mut dyn Witness) -> bool {
         // During a turn, tasks neither join nor leave.
         if self.turn.is_some() {
@@ -150,15 +152,15 @@ impl Lockstep {
         let mut found = None;
         let answer = seat.decide(|event| {
             let number = (event & !SEAT_ORDERS) as usize;
-            // Read before the task learns that it is seated, so no later event is missed.
+            // The number is read before the task is notified of its seat, so no later event is missed.
             let seen = self.headers[plc.index()].events.get(number).map(|slot| slot.bell.rings());
             found = plant.event_level(plc, number).zip(seen).filter(|_| self.stepped);
             found.is_some()
         });
-        // The task has left meanwhile.
+        // The task has left before the answer.
         let Some((asked, _)) = answer else { return };
         let event = (asked & !SEAT_ORDERS) as usize;
-        // An order may have been given before the task joined, so its first turn comes immediately.
+        // The board may have requested a start before the task joined, so the task gets its first turn immediately.
         let orders =
             (asked & SEAT_ORDERS != 0).then(|| orders_of(&self.headers[plc.index()]).wrapping_sub(1));
         let Some((level, seen)) = found else {
@@ -169,7 +171,7 @@ impl Lockstep {
         self.tasks.push(Task { plc, seat, event, level, seen, orders, until: None });
     }
 
-    /// Makes the plant stop at the events that tasks of a PLC wait for.
+    /// Makes the plant stop at the events for which tasks of a PLC wait.
     fn watch(&self, plc: DeviceIndex, plant: &mut Plant) {
         plant.watch(plc, self.watched_of(plc));
     }
@@ -179,8 +181,8 @@ impl Lockstep {
         tasks.fold(0, |events, task| events | 1 << task.event)
     }
 
-    /// Advances the clock to `target`, with a turn for each task at its time. Returns early if `stop` is true,
-    /// or if a task is in its turn and a client rings; then call it again with the same target.
+    /// Advances the clock to `target`, and gives each task its turns. Returns early if `stop` is true, or if a client
+    /// rings during the turn of a task. The caller must then call again with the same target.
     pub(crate) fn advance(&mut self, plant: &mut Plant, target: u64, stop: impl Fn() -> bool) {
         let witness = &mut NoWitness;
         self.look(plant, witness);
@@ -208,13 +210,13 @@ impl Lockstep {
         self.give_turns(plant, &stop, witness)
     }
 
-    /// True if the clock must wait for a task although it does not advance: a turn is in progress, or a board has given
-    /// an order.
+    /// True if tasks must be served although the clock does not advance: a turn is in progress, or a board has
+    /// requested a start or stop.
     pub(crate) fn has_turns(&self) -> bool {
         self.turn.is_some() || self.tasks.iter().any(|task| task.until.is_none() && self.has_orders(task))
     }
 
-    /// For each PLC, the events that tasks wait for: bit n for event n.
+    /// For each PLC, the events for which tasks wait: bit n for event n.
     #[cfg(feature = "channel")]
     pub(crate) fn watched(&self) -> Vec<u16> {
         DeviceIndex::first(self.headers.len()).map(|plc| self.watched_of(plc)).collect()
@@ -225,16 +227,16 @@ impl Lockstep {
         self.turn.is_some()
     }
 
-    /// Description of the task that the clock waits for.
+    /// Description of the task for which the clock waits.
     pub(crate) fn waits_for(&self, plant: &Plant) -> Option<String> {
         let task = self.tasks.get(self.turn.as_ref()?.index)?;
         let (plc, process) = (plant.devices().get(task.plc.index())?.name(), task.seat.owner.load());
         Some(format!("the task of event {} of PLC '{plc}' (process {process})", task.event))
     }
 
-    /// Description of one of the tasks that take part.
+    /// Description of a task that takes part, if there is one.
     pub(crate) fn present(&self, plant: &Plant) -> Option<String> {
-        // Tasks that have left are forgotten only when the clock advances.
+        // Tasks that have left stay in the list until the clock advances.
         let task = self.tasks.iter().find(|task| !task.gone())?;
         let (plc, process) = (plant.devices().get(task.plc.index())?.name(), task.seat.owner.load());
         Some(format!(
@@ -270,14 +272,14 @@ impl Lockstep {
         }
     }
 
-    /// The task that must run now: the highest level first.
+    /// The task that must run now: the one with the highest level.
     fn due(&self, now: u64) -> Option<usize> {
         let ready = |task: &Task| match task.until {
             Some(until) => until <= now,
             None => (self.has_event(task) || self.has_orders(task)) && !self.is_held_up(task),
         };
         let tasks = self.tasks.iter().enumerate().filter(|(_, task)| ready(task));
-        // The first of several with the same level.
+        // Of several tasks with the same level, the first.
         tasks.rev().max_by_key(|(_, task)| task.level).map(|(index, _)| index)
     }
 
@@ -321,15 +323,15 @@ impl Lockstep {
             return;
         }
         task.until = Some(plant.now() + run_us);
-        // The run delays tasks of lower levels.
+        // The run delays running tasks of lower levels.
         let (plc, level) = (task.plc, task.level);
         for other in self.tasks.iter_mut().filter(|other| other.plc == plc && other.level < level) {
             other.until = other.until.map(|until| until + run_us);
         }
     }
 
-    /// Waits for the end of a turn, or until another client rings. Meanwhile the boards answer, so that the task can
-    /// send them requests.
+    /// Waits for the end of a turn, or until another client rings. During the wait the boards answer requests of the
+    /// task.
     fn await_end(&self, turn: &Turn, plant: &mut Plant, witness: &mut dyn Witness) -> TurnCheck {
         let task = &self.tasks[turn.index];
         let (header, seat) = (&self.headers[task.plc.index()], &task.seat);

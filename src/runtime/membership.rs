@@ -1,7 +1,9 @@
-//! An emulator that shares its plant with others: a stepped clock that waits for all of them.
+//! Membership of an emulator in a federation: several emulators share a plant, and their stepped clocks wait for each
+//! other.
 //!
-//! Input enters here only in this federate's turn: requests of clients, stores of programs that map an image, tasks in
-//! lockstep. A turn ends when a client here asks to advance the clock, or immediately if this federate only follows.
+//! Input on this host enters the plant only in the turn of this federate: requests of clients, stores of programs that
+//! map an image, actions of tasks in lockstep. The turn ends when a client of this host asks to advance the clock. If
+//! this federate only follows, it ends immediately.
 
 use super::emulator::{Emulator, LONGEST_SLEEP};
 use super::error::RuntimeError;
@@ -30,13 +32,13 @@ pub(super) struct Membership {
     pub(super) federation: Option<Federation>,
     /// Exchange of values with other simulators.
     pub(super) coupling: Option<Coupling>,
-    /// An error to be reported later, from a place that could not return it.
+    /// An error of a function that could not return it. It is reported later.
     error: Option<FederationError>,
 }
 
 impl Membership {
-    /// True if input may enter the plant in this process at this emulated time. The exchange with other simulators
-    /// comes first.
+    /// True if input may enter the plant in this process at this emulated time. If an exchange with other simulators is
+    /// due, it comes first.
     pub(super) fn may_act(&self, now: u64) -> bool {
         self.has_turn() && !self.is_exchange_due(now)
     }
@@ -73,7 +75,7 @@ impl Witness for Federation {
 
 impl Emulator {
     /// Shares the plant with other emulators from now on. The clock must be stepped,
-    /// [`is_federate`](super::Options::is_federate) must be set, and nothing may have happened yet.
+    /// [`is_federate`](super::Options::is_federate) must be set, and no input may have entered the plant yet.
     ///
     /// # Errors
     /// The emulator was not started to share its plant, or the message to the others cannot be sent.
@@ -81,13 +83,13 @@ impl Emulator {
         if !self.options.is_federate {
             return Err(FederationError::Unprepared.into());
         }
-        // A federate cannot go back alone.
+        // A federate cannot go back in time alone, so it keeps no history.
         self.travel = Travel::new(0);
         self.membership.federation = Some(Federation::join(part, &self.plant, exchange)?);
         Ok(())
     }
 
-    /// Returns a function that makes the emulator check for messages, for any thread.
+    /// Returns a function that makes the emulator check for messages. Any thread may call it.
     pub fn waker(&self) -> impl Fn() + Send + Sync + use<> {
         let handle = self.stop_handle();
         move || handle.wake()
@@ -131,7 +133,8 @@ impl Emulator {
                 continues = self.take_turn(None) == TurnOutcome::Continues;
                 has_ended = !continues;
             }
-            // Then the messages of the others come first; a single federate has the next turn, too.
+            // Messages of the others are processed before this federate acts again. If it is the only federate, it has
+            // the next turn immediately.
             has_ended |= had_turn && !self.may_act_now();
             outcome = news.map(drop).and_then(|()| self.membership.error.take().map_or(Ok(()), Err));
             if !has_news && !served && !has_ended && !continues && outcome.is_ok() {
@@ -139,7 +142,7 @@ impl Emulator {
             }
         }
         if let Err(error) = &outcome {
-            // Waiting clients get it.
+            // Clients that wait get this reason.
             self.stop.make(Some(error.to_string()));
         }
         if let Some(mut coupling) = self.membership.coupling.take() {
@@ -152,7 +155,7 @@ impl Emulator {
     }
 
     fn look_for_news(&mut self) -> Result<FederationEvent, FederationError> {
-        // Taken out for the call: input from other federates is not sent to them again.
+        // The federation is taken out for the call, so that input from other federates is not sent to them again.
         let Some(mut federation) = self.membership.federation.take() else {
             return Ok(FederationEvent::Nothing);
         };
@@ -161,7 +164,7 @@ impl Emulator {
         news
     }
 
-    /// In this federate's turn: boards answer and tasks get seats, without advancing the clock.
+    /// In this federate's turn: lets boards answer and gives seats to tasks, without advancing the clock.
     pub(super) fn look_around(&mut self) {
         if !self.may_act_now() {
             return;

@@ -1,4 +1,4 @@
-//! A running emulator: a plant on image files, with a clock, and reachable through the channel.
+//! A running emulator: a plant on image files, with a clock, that clients reach through the channel.
 
 mod clock;
 #[cfg(feature = "channel")]

@@ -1,22 +1,22 @@
-//! Limits of open files and memory: an emulator needs some for each PLC, door and client, often more than the soft limit
-//! of the process.
+//! Raises the limits of open files and memory. An emulator needs files and memory for each PLC, door and client, often
+//! more than the soft limit of the process allows.
 
 use super::RuntimeError;
 use crate::door::RESERVED_DESCRIPTORS;
 use crate::memory::limits::{FileLimit, MemoryLimit, allow_files, allow_memory};
 
-/// For each PLC: its image, its NOVRAM, and three files of its event service.
+/// Open files for each PLC: its image, its NOVRAM, and three files of its event service.
 const PER_PLC: u64 = 5;
-/// For each door that the plant file opens: a listening socket, or both ends of a terminal.
+/// Open files for each door that the plant file opens: a listening socket, or both ends of a terminal.
 const PER_DOOR: u64 = 2;
-/// For each client of the channel.
+/// Open files for each client of the channel.
 const PER_CLIENT: u64 = 3;
-/// Files for the lock of the instance and its directory, the channel itself, the thread of the doors, the watch of the
-/// images, and short use.
+/// Other open files: the lock of the instance and its directory, the channel, the thread of the doors, the watch of the
+/// images, and files for short use.
 const BESIDES: u64 = 26;
-/// Smallest number of clients: an emulator with files for fewer is not started.
+/// Minimum number of clients. If the limit does not leave files for them, the emulator does not start.
 const FEW_CLIENTS: u64 = 4;
-/// Number of clients with reserved files; up to this number none is refused for lack of files.
+/// Number of clients for which files are reserved. Up to this number no client is refused for lack of files.
 const ALL_CLIENTS: u64 = 32;
 
 /// Memory of an emulator with full journals and the first PLC, in bytes (promise 14).
@@ -24,8 +24,8 @@ pub(crate) const MEMORY: u64 = 32 << 20;
 /// Memory of each PLC, in bytes.
 const MEMORY_PER_PLC: u64 = 1 << 20;
 
-/// Raises the limit for the files that these PLCs and doors need, and the clients of the channel, in addition to the
-/// open files.
+/// Raises the limit of open files, so that it is enough for the files that are already open, these PLCs and doors, and
+/// the clients of the channel.
 ///
 /// # Errors
 /// The process may not open this number of files.
@@ -38,7 +38,7 @@ pub(super) fn allow_files_of(plcs: usize, doors: usize) -> Result<(), RuntimeErr
         .map_err(|FileLimit { needed, most }| RuntimeError::OpenFiles { plcs, needed, most })
 }
 
-/// Raises the limits for the memory that an emulator with these PLCs can have in the course of time.
+/// Raises the limits of memory, so that they are enough for an emulator with these PLCs and full journals.
 ///
 /// # Errors
 /// The process may not have this memory.

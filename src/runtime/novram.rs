@@ -1,15 +1,15 @@
 //! The part of the RAM that survives power-off, kept in files.
 //!
 //! The device and the plant file determine which registers and retain flags are in NOVRAM. commram stores them in
-//! `<plc>.novram` in a directory of the user's choice. It writes a new file, syncs it and renames it, so after a kill
-//! at any moment the file has either the old or the new content. A foreign or damaged file is set aside, never
-//! overwritten. An emulator that finds a file of another version does not start. Only one emulator at a time can use
-//! the directory.
+//! `<plc>.novram` in a directory of the user's choice. It writes a new file, syncs it and renames it. So the file has
+//! either the old or the new content, even if the process is killed at any moment. A damaged file, or a file that is
+//! not a NOVRAM file, is renamed, never overwritten. An emulator that finds a file of another version does not start.
+//! Only one emulator at a time can use the directory.
 //!
-//! Registers are written when the device has stored them. Retain flags are written once a second if they have changed,
-//! and both at the end. At the end a file is also written if it does not hold its content, because another program has
-//! damaged or removed it. A separate thread writes, because syncing takes longer than an interval of a bus. It retries
-//! failed writes until they succeed; a failure at the end is an error of the emulator.
+//! Registers are written to the file when the device has stored them. Retain flags are written once a second if they
+//! have changed. At the end both are written. If another program has damaged or removed a file, it is also written at
+//! the end. A separate thread writes, because syncing a file takes longer than an interval of a bus. The thread retries
+//! failed writes until they succeed. A failure at the end is an error of the emulator.
 
 mod directory;
 mod error;
@@ -30,14 +30,14 @@ use std::path::PathBuf;
 /// Content of the NOVRAM at power-on.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RestoreOutcome {
-    /// No file yet: delivery state.
+    /// There is no file yet: the device is in delivery state.
     Nothing,
     /// The content was restored.
     Content {
         /// True if a retain flag is not 0.
         retain: bool,
     },
-    /// The file was damaged or foreign and now has this name; the device is in delivery state.
+    /// The file was damaged, or not a NOVRAM file, and now has this name. The device is in delivery state.
     SetAside(PathBuf),
 }
 
@@ -95,7 +95,7 @@ impl Novram {
             bytes.iter_mut().take(width.bytes() as usize).zip(part).for_each(|(to, from)| *to = *from);
             novram.segment.store(register.offset(), width, u32::from_le_bytes(bytes))?;
         }
-        // An image that was taken over is zeroed, so flags with value 0 need no store.
+        // All flags are 0 at the start, even in an image that was taken over. So flags with value 0 need no store.
         let flags = novram.saved.retain().as_chunks::<4>().0;
         for (offset, bytes) in (first..first + retain_bytes).step_by(4).zip(flags) {
             if *bytes != [0; 4] {
@@ -115,7 +115,7 @@ impl Novram {
         if !stored && !flags {
             return None;
         }
-        // Always both, so that a file never loses a part of the previous content.
+        // Both parts are always written, so that a file never loses a part of its previous content.
         if !flags {
             self.read_flags();
         }

@@ -1,10 +1,10 @@
 //! A step of the stepped clock: advances the emulated time, and waits for tasks and guests that have a seat in lockstep
-//! (the clock waits for each of them, see `docs/reference/can.md`, "Time").
+//! (see `docs/reference/can.md`, "Time").
 //!
-//! At each microsecond, guests have their turns after all other events, and all at the same time. The frames that the
-//! guests send in these turns enter the buses together, ordered by bus and guest number, so the speed of a guest makes
-//! no difference. While guests have seats, the clock advances from event to event, so that the receivers of a frame get
-//! their turn at the moment of its arrival.
+//! At a given emulated time, guests have their turns after all other events, and all guests at once. When all turns are
+//! over, the frames that the guests have sent enter the buses together, ordered by bus and guest number. So the real
+//! speed of a guest makes no difference. While guests have seats, the clock advances from event to event, so that the
+//! receivers of a frame get their turn at the moment of its arrival.
 
 use super::Emulator;
 use crate::request::Host;
@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 /// Interval at which the emulator checks whether it must stop during a guest's turn.
 const LOOK: Duration = Duration::from_millis(20);
-/// Longest real time of a guest's turn. It is less than a client's wait for the answer to a step.
+/// Longest real time of a guest's turn. It is shorter than the time for which a client waits for the answer to a step.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 impl Emulator {
@@ -44,7 +44,7 @@ impl Emulator {
             if self.plant.now() >= target && !is_due {
                 return true;
             }
-            // Guests with many turns in a row must not block other clients.
+            // Many consecutive turns of guests must not block other clients.
             if self.guests.have_seats() && self.should_pause() {
                 return false;
             }
@@ -67,8 +67,8 @@ impl Emulator {
         true
     }
 
-    /// Waits until no guest has a turn. Meanwhile the boards answer, so that guests that map an image can send them
-    /// requests. Returns false if the emulator must stop, or other clients must be served first.
+    /// Waits until no guest has a turn. During the wait the boards answer requests, because a guest may also have
+    /// mapped an image. Returns false if the emulator must stop, or if other clients must be served first.
     fn await_guests(&mut self) -> bool {
         let since = *self.turn_since.get_or_insert_with(Instant::now);
         while self.guests.have_turns() {
@@ -85,7 +85,7 @@ impl Emulator {
             if self.should_pause() {
                 return false;
             }
-            // Every action of a guest rings.
+            // The thread wakes up at every action of a guest, because each action rings the doorbell.
             if self.guests.have_turns() {
                 self.sleep(LOOK);
             }

@@ -1,5 +1,5 @@
 //! Watches the image files: logs changes by other processes, and detects whether another process has an image open. If
-//! no process has, the emulator sleeps longer.
+//! no other process has an image open, the emulator sleeps longer.
 
 use super::emulator::StopHandle;
 #[cfg(feature = "channel")]
@@ -19,7 +19,7 @@ const EVERY: Duration = Duration::from_millis(200);
 pub(super) struct Watch {
     thread: Option<JoinHandle<()>>,
     end: Arc<OwnedFd>,
-    /// No other process has an image open.
+    /// True if no other process has an image open.
     is_alone: Arc<AtomicBool>,
 }
 
@@ -47,7 +47,7 @@ impl Watch {
         Ok(Self { thread: Some(thread.spawn(run)?), end, is_alone })
     }
 
-    /// True if no other process can see or store a register now. The doorbell rings when one opens an image.
+    /// True if no other process can read or write a register now. When a process opens an image, the doorbell rings.
     #[inline]
     pub(super) fn is_alone(&self) -> bool {
         self.is_alone.load(Ordering::Acquire)
@@ -56,7 +56,7 @@ impl Watch {
 
 impl Drop for Watch {
     fn drop(&mut self) {
-        // An eventfd takes an eight-byte number.
+        // A write to an eventfd needs a number of eight bytes.
         let _ = rustix::io::write(&*self.end, &1u64.to_ne_bytes());
         if let Some(thread) = self.thread.take() {
             // The thread does not panic, and its result is not needed.

@@ -18,7 +18,7 @@ pub enum ClientError {
     NotRunning {
         /// Name of the instance.
         instance: String,
-        /// Directory of its channel.
+        /// Directory of the channel.
         root: String,
     },
     /// The channel's directory cannot be used.
@@ -44,7 +44,7 @@ pub enum ClientError {
         /// Length of the attempt.
         after: Duration,
     },
-    /// The system has no thread, which a client needs to enter the channel within a time limit.
+    /// The operating system refuses a thread, which a client needs to enter the channel with a time limit.
     #[error("instance '{instance}': a client cannot start a thread: {reason}{}", limits::named(.reason))]
     NoThread {
         /// Name of the instance.
@@ -77,9 +77,9 @@ pub enum ClientError {
     OpenFiles {
         /// Name of the instance.
         instance: String,
-        /// Number of open files that it would have.
+        /// Number of open files that the client needs.
         needed: u64,
-        /// Largest number of open files.
+        /// Number of open files that the process may have.
         most: u64,
     },
     /// The limit of the address space of this process is too low.
@@ -90,9 +90,9 @@ pub enum ClientError {
     AddressSpace {
         /// Name of the instance.
         instance: String,
-        /// Size that it would have, in bytes.
+        /// Address space that the client needs, in bytes.
         needed: u64,
-        /// Largest size, in bytes.
+        /// Address space that the process may have, in bytes.
         most: u64,
     },
     /// Too many clients are connected.
@@ -191,7 +191,7 @@ pub enum ClientError {
 }
 
 impl ClientError {
-    /// True if the connection may succeed soon, while the emulator starts.
+    /// True if a later attempt may succeed, because the emulator is perhaps just starting.
     pub(super) fn may_pass(&self) -> bool {
         matches!(self, Self::NotRunning { .. } | Self::Connect { .. } | Self::Broken { .. })
     }

@@ -10,13 +10,13 @@ use loom::thread;
 enum System {
     /// As Linux does.
     Right,
-    /// A lock excludes no other process.
+    /// Fault: a lock excludes no other process.
     LocksAreOpen,
-    /// A sweep affects the directory that has the name, not the opened one.
+    /// Fault: a sweep affects the directory that has the name, not the opened directory.
     SweepsGoByName,
-    /// A leaving client does not search for a directory that it has made again.
+    /// Fault: a leaving client does not search for a directory that was created again.
     DirectoriesStayRemoved,
-    /// A client that has swept does not look for files that another one has made meanwhile.
+    /// Fault: after a sweep, a client does not check whether another client has created files during the sweep.
     SweepsAreFinal,
 }
 
@@ -171,7 +171,8 @@ impl Site {
         Opened { world: Arc::clone(&self.world), system: self.system, number }
     }
 
-    /// Like `Server::open`: takes the lock of the instance, which distinguishes owners, and starts to serve the channel.
+    /// Like `Server::open`: takes the lock of the instance, so that there is only one owner, and starts to serve the
+    /// channel.
     fn opens(&self, owner: u32) -> Opened {
         loop {
             let mut world = self.world.lock().unwrap();
@@ -207,8 +208,8 @@ impl Site {
         if place.content(|it| it.ready) != Some(owner) {
             return None;
         }
-        // iceoryx2 works with paths: it makes a missing directory, then directories in it, then the files of the client.
-        // Each step fails if the results of the earlier ones have been removed meanwhile.
+        // iceoryx2 works with paths. It creates the directory if it is missing, then directories in it, then the files
+        // of the client. A step fails if the result of an earlier step has been removed.
         self.world.lock().unwrap().make();
         let makes = || self.world.lock().unwrap().at_path().map(|it| it.has_remains = true).is_some();
         let goes_in = || {
@@ -281,8 +282,8 @@ fn one_after_the_other(system: System, is_killed: bool) {
         let client = site.enters(CLIENT, FIRST).unwrap();
         let leaving = thread::spawn(move || leaves(&client, CLIENT));
         if is_killed {
-            // Lost with the process: its announcement, which is valid only while it runs, its place in the domain, and
-            // its locks.
+            // A killed process loses its announcement, which is valid only while the process runs, its place in the
+            // domain, and its locks.
             first.content(|it| {
                 it.ready = None;
                 it.inside.retain(|other| *other != FIRST);
@@ -320,7 +321,7 @@ fn no_files_remain_when_all_leave_together() {
     });
 }
 
-/// A client that enters while the owner ends is either with it until its end, or gets an error.
+/// A client that enters while the owner ends either is in the domain until the owner's end, or gets an error.
 fn one_enters_at_the_end(system: System) {
     model(system, |site| {
         let owner = site.opens(FIRST);
@@ -342,7 +343,8 @@ fn a_client_that_enters_while_the_owner_ends_leaves_no_files() {
     one_enters_at_the_end(System::Right);
 }
 
-/// Two clients that enter while the owner ends can both make the directory again, and find it locked by each other.
+/// Two clients enter while the owner ends. Both can create the directory again, and each can find the directory locked
+/// by the other.
 fn two_enter_at_the_end(system: System) {
     model_with(4, system, |site| {
         let owner = site.opens(FIRST);

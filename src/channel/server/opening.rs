@@ -12,7 +12,7 @@ use iceoryx2::service::builder::request_response::{
 };
 use iceoryx2::service::port_factory::server::ServerCreateError;
 
-/// Refuses a nearly full memory file system: iceoryx2 uses memory without reserving it, and an access to
+/// Checks that the memory file system is not nearly full. iceoryx2 uses memory without reserving it, and an access to
 /// missing memory kills the process (SIGBUS).
 pub(super) fn need_room(instance: &str) -> Result<(), ServerError> {
     match room::free() {

@@ -12,16 +12,17 @@ use crate::memory::header::BoardSetting;
 use crate::request::FilePart;
 use core::num::NonZeroU16;
 
-/// The type of a field that one or several columns carry: `Columns` has their types, in the order of the table.
+/// The type of a field that is stored in one or several columns. `Columns` has the types of these columns, in the order
+/// of the table.
 pub(super) trait InColumns<Columns>: Sized {
     /// Encodes the field.
     fn columns(self) -> Columns;
 
-    /// Decodes the field. The caller compares the encoding of the result with the columns, so a function may ignore
-    /// the other content of a column.
+    /// Decodes the field. The function may ignore unused bits of a column, because the caller encodes the result again
+    /// and compares it with the columns.
     ///
     /// # Errors
-    /// No field is encoded like this.
+    /// The columns are not the encoding of a valid field.
     fn of_columns(columns: Columns) -> Result<Self, BadField>;
 }
 
@@ -79,10 +80,10 @@ fn id_from_code(column: u32) -> Result<Option<NonZeroU16>, BadField> {
     Ok(NonZeroU16::new(id))
 }
 
-/// Added to the number of a signed comparison.
+/// This flag is added to the number of a comparison of signed values.
 const SIGNED: u16 = 256;
 
-/// The comparison, its mask and its value.
+/// The columns contain the comparison, its mask, and its value.
 impl InColumns<(u16, u32, u32)> for Test {
     fn columns(self) -> (u16, u32, u32) {
         let number = Compare::ALL.iter().position(|compare| *compare == self.compare).unwrap_or_default();
@@ -128,7 +129,7 @@ impl InColumns<door::Columns> for DoorSpec {
     }
 }
 
-/// Whether there is a frame, its length, its identifier and its data.
+/// The columns contain: whether there is a frame, its length, its identifier, and its data.
 impl InColumns<(u16, u16, u32, u64)> for Option<Frame> {
     fn columns(self) -> (u16, u16, u32, u64) {
         let (id, length, data) = self.map_or((0, 0, 0), |frame| frame.numbers());
@@ -142,7 +143,7 @@ impl InColumns<(u16, u16, u32, u64)> for Option<Frame> {
     }
 }
 
-/// The number of bytes, and 16 bytes that follow each other.
+/// The columns contain the number of bytes, and then 16 bytes.
 impl InColumns<(u16, u32, u32, u64)> for FilePart {
     fn columns(self) -> (u16, u32, u32, u64) {
         let part = self.bytes();

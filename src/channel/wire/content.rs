@@ -23,12 +23,12 @@ pub(super) trait Content: Sized {
     /// Sets the numbers of the head that the field uses, and appends its bytes to the data.
     fn put(&self, head: &mut Block, data: &mut Vec<u8>);
 
-    /// Decodes the field from the head and the beginning of the data, and removes its bytes from there; `None` if no
-    /// server of this version can have sent them.
+    /// Decodes the field from the head and the beginning of the data, and removes its bytes from the data. `None` if no
+    /// server of this version can have sent this content.
     fn take(head: &Block, data: &mut &[u8]) -> Option<Self>;
 }
 
-/// Numbers in the value of the head.
+/// Numbers, stored in the value of the head.
 macro_rules! numbers {
     ($($type:ty)+) => {$(
         impl Content for $type {
@@ -59,7 +59,7 @@ impl Content for bool {
     }
 }
 
-/// All data.
+/// The bytes are all of the data.
 impl Content for Vec<u8> {
     fn put(&self, _: &mut Block, data: &mut Vec<u8>) {
         data.extend_from_slice(self);
@@ -70,7 +70,7 @@ impl Content for Vec<u8> {
     }
 }
 
-/// The time in the value, the register in the data.
+/// The time is in the value of the head, the register in the data.
 impl Content for Waited {
     fn put(&self, head: &mut Block, data: &mut Vec<u8>) {
         head.value = self.time_us;
@@ -82,7 +82,7 @@ impl Content for Waited {
     }
 }
 
-/// The number of the history in the code, the number of its first record in the data.
+/// The number of the history is in the code of the head, the number of its first record in the data.
 impl Content for HistoryId {
     fn put(&self, head: &mut Block, data: &mut Vec<u8>) {
         head.code = self.number;
@@ -114,7 +114,8 @@ impl Content for Vec<Forced> {
     }
 }
 
-/// The code of the refusal in the code, the end of a wait in the value and the data, then the text.
+/// The code of the refusal is in the code of the head. The end of a wait is in the value and the data; the text
+/// follows.
 impl Content for Refused {
     fn put(&self, head: &mut Block, data: &mut Vec<u8>) {
         self.waited.unwrap_or_default().put(head, data);
@@ -129,7 +130,7 @@ impl Content for Refused {
     }
 }
 
-/// The program's own types in the data.
+/// Types of this program, which serde encodes in the data.
 macro_rules! own_types {
     ($($type:ty)+) => {$(
         impl Content for $type {

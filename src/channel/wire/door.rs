@@ -1,10 +1,10 @@
-//! A door in an operation: its kind, followed by its numbers.
+//! A door as the columns of an operation: its kind, then its numbers.
 
 use super::BadField;
 use crate::door::{Carrier, DoorSpec};
 use std::net::{Ipv4Addr, SocketAddrV4};
 
-/// The number of no door.
+/// Kind that means "no door".
 const NONE: u16 = 0;
 
 /// The kind of door, its port, and its address or number.

@@ -6,7 +6,7 @@ use crate::fault::{Draft, Fault, FaultKind, FaultStatus, Limit, MAX_BITS, MAX_FI
 use serde::{Deserialize, Serialize};
 use zerocopy::{FromBytes, IntoBytes};
 
-/// Bytes that values take.
+/// Number of bytes for the values of a fault.
 const BYTES: usize = MAX_BITS as usize / 8;
 
 /// The values of a fault of this kind, packed without gaps.
@@ -32,16 +32,17 @@ fn unpacked(kind: &FaultKind, packed: [u8; BYTES]) -> [u64; MAX_FIELDS] {
     values
 }
 
-/// A fault. Its longest form has the size of an operation after the kind; the kinds of faults guarantee this.
+/// A fault. Its longest form fits into the columns of an operation after `kind`, because the kinds of faults limit
+/// their fields.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct WireFault {
     kind: u8,
     index: u16,
     number: u8,
-    /// Given values, bit n for value n.
+    /// Bit n is set if value n is given.
     given: u8,
-    /// The values, 0 for values that are not given, each with the number of bits of its field, the first one
-    /// lowest.
+    /// The values, packed: each with the number of bits of its field, the first in the lowest bits. Values that are not
+    /// given are 0.
     values: [u8; BYTES],
     at_us: u64,
     limit: Limit,
@@ -141,7 +142,8 @@ mod tests {
     use crate::identity::BusIndex;
     use crate::request::Op;
 
-    /// The longest fault of every kind fits into an operation: with the end of every range, and all values.
+    /// The longest fault of every kind fits into an operation: all values are given, and each value is the end of its
+    /// range.
     #[test]
     fn the_longest_fault_of_every_kind_comes_back_from_an_operation() {
         for kind in devices::fault_kinds() {
@@ -156,7 +158,7 @@ mod tests {
         }
     }
 
-    /// Any single byte of the fault may change: the result is another fault, or none.
+    /// Changes each single byte of an encoded fault. The result is another valid fault, or an error.
     #[test]
     fn hostile_bytes_are_refused_with_the_kind() {
         let kind = devices::fault_kinds()[0];

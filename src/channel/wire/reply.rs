@@ -6,7 +6,8 @@ use crate::request::replies::replies;
 use crate::request::{Code, Refused, Reply};
 use zerocopy::IntoBytes;
 
-/// Largest number of blocks of an error; they are reserved, so that an error about a long reply always fits.
+/// Maximum number of blocks of an error. These blocks are reserved, so that there is always space for an error about
+/// too long replies.
 const ERROR_BLOCKS: usize = 1 + blocks_for(size_of::<u32>() + MAX_TEXT);
 
 /// Number of blocks for `len` bytes of data.
@@ -14,8 +15,8 @@ const fn blocks_for(len: usize) -> usize {
     len.div_ceil(size_of::<Block>())
 }
 
-/// Replies of a request under construction. The buffer is cleared and reused, so replies about registers and time need
-/// no allocation in the steady state.
+/// The encoded replies of a request. The buffer is cleared and reused, so later replies with registers and times need
+/// no allocation.
 #[derive(Debug, Default)]
 pub struct ReplyBuffer {
     blocks: Vec<Block>,
@@ -37,7 +38,7 @@ impl ReplyBuffer {
     /// Appends a reply.
     ///
     /// # Errors
-    /// The buffer has no space for it, and nothing was appended.
+    /// The buffer has no space for the reply, and nothing was appended.
     pub fn push(&mut self, reply: &Reply) -> Result<(), Refused> {
         self.data.clear();
         let Some(head) = encode(reply, &mut self.data) else { return Ok(()) };
@@ -80,7 +81,8 @@ macro_rules! codec {
             $field:ident: $field_type:ty
         ),+ $(,)?})?
     ),+ $(,)?) => {
-        /// Encodes the reply: returns its head, and appends its data. An operation without a reply has none.
+        /// Encodes the reply: returns its head, and appends its data. Returns `None` for an operation that was not
+        /// executed.
         fn encode(reply: &Reply, data: &mut Vec<u8>) -> Option<Block> {
             let mut head = Block::default();
             match reply {

@@ -1,5 +1,5 @@
-//! The program's own types, as `docs/reference/channel.md` calls them: serde encodes them in the format of postcard,
-//! complete or not at all.
+//! Types that only this program can decode (`docs/reference/channel.md` calls them the program's own types). serde
+//! encodes them in the format of postcard.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;

@@ -1,4 +1,4 @@
-//! Reading.
+//! Reads logs.
 
 use super::{
     BYTE_ORDER, ERROR, EXTENDED, INTERFACE, NAME, OFFSET, OLD_PACKET, PACKET, PACKET_FLAGS, PROFIBUS_DL,
@@ -18,10 +18,10 @@ pub struct BadLog {
     pub right: String,
 }
 
-/// Maximum count of interfaces in a section: more than programs open at once.
+/// Maximum number of interfaces in a section. No known program opens so many.
 const MOST_INTERFACES: usize = 1024;
 
-/// Whether these are the first bytes of such a log.
+/// True if a pcapng log begins with these bytes.
 pub fn is_one(log: &[u8]) -> bool {
     log.starts_with(&SECTION.to_be_bytes())
 }
@@ -57,7 +57,7 @@ pub fn read(log: &[u8]) -> Result<Recording, BadLog> {
     Ok(recording)
 }
 
-/// Facts that are valid until the next section begins.
+/// Data that are valid until the next section begins.
 struct Section {
     is_big: bool,
     interfaces: Vec<Interface>,
@@ -101,7 +101,7 @@ impl Section {
         is_closed.then(|| (kind, &block[8..length - 4], length))
     }
 
-    /// Decodes a block: a frame, or a fact for later blocks.
+    /// Decodes a block: returns a frame, or stores data for later blocks.
     fn take(&mut self, kind: u32, body: &[u8]) -> Result<Option<Entry>, String> {
         match kind {
             INTERFACE if self.interfaces.len() == MOST_INTERFACES => {
@@ -209,7 +209,7 @@ impl Interface {
     }
 }
 
-/// A frame as SocketCAN has it, or the reason why it is skipped.
+/// Decodes a frame in the form of SocketCAN, or returns the reason why it is skipped.
 ///
 /// # Errors
 /// The packet is damaged.

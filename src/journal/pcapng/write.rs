@@ -1,4 +1,4 @@
-//! Writing.
+//! Writes logs.
 
 use super::{
     BYTE_ORDER, EXTENDED, INTERFACE, Link, NAME, PACKET, PROFIBUS_DL, REMOTE, RESOLUTION, SECTION, SOCKETCAN,
@@ -6,7 +6,7 @@ use super::{
 use crate::can::{Frame, Id};
 use crate::journal::{Format, Octets, Record, Source};
 
-/// Microseconds: the negative power of ten.
+/// Negative exponent of the time unit: microseconds.
 const MICROSECONDS: u8 = 6;
 
 /// Writes frames and telegrams as packets.
@@ -40,7 +40,7 @@ fn option(code: u16, value: &[u8], out: &mut Vec<u8>) {
     out.extend([0; 3].iter().take(value.len().next_multiple_of(4) - value.len()));
 }
 
-/// A frame as SocketCAN has it.
+/// A frame in the form of SocketCAN.
 pub(super) fn packet(frame: &Frame) -> [u8; 16] {
     let field = frame.arbitration();
     let mut id = match field.id() {
@@ -65,7 +65,7 @@ impl Format<Vec<u8>> for Pcapng {
     fn begin(&self, out: &mut Vec<u8>) {
         let mut section = Vec::new();
         section.extend(BYTE_ORDER.to_le_bytes());
-        // Version 1.0, with a length that is not specified.
+        // Version 1.0; the length of the section is not specified.
         section.extend(1_u16.to_le_bytes());
         section.extend(0_u16.to_le_bytes());
         section.extend(u64::MAX.to_le_bytes());

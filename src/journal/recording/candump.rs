@@ -1,4 +1,4 @@
-//! Lines of can-utils and python-can.
+//! Reads lines of can-utils and python-can.
 //!
 //! `candump -L` and python-can: `(1436509052.249713) can0 583#7900210000000000 R`. `candump` with a time:
 //! `(1436509052.249713)  can0  583   [8]  79 00 21 00 00 00 00 00`, with `-x` also the direction: `can0  RX - -  583`.
@@ -17,7 +17,7 @@ const ERROR_FLAG: u32 = 1 << 29;
 /// Reads a line without white space at its ends.
 pub(super) fn entry(at: usize, line: &str) -> Result<Entry, &'static str> {
     let Some((time, rest)) = line.strip_prefix('(').and_then(|line| line.split_once(')')) else {
-        // An interface, an identifier, a length: the time is missing.
+        // A line that contains a length in brackets but no time.
         return Err(if line.contains('[') { NO_TIME } else { NO_LINE });
     };
     let time_us = time_of(time).ok_or(NO_LINE)?;
@@ -59,7 +59,7 @@ fn is_error(id: &str) -> bool {
     id.len() == 8 && u32::from_str_radix(id, 16).is_ok_and(|raw| raw & ERROR_FLAG != 0)
 }
 
-/// The content of a line of `candump` on a terminal after the interface.
+/// The part of a line after the interface, as `candump` shows it on a terminal.
 enum Shown {
     Frame(Option<Direction>, Frame),
     Skipped(&'static str),
@@ -113,7 +113,8 @@ fn time_of(text: &str) -> Option<u64> {
     u64::checked_mul(seconds, 1_000_000)?.checked_add(us)
 }
 
-/// Returns the seconds from 1970 to a date and a time of day, `2026-11-25` and `10:11:12`.
+/// Returns the number of seconds from the beginning of 1970 to a date and a time of day, for example `2026-11-25` and
+/// `10:11:12`.
 fn seconds_of(date: &str, time: &str) -> Option<u64> {
     let three = |text: &str, mark| -> Option<[u64; 3]> {
         let parts: Option<Vec<u64>> = text.split(mark).map(|part| part.parse().ok()).collect();
@@ -124,10 +125,11 @@ fn seconds_of(date: &str, time: &str) -> Option<u64> {
     if !is_date || hours > 23 || minutes > 59 || seconds > 60 {
         return None;
     }
-    // The leap day is the last day of a year that begins in March.
+    // Years are counted from March, so that the leap day is the last day of a year.
     let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
     let leap_days = year / 4 - year / 100 + year / 400;
-    // Days before a month of such a year; days from 1 March of year 0 to 1970.
+    // The formula adds the days before this month in such a year. 719468 days are between 1 March of year 0 and 1
+    // January 1970.
     let days = 365 * year + leap_days + (153 * month + 2) / 5 + day - 1 - 719_468;
     Some(((days * 24 + hours) * 60 + minutes) * 60 + seconds)
 }

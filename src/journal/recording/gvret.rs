@@ -1,6 +1,6 @@
-//! Files of GVRET and SavvyCAN: a table in CSV, times in microseconds.
+//! Reads files of GVRET and SavvyCAN: a table in CSV, with times in microseconds.
 //!
-//! `Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8`, older files without `Dir`.
+//! The columns are `Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8`. Older files do not have `Dir`.
 
 use super::{Direction, Entry, Logged};
 use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};

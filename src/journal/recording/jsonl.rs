@@ -1,4 +1,4 @@
-//! Lines of `commram trace --format json`: an object per record; only frames and telegrams are read.
+//! Reads lines of `commram trace --format json`. Each record is an object. Only frames and telegrams are read.
 
 use super::{Entry, Logged};
 use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
@@ -15,7 +15,7 @@ pub(super) fn is_one(line: &str) -> bool {
     line.starts_with('{')
 }
 
-/// Fields of a record. Records of other kinds may lack the optional fields, and have further ones.
+/// Fields of a record. Records of other kinds may lack the optional fields, and may have other fields.
 #[derive(Deserialize)]
 struct Line {
     kind: String,
@@ -80,7 +80,7 @@ impl Line {
         Payload::new(&data).map(|payload| Frame::new(id, payload)).ok_or(NO_FRAME)
     }
 
-    /// The data of a telegram, if the line has all of them.
+    /// The data of a telegram, if the line contains all of them.
     fn data(&self) -> Option<Vec<u8>> {
         let text = self.data.as_deref().or(self.first.as_deref())?;
         bytes(text).filter(|data| self.octets.is_none_or(|octets| octets == data.len()))
@@ -94,7 +94,7 @@ impl Line {
         Telegram::Frame(frame).octets().map_err(|_| NO_TELEGRAM)
     }
 
-    /// A token, or a receipt, which has no addresses.
+    /// The octets of a token, or of a short acknowledgement, which has no addresses.
     fn short(&self) -> Result<Vec<u8>, &'static str> {
         let telegram = match (self.da, self.sa) {
             (Some(da), Some(sa)) => Telegram::Token { da, sa },

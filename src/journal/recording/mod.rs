@@ -22,9 +22,9 @@ pub enum Direction {
 pub struct Logged<T = Frame> {
     /// Position in the file: the line of a text, counted from 1; the first byte of the block in a pcapng log.
     pub at: usize,
-    /// Time in microseconds. A telegram of this program ends at its time.
+    /// Time in microseconds. In a log of commram, a telegram ends at this time.
     pub time_us: u64,
-    /// The interface: the bus, in a log of this program.
+    /// Name of the interface. In a log of commram, the name of the bus.
     pub interface: String,
     /// The direction, if the logger wrote it.
     pub direction: Option<Direction>,
@@ -111,9 +111,9 @@ pub fn read_text(text: &str) -> Result<Recording, BadLine> {
         };
         match entry {
             Ok(Some(entry)) => recording.add(at, entry),
-            // A record without a frame.
+            // The record is neither a frame nor a telegram.
             Ok(None) => {}
-            // A logger that was ended leaves part of a line.
+            // A logger that was killed may leave an incomplete last line.
             Err(_) if !last_is_whole && lines.peek().is_none() && !recording.is_empty() => {
                 recording.add(at, Entry::Skipped("the last line, which is cut off".to_owned()));
             }

@@ -5,11 +5,11 @@ use serde_json::json;
 
 /// A type with a JSON form in operations or replies.
 pub(super) trait Described {
-    /// Its JSON Schema.
+    /// JSON Schema of the type.
     fn schema() -> Value;
 }
 
-/// Adds the largest value, if the table limits the field.
+/// Adds the maximum to a schema, if the table limits the field.
 pub(super) fn limited<const N: usize>(mut schema: Value, most: [u64; N]) -> Value {
     if let Some(most) = most.first() {
         schema["maximum"] = json!(most);
@@ -31,7 +31,7 @@ fn integer(least: i64, most: u64) -> Value {
     json!({"type": "integer", "minimum": least, "maximum": most})
 }
 
-/// An object with these properties, all of them required.
+/// Schema of an object with these properties, all of them required.
 fn object(properties: &[(&str, Value)]) -> Value {
     let required: Vec<_> = properties.iter().map(|(name, _)| *name).collect();
     let properties: serde_json::Map<_, _> =
@@ -39,7 +39,7 @@ fn object(properties: &[(&str, Value)]) -> Value {
     json!({"type": "object", "properties": properties, "required": required})
 }
 
-/// An object with content that depends on the plant.
+/// Schema of an object whose content depends on the plant.
 fn described(text: &str) -> Value {
     json!({"type": "object", "description": text})
 }

@@ -1,4 +1,4 @@
-//! Buses and the doors to them.
+//! Operations on buses and on the doors to them.
 
 use super::Work;
 use crate::can::Frame;
@@ -102,7 +102,7 @@ impl Work<'_> {
     }
 }
 
-/// The error for a frame or telegram that a bus does not take.
+/// The error for a frame or telegram that a bus refuses.
 fn refused(host: &dyn Host, bus: BusIndex, refusal: GuestRefusal) -> Refused {
     let found = host.plant().buses().get(bus.index());
     let (name, family) = found.map_or(("", ""), |bus| (bus.name(), bus.family()));

@@ -1,4 +1,4 @@
-//! Drives: their states and parameters.
+//! Operations on drives: states and parameters.
 
 use super::Work;
 use crate::devices::ParameterRefusal;

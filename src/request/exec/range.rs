@@ -1,4 +1,4 @@
-//! Operations on several registers in a row.
+//! Operations on consecutive registers.
 
 use crate::identity::DeviceIndex;
 use crate::layout::Width;

@@ -1,4 +1,4 @@
-//! Operations on what the plant records: journal, changes of registers, findings.
+//! Operations on the records of the plant: journal, changes of registers, findings.
 
 use super::Work;
 use super::range::not_followed;
@@ -7,7 +7,7 @@ use crate::journal::{Keep, Record};
 use crate::request::register::known_plc;
 use crate::request::{MAX_RECORDS, Refused, Reply};
 
-/// Most bytes of telegrams in a reply: half of what the replies of a request may have.
+/// Maximum number of bytes of telegrams in a reply: half of the maximum for all replies of a request.
 const MAX_OCTETS: usize = 131_072;
 
 impl Work<'_> {

@@ -1,4 +1,4 @@
-//! Operations on registers, and on those that are forced.
+//! Operations on registers and forced registers.
 
 use super::Work;
 use super::range::read_range;
@@ -51,7 +51,7 @@ impl Work<'_> {
         Ok(Reply::Exchanged { ok: outcome.is_ok(), found: outcome.unwrap_or_else(|found| found) })
     }
 
-    /// Records that an operation has stored a value.
+    /// Records in the history that an operation has stored a value.
     fn has_stored(&mut self, plc: DeviceIndex, offset: u32, width: Width, value: u32) {
         let (plant, travel) = self.host.plant_and_travel();
         travel.has_stored(Store { time_us: plant.now(), plc, offset, width, value });

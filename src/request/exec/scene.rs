@@ -1,4 +1,4 @@
-//! Present activity of the buses.
+//! Operation on the present activity of the buses.
 
 use super::Work;
 use crate::devices::Bus;

@@ -1,4 +1,4 @@
-//! Operations on snapshots, and returns to an earlier moment.
+//! Operations on snapshots, and operations that return to an earlier moment.
 
 use super::Work;
 use super::time::{look_at, no_conditions};

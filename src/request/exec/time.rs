@@ -9,14 +9,15 @@ use crate::time;
 
 /// Maximum advance between two calls of [`Host::should_stop`]: 100 ms of emulated time.
 const SLICE_US: u64 = 100_000;
-/// Maximum advance while nothing changes: a minute, which costs no more real time than a slice.
+/// Maximum advance while nothing changes: a minute of emulated time, which takes no more real time than a slice.
 const REST_US: u64 = 60_000_000;
-/// Number of events that a wait handles between two calls of [`Host::should_pause`], which may cost as much as an
+/// Number of events that a wait handles between two calls of [`Host::should_pause`]. Such a call may take as long as an
 /// event.
 const EVENTS: u32 = 32;
 
 impl Execution {
-    /// Advances to time `part`, at which the present part ends. `false`: it pauses on the way, or is to stop.
+    /// Advances to time `part`, at which the present part ends. Returns `false` if the operation pauses before this
+    /// time, or if the host must stop.
     pub(super) fn go_to(&mut self, host: &mut dyn Host, part: u64) -> bool {
         if self.part.is_none() {
             travel::set_out(host, !core::mem::replace(&mut self.has_set_out, true));
@@ -29,8 +30,8 @@ impl Execution {
         has_arrived
     }
 
-    /// Advances to time `end` in parts, so that the emulator keeps answering during an hour of emulated time. `false`:
-    /// it pauses.
+    /// Advances to time `end` in parts, so that the emulator answers other clients during a long advance. Returns
+    /// `false` if the operation pauses.
     pub(super) fn advance(&mut self, host: &mut dyn Host, end: u64) -> Result<bool, Refused> {
         self.end = Some(end);
         loop {
@@ -89,7 +90,7 @@ impl Execution {
         let begin = host.plant().now();
         let deadline = *self.end.get_or_insert(begin.saturating_add(within_us));
         loop {
-            // The condition is checked between two parts only, at any pause of the wait.
+            // The condition is only checked between two parts, so pauses of the wait do not change the result.
             if let Some(part) = self.part
                 && !host.should_stop()
                 && !self.go_to(host, part)
@@ -121,7 +122,8 @@ impl Execution {
     }
 }
 
-/// Checks the conditions, any or all of them; bit n of the value is set if condition n holds.
+/// Checks the conditions. Returns whether enough of them hold (any or all), and a value in which bit n is set if
+/// condition n holds.
 pub(super) fn look_at(
     host: &dyn Host,
     any: bool,
@@ -157,7 +159,7 @@ pub(super) fn stepped(host: &dyn Host) -> Result<(), Refused> {
     Err(Refused::new(Code::CLOCK_IS_REAL_TIME, text))
 }
 
-/// Checks the duration of an advance to an end that the plant determines.
+/// Checks the duration of an advance whose end the plant determines.
 pub(super) fn limit(us: u64) -> Result<(), Refused> {
     if us <= MAX_ADVANCE_US {
         return Ok(());

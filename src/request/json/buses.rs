@@ -6,7 +6,7 @@ use crate::journal::Names;
 use crate::request::{BusState, RateMismatch, Station};
 use serde::Serialize;
 
-/// In kbit/s; serialized as an integer if it is a whole number.
+/// A rate in kbit/s; serialized as an integer if it is a whole number.
 #[derive(Clone, Copy, Serialize)]
 #[serde(untagged)]
 pub(crate) enum Rate {
@@ -91,7 +91,7 @@ impl From<&BusState> for BusEntry {
     }
 }
 
-/// A bus with its load and its ports too.
+/// A bus with its doors, guests, stations, load and ports.
 #[derive(Serialize)]
 struct BusJson<'a> {
     #[serde(flatten)]

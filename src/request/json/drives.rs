@@ -59,7 +59,7 @@ impl From<DriveEntry> for DriveLine {
 pub(crate) struct DriveJson {
     #[serde(flatten)]
     pub state: StateJson,
-    /// The parameters of its interface card, by their numbers.
+    /// Parameters of the drive's interface card, by their numbers.
     pub zk: BTreeMap<u8, u16>,
     pub parameters: Vec<ParameterState>,
 }

@@ -12,7 +12,8 @@ pub(crate) struct FindingJson {
     pub rule: &'static str,
     /// Name of the PLC; empty for a finding on a bus.
     pub plc: String,
-    /// `None`: further registers of the rule, counted together because there was no room for more entries.
+    /// Name of the register. `None` if the entry counts several registers together, because the table had no room for
+    /// more entries.
     pub register: Option<String>,
     pub address: Option<String>,
     pub value: u32,

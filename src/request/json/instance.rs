@@ -24,7 +24,7 @@ struct InstanceJson<'a> {
 #[derive(Serialize)]
 struct PlcJson<'a> {
     plc: &'a str,
-    /// Name of its device.
+    /// Name of the PLC's device.
     device: &'static str,
 }
 

@@ -1,4 +1,4 @@
-//! Going back by a time, to the moment at which a condition became true, or to the start.
+//! Returns to an earlier moment: by a duration, to the moment at which a condition became true, or to the start.
 
 use super::{alone, go_to};
 use crate::plant::Snapshot;
@@ -36,7 +36,7 @@ pub(in crate::request) fn back_to_start(host: &mut dyn Host, detached: bool) -> 
     if travel.most == 0 {
         return Err(Refused::new(Code::NOT_SO_FAR, travel.nothing()));
     }
-    // Nothing has happened yet: the plant is at its start.
+    // Without a snapshot of the start, the plant is still at its start.
     let Some(start) = travel.start.clone() else { return Ok(()) };
     go_to(host, &start, true)?;
     let (plant, travel) = host.plant_and_travel();
@@ -45,7 +45,7 @@ pub(in crate::request) fn back_to_start(host: &mut dyn Host, detached: bool) -> 
     Ok(())
 }
 
-/// Goes back to the last moment before now at which `look` became successful. Returns its result.
+/// Goes back to the last moment before now at which `look` became successful. Returns the result of `look`.
 pub(in crate::request) fn back_until<T>(
     host: &mut dyn Host,
     detached: bool,
@@ -65,7 +65,7 @@ fn find_back<T>(
     look: impl Fn(&dyn Host) -> Result<Option<T>, Refused>,
 ) -> Result<T, Refused> {
     let here = host.plant().snapshot();
-    // After a stretch: the start of the next one, and whether `look` succeeds there.
+    // The start of the next stretch, and whether `look` succeeds at that moment.
     let mut next_stretch = (here.time_us(), false);
     for place in (0..host.plant_and_travel().1.history.len()).rev() {
         let found = last_in(host, place, next_stretch, &look);
@@ -100,7 +100,7 @@ fn find_back<T>(
     Err(Refused::new(Code::NOT_SO_FAR, text))
 }
 
-/// Begin and end of the last stretch that a repetition does not reproduce.
+/// Begin and end of the last stretch that the plant cannot repeat with the same result.
 fn last_unrepeatable(host: &mut dyn Host) -> Option<[u64; 2]> {
     (0..host.plant_and_travel().1.history.len()).rev().find_map(|place| {
         let stretch = host.plant_and_travel().1.history[place].clone();
@@ -137,8 +137,8 @@ fn last_in<T>(
     Ok(((is_behind && !is_found).then_some(end).or(last), first))
 }
 
-/// Goes to a moment of the history, from any present moment. `here` is the moment at the time of the request, and the
-/// plant returns there if the request is refused.
+/// Moves the plant to a moment of the history. `here` is a snapshot from the time of the request; the plant returns to
+/// it if the request is refused.
 fn arrive(host: &mut dyn Host, target: u64, here: &Snapshot, detached: bool) -> Result<(), Refused> {
     let (_, travel) = host.plant_and_travel();
     let place = travel.stretch_of(target).ok_or_else(|| Refused::new(Code::NOT_SO_FAR, travel.nothing()))?;
@@ -164,7 +164,8 @@ fn arrive(host: &mut dyn Host, target: u64, here: &Snapshot, detached: bool) -> 
     Ok(())
 }
 
-/// Returns to the moment of a request that is refused. The plant was there a moment ago, so this succeeds.
+/// Returns to the moment of the request, because the request is refused. This succeeds, because the snapshot is of the
+/// same plant.
 fn return_to(host: &mut dyn Host, here: &Snapshot) {
     let _ = go_to(host, here, true);
 }

@@ -26,9 +26,10 @@ pub(in crate::request) fn read(
     Ok(part)
 }
 
-/// Most bytes of the files that clients are sending. Beyond them the file that has waited longest is dropped.
+/// Maximum size in bytes of all files that clients are sending. If it is exceeded, the file that has waited longest is
+/// dropped.
 const MOST_BYTES: usize = 4 * SnapshotFile::LONGEST as usize;
-/// Most files that clients are sending.
+/// Maximum number of files that clients are sending.
 const MOST_FILES: usize = 64;
 
 /// The files that clients are sending, one for each client; the file with the latest part is the last.
@@ -39,7 +40,7 @@ impl IncomingFiles {
     /// Appends a part from byte `at` on; byte 0 begins a new file. After an error the file is dropped.
     ///
     /// # Errors
-    /// The file ends at another byte, which is returned, or becomes too long.
+    /// The part does not follow the end of the file, or the file becomes too long. The error is the end of the file.
     fn append(&mut self, client: u128, at: usize, bytes: &[u8]) -> Result<(), usize> {
         let mut file = self.take(client);
         if at == 0 {
@@ -66,7 +67,7 @@ impl IncomingFiles {
     }
 }
 
-/// Takes a part of a client's file, from its byte `at` on.
+/// Receives a part of a client's file, from byte `at` on.
 pub(in crate::request) fn take_in(
     host: &mut dyn Host,
     client: u128,

@@ -20,32 +20,33 @@ pub(in crate::request) struct Store {
 /// A stretch of time in which clients have only stored registers.
 #[derive(Clone, Debug)]
 pub(super) struct Stretch {
-    /// Its beginning.
+    /// Snapshot of the beginning.
     pub(super) begin: Snapshot,
     /// Stores of operations after the snapshot, in order.
     pub(super) stores: Vec<Store>,
-    /// Known end of the stretch: the last moment that the plant has reached with these stores.
+    /// The last moment that the plant has reached with these stores.
     end: StretchEnd,
 }
 
-/// Known end of a stretch.
+/// The last known moment of a stretch.
 #[derive(Clone, Copy, Debug)]
 struct StretchEnd {
     time_us: u64,
     /// Number of stores up to the end.
     stores: usize,
-    /// The journal's hash.
+    /// Hash of the journal at this moment.
     hash: u64,
 }
 
 impl Stretch {
-    /// Creates a stretch that begins at the present moment; the snapshot may reuse the memory of an earlier one.
+    /// Creates a stretch that begins at the present moment. Its snapshot reuses the memory `room` of an earlier
+    /// snapshot.
     pub(super) fn from_here(plant: &Plant, room: Vec<u8>) -> Self {
         let end = StretchEnd { time_us: plant.now(), stores: 0, hash: plant.journal().hash() };
         Stretch { begin: plant.snapshot_reusing(room), stores: Vec::new(), end }
     }
 
-    /// Bytes that it takes.
+    /// Memory of the stretch in bytes.
     pub(super) fn size(&self) -> usize {
         self.begin.size() + size_of_val(&self.stores[..])
     }
@@ -60,7 +61,7 @@ impl Stretch {
             StretchEnd { time_us: plant.now(), stores: self.stores.len(), hash: plant.journal().hash() };
     }
 
-    /// The plant is at a moment of this stretch: later parts are no longer part of the history.
+    /// Ends the stretch at the present moment of the plant, which has returned to it. Later stores are dropped.
     pub(super) fn ends_here(&mut self, plant: &Plant) {
         let now = plant.now();
         self.stores.truncate(self.stores.partition_point(|store| store.time_us <= now));
@@ -73,8 +74,8 @@ impl Stretch {
         self.end.time_us
     }
 
-    /// Starts at the beginning of the stretch, where the plant is: goes to the end, and returns whether all results
-    /// were the same as the first time.
+    /// Repeats the stretch, at whose beginning the plant must be. Returns true if the journal at the end is the same as
+    /// the first time.
     pub(super) fn is_repeated(&self, plant: &mut Plant) -> bool {
         let StretchEnd { time_us, stores, hash } = self.end;
         RemainingStores(&self.stores[..stores]).go_to(plant, time_us);
@@ -96,11 +97,11 @@ impl RemainingStores<'_> {
         self.0.first().map_or(u64::MAX, |store| store.time_us)
     }
 
-    /// Advances to a moment, with the stores up to and including it.
+    /// Advances to a moment, and makes the stores up to and including this moment.
     pub(super) fn go_to(&mut self, plant: &mut Plant, time_us: u64) {
         while let Some((store, rest)) = self.0.split_first().filter(|(store, _)| store.time_us <= time_us) {
             plant.advance_to(store.time_us);
-            // The store was possible then, and the plant has the same state now.
+            // The store was possible the first time, and the plant has the same state now.
             let _ = plant.store(store.plc, store.offset, store.width, store.value);
             self.0 = rest;
         }

@@ -22,7 +22,7 @@ impl Emulator {
         if self.channel_is_damaged() {
             self.give_channel_up();
         }
-        // Taken out for the call, because the channel needs the rest of the emulator.
+        // The server is taken out of the emulator for the call, because it needs the rest of the emulator as host.
         let Some(mut server) = self.server.take() else { return false };
         self.slice.set(None);
         let served = catch_unwind(AssertUnwindSafe(|| server.poll(self)));
@@ -64,7 +64,7 @@ impl Emulator {
         }
     }
 
-    /// Missing memory can cause a panic in iceoryx2. The panic is expected only if the channel is damaged.
+    /// Handles a panic in iceoryx2, which missing memory can cause. If the channel is not damaged, the panic continues.
     fn judge(&mut self, panic: Box<dyn core::any::Any + Send>) -> bool {
         if !self.channel_is_damaged() {
             resume_unwind(panic);

@@ -1,19 +1,19 @@
 //! The emulator's main loop.
 //!
 //! One thread does everything: it advances the clock, answers rung doorbells and channel requests, and sleeps on the
-//! doorbells until the next event. The order "note the rings, check everything, sleep unless it rang since" makes sure
-//! that the sleep misses no ring.
+//! doorbells until the next event. In each round the thread reads the number of rings, then checks everything, and then
+//! sleeps unless a doorbell has rung since it read the number. So the sleep misses no ring.
 
 use super::Emulator;
 use crate::memory::bell;
 use crate::runtime::lockstep::NoWitness;
 use std::time::Duration;
 
-/// Longest sleep; the limit for everything that does not ring.
+/// Longest sleep. The thread notices changes that are not announced by a ring at the latest after this time.
 pub(in crate::runtime) const LONGEST_SLEEP: Duration = Duration::from_millis(100);
 
-/// Longest step of emulated time while no other process has the image open. A client that attaches may first see
-/// registers this old.
+/// Longest step of emulated time while no other process has the image open. A client that attaches may at first see
+/// registers that are older by this time.
 const UNSEEN_US: u64 = 10_000;
 
 /// Longest step of emulated time. After the machine was suspended, the clock may have to catch up with hours; signals
@@ -38,7 +38,7 @@ impl Emulator {
         }
     }
 
-    /// The time of the real-time clock, at most one step after the plant's.
+    /// The time of the real-time clock, limited to one step after the plant's time.
     pub(super) fn real_now(&self) -> u64 {
         self.wall.now().min(self.plant.now() + LONGEST_STEP_US)
     }
@@ -70,7 +70,7 @@ impl Emulator {
             }
             self.save_novram(false);
             if self.serve_channel() {
-                // A write through the channel counts as a ring.
+                // A write through the channel has the effect of a ring.
                 self.plant.processor_cycle();
                 self.announce();
             } else if !self.options.busy {
@@ -91,8 +91,8 @@ impl Emulator {
         }
     }
 
-    /// With a stepped clock: a task in lockstep obeys an order of its board at the moment of the order, even if the
-    /// clock does not advance.
+    /// With a stepped clock: gives turns to tasks in lockstep whose board has requested a start or stop. They obey at
+    /// the moment of the request, even if the clock does not advance.
     fn give_order_turns(&mut self) {
         if self.is_time_passing() || !self.lockstep.has_turns() {
             return;
@@ -111,8 +111,8 @@ impl Emulator {
         next.min(self.guests.next_turn())
     }
 
-    /// With a stepped clock: requests to the boards are handled without advancing the clock; everything else when it
-    /// advances.
+    /// With a stepped clock: handles requests to the boards without advancing the clock. Everything else is handled
+    /// when the clock advances.
     pub(in crate::runtime) fn look_at_rings(&mut self) {
         if self.note_rings() {
             self.guests.look(&mut self.plant);

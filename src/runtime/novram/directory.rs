@@ -1,4 +1,5 @@
-//! The directory of the NOVRAM files: one emulator at a time, regular files of a bounded size, no links followed.
+//! The directory of the NOVRAM files. One emulator at a time uses it. Only regular files of a bounded size are read,
+//! and no links are followed.
 
 use super::NovramError;
 use crate::memory::directory;
@@ -10,7 +11,8 @@ use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Longest wait of a starting emulator for the lock: its holder may have been killed a moment ago and still exist.
+/// Longest wait of a starting emulator for the lock. The holder may have been killed a moment ago, so that its process
+/// still exists.
 const PATIENCE: Duration = Duration::from_millis(500);
 
 /// Name of the lock file. Other users cannot open this file, so they cannot take its lock. The directory itself has no
@@ -30,8 +32,8 @@ pub struct Directory {
 }
 
 impl Directory {
-    /// Checks that a directory belongs to this user alone, without creating, locking or changing it. A missing one is no
-    /// error, because [`Directory::open`] creates it.
+    /// Checks that only this user can write to a directory, without creating, locking or changing it. A missing
+    /// directory is not an error, because [`Directory::open`] creates it.
     ///
     /// # Errors
     /// The errors of [`Directory::open`], except [`NovramError::InUse`].
@@ -47,7 +49,7 @@ impl Directory {
         judge(path, &stat, rustix::process::geteuid().as_raw())
     }
 
-    /// Opens and locks a directory; creates a missing one, accessible to this user only.
+    /// Opens and locks a directory. Creates a missing directory, accessible to this user only.
     ///
     /// # Errors
     /// [`NovramError::InUse`] if another emulator has it, [`NovramError::Foreign`] and [`NovramError::Writable`] if
@@ -83,7 +85,7 @@ impl Directory {
             Ok(file) => file,
             Err(Errno::NOENT) => return Ok(None),
             Err(Errno::LOOP) => return Err(self.not_a_file(name, FileType::Symlink)),
-            // Errors for a socket, and for a device without a driver.
+            // The system returns these errors for a socket, and for a device without a driver.
             Err(Errno::NXIO | Errno::NODEV) => return Err(self.not_a_file(name, FileType::Unknown)),
             Err(errno) => return Err(self.failed(name, "read it")(errno.into())),
         };
@@ -108,7 +110,7 @@ impl Directory {
         result.map_err(self.failed(name, "write it"))
     }
 
-    /// Checks that such a content can be written, without any change.
+    /// Checks that a file with this content can be written, without any change.
     pub(super) fn probe(&self, name: &str, bytes: &[u8]) -> Result<(), NovramError> {
         self.with_new(name, bytes, |new| self.open.remove(new)).map_err(self.failed(name, "write it"))
     }
@@ -126,7 +128,7 @@ impl Directory {
         then: impl FnOnce(&str) -> Result<(), Errno>,
     ) -> io::Result<()> {
         let new = format!("{name}.new");
-        // A killed emulator may have left one. It is removed, not opened, because it may be a link.
+        // A killed emulator may have left such a file. It is removed, not opened, because it may be a link.
         match self.open.remove(&new) {
             Ok(()) | Err(Errno::NOENT) => {}
             Err(errno) => return Err(errno.into()),
@@ -189,7 +191,7 @@ fn lock_file(path: &Path, directory: &directory::Directory, user: u32) -> Result
         FileType::RegularFile => return Err(NovramError::Foreign { path, owner: stat.st_uid, user }),
         other => return Err(not_a_file(path, other)),
     }
-    // The file may be a copy with other rights.
+    // The file may be a copy that was made with other rights.
     rustix::fs::fchmod(&file, Mode::RUSR | Mode::WUSR).map_err(failed)?;
     Ok(file)
 }

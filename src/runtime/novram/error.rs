@@ -35,7 +35,7 @@ pub enum NovramError {
     Foreign {
         /// The directory.
         path: PathBuf,
-        /// User id of its owner.
+        /// User id of the directory's owner.
         owner: u32,
         /// User id of this process.
         user: u32,
@@ -49,10 +49,10 @@ pub enum NovramError {
     Writable {
         /// The directory.
         path: PathBuf,
-        /// Its mode.
+        /// Mode of the directory.
         mode: u32,
     },
-    /// The file is not a regular one.
+    /// The file is not a regular file.
     #[error(
         "NOVRAM {}: this is {found}; it must be a regular file, or missing for the delivery state",
         path.display()
@@ -72,9 +72,9 @@ pub enum NovramError {
     OtherVersion {
         /// The file.
         path: PathBuf,
-        /// Its version.
+        /// Version of the file.
         found: u32,
-        /// The version that this program reads.
+        /// Version that this program reads.
         read: u32,
     },
     /// The last attempt to write has failed, too.
@@ -83,7 +83,7 @@ pub enum NovramError {
         /// The error.
         source: Box<NovramError>,
     },
-    /// The RAM refuses.
+    /// An access to the RAM is refused.
     #[error(transparent)]
     Memory(#[from] MemoryError),
 }

@@ -4,11 +4,11 @@
 use super::{Directory, NovramError, RestoreOutcome};
 
 const MAGIC: [u8; 8] = *b"commramN";
-/// Version of the format. A change of the format counts it up.
+/// Version of the format. A change of the format increments it.
 pub(super) const VERSION: u32 = 2;
 /// Longest file of any version in bytes.
 const LONGEST: usize = 1 << 20;
-/// Magic, version, length of the content.
+/// Length of the header in bytes: magic, version, length of the content.
 const HEAD: usize = 16;
 const CHECKSUM: usize = 4;
 
@@ -48,7 +48,8 @@ impl Content {
         self
     }
 
-    /// Replaces the registers and the first retain flags. Further flags, of a plant with more of them, are unchanged.
+    /// Replaces the registers and the first retain flags. Flags after them, which a plant with more flags has stored,
+    /// are unchanged.
     pub(crate) fn replace(&mut self, registers: &[u8], retain: &[u8]) {
         for (to, from) in self.bytes.iter_mut().zip(registers.iter().chain(retain)) {
             *to = *from;
@@ -67,11 +68,11 @@ impl Content {
 /// Why the bytes of a file cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Unusable {
-    /// A file that is damaged, or no NOVRAM file.
+    /// The file is damaged, or is not a NOVRAM file.
     Damaged,
-    /// An undamaged NOVRAM file of another version.
+    /// The file is an undamaged NOVRAM file of another version.
     OtherVersion {
-        /// Its version.
+        /// Version of the file.
         found: u32,
     },
 }
@@ -110,7 +111,7 @@ pub(super) fn store(directory: &mut Directory, name: &str, content: &Content) ->
     directory.replace(name, &encode(content))
 }
 
-/// Whether the file of this name holds this content. A missing file holds the delivery state.
+/// True if the file of this name has this content. A missing file counts as a file with the delivery state.
 pub(super) fn holds(directory: &Directory, name: &str, content: &Content) -> bool {
     let size = Size { registers: content.registers, flags: content.retain().len() };
     match directory.read(name, HEAD + content.bytes.len() + CHECKSUM) {
@@ -132,7 +133,8 @@ pub(super) fn encode(content: &Content) -> Vec<u8> {
 
 pub(super) fn decode(bytes: &[u8], Size { registers, flags }: Size) -> Result<Content, Unusable> {
     let (body, checksum) = bytes.split_last_chunk::<CHECKSUM>().ok_or(Unusable::Damaged)?;
-    // The checksum comes first: a damaged version must not be reported as another one.
+    // The checksum is checked first: a file with a damaged version number must not be reported as a file of another
+    // version.
     if crc32fast::hash(body) != u32::from_le_bytes(*checksum) {
         return Err(Unusable::Damaged);
     }

@@ -8,12 +8,12 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Interval for checking retain flags. A PLC may change them in every cycle; a disk is slower.
+/// Interval for checking retain flags. A PLC may change them in every cycle, which is too often for a disk.
 const RETAIN_EVERY: Duration = Duration::from_secs(1);
 /// Delay before the next attempt to write a file.
 const RETRY_AFTER: Duration = Duration::from_secs(1);
 
-/// A job for the file of a name.
+/// A job of the writing thread, with the name of a file.
 enum Job {
     /// Write the changed content.
     Store(String, Content),
@@ -67,9 +67,9 @@ impl Keeper {
                     None if last => Job::Restore(novram.name.clone(), novram.saved.clone()),
                     None => continue,
                 };
-                // Lost during the read: the file keeps the last known content.
+                // If the image was shortened during the read, the file keeps the last known content.
                 if stored(index).is_some() {
-                    // The thread ends after this value only.
+                    // This cannot fail: the thread runs as long as this value exists.
                     let _ = jobs.send(job);
                 }
             }
@@ -144,7 +144,7 @@ fn write_all(mut directory: Directory, jobs: &Receiver<Job>) -> Result<(), Novra
     result
 }
 
-/// Logs the fault of a file once, until it is written or has another fault.
+/// Logs a failed write of a file only once, until the file is written or another error occurs.
 fn log_change(name: &str, result: &Result<(), NovramError>, logged_faults: &mut BTreeMap<String, String>) {
     match result {
         Ok(()) => {
