@@ -80,7 +80,7 @@ pub struct Client {
 }
 
 impl Client {
-    /// Connects to `instance`, whose channel has its files in the directory `root`.
+    /// Connects to `instance`. The files of its channel are in the directory `root`.
     ///
     /// # Errors
     /// The instance is not running, has another version, or has too many clients; or its channel is damaged.

@@ -112,7 +112,7 @@ impl Domain {
         let prefix = match prefix(&directory, &tag) {
             Some(prefix) => prefix,
             None => {
-                // Removes objects of a killed run whose directory was removed afterwards.
+                // Removes objects of a killed run. Its directory was removed after the kill.
                 shm::remove(&tag);
                 new_prefix(&directory, &tag).map_err(|source| io_error(root, source))?
             }
@@ -441,7 +441,7 @@ mod tests {
         assert!(Domain::find("a", root.path()).unwrap().is_none());
     }
 
-    /// The path of a domain whose owner has ended, and the domain as a client has found it before this end.
+    /// The path of a domain after the end of its owner, and the domain as a client has found it before this end.
     fn found_before_the_end() -> (TempDir, PathBuf, Domain) {
         let parent = TempDir::new().unwrap();
         let path = parent.path().join("iox.d");

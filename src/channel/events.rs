@@ -79,7 +79,7 @@ pub struct EventListener {
 }
 
 impl EventListener {
-    /// Listens to the events of PLC `plc` of `instance`, whose channel has its files in the directory `root`.
+    /// Listens to the events of PLC `plc` of `instance`. The files of its channel are in the directory `root`.
     ///
     /// # Errors
     /// The instance is not running or has no such PLC, or iceoryx2 refuses.

@@ -1,7 +1,7 @@
 //! A client in a domain. It enters and leaves the domain with a time limit.
 //!
 //! Entering and leaving run in a separate thread ([`limit`]). The result then moves to the calling thread. So clients
-//! use the variant of iceoryx2 whose objects may move to another thread.
+//! use the variant of iceoryx2 with objects that may move to another thread.
 
 use super::client::ClientError;
 use super::domain::{Domain, Threads};

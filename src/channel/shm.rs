@@ -12,7 +12,7 @@ pub(super) const SHM: &str = "/dev/shm";
 /// Longest time that a shared memory object may be without content. A living process needs far less, even on a busy
 /// processor.
 const HALF_MADE: Duration = Duration::from_millis(500);
-/// Maximum length of an object that is accessible to all users: iceoryx2's counter of nodes has 16 bytes.
+/// Maximum length of an object with access for all users: iceoryx2's counter of nodes has 16 bytes.
 const MAX_PUBLIC: u64 = 4096;
 
 /// Shared memory objects of this user with names that begin with `prefix`. Objects of other users are left out: another

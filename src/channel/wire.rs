@@ -90,7 +90,7 @@ pub struct Block {
 
 const _: () = assert!(size_of::<WireOp>() == 32 && size_of::<Block>() == 16);
 
-/// A field of an operation whose content has no meaning.
+/// A field of an operation, with content that has no meaning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{field} is 16#{value:X}")]
 pub struct BadField {

@@ -58,8 +58,8 @@ pub(super) enum Input {
     Boards,
     /// New state of a task in lockstep: device, event, code of the state.
     Task(DeviceIndex, u16, u32),
-    /// Speed of a motor whose load a client simulates: number of the drive, and speed. `None`: the motor follows the
-    /// drive again.
+    /// Speed of a motor, set by a client that simulates the load: number of the drive, and speed. `None`: the motor
+    /// follows the drive again.
     Shaft(u16, Option<i32>),
 }
 

@@ -443,7 +443,7 @@ mod tests {
         history.asked = Instant::now().checked_sub(GONE + Duration::from_secs(1)).unwrap();
         compare(&mut history);
         assert_eq!(history.followed.iter().map(|it| it.offset).collect::<Vec<_>>(), [6]);
-        // While a stepped clock stands still, no comparison takes place.
+        // While a stepped clock does not advance, no comparison takes place.
         history.follow(DeviceIndex(0), 2, Width::Dword, Keep::ForOnlookers, &rams);
         history.asked = Instant::now().checked_sub(GONE + Duration::from_secs(1)).unwrap();
         history.follow(DeviceIndex(0), 10, Width::Dword, Keep::ForOnlookers, &rams);

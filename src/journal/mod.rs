@@ -334,8 +334,7 @@ impl Journal {
         }
     }
 
-    /// The records that are still kept, oldest first, without records whose count is still running
-    /// ([`Journal::pending`]).
+    /// The records that are still kept, oldest first, without records with a running count ([`Journal::pending`]).
     pub fn records(&self) -> Records<'_> {
         self.ring.records(0)
     }
@@ -346,8 +345,8 @@ impl Journal {
         self.ring.records(from)
     }
 
-    /// The records whose count is still running, in the order of time. These records have no number yet. Each of them
-    /// appears in [`Journal::records`] as soon as its count has ended, at the latest after a second.
+    /// The records with a running count, in the order of time. These records have no number yet. Each of them appears
+    /// in [`Journal::records`] as soon as its count has ended, at the latest after a second.
     pub fn pending(&self) -> Vec<Record> {
         self.tally.pending()
     }

@@ -4,7 +4,7 @@ use crate::identity::DeviceIndex;
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 
-/// Maximum number of stored requests. A client cannot have so many unanswered requests in one node.
+/// Maximum number of stored requests. A client cannot have more unanswered requests in one node.
 const PLACES: usize = 64;
 
 #[derive(Clone, Copy, Serialize, Deserialize)]

@@ -46,7 +46,7 @@ impl Lane {
     /// Drops the oldest records until there is room for a line and its octets in a ring of `capacity` lines.
     #[inline]
     fn make_room(&mut self, capacity: usize) {
-        // The newest record is always kept, whatever its size.
+        // The newest record is always kept, even a large one.
         while !self.lines.is_empty() && self.lines.len() + self.octet_bytes / size_of::<Line>() >= capacity {
             let dropped = self.lines.pop_front();
             while let (Some(line), Some(first)) = (&dropped, self.octets.front())
@@ -240,7 +240,7 @@ mod tests {
         (0..1000).for_each(|_| note(&mut rings, 0));
         let lane = &rings.lanes[Ring::Traffic as usize];
         assert_eq!((lane.lines.len(), lane.octets.len(), lane.octet_bytes), (1000, 0, 0));
-        // The newest record is always kept, whatever its size.
+        // The newest record is always kept, even a large one.
         let mut small = Rings::new(1);
         (0..3).for_each(|_| note(&mut small, 255));
         assert_eq!(small.records(0).map(|it| (it.seq, it.octets.unwrap()[0])).collect::<Vec<_>>(), [(2, 2)]);

@@ -53,7 +53,7 @@ impl WatchedEvent {
 pub(super) struct Outcome {
     /// A count that has ended.
     pub counted: Option<Record>,
-    /// True if the event was not counted, so it needs a record of its own.
+    /// True if the event was not counted, so it needs a separate record.
     pub single: bool,
 }
 
@@ -158,7 +158,7 @@ impl Tally {
         self.places.get_mut(best)
     }
 
-    /// Ends the counts whose next event was expected before `now` and is missing. Returns their records in the order of
+    /// Ends counts if their next event was expected before `now` and is missing. Returns their records in the order of
     /// time.
     pub(crate) fn overdue(&mut self, now: u64) -> Vec<Record> {
         if self.is_quiet {

@@ -33,7 +33,7 @@ impl ImageFile {
         let opened = loop {
             match rustix::fs::open(&path, flags, Mode::empty()) {
                 // A process holds a lease of the file. It is the emulator, which checks whether another process has the
-                // file open (`Onlookers`), or another user, to whom the file belongs.
+                // file open (`Onlookers`), or a process of another user, if the file belongs to that user.
                 Err(Errno::AGAIN) => {
                     if let Ok(stat) = rustix::fs::lstat(&path) {
                         judge(&path, &stat)?;

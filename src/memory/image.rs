@@ -189,7 +189,7 @@ impl Image {
         }
     }
 
-    /// Process id of the killed emulator whose image this emulator has taken over.
+    /// Process id of the killed emulator from which this emulator has taken over the image.
     pub fn taken_over(&self) -> Option<u32> {
         self.taken_over
     }

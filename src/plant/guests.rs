@@ -207,7 +207,7 @@ mod tests {
         plant.advance_to(10_000);
         assert_eq!(arrived(&plant).len(), 3);
         assert_eq!(plant.guest_sends(BusIndex(0), 1, &frame(5, &[])), Err(GuestRefusal::NotHere));
-        // The frame of a guest that is alone on the bus is not kept for guests that join later.
+        // The frame of a single guest on the bus is not kept for guests that join later.
         assert_eq!(plant.guest_sends(BusIndex(0), 2, &frame(6, &[])), Ok(()));
         plant.guest_leaves(BusIndex(0), 2);
         plant.guest_joins(BusIndex(0), 1, false);

@@ -1,5 +1,5 @@
-//! Registers whose changes a client follows. The plant compares these registers before each poll and after each run of
-//! the firmware.
+//! Registers that a client follows. The plant compares these registers before each poll and after each run of the
+//! firmware.
 
 use super::Plant;
 use super::force::Forces;

@@ -86,7 +86,7 @@ pub struct Plant {
     faults: Faults,
     /// Watches of the access checker, one for each device. The watches for ports are in the buses.
     watches: Vec<DeviceWatch>,
-    /// Ports whose devices must still be notified of a SYNC edge; empty between events.
+    /// Ports with a SYNC edge of which their devices must still be notified; empty between events.
     edges: Vec<Origin>,
     /// Register widths of each device, for accesses from outside.
     widths: Vec<RegisterWidths>,

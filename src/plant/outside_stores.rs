@@ -1,5 +1,5 @@
-//! Stores of outside programs into the images. They are repeated in the images of other hosts, whose plants must run
-//! identically.
+//! Stores of outside programs into the images. They are repeated in the images of other hosts, because all plants must
+//! run identically.
 
 use super::Plant;
 use super::snapshot::registers_of;
@@ -46,7 +46,7 @@ impl Outside {
         Outside(plant.devices().iter().map(|device| DeviceRegisters::of(&**device)).collect())
     }
 
-    /// Stores since the last poll: the registers whose contents have changed.
+    /// Stores since the last poll: the registers with changed contents.
     pub(crate) fn stored(&mut self, plant: &Plant) -> Vec<Stored> {
         let devices = DeviceIndex::enumerate(plant.devices().iter().zip(&mut self.0));
         let stored = devices.flat_map(|(plc, (device, seen))| {

@@ -43,7 +43,7 @@ impl Plant {
         }
     }
 
-    /// Called at the next processor cycle. `due` is the time of the next event that is not a processor cycle. If this
+    /// Called at the next processor cycle. `due` is the time of the next event other than a processor cycle. If this
     /// cycle and the cycles until `due` would only update the registers that show the live traffic, skips them. A later
     /// cycle, at `time` at the latest, updates these registers (decision D-585).
     #[inline]

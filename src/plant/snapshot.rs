@@ -78,7 +78,7 @@ pub enum SnapshotError {
     /// A file in the folder of a device has changed since the snapshot. All other settings agree.
     #[error("a file of {what} has changed since the snapshot, in {folders}; restore it")]
     ChangedFolder {
-        /// The devices whose folders have changed.
+        /// The devices with a changed folder.
         what: String,
         /// The folders of the plant's devices.
         folders: String,

@@ -2,7 +2,7 @@
 //! small runner of tasks.
 //!
 //! Each device has its own function blocks, in its module of [`devices`](crate::devices). Names, inputs, outputs and
-//! presets are those of the manual. A program calls `call` of a block in each PLC cycle. A structure that the manual
+//! presets come from the manual. A program calls `call` of a block in each PLC cycle. A structure that the manual
 //! connects to `_BASE` is a [`Base`], which [`Ram::at`] declares at its address. Blocks access only registers and the
 //! clock in the header page. So they work in the same way on the RAM of a plant in this process and on an attached
 //! image, and monitoring times are in emulated time.

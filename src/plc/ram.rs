@@ -145,7 +145,7 @@ impl<V> Deref for Viewed<'_, V> {
     }
 }
 
-/// A monitoring time that is running, in emulated time.
+/// A running monitoring time, in emulated time.
 #[derive(Clone, Copy, Debug)]
 pub struct Watch {
     ends_us: u64,

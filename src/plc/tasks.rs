@@ -221,8 +221,8 @@ impl<P: Program> Tasks<P> {
         }
     }
 
-    /// True if a task is due. `obeys_in_turns`: a start or stop that the board requests is announced as a turn, so it
-    /// is not polled here.
+    /// True if a task must run now. `obeys_in_turns`: the emulator announces a start or stop of the board by a turn, so
+    /// this function does not poll for it.
     fn is_due(&self, obeys_in_turns: bool) -> bool {
         let header = self.ram.header();
         !obeys_in_turns && header.program.start.rings() != self.orders

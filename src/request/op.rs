@@ -89,7 +89,7 @@ macro_rules! declare {
             /// Checks the fields that the table limits.
             ///
             /// # Errors
-            /// The first field whose value is out of range.
+            /// The first field with a value out of range.
             pub(crate) fn check_ranges(&self) -> Result<(), OutOfRange> {
                 match self {
                     $(Op::$op $({ $($field),+ })? => {

@@ -271,7 +271,7 @@ impl Emulator {
         self.images[0].header()
     }
 
-    /// Description of another process that can write to registers, if there is one.
+    /// Description of another process that can write to registers; `None` if there is none.
     pub(super) fn mapped_client(&self) -> Option<String> {
         let writer = self.images.iter().find_map(|image| image.writers().into_iter().next())?;
         Some(format!("{writer}, which has mapped the registers,"))
@@ -320,7 +320,7 @@ impl Emulator {
         outcome.and(saved)
     }
 
-    /// Continues with clock `wall`, whose speed is `permille` / 1000, and publishes it in the header pages.
+    /// Continues with clock `wall` and publishes it in the header pages. Its speed is `permille` / 1000.
     fn run_wall(&mut self, wall: WallClock, permille: u32) {
         for image in &self.images {
             image.header().set_real_clock(wall.epoch_ns(), permille);

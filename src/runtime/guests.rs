@@ -80,8 +80,8 @@ impl Guests {
         self.doors.is_empty() && self.present.is_empty()
     }
 
-    /// Reads the requests of the guests. A guest whose bit rate differs from that of its bus receives nothing, and a
-    /// finding reports this.
+    /// Reads the requests of the guests. A guest with another bit rate than its bus receives nothing, and a finding
+    /// reports this.
     pub(super) fn look(&mut self, plant: &mut Plant) {
         if self.is_empty() {
             return;
@@ -129,7 +129,7 @@ impl Guests {
         bring_in_all(&mut self.present, |it| it.has_seat, plant, true);
     }
 
-    /// Description of a guest that takes part, if there is one.
+    /// Description of a guest that takes part; `None` if there is none.
     pub(super) fn present_one(&self, plant: &Plant) -> Option<String> {
         // Guests that have left stay in the list until the clock advances.
         let is_here = |it: &&GuestEntry| (it.is_in || it.has_seat) && !it.guest.requests().has_gone;

@@ -4,9 +4,9 @@
 //! states its run time in emulated time. Then the clock continues, and the task gets another turn when this time is
 //! over.
 //!
-//! Tasks of one PLC share its processor. A task of a higher level interrupts a task of a lower level, whose run then
-//! ends later by the duration of the interruption. Tasks of the same level wait for each other (manual 5.00005.03a p.
-//! 43-44, 73). The emulator gives up a task that dies, leaves or takes too long.
+//! Tasks of one PLC share its processor. A task of a higher level interrupts a task of a lower level. The run of the
+//! interrupted task ends later by the duration of the interruption. Tasks of the same level wait for each other (manual
+//! 5.00005.03a p. 43-44, 73). The emulator gives up a task that dies, leaves or takes too long.
 
 use crate::identity::DeviceIndex;
 use crate::memory::header::{SEAT_ORDERS, Seat, SeatState};
@@ -234,7 +234,7 @@ impl Lockstep {
         Some(format!("the task of event {} of PLC '{plc}' (process {process})", task.event))
     }
 
-    /// Description of a task that takes part, if there is one.
+    /// Description of a task that takes part; `None` if there is none.
     pub(crate) fn present(&self, plant: &Plant) -> Option<String> {
         // Tasks that have left stay in the list until the clock advances.
         let task = self.tasks.iter().find(|task| !task.gone())?;

@@ -12,8 +12,8 @@ use crate::memory::header::BoardSetting;
 use crate::request::FilePart;
 use core::num::NonZeroU16;
 
-/// The type of a field that is stored in one or several columns. `Columns` has the types of these columns, in the order
-/// of the table.
+/// The type of a field, stored in one or several columns. `Columns` has the types of these columns, in the order of the
+/// table.
 pub(super) trait InColumns<Columns>: Sized {
     /// Encodes the field.
     fn columns(self) -> Columns;

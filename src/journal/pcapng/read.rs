@@ -18,7 +18,7 @@ pub struct BadLog {
     pub right: String,
 }
 
-/// Maximum number of interfaces in a section. No known program opens so many.
+/// Maximum number of interfaces in a section. No known program opens more.
 const MOST_INTERFACES: usize = 1024;
 
 /// True if a pcapng log begins with these bytes.

@@ -41,8 +41,7 @@ impl Block {
         unsafe { load(cells.as_ptr().cast(), &mut blocks[..count]) }
     }
 
-    /// Index of the first block, at or after `from`, whose cells have changed. The comparison ends with the shorter
-    /// slice.
+    /// Index of the first block, at or after `from`, with a changed cell. The comparison ends with the shorter slice.
     #[inline]
     pub(crate) fn first_unlike(blocks: &[Block], cells: &[[Cell64; BLOCK]], from: usize) -> Option<usize> {
         let count = blocks.len().min(cells.len());
@@ -52,7 +51,7 @@ impl Block {
         first.map(|first| from + first)
     }
 
-    /// True if a cell has changed in a bit that is set in `watched`. The comparison ends with the shortest slice.
+    /// True if a cell has changed in a bit of `watched`. The comparison ends with the shortest slice.
     #[inline]
     pub(crate) fn differ_in(blocks: &[Block], cells: &[[Cell64; BLOCK]], watched: &[Block]) -> bool {
         let count = blocks.len().min(cells.len());

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// Longest wait of a starting emulator for a lock, if its holder does not look like a running emulator. The holder may
-/// be an emulator that is ending, or a client that checks whether an emulator runs.
+/// be an emulator shortly before its end, or a client that checks whether an emulator runs.
 const PATIENCE: Duration = Duration::from_millis(500);
 /// Longest wait if the holder looks like a running emulator. It may have been killed a moment ago, so its process still
 /// exists.

@@ -39,7 +39,7 @@ fn object(properties: &[(&str, Value)]) -> Value {
     json!({"type": "object", "properties": properties, "required": required})
 }
 
-/// Schema of an object whose content depends on the plant.
+/// Schema of an object with content that depends on the plant.
 fn described(text: &str) -> Value {
     json!({"type": "object", "description": text})
 }

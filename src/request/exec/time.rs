@@ -159,7 +159,7 @@ pub(super) fn stepped(host: &dyn Host) -> Result<(), Refused> {
     Err(Refused::new(Code::CLOCK_IS_REAL_TIME, text))
 }
 
-/// Checks the duration of an advance whose end the plant determines.
+/// Checks the duration of an advance if the plant determines its end.
 pub(super) fn limit(us: u64) -> Result<(), Refused> {
     if us <= MAX_ADVANCE_US {
         return Ok(());

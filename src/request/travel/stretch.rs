@@ -74,8 +74,8 @@ impl Stretch {
         self.end.time_us
     }
 
-    /// Repeats the stretch, at whose beginning the plant must be. Returns true if the journal at the end is the same as
-    /// the first time.
+    /// Repeats the stretch, at whose beginning the plant must be. Returns true if the journal at the end has the same
+    /// hash as the first time.
     pub(super) fn is_repeated(&self, plant: &mut Plant) -> bool {
         let StretchEnd { time_us, stores, hash } = self.end;
         RemainingStores(&self.stores[..stores]).go_to(plant, time_us);

@@ -91,8 +91,8 @@ impl Emulator {
         }
     }
 
-    /// With a stepped clock: gives turns to tasks in lockstep whose board has requested a start or stop. They obey at
-    /// the moment of the request, even if the clock does not advance.
+    /// With a stepped clock: gives a turn to each task in lockstep if its board has requested a start or stop. The task
+    /// obeys at the moment of the request, even if the clock does not advance.
     fn give_order_turns(&mut self) {
         if self.is_time_passing() || !self.lockstep.has_turns() {
             return;
