@@ -41,18 +41,18 @@ use ask::Spot;
 use core::panic::Location;
 use std::path::Path;
 
-/// Count of journal entries in a failure.
+/// Number of journal entries that a failure shows.
 const LAST_ENTRIES: usize = 8;
-/// Count of findings in a failure.
+/// Number of findings that a failure shows.
 const FIRST_FINDINGS: usize = 3;
-/// Count of journal records that are searched for the entries of a failure.
+/// Number of journal records that are searched for these entries.
 const LOOK_BACK: u64 = 512;
 
 /// A plant and the verbs that act on it.
 ///
-/// Registers are named as everywhere: `node2.w_CPU_CONTROL`, `line2:node2.a_STAT_SL[1]`, `%MW3.200000`. Values are
-/// numbers or texts such as `16#0040`; times are texts with a unit such as `2ms`, durations, or numbers of
-/// microseconds. Only the verbs that say so advance the clock.
+/// Registers have the same names as on the command line: `node2.w_CPU_CONTROL`, `line2:node2.a_STAT_SL[1]`,
+/// `%MW3.200000`. Values are numbers or texts such as `16#0040`. Times are texts with a unit such as `2ms`, durations,
+/// or numbers of microseconds. A verb advances the clock only if its description says so.
 ///
 /// ```
 /// use commram::script::{Bench, ScenarioError};
@@ -66,18 +66,18 @@ const LOOK_BACK: u64 = 512;
 /// ```
 pub struct Bench {
     carrier: Box<dyn Carrier>,
-    /// Whether only the verbs advance the clock.
+    /// True if the clock is stepped, so that only verbs advance it.
     is_stepped: bool,
     names: Names,
     /// Heading that failures report as their location.
     section: Option<String>,
-    /// Emulated time at the beginning.
+    /// Emulated time at the beginning of the scenario.
     started_us: u64,
-    /// Longest emulated time from the beginning.
+    /// Maximum emulated time from the beginning of the scenario.
     limit_us: u64,
     /// Faults that must take effect.
     required: Vec<Required>,
-    /// Snapshots that it keeps, by number.
+    /// Numbers of the kept snapshots.
     saved: Vec<u32>,
     /// Called regularly while the clock advances: returns true to end the verb.
     interrupt: Option<Box<dyn FnMut() -> bool + Send>>,
@@ -88,7 +88,7 @@ struct Required {
     number: u16,
     /// The text of the line.
     text: String,
-    /// The line of a script that requires it.
+    /// The line of a script that requires the fault.
     place: Option<ScriptLocation>,
 }
 
@@ -99,7 +99,7 @@ impl Bench {
     /// The built-in plant: PLC `line` with node 2 as the master of bus `drives`, which has drives 1, 2, 3.
     ///
     /// # Errors
-    /// None are expected.
+    /// No error is expected, because the built-in plant is valid.
     pub fn built_in() -> Result<Self, ScenarioError> {
         Self::new(&PlantConfig::built_in()?)
     }
@@ -130,7 +130,7 @@ impl Bench {
         #[cfg(all(test, feature = "channel"))]
         let carrier = super::federated::carrier(config)?;
         let mut bench = Self::on(carrier)?;
-        // The plant numbers its faults in the order of the file.
+        // The plant numbers its faults in the order of the plant file.
         let required = (1..).zip(&config.faults).filter(|(_, spec)| spec.required);
         let required =
             required.map(|(number, spec)| Required { number, text: spec.kind.clone(), place: None });
@@ -145,7 +145,7 @@ impl Bench {
         self.carrier.journal_hash()
     }
 
-    /// A running instance, through its channel. Its clock should be a stepped one.
+    /// A running instance, reached through its channel. Its clock should be stepped.
     ///
     /// # Errors
     /// The instance does not answer.
@@ -193,7 +193,7 @@ impl Bench {
     /// Emulated time in microseconds.
     ///
     /// # Errors
-    /// The instance has gone.
+    /// The instance has ended.
     pub fn now(&mut self) -> Result<u64, ScenarioError> {
         Ok(self.ask(Op::Time)?.time()?)
     }
@@ -206,7 +206,7 @@ impl Bench {
     /// Emulated time since the beginning, in microseconds.
     ///
     /// # Errors
-    /// The instance has gone.
+    /// The instance has ended.
     pub fn elapsed(&mut self) -> Result<u64, ScenarioError> {
         Ok(self.now()?.saturating_sub(self.started_us))
     }
@@ -219,10 +219,10 @@ impl Bench {
         self.peek_at(&self.find(register)?)
     }
 
-    /// Does the same as [`Bench::peek`] for a register from [`Bench::find`].
+    /// As [`Bench::peek`], for a register that [`Bench::find`] has returned.
     ///
     /// # Errors
-    /// The instance has gone.
+    /// The instance has ended.
     pub fn peek_at(&mut self, register: &Register) -> Result<i64, ScenarioError> {
         let value = self.load(register.spot)?;
         let live = if register.is_same_number() { register.place.last_phase() } else { self.live(register)? };
@@ -260,10 +260,10 @@ impl Bench {
         self.poke_at(&self.find(register)?, value)
     }
 
-    /// Does the same as [`Bench::poke`] for a register from [`Bench::find`].
+    /// As [`Bench::poke`], for a register that [`Bench::find`] has returned.
     ///
     /// # Errors
-    /// It cannot hold the value.
+    /// The register cannot hold the value.
     pub fn poke_at(&mut self, register: &Register, value: impl Into<Value>) -> Result<(), ScenarioError> {
         let bits = value.into().bits(&register.place)?;
         match register.place.bit_access() {
@@ -272,10 +272,10 @@ impl Bench {
         }
     }
 
-    /// Writes `new` if the register holds `current`; returns whether it did.
+    /// Writes `new` if the register holds `current`. Returns true if `new` was written.
     ///
     /// # Errors
-    /// There is no such register, it cannot hold the values, or it is a single bit.
+    /// There is no such register, it cannot hold one of the values, or the name means a single bit.
     pub fn compare_exchange(
         &mut self,
         register: &str,
@@ -288,7 +288,7 @@ impl Bench {
         Ok(self.ask(Op::CompareExchange { plc, offset, width, current, new })?.exchanged()?.is_ok())
     }
 
-    /// The RAM of a PLC, for its function blocks and tasks; `""` is the only one.
+    /// The RAM of a PLC, for its function blocks and tasks. `""` means the only PLC.
     ///
     /// # Errors
     /// There is no such PLC, or its RAM cannot be mapped.
@@ -297,7 +297,7 @@ impl Bench {
         self.ram_of(plc)
     }
 
-    /// The memory of a PLC, as a program on this PLC accesses it; `""` is the only PLC.
+    /// The memory of a PLC, for accesses like those of a program on this PLC. `""` means the only PLC.
     ///
     /// # Errors
     /// There is no such PLC, or its RAM cannot be mapped.
@@ -308,7 +308,7 @@ impl Bench {
 
     /// Waits after the call of a block until the board has answered its requests.
     pub(super) fn answer_boards(&mut self) -> Result<(), ScenarioError> {
-        // With a stepped clock the wait ends before any other request.
+        // With a stepped clock the boards answer before the next request.
         if self.is_stepped {
             self.ask(Op::Time)?;
         }
@@ -354,11 +354,11 @@ impl Bench {
         Ok(faults.into_iter().map(line).collect())
     }
 
-    /// The last records of the journal, at most `count`, oldest first. A record that counts several events has the
-    /// time of the last one.
+    /// The last records of the journal, at most `count`, oldest first. A record that counts several events has the time
+    /// of the last event.
     ///
     /// # Errors
-    /// The instance has gone.
+    /// The instance has ended.
     pub fn last_entries(&mut self, count: usize) -> Result<Vec<JournalLine>, ScenarioError> {
         let from = self.journal_end()?.saturating_sub(LOOK_BACK.max(count as u64));
         let (records, _) = self.records(from)?;
@@ -366,7 +366,8 @@ impl Bench {
         let (before, last) = records.split_at(records.len().saturating_sub(count));
         before.iter().for_each(|record| text.skip(record));
         let mut lines: Vec<_> = last.iter().map(|record| line(record, &mut text)).collect();
-        // A record that counts events is reported when its count ends, or after all others.
+        // The journal returns a record that counts events when its count has ended, or after all other records. So the
+        // lines are sorted by time.
         lines.sort_by_key(|line| line.time_us);
         Ok(lines)
     }

@@ -1,19 +1,19 @@
-//! Transport of the verbs' operations to a plant and of its replies.
+//! Transports operations of the verbs to a plant, and its replies back.
 
 use super::ScenarioError;
 use crate::identity::DeviceIndex;
 use crate::memory::Segment;
 use crate::request::{Op, Reply};
 
-/// The connection to the plant of a scenario. It moves with its bench from thread to thread.
+/// The connection to the plant of a scenario. It is `Send`, because its bench may move to another thread.
 pub(super) trait Carrier: Send {
     /// Executes an operation and returns its reply.
     ///
     /// # Errors
-    /// The operation was refused, or the plant has gone.
+    /// The operation was refused, or the instance has ended.
     fn ask(&mut self, op: Op) -> Result<Reply, ScenarioError>;
 
-    /// The RAM of a PLC, as a program on that PLC has it.
+    /// The RAM of a PLC, for accesses like those of a program on this PLC.
     ///
     /// # Errors
     /// There is no such PLC, or its RAM cannot be mapped.

@@ -1,10 +1,11 @@
-//! Errors of verbs as scripts catch them.
+//! Errors of verbs in the form in which scripts catch them.
 
 use super::ScenarioError;
 use rhai::{Dynamic, Engine, EvalAltResult, INT};
 use std::rc::Rc;
 
-/// The value that `catch (err)` receives from a verb. If the script throws it again, it is the same error.
+/// The value of `err` in `catch (err)` after an error of a verb. If the script throws this value again, the original
+/// error is kept.
 #[derive(Clone)]
 pub(super) struct Caught(pub Rc<ScenarioError>);
 
@@ -27,7 +28,7 @@ impl Caught {
         self.0.failure_kind().map_or("wrong_use", |kind| kind.name())
     }
 
-    /// A property that only failures have, and not all of them.
+    /// A property that only some failures have; unit for all other errors.
     fn of_failure<T: Into<Dynamic>>(&self, get: impl FnOnce(&super::Failure) -> Option<T>) -> Dynamic {
         match &*self.0 {
             ScenarioError::Failed(failure) => get(failure).map_or(Dynamic::UNIT, Into::into),

@@ -1,25 +1,25 @@
-//! Error messages of the engine, in words of the scenarios' language.
+//! Translates error messages of the script engine into terms of the scenario language.
 
 use super::{spelling, verb::verbs};
 use crate::layout::did_you_mean;
 use rhai::{Engine, EvalAltResult, FLOAT, INT};
 use std::borrow::Cow;
 
-/// The engine's name for a text among the arguments of an unknown call.
+/// The engine's name for the type of a text, in messages about unknown calls.
 const TEXT: &str = "&str | ImmutableString | String";
 
-/// Gives the types of numbers their names in the language of scenarios, not those of Rust: in errors that a script
-/// catches, and in `type_of`.
+/// Gives number types the names of the scenario language instead of Rust names, in errors that a script catches and in
+/// `type_of`.
 pub(super) fn name_types(engine: &mut Engine) {
     engine.register_type_with_name::<INT>("integer").register_type_with_name::<FLOAT>("float");
 }
 
-/// The message of a script, without our internal name that the engine prints.
+/// The message for users: replaces the internal type name that the engine prints.
 pub(super) fn in_words(message: &str) -> Cow<'_, str> {
     if message.contains(TEXT) { message.replace(TEXT, "string").into() } else { message.into() }
 }
 
-/// Types as the engine names them, and their names in messages.
+/// Names of types in the engine, each with the name for messages.
 const TYPES: [(&str, &str); 14] = [
     (TEXT, "a text"),
     ("string", "a text"),
@@ -58,7 +58,7 @@ pub(super) fn complaint(error: &EvalAltResult, line: &str) -> String {
         }
         other => {
             let mut text = other.to_string();
-            // Our own location replaces the engine's position.
+            // The report has its own location, so the position from the engine is removed.
             if let Some(end) = text.rfind(" (line ") {
                 text.truncate(end);
             }

@@ -35,7 +35,7 @@ pub(super) fn engine(stage: &Rc<RefCell<Stage>>) -> Engine {
     verbs.engine
 }
 
-/// Reason for the end of a script by its verb `skip`. A script cannot catch it.
+/// The reason that a script has given to its verb `skip`. It ends the script, and the script cannot catch it.
 #[derive(Clone)]
 pub(super) struct Skipped(pub(super) String);
 
@@ -65,7 +65,7 @@ impl Shared {
 struct Verbs {
     engine: Engine,
     stage: Shared,
-    /// Their names with their numbers of arguments.
+    /// Names of the registered verbs with their numbers of arguments.
     names: Vec<(&'static str, usize)>,
 }
 
@@ -84,7 +84,7 @@ impl Verbs {
         self.findings();
     }
 
-    /// Registers a verb, made from the stage.
+    /// Registers a verb. `make` creates its function, which acts on the stage.
     fn on<A: 'static, const N: usize, const X: bool, R: Clone + 'static, const F: bool, V>(
         &mut self,
         name: &'static str,
@@ -159,7 +159,7 @@ impl Verbs {
             move |context: NativeCallContext, condition: FnPtr, within: Dynamic| -> Fallible<INT> {
                 let within_us = stage.expect(|bench| bench.span(span(&within)?))?;
                 let start = stage.act(Bench::now)?;
-                // The stage is not borrowed meanwhile, because the condition uses verbs.
+                // The stage is not borrowed during the call, because the condition uses verbs.
                 while !condition.call_within_context::<bool>(&context, ())? {
                     stage.act(|bench| bench.pass_or_fail(start, within_us, Location::caller()))?;
                 }
@@ -169,7 +169,7 @@ impl Verbs {
     }
 }
 
-/// Expectations and section names of scenarios.
+/// Verbs for expectations and sections.
 impl Verbs {
     fn expectations(&mut self) {
         self.on("skip", |_| {
@@ -244,7 +244,8 @@ impl Verbs {
     }
 }
 
-/// The line of a verb: the script as the engine names it, nothing for the scenario itself.
+/// The line that calls a verb. The file is the name that the engine has for the script; it is empty for the scenario
+/// itself.
 fn place_of(context: &NativeCallContext) -> ScriptLocation {
     let line = context.call_position().line().and_then(|line| u32::try_from(line).ok());
     ScriptLocation {
@@ -291,7 +292,7 @@ mod tests {
     use crate::script::verb::{Verb, verbs};
     use std::path::PathBuf;
 
-    /// Signatures of verbs, as the tables of the reference have them in their first column.
+    /// Signatures of verbs: the first column of the tables in the reference.
     fn documented() -> Vec<String> {
         let rows = include_str!("../../docs/reference/scenarios.md")
             .lines()

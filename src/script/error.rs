@@ -19,7 +19,7 @@ pub enum ScenarioError {
     /// An expectation is not met.
     #[error("{0}")]
     Failed(Box<Failure>),
-    /// More emulated time than a scenario may take.
+    /// The scenario would take more emulated time than it may.
     #[error("{} of emulated time at {} would go beyond the {} that a scenario may take; does it end at all?", long(*.us), seconds(*.now_us), long(*.limit_us))]
     TooLong {
         /// Requested time, in microseconds.
@@ -38,7 +38,7 @@ pub enum ScenarioError {
     /// A value that the register cannot hold.
     #[error(transparent)]
     Value(#[from] BadValue),
-    /// A text that does not name a time.
+    /// The text is not a time.
     #[error("`{text}`: {source}")]
     Time {
         /// The given text.
@@ -46,7 +46,7 @@ pub enum ScenarioError {
         /// The error in the text.
         source: TimeError,
     },
-    /// An argument in its own notation.
+    /// An argument has the wrong notation.
     #[error("`{text}`: {right}")]
     Argument {
         /// The given text.
@@ -54,17 +54,17 @@ pub enum ScenarioError {
         /// A correct example.
         right: String,
     },
-    /// A register without a PLC in front, and several it could be in.
+    /// A register is named without its PLC, and several PLCs have such a register.
     #[error("`{text}`: the plant has several PLCs ({plcs}); write for example {example}:{text}")]
     WhichPlc {
         /// The given text.
         text: String,
         /// The PLCs.
         plcs: String,
-        /// An example of a known one.
+        /// An example of a PLC.
         example: String,
     },
-    /// A PLC, bus, area or drive that the plant does not have.
+    /// The plant does not have this PLC, bus, area or drive.
     #[error("there is no {what} '{name}'; there are: {known}")]
     Unknown {
         /// "PLC", "bus", "area" or "drive".
@@ -74,13 +74,13 @@ pub enum ScenarioError {
         /// The known names.
         known: String,
     },
-    /// A text that does not name a setting of a board.
+    /// The text is not a setting of a board.
     #[error(transparent)]
     Board(#[from] BoardAssignmentError),
-    /// A fault with a field that cannot be read.
+    /// A field of a fault cannot be read.
     #[error(transparent)]
     FaultWord(#[from] WordError),
-    /// A fault that the plant cannot have.
+    /// The plant cannot have this fault.
     #[error(transparent)]
     Fault(#[from] FaultError),
     /// The plant is refused.
@@ -95,7 +95,7 @@ pub enum ScenarioError {
     /// The plant sent a reply to another operation.
     #[error(transparent)]
     WrongReply(#[from] WrongReply),
-    /// The instance at the other end of the channel.
+    /// A request to the instance through the channel has failed.
     #[cfg(feature = "channel")]
     #[error(transparent)]
     Client(#[from] crate::channel::ClientError),
@@ -119,7 +119,7 @@ impl ScenarioError {
         Self::Argument { text: text.to_owned(), right: right.to_owned() }
     }
 
-    /// Whether the plant behaved differently from the scenario; otherwise the scenario itself is wrong.
+    /// True if the plant did not behave as the scenario expects. False if the scenario itself is wrong.
     pub fn is_failure(&self) -> bool {
         self.failure_kind().is_some()
     }

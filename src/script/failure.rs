@@ -16,7 +16,7 @@ pub enum FailureKind {
     Throw,
     /// The scenario exceeds its limits.
     Endless,
-    /// The plant refuses an operation, or has gone.
+    /// The plant refuses an operation, or its instance has ended.
     Refused,
     /// The scenario has no expectations.
     Empty,
@@ -42,7 +42,7 @@ pub struct Failure {
     pub kind: FailureKind,
     /// The failure in one line.
     pub what: String,
-    /// Name of the register, if it is about one.
+    /// Name of the register, if the expectation concerns a register.
     pub register: Option<String>,
     /// Address of the register.
     pub address: Option<String>,
@@ -50,7 +50,7 @@ pub struct Failure {
     pub expected: Option<String>,
     /// The actual value, decoded.
     pub actual: Option<String>,
-    /// The same as numbers, if the expectation concerns a register.
+    /// Expected and actual value as numbers, if the expectation concerns a register.
     pub numbers: Option<Numbers>,
     /// Duration of the wait in emulated microseconds, if the expectation is a wait.
     pub within_us: Option<u64>,
@@ -60,7 +60,7 @@ pub struct Failure {
     pub section: Option<String>,
     /// Count of findings of the access checker.
     pub findings: u64,
-    /// The first of them, a line each.
+    /// The first findings, a line each.
     pub first_findings: Vec<String>,
     /// The faults that wait or act, a line each.
     pub faults: Vec<String>,
@@ -86,13 +86,13 @@ pub struct ExchangeStep {
 pub enum ExchangeKind {
     /// The PLC's program writes a register.
     Program,
-    /// The firmware writes one.
+    /// The firmware writes a register.
     Firmware,
     /// Traffic on a bus.
     Bus,
     /// An error.
     Wrong,
-    /// Steps that are not listed one by one.
+    /// Steps that are left out or repeated.
     More,
 }
 
@@ -126,7 +126,7 @@ pub struct Numbers {
     pub expected: i64,
     /// The actual value, with all its bits.
     pub actual: i64,
-    /// The bits that count, if not all do.
+    /// Mask of the compared bits; `None` if all bits are compared.
     pub mask: Option<u32>,
     /// Allowed difference.
     pub tolerance: Option<u32>,
@@ -150,9 +150,9 @@ pub struct ScriptLocation {
     pub file: String,
     /// The line, from 1, if it is known.
     pub line: Option<u32>,
-    /// The column, from 1, of a test in Rust.
+    /// The column, from 1, for a test in Rust.
     pub column: Option<u32>,
-    /// The line's text, of a script.
+    /// Text of the line, for a script.
     pub source: Option<String>,
 }
 
@@ -213,7 +213,7 @@ impl fmt::Display for Failure {
     }
 }
 
-/// Tests that return an error show it by `Debug`: a failure is for people in any case.
+/// A test that returns an error prints it with `Debug`. So `Debug` also prints the text for people.
 impl fmt::Debug for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         fmt::Display::fmt(self, f)

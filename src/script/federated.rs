@@ -1,5 +1,5 @@
-//! The promise of federates: any scenario leaves the same journal with a plant of several hosts as in one process.
-//! Here the hosts are plants in this process that exchange messages through memory.
+//! Tests the promise of federates: a scenario on several hosts gives the same journal as in one process. In these tests
+//! the hosts are plants in this process that exchange messages through memory.
 
 use super::ScenarioError;
 use super::carrier::Carrier;
@@ -16,7 +16,8 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 thread_local! {
-    /// Count of federates of the plants of scenarios on this thread, and the number of the scenario's federate.
+    /// For scenarios on this thread: the number of federates of their plant, and the number of the federate that runs
+    /// the scenario.
     static FEDERATES: Cell<(u8, u8)> = const { Cell::new((1, 0)) };
 }
 
@@ -70,7 +71,7 @@ impl Federate {
         vec![0; self.plant.devices().len()]
     }
 
-    /// Receives the pending messages; returns whether this federate has its turn afterwards.
+    /// Receives the pending messages. Returns true if this federate has the turn afterwards.
     fn look(&mut self) -> bool {
         let mut federation = self.federation.take().unwrap();
         federation.look(self).unwrap();
@@ -157,7 +158,8 @@ struct Federated {
 }
 
 impl Federated {
-    /// A plant with `count` federates, the scenario at federate `own`, and this program at each of them.
+    /// Creates a plant with `count` federates. The scenario runs at federate `own`, and `program` creates a program for
+    /// each federate.
     fn new(
         config: &PlantConfig,
         count: u8,
@@ -222,7 +224,8 @@ mod tests {
     use crate::script::soak::{Round, RoundKind, exercises};
     use crate::script::{Limits, run_file};
 
-    /// Hash of the journal that a scenario leaves; `federates` is the count of federates and the number of this one.
+    /// Hash of the journal after a scenario. `federates` is the number of federates, and the number of the federate
+    /// that runs the scenario.
     fn hash(text: &str, federates: (u8, u8)) -> Option<u64> {
         let directory = tempfile::tempdir().unwrap();
         let file = directory.path().join("round.rhai");
@@ -233,8 +236,8 @@ mod tests {
         report.journal_hash
     }
 
-    /// A program at federate `number` that asks the board of PLC 0 for another event after each answer, and never in
-    /// its turn. It collects the results of the answers.
+    /// A program at federate `number`. After each answer of the board of PLC 0, the program requests another event, but
+    /// never in the turn of this federate. It collects the results of the answers.
     fn asks(number: u8, plant: &Plant, answers: &Arc<Mutex<Vec<u32>>>) -> Program {
         let image = plant.devices()[0].segment().clone();
         let event = [5, 12][usize::from(number)];
@@ -253,7 +256,8 @@ mod tests {
         })
     }
 
-    /// A board's answer comes at the same time everywhere, and none is lost, whenever a program has asked.
+    /// A board answers at the same emulated time on all hosts, and no answer is lost, independent of the time at which
+    /// a program asks.
     #[test]
     fn boards_are_asked_at_any_time() {
         let answers = [(); 2].map(|()| Arc::new(Mutex::new(Vec::new())));

@@ -10,18 +10,18 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-/// Deepest nesting of imports.
+/// Maximum depth of nested imports.
 const DEEPEST: usize = 32;
 
-/// Imports from files, named from the directory of the scenario.
+/// Imports of files. Relative paths begin at the directory of the scenario.
 pub(super) struct Imports {
     /// Modules that were imported before.
     modules: RefCell<BTreeMap<PathBuf, Rc<Module>>>,
     directory: PathBuf,
     scenario: PathBuf,
-    /// Imports with scripts that are being run, the outermost first.
+    /// Imports with a running script, the outermost first.
     under_way: RefCell<Vec<Import>>,
-    /// All requested files, once each.
+    /// All requested files, without repetitions.
     imported: Rc<RefCell<Vec<PathBuf>>>,
 }
 
@@ -43,7 +43,7 @@ impl core::fmt::Display for Import {
 }
 
 impl Imports {
-    /// For the scenario in file `scenario`; requested files are noted in `imported`.
+    /// Creates the imports of the scenario in file `scenario`. They append requested files to `imported`.
     pub(crate) fn new(scenario: &Path, directory: &Path, imported: Rc<RefCell<Vec<PathBuf>>>) -> Self {
         Self {
             modules: RefCell::default(),
@@ -54,7 +54,7 @@ impl Imports {
         }
     }
 
-    /// Notes an import, unless it leads back to a running script.
+    /// Begins an import. Refuses it if the script is already running, because the import would be circular.
     fn begin(&self, import: Import, path: &str) -> Result<(), ScenarioError> {
         let mut under_way = self.under_way.borrow_mut();
         let goes_round = [&self.scenario]
@@ -113,7 +113,8 @@ impl ModuleResolver for Imports {
     }
 }
 
-/// Compiles and runs the script of a module. A first line that begins with `#!` is for the system.
+/// Compiles and runs the script of a module. Ignores a first line that begins with `#!`, which is for the operating
+/// system.
 fn module(engine: &Engine, path: &str, text: &str) -> Result<Rc<Module>, Box<EvalAltResult>> {
     let text = match text.strip_prefix("#!") {
         Some(rest) => rest.find('\n').map_or("", |end| &rest[end..]),
@@ -138,7 +139,7 @@ fn at(error: ScenarioError, position: Position) -> Box<EvalAltResult> {
     error
 }
 
-/// Whether two paths name the same file, even by different directories.
+/// True if two paths name the same file, even through different directories.
 fn same_file(a: &Path, b: &Path) -> bool {
     let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
     a == b || real(a) == real(b)

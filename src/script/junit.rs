@@ -1,4 +1,4 @@
-//! The report that CI servers read.
+//! JUnit report, for CI servers.
 
 use super::{Outcome, Report};
 use crate::xml_text;
@@ -8,12 +8,13 @@ use std::time::Duration;
 
 /// Name of the test suites as a whole.
 const NAME: &str = "commram";
-/// Type of the result of a scenario that has skipped itself.
+/// Type of a skipped result if the scenario has called `skip`.
 pub(crate) const SKIP: &str = "skip";
 
-/// The reports as JUnit XML: one test suite per scenario file, with one test case. Times are real time; the emulated time, the
-/// number of expectations and the line of a failure are properties of the suite, as far as they are known. A scenario that died
-/// is an error, as is a broken one; one that was not run is skipped, as is one that has skipped itself, with the type `skip`.
+/// The reports as JUnit XML. Each scenario file is a test suite with one test case. Times are real time. The emulated
+/// time, the number of expectations and the line of a failure are properties of the suite, as far as they are known. A
+/// scenario that died or is broken is an error. A scenario that was not run is skipped. A scenario that has called
+/// `skip` is skipped with the type `skip`.
 ///
 /// The XML conforms to Jenkins' schema (junit-10), which has no properties, file or line in a test case, and no
 /// `skipped` in the root element (D-552).
@@ -24,7 +25,7 @@ pub fn junit(reports: &[Report]) -> Result<String, SerializeError> {
     named(reports, NAME)
 }
 
-/// Does the same as [`junit`] for the scenarios of shard `shard`, `2/3`, which is part of the name.
+/// As [`junit`], for the scenarios of a shard. `shard`, for example `2/3`, becomes part of the name.
 ///
 /// # Errors
 /// The errors of [`junit`].
@@ -32,7 +33,7 @@ pub fn junit_of_shard(reports: &[Report], shard: &str) -> Result<String, Seriali
     named(reports, &format!("{NAME} {shard}"))
 }
 
-/// The shard in the name of a report, `2/3`.
+/// The shard in the name of a report, for example `2/3`.
 #[cfg(feature = "cli")]
 pub(crate) fn shard_of_junit(name: &str) -> Option<&str> {
     name.strip_prefix(NAME)?.strip_prefix(' ')
@@ -50,7 +51,7 @@ fn named(reports: &[Report], name: &str) -> Result<String, SerializeError> {
 /// # Errors
 /// See [`junit`].
 pub(crate) fn junit_text(all: &quick_junit::Report) -> Result<String, SerializeError> {
-    // The library removes control characters only.
+    // The library removes only control characters, so other forbidden characters are removed here.
     let text = xml_text::allowed(all.to_string()?);
     // The first such attribute is in the root element.
     let skipped = text.find(" skipped=\"").map(|start| {

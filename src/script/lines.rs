@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-/// Pieces of a script that follow each other on one bench: later pieces know the declarations of earlier ones.
+/// Runs pieces of a script one after the other on one bench. Later pieces can use the declarations of earlier pieces.
 pub struct Lines {
     engine: Engine,
     stage: Rc<RefCell<Stage>>,
@@ -24,9 +24,9 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// Creates it on this bench; names of files start from `directory`. Printed lines go to `print`.
+    /// Creates it for this bench. Relative paths begin at `directory`. Printed lines go to `print`.
     pub fn new(bench: Bench, directory: &Path, print: impl FnMut(&str) + 'static) -> Self {
-        // A user at a terminal can press Ctrl-C.
+        // No limits are needed: a user at a terminal can press Ctrl-C.
         let limits = Limits { operations: 0, time_us: u64::MAX, real: Duration::MAX };
         let stage = Rc::new(RefCell::new(Stage::new(Some(bench), directory.to_owned(), limits.time_us)));
         let mut engine = engine(&stage);

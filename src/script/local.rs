@@ -11,7 +11,7 @@ use crate::request::{Execution, Host, InstanceInfo, Op, Reply, Travel};
 /// A plant in this process.
 pub(super) struct Local {
     plant: Plant,
-    /// Snapshots are kept by the scripts themselves.
+    /// History of the plant, which here only keeps the snapshots of the script.
     travel: Travel,
     is_stopping: bool,
 }
@@ -32,7 +32,7 @@ impl Carrier for Local {
         self.begin_request();
         let mut execution = Execution::default();
         loop {
-            // There are no other clients here: the first try is the last one.
+            // There are no other clients here, so an operation never waits or pauses.
             if let Some(reply) = execution.run(self, &op)? {
                 return Ok(reply);
             }

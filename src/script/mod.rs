@@ -1,9 +1,9 @@
 //! Scenarios: actions on a plant and expectations, as Rust tests or as scripts.
 //!
-//! [`Bench`] is a plant with verbs: poke, step, wait, expect, and so on. Tests in Rust use it directly; scripts in
-//! Rhai get the same verbs from [`run_file`] (`commram test`, reference in `docs/reference/scenarios.md`). The plant
-//! is either a new one on heap memory with a stepped clock, or a running instance that is reached over its channel.
-//! The verbs request the same operations from both ([`crate::request`]).
+//! [`Bench`] is a plant with verbs: poke, step, wait, expect, and so on. Tests in Rust use it directly. Scripts in Rhai
+//! get the same verbs from [`run_file`] (`commram test`, reference in `docs/reference/scenarios.md`). The plant is
+//! either a new plant on heap memory with a stepped clock, or a running instance, reached through its channel. The
+//! verbs execute the same operations ([`crate::request`]) on both.
 
 mod bench;
 mod carrier;

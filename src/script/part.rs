@@ -1,4 +1,4 @@
-//! Scripts that are parts of others, and the files that a script needs, as far as they are known without running it.
+//! Finds, without running a script, whether it is a part of other scripts, and which files it needs.
 
 use super::imports::module_file;
 use super::run::stack_guard;
@@ -7,12 +7,12 @@ use rhai::{Dynamic, Engine, EvalAltResult, Module, ModuleResolver, Position, Sco
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-/// Limit of steps: enough for constants, and too few for a noticeable delay.
+/// Maximum number of steps: enough for constants, and few enough to cause no noticeable delay.
 const OPERATIONS: u64 = 1_000;
-/// Longest texts, arrays and maps that these steps may create.
+/// Maximum size of texts, arrays and maps that these steps may create.
 const SIZE: usize = 1 << 12;
 
-/// Whether a script only defines functions and constants for other scripts, and calls no verb itself.
+/// True if a script only defines functions and constants for other scripts, and calls no verb itself.
 pub fn is_part(text: &str) -> bool {
     let mut engine = Engine::new();
     engine.set_max_operations(OPERATIONS);
@@ -46,7 +46,7 @@ impl ModuleResolver for Nothing {
     }
 }
 
-/// The files that a scenario imports, and the files that those import, if literal texts name them.
+/// The files that a scenario imports, and the files that these import, if their names are literal texts.
 pub fn needs(scenario: &Path) -> Vec<PathBuf> {
     let directory = scenario.parent().unwrap_or(Path::new(""));
     let (mut found, mut next): (Vec<PathBuf>, _) = (Vec::new(), Some(scenario.to_owned()));
@@ -64,7 +64,7 @@ pub fn needs(scenario: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// The quoted texts that follow the word `import`, also in comments.
+/// The quoted texts after the word `import`, even in comments.
 fn imports(text: &str) -> impl Iterator<Item = &str> {
     text.split("import").skip(1).filter_map(|rest| {
         let rest = rest.trim_start().strip_prefix(['"', '`'])?;

@@ -5,7 +5,7 @@ use super::complaint::in_words;
 /// Maximum count of bytes that are kept.
 pub(super) const MOST: usize = 1 << 20;
 
-/// The lines that a script has printed, up to [`MOST`] bytes; each line is also passed on at once.
+/// The lines that a script has printed, up to [`MOST`] bytes. Each line is also passed on immediately.
 pub(super) struct Printed {
     text: String,
     is_cut: bool,
@@ -40,7 +40,7 @@ impl Printed {
         (self.hand_on)(&self.text[start..]);
     }
 
-    /// Everything that was kept.
+    /// Takes all kept lines.
     pub(crate) fn take(&mut self) -> String {
         core::mem::take(&mut self.text)
     }
@@ -57,7 +57,8 @@ mod tests {
         let handed_on = Rc::new(RefCell::new(String::new()));
         let copy = Rc::clone(&handed_on);
         let mut printed = Printed::new(move |line| copy.borrow_mut().push_str(line));
-        // Two bytes each, and an odd number of them, so that the cut falls into a character.
+        // Each character has two bytes, and a line has an odd number of bytes with its end. So the limit is within a
+        // character.
         let line = "ü".repeat(300_000);
         printed.line("first");
         for _ in 0..3 {

@@ -1,4 +1,4 @@
-//! A running instance, through its channel.
+//! A running instance, reached through its channel.
 
 use super::ScenarioError;
 use super::carrier::Carrier;
@@ -16,7 +16,7 @@ pub(super) struct Remote {
 }
 
 impl Remote {
-    /// Takes over a connection.
+    /// Uses an existing connection.
     ///
     /// # Errors
     /// The instance does not answer.

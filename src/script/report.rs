@@ -15,8 +15,8 @@ pub enum Outcome {
     Failed(Box<Failure>),
     /// The script is wrong: it cannot be read or compiled, or uses a verb wrongly.
     Broken(Box<Mistake>),
-    /// The scenario was not run to its end: its process crashed or was killed. The text gives the known facts. Only
-    /// another process can report this outcome.
+    /// The process of the scenario crashed or was killed before its end. The text gives the known facts. Only another
+    /// process can report this outcome.
     Died(String),
     /// The scenario was not started; the text has the reason.
     NotRun(String),
@@ -42,7 +42,7 @@ impl Outcome {
         matches!(self, Self::Passed)
     }
 
-    /// Whether nothing is wrong: the scenario passed, or has skipped itself.
+    /// True if the scenario passed, or has called `skip`.
     pub fn is_fine(&self) -> bool {
         matches!(self, Self::Passed | Self::Skipped(_))
     }
@@ -78,11 +78,11 @@ pub struct Step {
 /// A finding of the access checker.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FoundLine {
-    /// Emulated time when it came first, in microseconds.
+    /// Emulated time of the first occurrence, in microseconds.
     pub first_us: u64,
     /// `error`, `warning` or `note`.
     pub severity: String,
-    /// The name of its rule.
+    /// Name of the rule.
     pub rule: String,
     /// The register.
     pub register: String,
@@ -97,7 +97,7 @@ pub struct FoundLine {
 /// A plot that a scenario has drawn.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PlotFile {
-    /// The name of its file.
+    /// Name of the file.
     pub name: String,
     /// The plot as SVG, independent of the format of the file.
     pub svg: String,
@@ -106,10 +106,10 @@ pub struct PlotFile {
 /// The result of a scenario.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Report {
-    /// The script, as named; a program that receives the report from another process knows it.
+    /// Path of the script, as given. Not part of the report that another process sends, because the receiver knows it.
     #[serde(skip)]
     pub file: PathBuf,
-    /// The plant: its file, or in words where else it comes from. Empty if the scenario did not run.
+    /// Description of the plant: its file, or another origin. Empty if the scenario did not run.
     pub plant: String,
     /// Outcome of the scenario.
     pub outcome: Outcome,
@@ -121,23 +121,24 @@ pub struct Report {
     pub journal_hash: Option<u64>,
     /// Time of the start.
     pub started: SystemTime,
-    /// Real time that it took.
+    /// Real time that the scenario took.
     pub took: Duration,
-    /// Printed lines, up to 1 MiB; a program that receives the report from another process already has them.
+    /// Printed lines, up to 1 MiB. Not part of the report that another process sends, because the receiver already has
+    /// them.
     #[serde(skip)]
     pub printed: String,
     /// The sections, including the part before the first one.
     pub steps: Vec<Step>,
     /// The findings of the access checker.
     pub findings: Vec<FoundLine>,
-    /// The plots that it has drawn.
+    /// The plots that the scenario has drawn.
     pub plots: Vec<PlotFile>,
-    /// The files that it has read beside itself: imports and the plant, whether they are there or not.
+    /// Files that the scenario has tried to read: imports and the plant file, even if they do not exist.
     pub reads: Vec<PathBuf>,
 }
 
 impl Report {
-    /// The report about a scenario with no known facts except its outcome.
+    /// A report that contains only the outcome, because nothing else is known.
     pub fn bare(file: PathBuf, outcome: Outcome) -> Self {
         Self {
             file,

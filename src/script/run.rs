@@ -18,21 +18,21 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::{Duration, Instant, SystemTime};
 
-/// Steps of a script between two checks of the real time.
+/// Number of steps of a script between two checks of the real time.
 const OPERATIONS_PER_LOOK: u64 = 8;
 /// Deepest nesting of function calls in a script.
 const MOST_CALLS: usize = 64;
 /// Deepest nesting of expressions in a script and in its functions.
 const DEEPEST_EXPRESSION: usize = 64;
 
-/// Stack in bytes that a thread needs in which scripts run: calls and expressions of this nesting fit in.
+/// Stack size, in bytes, of a thread that runs scripts. It is enough for calls and expressions of this depth.
 #[cfg(any(test, feature = "cli"))]
 pub(crate) const STACK: usize = 16 << 20;
-/// Stack in bytes that a script may take, for example by nested `eval`, which does not count as a call. The rest is
-/// for a single step, such as a compilation.
+/// Stack, in bytes, that a script may use, for example by nested `eval`, which does not count as a call. The rest of
+/// the stack is for a single step, such as a compilation.
 const MOST_STACK: usize = 12 << 20;
 
-/// Longest text of a message, in characters; longer ones contain text of a script.
+/// Maximum length of a message, in characters. Only messages that contain text of a script can be longer.
 const LONGEST_TEXT: usize = 2000;
 /// Longest line of a script in a report.
 const LONGEST_SOURCE: usize = 200;
@@ -40,11 +40,11 @@ const LONGEST_SOURCE: usize = 200;
 /// Limits after which a scenario counts as endless.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Steps of the script; waiting and stepping count as one.
+    /// Maximum number of steps of the script. A verb counts as a single step, even if it waits.
     pub operations: u64,
     /// Emulated time in microseconds.
     pub time_us: u64,
-    /// Limit in real time. Checked between the steps of the script, so that a single long step may take more.
+    /// Maximum real time. It is checked between steps of the script, so a single long step may exceed it.
     pub real: Duration,
 }
 
@@ -54,8 +54,8 @@ impl Default for Limits {
     }
 }
 
-/// Runs a scenario script: on the given `bench`, else on a new plant. Printed lines go to `print` at once, and
-/// are also in the report.
+/// Runs a scenario script on `bench`, or on a new plant if `bench` is `None`. Printed lines go to `print` immediately,
+/// and are also in the report.
 pub fn run_file(
     file: &Path,
     bench: Option<Bench>,
@@ -66,7 +66,7 @@ pub fn run_file(
     run_on(file, Stage::new(bench, directory, limits.time_us), limits, print)
 }
 
-/// Does the same as [`run_file`]; a script that names no plant gets `plant`, called `name` in the report.
+/// As [`run_file`]. A script that does not call `plant` gets `plant`, which the report calls `name`.
 pub fn run_file_for(
     file: &Path,
     (name, plant): (&str, PlantConfig),
@@ -141,7 +141,7 @@ fn run_text(
         }
     };
     let mut scope = Scope::new();
-    // The last argument of the verbs about frames, by its name.
+    // A constant for the last argument of the verbs about frames.
     scope.push_constant("extended", true);
     match engine.run_ast_with_scope(&mut scope, &ast) {
         Ok(()) => {
@@ -163,14 +163,15 @@ struct TooManySteps;
 #[derive(Clone, Copy)]
 struct TooDeep;
 
-/// Returns a function that returns true if the caller's stack has grown by more than a script may take.
+/// Returns a function that checks the stack: it returns true if the stack has grown by more than a script may use.
 pub(super) fn stack_guard() -> impl Fn() -> bool {
     let bottom = stack_position();
     move || bottom.abs_diff(stack_position()) > MOST_STACK
 }
 
 pub(super) fn limit(engine: &mut Engine, limits: Limits, start: Instant) {
-    // Counted here: the engine forgets the steps of a closure when a function such as `for_each` has called it.
+    // Steps are counted here, because the engine does not count the steps of a closure that a function such as
+    // `for_each` calls.
     let count = Cell::new(0_u64);
     let is_too_deep = stack_guard();
     engine.on_progress(move |_| {
@@ -244,7 +245,7 @@ fn judge(error: &ScenarioError, place: ScriptLocation, stage: &Rc<RefCell<Stage>
     }
 }
 
-/// A failure without expectation.
+/// A failure that does not come from an expectation.
 fn failed(kind: FailureKind, what: &str, place: ScriptLocation, stage: &Rc<RefCell<Stage>>) -> Outcome {
     match stage.borrow_mut().failure(what) {
         Some(failure) => failure_at(Failure { kind, ..failure }, place),
@@ -264,7 +265,7 @@ pub(super) fn broken(why: &dyn core::fmt::Display, location: ScriptLocation) -> 
     Outcome::Broken(Box::new(Mistake { what: cut(why.to_string(), LONGEST_TEXT), location }))
 }
 
-/// A line of a script.
+/// Location of a line of a script.
 pub(super) fn place(file: &Path, line: Option<usize>) -> ScriptLocation {
     let text = |line: usize| {
         let text = input_file::read(file, input_file::LONGEST_SCRIPT).ok()?;
@@ -278,10 +279,10 @@ pub(super) fn place(file: &Path, line: Option<usize>) -> ScriptLocation {
     }
 }
 
-/// The line of a script with an unmet requirement at its end.
+/// Location of a requirement that is not met at the end of a script.
 fn wanted_at(error: &ScenarioError, file: &Path, directory: &Path) -> ScriptLocation {
     let at = match error {
-        // A line in Rust has a column.
+        // A location with a column is in Rust code, not in the script.
         ScenarioError::Failed(failure) => failure.location.as_ref().filter(|at| at.column.is_none()),
         _ => None,
     };
@@ -313,7 +314,7 @@ fn innermost(error: &EvalAltResult, file: &Path, directory: &Path) -> ScriptLoca
 mod tests {
     use super::*;
 
-    /// The outcome of a script in a file of its own, in a thread with the stack that scripts need.
+    /// Runs a script from a temporary file, in a thread with the stack that scripts need.
     fn outcome(bytes: &[u8], limits: Limits) -> Outcome {
         let directory = tempfile::tempdir().unwrap();
         let file = directory.path().join("own.rhai");
@@ -339,7 +340,7 @@ mod tests {
         }
     }
 
-    /// Any script ends with an outcome, and reads and leaves no file except its own.
+    /// Every script ends with an outcome, reads no other file, and leaves no file.
     #[test]
     fn fuzz_scenario() {
         let limits = Limits { operations: 2_000, time_us: 20_000, real: Duration::from_secs(5) };

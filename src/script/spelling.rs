@@ -1,10 +1,10 @@
-//! Spellings of PLC languages in a line of a scenario, and the spelling of scenarios.
+//! Recognizes spellings of PLC languages in a line of a scenario, and suggests the spelling of scenarios.
 
 use super::verb::verbs;
 use crate::devices;
 use crate::layout::DeviceFit;
 
-/// Words of other languages, and the right ones.
+/// Words of other languages, each with the correct words of scenarios.
 const WORDS: &[(&str, &str)] = &[
     ("TRUE", "true"),
     ("FALSE", "false"),
@@ -24,7 +24,7 @@ const WORDS: &[(&str, &str)] = &[
     ("VAR", "let name = value;"),
 ];
 
-/// Functions of other languages and test tools, and the call to write.
+/// Functions of other languages and test tools, each with the correct call.
 const CALLS: &[(&str, &str)] = &[
     ("assert", "expect_that(condition, \"text\"), or expect(\"register\", value)"),
     ("assert_eq", "expect(\"register\", value)"),
@@ -45,12 +45,12 @@ const CALLS: &[(&str, &str)] = &[
     ("fail", "throw \"text\""),
 ];
 
-/// The call to write in place of a function that scenarios do not have.
+/// The correct call instead of a function that scenarios do not have.
 pub(super) fn call(name: &str) -> Option<&'static str> {
     CALLS.iter().find(|(known, _)| *known == name).map(|(_, right)| *right)
 }
 
-/// Names the first spelling of another language in a line, and the right one. `None` if the line has none.
+/// Describes the first spelling of another language in a line, and the correct spelling. `None` if the line has none.
 pub(super) fn mistake(line: &str) -> Option<String> {
     let code = code(line);
     let words = words(&code);
@@ -60,7 +60,7 @@ pub(super) fn mistake(line: &str) -> Option<String> {
         if let Some(right) = number(word).or_else(|| time(word)) {
             return wrong(word, &right);
         }
-        // A number and its unit with a blank in between.
+        // Also recognizes a number and its unit with a blank in between.
         let unit: String = next.chars().take_while(char::is_ascii_alphabetic).collect();
         if word.bytes().all(|digit| digit.is_ascii_digit() || digit == b'.') && is_unit(&unit) {
             return wrong(&format!("{word} {unit}"), &format!("a time as a text, \"{word}{unit}\""));
@@ -106,7 +106,7 @@ fn code(line: &str) -> String {
     code
 }
 
-/// The words of the code with their places; a word is a name, a number or an address with all its parts.
+/// The words of the code with their positions. A word is a whole name, number or address.
 fn words(code: &str) -> Vec<(usize, &str)> {
     let is_part =
         |sign: char| sign.is_ascii_alphanumeric() || matches!(sign, '_' | '#' | '.' | '%' | '[' | ']');
@@ -121,7 +121,7 @@ fn words(code: &str) -> Vec<(usize, &str)> {
     words
 }
 
-/// The right spelling of a number with a base in front.
+/// The correct spelling of a number with a base as prefix.
 fn number(word: &str) -> Option<String> {
     let (base, digits) = word.split_once('#')?;
     let prefix = match base {
@@ -133,7 +133,7 @@ fn number(word: &str) -> Option<String> {
     Some(format!("{prefix}{digits}, or the text \"{word}\""))
 }
 
-/// The right spelling of a time.
+/// The correct spelling of a time.
 fn time(word: &str) -> Option<String> {
     let time = ["T#", "t#", "TIME#"].iter().find_map(|front| word.strip_prefix(front)).unwrap_or(word);
     let unit = time.trim_start_matches(|sign: char| sign.is_ascii_digit() || sign == '.');
@@ -144,7 +144,7 @@ fn is_unit(text: &str) -> bool {
     matches!(text, "us" | "ms" | "s" | "min" | "h")
 }
 
-/// Whether the word is a register or an address of a device, which is a text in scenarios.
+/// True if the word is the name or address of a register, which must be a text in scenarios.
 fn is_register(word: &str) -> bool {
     let begins = word.starts_with(|sign: char| sign == '%' || sign.is_ascii_alphabetic());
     let is_candidate = begins && word.len() > 3 && (word.contains('.') || word.contains('_'));

@@ -1,4 +1,4 @@
-//! Values and times as scenarios give them.
+//! Values and times in the form that scenarios use.
 
 use super::ScenarioError;
 use crate::layout::place::BadValue;
@@ -12,15 +12,15 @@ use std::time::Duration;
 pub enum Value {
     /// A number of the register's type, or its bit pattern.
     Number(i64),
-    /// As engineers write it: `67`, `16#43`, `2#100_0011`.
+    /// A number in the notation of PLC languages: `67`, `16#43`, `2#100_0011`.
     Text(String),
 }
 
 impl Value {
-    /// The bits that the value is in the register at `place`.
+    /// The value as the bits of the register at `place`.
     ///
     /// # Errors
-    /// The register cannot hold it.
+    /// The register cannot hold the value.
     pub fn bits(&self, place: &NamedLocation) -> Result<u32, BadValue> {
         match self {
             Value::Text(text) => place.parse_value(text),
@@ -30,7 +30,7 @@ impl Value {
                 Ok(*number as u32 & place.ty(place.last_phase()).mask())
             }
             Value::Number(number) => place.parse_value(&number.to_string()).or_else(|error| {
-                // 16#FFFF is not a number of an INT, but a pattern of its bits.
+                // For example 16#FFFF is not a number of an INT, but a pattern of its bits.
                 let pattern = u32::try_from(*number).ok();
                 let pattern = pattern.filter(|_| place.bit().is_none());
                 pattern
@@ -41,7 +41,7 @@ impl Value {
     }
 }
 
-/// A script may have written the number in decimal or hexadecimal.
+/// Shows the number in decimal and hexadecimal, because a script may have written it in either base.
 fn both(error: BadValue, number: i64) -> BadValue {
     match error.source {
         ValueError::Range { ty, least, most, mask, .. } if number > 9 => {
@@ -52,7 +52,7 @@ fn both(error: BadValue, number: i64) -> BadValue {
     }
 }
 
-/// Whether a type has this number.
+/// True if the type has this number.
 fn is_of(ty: RegType, number: i64) -> bool {
     ty.number(number as u32) == number
 }
@@ -78,14 +78,14 @@ impl From<&str> for Value {
 /// A span of emulated time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Span {
-    /// In microseconds.
+    /// A number of microseconds.
     Us(u64),
-    /// With a unit: `500us`, `2ms`, `1.5s`.
+    /// A text with a unit: `500us`, `2ms`, `1.5s`.
     Text(String),
 }
 
 impl Span {
-    /// In microseconds.
+    /// A number of microseconds.
     ///
     /// # Errors
     /// The text is not a time.

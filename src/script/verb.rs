@@ -1,14 +1,14 @@
-//! The verbs from their definition file: one table for editors, messages and the reference.
+//! The table of verbs, read from their definition file. Editors, messages and the reference use the same file.
 
-/// The verbs for editors that know Rhai's definition files: names, parameters, types, descriptions.
+/// The definition file, in Rhai's format for editors: names, parameters, types and descriptions of the verbs.
 pub const DEFINITIONS: &str = include_str!("verbs.d.rhai");
 
-/// A verb of scenarios. A verb with several counts of arguments has one entry for each count.
+/// A verb of scenarios. A verb that can have different numbers of arguments has one entry for each number.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Verb {
-    /// Name.
+    /// Name of the verb.
     pub name: &'static str,
-    /// Names and types of its parameters. `?` is a value, a time or data, which are given as one of several types.
+    /// Names and types of the parameters. The type `?` means several types: a value, a time or data.
     pub parameters: Vec<(&'static str, &'static str)>,
 }
 
@@ -25,7 +25,7 @@ pub fn verbs() -> Vec<Verb> {
     DEFINITIONS.lines().filter_map(verb).collect()
 }
 
-/// The verbs of this name.
+/// The verbs with this name.
 pub(super) fn called(name: &str) -> Vec<Verb> {
     verbs().into_iter().filter(|verb| verb.name == name).collect()
 }

@@ -13,15 +13,15 @@ use std::time::Duration;
 
 /// Emulated time between two checks for an interrupt of the verb, in microseconds.
 const SLICE_US: u64 = 100_000;
-/// Pause between two reads of a clock that runs by itself.
+/// Pause between two reads of a real-time clock.
 const PAUSE: Duration = Duration::from_micros(500);
 
-/// A register access: which PLC, where, how wide.
+/// A register access: PLC, offset and width.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Spot {
     /// Number of the PLC in the plant.
     pub plc: DeviceIndex,
-    /// Byte in the image.
+    /// Byte offset in the image.
     pub offset: u32,
     /// Width of the access.
     pub width: Width,
@@ -48,8 +48,8 @@ impl Bench {
         Ok(self.ask(Op::Poke { plc, offset, width, value })?.written()?)
     }
 
-    /// Writes a single bit and leaves the other bits of its register, even if other programs write them at the same
-    /// time.
+    /// Writes a single bit. The other bits of the register keep their values, even if other programs write them at the
+    /// same time.
     pub(super) fn store_bit(
         &mut self,
         plc: DeviceIndex,
@@ -90,8 +90,7 @@ impl Bench {
         if ends { Err(ScenarioError::Interrupted) } else { Ok(()) }
     }
 
-    /// Advances the clock to the next event, by `within_us` at most. With a clock that runs by itself, waits for a
-    /// moment.
+    /// Advances the clock to the next event, by `within_us` at most. With a real-time clock, waits for a moment.
     pub(super) fn advance_to_event(&mut self, within_us: u64) -> Result<(), ScenarioError> {
         self.go_on()?;
         if self.is_stepped {
@@ -102,8 +101,8 @@ impl Bench {
         Ok(())
     }
 
-    /// Waits until `register AND mask = value`; if that does not happen in time, the error is the register's last
-    /// value.
+    /// Waits until `register AND mask = value`. If this does not happen in time, the error is the last value of the
+    /// register.
     pub(super) fn wait_op(
         &mut self,
         spot: Spot,
@@ -147,9 +146,9 @@ impl Bench {
         Ok(self.ask(Op::Findings)?.findings()?)
     }
 
-    /// Number of the journal record to come.
+    /// Number that the next record of the journal will have.
     pub(super) fn journal_end(&mut self) -> Result<u64, ScenarioError> {
-        // A request from a number that no record has yet only returns the end.
+        // With a number that no record has yet, the reply has no records, only the end.
         Ok(self.ask(Op::Journal { from: u64::MAX, max: 0 })?.journal()?.1)
     }
 

@@ -11,8 +11,8 @@ use crate::script::{ScenarioError, Value};
 const PATIENCE_US: u64 = 100_000;
 
 impl Bench {
-    /// The displays and switch positions of the board of a PLC, and the same in words as far as the device has a
-    /// board; `""` is the only PLC.
+    /// The displays and switch positions of the board of a PLC, as numbers and as words. Words are present only for
+    /// elements that the device has. `""` means the only PLC.
     ///
     /// # Errors
     /// There is no such PLC.
@@ -22,8 +22,8 @@ impl Bench {
         Ok((state, state.words(devices::board_of(self.names.device(plc)))))
     }
 
-    /// The displays and switch positions of the modules of a modular PLC, by the names of their ports; `None` if it
-    /// is not modular. `""` is the only PLC.
+    /// The displays and switch positions of the modules of a modular PLC, by the names of their ports. `None` if the
+    /// PLC is not modular. `""` means the only PLC.
     ///
     /// # Errors
     /// There is no such PLC.
@@ -33,7 +33,7 @@ impl Bench {
         Ok(devices::modules(ram.header(), self.names.device(plc)))
     }
 
-    /// The words and values of the front of a PLC, if it has a separate front; `""` is the only PLC.
+    /// The front elements that are specific to the device of a PLC, with their values. `""` means the only PLC.
     ///
     /// # Errors
     /// There is no such PLC.
@@ -43,11 +43,11 @@ impl Bench {
         Ok(ram.header().front_words(self.names.device(plc)).collect())
     }
 
-    /// Turns switches, in the words of `commram board set`: `dip=5 switch=stop`, `line2:power=off`, `start=cold`,
-    /// `maxx:slotH.dip=7`. All at the present emulated time, one after the other.
+    /// Sets switches. `words` has the notation of `commram board set`: `dip=5 switch=stop`, `line2:power=off`,
+    /// `start=cold`, `maxx:slotH.dip=7`. All settings are made at the present emulated time, in their order.
     ///
     /// # Errors
-    /// There is no such PLC or setting, or the value is invalid; then no setting is changed.
+    /// There is no such PLC or setting, or a value is invalid. Then no setting is changed.
     pub fn set_board(&mut self, words: &str) -> Result<(), ScenarioError> {
         let setting = |word| {
             let word = BoardAssignment::parse(word)?;
@@ -82,11 +82,12 @@ impl Bench {
         self.turn(plc, BoardSetting::PowerCycle)
     }
 
-    /// Gives a retain flag the initial value that every cold start writes, as a program's declaration does:
-    /// `%MD10000000`, `line2:%MW10000004`. The default initial value is 0.
+    /// Sets the initial value of a retain flag, which every cold start writes into the flag. The declaration in a PLC
+    /// program has the same effect. `flag` is for example `%MD10000000` or `line2:%MW10000004`. The default initial
+    /// value is 0.
     ///
     /// # Errors
-    /// The text is not an address of retain flags, the PLC has fewer, or the value does not fit.
+    /// The text is not the address of a retain flag, the PLC does not have this flag, or the value does not fit.
     pub fn initial_flag(&mut self, flag: &str, value: impl Into<Value>) -> Result<(), ScenarioError> {
         let register = self.whole_register(flag)?;
         let (address, bits) = (register.place.address(), value.into().bits(&register.place)?);
@@ -99,7 +100,7 @@ impl Bench {
         let request = slot.ask(address.offset() - retain.area.first, address.width().bytes(), bits);
         ram.header().submit_request();
         self.answer_boards()?;
-        // A clock that runs by itself needs time to reach the request.
+        // With a real-time clock, the firmware needs some time to see the request.
         let deadline = self.now()?.saturating_add(PATIENCE_US);
         while slot.outcome(request).is_none() && self.pass(deadline)? {}
         match slot.outcome(request) {
@@ -112,8 +113,8 @@ impl Bench {
         }
     }
 
-    /// Number of occurrences of an event of a PLC since power-on; `""` is the only PLC. The device's overview page has
-    /// the numbers of the events, which count while they are enabled.
+    /// Number of occurrences of an event of a PLC since power-on. An event is counted only while it is enabled. The
+    /// overview page of the device has the numbers of the events. `""` means the only PLC.
     ///
     /// # Errors
     /// There is no such PLC or event.

@@ -6,7 +6,8 @@ use crate::request::Op;
 use crate::script::ScenarioError;
 
 impl Bench {
-    /// State and parameters of a drive, named as in the plant file; the drive of a PLC as `line:drive`.
+    /// State and parameters of a drive. `name` is its name in the plant file, or `line:drive` for the drive that
+    /// contains PLC `line`.
     ///
     /// # Errors
     /// There is no such drive.

@@ -1,7 +1,8 @@
-//! The exchanges between program, firmware and bus that may have led to a failure. The report draws them.
+//! Selects the exchanges between program, firmware and bus that may have led to a failure. The report draws them as a
+//! picture.
 //!
-//! The last steps alone would often show only the time after the error. So repetitions become one line. The picture
-//! also has the steps before the first finding, and the last two repetitions of each handshake.
+//! The last steps alone would often show only the time after the error. So repeated steps become one line, and the
+//! picture also contains the steps before the first finding, and the last two repetitions of each handshake.
 
 use super::{Bench, line};
 use crate::devices;
@@ -16,7 +17,7 @@ use std::collections::{HashMap, HashSet};
 
 /// Count of journal records that are searched.
 const LOOK_BACK: u64 = 4096;
-/// Count of last lines that are always in the picture.
+/// Number of lines at the end that are always in the picture.
 const LAST: usize = 24;
 /// Maximum count of lines in the picture.
 const MOST: usize = 72;
@@ -26,9 +27,9 @@ const BESIDE: usize = 2;
 const BEFORE_FINDING: usize = 8;
 /// Count of repetitions that are shown of each handshake.
 const REPETITIONS: usize = 2;
-/// Longest pattern with repetitions in one line, in steps.
+/// Maximum length, in steps, of a pattern that can be shown once for several repetitions.
 const LONGEST: usize = 24;
-/// Minimum count of repetitions that become one line.
+/// Minimum number of repetitions that become one line.
 const OFTEN: usize = 3;
 
 /// A register: number of the PLC, and offset.
@@ -39,7 +40,7 @@ type RegisterKey = (DeviceIndex, u32);
 enum PictureLine {
     /// A step.
     Step(usize),
-    /// The preceding lines are repeated: count of further repetitions, and the last step of those.
+    /// The preceding lines are repeated: number of further repetitions, and index of their last step.
     Again(usize, usize),
 }
 
@@ -64,13 +65,13 @@ impl Bench {
                 None => text.skip(record),
             }
         }
-        // A counted record comes when its count ends.
+        // The journal returns a counted record when its count has ended, so steps are sorted by time.
         steps.sort_by_key(|(_, step)| step.line.time_us);
         Ok(picture(&steps))
     }
 }
 
-/// The register that an event is about.
+/// The register to which an event refers.
 fn register(event: &Event) -> Option<RegisterKey> {
     let changed = event.get().map(|Changed { plc, offset, .. }| (plc, offset));
     let written = || event.get().map(|ChannelWrite { plc, offset, .. }| (plc, offset));
@@ -112,20 +113,20 @@ fn picture(steps: &[(Event, ExchangeStep)]) -> Vec<ExchangeStep> {
     lines
 }
 
-/// A line about steps that are not shown one by one.
+/// A line in place of steps that are left out.
 fn note_line(time_us: u64, what: String) -> ExchangeStep {
     let line = JournalLine { time_us, kind: String::new(), text: format!("{}  {what}", seconds(time_us)) };
     ExchangeStep { kind: ExchangeKind::More, line }
 }
 
-/// Shows repeated patterns once.
+/// Replaces repetitions of a pattern of steps by one line.
 fn folded<K: PartialEq>(keys: &[K]) -> Vec<PictureLine> {
     let (mut pieces, mut at) = (Vec::new(), 0);
     while at < keys.len() {
         let rest = &keys[at..];
         let times = |len: &usize| rest.chunks(*len).take_while(|chunk| *chunk == &rest[..*len]).count();
         let patterns = (1..=LONGEST.min(rest.len())).map(|len| (len, times(&len)));
-        // Of several patterns that save the same number of lines, the shortest is used.
+        // If several patterns save the same number of lines, the shortest one is used.
         let best =
             patterns.filter(|(_, times)| *times >= OFTEN).rev().max_by_key(|(len, times)| len * (times - 1));
         let (len, times) = best.unwrap_or((1, 1));
@@ -138,7 +139,8 @@ fn folded<K: PartialEq>(keys: &[K]) -> Vec<PictureLine> {
     pieces
 }
 
-/// Chooses the lines to show. `line_steps` has the kind and the register of each line; `finding`: the first finding.
+/// Chooses the lines to show. `line_steps` has the kind and the register of each line. `finding` is the index of the
+/// first finding.
 fn chosen(line_steps: &[Option<(ExchangeKind, Option<RegisterKey>)>], finding: Option<usize>) -> Vec<bool> {
     let mut shown = vec![false; line_steps.len()];
     shown.iter_mut().rev().take(LAST).for_each(|shown| *shown = true);

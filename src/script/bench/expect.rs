@@ -1,4 +1,4 @@
-//! Waiting for registers and expecting values.
+//! Verbs that wait for registers and expect values.
 
 use super::Bench;
 use super::register::Register;
@@ -11,7 +11,7 @@ impl Bench {
     /// Waits until the register holds the value; returns the time waited, in microseconds.
     ///
     /// # Errors
-    /// The register does not hold the value within this time; or wrong use, as with [`Bench::poke`].
+    /// The register does not get the value within this time; or the errors of [`Bench::poke`].
     #[track_caller]
     pub fn wait(
         &mut self,
@@ -25,7 +25,7 @@ impl Bench {
         self.wait_for(&register, mask, value, within.into(), at)
     }
 
-    /// Does the same as [`Bench::wait`] for the bits of `mask` only.
+    /// As [`Bench::wait`], for the bits of `mask` only.
     ///
     /// # Errors
     /// The errors of [`Bench::wait`]; or the value has bits outside the mask.
@@ -42,8 +42,8 @@ impl Bench {
         self.wait_for(&register, mask, value, within.into(), at)
     }
 
-    /// Waits until `condition` holds; it is evaluated after each possible event. Returns the time waited, in
-    /// microseconds.
+    /// Waits until `condition` holds. The condition is evaluated after each event that may change it. Returns the time
+    /// waited, in microseconds.
     ///
     /// # Errors
     /// The condition does not hold within this time; or an error of `condition`.
@@ -61,7 +61,8 @@ impl Bench {
         Ok(self.now()? - start)
     }
 
-    /// Advances the clock a little within a wait that began at `start_us`, or fails if its end is reached.
+    /// Advances the clock to the next event during a wait that began at `start_us`. Fails if the end of the wait is
+    /// reached.
     ///
     /// # Errors
     /// The end is reached, or the instance has gone.
@@ -81,7 +82,7 @@ impl Bench {
         Err(failure.into())
     }
 
-    /// Advances the clock a little on the way to `deadline`; `false` if the deadline is over.
+    /// Advances the clock to the next event, at most to `deadline`. Returns `false` if the deadline is over.
     pub(super) fn pass(&mut self, deadline: u64) -> Result<bool, ScenarioError> {
         let left_us = deadline.saturating_sub(self.now()?);
         if left_us > 0 {
@@ -93,7 +94,7 @@ impl Bench {
     /// Expects that the register holds the value.
     ///
     /// # Errors
-    /// The register holds another value; or wrong use, as with [`Bench::poke`].
+    /// The register holds another value; or the errors of [`Bench::poke`].
     #[track_caller]
     pub fn expect(&mut self, register: &str, value: impl Into<Value>) -> Result<(), ScenarioError> {
         let at = Location::caller();
@@ -102,7 +103,7 @@ impl Bench {
         self.expect_pattern(&register, mask, value, at)
     }
 
-    /// Expects the bits of `value` in the register's bits under `mask`.
+    /// Expects that the register's bits under `mask` equal the bits of `value`.
     ///
     /// # Errors
     /// The errors of [`Bench::expect`]; or the value has bits outside the mask.
@@ -118,7 +119,7 @@ impl Bench {
         self.expect_pattern(&register, mask, value, at)
     }
 
-    /// Expects a number of the register's type that is at most `tolerance` away from `value`.
+    /// Expects that the register, as a number of its type, differs from `value` by at most `tolerance`.
     ///
     /// # Errors
     /// The errors of [`Bench::expect`].
@@ -147,10 +148,11 @@ impl Bench {
         Err(failure.into())
     }
 
-    /// Expects a condition that the scenario has evaluated itself; `text` describes it.
+    /// Expects that `holds`, a condition that the scenario has evaluated itself, is true. `text` describes the
+    /// condition.
     ///
     /// # Errors
-    /// It does not hold.
+    /// The condition is false.
     #[track_caller]
     pub fn expect_that(&mut self, holds: bool, text: &str) -> Result<(), ScenarioError> {
         let at = Location::caller();
@@ -241,7 +243,7 @@ fn wanted(register: &Register, live: RegisterPhase, mask: u32, value: u32) -> St
     if mask == whole { text } else { format!("{text} under mask {}", register.place.format(live, mask)) }
 }
 
-/// The expected value, decoded if all bits count.
+/// The expected value, with its meaning if all bits count.
 fn expected(register: &Register, live: RegisterPhase, mask: u32, value: u32) -> String {
     let (whole, _) = register.pattern(0);
     if mask == whole { register.describe(live, value, false) } else { wanted(register, live, mask, value) }

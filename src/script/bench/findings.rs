@@ -18,7 +18,7 @@ impl Bench {
         self.entries()
     }
 
-    /// Forgets the findings of the access checker.
+    /// Clears the findings of the access checker.
     ///
     /// # Errors
     /// The instance has gone.
@@ -26,7 +26,7 @@ impl Bench {
         Ok(self.ask(Op::ClearFindings)?.cleared()?)
     }
 
-    /// Expects that the access checker has no findings, neither errors nor warnings, except of these rules.
+    /// Expects that the access checker has no findings (errors or warnings), except of the rules in `allowed`.
     ///
     /// # Errors
     /// There are other findings; or there is no such rule.
@@ -54,7 +54,8 @@ impl Bench {
         Err(failure.into())
     }
 
-    /// The register of a finding, with the PLC in front if there are several; its address if it has no name.
+    /// The register of a finding, with the PLC as a prefix if there are several. The address of the register if it has
+    /// no name.
     pub fn finding_place(&self, entry: &Entry) -> String {
         let fitted = self.names.fitted(entry.last.plc);
         let address = || entry.last.address(fitted).map(|address| address.to_string());

@@ -16,7 +16,7 @@ const LAST_FRAMES: usize = 6;
 /// A frame that was on a bus.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SeenFrame {
-    /// Emulated time of its end, in microseconds.
+    /// Emulated time of the end of the frame, in microseconds.
     pub time_us: u64,
     /// The frame.
     pub frame: Frame,
@@ -28,9 +28,10 @@ pub struct SeenFrame {
 struct Pattern {
     id: u32,
     mask: u32,
-    /// Whether the identifier has 29 bits.
+    /// True if the identifier has 29 bits.
     extended: bool,
-    /// The data bytes, `None` for any byte; no list for any data of any length.
+    /// The data bytes; a byte is `None` if it can have any value. `None` instead of the list allows any data of any
+    /// length.
     data: Option<Vec<Option<u8>>>,
 }
 
@@ -83,7 +84,7 @@ impl Pattern {
     }
 }
 
-/// All bits of an identifier, which is also the highest identifier.
+/// Mask with all bits of a standard identifier; also the highest standard identifier.
 const STANDARD: u16 = 0x7FF;
 const EXTENDED: u32 = 0x1FFF_FFFF;
 
@@ -122,11 +123,11 @@ fn parse_data(text: &str) -> Result<Option<Vec<Option<u8>>>, ScenarioError> {
 }
 
 impl Bench {
-    /// Waits for a frame with identifier `id` and `data` that ends from now on; advances the clock until then. `data`
-    /// is `44 33 .. 11` in the order of the bytes, `..` for any byte, or `*` for any data.
+    /// Waits for a frame with identifier `id` and `data`, and advances the clock until the end of this frame. `data` is
+    /// for example `44 33 .. 11`, in the order of the bytes, with `..` for any byte; or `*` for any data.
     ///
     /// # Errors
-    /// No such frame within this time; or there is no such bus, or no such identifier.
+    /// No such frame ends within this time; or there is no such bus, or the identifier is invalid.
     #[track_caller]
     pub fn expect_frame(
         &mut self,
@@ -138,7 +139,7 @@ impl Bench {
         self.expect_masked_frame(bus, id, 0x7FF, data, within)
     }
 
-    /// Does the same as [`Bench::expect_frame`] for all identifiers that equal `id` in the bits under `mask`.
+    /// As [`Bench::expect_frame`], for all identifiers that equal `id` in the bits under `mask`.
     ///
     /// # Errors
     /// The errors of [`Bench::expect_frame`].
@@ -154,7 +155,7 @@ impl Bench {
         self.expect_match(bus, &Pattern::new(id, mask, data)?, within.into(), Location::caller())
     }
 
-    /// Does the same as [`Bench::expect_frame`] for an identifier of 29 bits.
+    /// As [`Bench::expect_frame`], for an identifier of 29 bits.
     ///
     /// # Errors
     /// The errors of [`Bench::expect_frame`].
@@ -198,7 +199,7 @@ impl Bench {
     /// Advances the clock by this time, and expects that no frame with the bits of `id` under `mask` ends within it.
     ///
     /// # Errors
-    /// There is such a frame; or wrong use as with [`Bench::expect_frame`].
+    /// Such a frame has ended; or there is no such bus, or the identifier is invalid.
     #[track_caller]
     pub fn expect_no_frame(
         &mut self,
@@ -210,7 +211,7 @@ impl Bench {
         self.expect_no_match(bus, &Pattern::new(id, mask, "*")?, within.into(), Location::caller())
     }
 
-    /// Does the same as [`Bench::expect_no_frame`] for an identifier of 29 bits.
+    /// As [`Bench::expect_no_frame`], for an identifier of 29 bits.
     ///
     /// # Errors
     /// The errors of [`Bench::expect_no_frame`].
@@ -224,12 +225,12 @@ impl Bench {
         self.expect_no_match(bus, &Pattern::extended(id, "*")?, within.into(), Location::caller())
     }
 
-    /// Sends a data frame from guest 0, a separate station of the bus. `data` is `44 33 11`. The clock does not
-    /// advance: other frames that wait for the bus take part in the arbitration.
+    /// Sends a data frame from guest 0, a separate station of the bus. `data` is for example `44 33 11`. The clock does
+    /// not advance. The frame takes part in the arbitration with other frames that wait for the bus.
     ///
     /// # Errors
-    /// There is no such bus or identifier, `data` is invalid, or the bus does not take the frame: 64 frames wait
-    /// already, the bus knows no such frames, or no process runs the bus.
+    /// There is no such bus, the identifier or `data` is invalid, or the bus refuses the frame: 64 frames wait already,
+    /// the bus has no such frames, or no master runs the bus.
     pub fn send_frame(
         &mut self,
         bus: &str,
@@ -246,7 +247,7 @@ impl Bench {
         Ok(self.ask(Op::BusSend { bus, frame: Some(frame) })?.written()?)
     }
 
-    /// Sends a remote frame that asks for the data of an identifier, with a length of 0.
+    /// Sends a remote frame with this identifier and a length of 0.
     ///
     /// # Errors
     /// See [`Bench::send_frame`].
@@ -271,7 +272,7 @@ impl Bench {
         Err(failure.into())
     }
 
-    /// The frames on a bus that ended at time `since` (microseconds) or later, as far as the journal keeps them.
+    /// The frames on a bus that have ended at time `since` (microseconds) or later and that the journal still keeps.
     ///
     /// # Errors
     /// There is no such bus.
@@ -281,7 +282,7 @@ impl Bench {
         Ok(records.iter().filter_map(|record| frame_of(record, bus)).collect())
     }
 
-    /// The records of the journal that end at time `since` (microseconds) or later, as far as they are kept.
+    /// The records that end at time `since` (microseconds) or later and that the journal still keeps.
     ///
     /// # Errors
     /// The instance has gone.
@@ -291,7 +292,7 @@ impl Bench {
         Ok(records)
     }
 
-    /// The first frame from now on that matches.
+    /// Waits for the first matching frame from now on.
     fn look_for(
         &mut self,
         bus: &str,
@@ -300,7 +301,7 @@ impl Bench {
     ) -> Result<Option<SeenFrame>, ScenarioError> {
         let (bus, us) = (self.bus(bus)?, self.span(within)?);
         let deadline = self.now()? + us;
-        // A scenario that waits for frames takes part in the bus, so that it acknowledges them.
+        // A scenario that waits for frames takes part in the bus, so that the frames are acknowledged.
         self.ask(Op::BusSend { bus, frame: None })?.written()?;
         let mut next = self.journal_end()?;
         loop {

@@ -12,7 +12,7 @@ use core::panic::Location;
 pub struct PastChange {
     /// Emulated time of the change in microseconds.
     pub time_us: u64,
-    /// Value before the change, as a number of its type.
+    /// Value before the change, as a number of the register's type.
     pub from: i64,
     /// Value after the change.
     pub to: i64,
@@ -21,11 +21,11 @@ pub struct PastChange {
 }
 
 impl Bench {
-    /// Keeps every change from now on of a register, or of all registers of an area, in the journal. This does not
+    /// From now on, records every change of a register, or of all registers of an area, in the journal. This does not
     /// influence the plant.
     ///
     /// # Errors
-    /// There is no such register or area, it is a single bit, or too many are recorded.
+    /// There is no such register or area, the name means a single bit, or too many registers are recorded.
     pub fn record(&mut self, text: &str) -> Result<(), ScenarioError> {
         let (plc, offset, len) = match self.area(text) {
             Ok((plc, area)) => {
@@ -39,7 +39,7 @@ impl Bench {
         Ok(self.ask(Op::Follow { plc, offset, len, keep: Keep::InJournal })?.written()?)
     }
 
-    /// The changes of a register since [`Bench::record`], as far as the journal still keeps them.
+    /// The changes of a register since [`Bench::record`] that the journal still keeps.
     ///
     /// # Errors
     /// There is no such register, or it is a single bit.
@@ -59,8 +59,8 @@ impl Bench {
         Ok(past)
     }
 
-    /// Expects that since [`Bench::record`] a register has held exactly these values, one after the other, following
-    /// the value at the call of `record`.
+    /// Expects that a register has had exactly these values, in this order, since [`Bench::record`]. The value at the
+    /// call of `record` is not part of the list.
     ///
     /// # Errors
     /// The register has held other values; there is no such register, it is a single bit, or it cannot hold one of the

@@ -12,15 +12,15 @@ use core::num::NonZeroU16;
 use core::panic::Location;
 
 impl Bench {
-    /// Makes a register keep the value against firmware and PLC, until [`Bench::unforce`].
+    /// Forces a register: it keeps the value until [`Bench::unforce`], even if firmware or PLC write it.
     ///
     /// # Errors
-    /// There is no such register, it cannot hold the value, or too many are forced.
+    /// There is no such register, it cannot hold the value, or too many registers are forced.
     pub fn force(&mut self, register: &str, value: impl Into<Value>) -> Result<(), ScenarioError> {
         let register = self.find(register)?;
         let value = value.into().bits(&register.place)?;
         let Spot { plc, offset, width } = register.written_spot();
-        // A single bit forces its register with the present values of the other bits (D-105).
+        // Forcing a single bit forces the whole register; the other bits keep their present values (D-105).
         let value = match register.place.bit_access() {
             None => value,
             Some(bit) => bit.set(self.load(register.written_spot())?, value),
@@ -42,16 +42,17 @@ impl Bench {
         }
     }
 
-    /// Adds a fault, in the words of `commram fault add`: `lose_frame slot=WRC1 count=3`. Returns its number. A fault
-    /// that is also `required` must take effect: [`Bench::expect_required_faults`].
+    /// Adds a fault and returns its number. `words` has the notation of `commram fault add`:
+    /// `lose_frame slot=WRC1 count=3`. A fault with the word `required` must take effect:
+    /// [`Bench::expect_required_faults`].
     ///
     /// # Errors
-    /// The fault does not exist, has a wrong field, or concerns something that the plant does not have.
+    /// There is no such kind of fault, a field is wrong, or the plant does not have the target.
     pub fn fault(&mut self, words: &str) -> Result<u16, ScenarioError> {
         self.fault_at(words, None)
     }
 
-    /// Does the same as [`Bench::fault`], for this line of a script.
+    /// As [`Bench::fault`]. `place` is the line of the script that adds the fault.
     pub(in crate::script) fn fault_at(
         &mut self,
         words: &str,
@@ -70,7 +71,8 @@ impl Bench {
         Ok(number)
     }
 
-    /// Attributes the required faults of the plant to this line of a script.
+    /// Stores the line of a script that has chosen the plant: failures of the plant's required faults refer to this
+    /// line.
     pub(in crate::script) fn plant_is_of(&mut self, place: &ScriptLocation) {
         self.required.iter_mut().for_each(|it| it.place = Some(place.clone()));
     }
@@ -80,8 +82,8 @@ impl Bench {
         self.required.len()
     }
 
-    /// Expects that each `required` fault has taken effect: the faults of this bench and those of its plant file.
-    /// Scenario scripts end with this check.
+    /// Expects that each `required` fault of this bench and of its plant file has taken effect. Scenario scripts end
+    /// with this check.
     ///
     /// # Errors
     /// A required fault has not taken effect.
@@ -94,7 +96,7 @@ impl Bench {
         let there = self.faults()?;
         let (records, _) = self.records(0)?;
         let over: Vec<FaultNews> = records.iter().filter_map(|record| record.event.get()).collect();
-        // A fault without hits has taken effect once it has acted.
+        // A kind of fault without hits has taken effect as soon as it is active.
         let has_acted = |it: &FaultStatus| it.hits > 0 || it.acting && !it.fault.kind().has_hits();
         let has_hits = |kind| devices::fault_kinds().iter().any(|it| it.number() == kind && it.has_hits());
         let has_effect =
@@ -121,7 +123,7 @@ impl Bench {
         Ok(self.ask(Op::FaultList)?.faults()?)
     }
 
-    /// Clears the fault of this number. The effects that it had stay.
+    /// Clears the fault with this number. Effects that it already had remain.
     ///
     /// # Errors
     /// There is no such fault; it may have ended.
@@ -142,7 +144,7 @@ impl Bench {
 
     pub(super) fn is_forced(&mut self, register: &Register) -> Result<bool, ScenarioError> {
         let Spot { plc, offset, .. } = register.spot;
-        // Only whole registers are forced; a single bit may lie in a later byte of a register.
+        // Only whole registers are forced, and a single bit may be in any byte of its register.
         let is_there =
             |it: &Forced| it.plc == plc && (it.offset..it.offset + it.width.bytes()).contains(&offset);
         Ok(self.forces()?.iter().any(is_there))

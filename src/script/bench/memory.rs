@@ -12,7 +12,7 @@ use core::panic::Location;
 #[derive(Clone, Debug)]
 pub struct MemoryCopy {
     plc: DeviceIndex,
-    /// Prefix of the names: the PLC, if there are several.
+    /// Prefix of the names: the PLC, if the plant has several.
     prefix: String,
     fitted: DeviceFit,
     area: &'static Area,
@@ -22,21 +22,21 @@ pub struct MemoryCopy {
 /// A register with a changed value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Change {
-    /// Name.
+    /// Name of the register.
     pub register: String,
-    /// Address.
+    /// Address of the register.
     pub address: String,
     /// Value before.
     pub before: u32,
     /// Value after.
     pub after: u32,
-    /// Both with their meanings: `16#0001 ... -> 16#0002 ...`.
+    /// Both values with their meanings: `16#0001 ... -> 16#0002 ...`.
     pub text: String,
 }
 
 impl MemoryCopy {
-    /// Copies the registers of an area of PLC number `plc`; `read` reads the given number of bytes from the given
-    /// byte of its image.
+    /// Copies the registers of an area of PLC number `plc`. `read` gets an offset in the image of the PLC and a number
+    /// of bytes, and reads these bytes.
     ///
     /// # Errors
     /// The errors of `read`.
@@ -50,27 +50,27 @@ impl MemoryCopy {
         Ok(Self { plc, prefix, fitted, area, bytes: read(area.first, len)? })
     }
 
-    /// Name of the area, with the PLC in front if there are several.
+    /// Name of the area, with the PLC as a prefix if there are several.
     pub fn area(&self) -> String {
         format!("{}{}", self.prefix, self.area.name)
     }
 
-    /// Whether both are of the same area of the same device.
+    /// True if both copies are of the same area of the same device.
     pub fn is_of_area_of(&self, other: &Self) -> bool {
         (self.plc, &self.prefix, self.fitted.device()) == (other.plc, &other.prefix, other.fitted.device())
             && core::ptr::eq(self.area, other.area)
     }
 
-    /// The registers with their values in the copy, in the order of their addresses; of overlaid structures only the
-    /// live ones.
+    /// The registers with their values in the copy, in the order of their addresses. If structures overlay each other,
+    /// only the registers of the valid structure.
     pub fn registers(&self) -> Vec<(String, i64)> {
         let number = |register: &RegisterRef| register.ty().number(self.value(register));
         let registers = self.live_registers(self.live(), |_| true);
         registers.iter().map(|register| (format!("{}{register}", self.prefix), number(register))).collect()
     }
 
-    /// The changes from this copy to `now`, in the order of the addresses. Of overlaid structures, only those that
-    /// are live in `now` count. Both copies must be of the same area.
+    /// The changes from this copy to `now`, in the order of the addresses. If structures overlay each other, only
+    /// registers of the valid structure in `now` count. Both copies must be of the same area.
     pub fn changes(&self, now: &Self) -> Vec<Change> {
         let is_other = |register: &RegisterRef| self.value(register) != now.value(register);
         let changed = now.live_registers(now.live(), is_other);
@@ -107,7 +107,7 @@ impl MemoryCopy {
     }
 }
 
-/// The area with registers of a device that has this name.
+/// The area with this name, if it has registers.
 pub(super) fn register_area(
     device: &'static DeviceLayout,
     name: &str,
@@ -149,7 +149,7 @@ impl Bench {
     /// Expects that exactly these registers have changed since the snapshot, in any order.
     ///
     /// # Errors
-    /// Other registers have changed, or one of these has not; or a name is wrong.
+    /// Another register has changed, or one of these registers has not changed; or a name is wrong.
     #[track_caller]
     pub fn expect_changes(&mut self, since: &MemoryCopy, registers: &[&str]) -> Result<(), ScenarioError> {
         let at = Location::caller();

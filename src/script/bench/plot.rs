@@ -8,12 +8,12 @@ use crate::request::Op;
 use crate::script::ScenarioError;
 use crate::time::short;
 
-/// Most registers in a plot.
+/// Maximum number of registers in a plot.
 const MOST: usize = 64;
 
 impl Bench {
-    /// The values of these registers from time `from_us` (microseconds) to now, as far as the journal has them: every
-    /// change of the registers that are recorded ([`Bench::record`]).
+    /// The values of these registers from time `from_us` (microseconds) to now, as far as the journal has them. For
+    /// recorded registers ([`Bench::record`]) it has every change.
     ///
     /// # Errors
     /// There is no such register, there are more than 64, or `from_us` is later than now.

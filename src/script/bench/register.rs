@@ -1,4 +1,4 @@
-//! Finds the register, PLC or bus that a name means.
+//! Finds the register, PLC or bus with a given name.
 
 use super::ask::Spot;
 use super::{Bench, memory};
@@ -6,7 +6,7 @@ use crate::identity::{BusIndex, DeviceIndex};
 use crate::layout::{Area, NamedLocation, RegisterPhase, plc_prefix, split_plc};
 use crate::script::ScenarioError;
 
-/// A register of a plant, looked up once and used often: [`Bench::find`].
+/// A register of a plant. [`Bench::find`] returns it, so that it need not be searched again for each access.
 #[derive(Clone, Debug)]
 pub struct Register {
     pub(super) place: NamedLocation,
@@ -21,7 +21,7 @@ impl Register {
         &self.place
     }
 
-    /// Number of its PLC in the plant.
+    /// Number of the PLC in the plant.
     pub fn plc(&self) -> DeviceIndex {
         self.spot.plc
     }
@@ -37,7 +37,7 @@ impl Register {
         }
     }
 
-    /// The register that a write accesses: for a single bit the register that contains it.
+    /// The register that a write accesses. For a single bit, the register that contains the bit.
     pub(super) fn written_spot(&self) -> Spot {
         self.place.bit_access().map_or(self.spot, |bit| Spot {
             plc: self.spot.plc,
@@ -46,17 +46,17 @@ impl Register {
         })
     }
 
-    /// `node2.w_CPU_CONTROL`, with the PLC in front where there are several.
+    /// Name of the register: `node2.w_CPU_CONTROL`, with the PLC as a prefix if there are several.
     pub(super) fn name(&self, live: RegisterPhase) -> String {
         format!("{}{}", self.prefix, self.place.name(live))
     }
 
-    /// `node2.w_CPU_CONTROL (%MW3.200000)`
+    /// Name and address of the register: `node2.w_CPU_CONTROL (%MW3.200000)`.
     pub(super) fn label(&self, live: RegisterPhase) -> String {
         format!("{}{}", self.prefix, self.place.label(live))
     }
 
-    /// The value with its meaning, marked as by `commram peek`: `16#0043  [forced] synchronous operation ...`.
+    /// The value with its meaning, in the form of `commram peek`: `16#0043  [forced] synchronous operation ...`.
     pub(super) fn describe(&self, live: RegisterPhase, value: u32, forced: bool) -> String {
         let mark = if forced { "[forced] " } else { "" };
         let meaning = self.place.meaning(live, value);
@@ -71,14 +71,14 @@ impl Register {
         }
     }
 
-    /// Whether its bits mean the same number in all of the overlaid structures.
+    /// True if the value is the same number in all structures that overlay each other at this address.
     pub(super) fn is_same_number(&self) -> bool {
         let mut numbers = self.place.area().all_phases().map(|live| self.place.ty(live).number(u32::MAX));
         let first = numbers.next();
         numbers.all(|number| Some(number) == first)
     }
 
-    /// The mask of the register's bits, and `value` shifted to them.
+    /// The mask of the register's bits, and `value` shifted to these bits.
     pub(super) fn pattern(&self, value: u32) -> (u32, u32) {
         match self.place.bit() {
             Some(bit) => (1 << bit, value << bit),
@@ -88,7 +88,7 @@ impl Register {
 }
 
 impl Bench {
-    /// The PLC of this name; `""` is the only one.
+    /// The PLC with this name; `""` means the only PLC.
     pub(in crate::script) fn only_plc(&self, name: &str) -> Result<DeviceIndex, ScenarioError> {
         match self.names.plcs.as_slice() {
             [_] if name.is_empty() => Ok(DeviceIndex(0)),
@@ -96,7 +96,7 @@ impl Bench {
         }
     }
 
-    /// The PLC and the area that are meant by `node2` or `line2:node1`.
+    /// The PLC and the area that a text such as `node2` or `line2:node1` means.
     ///
     /// # Errors
     /// There is no such PLC or area of registers.
@@ -106,7 +106,7 @@ impl Bench {
         Ok((plc, memory::register_area(self.names.device(plc), name)?))
     }
 
-    /// The register that a name or an address means.
+    /// The register with this name or address.
     ///
     /// # Errors
     /// There is no such register.
@@ -146,7 +146,7 @@ impl Bench {
         position("bus", &self.names.buses, name).map(BusIndex::at)
     }
 
-    /// The live one of overlaid structures at the place of the register.
+    /// The phase at the register's address: if structures overlay each other, it shows which structure is valid.
     pub(super) fn live(&mut self, register: &Register) -> Result<RegisterPhase, ScenarioError> {
         let status = register.place.status();
         let status = status.map(|status| self.load(Spot::new(register.spot.plc, status.address())));

@@ -32,18 +32,19 @@ impl Bench {
         Ok(())
     }
 
-    /// Keeps a snapshot of the whole plant, at most 64 at a time; returns its number, for [`Bench::back_to`].
+    /// Keeps a snapshot of the whole plant and returns its number for [`Bench::back_to`]. At most 64 snapshots are kept
+    /// at a time.
     ///
     /// # Errors
-    /// The maximum count is reached, or the clock runs by itself.
+    /// The maximum number is reached, or the clock is not stepped.
     pub fn save(&mut self) -> Result<u32, ScenarioError> {
         let number = self.ask(Op::Save)?.value()?;
         self.saved.push(number);
         Ok(number)
     }
 
-    /// Releases the snapshots that it keeps. Errors are ignored: another client may have released one, and a plant that
-    /// has gone keeps none.
+    /// Releases the snapshots of this bench. Errors are ignored: another client may have released a snapshot, and an
+    /// ended instance keeps none.
     pub(in crate::script) fn forget_saved(&mut self) {
         for number in core::mem::take(&mut self.saved) {
             if self.ask(Op::Forget { number }).is_err() {

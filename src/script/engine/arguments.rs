@@ -1,4 +1,4 @@
-//! Arguments of verbs as scripts give them.
+//! Converts arguments that scripts pass to verbs.
 
 use crate::script::{ScenarioError, Span, Value};
 use rhai::{Dynamic, INT};
@@ -56,7 +56,7 @@ pub(crate) fn data_bytes(given: &Dynamic) -> Result<String, ScenarioError> {
     Ok(bytes.iter().map(hex).collect::<Result<Vec<_>, _>>()?.join(" "))
 }
 
-/// Names of registers or of other things.
+/// An array of names, for example of registers. `what` is the kind of names for messages.
 pub(crate) fn names(given: &[Dynamic], what: &str) -> Result<Vec<String>, ScenarioError> {
     let right = format!("this is no {what}'s name");
     let name = |item: &Dynamic| item.clone().into_string().map_err(|_| wrong(item, &right));

@@ -15,14 +15,14 @@ use rhai::{Array, Dynamic, INT};
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-/// Time from one call to the next while a scenario waits for a block, in microseconds.
+/// Interval of the calls of a block while a scenario waits for one of its outputs, in microseconds.
 const CYCLE_US: u64 = 500;
 
-/// A function block, as scripts hold it: several variables may refer to it.
+/// A function block as a value of scripts. Several variables may refer to the same block.
 #[derive(Clone)]
 pub(super) struct Block {
     kind: &'static BlockKind,
-    /// Place of its registers, as given.
+    /// Place of the block's registers, as the script has given it.
     place: String,
     instance: Rc<RefCell<Box<dyn BlockInstance>>>,
 }
@@ -44,7 +44,7 @@ fn unknown(name: &str, device: &Registered) -> ScenarioError {
     ScenarioError::argument(name, &format!("no such function block{near}{end} {title} has {known}"))
 }
 
-/// The device of the PLC of a place.
+/// The device of a PLC.
 fn device_of(bench: &mut Bench, plc: DeviceIndex) -> Result<&'static Registered, ScenarioError> {
     let hash = bench.ram_of(plc)?.header().layout_hash.load();
     Ok(devices::of_hash(hash).unwrap_or(devices::default()))
@@ -57,7 +57,8 @@ impl Block {
         name: &str,
         place: &str,
     ) -> Result<Self, ScenarioError> {
-        // A block has an area on all of its devices or on none; the place determines the device.
+        // If a block has an area on one device, it has an area on all devices that have the block. The place determines
+        // the device.
         let of_any = devices::all().iter().find_map(|device| find(device.blocks, name));
         let Some(of_any) = of_any else {
             let plc = bench.area(place).map(|(plc, _)| plc).or_else(|_| bench.only_plc(place))?;
@@ -99,19 +100,19 @@ impl Block {
         ScenarioError::argument(pin, &right)
     }
 
-    /// A BOOL output.
+    /// The value of a BOOL output.
     fn is(&self, pin: &str) -> Result<bool, ScenarioError> {
         let not_bool = |_| ScenarioError::argument(pin, "this output is no BOOL");
         self.get(pin)?.as_bool().map_err(not_bool)
     }
 
-    /// One PLC cycle. Requests to the board are answered at once.
+    /// Runs one PLC cycle of the block. The board answers requests of the block immediately.
     fn call(&self, bench: &mut Bench) -> Result<(), ScenarioError> {
         self.instance.borrow_mut().cycle();
         bench.answer_boards()
     }
 
-    /// Calls it in every processor cycle until an output is TRUE.
+    /// Calls the block in every processor cycle until an output is TRUE.
     fn until(
         &self,
         bench: &mut Bench,
@@ -138,7 +139,7 @@ impl Block {
         }
     }
 
-    /// All pins that are not arrays: `x_OK FALSE, w_ERR 16#0801`.
+    /// Values of all pins that are not arrays: `x_OK FALSE, w_ERR 16#0801`.
     fn outputs(&self) -> String {
         let mut text = String::new();
         for pin in self.kind.pins.iter().map(|pin| pin.name) {
@@ -156,7 +157,7 @@ impl Block {
     }
 }
 
-/// The value of a pin as the script sees it: a time in microseconds.
+/// The value of a pin for scripts. A time becomes a number of microseconds.
 fn shown(value: PinValue) -> Dynamic {
     match value {
         PinValue::Bool(value) => value.into(),
@@ -167,7 +168,7 @@ fn shown(value: PinValue) -> Dynamic {
     }
 }
 
-/// The pin value for a value of the script.
+/// Converts a value of the script to a pin value.
 fn given(value: &Dynamic) -> PinValue {
     if let Ok(items) = value.as_array_ref() {
         return PinValue::Array(items.iter().map(given).collect());
@@ -175,7 +176,7 @@ fn given(value: &Dynamic) -> PinValue {
     match (value.as_bool(), value.as_int()) {
         (Ok(value), _) => PinValue::Bool(value),
         (_, Ok(value)) => PinValue::Int(value),
-        // Other values become texts that fit no pin; the pin's error shows them.
+        // Other values become texts that no pin accepts, so that the error of the pin shows them.
         _ => PinValue::Text(value.to_string()),
     }
 }
@@ -199,7 +200,7 @@ fn check_area(
 
 impl Verbs {
     pub(super) fn blocks(&mut self) {
-        // The variables that connect blocks to each other, by PLC.
+        // For each PLC, the variables through which blocks exchange data.
         let variables = RefCell::<BTreeMap<DeviceIndex, Variables>>::default();
         self.on("block", |stage| {
             move |name: &str, place: &str| {

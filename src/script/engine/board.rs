@@ -41,8 +41,8 @@ impl Verbs {
     }
 }
 
-/// `#{display, leds, run_switch, power, dip, dip_latched, program, start, restarts, project}` as far as the device
-/// has it, further words of this device's front, and `modules` if the PLC is modular.
+/// Returns `#{display, leds, run_switch, power, dip, dip_latched, program, start, restarts, project}` as far as the
+/// device has these elements, further elements of this device's front, and `modules` if the PLC is modular.
 fn board_map(bench: &mut Bench, plc: &str) -> Result<Map, ScenarioError> {
     let (BoardState { leds: lit, .. }, words) = bench.board(plc)?;
     let BoardWords { display, leds, switch, power, dip, dip_latched, program, start, restarts, project } =
@@ -53,7 +53,7 @@ fn board_map(bench: &mut Bench, plc: &str) -> Result<Map, ScenarioError> {
         ("dip_latched", dip_latched),
         ("restarts", Some(restarts)),
     ];
-    // `switch` is a keyword of the language.
+    // The map has `run_switch`, because `switch` is a keyword of the language.
     let texts = [
         ("display", display),
         ("run_switch", switch),

@@ -27,7 +27,7 @@ impl Stage {
         use crate::script::PlotFile;
         use std::path::{Component, Path};
 
-        /// Most plots that a report has, and the most bytes of all together.
+        /// Maximum number of plots in a report. The next constant is the maximum size of all plots together.
         const MOST: usize = 256;
         const LARGEST: usize = 8 << 20;
 
@@ -59,7 +59,7 @@ impl Stage {
 
 #[cfg(not(feature = "studio"))]
 impl Stage {
-    /// Reports that there are no plots.
+    /// Refuses the verb: this build has no plots.
     fn plot(&mut self, file: &str, registers: &Array, _: Option<u64>) -> Result<(), ScenarioError> {
         names(registers, "register")?;
         Err(ScenarioError::argument(file, "this commram was built without plots (feature `studio`)"))

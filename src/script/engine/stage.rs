@@ -8,30 +8,30 @@ use std::path::PathBuf;
 
 /// The plant that a script acts on, and the log of its steps.
 pub(crate) struct Stage {
-    /// `None` until the first verb.
+    /// The plant with its verbs; `None` until the first verb.
     bench: Option<Bench>,
-    /// The plant of a script that names none; `None` is the built-in one.
+    /// The plant of a script that does not call `plant`; `None` means the built-in plant.
     unnamed: Option<PlantConfig>,
-    /// Whether the bench belongs to a running instance.
+    /// True if the bench belongs to a running instance.
     attached: bool,
-    /// Directory that file names start from.
+    /// Directory at which relative paths begin.
     pub(super) directory: PathBuf,
     /// Longest emulated time, in microseconds.
     limit_us: u64,
     /// Count of expectations.
     pub(super) expectations: u64,
-    /// The file of the plant, if it comes from one.
+    /// The plant file, if the plant was read from a file.
     plant_file: Option<PathBuf>,
-    /// The plant in words for a report.
+    /// Description of the plant for a report.
     plant_name: String,
-    /// The sections so far, including the part before the first section, and the count of expectations at their
-    /// beginnings.
+    /// The sections so far, including the part before the first section, each with the number of expectations at its
+    /// beginning.
     pub(super) steps: Vec<Step>,
     pub(super) plots: Vec<PlotFile>,
 }
 
 impl Stage {
-    /// For a script in `directory`; without a bench it makes a new one.
+    /// Creates the stage of a script in `directory`. If `bench` is `None`, the first verb creates a plant.
     pub(crate) fn new(bench: Option<Bench>, directory: PathBuf, limit_us: u64) -> Self {
         let attached = bench.is_some();
         let mut stage = Self {
@@ -70,12 +70,12 @@ impl Stage {
         self.plant_file.take()
     }
 
-    /// The plant in words for a report: its file, or where else it comes from.
+    /// Description of the plant for a report: its file, or another origin.
     pub(crate) fn plant_name(&self) -> String {
         self.plant_name.clone()
     }
 
-    /// The verb `section`.
+    /// Begins a section, for the verb `section`.
     pub(super) fn section(&mut self, text: &str) -> Result<(), ScenarioError> {
         let (from_us, expectations) = (self.bench()?.now()?, self.expectations);
         self.steps.push(Step { name: Some(text.to_owned()), from_us, expectations });
@@ -83,7 +83,7 @@ impl Stage {
         Ok(())
     }
 
-    /// The sections, each with its own expectations.
+    /// The sections, each with the number of its expectations.
     pub(crate) fn steps(&mut self) -> Vec<Step> {
         let from_us = self.bench.as_ref().map_or(0, Bench::started_us);
         let mut steps = vec![Step { name: None, from_us, expectations: 0 }];
@@ -112,12 +112,12 @@ impl Stage {
         found.iter().map(line).collect()
     }
 
-    /// The plots that it has drawn.
+    /// The plots that the script has drawn.
     pub(crate) fn plots(&mut self) -> Vec<PlotFile> {
         core::mem::take(&mut self.plots)
     }
 
-    /// Checks the expectations that are due at the end of a scenario.
+    /// Checks the expectations that belong to the end of a scenario.
     pub(crate) fn end(&mut self) -> Result<(), ScenarioError> {
         let Some(bench) = &mut self.bench else { return Ok(()) };
         self.expectations += bench.required_faults() as u64;
@@ -131,7 +131,7 @@ impl Stage {
         }
     }
 
-    /// A failure at the present moment, unless the plant has gone.
+    /// A failure at the present moment; `None` if the plant no longer answers.
     pub(crate) fn failure(&mut self, what: &str) -> Option<Failure> {
         self.bench().ok()?.failure(what.to_owned(), Location::caller()).ok()
     }
@@ -141,13 +141,14 @@ impl Stage {
         bench
     }
 
-    /// Gives the script this plant, called `name` in reports, unless it names another one.
+    /// Sets the plant for a script that does not call `plant`. Reports call this plant `name`.
     pub(crate) fn set_unnamed(&mut self, name: &str, plant: PlantConfig) {
         name.clone_into(&mut self.plant_name);
         self.unnamed = Some(plant);
     }
 
-    /// The plant; [`Stage::set_unnamed`] or the built-in one if none was named.
+    /// The plant of the script. If the script has not called `plant`, the plant of [`Stage::set_unnamed`] or the
+    /// built-in one.
     pub(super) fn bench(&mut self) -> Result<&mut Bench, ScenarioError> {
         let bench = match (self.bench.take(), &self.unnamed) {
             (Some(bench), _) => bench,
@@ -157,7 +158,7 @@ impl Stage {
         Ok(self.bench.insert(bench))
     }
 
-    /// The verb `plant`.
+    /// Reads a plant file, for the verb `plant`.
     pub(super) fn plant(&mut self, text: &str, place: &ScriptLocation) -> Result<(), ScenarioError> {
         let config = if text.contains(['\n', '=', '[']) {
             self.plant_name = "plant in the scenario".to_owned();

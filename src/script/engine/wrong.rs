@@ -1,4 +1,4 @@
-//! Calls of verbs with arguments of another number or kind.
+//! Errors for calls of verbs with a wrong number or wrong types of arguments.
 
 use super::{Fallible, Verbs};
 use crate::script::ScenarioError;
@@ -8,7 +8,8 @@ use crate::script::verb::{self, Verb};
 use rhai::{Dynamic, FLOAT, INT};
 use std::collections::BTreeSet;
 
-/// Registers a function of any arguments under the name of a verb, one for each number of them, unless a verb takes all there.
+/// For each number of arguments, registers a function with the name of a verb that accepts any types and reports the
+/// right call. Leaves out a number of arguments for which the verb itself accepts all types.
 macro_rules! refuse {
     ($verbs:ident, $name:ident, $of:ident: $($count:literal ($($argument:ident)*))*) => {$(
         if !takes_all(&$of, $count) {
@@ -20,14 +21,15 @@ macro_rules! refuse {
 }
 
 impl Verbs {
-    /// Registers verbs for wrong arguments that report the right call. A verb with fitting parameters has priority.
+    /// Registers functions that report the right call if a verb is called with wrong arguments. The engine prefers the
+    /// verb itself if its parameters fit.
     pub(super) fn refuse_others(&mut self) {
         let names: BTreeSet<_> = self.names.iter().map(|(name, _)| *name).collect();
         for name in names {
             let of = verb::called(name);
             refuse!(self, name, of: 0 () 1 (a) 2 (a b) 3 (a b c) 4 (a b c d) 5 (a b c d e) 6 (a b c d e f));
         }
-        // The engine's own function would wait in real time, in which the plant does nothing.
+        // The engine's own `sleep` would wait in real time, during which the plant does not advance.
         self.engine.register_fn("sleep", |_: INT| no_sleep());
         self.engine.register_fn("sleep", |_: FLOAT| no_sleep());
     }
@@ -38,7 +40,7 @@ fn no_sleep() -> Fallible<()> {
     Err(Caught::thrown(ScenarioError::argument("sleep", right)))
 }
 
-/// Whether there is a verb that takes `count` arguments of any kind.
+/// True if there is a verb with `count` arguments that accepts all types.
 fn takes_all(verbs: &[Verb], count: usize) -> bool {
     let any = |verb: &Verb| verb.parameters.iter().all(|(_, ty)| *ty == "?");
     verbs.iter().any(|verb| verb.parameters.len() == count && any(verb))
@@ -49,7 +51,7 @@ fn wrong_call(name: &str, given: &[Dynamic]) -> ScenarioError {
     let verbs = verb::called(name);
     let signatures = verbs.iter().map(Verb::signature).collect::<Vec<_>>().join(" or ");
     let of_so_many = verbs.iter().filter(|verb| verb.parameters.len() == given.len());
-    // Of several verbs with this count of arguments, the message names the one that fits for the most arguments.
+    // If several verbs have this number of arguments, the message names the verb that fits most arguments.
     let misfits = of_so_many.filter_map(|verb| {
         let mut pairs = verb.parameters.iter().zip(given).enumerate();
         pairs.find(|(_, ((_, ty), given))| !fits(ty, given))
@@ -73,7 +75,7 @@ fn short_name(given: &Dynamic) -> &'static str {
     }
 }
 
-/// Whether an argument is of a type of the definition file.
+/// True if an argument has the type `ty` of the definition file.
 fn fits(ty: &str, given: &Dynamic) -> bool {
     match ty {
         "String" => given.is_string(),

@@ -1,10 +1,10 @@
-//! Valid values of registers that the firmware writes, for any device: values to which the layout gives a meaning.
+//! Checks that registers of the firmware have valid values, for any device. Valid values have a meaning in the layout.
 
 use crate::layout::{DeviceLayout, Owner, RegisterRef};
 use crate::plant::PlantConfig;
 use core::fmt::Write;
 
-/// Registers of the firmware alone, if their values have meanings: states, error numbers, and counters. The
+/// Registers that only the firmware writes, if their values have meanings: states, error numbers, and counters. The
 /// meaning of a counter is its range.
 pub(super) fn bounded(device: &DeviceLayout) -> impl Iterator<Item = RegisterRef> {
     let areas =
@@ -12,7 +12,7 @@ pub(super) fn bounded(device: &DeviceLayout) -> impl Iterator<Item = RegisterRef
     areas.filter(|it| it.owner() == Owner::Firmware && it.register.meaning.is_some() && !it.is_reserved())
 }
 
-/// A function of a scenario that fails if a register has another value.
+/// The text of a scenario function that fails if a register has an invalid value.
 pub(super) fn function(plant: &PlantConfig) -> String {
     let mut text =
         "// Registers of the firmware hold what their layout gives a meaning.\nfn in_bounds() {\n".to_owned();

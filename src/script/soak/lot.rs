@@ -6,14 +6,14 @@ use crate::plant::PlantConfig;
 use fastrand::Rng;
 use std::sync::Arc;
 
-/// Numbers with a meaning in many registers.
+/// Numbers that have a meaning in many registers.
 const TELLING: [u32; 12] = [0, 1, 2, 3, 5, 0x15, 0x20, 0x40, 0x80, 0xC0, 0xFF, 0xFFFF];
 /// Longest time of a fault or a forced register, in microseconds.
 const LONGEST_US: u64 = 300_000;
-/// Largest number for most faults: most values of a full range are far from the actual events.
+/// Maximum of the numbers in most faults. With larger numbers, faults would rarely concern an actual event.
 const MOSTLY: u64 = 32;
 
-/// A call of a move.
+/// A random call of a move of the exercise.
 pub(super) fn made(exercise: &Exercise, is_right: bool, rng: &mut Rng) -> String {
     let all: u32 = exercise.moves.iter().map(|it| it.weight).sum();
     let mut at = rng.u32(..all.max(1));
@@ -27,7 +27,7 @@ pub(super) fn made(exercise: &Exercise, is_right: bool, rng: &mut Rng) -> String
     format!("{}({is_right}{});", chosen.name, parameters.collect::<String>())
 }
 
-/// A fault of any kind anywhere, which the plant may refuse.
+/// A random fault of any kind at any target. The plant may refuse it.
 pub(super) fn fault(plant: &PlantConfig, rng: &mut Rng) -> String {
     let Some(kind) = rng.choice(devices::fault_kinds()) else { return String::new() };
     let device = rng.choice(&plant.devices);
@@ -60,7 +60,7 @@ fn port(device: &Arc<dyn DeviceConfig>, rng: &mut Rng) -> Option<&'static str> {
     rng.choice(device.layout().ports).map(|port| port.name)
 }
 
-/// A store to any register, or one that keeps its value for a while.
+/// A random store to any register, or a force of a register for some time.
 pub(super) fn store(plant: &PlantConfig, rng: &mut Rng) -> String {
     let device = &plant.devices[rng.usize(..plant.devices.len())];
     let registers = device

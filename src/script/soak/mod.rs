@@ -1,7 +1,7 @@
 //! Random scenarios for `commram soak`.
 //!
-//! A round is an [`Exercise`] of a device with moves in an order that its seed decides. The text of the scenario
-//! contains everything about the round: a failing round can be saved as a file and fails again with `commram test`.
+//! A round is an [`Exercise`] of a device; a seed determines the moves and their order. The text of the scenario
+//! contains everything about the round. So a failing round can be saved as a file, and fails again with `commram test`.
 
 mod bounds;
 mod lot;
@@ -16,15 +16,15 @@ use fastrand::Rng;
 
 /// The functions that every round has.
 const COMMON: &str = include_str!("common.rhai");
-/// Most moves of a round.
+/// Maximum number of moves of a round.
 const MOST_MOVES: usize = 60;
-/// Moves that follow a recovery.
+/// Number of moves after a recovery.
 const AFTERWARDS: usize = 4;
-/// Count of detours of a second run, and of the moves of each.
+/// Range of the number of detours of a second run, and of the number of moves of each detour.
 const DETOURS: core::ops::RangeInclusive<usize> = 0..=4;
 const DETOUR_MOVES: core::ops::RangeInclusive<usize> = 1..=5;
-/// One round in this number kills or ends emulators, if the plant has data that can be lost. The number is high because such
-/// a round takes much real time.
+/// One round of this number kills or ends emulators, if the plant has data that can be lost. Such rounds are rare
+/// because they take much real time.
 const KILLED_OF: u8 = 24;
 /// Steps in which the repetition of a round advances the clock, in microseconds.
 const SLICES: core::ops::RangeInclusive<u64> = 300..=30_000;
@@ -34,20 +34,20 @@ pub fn exercises() -> impl Iterator<Item = &'static Exercise> {
     devices::all().iter().flat_map(|known| known.emulation.exercises.iter().copied())
 }
 
-/// The subject of a round.
+/// What a round tests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RoundKind {
-    /// A right program: it behaves as the manual says, and the checker has no findings.
+    /// A correct program: the plant behaves as the manual says, and the checker has no findings.
     Right,
-    /// A right program on a plant with faults. After the end of the faults the program restarts and behaves as the manual
-    /// says.
+    /// A correct program on a plant with faults. After the end of the faults the program restarts, and the plant
+    /// behaves as the manual says.
     Disturbed,
-    /// A right program with stores to any register as well.
+    /// A correct program, with additional stores to any register.
     Hostile,
-    /// A right program that ends with a forbidden action: the checker finds the action.
+    /// A correct program that ends with a forbidden action, which the checker reports.
     Wrong,
-    /// Emulators that are ended or killed at any moment; each continues with the stored data of the previous one.
-    /// Such a round is not a scenario.
+    /// Emulators that are ended or killed at any moment. Each emulator continues with the data that the previous one
+    /// has stored. Such a round is not a scenario.
     Killed,
 }
 
@@ -73,17 +73,17 @@ impl RoundKind {
 pub struct Round {
     /// The seed that determines the round.
     pub seed: u64,
-    /// The exercise that the moves are from.
+    /// The exercise of the moves.
     pub exercise: &'static Exercise,
     /// The subject of the round.
     pub kind: RoundKind,
-    /// Lines of the scenario between start and end; each may be left out.
+    /// Lines of the scenario between start and end. Each line may be left out.
     pub moves: Vec<String>,
     setting: &'static [(&'static str, &'static str)],
     wrong: Option<&'static Wrong>,
     /// Moves after the recovery.
     afterwards: Vec<String>,
-    /// Additional actions of a second run, which the run undoes again; each is a list of lines.
+    /// Additional actions of a second run, each a list of lines. The run undoes them again.
     detours: Vec<Vec<String>>,
     slice_us: u64,
     /// The function that checks bounds.
@@ -91,13 +91,13 @@ pub struct Round {
 }
 
 impl Round {
-    /// The round of this seed, of these exercises.
+    /// The round that the seed determines, with one of these exercises.
     ///
     /// # Errors
-    /// The plant of an exercise is refused, which is a mistake in its device.
+    /// The plant of an exercise is refused, which is an error in the code of its device.
     ///
     /// # Panics
-    /// There are no exercises.
+    /// `exercises` is empty.
     pub fn draw(seed: u64, exercises: &[&'static Exercise]) -> Result<Self, PlantError> {
         let mut rng = Rng::with_seed(seed);
         let exercise = exercises[rng.usize(..exercises.len())];
@@ -148,14 +148,14 @@ impl Round {
         filled(self.exercise.plant, self.setting)
     }
 
-    /// The same round with these moves instead.
+    /// The same round with other moves.
     #[must_use]
     pub fn with(&self, moves: Vec<String>) -> Self {
         Self { moves, ..self.clone() }
     }
 
-    /// The scenario. With `another_way` the clock advances in smaller steps, and some additional actions are done and
-    /// undone: the result must not depend on this.
+    /// The text of the scenario. With `another_way` the clock advances in smaller steps, and the detours are made and
+    /// undone. The result must not depend on this.
     pub fn text(&self, another_way: bool) -> String {
         let mut text = format!(
             "// Random scenario: {}, {}, seed {}.\n\n",
@@ -176,7 +176,7 @@ impl Round {
         );
         let detours = if another_way { self.detours.as_slice() } else { &[] };
         for (at, line) in self.moves.iter().enumerate() {
-            // Spread over the moves, however many are left.
+            // The detours are spread evenly over the remaining moves.
             let here = detours.iter().enumerate().filter(|(n, _)| n * self.moves.len() / detours.len() == at);
             here.for_each(|(_, lines)| text += &taken_back(lines));
             text += line;
@@ -209,13 +209,13 @@ impl Round {
     }
 }
 
-/// Lines that restore the earlier state after `lines`.
+/// Lines that execute `lines` and then restore the earlier state.
 fn taken_back(lines: &[String]) -> String {
     let lines: String = lines.iter().map(|line| format!("    {line}\n")).collect();
     format!("let before = save();\ntry {{\n{lines}}} catch {{}}\nback_to(before);\n")
 }
 
-/// The text with each `${NAME}` replaced by its value in the setting.
+/// Replaces each `${NAME}` in the text by its value in `setting`.
 fn filled(text: &str, setting: &[(&str, &str)]) -> String {
     setting.iter().fold(text.to_owned(), |text, (name, value)| text.replace(&format!("${{{name}}}"), value))
 }

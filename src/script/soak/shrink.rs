@@ -1,9 +1,10 @@
-//! Reduces a list of items to the few that a failure needs.
+//! Reduces a list of items to the few items that are needed for a failure.
 
-/// The fewest of these items, in their order, that still fail, found with at most `tries` calls of `fails`.
+/// Returns a short list of these items, in their order, for which `fails` is still true. Calls `fails` at most `tries`
+/// times.
 ///
-/// Parts of half, a quarter ... of the items are left out as long as the rest fails (Zeller and Hildebrandt, "Simplifying and Isolating
-/// Failure-Inducing Input", 2002).
+/// Removes parts of half, a quarter and so on of the items, as long as the remaining items still fail (Zeller and
+/// Hildebrandt, "Simplifying and Isolating Failure-Inducing Input", 2002).
 pub fn shrink<T: Clone>(items: &[T], tries: usize, mut fails: impl FnMut(&[T]) -> bool) -> Vec<T> {
     let mut kept = items.to_vec();
     let mut part = kept.len().div_ceil(2);
@@ -23,7 +24,7 @@ pub fn shrink<T: Clone>(items: &[T], tries: usize, mut fails: impl FnMut(&[T]) -
         if tries == 0 {
             break;
         }
-        // An item that only a removed item needed can be removed now.
+        // The items are tried again, because an item may have been needed only by a removed item.
         part = if part == 1 && kept.len() == before { 0 } else { (part / 2).max(1) };
     }
     kept
