@@ -32,7 +32,7 @@ const WORDS: &[(&str, &str, &str)] = &[
     ("drive", "get", "commram drive show NAME"),
 ];
 
-/// An option of another program, an option that the command must have, and the correct option.
+/// An option of another program, an option by which the affected commands are recognized, and the correct option.
 const OPTIONS: &[(&str, &str, &str)] = &[
     ("--json", "format", "--format json"),
     ("--jsonl", "format", "--format jsonl"),
@@ -48,7 +48,8 @@ const OPTIONS: &[(&str, &str, &str)] = &[
     ("--realtime", "clock", "--clock realtime"),
 ];
 
-/// An unnecessary option of another program, an option that the command must have, and the reason.
+/// An option of another program that is not needed here, an option by which the affected commands are recognized, and
+/// the reason.
 const NEEDLESS: &[(&str, &str, &str)] = &[
     ("--retries", "shard", SAME_RESULT),
     ("--reruns", "shard", SAME_RESULT),
@@ -95,7 +96,7 @@ pub(super) fn text(error: &Error) -> String {
     text.replace("\n  tip:\n", "\n").replace("\n\n\n", "\n\n")
 }
 
-/// The command that the error is about, without the name of the program: `fault add`.
+/// The command in which the error occurred, without the name of the program: `fault add`.
 fn path(error: &Error, commands: &clap::Command) -> String {
     let Some(ContextValue::StyledStr(usage)) = error.get(ContextKind::Usage) else { return String::new() };
     let usage = usage.to_string();

@@ -75,7 +75,7 @@ enum Command {
     },
 }
 
-/// The board of one PLC; parts that the PLC does not have are empty.
+/// The board of one PLC. A field is empty if the PLC does not have this element.
 #[derive(Serialize)]
 pub(crate) struct Entry {
     plc: String,
@@ -109,7 +109,7 @@ struct Front(Vec<(&'static FrontWord, u32)>);
 impl Serialize for Front {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_map(self.words().map(|(word, value)| {
-            // A value without a name stays a number.
+            // A value without a name is shown as a number.
             let called = word.called(*value);
             let value = if called == value.to_string() { Value::from(*value) } else { called.into() };
             (word.name, value)
@@ -118,7 +118,7 @@ impl Serialize for Front {
 }
 
 impl Front {
-    /// The words that have named values; the text words are the contents of the display.
+    /// The words of the front whose values have names, without the words of the display text.
     fn words(&self) -> impl Iterator<Item = &(&'static FrontWord, u32)> {
         self.0.iter().filter(|(word, _)| !word.is_text)
     }
@@ -289,10 +289,10 @@ fn get(plc: Option<&str>, format: &FormatArg, instance: &Instance) -> Result<(),
     table::print(format.format, &rows, |rows| table::aligned(rows) + &front_lines(rows) + &module_lines(rows))
 }
 
-/// The boards of all PLCs, or of one.
+/// The boards of all PLCs, or of PLC `plc`.
 ///
 /// # Errors
-/// There is no such PLC, or the emulator has gone.
+/// There is no such PLC, or the emulator has ended.
 pub(crate) fn entries(session: &super::session::Session, plc: Option<&str>) -> Result<Vec<Entry>, CliError> {
     let only = plc.map(|plc| session.plc(Some(plc), plc)).transpose()?;
     let boards = session.boards()?;
@@ -330,7 +330,7 @@ fn set(instance: &Instance, words: &[BoardAssignment<'_>]) -> Result<(), CliErro
 /// The operation for a setting.
 ///
 /// # Errors
-/// The instance has no such PLC, or the PLC no such switch.
+/// The instance has no such PLC, or the PLC has no such switch.
 pub(crate) fn operation(
     session: &super::session::Session,
     word: &BoardAssignment<'_>,

@@ -130,7 +130,7 @@ impl RegisterValues {
     }
 }
 
-/// An entry of a dump in JSON, as far as it is compared.
+/// The compared fields of an entry of a dump in JSON.
 #[derive(Deserialize)]
 struct DumpEntry {
     plc: String,
@@ -146,7 +146,7 @@ impl DumpEntry {
     /// Converts the entry.
     ///
     /// # Errors
-    /// The bit pattern is malformed, or belongs to another number than `value`.
+    /// The bit pattern is malformed, or is not that of `value`.
     fn checked(self) -> Result<RegisterValue, String> {
         let DumpEntry { plc, register, address, value, hex, meaning } = self;
         let digits = hex.strip_prefix("16#").filter(|digits| [2, 4, 8].contains(&digits.len()));

@@ -55,16 +55,16 @@ fn script(shell: Shell) -> Result<String, CliError> {
         .map_err(|reason| CliError::Output { reason })?;
     let script = String::from_utf8_lossy(&script).into_owned();
     Ok(match shell {
-        // No blank after a word that can be continued: an area, an index.
+        // Prevents a blank after a word that can be continued, such as an area or an index.
         Shell::Bash => script
             .replacen("[=/:]$", "[=/:.[]$", 1)
             .replacen(
-                // The empty text after the separator is the word that bash completes; the separator must be kept.
+                // After a separator, bash completes the empty text. The separator itself must be kept.
                 "        words[COMP_CWORD]=\"$2\"",
                 "        [[ ${words[COMP_CWORD]} == [=:]* ]] || words[COMP_CWORD]=\"$2\"",
                 1,
             )
-            // A candidate is not a pattern of file names.
+            // A candidate must not be expanded as a pattern of file names.
             .replacen(
                 "    COMPREPLY=( ",
                 "    local globbing=\"$(shopt -po noglob)\"\n    set -f\n    COMPREPLY=( ",
@@ -150,7 +150,7 @@ pub(crate) fn answer() {
 mod tests {
     use super::*;
 
-    /// The scripts of the library still contain the texts that are replaced.
+    /// Checks that the scripts of the library still contain the texts that are replaced.
     #[test]
     fn scripts_add_no_blank_after_a_word_that_can_be_continued() {
         let bash = script(Shell::Bash).ok().unwrap();

@@ -12,7 +12,8 @@ use std::sync::OnceLock;
 
 /// Name of the file, in the working directory and in the user's directory for commram.
 const NAME: &str = "commram.toml";
-/// Environment variable with a file in place of both; empty: no file is read.
+/// Environment variable with the path of a file that is read instead of both files. If the variable is empty, no file
+/// is read.
 const VARIABLE: &str = "COMMRAM_CONFIG";
 /// Longest file in bytes.
 const LONGEST: u64 = 64 << 10;
@@ -31,7 +32,7 @@ pub(crate) struct Config {
     plant: Option<PathBuf>,
 }
 
-/// The defaults of this process, with notes about files that were ignored.
+/// The defaults of this process, and notes about configuration files that were ignored.
 static LOADED: OnceLock<(Config, Vec<String>)> = OnceLock::new();
 
 /// The defaults of this process.
@@ -75,7 +76,7 @@ fn places() -> Vec<PathBuf> {
 
 /// Reads a file; `None` if it does not exist. A file of another user is refused: it could name an instance of that user.
 fn read(path: &Path) -> Result<Option<Config>, String> {
-    // A pipe of another user in the working directory must not stop every command.
+    // The open must not wait: another user could put a pipe into the working directory.
     let file = match input_file::open_without_waiting(path) {
         Ok(file) => file,
         Err(reason) if matches!(reason.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
@@ -104,7 +105,7 @@ fn read(path: &Path) -> Result<Option<Config>, String> {
 }
 
 impl Config {
-    /// These defaults, completed by `other`.
+    /// These defaults; where a default is missing, that of `other`.
     fn or(self, other: Self) -> Self {
         Self {
             instance: self.instance.or(other.instance),

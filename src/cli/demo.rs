@@ -16,9 +16,9 @@ pub(crate) use processes::{Interrupts, command, end_with, terminate};
 use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
-/// A run takes a few seconds; after this time it counts as hanging.
+/// Maximum duration of a run, which normally takes a few seconds.
 const WATCHDOG: Duration = Duration::from_secs(120);
-/// Time for the soft-PLC to notice and report that the emulator has gone.
+/// Time that the soft-PLC has to detect and report the end of the emulator.
 const GRACE: Duration = Duration::from_secs(2);
 
 /// Watch a soft-PLC initialize three drives and exchange process data with them.
@@ -88,7 +88,7 @@ fn watch(emulator: &mut Emulator, plc: &mut SoftPlc, interrupts: &Interrupts) ->
         }
         if emulator.has_ended()? {
             let since: &mut Instant = emulator_ended.get_or_insert_with(Instant::now);
-            // The soft-PLC notices it too and can report what it was doing.
+            // The soft-PLC detects the end of the emulator, too, and can report its last action.
             if since.elapsed() > GRACE {
                 return Err(CliError::Demo("the emulator has ended unexpectedly".to_owned()));
             }

@@ -1,7 +1,8 @@
 //! `commram run --detach`: an emulator in the background.
 //!
-//! This program starts itself again, passes on the output of the child until it is ready, and ends. The child
-//! leaves terminal and session. When it is ready, it closes its outputs, so that no reader waits for their end.
+//! This program starts itself again as a child, passes on the output of the child until the child is ready, and ends.
+//! The child leaves terminal and session. When it is ready, it closes its outputs, so that this program and other
+//! readers of the outputs need not wait for its end.
 
 use super::demo::Interrupts;
 use super::error::CliError;
@@ -21,8 +22,8 @@ use std::time::Duration;
 /// Pause between two checks for an interrupt.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// Starts this command again in the background and returns when it is ready. `reads_input`: its plant is the standard
-/// input.
+/// Starts this command again in the background and returns when that process is ready. `reads_input`: the process reads
+/// its plant from the standard input.
 ///
 /// # Errors
 /// The child did not get ready. It has printed the reason, and its exit code is passed on.
@@ -57,7 +58,7 @@ pub(crate) fn start(instance: &str, reads_input: bool) -> Result<(), CliError> {
 /// Reads a stream up to its end in a thread.
 ///
 /// # Errors
-/// The system has no thread for it.
+/// The operating system refuses a thread.
 fn collect(stream: Option<impl Read + Send + 'static>) -> Result<Receiver<Vec<u8>>, CliError> {
     let (send, receive) = mpsc::channel();
     in_thread(move || {
@@ -122,7 +123,7 @@ impl Detached {
         Ok(this)
     }
 
-    /// Closes both outputs: a process that waits for their end can continue.
+    /// Closes both outputs, so that a process that reads them until their end can continue.
     ///
     /// # Errors
     /// The operating system refuses the operation.
@@ -136,7 +137,7 @@ impl Detached {
 /// outputs until they are closed.
 ///
 /// # Errors
-/// It is an output of this process.
+/// The log is an output of this process.
 fn refuse_own_output(log: &Path) -> Result<(), CliError> {
     // A file that does not exist is created later.
     let Ok(found) = rustix::fs::stat(log) else { return Ok(()) };

@@ -66,8 +66,7 @@ impl TypedValueParser for DeviceParser {
     }
 }
 
-/// Looks up a name or an address without knowing the device or its options. If this fails, no instance has such a
-/// register.
+/// Looks up a name or an address on all devices, with any options. If this fails, no instance can have such a register.
 ///
 /// # Errors
 /// The error of the closest device: the one that has such an area or such addresses. [`CliError::NoDeviceHas`] if
@@ -92,10 +91,10 @@ pub(crate) fn on_any_device<T>(
     }
 }
 
-/// Distance of a refusal by a device that has no such area or name.
+/// Distance if the device does not have the area or name at all.
 const UNKNOWN: u8 = 2;
 
-/// How far an error is from the intended register; smaller is closer.
+/// Distance between an error and the register that the user probably means. A smaller number is closer.
 fn distance(refusal: &LayoutError) -> u8 {
     match refusal {
         LayoutError::UnknownArea { .. } | LayoutError::UnknownName { .. } => UNKNOWN,
@@ -121,7 +120,8 @@ fn addresses_like(text: &str) -> String {
     if alike.is_empty() { devices(&|_| true) } else { alike }
 }
 
-/// The same on one device. If the result depends on the type of a port, any type that has the register is accepted.
+/// As [`on_any_device`], on one device. If the result depends on the type of a port, any type that has the register is
+/// accepted.
 fn on_any_fit<T>(
     device: &'static DeviceLayout,
     look_up: impl Fn(&DeviceFit) -> Result<T, LayoutError>,
@@ -139,7 +139,7 @@ fn on_any_fit<T>(
     fits.into_iter().find_map(|fitted| look_up(&fitted).ok()).ok_or(refusal)
 }
 
-/// Parses a register or address of any device; [`Session::place`] resolves it at an instance.
+/// Parses a register or address of any device. [`Session::place`] later resolves it for an instance.
 ///
 /// # Errors
 /// See [`on_any_device`].
@@ -147,8 +147,8 @@ pub(crate) fn of_any_device(text: &str) -> Result<NamedLocation, CliError> {
     on_any_device(|fitted| NamedLocation::parse(fitted, text))
 }
 
-/// The same, before `instance` is asked for the register. If no device has the register or address and the instance
-/// runs, the error comes from the device of its PLC.
+/// As [`of_any_device`]. If no device has the register or address and `instance` runs, the error message comes from the
+/// device of the instance's PLC.
 pub(crate) fn of_any_device_or_instance(
     instance: &Instance,
 ) -> impl Fn(&str) -> Result<NamedLocation, CliError> {
@@ -160,12 +160,12 @@ pub(crate) fn of_any_device_or_instance(
     }
 }
 
-/// Returns the result of `ask` if the instance runs and `refusal` concerns a name or an address: the instance knows
-/// the devices of its PLCs and their options. `look_up` is the same on one device. It decides if the instance has
-/// several PLCs and the user has named none.
+/// If `refusal` concerns a name or an address and the instance runs, returns the result of `ask`, because the instance
+/// knows the devices of its PLCs and their options. `look_up` makes the same search on one device. It is used if the
+/// instance has several PLCs and the user has not named a PLC.
 ///
 /// # Errors
-/// The error of `ask`, else `refusal`.
+/// The error of `ask`, or `refusal`.
 pub(crate) fn answer_of_instance<T>(
     instance: &Instance,
     refusal: CliError,
@@ -181,7 +181,7 @@ pub(crate) fn answer_of_instance<T>(
         Err(_) => return Err(refusal),
     };
     ask(&session).map_err(|failure| match failure {
-        // A mistake that is independent of the PLC is reported before the question for the PLC.
+        // A mistake that all PLCs report is shown instead of the message that the PLC is missing.
         CliError::WhichPlc { .. } => match common_refusal(session.all_fitted(), look_up) {
             Some(common) => common.into(),
             None => failure,
@@ -190,8 +190,8 @@ pub(crate) fn answer_of_instance<T>(
     })
 }
 
-/// The common error of these devices for a name or an address: all of them refuse it, and the devices that have such
-/// an area or such addresses return the same message.
+/// The common error of these devices for a name or an address. It exists if all devices refuse the text, and the
+/// devices with such an area or such addresses return the same message.
 fn common_refusal<T>(
     devices: &[DeviceFit],
     look_up: impl Fn(&DeviceFit) -> Result<T, LayoutError>,

@@ -85,7 +85,7 @@ fn read(path: &Path) -> Result<Vec<RegisterValue>, CliError> {
     change::parse(&name, &text)
 }
 
-/// Reads the registers of the blocks in `before`: the ones that `before` contains, and the ones that differ from
+/// Reads the registers of the blocks in `before`: registers that `before` contains, and registers that differ from
 /// their reset value. Also returns the register that shows which registers are live.
 fn now(
     instance: &Instance,
@@ -117,8 +117,8 @@ fn now(
     Ok((registers, phase_register))
 }
 
-/// Names of the plain RAM that `before` contains. A dump of all blocks has no plain RAM: an area whose dump contains the
-/// addresses of `before` is read as a whole, otherwise these addresses are read.
+/// Names of the plain RAM that `before` contains, because a dump of all blocks has no plain RAM. If a dump of a whole
+/// area contains the addresses of `before`, the area is read, otherwise only these addresses.
 fn plain_ram(session: &Session, before: &[RegisterValue]) -> Result<Vec<String>, CliError> {
     let mut areas = BTreeMap::<_, (&Area, Vec<&RegisterValue>, bool)>::new();
     for held in before {

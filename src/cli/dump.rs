@@ -54,9 +54,9 @@ pub(crate) struct Args {
 /// The part of an area in a dump.
 struct Selection {
     area: &'static Area,
-    /// Only these registers; `None`: all.
+    /// Only these registers; `None` selects all registers.
     registers: Option<Vec<RegisterRef>>,
-    /// In plain RAM only this address; `None`: all.
+    /// In plain RAM, only this address; `None` selects all addresses.
     place: Option<Address>,
 }
 
@@ -74,7 +74,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 /// Prints the registers of the blocks that differ from their reset value.
 ///
 /// # Errors
-/// The errors of all commands that read.
+/// The emulator cannot be reached, or no PLC, block or register has such a name.
 pub(crate) fn show(instance: &Instance, blocks: &[String]) -> Result<(), CliError> {
     print(instance, blocks, false, Format::Text)
 }
@@ -107,7 +107,7 @@ pub(crate) struct Dump {
 }
 
 pub(crate) struct DumpRow {
-    /// The value of the register.
+    /// Value of the register.
     pub holding: RegisterReading,
     /// True if the value is not the reset value.
     pub differs: bool,
@@ -124,10 +124,10 @@ pub(crate) fn check(names: &[String]) -> Result<(), CliError> {
         .try_for_each(|name| on_any_device(|fitted| select(fitted, name).map(drop)))
 }
 
-/// The same on one device.
+/// As [`check`], on one device.
 ///
 /// # Errors
-/// It has no such block or register.
+/// The device has no such block or register.
 pub(crate) fn check_on(fitted: &DeviceFit, name: &str) -> Result<(), LayoutError> {
     select(fitted, name).map(drop)
 }
@@ -158,7 +158,7 @@ impl Blocks {
             let mut plcs = DeviceIndex::first(session.plcs().len());
             plcs.try_for_each(|plc| add(plc, ""))?;
         }
-        // PLC by PLC, each in the order of the addresses or of the arguments.
+        // Sorted by PLC. The parts of a PLC stay in the order of the addresses or of the arguments.
         parts.sort_by_key(|part| part.plc);
         Ok(Blocks(parts))
     }
@@ -167,7 +167,7 @@ impl Blocks {
     /// the history that contains it.
     ///
     /// # Errors
-    /// The emulator has gone, or too many registers are followed.
+    /// The emulator has ended, or too many registers are followed.
     pub(crate) fn follow(&self, session: &Session) -> Result<(u64, u16), CliError> {
         use crate::request::Op;
 
@@ -210,10 +210,10 @@ impl Blocks {
         self.0.iter().flat_map(of_plc).collect()
     }
 
-    /// Reads all of them at one moment.
+    /// Reads all blocks at one moment of emulated time.
     ///
     /// # Errors
-    /// The emulator has gone.
+    /// The emulator has ended.
     pub(crate) fn read(&self, session: &Session) -> Result<Dump, CliError> {
         let reads = self.reads();
         let snapshot = session.read(&reads)?;
@@ -310,7 +310,7 @@ struct Part {
 }
 
 impl Selection {
-    /// The bytes to read: the whole area of plain RAM, else the range that has registers.
+    /// The bytes to read: for plain RAM the whole area, otherwise the range that has registers.
     fn bytes(&self, session: &Session, plc: DeviceIndex) -> Result<Range<u32>, CliError> {
         let area = self.area;
         if let Some(place) = self.place {
@@ -419,7 +419,7 @@ impl View<'_> {
         self.registers().iter().map(|register| self.row(register)).collect()
     }
 
-    /// The live rows; if none of the selected registers is live, the rows of the others.
+    /// The rows of live registers. If none of the selected registers is live, the rows of all selected registers.
     fn rows_or_dead_ones(&self) -> Vec<DumpRow> {
         match (self.rows(), &self.selection.registers) {
             (rows, Some(registers)) if rows.is_empty() => registers.iter().map(|it| self.row(it)).collect(),
@@ -446,7 +446,7 @@ impl View<'_> {
         }
     }
 
-    /// Plain RAM as doublewords, or a single address of it.
+    /// Rows of plain RAM: one for each doubleword, or one for a single address.
     fn plain(&self) -> Vec<DumpRow> {
         let width = self.selection.place.map_or(PLAIN_WIDTH, Address::width);
         let ty = width.bits();
@@ -477,7 +477,7 @@ pub(crate) fn is_row_of_plain_ram(area: &Area, address: Address) -> bool {
     address.width() == PLAIN_WIDTH && (address.offset() - area.first).is_multiple_of(PLAIN_WIDTH.bytes())
 }
 
-/// The end of a text about registers that are not live: the register that shows why.
+/// The end of a message about registers that are not live. It names the register that shows which structure is valid.
 pub(crate) fn see(phase_register: Option<&str>) -> String {
     phase_register.map_or_else(String::new, |register| format!(", see {register}"))
 }

@@ -46,10 +46,10 @@ errors! {
     /// The folder is not a device.
     #[error("{0}")]
     Folder(#[from] FolderError) => Exit::WrongUse,
-    /// A register or block that does not exist.
+    /// A register or block does not exist.
     #[error("{0}")]
     Layout(#[from] LayoutError) => Exit::WrongUse,
-    /// An address that no device has.
+    /// No device has this address.
     #[error(
         "`{text}` is not an address of any device: {known}; W is for words, D for double words, X and .bit for bits"
     )]
@@ -59,10 +59,10 @@ errors! {
         /// The addresses of the devices.
         known: String,
     } => Exit::WrongUse,
-    /// An export that does not exist.
+    /// The export does not exist.
     #[error("{0}")]
     Export(#[from] ExportError) => Exit::WrongUse,
-    /// A value that the register cannot hold.
+    /// The register cannot hold the value.
     #[error("{0}")]
     Value(#[from] BadValue) => Exit::WrongUse,
     /// Another user owns the directory for the token of `commram web`.
@@ -73,7 +73,7 @@ errors! {
         /// User id of the directory's owner.
         owner: u32,
     } => Exit::NotThere,
-    /// A wrong argument with a reason specific to its command.
+    /// An argument is wrong, for a reason that is specific to the command.
     #[error("`{text}`: {right}")]
     Argument {
         /// The argument as the user wrote it.
@@ -81,13 +81,13 @@ errors! {
         /// The correct form.
         right: String,
     } => Exit::WrongUse,
-    /// A snapshot file that cannot be read, is not a snapshot, or cannot be written there.
+    /// A snapshot file cannot be read, is not a snapshot, or cannot be written.
     #[error("{}: {reason}", .path.display())]
     Snapshot { path: PathBuf, reason: String } => Exit::WrongUse,
     /// An invalid setting of a board.
     #[error("{0}")]
     Board(#[from] BoardAssignmentError) => Exit::WrongUse,
-    /// A register without a PLC in front, although the instance has several PLCs.
+    /// A register is named without its PLC, although the instance has several PLCs.
     #[error("{text}: instance '{instance}' has several PLCs ({plcs}); write for example {example}:{text}")]
     WhichPlc {
         /// The register as the user wrote it.
@@ -98,7 +98,7 @@ errors! {
         /// One of the PLCs.
         example: String,
     } => Exit::WrongUse,
-    /// A PLC that the instance does not have.
+    /// The instance does not have this PLC.
     #[error("instance '{instance}' has no PLC '{plc}'; its PLCs are: {plcs}")]
     UnknownPlc {
         /// The PLC as the user wrote it.
@@ -107,7 +107,7 @@ errors! {
         /// All PLCs of the instance.
         plcs: String,
     } => Exit::WrongUse,
-    /// A bus that the instance does not have.
+    /// The instance does not have this bus.
     #[error("instance '{instance}' has no bus '{bus}'; its buses are: {buses}")]
     UnknownBus {
         /// The bus as the user wrote it.
@@ -234,28 +234,28 @@ errors! {
         /// The names of the entries.
         entries: String,
     } => Exit::NotThere,
-    /// An emulator has ended and lost data.
+    /// An emulator has ended and could not save its NOVRAM.
     #[error(
         "instance '{instance}' has stopped, but could not write NOVRAM: the last changes are lost; the reason is in its \
          output, or in the file of --log"
     )]
     Unsaved { instance: String } => Exit::Failed,
-    /// A fault with invalid fields, or for another plant.
+    /// A fault has invalid fields, or the plant does not have its target.
     #[error("{0}")]
     Fault(#[from] FaultError) => Exit::WrongUse,
-    /// The channel.
+    /// A request through the channel has failed.
     #[error("{0}")]
     Client(#[from] crate::channel::ClientError) as error => exit::of_client(error),
-    /// The emulator's end of the channel.
+    /// The emulator cannot open the channel.
     #[error("{0}")]
     Server(#[from] crate::channel::ServerError) => Exit::NotThere,
-    /// The image files.
+    /// An image file cannot be used.
     #[error("{0}")]
     Memory(#[from] MemoryError) as error => exit::of_memory(error),
-    /// The plant file.
+    /// The plant file has an error.
     #[error("{0}")]
     Plant(#[from] PlantError) => Exit::WrongUse,
-    /// The emulator.
+    /// The emulator cannot start, or has ended with an error.
     #[error("{0}")]
     Runtime(#[from] RuntimeError) as error => exit::of_runtime(error),
     /// The other federates cannot be reached.
@@ -318,10 +318,10 @@ errors! {
     /// A file cannot be written.
     #[error("cannot write {}: {reason}{}{}", .path.display(), limits::named(.reason), room::named(.path, .reason))]
     File { path: PathBuf, reason: io::Error } => Exit::NotThere,
-    /// An input file that cannot be read, or does not have the expected format.
+    /// An input file cannot be read, or does not have the expected format.
     #[error("cannot read {}: {reason}", .path.display())]
     Unreadable { path: PathBuf, reason: String } => Exit::WrongUse,
-    /// Declarations that cannot be imported into the layout.
+    /// The declarations cannot be imported into the layout.
     #[error("{0}")]
     Import(#[from] ImportError) as error => exit::of_import(error),
     #[error("{0}")]

@@ -72,8 +72,8 @@ Examples, one of each kind:"
     text
 }
 
-/// Accepts any text; shells complete the existing kinds. An unknown kind is refused later, together with its
-/// fields.
+/// Accepts any text. Shells complete the existing kinds. An unknown kind is refused later, when the fields are checked,
+/// too.
 #[derive(Clone)]
 struct KindParser;
 

@@ -81,7 +81,7 @@ impl FederateArgs {
         }
     }
 
-    /// Refuses a plant with doors, given as the name of the bus and the door.
+    /// Refuses a plant with doors. Each door is given with the name of its bus.
     ///
     /// # Errors
     /// The first door, if the emulator shares its plant.
@@ -147,7 +147,7 @@ impl FederateArgs {
     /// Reads the description of the exchange with other simulators, and finds its names in the plant.
     ///
     /// # Errors
-    /// The file cannot be read, is wrong, or names what the plant does not have.
+    /// The file cannot be read, has an error, or contains names that the plant does not have.
     pub(crate) fn coupling(&self, plant: &Plant) -> Result<Option<Coupling>, CliError> {
         let Some(path) = &self.exchange else { return Ok(None) };
         let coupling = CouplingConfig::load(path)

@@ -48,7 +48,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if found.is_empty() {
         let searched = devices.iter().flat_map(entries).filter(|entry| args.all || !entry.reserved);
         let names: Vec<_> = searched.map(|entry| entry.name).collect();
-        // Without the area and the indices, which are rarely misspelt.
+        // The comparison ignores area and indices, which are rarely misspelt.
         let bare = |name: &String| {
             let name = name.split('[').next().unwrap_or_default();
             name.split_once('.').map_or(name, |(_, register)| register).to_owned()
@@ -73,7 +73,7 @@ pub(crate) fn distinct(devices: &[DeviceFit]) -> Vec<DeviceFit> {
     all
 }
 
-/// The words of texts to find, folded.
+/// The words to find, folded: in lower case, with blanks in place of hyphens and underscores.
 pub(crate) fn words<'a>(texts: impl IntoIterator<Item = &'a str>) -> Vec<String> {
     texts.into_iter().flat_map(str::split_whitespace).map(folded).collect()
 }
@@ -112,7 +112,7 @@ pub(crate) fn rank(entry: &Entry, words: &[String]) -> Option<u8> {
     texts.iter().position(holds_all).map(|rank| rank as u8)
 }
 
-/// Values and bits with their meanings.
+/// Texts of values and bits, each with its meaning.
 fn values_and_bits(entry: &Entry) -> impl Iterator<Item = (String, String)> {
     let values = entry.values.iter().map(|value| (value.hex.clone(), value.meaning.clone()));
     let bits = entry.bits.iter().map(|bit| {

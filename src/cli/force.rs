@@ -88,7 +88,7 @@ fn list(args: &Args) -> Result<(), CliError> {
         NamedLocation::parse(&fitted, &address.to_string())
     };
     let places = forces.iter().map(place).collect::<Result<Vec<_>, _>>()?;
-    // The registers that show which of overlaid structures is live.
+    // Reads the registers that show which structure is valid, where structures overlay each other.
     let statuses = forces
         .iter()
         .zip(&places)

@@ -82,8 +82,8 @@ impl Instance {
         &self.named.name
     }
 
-    /// Tries to reach the instance until an attempt succeeds, fails for a reason other than a starting emulator, or
-    /// the waiting time is over.
+    /// Repeats an attempt to reach the instance until it succeeds, or until the waiting time is over. An error that a
+    /// starting emulator cannot cause ends the attempts.
     ///
     /// # Errors
     /// The errors of the last attempt.
@@ -107,7 +107,7 @@ impl Instance {
             CliError::NotRunning { .. } | CliError::NoImages { .. } | CliError::Dead { .. } => true,
             CliError::Memory(NotReady { state, .. }) => *state == Some(State::Starting),
             CliError::Memory(NotThere { .. }) => true,
-            // The client found the channel before it was complete.
+            // The emulator has not completed the channel yet.
             CliError::Client(
                 crate::channel::ClientError::Unanswered { .. } | crate::channel::ClientError::Connect { .. },
             ) => true,

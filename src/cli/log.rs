@@ -1,5 +1,6 @@
-//! Messages of the library on the standard error output: ` WARN the text key=value`. The threads of an emulator write
-//! them. An output without a reader delays a thread only briefly: it loses messages, and this module counts them.
+//! Writes messages of the library to the standard error output: ` WARN the text key=value`. The threads of an emulator
+//! write such messages. If the output is not read, a thread waits only briefly; the message is then lost, and this
+//! module counts lost messages.
 
 use super::output;
 use core::fmt::{Debug, Write};
@@ -18,14 +19,14 @@ use tracing::{Event, Level, Metadata, Subscriber};
 /// Longest wait for a full output, in nanoseconds. After a lost message there is no wait until the output accepts a message
 /// again.
 const PATIENCE_NS: i64 = 20_000_000;
-/// Bytes that an output takes at once if it reports room for any: `PIPE_BUF` of Linux.
+/// Number of bytes that an output accepts without blocking if it reports that it is ready: `PIPE_BUF` of Linux.
 const PART: usize = 4096;
 
 /// Prints warnings and errors from now on, with `--verbose` all messages, and the messages of panics. A panic in a damaged
 /// channel does not end the process.
 pub(super) fn to_stderr() {
     let most = if output::is_verbose() { Level::DEBUG } else { Level::WARN };
-    // It fails only in a process that has set another subscriber.
+    // This fails only if the process has already set another subscriber.
     let _ = set_global_default(Log { most });
     panic::set_hook(Box::new(|info| {
         let thread = thread::current();
@@ -40,7 +41,7 @@ pub(super) fn to_stderr() {
     }));
 }
 
-/// Count of messages that the standard error output has not taken since the last one that it took.
+/// Number of messages that were lost since the standard error output last accepted a message.
 static LOST: AtomicUsize = AtomicUsize::new(0);
 
 /// Prints events. There are no spans in this program.
@@ -77,7 +78,7 @@ impl Subscriber for Log {
     fn exit(&self, _: &Id) {}
 }
 
-/// Writes a message, and before it the number of lost ones. Write errors are ignored.
+/// Writes a message, preceded by the number of lost messages. Write errors are ignored.
 fn write_counting(output: &impl AsFd, text: &str, lost: &AtomicUsize) {
     let before = lost.load(Ordering::Relaxed);
     let patience_ns = if before == 0 { PATIENCE_NS } else { 0 };
@@ -86,7 +87,7 @@ fn write_counting(output: &impl AsFd, text: &str, lost: &AtomicUsize) {
         _ => format!(" WARN {before} messages before this one were lost: the output was not read\n{text}"),
     };
     let mut parts = whole.as_bytes().chunks(PART);
-    // Without the lock of the standard error output, which a thread may hold that the output blocks.
+    // The write does not use the lock of the standard error output, because a blocked thread may hold it.
     let is_written = parts.all(|part| takes(output, patience_ns) && rustix::io::write(output, part).is_ok());
     match is_written {
         true => lost.fetch_sub(before, Ordering::Relaxed),
@@ -98,7 +99,7 @@ fn write_counting(output: &impl AsFd, text: &str, lost: &AtomicUsize) {
 fn takes(output: &impl AsFd, patience_ns: i64) -> bool {
     let patience = Timespec { tv_sec: 0, tv_nsec: patience_ns };
     let mut polled = [PollFd::new(output, PollFlags::OUT)];
-    // An output that was closed takes the bytes without effect.
+    // A closed output also counts as ready; the write to it then has no effect.
     rustix::io::retry_on_intr(|| poll(&mut polled, Some(&patience))).is_ok_and(|ready| ready > 0)
 }
 
@@ -157,7 +158,7 @@ mod tests {
         assert_eq!(&read[..count], b"next\n");
     }
 
-    /// Required only for the names of fields.
+    /// A callsite that is only needed to build names of fields.
     struct NoCallsite;
     static CALLSITE: NoCallsite = NoCallsite;
 

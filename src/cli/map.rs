@@ -71,8 +71,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     table::print(args.format.format, &entries, text)
 }
 
-/// The entries that a user has named, or all entries for an empty text; and whether the text names a single register,
-/// address or bit.
+/// The entries that the text names, or all entries for an empty text. Also returns true if the text names a single
+/// register, address or bit.
 ///
 /// # Errors
 /// The device has no such register, block or address.
@@ -107,7 +107,7 @@ fn bit(fitted: &DeviceFit, what: &str) -> Result<Option<Entry>, CliError> {
             Ok(place.bit_in().map(|(register, bit)| entry::of_bit(&register, bit, &place.address())))
         }
         Err(refusal @ LayoutError::BadBit { .. }) => Err(refusal.into()),
-        // Not one register; the caller also accepts blocks, arrays and patterns.
+        // The text does not name a register. It may be a block, an array or a pattern, which the caller looks up.
         Err(_) => Ok(None),
     }
 }

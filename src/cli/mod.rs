@@ -183,7 +183,7 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// Does the work of [`main`]. Not inlined: `main` needs little stack.
+/// Does the work of [`main`]. Not inlined, so that `main` itself needs little stack.
 #[inline(never)]
 fn answer_command_line() -> ExitCode {
     completions::answer();
@@ -254,8 +254,8 @@ impl Command {
     }
 }
 
-/// Lets writes beyond the limit of `ulimit -f` fail with an error instead of ending this process by SIGXFSZ. The signal
-/// is caught and not ignored, so that the command of `commram with` starts with the default action.
+/// Makes writes beyond the limit of `ulimit -f` return an error, instead of ending this process by SIGXFSZ. The signal
+/// is caught instead of ignored, because the command of `commram with` would inherit an ignored signal.
 fn survive_file_size_limit() -> std::io::Result<()> {
     signal_hook::flag::register(libc::SIGXFSZ, std::sync::Arc::default()).map(drop)
 }
@@ -298,7 +298,8 @@ mod tests {
         parse::command().debug_assert();
     }
 
-    /// On a narrow terminal clap wraps long lines; line breaks inside a paragraph would then give ragged lines.
+    /// On a narrow terminal clap wraps long lines. Line breaks inside a paragraph would then give lines of very
+    /// different lengths.
     #[test]
     fn no_paragraph_below_the_help_is_broken_by_hand() {
         let mut commands = vec![parse::command()];

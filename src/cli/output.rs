@@ -69,7 +69,7 @@ pub(crate) fn xml_escaped(text: &str) -> String {
     escaped(text, &['\n', '\t'], |sign| format!("&#x{:x};", u32::from(sign)))
 }
 
-/// The text with the spelling of each character that a terminal interprets, except `kept`.
+/// Replaces each character that a terminal interprets by its spelling, except the characters `kept`.
 fn escaped(text: &str, kept: &[char], spelling: impl Fn(char) -> String) -> String {
     let mut out = String::with_capacity(text.len());
     for sign in text.chars() {
@@ -150,10 +150,10 @@ pub(crate) fn page(text: &str) -> Result<(), CliError> {
     let mut command = Command::new("sh");
     command.args(["-c", &pager]).stdin(Stdio::piped());
     if std::env::var_os("LESS").is_none() {
-        // Colours, no pager for a short text, the text stays on the screen.
+        // Options of `less`: show colours, end at once if the text is short, leave the text on the screen.
         command.env("LESS", "FRX");
     }
-    // Ctrl-C belongs to the pager.
+    // While the pager runs, Ctrl-C concerns only the pager.
     let _ = signal_hook::flag::register(signal_hook::consts::SIGINT, std::sync::Arc::default());
     let Ok(mut child) = command.spawn() else { return print(text) };
     if let Some(mut input) = child.stdin.take() {
@@ -161,7 +161,7 @@ pub(crate) fn page(text: &str) -> Result<(), CliError> {
         let _ = input.write_all(text.as_bytes());
     }
     match child.wait() {
-        // The shell has not found the program.
+        // The shell could not start the pager.
         Ok(status) if matches!(status.code(), Some(126 | 127)) => print(text),
         Ok(_) => Ok(()),
         Err(reason) => Err(CliError::Process { reason }),

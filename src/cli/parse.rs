@@ -78,7 +78,7 @@ pub(super) fn with_options_after_command(
     while let Some(word) = rest.peek().and_then(|word| word.to_str()).map(str::to_owned) {
         let count = match word.as_str() {
             "-i" | "--instance" | "--color" => 2,
-            // These end the command line wherever they are.
+            // These words end the search for options, wherever they are.
             "-h" | "--help" | "-V" | "--version" | "--" => break,
             word if word.starts_with('-') => 1,
             word => match command.find_subcommand(word) {
@@ -109,7 +109,7 @@ fn without_environment_values(error: clap::Error, words: &[OsString]) -> clap::E
     if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         return error;
     }
-    // A mistake in the environment itself does not occur here; then the original error is returned.
+    // If the mistake is in an environment variable, this second attempt succeeds, and the original error is returned.
     let other = bare(command()).try_get_matches_from(words).err();
     other.filter(|other| other.kind() == error.kind()).unwrap_or(error)
 }

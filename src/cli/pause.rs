@@ -25,7 +25,7 @@ const LONGEST_END: Duration = Duration::from_secs(1);
 pub(crate) enum PollResult<T> {
     /// The emulator has answered.
     Answered(T),
-    /// No answer this time: another client advances the clock, and a stepped emulator answers afterwards.
+    /// There is no answer now, because another client advances the stepped clock. The emulator answers later.
     Later,
     /// The emulator has ended.
     Ended,
@@ -93,7 +93,7 @@ impl Pause {
 
     pub(crate) fn wait(&mut self) -> Result<PauseEnd, CliError> {
         let out = io::stdout();
-        // No event is requested for the output: poll always reports that its reader has gone.
+        // No event is requested for the output, because poll always reports that its reader has closed it.
         let mut files = [PollFd::new(&self.signals, PollFlags::IN), PollFd::new(&out, PollFlags::empty())];
         match poll(&mut files, Some(&INTERVAL)) {
             // The signal handler has written its byte; the next call reads it.
@@ -113,8 +113,8 @@ fn end_after_signal(signals: &UnixStream) {
     signal_hook::low_level::exit(Exit::Interrupted.code().into());
 }
 
-/// Runs a command that follows an instance. The end of its terminal ends the command like a signal, also if the command
-/// notices this end first while it writes.
+/// Runs a command that follows an instance. If its terminal is closed, the command ends as after a signal, even if it
+/// first detects this by a failed write.
 ///
 /// # Errors
 /// See `follow`.

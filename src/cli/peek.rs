@@ -109,7 +109,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     table::print(args.format.format, &holdings, |holdings| holdings.iter().map(line).collect())
 }
 
-/// What an argument of the command refers to.
+/// The registers to which an argument of the command refers.
 pub(crate) enum ReadTarget {
     /// A register or an address.
     One(DeviceIndex, NamedLocation),
@@ -130,7 +130,7 @@ impl ReadTarget {
         Ok(Self::One(session.plc_of(&place)?, place))
     }
 
-    /// The bytes that they occupy: number of the PLC, first byte in the image, number of bytes.
+    /// The bytes of the registers, each range as number of the PLC, first byte in the image, number of bytes.
     pub(crate) fn stretches(&self) -> Vec<(DeviceIndex, u32, u32)> {
         match self {
             Self::One(plc, place) => vec![(*plc, place.offset(), place.width().bytes())],
@@ -138,10 +138,11 @@ impl ReadTarget {
         }
     }
 
-    /// The read operations for them.
+    /// The read operations for the registers.
     pub(crate) fn reads(&self) -> Vec<Read> {
         match self {
-            // A status register shows which of two overlaid structures is live; it is read at the same moment.
+            // If two structures overlay each other, a status register shows which one is valid. It is read at the same
+            // moment.
             Self::One(plc, place) => {
                 let status = place.status().map(|status| Read::register(*plc, &status));
                 [Read::place(*plc, place)].into_iter().chain(status).collect()
@@ -170,7 +171,7 @@ impl ReadTarget {
 /// Reads registers at one moment.
 ///
 /// # Errors
-/// A PLC is missing, or the emulator has gone.
+/// A PLC is missing, or the emulator has ended.
 pub(crate) fn read(session: &Session, wanted: &[ReadTarget]) -> Result<Vec<RegisterReading>, CliError> {
     let each = read_each(session, &wanted.iter().collect::<Vec<_>>())?;
     Ok(each.into_iter().flatten().collect())

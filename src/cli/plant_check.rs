@@ -90,7 +90,8 @@ impl Row for PlantVerdict {
 /// Checks the file, or the built-in plant, and calls `then` with an accepted plant.
 ///
 /// # Errors
-/// The plant is refused: the error itself, or [`CliError::Reported`] if the table contains it. Or `then` fails.
+/// The plant is refused, or `then` fails. If the printed table already contains the error, it is
+/// [`CliError::Reported`].
 pub(crate) fn run(
     path: Option<&Path>,
     format: Format,

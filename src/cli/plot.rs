@@ -60,7 +60,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         text: text.display().to_string(),
         right: right.to_string(),
     };
-    // The standard output gets a text format.
+    // On the standard output, the picture has a text format: SVG.
     let name: &Path =
         if input_file::is_standard(&args.output) { Path::new("plot.svg") } else { &args.output };
     let picture =
@@ -100,8 +100,8 @@ fn check(registers: usize, from: u64, to: Option<u64>) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Returns the end of the window in microseconds: `to`, or the last known time if that is earlier. Nothing is known after
-/// that time, so nothing is drawn there.
+/// Returns the end of the window in microseconds: `to`, or the last known time if this is earlier. After the last known
+/// time there is nothing to draw.
 ///
 /// # Errors
 /// The window begins after the last known time.

@@ -67,11 +67,11 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let writes = args.writes.iter().map(parse).collect::<Result<Vec<_>, _>>()?;
     let stores = RegisterWrite::of(&session, &writes)?;
     let mut ops: Vec<_> = stores.iter().map(RegisterWrite::store).collect();
-    // The message with the writes also reads the registers for the notes, which saves an exchange.
+    // The request with the writes also reads the registers that the notes need. This saves a second request.
     let statuses =
         writes.iter().map(|(place, _)| peek_status(&session, place)).collect::<Result<Vec<_>, _>>()?;
     ops.extend(statuses.iter().flatten());
-    // With very many writes there is no space for all of them in the same message.
+    // With very many writes, not all reads fit into the same request.
     let (first, rest) = ops.split_at(ops.len().min(MAX_OPS.max(writes.len())));
     let mut replies = session.request(first)?;
     if !rest.is_empty() {
@@ -89,7 +89,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Reads the register that decides which of overlaid structures is valid at the place, if there are several.
+/// The operation that reads the register that shows which structure is valid at the place. `None` if structures do not
+/// overlay each other there.
 fn peek_status(session: &Session, place: &NamedLocation) -> Result<Option<Op>, CliError> {
     let Some(status) = place.status() else { return Ok(None) };
     let address = status.address();

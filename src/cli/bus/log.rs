@@ -119,7 +119,8 @@ impl Log {
         Ok(aimed)
     }
 
-    /// Takes the messages in the order of the log: interface, whether it is selected, position, time.
+    /// Removes and returns the messages in the order of the log. The caller gets the interface, whether the message is
+    /// selected, its position, its time, and the message.
     fn take_messages(&mut self, select: &Select) -> Vec<(String, bool, usize, u64, Message)> {
         let frames = core::mem::take(&mut self.recording.frames).into_iter().map(|it| {
             let Logged { at, time_us, interface, direction, frame } = it;
@@ -161,9 +162,9 @@ impl Log {
 #[derive(Default)]
 struct PassedOver {
     not_selected: u64,
-    /// By interface.
+    /// Number of messages without a bus, by interface.
     without_bus: BTreeMap<String, u64>,
-    /// By bus.
+    /// Number of messages that their bus cannot carry, by bus.
     of_other_kind: BTreeMap<String, u64>,
 }
 

@@ -1,7 +1,7 @@
 //! The words of the command line before the completed word.
 //!
-//! They come from the arguments of this process: a shell calls it as `commram -- WORDS`. Bash splits words at `:`
-//! and `=`, other shells do not: [`whole`] joins them again.
+//! The words come from the arguments of this process, because a shell calls it as `commram -- WORDS`. Bash splits words
+//! at `:` and `=`, other shells do not. [`whole`] joins the parts again.
 
 use core::cell::RefCell;
 use std::ffi::{OsStr, OsString};
@@ -26,7 +26,7 @@ pub(crate) fn whole(words: &[OsString]) -> Vec<OsString> {
     all
 }
 
-/// Returns the part of the last word that bash keeps unchanged: the text before the part under the cursor.
+/// Returns the beginning of the last word that bash does not replace: the text before the part under the cursor.
 pub(crate) fn front_of_last(words: &[OsString]) -> OsString {
     let end = match words.split_last() {
         Some((last, rest)) if !is_sign(last) && rest.last().is_some_and(|word| is_sign(word)) => rest,
@@ -37,7 +37,8 @@ pub(crate) fn front_of_last(words: &[OsString]) -> OsString {
 }
 
 thread_local! {
-    /// The words of a line that this program read itself; the last one is being completed.
+    /// The words of a line that this program has read itself, for example in its shell. The last word is being
+    /// completed.
     static LINE: RefCell<Option<Vec<String>>> = const { RefCell::new(None) };
 }
 

@@ -1,7 +1,7 @@
-//! Words as bash reads them. Bash inserts a completion into the line as it is, and names of files can be anything.
+//! Quoting of words for bash. Bash inserts a completion into the line unchanged, and names of files can contain any
+//! character.
 
-/// Returns the text in the spelling that bash reads as this text; `None` for a text with control characters, which a line
-/// cannot have.
+/// Returns the text, quoted for bash. `None` for a text with control characters, which a command line cannot contain.
 pub(super) fn quoted(text: &str) -> Option<String> {
     if text.chars().any(char::is_control) {
         return None;

@@ -22,8 +22,8 @@ const PATIENCE: Duration = Duration::from_secs(20);
 pub(crate) struct Interrupts(Arc<AtomicBool>);
 
 impl Interrupts {
-    /// Catches the termination signals. The first signal ends writes to outputs that are not read, the second one ends
-    /// the process at once.
+    /// Catches the termination signals. After the first signal, writes to outputs that are not read end. The second
+    /// signal ends the process immediately.
     ///
     /// # Errors
     /// The operating system refuses the operation.
@@ -54,7 +54,7 @@ pub(crate) fn command(subcommand: &str) -> Result<Command, CliError> {
     let program = std::env::current_exe().map_err(process_error)?;
     let mut command = Command::new(program);
     command.arg(subcommand).args(["--parent", &std::process::id().to_string()]);
-    // The child gets all that it needs from this process.
+    // The child must not use settings from the environment or the configuration files.
     command.env("COMMRAM_CONFIG", "").env_remove("COMMRAM_INSTANCE").stdin(Stdio::null()).process_group(0);
     Ok(command)
 }
@@ -155,7 +155,7 @@ impl Emulator {
 
 impl Drop for Emulator {
     fn drop(&mut self) {
-        // Only needed after an error, which is reported elsewhere.
+        // This is only needed after an error, which the caller reports.
         let _ = terminate(&mut self.child, PATIENCE);
         let _ = stop::remove_remains(&self.instance);
     }

@@ -1,5 +1,5 @@
-//! Function blocks that `commram export st --blocks` omits: matiec does not accept the name of a block for anything
-//! else.
+//! Removes function blocks from `commram export st --blocks`. This is needed if a program has a variable with the name
+//! of a block, because matiec does not accept this.
 
 use super::{CliError, wrong};
 
@@ -36,7 +36,7 @@ fn without_block(blocks: &str, name: &str) -> Option<String> {
     Some(lines[..comments].iter().chain(behind).flat_map(|line| [line, "\n"]).collect())
 }
 
-/// Whether a line declares a variable of this type.
+/// True if a line declares a variable of this type.
 fn is_of_type(line: &str, name: &str) -> bool {
     let ty = line.split_once(':').map(|(_, ty)| ty.trim().trim_end_matches(';'));
     ty.is_some_and(|ty| ty.eq_ignore_ascii_case(name))

@@ -22,9 +22,9 @@ const COMMON: &[(&str, &str)] = &[
 /// Additions of a template to the common files.
 struct Extra {
     files: &'static [(&'static str, &'static str)],
-    /// Files that its commands create, for `.gitignore`.
+    /// Files that the commands of the template create, for `.gitignore`.
     ignored: &'static str,
-    /// Commands that run it.
+    /// Commands that run the program or test of the template.
     commands: &'static [&'static str],
     ci: Ci,
 }
@@ -154,7 +154,7 @@ impl Project {
     }
 }
 
-/// A word of a shell.
+/// Quotes a word for a shell.
 pub(super) fn quoted(word: &str) -> String {
     let plain = |sign: char| sign.is_ascii_alphanumeric() || "/._-".contains(sign);
     if word.chars().all(plain) && !word.starts_with('-') {

@@ -1,4 +1,4 @@
-//! Writes to the outputs of this process that end after a termination signal, even if the output is not read.
+//! Writes to the outputs of this process. After a termination signal a write ends, even if the output is not read.
 
 use std::io::{self, ErrorKind, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,14 +11,14 @@ use std::time::Duration;
 const PATIENCE: Duration = Duration::from_millis(400);
 /// Real time between two checks for a termination signal.
 const INTERVAL: Duration = Duration::from_millis(20);
-/// Bytes of one write. If a terminal or pipe accepts a part, it has a reader.
+/// Number of bytes of one write. A terminal or pipe that accepts such a part is being read.
 const PART: usize = 4096;
 
-/// Set by a termination signal. Without a flag, signals end this process or do not concern its outputs.
+/// Flag that a termination signal sets. `None` if signals end this process, or do not concern its outputs.
 static HAS_TO_END: OnceLock<Arc<AtomicBool>> = OnceLock::new();
 
-/// From the moment when `has_to_end` is set, this process no longer waits for outputs that are not read. The first
-/// flag of a process is the valid one.
+/// As soon as `has_to_end` is set, this process no longer waits for outputs that are not read. Only the first call in a
+/// process has an effect.
 pub(crate) fn give_up_after(has_to_end: Arc<AtomicBool>) {
     let _ = HAS_TO_END.set(has_to_end);
 }
@@ -31,7 +31,7 @@ pub(super) fn write<W: Write + 'static>(output: fn() -> W, bytes: &[u8]) -> io::
     let Some(has_to_end) = HAS_TO_END.get() else { return write_parts(output, bytes, |()| {}) };
     let (send, written) = mpsc::channel();
     let copy = bytes.to_vec();
-    // A blocked write cannot be ended, so it has a thread.
+    // A blocked write cannot be cancelled, so it runs in a separate thread.
     let work = move || {
         let result = write_parts(output, &copy, |()| drop(send.send(Ok(()))));
         let _ = result.map_err(|reason| send.send(Err(reason)));

@@ -10,7 +10,7 @@ use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Maximum number of events of counted records in a plot, without the first and the last one of each record.
+/// Maximum number of events of counted records in a plot, without the first and last event of each record.
 const MOST_COUNTED: u64 = 1_000_000;
 
 /// Why a text is not a readable journal.
@@ -19,7 +19,7 @@ enum JournalFileError {
     /// The text has no lines.
     #[error("it is empty; a journal with records is written by `commram trace --format jsonl`")]
     Empty,
-    /// A line without a record.
+    /// A line is not a record.
     #[error("line {line}: {reason}; such a journal is written by `commram trace --format jsonl`")]
     NoRecord {
         /// Number of the line, from 1.
@@ -27,7 +27,7 @@ enum JournalFileError {
         /// The error of the parser.
         reason: String,
     },
-    /// A record that another version of commram has written.
+    /// Another version of commram has written the record.
     #[error(
         "line {line}: the record has format {found}, this commram ({ours}) reads format {VERSION}; use the commram that \
          has written it, or write the journal again with this one (`commram trace --format jsonl`)",
@@ -36,7 +36,7 @@ enum JournalFileError {
     OtherVersion {
         /// Number of the line, from 1.
         line: usize,
-        /// Its format.
+        /// Format of the record.
         found: u64,
     },
     /// No register can have this value.
@@ -47,7 +47,7 @@ enum JournalFileError {
         /// The value as it is in the file.
         value: serde_json::Value,
     },
-    /// A value with more bytes than its register.
+    /// A value has more bytes than its register.
     #[error("line {line}: {value} does not fit into {address}")]
     TooWide {
         /// Number of the line, from 1.
@@ -88,7 +88,7 @@ struct Run {
     /// Time of the last event in microseconds.
     last_us: u64,
     count: u64,
-    /// Distance of the events in microseconds; 0 of a single event.
+    /// Distance of the events in microseconds; 0 for a single event.
     period_us: u64,
     /// Value of the register.
     value: u32,
@@ -192,8 +192,8 @@ impl RecordedRegisters {
         Ok(journal_data)
     }
 
-    /// Returns the events of these lines in the window, in the order of time: a counted record appears in the file at
-    /// the end of its count.
+    /// Returns the events of these lines in the window, sorted by time. The lines are not sorted, because a counted
+    /// record is written at the end of its count.
     fn unfold<'a>(
         &self,
         runs: impl IntoIterator<Item = &'a Run>,
@@ -202,7 +202,7 @@ impl RecordedRegisters {
         let mut events = Vec::new();
         for run in runs {
             let times = window.times(run.last_us, run.count, run.period_us);
-            // A line has one event, or a first and a last one.
+            // The first and the last event of a line do not count.
             let more = (times.size_hint().0 as u64).saturating_sub(2);
             let spare = self.spare.get().checked_sub(more);
             self.spare.set(spare.ok_or_else(|| self.wrong(&JournalFileError::TooMany { line: run.line }))?);
@@ -288,7 +288,7 @@ mod tests {
 {"v":1,"seq":901,"time_us":4100,"kind":"changed","plc":"other","address":"%MB3.6","from":0,"to":9}
 "#;
 
-    /// If fields that the reader uses change, the format gets a new version, and the sample of the previous one is
+    /// If fields that the reader uses change, the format gets a new version. The sample of the previous version is
     /// kept.
     #[test]
     fn a_sample_of_the_format_can_be_read() {

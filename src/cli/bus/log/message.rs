@@ -34,8 +34,8 @@ impl fmt::Display for Message {
     }
 }
 
-/// Finds the senders of the telegrams of a bus, in their order: a receipt has no address, and comes from the station to
-/// which the last request was sent.
+/// Finds the sender of each telegram of a bus, in their order. A short acknowledgement has no address: its sender is
+/// the station to which the last request was sent.
 #[derive(Debug, Default)]
 pub(super) struct Senders {
     /// Destination of the last request.
@@ -43,7 +43,7 @@ pub(super) struct Senders {
 }
 
 impl Senders {
-    /// Returns the address of the sender; `None` if the telegram has none and no request came before.
+    /// Returns the address of the sender. `None` if the telegram has no address and no request has preceded it.
     pub(super) fn of_next(&mut self, octets: &[u8]) -> Option<u8> {
         match Telegram::parse(octets).ok()? {
             Telegram::Frame(DpFrame { da, sa, fc, .. }) => {
@@ -66,7 +66,7 @@ mod tests {
     fn a_receipt_is_from_the_station_that_was_asked() {
         let mut senders = Senders::default();
         assert_eq!(senders.of_next(&[0xE5]), None);
-        // FDL status of station 5, the answer, a request to station 7, its receipt.
+        // A request for the FDL status of station 5, its answer, a request to station 7, its acknowledgement.
         let telegrams: [&[u8]; 4] = [
             &[0x10, 5, 2, 0x49, 0x50, 0x16],
             &[0x10, 2, 5, 0, 7, 0x16],

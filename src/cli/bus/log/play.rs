@@ -47,12 +47,14 @@ pub(in super::super) struct Play {
 /// Longest time between two frames of a played log: the limit of one advance operation, 24 h in
 /// microseconds.
 const LONGEST_GAP_US: u64 = MAX_ADVANCE_US;
-/// Step of the clock while frames wait for room or for the end of the last frame, in emulated microseconds.
+/// Step of the clock, in emulated microseconds, while frames wait for room in the queue, or the last frame has not
+/// ended.
 const ROOM_US: u64 = 100;
-/// Longest emulated time in microseconds between two counts of the frames that have ended: the journal keeps only the
-/// last 65,536 frames of all buses.
+/// Longest emulated time, in microseconds, between two counts of the frames that have ended. The count uses the
+/// journal, which keeps only the last 65,536 frames of all buses.
 const COUNT_US: u64 = 100_000;
-/// Longest wait in which no frame moves: emulated with the stepped clock, real with the real-time clock.
+/// Longest wait without progress of any frame, in emulated time with the stepped clock, in real time with the real-time
+/// clock.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Pause between two attempts with the real-time clock.
 const PAUSE: Duration = Duration::from_millis(1);
@@ -98,7 +100,7 @@ fn begin_telegrams(log: &mut [AddressedMessage], buses: &Buses) {
         Message::Frame(_) => 0,
         Message::Telegram(octets) => buses.telegram_us(it.bus, octets),
     };
-    // Times of a log may begin at 0, and no telegram can start before 0.
+    // All times are shifted by the longest telegram: times of a log may begin at 0, and no telegram can start before 0.
     let longest = log.iter().map(duration).max().unwrap_or(0);
     for it in log {
         it.time_us = it.time_us.saturating_add(longest).saturating_sub(duration(it));
@@ -121,7 +123,7 @@ pub(in super::super) fn play(args: &Play) -> Result<(), CliError> {
     };
     let start_us = first.time_us;
     let length_us = log.iter().map(|it| it.time_us).max().unwrap_or(start_us).saturating_sub(start_us);
-    // Times of a log may be close to the largest number.
+    // Times of a log may be as large as the type permits, so the first time is subtracted.
     log.iter_mut().for_each(|it| it.time_us = it.time_us.saturating_sub(start_us));
     let session = Session::open(&args.instance, length_us)?;
     let next = session.ask(Op::Journal { from: u64::MAX, max: 1 })?.journal_part()?.end;
@@ -157,13 +159,13 @@ struct Player<'a> {
     start_us: u64,
     /// Count of frames that the buses have accepted.
     accepted: usize,
-    /// Count of frames that have ended on their bus.
+    /// Number of frames that have ended on their bus.
     left: usize,
     /// Number of the next record of the journal.
     next: u64,
     /// Time of the last count of ended frames, in microseconds.
     counted_us: u64,
-    /// Sum of both counts when the last frame moved, and the length of the wait since then.
+    /// Sum of `accepted` and `left` at the last progress, and the length of the wait since then.
     moved: usize,
     waited: Duration,
 }
@@ -204,7 +206,8 @@ impl<'a> Player<'a> {
         Ok(())
     }
 
-    /// Advances the clock in parts towards `due_us`, while accepted frames end on their bus, and counts them.
+    /// Advances the clock in parts up to `due_us`, and counts the accepted frames that end on their bus during this
+    /// time.
     fn count_within_gap(&mut self, now_us: &mut u64, due_us: u64) -> Result<(), CliError> {
         let mut waited = Duration::ZERO;
         while waited < PATIENCE && *now_us < due_us {
@@ -320,7 +323,7 @@ impl<'a> Player<'a> {
         self.count_left()
     }
 
-    /// Counts the frames that have ended on their buses: the journal has as many frames of guest 0, which is the sender.
+    /// Counts the frames that have ended on their buses: the frames of the sender, guest 0, in the journal.
     fn count_left(&mut self) -> Result<(), CliError> {
         if self.left < self.accepted {
             let part = read_journal(self.next, |op| self.session.ask(op))?;
@@ -331,10 +334,10 @@ impl<'a> Player<'a> {
         Ok(())
     }
 
-    /// Notes that the player waits for this time until a frame moves: until the bus accepts it, or until it has ended.
+    /// Adds `time` to the present wait. The wait ends when the bus accepts a frame, or when a frame has ended.
     ///
     /// # Errors
-    /// No frame has moved for too long.
+    /// There was no progress for too long.
     fn note_wait(&mut self, time: Duration) -> Result<(), CliError> {
         let moved = self.accepted + self.left;
         if moved > self.moved {

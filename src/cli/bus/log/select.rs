@@ -5,7 +5,7 @@ use crate::devices::node_sends;
 use crate::journal::recording::Direction;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
-/// Which frames and telegrams of a log are taken.
+/// Selection of frames and telegrams of a log.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Frames of the log")]
 pub(super) struct Select {
@@ -45,7 +45,7 @@ struct IdFilter {
     id: u32,
     mask: u32,
     is_extended: bool,
-    /// All identifiers except these are selected.
+    /// True: all identifiers except these are selected.
     is_inverted: bool,
 }
 
@@ -69,7 +69,7 @@ impl IdFilter {
         }
     }
 
-    /// Whether the identifier is one of these, without the inversion.
+    /// True if the identifier is one of these, without the inversion.
     fn matches(&self, id: Id) -> bool {
         let (raw, is_extended) = match id {
             Id::Standard(id) => (u32::from(id.as_raw()), false),
@@ -118,7 +118,8 @@ impl Select {
         self.station.is_empty()
             && (filters(false).next().is_none() || is_one_of(false))
             && !is_one_of(true)
-            // The guarding request of a master has the identifier of the answer.
+            // A remote frame is not from the node: the guarding request of a master has the identifier of the node's
+            // answer.
             && (field.is_remote() || !self.without_node.iter().any(|node| node_sends(*node, field.id())))
     }
 }
