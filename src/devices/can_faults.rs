@@ -41,11 +41,11 @@ pub(super) enum FrameEffect {
 pub(super) struct Frames {
     /// Identifier, no bit outside the mask.
     id: u32,
-    /// The bits of the identifier that count; 0: all frames.
+    /// The bits of the identifier that are compared. With 0 the fault concerns all frames.
     mask: u32,
-    /// Whether the identifier has 29 bits; `None`: either.
+    /// True: identifiers of 29 bits, false: of 11 bits, `None`: both.
     is_extended: Option<bool>,
-    /// The slot, by its position in [`SLOTS`]; `None`: all.
+    /// Index of the slot in [`SLOTS`]; `None` means all slots.
     slot: Option<u32>,
 }
 
@@ -101,7 +101,7 @@ pub(super) const fn delay(least: u64, about: &'static str) -> Field {
 /// Hint for a missing time.
 pub(super) const IN_US: &str = "give it in microseconds";
 
-/// Some identifier must agree with the mask.
+/// Checks that at least one identifier can agree with `id` under the mask.
 fn agree(fault: &Fault) -> Result<(), String> {
     let (id, mask) = (fault.value(ID.name()), fault.value(MASK.name()));
     match (id, mask) {
@@ -116,7 +116,7 @@ fn agree(fault: &Fault) -> Result<(), String> {
     }
 }
 
-/// Whether a CANsync bus can have it: it knows identifiers of 11 bits only.
+/// Checks that a CANsync bus can have the fault: this bus has only identifiers of 11 bits.
 pub(super) fn fits_cansync(fault: &Fault) -> Result<(), String> {
     let beyond = [&ID, &MASK].map(|field| fault.value(field.name()).filter(|value| *value > MAX_STANDARD));
     match (beyond, fault.value(FORMAT.name())) {
@@ -129,7 +129,7 @@ pub(super) fn fits_cansync(fault: &Fault) -> Result<(), String> {
     }
 }
 
-/// Whether a CAN bus can have it: it knows no slots.
+/// Checks that a CAN bus can have the fault: this bus has no slots.
 pub(super) fn fits_can(fault: &Fault) -> Result<(), String> {
     match fault.value(SLOT.name()).and_then(|slot| SLOTS.get(slot as usize)) {
         Some(slot) => Err(format!("slot is {slot}; a CAN bus has no slots, choose frames by id")),
@@ -177,7 +177,7 @@ pub(super) static DUPLICATE_FRAME: FaultKind = FaultKind::new(
 .agreeing(agree)
 .shown("slot=CC delay=50us");
 
-/// Buses at which ports have a CAN controller.
+/// Families of buses with ports that have a CAN controller.
 const CONTROLLERS: &[&str] = &["cansync", "can"];
 
 pub(super) static BUS_OFF: FaultKind =

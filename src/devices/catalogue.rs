@@ -57,7 +57,7 @@ pub fn catalogue() -> &'static Catalogue {
             kinds.extend(records);
             rules.extend(more);
         }
-        // Devices may share the faults of their family.
+        // Duplicates are removed, because devices may share the faults of their family.
         kinds.sort_by_key(|kind| kind.number());
         kinds.dedup_by(|one, other| core::ptr::eq(*one, *other));
         rules.sort_by_key(|rule| rule.number());

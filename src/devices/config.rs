@@ -1,5 +1,5 @@
-//! Settings of devices and buses in the plant file, as far as the plant must understand them. All other keys belong to
-//! the device or the bus.
+//! Interfaces for the sections of devices and buses in the plant file. The plant uses these functions; all keys are
+//! read by the device or the bus itself.
 
 use super::{BuildError, Bus, Device, Plug};
 use crate::can;
@@ -38,25 +38,26 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
         Vec::new()
     }
 
-    /// Ports of the device, plugged in or not.
+    /// Ports of the device, connected or not.
     fn ports(&self) -> Vec<PortConfig<'_>> {
         Vec::new()
     }
 
-    /// Whether `port` is a drive of its bus, like [`DeviceView::is_drive`](super::DeviceView::is_drive) of the running device.
+    /// True if `port` is a drive on its bus, as [`DeviceView::is_drive`](super::DeviceView::is_drive) of the running
+    /// device.
     fn is_drive(&self, port: u8) -> bool {
         let _ = port;
         false
     }
 
-    /// Rates that the device supports at one of its ports, in kbit/s; empty if it accepts any, or the bus has none.
+    /// Rates that the device supports at this port, in kbit/s. Empty if it accepts any rate, or the bus has no rate.
     fn kbit_s(&self, port: u8) -> Vec<u16> {
         let _ = port;
         Vec::new()
     }
 
-    /// Frames that the device sends and receives at one of its ports with the program at delivery, as far as they are
-    /// known before the device runs.
+    /// Frames that the device sends and receives at this port with its program at delivery, as far as they are known
+    /// before the device runs.
     fn messages(&self, port: u8) -> Vec<Message> {
         let _ = port;
         Vec::new()
@@ -67,7 +68,8 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
         0
     }
 
-    /// The area with its first structure in NOVRAM; `None` without any. [`Device::novram`] returns the stored part.
+    /// The area that NOVRAM stores (its first structure); `None` if the device has no NOVRAM registers.
+    /// [`Device::novram`] returns the stored part.
     fn novram(&self) -> Option<&'static layout::Area> {
         None
     }
@@ -110,7 +112,7 @@ impl<'a> PortConfig<'a> {
 pub struct MasterConfig {
     /// Device and port: `line:node2`.
     pub name: String,
-    /// The rates that it supports, in kbit/s; empty: any.
+    /// Rates that the master supports, in kbit/s; empty if it accepts any rate.
     pub kbit_s: Vec<u16>,
 }
 
@@ -139,7 +141,7 @@ pub trait BusSection: fmt::Debug + Send + Sync {
         Ok(())
     }
 
-    /// Settings that are allowed but are probably a mistake, given these masters.
+    /// Settings that are allowed but are probably a mistake on a bus with these masters.
     fn doubts(&self, masters: &[MasterConfig]) -> Vec<Doubt> {
         let _ = masters;
         Vec::new()
@@ -158,23 +160,23 @@ pub trait BusSection: fmt::Debug + Send + Sync {
         Vec::new()
     }
 
-    /// The doors to it that are open from the start.
+    /// Doors to the bus that are open from the start.
     fn doors(&self) -> &[DoorSpec] {
         &[]
     }
 
-    /// Whether two participants with the same number are an error. If not, they are a doubt: a device may get another
-    /// number before it is switched on.
+    /// True if two participants with the same number are an error. If false, they are only a doubt, because a device
+    /// may get another number before it is switched on.
     fn refuses_equal_numbers(&self) -> bool {
         true
     }
 
-    /// Whether only one port may have no number, the master.
+    /// True if the bus has one master: only one port, the master, may have no number.
     fn has_one_master(&self) -> bool {
         false
     }
 
-    /// Bus number `index` of the plant, without ports.
+    /// Builds bus number `index` of the plant, without ports.
     ///
     /// # Errors
     /// [`BuildError`]: the settings are refused.
@@ -205,9 +207,10 @@ pub struct BusKind {
     pub traffic_kind: TrafficKind,
     /// Describes the meaning of a frame on this bus, for people; empty if its users define the meaning.
     pub describe: fn(&can::Frame) -> String,
-    /// Creates the bus for ports of this family that are not plugged in.
+    /// Creates the placeholder bus for ports of this family that are not connected.
     pub unplugged: fn() -> Box<dyn Bus>,
-    /// Whether a port with this [`Plug::socket`] also works unplugged, and therefore needs a separate placeholder.
+    /// True if a port with this [`Plug::socket`] also works without a connection, and therefore needs a placeholder bus
+    /// of its own.
     pub runs_alone: fn(&dyn Any) -> bool,
 }
 

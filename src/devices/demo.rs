@@ -38,7 +38,7 @@ pub enum DemoError {
     /// The output cannot be written.
     #[error("cannot write: {0}")]
     Output(#[from] io::Error),
-    /// The soft-PLC waits without success.
+    /// A register did not get the awaited value in time.
     #[error("{what}: {place} did not become {wanted} within {seconds} s, it holds {found}")]
     Stuck {
         /// Description of the wait.
@@ -52,12 +52,12 @@ pub enum DemoError {
         /// Duration of the wait, in real time.
         seconds: u64,
     },
-    /// A reference value did not come back.
+    /// A drive has not followed a reference value.
     #[error("{0}")]
     NotFollowed(String),
 }
 
-/// Maximum duration of a step, in real time. The real duration is at most some seconds.
+/// Maximum duration of a step, in real time. Normally a step takes a few seconds at most.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// A device with registers that a demonstration writes, reads and prints.
@@ -109,7 +109,7 @@ impl<'a> Actor<'a> {
         self.print_value("writes", &place, value)
     }
 
-    /// Waits until a register holds this.
+    /// Waits until a register holds `wanted`.
     pub(crate) fn wait(&self, name: &str, wanted: u32, what: &str) -> Result<(), DemoError> {
         let place = self.place(name)?;
         let wait =
@@ -127,7 +127,7 @@ impl<'a> Actor<'a> {
         }
     }
 
-    /// Switches its supply.
+    /// Switches the supply of the device.
     pub(crate) fn switch(&self, power: Power) -> Result<(), DemoError> {
         self.attached.header()?.program.power.store(power.code());
         self.attached.ring()?;

@@ -1,5 +1,5 @@
-//! Decoders of the buses' frames and telegrams in Lua, for the dissector of Wireshark. They give the texts of
-//! `commram trace`; their tables come from the layouts.
+//! Writes decoders in Lua of the frames and telegrams of buses, for the dissector of Wireshark. The decoders give the
+//! same texts as `commram trace`. Their tables are generated from the layouts.
 
 use super::can_dp2::registers::descriptor::MEANING_MST_DSAP;
 use super::cansync::frames::FrameKind;

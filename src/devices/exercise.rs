@@ -4,17 +4,18 @@ use core::ops::RangeInclusive;
 
 /// An exercise: a scenario with a middle part that is generated at random.
 ///
-/// Its [`script`](Exercise::script) defines a function for each [`Move`], and two more: `start()` brings a plant from
-/// power-on to the state in which moves are possible, and `recover()` brings it to this state from any other. Each of
-/// these functions may use `pass(us)`, which advances the clock in the slices of the run, and the names of its
-/// [setting](Exercise::settings).
+/// The [`script`](Exercise::script) of the exercise defines a function for each [`Move`], and two more functions:
+/// `start()` brings a plant from power-on to the state in which moves are possible, and `recover()` brings it to this
+/// state from any other state. These functions may use `pass(us)`, which advances the clock in the slices of the run,
+/// and the names of the exercise's [setting](Exercise::settings).
 #[derive(Debug)]
 pub struct Exercise {
     /// Name of the exercise, unique among all exercises.
     pub name: &'static str,
-    /// The plant file. `${NAME}` is replaced by the value of this name in the setting.
+    /// The plant file, in which `${NAME}` is replaced by the value with this name in the setting.
     pub plant: &'static str,
-    /// Alternative settings; each run uses one of them: names and their values, as a script would write them.
+    /// Alternative settings, each a list of names and values. A run uses one of the settings. Values are written as in
+    /// a script.
     pub settings: &'static [&'static [(&'static str, &'static str)]],
     /// Functions in the language of scenarios.
     pub script: &'static str,
@@ -30,10 +31,10 @@ pub struct Exercise {
 /// repeated and left out.
 #[derive(Debug)]
 pub struct Move {
-    /// The function. Its first parameter is true if nothing is disturbed, so that every step must succeed as the manual
-    /// says.
+    /// Name of the function. Its first parameter is true if there are no faults and no stray stores, so that every step
+    /// must succeed as the manual says.
     pub name: &'static str,
-    /// Ranges of its other parameters.
+    /// Ranges of the other parameters of the function.
     pub parameters: &'static [RangeInclusive<i64>],
     /// Frequency of the move, relative to other moves.
     pub weight: u32,
@@ -53,11 +54,11 @@ impl Move {
     }
 }
 
-/// A wrong action of a program, in active operation.
+/// A wrong action of a program, taken in active operation.
 #[derive(Debug)]
 pub struct Wrong {
     /// Lines of a scenario.
     pub script: &'static str,
-    /// The rule that must find it.
+    /// The rule that must report the action.
     pub rule: &'static str,
 }

@@ -32,7 +32,7 @@ function_block! {
     /// Enables or disables an event (manual 5.00005.03a p. 47-49; 5.02066.01a p. 25 names it with event 11,
     /// decision D-314).
     ///
-    /// A call submits the inputs if they have changed, or if the board has been reset since; until
+    /// A call submits the inputs if they have changed since the last call, or if the board was reset. Until
     /// [`INTR_SET::is_answered`], `x_ERR` is FALSE (decision D-213).
     pub struct INTR_SET(ram: Ram) {
         in {
@@ -80,7 +80,7 @@ impl INTR_SET {
         }
     }
 
-    /// Whether `x_ERR` is the result for the inputs of the last call.
+    /// True if `x_ERR` is the result for the inputs of the last call.
     pub fn is_answered(&self) -> bool {
         self.x_ERR || matches!(self.internal, Some((.., true)))
     }

@@ -1,5 +1,5 @@
-//! The devices, each in a separate folder; [`cansync`], the common parts of the CANsync devices; and the
-//! registry of all devices.
+//! The devices, each in a separate folder, and the registry of all devices. [`cansync`] has the common parts of the
+//! CANsync devices.
 
 pub mod bm4_o_can_06;
 #[cfg(feature = "emulator")]

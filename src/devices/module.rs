@@ -1,4 +1,4 @@
-//! The modules of a modular device, as seen at their fronts.
+//! The modules of a modular device: their switches and LEDs.
 
 use super::of_hash;
 use crate::layout::{DeviceLayout as Layout, Fit, Role};
@@ -14,7 +14,7 @@ pub enum Led {
     On,
     /// Flashes this many times, then pauses.
     Flashes(u8),
-    /// Flashes in turn with the other LED of the module in this state.
+    /// Flashes alternately with the other LED of the module that has this state.
     InTurn,
 }
 
@@ -30,7 +30,7 @@ pub enum Switch {
 /// The front of a module.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ModuleFront {
-    /// Kind of the module, as plant files call it.
+    /// Kind of the module, as in plant files.
     pub kind: &'static str,
     /// Switches of the module, by the names that they have in plant files.
     pub switches: Vec<(&'static str, Switch)>,
@@ -38,9 +38,9 @@ pub struct ModuleFront {
     pub leds: Vec<(&'static str, Led)>,
 }
 
-/// Returns the module of a port with its display: from its role, its DIP switches and its LEDs in the header page
-/// ([`PortEntry`](crate::memory::header::PortEntry)). A module without registers in the device has no role; `None` if
-/// there is no module.
+/// Returns the front of the module in a port. The arguments are the role of the port, its DIP switches and its LEDs
+/// from the header page ([`PortEntry`](crate::memory::header::PortEntry)). The role is `None` for a module without
+/// registers in the device. The result is `None` if there is no module.
 pub type ReadModule = fn(Option<Role>, u32, u32) -> Option<ModuleFront>;
 
 /// Returns the modules of a device by the names of their ports, in the order of the ports; `None` if it is not

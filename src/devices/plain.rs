@@ -1,4 +1,4 @@
-//! A device with only a supply in its front: everything that an ordinary device needs except its firmware.
+//! A device with only a supply in its front. It has all parts that an ordinary device needs, except the firmware.
 
 use super::program::Starts;
 use super::supply::Supply;
@@ -14,22 +14,22 @@ use crate::snapshot_fields::SnapshotFields;
 
 /// The firmware of a [`Plain`] device, except the firmware of its ports. A device without such firmware uses `()`.
 pub trait Firmware: SnapshotFields + Send + 'static {
-    /// Power-on or end of a reset.
+    /// Called at power-on and at the end of a reset.
     fn start(&mut self, ctx: &mut Context) {
         let _ = ctx;
     }
 
-    /// Power-off or reset.
+    /// Called at power-off and at a reset.
     fn stop(&mut self, ctx: &mut Context) {
         let _ = ctx;
     }
 
-    /// The board has ordered a start or stop of the program of a client.
+    /// Called when the board has requested a start or stop of the program of a client.
     fn ordered(&mut self, ctx: &mut Context, order: Start) {
         let _ = (ctx, order);
     }
 
-    /// The processor cycle: polls the registers that belong to no port.
+    /// Runs a processor cycle: polls the registers that belong to no port.
     fn look(&mut self, ctx: &mut Context) {
         let _ = ctx;
     }
@@ -44,7 +44,7 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         false
     }
 
-    /// Next time at which the firmware has something to do; `u64::MAX` if there is none.
+    /// Time of the next event of the firmware; `u64::MAX` if there is none.
     fn next_time(&self) -> u64 {
         u64::MAX
     }
@@ -54,7 +54,8 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         let _ = ctx;
     }
 
-    /// The area with registers that keep their values at power-on and reset; NOVRAM holds its first structure.
+    /// The area with registers that keep their values at power-on and reset; NOVRAM stores the first structure of the
+    /// area.
     fn kept(&self) -> Option<&'static Area> {
         None
     }
@@ -67,8 +68,8 @@ pub trait Firmware: SnapshotFields + Send + 'static {
     /// Stores the contents of the NOVRAM registers.
     fn keep(&mut self) {}
 
-    /// Called while a fault of the device itself is active, at the start of the fault or in a processor cycle: returns
-    /// the hit, if there is one.
+    /// Called at the start of a fault of the device itself, and in each processor cycle while the fault is active.
+    /// Returns the hit, if the fault fires.
     fn fire(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
         let _ = (now, effect);
         None
@@ -85,7 +86,7 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         None
     }
 
-    /// Whether the supply has power when it is switched on. Called at each poll.
+    /// True if the supply has power when it is switched on. Called at each poll.
     fn is_fed(&self) -> bool {
         true
     }
@@ -101,8 +102,8 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         None
     }
 
-    /// Whether the device has a separate program, which its firmware starts and stops. Otherwise the program of a
-    /// client runs while the device is up.
+    /// True if the firmware starts and stops a program of the device itself. Otherwise the program of a client runs
+    /// while the device is up.
     fn starts_program(&self) -> bool {
         false
     }
@@ -114,9 +115,9 @@ impl Firmware for () {
     }
 }
 
-/// A device with registers, ports and a supply that can be switched off and on. At power-on its registers get their
-/// reset values, and its retain flags, as many as its layout says, stay unchanged. A reset has the same effect. The
-/// device has no switches and no events. The program of a client runs while the device is up.
+/// A device with registers, ports and a supply that can be switched off and on. At power-on and at a reset its
+/// registers get their reset values. Retain flags, if the layout has any, stay unchanged. The device has no switches
+/// and no events. The program of a client runs while the device is up.
 pub struct Plain<F> {
     index: DeviceIndex,
     name: String,
@@ -132,7 +133,7 @@ pub struct Plain<F> {
 snapshot_fields!(where [F: Firmware] Plain<F> { parts: firmware, supply, starts; built: index, name, layout, segment, face });
 
 impl<F: Firmware> Plain<F> {
-    /// Device number `index` of the plant, called `name`, in this image.
+    /// Creates device number `index` of the plant, called `name`, in this image.
     ///
     /// # Errors
     /// [`MemoryError`]: the image is too small or read-only.

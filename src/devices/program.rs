@@ -1,4 +1,5 @@
-//! Starts of the program of a device that has no RUN/STOP switch: the program may run while the device is up (decision D-630).
+//! Starts and stops of the program of a device that has no RUN/STOP switch. The program may run while the device is up
+//! (decision D-630).
 
 use super::Context;
 use super::records::{BoardEvent, OnBoard};
@@ -11,13 +12,13 @@ use serde::{Deserialize, Serialize};
 pub(super) struct Starts {
     seen: ProgramCells,
     is_loaded: bool,
-    /// The next start is a cold one, because the program is new.
+    /// True if the next start must be a cold start, because the program is new.
     is_new: bool,
 }
 
 snapshot_fields!(Starts { values: seen, is_loaded, is_new });
 
-/// Cells that clients write, as last seen.
+/// Cells of the header page that clients write, with their values at the last poll.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct ProgramCells {
     requests: u32,
@@ -38,13 +39,14 @@ impl Starts {
         Starts { seen: ProgramCells::now(face), is_loaded: false, is_new: true }
     }
 
-    /// Whether a client has entered a request or reported its program state since the last poll.
+    /// True if a client has made a request or reported its program state since the last poll.
     #[inline]
     pub(super) fn has_changed(&self, face: &FirmwareHeader) -> bool {
         ProgramCells::now(face) != self.seen
     }
 
-    /// Polls the requests and reports of clients. `is_up`: the program may run. Returns the last start or stop ordered.
+    /// Polls the requests and reports of clients. `is_up`: the program may run. Returns the last requested start or
+    /// stop.
     pub(super) fn look(&mut self, ctx: &mut Context, face: &FirmwareHeader, is_up: bool) -> Option<Start> {
         let seen = ProgramCells::now(face);
         let is_asked = core::mem::replace(&mut self.seen, seen).requests != seen.requests;
@@ -92,7 +94,7 @@ impl Starts {
     }
 }
 
-/// Orders a start or stop of the program.
+/// Requests a start or stop of the program.
 pub(super) fn order(face: &FirmwareHeader, kind: Start) {
     face.program.start_kind.store(kind.code());
     face.program.start.ring();
@@ -103,7 +105,8 @@ pub(super) fn refuse_start(ctx: &mut Context, code: u32) {
     report(ctx, BoardEvent::StartRefused { code: code as u8 });
 }
 
-/// Answers a client that gives a retain flag an initial value: the device has no cold start that would write it.
+/// Refuses the request of a client to set the initial value of a retain flag: the device has no cold start that would
+/// write it.
 pub(super) fn refuse_initial_flag(face: &FirmwareHeader) {
     let (slot, request) = (&face.initial_flag, face.requested().initial_flag.request.load());
     if request != slot.answer.load() {

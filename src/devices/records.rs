@@ -52,10 +52,10 @@ pub enum BoardEvent {
     Down,
     /// The RUN/STOP/RESET switch was turned.
     Switch {
-        /// Its new position.
+        /// New position of the switch.
         to: RunSwitch,
     },
-    /// The PLC program is ordered to start or stop.
+    /// The board requests a start or stop of the PLC program.
     Start {
         /// Kind of the start.
         kind: Start,
@@ -67,7 +67,7 @@ pub enum BoardEvent {
     },
     /// A requested start is not possible: the switch is not at RUN, or there is no program or no such start.
     StartRefused {
-        /// The number asked for.
+        /// The requested number.
         code: u8,
     },
     /// `INTR_SET` was run.
@@ -88,7 +88,7 @@ pub enum BoardEvent {
         /// Result of the request.
         result: OptInitResult,
     },
-    /// The number at the DIP switches belongs to another station of the bus at a port, so no station can address the
+    /// Another station on the bus of a port already has the number at the DIP switches, so no station can address the
     /// port.
     NumberTaken {
         /// Number of the port.
@@ -98,7 +98,7 @@ pub enum BoardEvent {
     },
     /// A task requested to take part in lockstep, or left it.
     Lockstep {
-        /// Its event number.
+        /// Event number of the task.
         event: u8,
         /// New state.
         state: SeatState,
@@ -157,8 +157,8 @@ impl BoardEvent {
         }
     }
 
-    /// Converts the numbers back to an event; `None` for numbers that no event has. Some invalid numbers are
-    /// accepted.
+    /// Converts the numbers back to an event; `None` if no event has such numbers. Some invalid numbers are accepted,
+    /// too.
     fn from_words(what: u8, numbers: u64) -> Option<Self> {
         let [first, second, third, fourth, ..] = numbers.to_le_bytes();
         let code = u32::from(first);

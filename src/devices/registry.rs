@@ -31,13 +31,13 @@ pub struct Registered {
     /// The structures in IEC Structured Text, in the order that a compiler needs; empty if there is no such text.
     #[cfg(feature = "plc")]
     pub st: &'static [StPart],
-    /// Its firmware, with its section of plant files, journal records, rules and faults.
+    /// Firmware of the device, with its section of plant files, journal records, rules and faults.
     #[cfg(feature = "emulator")]
     pub emulation: Emulation,
 }
 
 impl Registered {
-    /// A device of which only the registers are known. Other properties precede the base in a struct update:
+    /// A device with registers only. Use it as the base of a struct update to set other properties:
     /// `Registered { blocks: BLOCKS, ..Registered::new(&DEVICE) }`.
     #[must_use]
     pub const fn new(layout: &'static Layout) -> Self {
@@ -81,7 +81,7 @@ pub enum RegisterError {
         what: &'static str,
         /// The name or number.
         taken: String,
-        /// Owner of the claim.
+        /// Device or family that already has the name or number.
         other: &'static str,
     },
 }
@@ -108,7 +108,7 @@ impl Registry {
     }
 
     fn register(&self, device: &'static Registered) -> Result<(), RegisterError> {
-        // The first lookup waits for this lock.
+        // While this lock is held, the first lookup waits.
         let mut added = self.added.lock().unwrap_or_else(PoisonError::into_inner);
         let name = device.layout.name;
         if self.all.get().is_some() {
@@ -133,7 +133,7 @@ struct Claim {
     owner: &'static str,
     what: &'static str,
     value: String,
-    /// Owner of the claim, if devices may share it, as the devices of a family do.
+    /// Identifies the owner if several devices may share the claim, such as the devices of a family.
     shared: Option<*const ()>,
 }
 
@@ -222,7 +222,7 @@ pub fn default() -> &'static Registered {
     BUILT_IN[0]
 }
 
-/// The device of this name, as `--device` and plant files give it.
+/// The device with this name, which `--device` and plant files use.
 #[must_use]
 pub fn find(name: &str) -> Option<&'static Registered> {
     all().iter().copied().find(|it| it.layout.name == name)
@@ -292,7 +292,7 @@ mod tests {
         assert!(find("omega").is_none() && of_hash(0).is_none());
     }
 
-    /// The retain flags are an additional area.
+    /// The header page has one more area, for the retain flags.
     #[test]
     fn areas_and_ports_of_every_device_fit_into_the_header_page() {
         for layout in all().iter().map(|known| known.layout) {

@@ -1,4 +1,4 @@
-//! Checks that the settings of devices and buses in a plant file share: ranges, times.
+//! Checks of settings in a plant file that several devices and buses use: ranges and times.
 
 pub(crate) mod keys;
 
@@ -39,10 +39,10 @@ pub enum BuildError {
     /// A number out of its range.
     #[error(transparent)]
     Setting(#[from] SettingError),
-    /// Settings that only their owner can judge.
+    /// Settings that a check of the device or bus itself refuses.
     #[error("{reason}")]
     Own {
-        /// Name of the owner, as the plant file has it.
+        /// Name of the device or bus in the plant file.
         name: String,
         /// Path in the section, such as `zk.zk_0`; empty if the error has no particular path.
         at: String,
@@ -93,7 +93,7 @@ pub fn time_or_none(what: &'static str, name: &str, us: Option<u64>) -> Result<(
 
 /// Creates an error about the text at `span` of the plant file; the message contains the line.
 pub fn refused_at(span: Range<usize>, text: String) -> toml::de::Error {
-    // Only a value that is being read gives an error its position.
+    // The reader sets the position of an error only while it reads a value, so this reads a value at `span`.
     let value = ValueDeserializer::from(Spanned::new(span, DeValue::Boolean(false)));
     match (Refusal { text }).deserialize(value) {
         Err(error) => error,

@@ -1,5 +1,5 @@
-//! The supply of a device, with the request of its switch in the header page. A reset has the same effect as switching
-//! the supply off and on.
+//! The supply of a device, controlled by its switch in the header page. A reset has the same effect as switching the
+//! supply off and on.
 
 use super::records::{BoardEvent, OnBoard};
 use super::{Context, FrontAction, Power};
@@ -10,12 +10,12 @@ use crate::snapshot_fields;
 /// State of the supply and of the device.
 pub(super) struct Supply {
     is_powered: bool,
-    /// Whether the supply has power when the switch is on.
+    /// True if the supply has power when the switch is on.
     is_fed: bool,
     is_up: bool,
-    /// Whether the device has been up before: the first power-on is not an event.
+    /// True if the device was up before. The first power-on is not recorded as an event.
     is_used: bool,
-    /// The switch, as last seen.
+    /// Position of the switch at the last poll.
     seen: u32,
 }
 
@@ -42,7 +42,7 @@ impl Supply {
         self.is_fed
     }
 
-    /// The supply in front of the switch drops or returns.
+    /// Called when the supply before the switch fails or returns.
     pub(super) fn feed(&mut self, face: &FirmwareHeader, is_fed: bool) -> FrontAction {
         self.is_fed = is_fed;
         self.look(face)

@@ -1,4 +1,4 @@
-//! Receivers of a bus's traffic: the guests that hear it. Without guests the traffic has no additional costs.
+//! Receivers of a bus's traffic: guests that listen to the bus. Without guests, they cost no time.
 
 use crate::door::{BusMessage, Guest};
 use std::sync::Arc;

@@ -6,25 +6,25 @@ use crate::devices::{DeviceConfig, FirstExchange, Read, ReadModule};
 use crate::fault;
 use crate::journal::{EventKind, Rule};
 
-/// Firmware of a device, with its journal records, rules and faults. Other properties precede the base in a struct
-/// update: `Emulation { rules: ALL, ..Emulation::of(read) }`.
+/// Firmware of a device, with its journal records, rules and faults. Use [`Emulation::of`] as the base of a struct
+/// update to set other properties: `Emulation { rules: ALL, ..Emulation::of(read) }`.
 #[derive(Debug)]
 pub struct Emulation {
-    /// Reads its section of a plant file; none if only its registers are known.
+    /// Reads the section of the device in a plant file; `None` if the device has only registers.
     pub read: Option<Read<dyn DeviceConfig>>,
     /// JSON schema of the keys of that section, except `kind`; `#/definitions/name` is the schema of names.
     pub schema: Option<&'static str>,
-    /// A plant with such a device as a template; the first device shows every key.
+    /// A template of a plant file with the device. Its first device shows every key.
     pub template: Option<&'static str>,
     /// First exchange of a program with the device in the template, for `commram new`; `None` if there is none.
     pub first_exchange: Option<FirstExchange>,
-    /// Kinds of journal records that only its firmware writes.
+    /// Kinds of journal records that only the firmware of this device writes.
     pub records: &'static [&'static EventKind],
-    /// Rules of the access checker that only hold for it.
+    /// Rules of the access checker that only apply to this device.
     pub rules: &'static [&'static Rule],
     /// Kinds of faults of the device itself, or of its ports on any bus.
     pub faults: &'static [&'static fault::FaultKind],
-    /// Reads the front of its modules; `None` if the device has no modules.
+    /// Reads the front of a module; `None` if the device has no modules.
     pub module: Option<ReadModule>,
     /// Demonstration for `commram demo`; `None` if there is none.
     pub demo: Option<&'static Demo>,

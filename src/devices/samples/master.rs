@@ -1,4 +1,4 @@
-//! A station on a CAN bus under control of the test, next to the port of a device.
+//! A station on a CAN bus that the test controls, on the same bus as the port of a device.
 
 use super::tables::STATION;
 use crate::can::Frame;
@@ -63,7 +63,7 @@ pub(crate) fn bus_with(plugs: Vec<Plug>) -> (Box<dyn Bus>, Arc<Mutex<Wires>>) {
     (bus, wires)
 }
 
-/// Runs a processor cycle of both at `now`, and the bus until the next one at `until`.
+/// Runs a processor cycle of the device and the station at `now`, and then the bus until the next cycle at `until`.
 pub(crate) fn cycle(bus: &mut dyn Bus, now: u64, until: u64, journal: &mut Journal, faults: &mut Faults) {
     for place in 0..2 {
         bus.processor_cycle(place, now, journal);

@@ -5,9 +5,9 @@ use serde_json::{Map, Value, json};
 /// Declares a section of the plant file: the structure that serde reads, its JSON Schema (`schema`), and its lines in
 /// `docs/reference/plant.md` (`lines`).
 ///
-/// The table has the description of the section, the name of the structure, and the words of an error for a section
-/// that is not a table. Each key has its description, its type, its schema without the description, an example, and a
-/// note for the page. A key is optional if its type is an `Option`. Every section has the key `name`.
+/// The table has the description of the section, the name of the structure, and the text of the error for a section
+/// that is not a table. Each key has a description, a type, a schema without the description, an example, and a note
+/// for the page. A key is optional if its type is an `Option`. Every section also has the key `name`.
 macro_rules! plant_keys {
     (
         #[doc = $about:literal]

@@ -1,14 +1,14 @@
-//! Writes by address that a device answers at once.
+//! Writes of clients by address, which a device can answer immediately.
 
 use crate::devices::Context;
 
 /// A device that reacts to a write by address ([`Device::address_writes`](crate::devices::Device::address_writes)).
 pub trait AddressWrites {
-    /// A client has written `bytes` bytes at `offset` by address.
+    /// Called after a client has written `bytes` bytes at `offset` by address.
     fn written_by_address(&self, offset: u32, bytes: u32);
 
-    /// Whether the firmware answers a write at `offset` at once if it came through the channel, even if the value is
-    /// unchanged.
+    /// True if the firmware answers a write at `offset` immediately when it comes through the channel, even if the
+    /// value is unchanged.
     fn answers_write(&self, offset: u32) -> bool;
 
     /// Handles a write that [`AddressWrites::answers_write`] has accepted.

@@ -8,7 +8,7 @@ use crate::journal::{Journal, Origin};
 use crate::snapshot_fields::SnapshotFields;
 use core::any::Any;
 
-/// The objects outside its own device or bus that an event can access.
+/// The objects that the handler of an event can access, in addition to its own device or bus.
 pub struct World<'a> {
     /// Emulated time in microseconds.
     pub now: u64,
@@ -16,17 +16,17 @@ pub struct World<'a> {
     pub journal: &'a mut Journal,
     /// The faults that wait or act.
     pub faults: &'a mut Faults,
-    /// Ports of devices that are to be notified of a SYNC edge, in this order, after the event.
+    /// Ports with a SYNC edge in this event. After the event, the plant notifies their devices in this order.
     pub edges: &'a mut Vec<Origin>,
 }
 
-/// A port of a device, as the device hands it over to be attached to a bus.
+/// A port of a device, before it is attached to a bus. The device creates it.
 pub struct Plug {
     /// Number of the port in the device's layout.
     pub number: u8,
-    /// Family of buses that the plug fits, one of [`BUS_KINDS`](crate::devices::BUS_KINDS).
+    /// Family of buses to which the port can be attached, one of [`BUS_KINDS`](crate::devices::BUS_KINDS).
     pub family: &'static str,
-    /// Name of the bus in the plant; `None` if the port is not plugged in.
+    /// Name of the bus in the plant; `None` if the port is not connected.
     pub bus: Option<String>,
     /// Data that the family of buses needs to run the port's firmware.
     pub socket: Box<dyn Any + Send>,
@@ -39,57 +39,59 @@ pub trait Bus: BusView + Any + Send + SnapshotFields {
     /// Attaches a port: the [`Plug::socket`] of a device. Returns the port's place, which identifies it from now on.
     ///
     /// # Errors
-    /// If the port belongs to another family, or its registers are not accessible.
+    /// The port belongs to another family, or its registers are not accessible.
     fn attach(&mut self, socket: Box<dyn Any + Send>) -> Result<usize, BuildError>;
 
-    /// Length of the processor cycle of all devices of the plant in microseconds. Called once, before any other
-    /// function except [`Bus::attach`].
+    /// Sets the length of the processor cycle of all devices, in microseconds. Called once, before any other function
+    /// except [`Bus::attach`].
     fn set_processor_cycle(&mut self, us: u32) {
         let _ = us;
     }
 
-    /// The device at `place` starts with this number at its switches. Returns `false` if another station has the number
-    /// and the port is therefore not connected.
+    /// Called when the device at `place` starts. `address` is the number at its switches. Returns `false` if another
+    /// station has this number; the port is then not connected.
     fn power_on(&mut self, place: usize, address: u8, now: u64, journal: &mut Journal) -> bool;
 
-    /// The device of the port stops: the port leaves the bus and loses its state.
+    /// Called when the device of the port stops: the port leaves the bus and loses its state.
     fn power_off(&mut self, place: usize, now: u64, journal: &mut Journal);
 
-    /// The port's firmware polls its control registers. Returns whether the port now takes part in the traffic.
+    /// Makes the port's firmware poll its control registers. Returns true if the port takes part in the traffic
+    /// afterwards.
     fn processor_cycle(&mut self, place: usize, now: u64, journal: &mut Journal) -> bool;
 
-    /// Whether the firmware of the port is quiescent, as a device can be
-    /// ([`Device::is_quiescent`](crate::devices::Device::is_quiescent)): its processor cycles change nothing before another event
-    /// occurs, for example [`Bus::event`].
+    /// True if the firmware of the port is quiescent, in the sense of
+    /// [`Device::is_quiescent`](crate::devices::Device::is_quiescent): its processor cycles change nothing before
+    /// another event occurs, for example [`Bus::event`].
     fn is_quiescent(&self, place: usize) -> bool {
         let _ = place;
         false
     }
 
     /// True if polling this port at `now` would change nothing except the live traffic bits. `is_seen`: no register was
-    /// written since the last poll, so only events on the bus matter; otherwise a client may have written the
-    /// registers. Events on the bus itself may give a later poll something to do, but must not change whether the
+    /// written since the last poll, so only events on the bus matter; otherwise a client may have written registers.
+    /// After a later event on the bus, a poll may have something to do. But such an event must not change whether the
     /// port takes part in the traffic. When in doubt, returns false.
     fn poll_changes_nothing(&self, place: usize, now: u64, is_seen: bool) -> bool {
         let _ = (place, now, is_seen);
         false
     }
 
-    /// Whether a program has written a control register of any port that the firmware has not polled yet.
+    /// True if a program has written a control register of a port, and the firmware has not polled it yet.
     fn control_changed(&self) -> bool {
         false
     }
 
-    /// Time of the next event; `u64::MAX` if there is none. This time changes only in calls to the bus.
+    /// Time of the next event; `u64::MAX` if there is none. Only calls of the bus change this time.
     fn next_time(&self) -> u64;
 
-    /// Time up to which the bus's events are independent of all other participants, so they may run on another core.
-    /// 0: never.
+    /// Time up to which the events of the bus are independent of all other buses and devices, so that they may run on
+    /// another core. 0 if they never are.
     fn apart_until(&self) -> u64 {
         0
     }
 
-    /// Handles one event at `world.now`. Returns the SYNC signal if the event was an edge that went out on the line.
+    /// Handles one event at `world.now`. Returns the SYNC signal if the event was a SYNC edge that was sent on the
+    /// line.
     fn event(&mut self, world: &mut World) -> Option<SyncSignal>;
 
     /// Time of the last frame that a port sent or received since it joined, in emulated microseconds; `None` if there
@@ -99,7 +101,7 @@ pub trait Bus: BusView + Any + Send + SnapshotFields {
         None
     }
 
-    /// The access checker over its ports, if it has any with registers.
+    /// The access checker for the registers of the bus's ports; `None` if no port has registers.
     fn watch(&mut self) -> Option<&mut dyn PortWatch> {
         None
     }
@@ -114,22 +116,22 @@ pub trait Bus: BusView + Any + Send + SnapshotFields {
         None
     }
 
-    /// Same as [`Bus::sync`], for an edge that another bus forwards.
+    /// As [`Bus::sync`], for handling an edge that another bus forwards.
     fn sync_mut(&mut self) -> Option<&mut dyn SyncLine> {
         None
     }
 
-    /// The drives on it, if buses of its kind have drives.
+    /// The drives on the bus, if buses of its kind have drives.
     fn drives(&self) -> Option<&dyn Drives> {
         None
     }
 
-    /// Same as [`Bus::drives`], for actions at a drive.
+    /// As [`Bus::drives`], for changes of a drive.
     fn drives_mut(&mut self) -> Option<&mut dyn Drives> {
         None
     }
 
-    /// The part that applies faults of the bus, its participants and its ports, if it can have any.
+    /// The part that applies faults of the bus, its participants and its ports; `None` if the bus can have no faults.
     fn faults(&mut self) -> Option<&mut dyn Faulty> {
         None
     }

@@ -11,9 +11,9 @@ pub struct StationState {
     pub origin: Origin,
     /// Address of the station, if it has one and it is known.
     pub address: Option<u8>,
-    /// Activity of the station in one word; `None`: the state of its error counters describes it.
+    /// Activity of the station in one word; `None` if the state of its error counters describes the station.
     pub does: Option<&'static str>,
-    /// Error counters of the station, 0 where stations count no errors.
+    /// Error counters of the station; 0 on buses that do not count errors.
     pub errors: ErrorCounters,
 }
 
@@ -31,7 +31,7 @@ pub struct RateMismatch {
 pub enum ParticipantId {
     /// A port of a device.
     Port(Origin),
-    /// A participant of the bus's own, by its name.
+    /// A participant from the section of the bus in the plant file, by its name.
     Own(String),
 }
 
@@ -43,13 +43,13 @@ pub trait BusView {
     /// Kind of the bus, one of [`BUS_KINDS`](crate::devices::BUS_KINDS).
     fn family(&self) -> &'static str;
 
-    /// The rate that it runs at now, in bit/s.
+    /// Present bit rate of the bus, in bit/s.
     fn bit_s(&self) -> u32;
 
     /// The attached ports, in the order of attachment.
     fn ports(&self) -> Vec<Origin>;
 
-    /// Returns the stations that have power; none where they are not known.
+    /// Returns the stations that have power. The list is empty if the bus does not know its stations.
     fn stations(&self) -> Vec<StationState> {
         Vec::new()
     }
@@ -59,7 +59,7 @@ pub trait BusView {
         Vec::new()
     }
 
-    /// The interval that repeats on the bus, as long as it does.
+    /// The interval that repeats on the bus; `None` while no interval repeats.
     fn interval(&self) -> Option<Interval> {
         None
     }

@@ -1,8 +1,8 @@
 //! Arguments of each call of a device's firmware.
 //!
-//! The firmware works on [`View`](crate::memory::View)s of register structures and does not know whether
-//! they lie on the heap or in a mapped image. It has no clock: the plant calls it at the emulated times at
-//! which the device would poll its registers.
+//! The firmware works on [`View`](crate::memory::View)s of register structures, which are on the heap or in a mapped
+//! image. The firmware has no clock: the plant calls it at the emulated times at which the device would poll its
+//! registers.
 
 use crate::journal::{EventText, Finding, Handshake, Journal, Origin, Rule};
 use crate::layout::RegisterPhase;
@@ -15,7 +15,7 @@ pub struct Context<'a> {
     pub journal: &'a mut Journal,
     /// The node for which the firmware runs.
     pub origin: Origin,
-    /// First byte of the area of this firmware; the firmware's offsets are relative to it.
+    /// First byte of the area of this firmware. Offsets of the firmware are relative to this byte.
     pub base: usize,
 }
 
@@ -38,8 +38,8 @@ impl Context<'_> {
         self.report(Handshake { origin, offset, request, answer, more_answers_follow: false });
     }
 
-    /// Reports that the PLC has broken a rule at the register at `offset` of the area; the register belongs
-    /// to the structure of phase `live`.
+    /// Reports that the PLC has broken a rule at the register at `offset` of the area. The register belongs to the
+    /// structure that is valid in phase `live`.
     pub fn find(&mut self, rule: &'static Rule, live: RegisterPhase, offset: usize, value: u32) {
         let (plc, offset) = (self.origin.plc, self.at(offset));
         self.journal.find(self.now, Finding { rule, plc, offset, live, value, late_us: 0 });

@@ -10,46 +10,46 @@ use core::any::Any;
 
 /// A device of a plant. The bus of a port runs the firmware of the port. The plant passes events of the device to its
 /// ports, and events of the ports to the device. Features that only some devices have are optional methods: parts for
-/// the ports, events, a drive, NOVRAM, faults. A device that has only a supply in its front is a
-/// [`Plain`](crate::devices::Plain) one.
+/// the ports, events, a drive, NOVRAM, faults. A device with only a supply in its front can use
+/// [`Plain`](crate::devices::Plain).
 pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
-    /// Power-on or end of a reset, before the ports follow.
+    /// Called at power-on and at the end of a reset, before the ports start.
     fn start(&mut self, ctx: &mut Context);
 
-    /// Power-off or reset, before the ports follow.
+    /// Called at power-off and at a reset, before the ports stop.
     fn stop(&mut self, ctx: &mut Context);
 
-    /// Whether a client has turned a switch, put in a request or written a register that the firmware answers at once.
-    /// For busy polling.
+    /// True if a client has turned a switch, made a request, or written a register that the firmware answers
+    /// immediately. Used for busy polling.
     fn has_changed(&self) -> bool {
         self.front_has_changed()
     }
 
-    /// The processor cycle: polls the registers that belong to no port.
+    /// Runs a processor cycle: polls the registers that belong to no port.
     fn processor_cycle(&mut self, ctx: &mut Context) {
         let _ = ctx;
     }
 
-    /// Whether the device is quiescent: the last poll and processor cycle found nothing to do, and the next ones will
+    /// True if the device is quiescent: the last poll and processor cycle changed nothing, and the next ones will
     /// change nothing until a register is written or another event occurs, for example [`Device::due`]. The plant then
     /// skips the next polls and cycles. When in doubt, returns false.
     fn is_quiescent(&self) -> bool {
         false
     }
 
-    /// Whether the device needs its next processor cycle even if no register is written and its front stays unchanged. The
-    /// plant otherwise skips cycles if it advances over several at once.
+    /// True if the device needs its next processor cycle even if no register is written and its front stays unchanged.
+    /// If false, the plant may skip cycles when it advances over several at once.
     fn needs_each_cycle(&self) -> bool {
         false
     }
 
-    /// Whether polling the front and the registers and a processor cycle would change nothing now, at any time, for any
-    /// origin of the present register contents. When in doubt, returns false.
+    /// True if a poll of the front and a processor cycle would change nothing, at any time, with the present register
+    /// contents, independent of their writer. When in doubt, returns false.
     fn poll_changes_nothing(&self) -> bool {
         false
     }
 
-    /// Next time at which the device itself has something to do; `u64::MAX` if there is none.
+    /// Time of the next event of the device itself; `u64::MAX` if there is none.
     fn next_time(&self) -> u64 {
         u64::MAX
     }
@@ -69,12 +69,12 @@ pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
         None
     }
 
-    /// The drive that contains the device, if there is such a drive: the only one in the list.
+    /// The drive that contains the device, if there is such a drive. The list then has only this drive.
     fn drives(&self) -> Option<&dyn Drives> {
         None
     }
 
-    /// Same as [`Device::drives`], for actions at the drive.
+    /// As [`Device::drives`], for changes of the drive.
     fn drives_mut(&mut self) -> Option<&mut dyn Drives> {
         None
     }
@@ -84,7 +84,7 @@ pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
         None
     }
 
-    /// Same as [`Device::novram`], for storing the registers.
+    /// As [`Device::novram`], for storing the registers.
     fn novram_mut(&mut self) -> Option<&mut dyn NovramContents> {
         None
     }
@@ -94,7 +94,7 @@ pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
         None
     }
 
-    /// The part that applies faults of the device itself, if it can have any.
+    /// The part that applies faults of the device itself; `None` if the device can have no faults.
     fn faults(&mut self) -> Option<&mut dyn Faulty> {
         None
     }
@@ -106,7 +106,7 @@ impl dyn Device {
         BoardState::of(self.header())
     }
 
-    /// Whether memory exists for an access in the right area: the device may have fewer retain flags than the area has
+    /// True if memory exists for an access in the right area. The device may have fewer retain flags than the area has
     /// room for.
     pub fn has(&self, offset: u32, width: Width) -> bool {
         let Some(retain) = self.layout().retain.filter(|retain| retain.area.contains(offset)) else {
@@ -116,7 +116,7 @@ impl dyn Device {
         u64::from(offset) + u64::from(width.bytes()) <= u64::from(retain.area.first) + u64::from(bytes)
     }
 
-    /// The emulated time, for the header page.
+    /// Stores the emulated time in the header page.
     pub fn show_time(&self, now: u64) {
         self.header().virtual_time_us.store(now);
     }

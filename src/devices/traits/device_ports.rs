@@ -1,20 +1,20 @@
-//! The ports of a device, as far as the device takes part in their events.
+//! Functions of a device for events of its ports.
 
 use crate::devices::Context;
 
 /// A device with number switches, LEDs or a SYNC signal for its ports ([`Device::ports`](crate::devices::Device::ports)). The
 /// plant passes events of the ports to the device.
 pub trait DevicePorts {
-    /// `port` is connected to a bus with this bit rate in bit/s; 0 if the bus has none. Called once, before the first
-    /// start.
+    /// Called once, before the first start: `port` is connected to a bus with this bit rate in bit/s. 0 if the bus has
+    /// no bit rate.
     fn plugged_in(&mut self, port: u8, bit_s: u32) {
         let _ = (port, bit_s);
     }
 
-    /// The number on its bus that `port` has from now on: the number of the switches at the last start.
+    /// The number of `port` on its bus: the number of the switches at the last start.
     fn address(&self, port: u8) -> u8;
 
-    /// Another station has the number of `port`, so the port is not connected.
+    /// Called if another station has the number of `port`, so that the port is not connected.
     fn address_taken(&mut self, ctx: &mut Context, port: u8);
 
     /// Called when `port` starts or stops taking part in the traffic of its bus.
@@ -26,13 +26,13 @@ pub trait DevicePorts {
         let _ = (port, last_frame, now);
     }
 
-    /// The ports with a SYNC signal that is passed on to another port of the device if the firmware there enables it:
-    /// from, to.
+    /// Pairs of ports, from and to. The device passes the SYNC signal of the first port on to the second port, if the
+    /// firmware of the second port enables this.
     fn sync_ways(&self) -> &[(u8, u8)] {
         &[]
     }
 
-    /// An edge of the SYNC signal at `port`; called after all other parts have seen it.
+    /// Called at an edge of the SYNC signal at `port`, after all other parts have handled the edge.
     fn sync_edge(&mut self, port: u8, now: u64) {
         let _ = (port, now);
     }

@@ -14,16 +14,17 @@ pub trait DeviceView {
     /// Layout of the registers of the device.
     fn layout(&self) -> &'static DeviceLayout;
 
-    /// The header page of its image.
+    /// The header page of the device's image.
     fn header(&self) -> &Header;
 
-    /// Returns the ports of the device as it is equipped: the modules of a modular device decide about them.
+    /// Returns the device with its options: which ports exist, and their roles. In a modular device the modules decide
+    /// this.
     fn fitted(&self) -> DeviceFit {
         DeviceFit::unknown(self.layout())
     }
 
-    /// Whether `port` is a drive of its bus without registers in the device. Faults name it by its number on the
-    /// bus.
+    /// True if `port` is a drive on its bus, without registers in the device. Faults name this drive by its number on
+    /// the bus.
     fn is_drive(&self, port: u8) -> bool {
         let _ = port;
         false

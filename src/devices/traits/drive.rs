@@ -22,7 +22,7 @@ pub struct DriveState {
     pub speed_actual: i32,
     /// Number of the drive's fault; 0: none.
     pub fault: u32,
-    /// Reference value frames missed so far.
+    /// Number of missed reference value frames so far.
     pub lost_references: u64,
     /// Whether the drive ignores reference values because too many were lost.
     pub is_stopped: bool,
@@ -45,17 +45,16 @@ pub struct ParameterState {
     pub min: i64,
     /// Highest value.
     pub max: i64,
-    /// Only the drive itself writes the parameter.
+    /// Only the drive itself can write the parameter.
     pub read_only: bool,
 }
 
-/// Demanded and actual motion of the motor of a drive. Speeds are in increments of the drive's speed
-/// format.
+/// Set and actual motion of the motor of a drive. Speeds are in increments of the drive's speed format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shaft {
-    /// The speed that the drive demands of its motor: limited, and along its ramp.
+    /// The set speed of the motor: after the limits and the ramp of the drive.
     pub demand: i32,
-    /// Whether the drive feeds its motor: only then can it influence the speed.
+    /// True if the drive feeds its motor. Otherwise it cannot influence the speed.
     pub is_fed: bool,
     /// The motor's speed.
     pub speed: i32,
@@ -70,7 +69,7 @@ pub struct DriveDetails {
     pub state: DriveState,
     /// Parameters of the drive, in the order of their numbers.
     pub parameters: Vec<ParameterState>,
-    /// The parameters of its interface card, by their numbers: ZK 0, 1, 4 ...; empty without a card.
+    /// The parameters of the drive's interface card, by their numbers: ZK 0, 1, 4 ...; empty if the drive has no card.
     pub card: Vec<(u8, u16)>,
 }
 
@@ -80,7 +79,7 @@ pub enum ParameterRefusal {
     /// The drive has no parameter of that number.
     #[error("it has no such parameter")]
     NotThere,
-    /// Only the drive itself writes the parameter.
+    /// Only the drive itself can write the parameter.
     #[error("only the drive itself writes it")]
     ReadOnly,
     /// The parameter is being recalculated.
@@ -108,7 +107,7 @@ pub trait Drives {
     /// All details of the drive at this place in [`Drives::list`].
     fn details(&self, drive: usize) -> Option<DriveDetails>;
 
-    /// Sets a parameter of such a drive, as a user does at the drive itself.
+    /// Sets a parameter of the drive at this place, as a user does at the drive itself.
     ///
     /// # Errors
     /// [`ParameterRefusal`].
@@ -121,11 +120,11 @@ pub trait Drives {
         journal: &mut Journal,
     ) -> Result<(), ParameterRefusal>;
 
-    /// Demanded and actual motion of the motor of such a drive.
+    /// Set and actual motion of the motor of the drive at this place.
     fn shaft(&self, drive: usize) -> Option<Shaft>;
 
-    /// Sets the speed of the motor of such a drive independently of the drive's demand; `None`: the motor follows the
-    /// drive.
+    /// Sets the speed of the motor of the drive at this place, independently of the set speed. With `None` the motor
+    /// follows the drive.
     fn turn_shaft(&mut self, drive: usize, speed: Option<i32>, now: u64);
 
     /// Does work that was postponed because its result was not visible. Readers see the same result without this call;

@@ -12,17 +12,17 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 pub struct Events {
     /// Enabled events.
     pub enabled: u16,
-    /// No event occurs: the switch or the program is at STOP (decision D-300).
+    /// True if no event can occur, because the switch or the program is at STOP (decision D-300).
     pub held: bool,
     /// Events that have occurred since the last query.
     pub fired: u16,
     /// Events that stop the plant for lockstep.
     pub watched: u16,
-    /// Whether a watched event has occurred.
+    /// True if a watched event has occurred.
     pub stop: bool,
 }
 
-/// The clients in lockstep are not a part of the plant.
+/// Watched events are not saved: clients in lockstep are not a part of the plant.
 impl SnapshotFields for Events {
     fn save(&self, to: &mut Saving) {
         let Self { enabled, held, fired, watched: _, stop: _ } = self;
@@ -51,7 +51,7 @@ impl Events {
         self.stop |= self.watched & bit != 0;
     }
 
-    /// The board has ordered a start or stop: tasks in lockstep obey it now.
+    /// Called when the board has requested a start or stop, which tasks in lockstep obey immediately.
     pub(in crate::devices) fn note_order(&mut self) {
         self.stop |= self.watched != 0;
     }

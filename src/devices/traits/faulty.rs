@@ -1,4 +1,4 @@
-//! Faults of a device or a bus, as the part that applies them sees them.
+//! Interface of the part of a device or bus that applies faults.
 
 use crate::fault::{Effect, Faults, Hit, Target};
 
@@ -9,8 +9,8 @@ pub trait Faulty {
         let _ = (now, faults);
     }
 
-    /// Called when one of its faults is active, at the start of the fault or in a processor cycle: returns a hit if the
-    /// fault fires by itself. Faults that fire at an event are found during the event
+    /// Called at the start of a fault, and in each processor cycle while the fault is active. Returns a hit if the
+    /// fault fires by itself, without an event. Faults that fire at an event are applied during the event
     /// ([`World::faults`](crate::devices::World::faults)).
     fn fire(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
         let _ = (now, target, effect);

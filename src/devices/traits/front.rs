@@ -3,14 +3,14 @@
 use crate::devices::Context;
 use crate::memory::header::BoardSetting;
 
-/// Why a device goes off or on.
+/// Change of the supply or of RESET of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Power {
     /// Supply off.
     Off,
     /// Supply on.
     On,
-    /// RESET held.
+    /// RESET is pressed and held.
     HoldReset,
     /// RESET is released; the switch is then at STOP.
     ReleaseReset,
@@ -21,7 +21,7 @@ pub enum Power {
 pub enum FrontAction {
     /// No action.
     Nothing,
-    /// A switch was turned or a request answered; timers may have changed.
+    /// A switch was turned or a request was answered. Timers may have changed.
     Answered,
     /// RESET is held: the device stops.
     Held,
@@ -33,12 +33,12 @@ pub enum FrontAction {
 
 /// The front of a device: supply, RESET and switches.
 pub trait Front {
-    /// Turns a switch in the header page or enters a request, as a client does; the next poll sees it. Returns `false`
-    /// if there is no such switch.
+    /// Turns a switch in the header page or enters a request, as a client does. The next poll handles it. Returns
+    /// `false` if there is no such switch.
     fn turn(&self, setting: BoardSetting) -> bool;
 
-    /// Why the device would not carry out this setting now: its switches or its state do not allow the command. `None`:
-    /// the device would carry it out.
+    /// The reason why the device would refuse this setting now, because of its switches or its state. `None` if the
+    /// device would carry it out.
     fn refusal(&self, setting: BoardSetting) -> Option<&'static str> {
         let _ = setting;
         None
@@ -56,6 +56,6 @@ pub trait Front {
     /// Whether the device has power and is not held in RESET.
     fn is_up(&self) -> bool;
 
-    /// The supply has failed; called for the parts that run while RESET is active.
+    /// Called when the supply has failed, for parts that run even while RESET is active.
     fn supply_failed(&mut self) {}
 }

@@ -12,10 +12,10 @@ pub(in crate::devices) static KINDS: &[&EventKind] = &[GuestNews::KIND];
 /// Reason for which a bus refuses a frame or telegram of a guest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum GuestRefusal {
-    /// The guest has too many frames to send; later there will be room.
+    /// The queue of the guest is full; a later attempt may succeed.
     #[error("the guest has as many frames to send as its controller holds")]
     Full,
-    /// The time is too far ahead: all later frames of the guest would have to wait for it.
+    /// The time of the frame is too far ahead. All later frames of the guest would have to wait for this frame.
     #[error("the time of the guest's telegram lies {seconds} s ahead; it may be 60 s at most")]
     TooFarAhead {
         /// Emulated seconds from now until that time.
@@ -29,7 +29,7 @@ pub enum GuestRefusal {
 /// The guests of a bus ([`Bus::guests`](crate::devices::Bus::guests)). Each guest has a number; number 0 is the guest that acts by
 /// requests.
 pub trait BusGuests {
-    /// A guest takes part from now on. Returns whether this changes anything here.
+    /// A guest takes part from now on. Returns false if it already took part.
     fn guest_joins(&mut self, guest: u8, now: u64) -> bool {
         let _ = (guest, now);
         false
@@ -53,13 +53,13 @@ pub trait BusGuests {
         ErrorState::Active
     }
 
-    /// The traffic of the bus goes to `receiver` from now on, except what this guest sends; with `None` the guest
-    /// receives no more traffic. A guest can hear without taking part. Snapshots contain no receivers.
+    /// From now on `receiver` gets the traffic of the bus, except the guest's own frames. With `None` the guest
+    /// receives no more traffic. A guest can receive without taking part. Snapshots contain no receivers.
     fn guest_hears(&mut self, guest: u8, receiver: Option<Arc<Guest>>) {
         let _ = (guest, receiver);
     }
 
-    /// A guest that takes part sends a frame, or a telegram.
+    /// A participating guest sends a frame, or a telegram.
     ///
     /// # Errors
     /// [`GuestRefusal`].
@@ -75,14 +75,14 @@ pub trait BusGuests {
 event_kinds! {
     /// A guest starts or stops taking part in a bus.
     GuestNews = 52, "guest", Rare, at bus {
-        /// Its number on the bus.
+        /// Number of the guest on the bus.
         guest: u8,
         /// Event of the guest.
         news: Attendance,
     }
 }
 
-/// Whether a guest takes part, and whether emulated time waits for it.
+/// Change of a guest's participation in the bus, or of its seat in lockstep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Attendance {
     /// The guest takes part from now on.

@@ -1,4 +1,4 @@
-//! View of a bus: intervals with their slots.
+//! The repeating interval of a bus with its slots, for views.
 
 use serde::{Deserialize, Serialize};
 
@@ -16,7 +16,7 @@ pub struct Interval {
 pub struct Slot {
     /// Name of the frame.
     pub name: String,
-    /// When it begins at the latest, in us after the SYNC edge.
+    /// Latest begin of the frame, in us after the SYNC edge.
     pub start_us: u32,
 }
 

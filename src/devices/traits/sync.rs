@@ -3,12 +3,12 @@
 use crate::journal::{Journal, Origin};
 use serde::{Deserialize, Serialize};
 
-/// The properties of a SYNC signal that the masters which take it over need.
+/// Properties of a SYNC signal, for masters that take the signal over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SyncSignal {
     /// Time between two edges in us.
     pub interval_us: u32,
-    /// Rate of the bus of the master that generates it, in kbit/s.
+    /// Baud rate, in kbit/s, of the bus of the master that generates the signal.
     pub kbit_s: u16,
 }
 
@@ -39,15 +39,15 @@ pub enum SyncOrigin {
 
 /// The SYNC signal of a bus that has one ([`Bus::sync`](crate::devices::Bus::sync)).
 pub trait SyncLine {
-    /// Whether the port takes its SYNC signal from another port of its device.
+    /// True if the port takes its SYNC signal from another port of its device.
     fn takes_sync(&self, place: usize) -> bool;
 
-    /// An edge of a forwarded SYNC signal.
+    /// Handles an edge of a SYNC signal that another bus forwards.
     fn forwarded_edge(&mut self, place: usize, now: u64, signal: SyncSignal, journal: &mut Journal);
 
     /// Time of the next SYNC edge, if this bus generates the signal.
     fn next_sync(&self) -> Option<u64>;
 
-    /// Source of its SYNC signal.
+    /// Source of the bus's SYNC signal.
     fn sync_origin(&self) -> SyncOrigin;
 }
