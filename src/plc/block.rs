@@ -39,7 +39,7 @@ pub trait FunctionBlock: Default + 'static {
 
 /// The place of a block.
 pub struct BlockContext<'a> {
-    /// The RAM of its PLC.
+    /// The RAM of the PLC.
     pub ram: &'a Ram,
     /// Offset of the block's area in the RAM.
     pub offset: usize,

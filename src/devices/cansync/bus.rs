@@ -2,8 +2,8 @@
 //!
 //! A frame is delivered at the end of its end-of-frame field, to every station that listens at the bus's baud rate. The
 //! next frame can begin after the intermission. The content of a frame is fixed at its start. Slot times are from the
-//! manual's table (5.00005.03a p. 125). Frame lengths are equal to real frames, stuff bits included. A frame that
-//! reaches into the next slot delays the frame of that slot (decision D-280).
+//! manual's table (5.00005.03a p. 125). Frames have their real lengths, including stuff bits. A frame that extends into
+//! the next slot delays the frame of that slot (decision D-280).
 
 mod command;
 mod config;
@@ -79,11 +79,11 @@ struct RunningBus {
 pub struct SimBus {
     index: BusIndex,
     name: String,
-    /// False for the placeholder without wires that serves a node without a connected bus.
+    /// False for the placeholder, which has no wires and runs nodes that are not connected to a bus.
     is_wired: bool,
     /// The ports in the order in which they were attached.
     places: Vec<PortRef>,
-    /// The master, if the bus has one; at most one element.
+    /// The master of the bus: one element, or none.
     masters: Vec<End<Master>>,
     slaves: Vec<End<Slave>>,
     /// The drives among `drives` that are ports of devices.
@@ -98,13 +98,13 @@ pub struct SimBus {
     running: Option<RunningBus>,
     schedule: Schedule,
     next: u64,
-    /// The last frame of each kind. A frame is entered when its slot is determined, so the times of several frames may
-    /// be in the future.
+    /// The last frame of each kind. A frame is stored as soon as its slot is determined, so the times of several frames
+    /// may be in the future.
     on_wire: [Option<OnWire>; PLACES],
     reference: [Option<Built>; 2],
     actual: [Option<Frame>; 2],
     command: Option<Frame>,
-    /// Slave number that owes an answer to the last command.
+    /// Number of the slave that must still answer the last command.
     asked: Option<u8>,
     /// A drive's answer, ready for the response slot.
     drive_answer: Option<Frame>,
@@ -238,7 +238,7 @@ impl SimBus {
             Slot::CommandStart => run.command_start(),
             Slot::CommandEnd => run.command_end(),
             Slot::Stray => run.stray_frames(),
-            // Handled above, because this slot needs no running bus.
+            // This slot was handled above, because it does not need a running bus.
             Slot::OwnClock => {}
         }
         self.next = self.schedule.next_time();

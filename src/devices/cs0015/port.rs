@@ -38,7 +38,7 @@ pub(super) const WATCHDOG_US: u64 = 200_000;
 pub enum Program {
     /// No program.
     None,
-    /// A built-in one that switches CANopen on.
+    /// A built-in program, which switches CANopen on.
     BuiltIn {
         /// Requests for PDOs in the second cycle: direction, PDO counted from 0, settings.
         pdos: Vec<(PdoDirection, usize, PdoConfig)>,
@@ -49,7 +49,7 @@ pub enum Program {
         /// Settings of a master; `None` for a slave.
         master: Option<MasterConfig>,
     },
-    /// A process that attaches, a script or a test, which does everything itself.
+    /// The program is a process that attaches, a script or a test. It makes all calls itself.
     Attached {
         /// Cycle time in us.
         cycle_us: u64,
@@ -235,7 +235,7 @@ impl Firmware {
             state::STOP => Diagnosis::of(&defects, 0),
             _ => Diagnosis::default(),
         };
-        // No other flag reports this error to the program (p. 18, D-461).
+        // Sets the common flag, because no other flag reports this error to the program (p. 18, D-461).
         if found.has_more_than(&self.diagnosis) {
             self.node.registers.flags.ERROR.store(bool::TRUE);
         }
@@ -282,7 +282,7 @@ impl Firmware {
                     self.node.restart(State::PreOperational, ctx.now);
                 }
             }
-            // Second stage: an earlier reset would have ended the role of master (p. 48).
+            // The role of master begins only now, because a reset in an earlier cycle would have ended it (p. 48).
             2 => {
                 if let Some(config) = master.clone() {
                     self.master = Some(Master::new(config, self.make_master(), ctx.now));

@@ -1,4 +1,4 @@
-//! The image as the firmware uses it.
+//! Access of the firmware to the image.
 
 use super::registers::{
     CS0015_FLAGS, CS0015_FUNCTION, CS0015_INPUTS, CS0015_JOBS, CS0015_OUTPUTS, CS0015_PARAMETERS,
@@ -88,7 +88,7 @@ impl Registers {
         self.face.requested().program.state.load()
     }
 
-    /// Orders a start or stop of the program.
+    /// Requests a start or stop of the program.
     pub(super) fn order(&self, kind: Start) {
         program::order(&self.face, kind);
     }

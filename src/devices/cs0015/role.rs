@@ -1,4 +1,4 @@
-//! Role of the device on its bus: no CANopen node, a node, or the master; and the orders of its program.
+//! Role of the device on its bus (not a CANopen node, a node, or the master), and the orders of its program.
 
 use super::canopen::nmt::Nmt;
 use super::jobs;
@@ -11,7 +11,7 @@ use crate::devices::can_bus::Controller;
 use crate::devices::canopen::nmt::State;
 
 impl Firmware {
-    /// Starts CANopen if the program has switched it on and it was not started yet (p. 28).
+    /// Starts CANopen if the program has switched CANopen on and it is not running yet (p. 28).
     pub(super) fn open(&mut self, now: u64) {
         let is_can_open = self.node.registers.flags.CAN_OPEN.load() != bool::FALSE;
         if is_can_open && self.node.state() == State::Initialising {

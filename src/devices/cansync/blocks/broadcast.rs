@@ -89,9 +89,9 @@ function_block! {
         out {
             /// Command number; keeps the previous value until a new command is received.
             us_BC_CMD_NR: u8;
-            /// Data byte, as `us_BC_CMD_NR`; 0 with command 1.
+            /// Data byte; keeps its value like `us_BC_CMD_NR`. 0 with command 1.
             si_BC_BYTE: i8;
-            /// Data word, as `us_BC_CMD_NR`; the control word with command 1.
+            /// Data word; keeps its value like `us_BC_CMD_NR`. With command 1 it is the control word.
             i_BC_WORD: i16;
             /// 2: a command was received since the last call; otherwise 0.
             si_BC_RECEIVED: i8;

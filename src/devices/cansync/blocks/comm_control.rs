@@ -9,8 +9,8 @@ function_block! {
     /// Selects the slave for control words, parameter jobs and up-/downloads in the command channel (manual p.
     /// 204-206).
     ///
-    /// An input is taken over only with its enable input. Numbers other than -128 and 0 to 31 have no effect (decision
-    /// D-205).
+    /// The block takes over a slave number only if the enable input beside it is TRUE. Numbers other than -128 and 0 to
+    /// 31 have no effect (decision D-205).
     pub struct CANsync_COMM_CONTROL_MA(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
         in {
             /// Slave for control words; -128 (default): all in turn.

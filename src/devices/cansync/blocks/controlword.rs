@@ -6,8 +6,8 @@ use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CT
 use crate::plc::{Base, Like, function_block};
 
 function_block! {
-    /// Sends a control word to one slave (manual p. 207-208). Needs
-    /// [`CANsync_COMM_CONTROL_MA`](super::CANsync_COMM_CONTROL_MA) first.
+    /// Sends a control word to one slave (manual p. 207-208). A program must call
+    /// [`CANsync_COMM_CONTROL_MA`](super::CANsync_COMM_CONTROL_MA) before.
     ///
     /// Every call with `x_EN` enters the control word again. One interval is enough to send it once.
     pub struct CANsync_CONTROLWORD_MA(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {

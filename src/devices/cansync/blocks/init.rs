@@ -18,19 +18,19 @@ const TIMEOUT: u16 = 1 << 0;
 const BIT_TIMING: u16 = 1 << 1;
 /// Bit 11.
 const NOT_FINISHED: u16 = 1 << 11;
-/// `us_BAUDRATE` of 125 kbit/s, used for every undefined number.
+/// `us_BAUDRATE` for 125 kbit/s, which the block also uses for every undefined number.
 const SLOWEST: u8 = 3;
 
 /// The inputs of the block, and the baud rates of the device.
 pub(crate) struct Inputs<'a> {
     pub slave: bool,
     pub sync_in: bool,
-    /// Also sets up synchronous operation.
+    /// True if the block also sets up synchronous operation.
     pub set_up: bool,
     pub slave_types: &'a [u8; 32],
     /// Acceptance code and mask.
     pub acceptance: [u8; 2],
-    /// Used if `baud_rate` is 0.
+    /// Bus timing bytes, used if `baud_rate` is 0.
     pub bit_timing: [u8; 2],
     pub baud_rate: u8,
     pub interval_ms: u8,
@@ -46,7 +46,7 @@ pub struct Initialization {
     has_ended: bool,
 }
 
-/// The step that the block waits for.
+/// The step for which the block waits.
 #[derive(Clone, Copy, Debug, Default)]
 enum Step {
     #[default]
@@ -64,7 +64,7 @@ impl Initialization {
         base: &Viewed<'_, CANsync_INIT_BMSTRUCT>,
         inputs: &Inputs<'_>,
     ) -> (u16, bool) {
-        // One call advances as far as the node's answers permit.
+        // One call makes as many steps as the node's answers permit.
         while let Some(next) = self.next(base, inputs) {
             self.step = next;
         }
@@ -170,8 +170,8 @@ macro_rules! init {
         $crate::plc::function_block! {
             #[doc = concat!("Initializes a CANsync node as master or slave (manual p. ", $page, ").")]
             ///
-            /// The first call begins. Continue to call, at least once per processor cycle, until `x_OK` or `x_ERR`
-            /// (decision D-201). The next call begins again.
+            /// The first call begins the initialization. The program must call the block at least once per processor
+            /// cycle, until `x_OK` or `x_ERR` is TRUE (decision D-201). The next call begins a new initialization.
             pub struct CANsync_INIT(_BASE: $crate::plc::Base<$crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT>) {
                 in {
                     /// Slave; default: master.

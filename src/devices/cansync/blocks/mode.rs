@@ -13,10 +13,10 @@ macro_rules! mode {
         function_block! {
             #[doc = concat!("Sets the operating mode of a CANsync ", $role, " (manual p. ", $page, ").")]
             ///
-            /// Inputs are commands. Outputs show the node's state at the time of the call; the answer to a command is
-            /// visible at a later call. Without an input there is no command. With `x_SYNC_MODE` and `x_CANsync_RUN`
-            /// together, the block sets the mode up first and enables it by a later call. In the active mode the block
-            /// sends no further command (decision D-204).
+            /// Inputs are commands. Outputs show the node's state at the time of the call, so the answer to a command
+            /// is visible at a later call. If no input is TRUE, the block sends no command. If `x_SYNC_MODE` and
+            /// `x_CANsync_RUN` are both TRUE, the block first sets the mode up, and enables it at a later call. In the
+            /// active mode the block sends no further command (decision D-204).
             pub struct $name(_BASE: Base<$base>) {
                 in {
                     /// Restarts the node.
@@ -104,7 +104,7 @@ struct Commands {
 }
 
 impl Commands {
-    /// Writes the command. Of several commands, the one that comes earlier in a start counts.
+    /// Writes the command. If several inputs are TRUE, the command that comes earlier in a start is written.
     fn give<T: SharedRegs>(&self, base: &Viewed<'_, T>, control: &Cell16, state: u16) {
         let command = match self {
             Commands { restart: true, .. } => {

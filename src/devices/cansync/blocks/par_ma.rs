@@ -21,7 +21,7 @@ pub(crate) const PRESET_TIME: Duration = Duration::from_secs(3);
 enum JobPhase {
     #[default]
     Idle,
-    /// Another block's job for the same slave is under way.
+    /// Waits for the end of another block's job for the same slave.
     Waiting(Watch),
     Running(Watch),
     /// Finished; waits until `x_EN` falls.
@@ -80,7 +80,7 @@ fn registers(base: &CANsync_MA_CTRL_BMSTRUCT, slave: i8) -> Option<(Job<'_>, &DA
 #[derive(Clone, Copy, Debug, Default)]
 pub struct JobState {
     phase: JobPhase,
-    /// The slave of the job under way, independent of later values of the input.
+    /// The slave of the job in progress. Later values of the input do not change it.
     slave: i8,
 }
 
@@ -155,7 +155,8 @@ impl JobState {
         CallResult { error, number, ..CallResult::default() }
     }
 
-    /// Removes the block's job from the registers. Otherwise the master would ask a silent slave for ever.
+    /// Removes the block's job from the registers. Otherwise the master would repeat the job to a slave that never
+    /// answers.
     fn withdraw(&self, base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>) {
         if let JobPhase::Running(_) = self.phase
             && let Some((job, _)) = registers(base, self.slave)

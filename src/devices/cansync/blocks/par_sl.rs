@@ -10,8 +10,8 @@ use crate::plc::{Base, Like, function_block};
 function_block! {
     /// Shows the master's parameter jobs to a slave's application and sends its answers (manual p. 225-229).
     ///
-    /// The application's results count from the call after the one that showed the job. So in the call that shows the
-    /// job, `x_OK_IN` may still have the value for the end of the last job (decision D-210).
+    /// The block reads the application's results only from the call after that which has shown the job. So in the call
+    /// that shows the job, `x_OK_IN` may still have its value from the end of the last job (decision D-210).
     pub struct CANsync_PAR_SL(_BASE: Base<CANsync_SL_CTRL_BMSTRUCT>) {
         in {
             /// Value of the parameter, for a read job.

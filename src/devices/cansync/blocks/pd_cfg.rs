@@ -15,8 +15,8 @@ const FRAME2: RangeInclusive<u8> = 4..=7;
 /// Number of an unassigned word.
 const NONE: i8 = -1;
 
-/// Writes the configuration bytes of one frame. The word of a number that the frame cannot carry stays unassigned
-/// (decision D-206).
+/// Writes the configuration bytes of one frame. A word stays unassigned if the frame cannot carry the value with its
+/// number (decision D-206).
 fn configure(registers: [&Cell8; 4], (numbers, high): WordAssignments, values: RangeInclusive<u8>) {
     for ((register, number), high) in registers.into_iter().zip(numbers).zip(high) {
         register.store(match u8::try_from(number) {

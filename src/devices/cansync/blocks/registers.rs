@@ -1,5 +1,5 @@
-//! Functions for control and status registers that several blocks share, and the way in which a PLC writes the register
-//! pair of a job (manual 5.00005.03a chapters 7.2.2, 7.2.3).
+//! Functions that several blocks use: for control and status registers, and for writing the register pair of a job
+//! (manual 5.00005.03a chapters 7.2.2, 7.2.3).
 
 use crate::devices::cansync::registers::values::{receive, request};
 use crate::devices::cansync::registers::{
@@ -7,7 +7,7 @@ use crate::devices::cansync::registers::{
 };
 use crate::memory::Cell8;
 
-/// A function block takes a structure itself as well as a type that contains it.
+/// Implements the conversion of a structure to itself: function blocks accept a structure, or a type that contains it.
 macro_rules! as_ref_of_itself {
     ($($structure:ident)*) => {$(
         impl AsRef<$structure> for $structure {
@@ -22,7 +22,7 @@ as_ref_of_itself!(CANsync_INIT_BMSTRUCT CANsync_MA_CTRL_BMSTRUCT CANsync_SL_CTRL
 
 /// Number of slaves on a bus.
 pub(super) const SLAVES: usize = 32;
-/// As an input of a slave number: the number advances by itself. As an output: no slave.
+/// Special slave number. As an input: the slave number advances automatically. As an output: no slave.
 pub(super) const AUTOMATIC: i8 = request::AUTOMATIC.cast_signed();
 
 /// Returns a slave number as an index; `None` if it is not 0 to 31.

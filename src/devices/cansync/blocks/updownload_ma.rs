@@ -29,7 +29,7 @@ enum TransferPhase {
 /// One attempt to transfer a block.
 #[derive(Clone, Copy, Debug)]
 struct Attempt {
-    /// Slave and direction of the transfer, independent of later values of the inputs.
+    /// Slave and direction of the transfer. Later values of the inputs do not change them.
     slave: u8,
     download: bool,
     block: Block,
@@ -187,13 +187,13 @@ impl Transfer {
         if !this.watch.is_over(base.ram()) {
             return;
         }
-        // During a whole monitoring time the command channel has not asked the slave of an earlier job. The block ends
-        // the cancellation here.
+        // During a whole monitoring time, the command channel has not polled the slave of an earlier job, so that its
+        // cancellation was not sent. The block ends the cancellation here.
         if matches!(self.phase, TransferPhase::Waiting(_)) && job(base).control() & CANCEL != 0 {
             job(base).enter(0);
         }
         if this.number < inputs.tries {
-            // The new job replaces the old one. The registers are free when the old one is withdrawn.
+            // The new job replaces the old job. The registers are free when the old job is withdrawn.
             if let TransferPhase::Running(_) = self.phase {
                 job(base).enter(0);
             }

@@ -90,7 +90,7 @@ impl CANsync_UPDOWNLOAD_SL {
             return self.show(if is_locked { TransferPhase::Locked } else { TransferPhase::Idle });
         }
         if is_locked {
-            // The master must not wait for a block that needs a reset.
+            // The block needs a reset, so it refuses the job. Otherwise the master would wait.
             if control & ACTIVE != 0 {
                 refuse(_BASE, updown_error::SLAVE_CANCELS);
             }

@@ -25,7 +25,7 @@ impl Run<'_> {
         let Some(frame) = self.bus.command.take() else { return };
         match (self.arrives(Slot::CommandEnd, &frame), frame.kind()) {
             (Fate::Arrives, _) => self.deliver(&frame, false),
-            // The master does not know about the loss and waits for the answer.
+            // The master does not notice the loss, and waits for the answer.
             (Fate::Lost, Some(FrameKind::Job(_))) => self.start_timeout(),
             (Fate::Lost | Fate::Late, _) => {}
         }
@@ -48,8 +48,8 @@ impl Run<'_> {
         }
     }
 
-    /// Reports a finding for each parameter with which a drive cannot follow the bus. The finding is at the register
-    /// through which the master's PLC sets the parameter.
+    /// Reports a finding for each parameter of a drive with a value that does not suit the bus. The finding is at the
+    /// register through which the master's PLC sets the parameter.
     fn find_wrong_settings(&mut self, index: usize) {
         let interval_us = u32::from(self.timing.b_TIME_PATTERN) * 1000;
         let Some(drive) = self.drive(index) else { return };

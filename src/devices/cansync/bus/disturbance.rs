@@ -15,9 +15,9 @@ pub(super) struct Disturbance {
     faulty: u32,
     /// Slaves in devices without power.
     unpowered: u32,
-    /// Frames under way that no station receives, by place on the wire.
+    /// Frames in progress that no station will receive, bit n for place n on the wire.
     pub(super) lost: u8,
-    /// Frames under way that end later than regularly, by place on the wire.
+    /// Frames in progress that a fault has delayed, bit n for place n on the wire.
     pub(super) late: u8,
     /// Frames that arrive outside of their slots.
     pub(super) strays: Vec<Stray>,
@@ -25,7 +25,7 @@ pub(super) struct Disturbance {
     pub(super) shift: i64,
     /// The job under way, while there are faults.
     pub(super) job: Option<Frame>,
-    /// The answer that a fault gives to the job in place of the slave.
+    /// The answer to the job that a fault produces instead of the slave.
     pub(super) answer: Option<Frame>,
 }
 
@@ -133,7 +133,7 @@ impl SimBus {
         let drive = self.drives.get_mut(*index).filter(|_| !self.disturbance.is_off(slave));
         let trips = drive.is_some_and(|drive| drive.trip(fault));
         if trips {
-            // The drive must come to a standstill, also without SYNC.
+            // The drive must come to a standstill even without SYNC.
             self.wake_drives(now);
         }
         trips

@@ -18,15 +18,15 @@ pub(super) struct Drives {
     all: Vec<Drive>,
     /// Snapshot of each drive at power-on.
     fresh: Vec<Box<[u8]>>,
-    /// Events since all drives were last up to date.
+    /// Events since the moment at which all drives were last up to date.
     passed: EventLog,
-    /// Number of logged events that each drive has taken.
+    /// For each drive, the number of logged events that it has processed.
     taken: Vec<usize>,
     /// Drives that are switched off, bit n for slave n. These drives receive no events.
     off: u32,
-    /// Slaves with actual value frames that at least one drive evaluates, bit n for slave n.
+    /// Slaves that send actual value frames which a drive evaluates, bit n for slave n.
     overheard: u32,
-    /// Copies of the drives, up to date, for readers.
+    /// Copies of the drives for readers, brought up to date.
     shown: OnceLock<Vec<Drive>>,
 }
 
@@ -116,7 +116,7 @@ impl Drives {
         })
     }
 
-    /// Switches these drives off and no others, bit n for slave n. After a change of its supply a drive is as at
+    /// Switches exactly these drives off, bit n for slave n. After a change of its supply, a drive has its state at
     /// power-on.
     pub(super) fn switch_off(&mut self, off: u32) {
         self.settle();

@@ -1,4 +1,4 @@
-//! The connection of a device to a bus: the node's firmware and its counters in the header page.
+//! The end of a bus at a device: the firmware of a node, and its counters in the header page.
 
 use crate::devices::Context;
 use crate::devices::cansync::drive::DriveConfig;
@@ -50,7 +50,7 @@ pub(super) struct End<F> {
     pub(super) firmware: F,
     pub(super) watch: NodeWatch,
     pub(super) origin: Origin,
-    /// The node's device has power and is not held in RESET.
+    /// True if the node's device has power and is not held in RESET.
     pub(super) is_on: bool,
     /// Time at which the node last sent or received a frame, in emulated microseconds. `None` if no frame has passed
     /// since the node is on the bus.
@@ -147,7 +147,7 @@ impl End<Slave> {
         End::new(socket, Slave::new(&socket.segment, socket.location, number, lock)?)
     }
 
-    /// Resets the firmware as [`End::forget`] does for a master; the slave has this number from now on.
+    /// Resets the firmware, as [`End::forget`] does for a master. From now on the slave has this number.
     pub(super) fn begin_as(&mut self, number: u8) {
         let SocketRole::Slave { lock, .. } = &self.role else { return };
         if let Ok(slave) = Slave::new(&self.segment, self.location, number, *lock) {

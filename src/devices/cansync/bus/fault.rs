@@ -1,5 +1,4 @@
-//! Effects of injected faults on the traffic of a bus. Without faults this module costs only a test of the marks in
-//! `Disturbance`.
+//! Effects of injected faults on the traffic of a bus. Without faults, only the flags in `Disturbance` are tested.
 
 use super::disturbance::Stray;
 use super::end::PortRef;
@@ -193,7 +192,7 @@ impl Run<'_> {
         self.bus.disturbance.shift = shift;
     }
 
-    /// Returns the job as it arrives: with a wrong offset if a fault requires one.
+    /// Returns the job that arrives: with a wrong offset if a fault requires this.
     #[cold]
     pub(super) fn wrong_job(&mut self, number: u8, frame: Frame) -> Frame {
         let Ok(job) = UpDownJob::decode(frame.payload()) else { return frame };
@@ -206,7 +205,7 @@ impl Run<'_> {
         }
     }
 
-    /// Returns the answer as it arrives: with a wrong offset if a fault requires one.
+    /// Returns the answer that arrives: with a wrong offset if a fault requires this.
     #[cold]
     pub(super) fn wrong_answer(&mut self, number: u8, frame: Frame) -> Frame {
         let job = self.bus.disturbance.job.and_then(|job| UpDownJob::decode(job.payload()).ok());

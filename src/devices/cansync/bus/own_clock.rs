@@ -1,9 +1,9 @@
 //! Behaviour of drives without SYNC edges: they continue by their own clocks.
 //!
-//! A running bus notifies its drives of each edge, also of an edge that is lost on the line. No notification comes at
-//! all if the master was restarted, or if the upper bus has no signal. Then the first interval without an edge begins
-//! one and a half intervals after the last edge, later than any edge could come. Further intervals follow until all
-//! drives are at a standstill.
+//! A running bus notifies its drives of each edge, even of an edge that is lost on the line. There are no notifications
+//! if the master was restarted, or if the bus from which it takes its SYNC has no signal. Then the first interval
+//! without an edge begins one and a half intervals after the last edge, because no edge could come later. Further
+//! intervals follow until all drives are at a standstill.
 
 use super::SimBus;
 use super::schedule::Slot;
@@ -20,7 +20,7 @@ pub(super) struct OwnClock {
 }
 
 impl Default for OwnClock {
-    /// Before the first edge the only clock of a drive is the cycle of its control task.
+    /// Before the first edge, a drive has no other clock than the cycle of its control task.
     fn default() -> Self {
         OwnClock { next: 0, interval_us: 500 }
     }

@@ -111,7 +111,8 @@ impl Bus for SimBus {
                 true
             }
             PortRef::Slave(index) => {
-                // Also a node whose number has not changed: another station may have it, or may have had it until now.
+                // This is also needed for a node with an unchanged number: another station may have the number now, or
+                // may have just released it.
                 let is_free = self.renumber(index, address);
                 let end = &mut self.slaves[index];
                 if end.firmware.number() != address {
@@ -236,7 +237,7 @@ impl Bus for SimBus {
         self.next
     }
 
-    /// An edge also reaches devices and other buses.
+    /// The bus is independent until the next edge, because an edge also concerns devices and other buses.
     fn apart_until(&self) -> u64 {
         self.schedule.at(Slot::Sync).unwrap_or(u64::MAX)
     }
@@ -360,7 +361,7 @@ impl Drives for SimBus {
         }
         drive.set_parameter(number, value)?;
         journal.push(now, DriveSet { bus, slave, number, value: value as u32 });
-        // The drive may move now, also without SYNC.
+        // The drive may move now even without SYNC.
         self.wake_drives(now);
         Ok(())
     }
@@ -372,7 +373,7 @@ impl Drives for SimBus {
     fn turn_shaft(&mut self, drive: usize, speed: Option<i32>, now: u64) {
         if let Some(drive) = self.drives.get_mut(drive) {
             drive.turn_shaft(speed);
-            // The drive may move now, also without SYNC.
+            // The drive may move now even without SYNC.
             self.wake_drives(now);
         }
     }
@@ -393,7 +394,8 @@ impl Faulty for SimBus {
         self.switch_off_by_faults(now, off);
     }
 
-    /// BUS-off of nodes with a working CAN controller, and faults of drives without a fault.
+    /// A fault hits if it switches a working CAN controller of a node to BUS-off, or trips a drive that has no fault
+    /// yet.
     fn fire(&mut self, now: u64, target: Target, effect: &fault::Effect) -> Option<Hit> {
         let hits = match target {
             Target::Port { device, port } if effect.get() == Some(&can_faults::Effect::BusOff) => {

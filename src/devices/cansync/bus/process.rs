@@ -81,7 +81,7 @@ impl Run<'_> {
         self.bus.edge_for_drives(now, interval_us);
     }
 
-    /// Handles a lost edge. Locked slaves know that the edge was due.
+    /// Handles a lost edge. Locked slaves know that there should have been an edge.
     #[cold]
     fn miss_edge(&mut self, interval_us: u32) {
         let now = self.now;
@@ -145,7 +145,7 @@ impl Run<'_> {
         self.each_node(|slave, _| slave.reference_value(channel, frame));
     }
 
-    /// Makes the station that the identifier names send its actual value frame in its slot.
+    /// Makes the slave that the identifier names send its actual value frame in the slot of this frame.
     pub(super) fn request_actual(&mut self, channel: Channel, number: u8) {
         let answer = match self.station(number) {
             Station::Vacant => None,

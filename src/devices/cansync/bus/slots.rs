@@ -17,18 +17,18 @@ pub(super) const PLACES: usize = 6;
 pub(super) struct OnWire {
     pub(super) from: u64,
     pub(super) until: u64,
-    /// Due time of the slot's end. The due time is before `until` if a fault delays this frame.
+    /// Regular end of the frame. It is before `until` if a fault delays the frame.
     pub(super) due: u64,
-    /// Earliest start of the next slot's frame. 0 outside of its slot, because such a frame delays no other frame
-    /// (decision D-127).
+    /// Earliest start of the next slot's frame. 0 if this frame is outside of its slot, because it then delays no other
+    /// frame (decision D-127).
     pub(super) free: u64,
     pub(super) sender: Sender,
 }
 
 impl Run<'_> {
-    /// Puts a frame on the wire at the start of its slot, or now if that time has passed. Its end is due as `slot`. The
-    /// frame waits until the previous slot's frame is off the wire (decision D-280). Returns the start time that the
-    /// receivers see; `None` if a fault loses the frame.
+    /// Puts a frame on the wire at the start of its slot, or now if that time has passed. The end of the frame is the
+    /// event `slot`. The frame waits until the previous slot's frame has left the wire (decision D-280). Returns the
+    /// start time that the receivers see; `None` if a fault loses the frame.
     pub(super) fn transmit(
         &mut self,
         slot: Slot,

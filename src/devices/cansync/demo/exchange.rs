@@ -48,7 +48,7 @@ impl<'a> Exchange<'a> {
         }
     }
 
-    /// Exchanges process data for one second, then checks that a value comes back.
+    /// Exchanges process data for one second, then checks that the drives return a reference value as actual value.
     ///
     /// # Errors
     /// The emulator has ended, or a drive does not follow.
@@ -60,7 +60,7 @@ impl<'a> Exchange<'a> {
         }
         self.report()?;
         self.trace.headline("One more reference value, until all drives have it")?;
-        // The value must come back as actual value of all drives within half a second.
+        // All drives must return the value as their actual value within half a second.
         let settle = intervals / 2;
         for _ in 0..settle {
             self.interval(LAST, false)?;
@@ -107,7 +107,7 @@ impl<'a> Exchange<'a> {
             self.trace.note(Writer::Firmware, &node.b_STATREG_RDC1)?;
             self.trace.note(Writer::Firmware, &node.a_RD_BMARRAY[usize::from(slave)][0])?;
         }
-        // Any other number re-arms the register.
+        // Any other number makes the register ready for the next frame.
         node.b_STATREG_RDC1.store(0xFF);
         Ok(())
     }

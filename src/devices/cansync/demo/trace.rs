@@ -17,8 +17,8 @@ pub(crate) enum Writer {
     Firmware,
 }
 
-/// An attached image of a master. Registers are noted at once and printed later, because printing takes longer than the
-/// firmware needs for its answer.
+/// An attached image of a master. Values of registers are noted immediately and printed later, because printing takes
+/// longer than the answer of the firmware.
 pub(crate) struct Trace<'a> {
     show: Show<'a>,
     device: &'static DeviceLayout,

@@ -73,7 +73,7 @@ impl SetPoint {
 
 /// Returns the speed that brings `angle` to `set_point` with `gain` (1/s), added to the set point's own speed.
 ///
-/// One step of `step_us` covers at most the whole distance.
+/// In one step of `step_us` the drive moves at most by the whole distance.
 #[inline]
 pub(super) fn follow((set_point, speed): (u32, i64), angle: u32, gain: u32, step_us: u32) -> i64 {
     let error = i64::from(set_point.wrapping_sub(angle) as i32);

@@ -12,8 +12,8 @@ use std::num::NonZeroU32;
 
 /// Permitted difference between the distance of two trigger edges and the SYNC slot (P167), in us (decision D-156).
 const TOLERANCE_US: u32 = 20;
-/// Time after an edge in which the trigger signal counts as running, in us. Longer than any period of a board timer or
-/// CANsync.
+/// Time after an edge during which the trigger signal counts as running, in us. This is longer than any period of a
+/// board timer or of CANsync.
 const TRIGGERED_US: u64 = 100_000;
 
 /// The drive of a PLC, section `[plc.drive]` of the plant file. Every key has a default.

@@ -20,7 +20,7 @@ use crate::devices::cansync::registers::values::drive_status;
 use crate::snapshot_fields;
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
-/// The longest delay of ZK 24 plus the interval being received.
+/// Number of intervals: the longest delay of ZK 24, and the present interval.
 const DELAY_LINE: usize = 4;
 
 #[derive(Clone, Debug)]
@@ -34,7 +34,7 @@ struct ReferenceSlot {
     target: ParameterSlot,
     /// A synchronous position reference value, which a drive takes only while it is synchronized (decision D-82).
     is_position: bool,
-    /// True if the value counts only when its frame also came in the previous interval.
+    /// True if the value is used only when its frame also came in the previous interval.
     needs_every: bool,
     /// True if the frame came in the previous interval.
     came_before: bool,
@@ -47,7 +47,7 @@ struct ActualSlot {
     channel: Channel,
     format: ParamFormat,
     shift: u8,
-    /// `None`: the status word.
+    /// Parameter of the value; `None` for the status word.
     origin: Option<ParameterSlot>,
 }
 
@@ -74,7 +74,7 @@ pub(super) struct Card {
     turn: u8,
     /// The control word that waits for the next hand-over.
     control_word: Option<u16>,
-    /// Hand-overs until every delay line is empty; 0: no value waits.
+    /// Number of hand-overs until every delay line is empty; 0 if no value waits.
     underway: u8,
     losses: Losses,
     stopped: bool,
@@ -120,7 +120,7 @@ impl SnapshotFields for Card {
 }
 
 impl ReferenceSlot {
-    /// Returns the value of the previous interval, if it counts.
+    /// Returns the value that was received in the previous interval, if it may be used.
     #[inline]
     fn take_received(&mut self) -> Option<u32> {
         let received = self.received.take();
@@ -131,7 +131,7 @@ impl ReferenceSlot {
         received.filter(|_| came_before)
     }
 
-    /// Returns true if a value reaches a drive with this SYNC state.
+    /// Returns true if the card passes the value to a drive in this SYNC state.
     #[inline]
     const fn reaches(&self, is_synchronized: bool) -> bool {
         is_synchronized || !self.is_position
@@ -217,7 +217,7 @@ impl Card {
         }
     }
 
-    /// Stores the master's control word. The last one counts.
+    /// Stores the master's control word. A later control word replaces it.
     pub(crate) fn receive_control_word(&mut self, word: u16) {
         self.control_word = Some(word);
     }
@@ -257,9 +257,9 @@ impl Card {
         }
     }
 
-    /// Passes the control word to the drive, and the reference values of the previous interval, or of up to three
-    /// intervals before (ZK 24). If no value came, or if the drive refuses it, the drive keeps the last one.
-    /// `is_synchronized`: the drive was and is synchronized.
+    /// Passes the control word and reference values to the drive. The values are those of the previous interval, or of
+    /// up to three intervals before it (ZK 24). If no value came, or if the drive refuses the value, the drive keeps
+    /// its last value. `is_synchronized`: the drive is synchronized now and was in the previous interval.
     #[inline]
     pub(crate) fn hand_over(&mut self, regler: &mut VRegler, is_synchronized: bool) {
         if let (Some(word), false) = (self.control_word, self.stopped) {
@@ -340,7 +340,7 @@ impl Card {
         self.losses.expected = 0;
     }
 
-    /// Returns true if reference value losses can stop the exchange. The last samples stay then.
+    /// Returns true if reference value losses can stop the exchange; the last samples then stay valid.
     #[inline]
     pub(crate) const fn may_stop(&self) -> bool {
         self.losses.allowed != 0

@@ -34,7 +34,7 @@ pub(crate) struct EventLog {
     passed: Vec<BusEvent>,
     /// Index of the last edge.
     edge: Option<usize>,
-    /// Index of the first of the uniform intervals before that edge, which follow each other in time.
+    /// Index of the first of the uniform intervals directly before that edge.
     alike_from: usize,
     frames: IntervalFrames,
 }
@@ -218,8 +218,8 @@ fn bits_of(frame: Option<&BusEvent>) -> u64 {
 }
 
 impl Drive {
-    /// Processes the events since the last update. The samples at an edge are sent only in the interval of that edge,
-    /// so only the last of these edges needs samples.
+    /// Processes the events since the last update. The card takes samples only at the last of these edges, because
+    /// samples are only sent in the interval that begins with their edge.
     pub(crate) fn catch_up(&mut self, since: &PendingEvents) {
         let before = since.one_by_one.len() + since.alike.passed.len();
         if before > 0 {

@@ -222,7 +222,7 @@ pub enum ZkError {
     /// A bit pattern outside the table.
     #[error(transparent)]
     Mapping(#[from] MappingError),
-    /// Control word and status word have their own way of transport (p. 14).
+    /// Control word and status word cannot be mapped, because they are transmitted in another way (p. 14).
     #[error("parameter {0} cannot be mapped: 120 is sent by action command, 121 is mapped by ZK 25")]
     ControlOrStatusWord(u16),
     /// The drive has no such parameter.

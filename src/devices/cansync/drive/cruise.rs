@@ -1,8 +1,8 @@
 //! Many intervals in one step, for a synchronized drive that receives only reference values of the master.
 //!
-//! The result is the same as interval by interval. Values that cannot change during the run are checked once; values
-//! that change are kept ready. For any other drive or edge, [`Drive::edge`] is used. If all intervals are uniform, not
-//! even each interval is processed: only the speed reference values of all intervals matter.
+//! The result is the same as if each interval was processed by [`Drive::edge`], which is used for all other drives and
+//! edges. Values that cannot change during these intervals are checked only once. If all intervals are uniform, the
+//! intervals are not even processed one by one: only the speed reference values of the intervals matter.
 
 use super::catch_up::{BusEvent, PendingEvents, UniformIntervals};
 use super::monitoring::Monitor;

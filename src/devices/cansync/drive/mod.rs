@@ -14,7 +14,8 @@
 //!    the previous interval (manual 5.01010.01 p. 14 and 20; decision D-34).
 //! 4. The drive moves for the rest of the interval.
 //!
-//! All steps are calculated at the edge, so between two edges a drive shows its state at the end of the interval.
+//! All steps are calculated at the edge. So between two edges the drive already shows its state at the end of the
+//! interval.
 //!
 //! So a reference value of interval k moves the drive in interval k+1 and is visible in the actual value of interval
 //! k+2. Card and drive exchange no data without a SYNC signal, or after lost reference values have stopped the exchange

@@ -101,7 +101,7 @@ impl VRegler {
             }
         }
         let fault = |(number, reason)| DriveError::Parameter { drive: setup.name.to_owned(), number, reason };
-        // Checks this first, so that at most 4096 numbers follow, for any size of the file.
+        // This check comes first, so that later code has at most 4096 numbers, however large the file is.
         if let Some(none) = setup.parameters.iter().find(|spec| spec.number > MAX_NUMBER) {
             return Err(fault((none.number, ParameterError::Number)));
         }

@@ -4,7 +4,7 @@ use crate::devices::cansync::frames::LAST_SLAVE;
 use crate::devices::cansync::registers::values::request;
 use serde::{Deserialize, Serialize};
 
-/// Counter of a register that takes a slave number or 16#80.
+/// Counter for a register that contains a slave number, or 16#80 for automatic numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Counter(Option<u8>);
 

@@ -1,5 +1,5 @@
-//! Missed deadlines of frames that were sent in the previous interval: the program releases its values every interval
-//! and was late this time. A program that releases no values misses no deadline.
+//! Detects missed deadlines of frames. A deadline is missed if the program has released the frame in time in the
+//! previous interval, but not in this one. A program that releases no values misses no deadline.
 
 use serde::{Deserialize, Serialize};
 

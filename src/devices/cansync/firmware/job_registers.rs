@@ -5,7 +5,7 @@ use crate::devices::Context;
 use crate::journal::Handshake;
 use crate::memory::Cell8;
 
-/// The two registers of one job. Both hold the same bits. The firmware reads only the control register; it writes both
+/// The two registers of a job. Both have the same bits. The firmware reads only the control register, and writes both
 /// registers.
 pub(super) struct JobRegisters<'a> {
     pub(super) control: &'a Cell8,
@@ -17,7 +17,7 @@ pub(super) struct JobRegisters<'a> {
 }
 
 impl JobRegisters<'_> {
-    /// Returns the control register, which decides.
+    /// Returns the control register. Its value alone determines the state of the job.
     pub(super) fn control(&self) -> u8 {
         self.control.load()
     }

@@ -75,9 +75,9 @@ pub(super) struct Node {
     refused: Option<InitFault>,
     orders: Orders,
     pub(super) controller: Controller,
-    /// The interval of the SYNC signal that this node passes on differs from the interval of the node's bus (decision D-282).
+    /// True if this node passes on a SYNC signal with another interval than that of the node's bus (decision D-282).
     sync_is_unlike: bool,
-    /// The last poll changed nothing, and `w_CANsync_STATUS` is up to date except for the traffic bits.
+    /// True if the last poll changed nothing, and `w_CANsync_STATUS` is up to date except for the traffic bits.
     is_settled: bool,
     /// The bits of `w_CANsync_STATUS` other than the traffic bits, as the last poll stored them.
     shown_status: u16,
@@ -226,8 +226,8 @@ impl Node {
         self.is_on_bus() && self.controller.overrun()
     }
 
-    /// Returns true if further polls of `w_CPU_CONTROL` have no work. On the bus polls show the traffic, and one of
-    /// them ends a recovery.
+    /// Returns true if further polls of `w_CPU_CONTROL` would change nothing. A node on the bus is not quiescent: polls
+    /// show the traffic, and a poll ends the recovery from BUS-off.
     #[inline]
     pub(super) fn is_quiescent(&self) -> bool {
         !self.is_on_bus() && !self.controller.recovers() && !self.control_changed()

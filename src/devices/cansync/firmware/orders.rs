@@ -1,4 +1,5 @@
-//! Reads `w_CPU_CONTROL`: a level, from which the firmware clears bit 7 (manual 5.00005.03a p. 149-150, 174).
+//! Reads `w_CPU_CONTROL`. The value is a permanent command, not a handshake; the firmware clears only bit 7 (manual
+//! 5.00005.03a p. 149-150, 174).
 
 use super::NodeLocation;
 use crate::devices::cansync::registers::values::cpu_control;
@@ -12,7 +13,7 @@ pub(super) struct Orders {
     node: usize,
     /// Last value seen, so that an ignored command is reported once.
     seen: u16,
-    /// The register holds the 16#0000 that the firmware left after clearing bit 7 of 16#0080. This 16#0000 is not a
+    /// True if the register contains 16#0000 because the firmware has cleared bit 7 of 16#0080. This 16#0000 is not a
     /// restart (decision D-29).
     left_behind: bool,
     /// [`PortEntry::restarts_written`](crate::memory::header::PortEntry::restarts_written) at the last poll of the
@@ -34,7 +35,8 @@ pub(super) struct Order {
 impl SnapshotFields for Orders {
     fn save(&self, to: &mut Saving) {
         let Self { face: _, node: _, seen, left_behind, restarts } = self;
-        // The counter in the header page continues after a restore, so the snapshot has the number of unseen restarts.
+        // The counter in the header page is not restored, so the snapshot has the number of restarts that were not seen
+        // yet.
         to.value(&(seen, left_behind, self.restarts_written().wrapping_sub(*restarts)));
     }
 
@@ -79,7 +81,8 @@ impl Orders {
     pub(crate) fn take(&mut self, register: &Cell16) -> Order {
         let (value, restarts, with_reset) = loop {
             let value = register.load();
-            // In between: restarts written before this value are included; later ones make the exchange fail.
+            // The counter is read between the load and the exchange. It then includes all restarts that were written
+            // before this value. A later write makes the exchange fail.
             let restarts = self.restarts_written();
             let rest = value & !cpu_control::RESET_CONTROLLER;
             if rest == value {

@@ -1,8 +1,8 @@
 //! Parameter jobs of the master's PLC (manual 5.00005.03a p. 164-166).
 //!
-//! Only the registers hold a job. The job is read again on each turn of its slave. An answer counts only if the
-//! registers still hold the sent job. So the PLC can change or withdraw a job at any time. A job without an answer is
-//! sent again on the slave's next turn (decision D-11).
+//! A job is stored only in the registers, and is read again at each turn of its slave. An answer is accepted only if
+//! the registers still contain the job that was sent. So the PLC can change or withdraw a job at any time. A job
+//! without an answer is sent again at the slave's next turn (decision D-11).
 
 use super::job_registers::JobRegisters;
 use crate::can::Payload;
@@ -106,7 +106,7 @@ pub(super) fn answered(
     const UNDER_WAY: u8 = par_job_master::ACTIVE | par_job_master::SENT;
     let Some(area) = Area::of(regs, slave) else { return };
     let control = area.job.control.load();
-    // Bit 3 off: the PLC has entered a new job, even if it is equal to the old one.
+    // If bit 3 is off, the PLC has entered a new job, which may be equal to the old job.
     if control & UNDER_WAY != UNDER_WAY || area.entered(control) != Ok(*job) {
         return;
     }

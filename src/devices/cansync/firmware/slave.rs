@@ -47,7 +47,7 @@ pub struct Slave {
     interval_is_active: bool,
     /// The present interval began with its SYNC edge, so own actual value frames can be sent in time.
     has_edge: bool,
-    /// End of the interval, if neither the next edge comes nor its loss is noticed.
+    /// Time at which the interval ends if no next edge comes and no loss of an edge is reported.
     interval_ends: u64,
     interval_us: u32,
     /// Deadlines of the two actual value frames.
@@ -186,7 +186,7 @@ impl Slave {
         self.lock.is_locked()
     }
 
-    /// Returns true if processor cycles have no work. A node that is off the bus has no jobs either.
+    /// Returns true if processor cycles would change nothing. A node that is not on the bus has no jobs either.
     pub fn is_quiescent(&self) -> bool {
         self.node.is_quiescent() && !self.interval_is_active && !self.lock.is_locked()
     }
@@ -224,9 +224,9 @@ impl Slave {
         self.jobs.drop_all(ctx, &self.regs);
     }
 
-    /// Ends the interval if SYNC is missing: there are no deadlines and no frames without SYNC. The state stays as the
-    /// PLC set it. The jobs also stay in their registers: the answers wait until the master repeats or changes the job
-    /// (decision D-64).
+    /// Ends the interval if SYNC is missing, because there are no deadlines and no frames without SYNC. The state of
+    /// the node stays as the PLC has set it. Jobs also stay in their registers: their answers wait until the master
+    /// repeats or changes the job (decision D-64).
     fn watch_signal(&mut self, now: u64) {
         self.lock.pass(now);
         if now > self.interval_ends {

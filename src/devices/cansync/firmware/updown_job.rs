@@ -2,7 +2,7 @@
 //!
 //! An init frame announces address and length. Then blocks of six bytes travel at the offsets 0, 6, 12 ...; the last
 //! one has a separate mode. The same frame is repeated on the slave's turns until the slave answers without BUSY. If
-//! the PLC enters another job meanwhile, the transfer restarts.
+//! the PLC enters another job during a transfer, the transfer restarts.
 
 use super::block::{self, MAX_LENGTH};
 use super::job_registers::JobRegisters;
@@ -115,8 +115,8 @@ impl BlockJob {
         registers(regs).replace(ctx, control, shown).then_some(job)
     }
 
-    /// Returns true if the PLC has cancelled a job before its first frame was sent. No slave knows of the job, and its
-    /// slave may never have a turn (decision D-601).
+    /// Returns true if the PLC has cancelled a job before its first frame was sent. Then the slave does not know the
+    /// job, so it need not be notified. Its turn might never come (decision D-601).
     fn is_cancelled_unsent(&self, control: u8) -> bool {
         const STATE: u8 = updown_master::ACTIVE | updown_master::SENT | updown_master::CANCEL;
         let is_under_way =

@@ -1,4 +1,4 @@
-//! Rules that are checked at the moment of a write.
+//! Rules that are checked for each write.
 
 use super::Facts;
 use super::node::Registers;
@@ -59,7 +59,8 @@ impl Judge<'_> {
         self.journal.find(self.now, finding);
     }
 
-    /// Checks a write that changed a register from `before` to `after`. Through the channel both may be equal.
+    /// Checks a write that changed a register from `before` to `after`. Both are equal if a write through the channel
+    /// changed no value.
     pub(crate) fn write(&mut self, register: &WatchedRegister, before: u32, after: u32) {
         let offset = usize::from(register.offset);
         match register.kind {
@@ -163,8 +164,8 @@ impl Judge<'_> {
         self.report_violation(rule, offset, self.registers.now(offset).into());
     }
 
-    /// Checks data of a frame: they are free while no request for the frame waits. `control` is its control register,
-    /// which had its request before the data changed.
+    /// Checks a write to data of a frame. A program may write them only while the frame's request is not pending.
+    /// `control` is the control register with the request, which was written before the data.
     fn request_data(&mut self, control: usize, offset: usize, after: u32) {
         let waits = |value: u8| value == send::RELEASED;
         if self.facts.is_active

@@ -208,7 +208,7 @@ impl NodeWatch {
                 judge.write(register, register.of(left), register.of(word));
             }
         }
-        // Updates the baseline only now, because a rule may read the old value of another register.
+        // The baseline is updated only now, because a rule may read the old value of another register.
         let is_init = self.live == phases::INIT;
         for &(index, word) in &self.changed {
             if is_init && index == INIT_WORDS - 1 {

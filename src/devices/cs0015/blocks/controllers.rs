@@ -42,7 +42,7 @@ impl Controller {
         };
         // A larger integral part would only take longer to fall again.
         self.integral = self.integral.clamp(-RANGE, RANGE);
-        // The change is over after TV (p. 126).
+        // A change of the deviation has an effect for the time TV only (p. 126).
         let before = self.past.ago(deviation, now, us(settings.tv)).map_or(0.0, f64::from);
         kp * now_it_is + self.integral + kd * (now_it_is - before)
     }
@@ -98,7 +98,7 @@ impl PID {
 }
 
 function_block! {
-    /// Keeps two actual values together (p. 130-131): reduces the drive of the larger one.
+    /// Keeps two actual values equal (p. 130-131): reduces the output of the channel with the larger value.
     pub struct GLR(ram: Ram) {
         in {
             /// Actual value of channel 1.

@@ -6,7 +6,7 @@ use crate::devices::cs0015::registers::values::job;
 use crate::plc::function_block;
 use core::time::Duration;
 
-/// CFG_RESULT: read or written; not yet (p. 77). CFG_RESULT is 0 without READ and WRITE.
+/// Values of CFG_RESULT: read or written; not yet read or written (p. 77). CFG_RESULT is 0 if READ and WRITE are FALSE.
 const DONE: u8 = 1;
 const NOT_YET: u8 = 2;
 
@@ -147,17 +147,17 @@ macro_rules! cr2010 {
                 CHANNEL_1 CHANNEL_1_
                 /// 0 off, 2 digital output, 3 analog input, 4 analog output.
                 CHANNEL_2 CHANNEL_2_
-                /// As CHANNEL_1.
+                /// Values as for CHANNEL_1.
                 CHANNEL_3 CHANNEL_3_
-                /// As CHANNEL_2.
+                /// Values as for CHANNEL_2.
                 CHANNEL_4 CHANNEL_4_
-                /// As CHANNEL_1.
+                /// Values as for CHANNEL_1.
                 CHANNEL_5 CHANNEL_5_
-                /// As CHANNEL_2.
+                /// Values as for CHANNEL_2.
                 CHANNEL_6 CHANNEL_6_
-                /// As CHANNEL_1.
+                /// Values as for CHANNEL_1.
                 CHANNEL_7 CHANNEL_7_
-                /// As CHANNEL_2.
+                /// Values as for CHANNEL_2.
                 CHANNEL_8 CHANNEL_8_;
         )*}
     };
@@ -175,11 +175,11 @@ config! {
     SLAVE_CR2011_CONFIG = SLAVE_CR2011_CONFIG:
         /// 0 off, 2 digital outputs, 4 analog outputs (PWM), 5 analog outputs (current-controlled).
         CHANNEL_1_2 CHANNEL_1_2_
-        /// As CHANNEL_1_2.
+        /// Values as for CHANNEL_1_2.
         CHANNEL_3_4 CHANNEL_3_4_
-        /// As CHANNEL_1_2.
+        /// Values as for CHANNEL_1_2.
         CHANNEL_5_6 CHANNEL_5_6_
-        /// As CHANNEL_1_2.
+        /// Values as for CHANNEL_1_2.
         CHANNEL_7_8 CHANNEL_7_8_;
 }
 

@@ -1,9 +1,9 @@
 //! The function blocks of the CS0015, and related types for programs (Systemhandbuch Platinensteuerung CS0015, p.
 //! 30-70, 86-131).
 //!
-//! On the device the blocks call the operating system. In commram each call with ENABLE gives an order in the job
-//! block, and a later call, in a program the next one, shows the result (D-444). Blocks that only calculate give no
-//! order.
+//! On the device the blocks call the operating system. In commram each call with ENABLE enters an order in the job
+//! block. A later call shows the result; in a program this is the next call (D-444). Blocks that only calculate enter
+//! no order.
 
 #![allow(non_snake_case, non_camel_case_types, reason = "the manual's names, letter for letter")]
 

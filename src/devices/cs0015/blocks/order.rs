@@ -74,7 +74,7 @@ pub enum Progress {
 pub struct Order(Option<(usize, u32)>);
 
 impl Order {
-    /// Runs one call of a block: returns the answer to the previous order, if it has come, and gives a new order if
+    /// Runs one call of a block. Returns the answer to the previous order, if there is an answer. Enters a new order if
     /// `enable` is true. A block has at most one order at a time.
     pub fn call(
         &mut self,
@@ -137,7 +137,7 @@ impl Order {
         if self.look(jobs) == Progress::UnderWay
             && let Some((place, _)) = self.0.take()
         {
-            // An answer that has come meanwhile is discarded, too.
+            // If the answer has already come, it is discarded, too.
             jobs.0.a_CONTROL[place].store(job_control::FREE);
         }
     }

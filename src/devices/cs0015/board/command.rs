@@ -71,7 +71,7 @@ impl Firmware {
                 self.is_stopped = false;
                 self.go(ctx, State::PreOperational, state::RUN);
             }
-            // P. 16: the operating system is erased, and the device does not answer any more.
+            // P. 16: the operating system is erased, and the device no longer answers.
             program::ERASE => {
                 self.shared.erased();
                 self.node.registers.parameters.b_OPERATING_SYSTEM.store(loaded::NO);

@@ -9,7 +9,7 @@ pub(crate) const CYCLE: usize = 1;
 /// The interrupt program of 1 ms runs (p. 118).
 pub(crate) const INTERRUPT: usize = 2;
 
-/// No event: the program was ordered to start or stop.
+/// Not an event: marks that a start or stop of the program was requested.
 const ORDER: usize = 15;
 
 /// Returns the interrupt level of an event; `None` if the event does not exist.
@@ -21,7 +21,7 @@ pub(crate) fn level(event: usize) -> Option<u8> {
     }
 }
 
-/// Events on their way from the port, which counts the program's cycles, to the device: bit n for event n.
+/// Events that the port reports to the device, bit n for event n. The port counts the cycles of the program.
 #[derive(Clone, Default)]
 pub(crate) struct Pulses(Arc<Mutex<u16>>);
 

@@ -1,4 +1,4 @@
-//! The device outside its port: its supply, its retained data, and faults of its hardware.
+//! The parts of the device outside its CAN port: supply, retained data, and faults of the hardware.
 
 use super::command::Readiness;
 use super::events::{self, Pulses};
@@ -16,7 +16,7 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Faults of the hardware as the firmware at the port sees them.
+/// Faults of the hardware that the firmware at the port can detect.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Defects {
     /// Outputs with a short circuit, bit n for output n.

@@ -1,4 +1,4 @@
-//! Writes of a program that violate the manual, as the operating system finds them.
+//! Detects writes of a program that violate the manual.
 
 use crate::devices::cs0015::ram::{Registers, UNNAMED};
 use crate::devices::cs0015::registers::OUTPUTS;
@@ -9,7 +9,7 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 /// A broken rule: rule, offset, and value.
 pub(crate) type WatchFinding = (&'static Rule, u32, u32);
 
-/// The flags of the operating system without names, at the last check.
+/// Values of the operating system's flags that have no names, at the last check.
 #[derive(Clone, Debug)]
 pub(crate) struct Watch {
     unnamed: [u8; UNNAMED],

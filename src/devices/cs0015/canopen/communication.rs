@@ -1,5 +1,5 @@
-//! CANopen parameters: identifiers, transmission types, Node-ID and bit rate. Which values are in force, which are
-//! stored, and which values a reset restores (p. 155).
+//! CANopen parameters: identifiers, transmission types, Node-ID and bit rate. This module distinguishes values in
+//! force, stored values, and values that a reset restores (p. 155).
 
 use crate::devices::canopen::pdo::Transmission;
 use crate::devices::cs0015::ram::Registers;
@@ -51,7 +51,7 @@ pub struct PdoConfig {
 /// Parameters of a PDO.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(crate) struct Pdo {
-    /// COB-ID; `None`: the default from the Node-ID, or of the factory.
+    /// COB-ID; `None` for the default, which follows from the Node-ID or is a factory setting.
     cob_id: Option<u32>,
     /// Transmission type in force.
     pub kind: Transmission,
@@ -104,7 +104,7 @@ pub(crate) struct Communication {
     sdo: [Option<u32>; 2],
     receive: [Pdo; PDOS],
     transmit: [Pdo; PDOS],
-    /// Settings that the program has requested.
+    /// PDO settings that the program has requested.
     asked: [[Option<PdoConfig>; PDOS]; 2],
     /// 20F0h to 20F3h as last written.
     entered: [u8; 4],

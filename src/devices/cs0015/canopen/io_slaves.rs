@@ -190,7 +190,7 @@ impl IoSlaves {
         self.now_missing = nodes;
     }
 
-    /// Forgets the noted nodes; nodes that are still missing are not noted again.
+    /// Removes the noted nodes. Nodes that are still missing are not noted again.
     pub(crate) fn forget_missing(&mut self) {
         self.missing.clear();
     }

@@ -1,4 +1,4 @@
-//! The CANopen slave: frames and times go in, frames come out (p. 38-44).
+//! The CANopen slave. It gets frames and times, and returns frames to be sent (p. 38-44).
 
 mod as_master;
 

@@ -79,8 +79,8 @@ impl References {
 }
 
 impl Card {
-    /// Starts a run of many intervals without losses. Returns `None` if the card does more than pass on the master's
-    /// reference values at once.
+    /// Starts a run of many intervals without losses. Returns `None` unless the card only passes on the master's
+    /// reference values, without a delay.
     pub(crate) fn begin_run(&self, regler: &VRegler) -> Option<References> {
         if self.delay != 0 || self.stopped || self.may_stop() || self.control_word.is_some() {
             return None;
@@ -148,8 +148,9 @@ impl Card {
         (self.losses.expected | self.losses.seen) & !references.heard(channels) == 0
     }
 
-    /// Processes all these intervals except the first hand-over, as [`Card::receive_in_run`] and
-    /// [`Card::hand_over_in_run`] do for each interval. [`Card::misses_nothing`] must be true.
+    /// Processes all these intervals at once, except for the first hand-over. The result is the same as with
+    /// [`Card::receive_in_run`] and [`Card::hand_over_in_run`] for each interval. [`Card::misses_nothing`] must be
+    /// true.
     #[inline]
     pub(crate) fn leap(&mut self, references: &mut References, alike: &UniformIntervals, channels: u8) {
         let heard = references.heard(channels);

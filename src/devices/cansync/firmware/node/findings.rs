@@ -19,7 +19,8 @@ pub(crate) fn report_number_taken(ctx: &mut Context, port: Option<&Port>, number
 }
 
 impl Node {
-    /// Reports that from here on a restart command in the RAM cannot be distinguished from the leftover value.
+    /// Reports that from now on a restart command in the RAM cannot be distinguished from the value that the firmware
+    /// has left there.
     pub(super) fn report_left_behind(&self, ctx: &mut Context) {
         let (origin, value) = (ctx.origin, cpu_control::RESTART);
         ctx.report(CommandIgnored { origin, value, why: Command::LeftBehind });
@@ -44,8 +45,8 @@ impl Node {
         ctx.find(rule, phases::INIT, offset, value.into());
     }
 
-    /// Checks the two values that the manual requires for the CAN controller (p. 149). The bus is simulated, so other
-    /// values do no harm here. On the device they would.
+    /// Checks the two values that the manual requires for the CAN controller (p. 149). Other values would do harm on
+    /// the device, but not on a simulated bus.
     pub(super) fn check_controller(&self, ctx: &mut Context) {
         let output = (
             &self.regs.b_OUTPUT_CONTROL,
