@@ -1,11 +1,11 @@
-//! Remembers the receivers of each kind of frame: the filters of all stations are evaluated once for each kind, not for
-//! each frame.
+//! A cache of the receivers of frames. The filters of all stations are evaluated once for each arbitration field, not
+//! for each frame.
 
 use crate::can::Frame;
 
-/// Most kinds of frames that are remembered; a power of two.
+/// Maximum number of arbitration fields in the cache; a power of two.
 const KINDS: usize = 4096;
-/// Most receivers that are remembered. One more clears the memory.
+/// Maximum number of receivers in the cache. If it is exceeded, the cache is cleared.
 const ROOM: usize = 1 << 16;
 
 /// The receivers of frames with one arbitration field, as a range of the list of takers.
@@ -30,13 +30,14 @@ impl Acceptance {
         Acceptance { known: Vec::new(), receivers: Vec::new(), generation: 1 }
     }
 
-    /// Forgets everything, since filters have changed or stations were added.
+    /// Clears the cache, because filters have changed or stations were added.
     pub(super) fn forget(&mut self) {
         self.generation += 1;
         self.receivers.clear();
     }
 
-    /// Returns the stations that receive this frame, in ascending order; calls `accepting` if they are not known.
+    /// Returns the stations that receive this frame, in ascending order. If they are not in the cache, calls
+    /// `accepting`.
     pub(super) fn receivers<I: Iterator<Item = u16>>(
         &mut self,
         frame: &Frame,

@@ -1,8 +1,9 @@
 //! The running bus.
 //!
-//! Times on the wire are exact in nanoseconds. The firmware of the ports runs at whole microseconds, as everything in a
-//! plant. The firmware sees an event within a microsecond at the end of that microsecond. A frame that begins within a
-//! microsecond begins when the wire was free, and only frames that were queued by then take part in its arbitration.
+//! Times on the wire are exact to a nanosecond. The firmware of the ports runs at whole microseconds, like all firmware
+//! in a plant. If an event occurs within a microsecond, the firmware handles it at the end of this microsecond. A frame
+//! begins at the exact time at which the wire became free. Only frames that were queued before this time take part in
+//! its arbitration.
 
 use super::FAMILY;
 use super::config::CanBusConfig;
@@ -34,11 +35,11 @@ pub struct CanBus {
     pub(super) stations: Stations,
     /// Number of guests that are leaving.
     pub(super) leaving: usize,
-    /// The sender of the frame on the wire was switched off during the frame, even if it is on again.
+    /// True if the sender of the frame on the wire was switched off during the frame. It may already be on again.
     pub(super) sender_gone: bool,
-    /// A fault loses the frame on the wire: no station receives it, and its sender does not notice.
+    /// True if a fault loses the frame on the wire: no station will receive it, and its sender does not notice.
     pub(super) is_lost: bool,
-    /// An error state may have changed and was not reported yet.
+    /// True if an error state may have changed and was not reported yet.
     pub(super) has_state_changes: bool,
     /// Buffer for the receivers of a frame.
     pub(super) receivers: Vec<u16>,
@@ -48,7 +49,7 @@ pub struct CanBus {
 }
 
 impl CanBus {
-    /// The placeholder for ports that are not connected to a bus: their firmware runs, and no station receives their
+    /// The placeholder for ports that are not connected to a bus. Their firmware runs, but no station receives their
     /// frames.
     pub fn unplugged() -> Self {
         CanBus {
@@ -66,7 +67,7 @@ impl CanBus {
         }
     }
 
-    /// Bus number `index` of the plant, without ports.
+    /// Creates bus number `index` of the plant, without ports.
     pub fn new(index: BusIndex, config: &CanBusConfig) -> Self {
         let (wire, stations) = (Some(can::Line::new(config.rate)), Stations::new(Some(config.rate)));
         CanBus { index, name: config.name.clone(), wire, stations, ..Self::unplugged() }

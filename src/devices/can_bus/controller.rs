@@ -1,4 +1,4 @@
-//! A CAN controller as its firmware uses it.
+//! The CAN controller of a port, with functions for firmware and bus.
 
 use crate::can::{ErrorCounters, ErrorState, Filter, Frame};
 use crate::snapshot_fields;

@@ -6,7 +6,7 @@ use crate::can::{ErrorState, Frame};
 use crate::devices::{Context, GuestRefusal};
 use crate::snapshot_fields;
 
-/// The firmware of a guest, which does nothing: the guest's program gets its frames from its door.
+/// The firmware of a guest, which does nothing: the program of the guest receives frames through its door.
 pub(super) struct NoFirmware;
 
 snapshot_fields!(NoFirmware {});

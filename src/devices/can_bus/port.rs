@@ -12,38 +12,38 @@ use crate::snapshot_fields::SnapshotFields;
 /// Firmware of a device's port on a CAN bus. The bus calls it at whole microseconds of emulated time with the
 /// controller of the port.
 pub trait CanPort: Send + SnapshotFields {
-    /// The device starts; `address` is the port's number at its switches
-    /// ([`DevicePorts::address`](crate::devices::DevicePorts::address)). The controller is empty and has no filters.
+    /// Called when the device starts. `address` is the number of the port at the switches
+    /// ([`DevicePorts::address`](crate::devices::DevicePorts::address)). The controller has no frames and no filters.
     fn power_on(&mut self, ctx: &mut Context, controller: &mut Controller, address: u8) {
         let _ = (ctx, controller, address);
     }
 
-    /// The device stops; the controller forgets everything.
+    /// Called when the device stops. The controller is reset.
     fn power_off(&mut self) {}
 
     /// Runs a processor cycle: reads the registers.
     fn look(&mut self, ctx: &mut Context, controller: &mut Controller);
 
-    /// Whether the program has written a register that the firmware has to answer and has not read yet.
+    /// True if the program has written a register that the firmware must answer and has not polled yet.
     fn has_changed(&self) -> bool {
         false
     }
 
-    /// A frame that passes the filters has arrived.
+    /// Called when a frame that passes the filters has arrived.
     fn received(&mut self, ctx: &mut Context, controller: &mut Controller, frame: &Frame);
 
-    /// A frame that passes the filters was lost, since the controller had no room for it: a fault.
+    /// Called when a frame that passes the filters was lost, because a fault has caused an overrun of the controller.
     fn overrun(&mut self, ctx: &mut Context, controller: &mut Controller, frame: &Frame) {
         let _ = (ctx, controller, frame);
     }
 
-    /// A frame of this port has arrived at the other stations.
+    /// Called when a frame of this port has arrived at the other stations.
     fn sent(&mut self, ctx: &mut Context, controller: &mut Controller, frame: &Frame) {
         let _ = (ctx, controller, frame);
     }
 
-    /// The error state of the controller has changed. The device decides whether the controller returns from BUS-off by
-    /// itself. The default implementation returns it at once ([`Controller::restart`]).
+    /// Called when the error state of the controller has changed. The device decides whether the controller returns
+    /// from BUS-off by itself. The default implementation starts the return immediately ([`Controller::restart`]).
     fn error_state(&mut self, ctx: &mut Context, controller: &mut Controller, state: ErrorState) {
         let _ = ctx;
         if state == ErrorState::BusOff {
@@ -51,8 +51,8 @@ pub trait CanPort: Send + SnapshotFields {
         }
     }
 
-    /// Returns the time of the port's next own event in microseconds, `u64::MAX` if there is none. The time changes
-    /// only in calls to the firmware.
+    /// Returns the time of the next event of the firmware in microseconds, `u64::MAX` if there is none. Only calls of
+    /// the firmware change this time.
     fn next_time(&self) -> u64 {
         u64::MAX
     }
@@ -63,8 +63,8 @@ pub trait CanPort: Send + SnapshotFields {
         let _ = (ctx, controller);
     }
 
-    /// Applies a fault of the device to the port, at the start of the fault or in a processor cycle. Returns whether
-    /// and what it hit.
+    /// Applies a fault of the device to the port, at the start of the fault or in a processor cycle. Returns the hit,
+    /// if the fault has hit.
     fn fire(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
         let _ = (now, effect);
         None

@@ -192,7 +192,7 @@ mod tests {
         }
     }
 
-    /// The words of an event as a client might return them.
+    /// The words of an event that a client could have changed.
     #[test]
     fn an_event_with_nine_bytes_is_not_a_frame() {
         let sender = Origin { plc: DeviceIndex(0), node: 1 };

@@ -21,7 +21,7 @@ pub(super) struct Station {
     pub(super) on_since_ns: Option<u64>,
     /// Time since which the station takes part in the traffic, in ns.
     pub(super) member_since_ns: Option<u64>,
-    /// The guest leaves when its queue is empty.
+    /// True if the guest leaves when its queue is empty.
     pub(super) is_leaving: bool,
     /// The station is in the list of stations with a frame to send.
     pub(super) is_waiting: bool,
@@ -89,7 +89,7 @@ impl Station {
         self.member_since_ns.is_some_and(|since| since <= begin_ns)
     }
 
-    /// The station is off and forgets everything.
+    /// Switches the station off and resets it.
     pub(super) fn switch_off(&mut self) {
         self.on_since_ns = None;
         self.is_leaving = false;
@@ -98,8 +98,8 @@ impl Station {
         self.controller.clear();
     }
 
-    /// The frame has arrived, and the intermission after it ends at `free_ns`. Returns whether it is the first arrival
-    /// of this frame.
+    /// Called when the frame of this station has arrived. The intermission after it ends at `free_ns`. Returns true if
+    /// this is the first arrival of the frame.
     pub(super) fn frame_is_through(&mut self, free_ns: u64) -> bool {
         let is_copy = self.is_copy;
         if self.copies.is_empty() {

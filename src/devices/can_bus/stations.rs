@@ -1,5 +1,5 @@
-//! The stations of a bus, indexed by state: stations with a frame to send, with a due event, that take part, that have
-//! errors. A frame costs time only for the stations that it affects.
+//! The stations of a bus, with an index for each state: stations with a frame to send, stations with a due event,
+//! participating stations, stations with errors. So a frame takes time only for the stations that it affects.
 
 use super::acceptance::Acceptance;
 use super::station::Station;
@@ -162,8 +162,8 @@ impl Stations {
         core::mem::take(&mut self.has_changed)
     }
 
-    /// Fills in the ports that receive a frame. The sender is excluded by the caller; guests receive all frames from
-    /// their door.
+    /// Fills `receivers` with the ports that receive a frame. The caller excludes the sender. Guests are not included,
+    /// because they receive all frames through their doors.
     pub(super) fn receivers(&mut self, frame: &Frame, receivers: &mut Vec<u16>) {
         let Stations { ends, acceptance, .. } = self;
         let known = acceptance.receivers(frame, || {
@@ -174,7 +174,8 @@ impl Stations {
         receivers.extend_from_slice(known);
     }
 
-    /// A frame has arrived: the sender and all stations that have heard it count one error less.
+    /// Called when a frame has arrived: decrements the error counters of the sender and of all stations that have
+    /// received the frame.
     pub(super) fn count_good(&mut self, sender: usize, begin_ns: u64) {
         let Stations { ends, troubled, .. } = self;
         for &station in troubled.iter() {
@@ -187,7 +188,7 @@ impl Stations {
         }
     }
 
-    /// A frame has ended in an error: calls `count` for all stations that have heard it.
+    /// Called when a frame has ended in an error: calls `count` for all stations that were receiving the frame.
     pub(super) fn count_errors(&mut self, begin_ns: u64, mut count: impl FnMut(usize, &mut Station)) {
         for station in 0..self.ends.len() {
             if self.ends[station].took_part_since(begin_ns) {
@@ -241,7 +242,7 @@ impl Stations {
         self.recovering.iter().map(|(station, recovery)| (recovery.end_ns(quiet_ns, rate), *station)).min()
     }
 
-    /// `station` does not return from BUS-off any longer.
+    /// Ends the return of `station` from BUS-off.
     pub(super) fn end_recovery(&mut self, station: usize) {
         self.recovering.retain(|(other, _)| *other != station);
     }

@@ -28,7 +28,8 @@ impl CanBus {
         }
     }
 
-    /// A station has begun or ceased to take part: checks whether the frame on the wire is still sent and heard.
+    /// Called when a station has begun or ceased to take part: checks whether the frame on the wire still has a sender
+    /// and receivers.
     fn check_frame_on_wire(&mut self, now_ns: u64) {
         let Some(wire) = &mut self.wire else { return };
         let Some(it) = wire.on_wire().copied() else { return };
@@ -71,7 +72,7 @@ impl CanBus {
         true
     }
 
-    /// A frame has arrived. The journal records it before a station answers.
+    /// Called when a frame has arrived. The journal records the frame before any station answers it.
     fn delivered(&mut self, it: &OnWire, world: &mut World) {
         let (bus, frame, sender) = (self.index, it.frame, self.stations.all()[it.sender].origin);
         self.stations.get_mut(it.sender).controller.is_sending = false;
@@ -82,7 +83,7 @@ impl CanBus {
         if self.stations.has_errors() {
             self.stations.count_good(it.sender, it.begin_ns);
         }
-        // A frame arrives without its sender if its checksum was already sent.
+        // If the sender was switched off after the checksum was sent, the frame arrives although its sender is gone.
         let is_news = !self.sender_gone && self.stations.get_mut(it.sender).frame_is_through(it.free_ns);
         self.deliver(it, is_news, world);
         self.settle(it.sender, it.end_ns);

@@ -1,4 +1,5 @@
-//! esd CAN-DP/2: a PROFIBUS-DP slave in front of a CAN bus (Software-Handbuch CAN-DP/2, revision 1.1).
+//! esd CAN-DP/2: a gateway between PROFIBUS-DP, where it is a slave, and a CAN bus (Software-Handbuch CAN-DP/2,
+//! revision 1.1).
 
 #[cfg(feature = "plc")]
 pub mod blocks;

@@ -1,7 +1,7 @@
 //! Format of a page: its segments, numbers and marks (p. 50-60), for the gateway and for FB2.
 //!
-//! The manual does not define octets 2 to 7 of a page, nor the content of page 1 (p. 55): both are defined by commram
-//! (D-467), and a real FB2 will not talk to this gateway.
+//! The manual does not define octets 2 to 7 of a page, nor the content of page 1 (p. 55). commram defines both (D-467),
+//! so a real FB2 cannot communicate with this gateway.
 
 use core::ops::Range;
 
@@ -46,8 +46,8 @@ pub(super) fn places(segments: &[Range<usize>]) -> impl Iterator<Item = usize> {
         .flat_map(|(number, segment)| segment.clone().skip(if number == 0 { HEAD } else { NUMBER }))
 }
 
-/// Divides identifiers into pages with room for `room` octets: each identifier takes one octet more than its data, and
-/// is not split.
+/// Divides identifiers into pages with room for `room` octets. Each identifier needs one octet more than its data, and
+/// is not split between pages.
 pub(super) fn divide(lengths: impl IntoIterator<Item = usize>, room: usize) -> Vec<Range<usize>> {
     let (mut pages, mut used): (Vec<Range<usize>>, usize) = (Vec::new(), 0);
     for (number, length) in lengths.into_iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Emergencies: each error is reported once when it appears and once when it has gone.
+//! Emergency messages: each error is reported once when it appears, and once when it has gone.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,5 +1,5 @@
 //! Node guarding, node side. A master sends remote frames, and the node answers with its state and a toggle bit. If the
-//! requests cease, the node reports that its master is missing.
+//! requests stop, the node reports that its master is missing.
 
 use super::nmt::State;
 use super::supervision::Supervision;

@@ -1,5 +1,5 @@
-//! CANopen as a device speaks it (CiA 301), without input or output: bytes and times go in, bytes come out. A device
-//! with an object dictionary, registers and a controller connects these parts.
+//! The CANopen protocol of a device (CiA 301), without input or output: the functions get bytes and times, and return
+//! bytes. A device connects these parts with its object dictionary, its registers and its controller.
 
 mod connection_set;
 pub mod emergency;

@@ -12,7 +12,7 @@ pub enum Order {
     Command(Command, u8),
 }
 
-/// A node as its master sees it.
+/// Data of the master about a node.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct GuardedNode {
     node: u8,
@@ -42,7 +42,7 @@ pub struct GuardAnswer {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Network {
     nodes: Vec<GuardedNode>,
-    /// The missing node that was shown last.
+    /// The missing node that was returned last.
     shown: Option<u8>,
 }
 

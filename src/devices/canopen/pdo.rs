@@ -1,4 +1,4 @@
-//! Process data objects: the times at which they are sent and taken over.
+//! Process data objects (PDOs): when they are sent and taken over.
 
 use serde::{Deserialize, Serialize};
 
@@ -67,7 +67,7 @@ impl SyncCounter {
 /// A PDO of the sending side.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Transmit {
-    /// The value that the other stations know.
+    /// The value that was sent last, so that the other stations know it.
     known: [u8; 8],
     count: SyncCounter,
     /// Earliest time of the next asynchronous PDO, in us.

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 pub struct Supervision {
     /// Longest time between two events in us; 0 is off.
     period_us: u64,
-    /// `start` was called and `stop` was not. A new period then counts from the moment at which it is set.
+    /// True after `start`, until `stop`. While this is true, a new period runs from the moment at which it is set.
     is_awaited: bool,
     /// Time until which the event must come; `None` if the supervision is off, or the event is missing.
     deadline: Option<u64>,
@@ -30,27 +30,27 @@ impl Supervision {
         }
     }
 
-    /// The event has come, or is awaited from `now` on.
+    /// Called when the event has come, or when it is awaited from `now` on.
     pub fn start(&mut self, now: u64) {
         self.is_awaited = true;
         self.is_missing = false;
         self.deadline = if self.period_us == 0 { None } else { now.checked_add(self.period_us) };
     }
 
-    /// The event is not awaited any more, and so not missing.
+    /// Ends the supervision: the event is no longer awaited, so it is not missing.
     pub fn stop(&mut self) {
         self.is_awaited = false;
         self.deadline = None;
         self.is_missing = false;
     }
 
-    /// Whether the event is awaited, or missing.
+    /// True if the event is awaited or missing.
     #[must_use]
     pub fn is_active(&self) -> bool {
         self.deadline.is_some() || self.is_missing
     }
 
-    /// Whether the event has not come in time.
+    /// True if the event has not come in time.
     #[must_use]
     pub fn is_missing(&self) -> bool {
         self.is_missing

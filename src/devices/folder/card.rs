@@ -1,4 +1,4 @@
-//! The registers and events of a device in a folder, as its tables and its script access them.
+//! Access of tables and script to the registers and events of a device in a folder.
 
 use crate::devices::{Context, Events};
 use crate::journal::Register;
@@ -21,14 +21,14 @@ const EVENTS: usize = 16;
 pub(super) struct Place {
     pub(super) offset: u32,
     pub(super) width: Width,
-    /// The word, if it is one of the front, in the header page.
+    /// The cell in the header page, if the register is a word of the front.
     front: Option<FrontCell>,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct FrontCell {
     index: usize,
-    /// Whether programs write it.
+    /// True if programs write the register.
     is_request: bool,
 }
 
@@ -41,7 +41,7 @@ impl Place {
         Place { offset: register.offset(), width: register.address().width(), front }
     }
 
-    /// Its largest value.
+    /// Largest value of the register.
     pub(super) fn mask(self) -> u32 {
         self.width.max_value()
     }
@@ -64,7 +64,7 @@ pub(super) type Written = (RegisterRef, u32, u32);
 pub(super) struct Card {
     segment: Segment,
     face: Arc<FirmwareHeader>,
-    /// Registers whose changes by programs are reported, by offset; empty if nobody asks for them.
+    /// Registers in which changes by programs are reported, by offset. Empty if the script has no hook for changes.
     watched: Vec<Watched>,
     events: Events,
     /// Whether the device has events.
@@ -79,7 +79,7 @@ impl Card {
         Card { segment, face, watched: Vec::new(), events: Events::default(), has_events, requests: 0 }
     }
 
-    /// The same registers for a call of the script; [`Card::give_back`] returns what has changed.
+    /// Moves registers and events to a new card for a call of the script. [`Card::give_back`] takes the changes back.
     #[cfg(feature = "script")]
     pub(super) fn lend(&mut self) -> Card {
         Card {
@@ -108,7 +108,7 @@ impl Card {
         }
     }
 
-    /// Replaces `from` by `to`; returns false if the program has written another value meanwhile.
+    /// Replaces `from` by `to`. Returns false if the program has already written another value.
     pub(super) fn exchange(&mut self, place: Place, from: u32, to: u32) -> bool {
         let is_done = match place.front {
             Some(cell) => self.front_cell(cell).is_some_and(|cell| cell.compare_exchange(from, to).is_ok()),
@@ -163,14 +163,14 @@ impl Card {
         self.watched.sort_by_key(|watched| watched.place.offset);
     }
 
-    /// The watched registers have their values after power-on.
+    /// Takes the present values of the watched registers as known, after power-on.
     #[cfg(feature = "script")]
     pub(super) fn forget_changes(&mut self) {
         let _ = self.changes();
     }
 
-    /// What programs have written since the last call, in the order of addresses: only registers of structures that are
-    /// valid now.
+    /// Writes of programs since the last call, in the order of addresses. Only registers of structures that are valid
+    /// now are reported.
     #[cfg(feature = "script")]
     pub(super) fn changes(&mut self) -> Vec<Written> {
         let mut changes = Vec::new();
@@ -191,7 +191,7 @@ impl Card {
         area.phase(status)
     }
 
-    /// Power-on: no event is enabled.
+    /// Handles power-on: no event is enabled.
     pub(super) fn start(&mut self) {
         self.events.disable_all();
         self.requests = self.face.requested().board_requests.load();
@@ -233,7 +233,7 @@ impl Card {
     }
 }
 
-/// The registers themselves are a part of the plant's snapshot.
+/// The registers themselves are not saved here: they are in the plant's snapshot.
 impl SnapshotFields for Card {
     fn save(&self, to: &mut Saving) {
         let Self { segment: _, face: _, watched, events, has_events: _, requests } = self;

@@ -42,7 +42,7 @@ impl FolderConfig {
     }
 }
 
-/// The settings of the plant, which a snapshot must have: the files of the device, not their place.
+/// Settings by which plants are compared with a snapshot: the files of the device, but not the path of the folder.
 impl fmt::Debug for FolderConfig {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { name, folder, dir: _ } = self;

@@ -55,7 +55,7 @@ pub enum FolderError {
         dir: PathBuf,
         /// "registers", "areas" ...
         what: &'static str,
-        /// Its number.
+        /// Number of these items.
         count: u64,
         /// The limit.
         most: u64,

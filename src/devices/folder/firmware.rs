@@ -44,7 +44,7 @@ impl Firmware for FolderFirmware {
         self.parts.iter().all(|part| part.is_quiescent())
     }
 
-    /// A part may have changed a register that another part reads in the next cycle.
+    /// The next cycle is needed, because a part may have changed a register that another part reads.
     fn needs_each_cycle(&self) -> bool {
         !self.is_quiescent()
     }

@@ -51,9 +51,9 @@ const SCRIPT: &str = "firmware.rhai";
 /// A device of a folder.
 #[derive(Debug)]
 pub struct Folder {
-    /// Its entry in the registry.
+    /// Entry of the device in the registry.
     pub registered: Registered,
-    /// Its handshakes.
+    /// Handshakes of the device.
     pub rows: Vec<Handshake>,
     script: Option<Script>,
     /// Number that differs between folders with different files.
@@ -61,13 +61,13 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Names of the hooks of its script; none without a script.
+    /// Names of the hooks of the device's script; empty if it has no script.
     #[must_use]
     pub fn hooks(&self) -> Vec<String> {
         self.script.as_ref().map(Script::hooks).unwrap_or_default()
     }
 
-    /// Whether it has a script.
+    /// True if the device has a script.
     #[must_use]
     pub fn has_script(&self) -> bool {
         self.script.is_some()
@@ -104,7 +104,7 @@ pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
     if script.is_some() {
         state_word::add(dir, &mut read.device)?;
     }
-    // A script adds a word to the front.
+    // A script adds a word to the front, which changes the layout.
     let of_layout = fingerprint(dir, &read, script.iter().map(|_| (SCRIPT, "")));
     let others = handshakes.iter().map(|text| (handshakes::FILE, text.as_str()));
     let of_script = script.iter().flat_map(Script::files).map(|(name, text)| (name.as_str(), text.as_str()));
@@ -215,7 +215,7 @@ fn check_limits(dir: &Path, read: &Layout) -> Result<(), FolderError> {
     if image > LARGEST_IMAGE {
         return too_much("bytes of its image", image, LARGEST_IMAGE);
     }
-    // The retain flags are an additional area.
+    // The retain flags count as an additional area.
     let areas = device.areas.len() + usize::from(device.retain.is_some());
     if areas >= AREAS {
         return too_much("areas", areas as u64, AREAS as u64 - 1);
@@ -231,7 +231,7 @@ fn check_limits(dir: &Path, read: &Layout) -> Result<(), FolderError> {
     device.areas.iter().try_for_each(|area| longest("an area", &area.name, TABLE_NAME_LENGTH))
 }
 
-/// Counts the registers of all structures, those of a sub-structure once for each register that has its type.
+/// Counts the registers of all structures. The registers of a sub-structure count once for each register of this type.
 fn registers_of(device: &Device) -> usize {
     let fields = device.structures.iter().flat_map(|structure| &structure.fields);
     let counts = fields.map(|field| match field.kind {

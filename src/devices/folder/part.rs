@@ -7,27 +7,27 @@ use crate::snapshot_fields::SnapshotFields;
 
 /// A part of the firmware. All parts share the registers.
 pub(super) trait Part: SnapshotFields + Send {
-    /// Power-on: the registers have their reset values.
+    /// Called at power-on. The registers have their reset values.
     fn start(&mut self, ctx: &mut Context, card: &mut Card);
 
-    /// Power-off.
+    /// Called at power-off.
     fn stop(&mut self, ctx: &mut Context, card: &mut Card) {
         let _ = (ctx, card);
     }
 
-    /// The processor cycle.
+    /// Runs a processor cycle.
     fn look(&mut self, ctx: &mut Context, card: &mut Card);
 
-    /// Whether the last poll changed nothing, and the next ones will change nothing until a register is written.
+    /// True if the last poll changed nothing, and the next polls will change nothing until a register is written.
     fn is_quiescent(&self) -> bool;
 
     /// Time of the next action; `u64::MAX` if there is none.
     fn next_time(&self) -> u64;
 
-    /// Acts if a time has come.
+    /// Carries out the actions that are due at `ctx.now`.
     fn due(&mut self, ctx: &mut Context, card: &mut Card);
 
-    /// The board has ordered a start or stop of the program.
+    /// Called when the board has requested a start or stop of the program.
     fn ordered(&mut self, ctx: &mut Context, card: &mut Card, order: Start) {
         let _ = (ctx, card, order);
     }

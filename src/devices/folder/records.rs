@@ -46,7 +46,7 @@ fn shortened(text: &str) -> (&str, u64) {
     (text, XxHash3_64::oneshot(text.as_bytes()))
 }
 
-/// The text of the record. Journals may come from strangers, so control characters are replaced.
+/// The text of the record. Journals may come from unknown authors, so control characters are replaced.
 fn text(reader: &Reader) -> String {
     let octets = reader.octets().unwrap_or_default();
     String::from_utf8_lossy(&octets).chars().map(|it| if it.is_control() { ' ' } else { it }).collect()

@@ -1,7 +1,7 @@
 //! The tables of a layout that is read while the program runs: the same static data that the build generates for the
 //! layouts of commram.
 //!
-//! Everything that names registers uses static tables, so these tables are never freed. Their size is bounded: a folder
+//! All code that names registers uses static tables, so these tables are never freed. Their size is limited: a folder
 //! has at most 2 MiB of text and [`MOST_REGISTERS`](super::MOST_REGISTERS), each text is stored once, and a process
 //! reads at most [`MOST_FOLDERS`](super::MOST_FOLDERS) different folders.
 
@@ -67,7 +67,7 @@ pub(super) fn provenance(from: &model::Provenance, lasting: impl FnOnce(&str) ->
     }
 }
 
-/// What areas refer to.
+/// Structures and other tables to which areas refer.
 struct Placed {
     phases: Option<&'static Phases>,
     spaces: &'static [Space],
@@ -375,7 +375,7 @@ mod tests {
         text
     }
 
-    /// The build and this module make the same tables of the same files.
+    /// The build and this module make the same tables from the same files.
     #[test]
     fn the_tables_are_those_of_the_build() {
         let layouts = Path::new(env!("CARGO_MANIFEST_DIR")).join("layouts");

@@ -1,4 +1,4 @@
-//! Texts of a folder: exports contain them in comments and strings of other languages.
+//! Checks the texts of a folder, because exports contain them in comments and strings of other languages.
 //!
 //! The author of a folder may be unknown, and users compile or run exported files. A text must therefore not end the comment
 //! or string that contains it, in any of these languages (D-821).
@@ -7,7 +7,7 @@ use super::FolderError;
 use std::path::Path;
 use toml::Value;
 
-/// Parts that no text has: they begin or end comments and strings.
+/// Character sequences that are refused, because they begin or end comments and strings.
 const REFUSED: [&str; 6] = ["*/", "/*", "*)", "(*", "\"", "\\"];
 
 /// Checks all texts in a file of a folder. A file that is not TOML is refused by its reader.

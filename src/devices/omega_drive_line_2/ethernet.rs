@@ -1,8 +1,8 @@
 //! Ethernet configuration: the IP address of the board (manual 5.00005.03a p. 75-82).
 //!
-//! The registers of `ETHERNET_CONFIG_BMSTRUCT` lie in NOVRAM. Their contents at power-on apply. Later, a write to
-//! `d_IP_CONFIG` (p. 78) stores address and mask; the firmware sees it when the register changes (decision D-191).
-//! `ETHERNET_DIAGNOSE_BMSTRUCT` shows the result.
+//! The registers of `ETHERNET_CONFIG_BMSTRUCT` are in NOVRAM, and their contents at power-on are used. Later, a write
+//! to `d_IP_CONFIG` (p. 78) stores address and mask. The firmware detects the write by the changed register (decision
+//! D-191). `ETHERNET_DIAGNOSE_BMSTRUCT` shows the result.
 
 use crate::devices::Context;
 use crate::devices::omega_drive_line_2::registers::values::{ethernet_status, ip_config, router};
@@ -33,7 +33,7 @@ pub fn effective(ip_config: u32, address: Ipv4Addr, mask: Ipv4Addr, dip: u8) -> 
         _ => (DELIVERY.0, DELIVERY.1, dip),
     };
     let [a, b, c, d] = base.octets();
-    // A base that is not allowed itself can be valid together with a DIP number.
+    // A base address that is not allowed itself can become valid when the DIP number is added.
     let last = d.checked_add(add).filter(|last| !matches!(last, 0 | 255))?;
     Some((Ipv4Addr::new(a, b, c, last), mask))
 }
@@ -48,7 +48,7 @@ pub struct Ethernet {
     stored: Stored,
     /// Values of `d_IP_CONFIG` and `d_ROUTER` at the last poll.
     seen: [u32; 2],
-    /// Counts changes of `stored`.
+    /// Number of changes of `stored`.
     generation: u32,
 }
 

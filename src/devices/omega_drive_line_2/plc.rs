@@ -76,7 +76,7 @@ impl Plc {
             }),
         };
         let slave = SocketRole::Slave { number: config.dip, lock };
-        // On a common bus node 2 would wait for the signal that it must generate itself.
+        // If both nodes were on the same bus, node 2 would wait for the signal that it must generate itself.
         let has_sync_in = config.node1.is_some() && config.node1 != config.node2;
         let ports = vec![
             plug(&DEVICE.ports[0], &config.node1, slave),
@@ -202,7 +202,7 @@ impl Device for Plc {
         self.baps.power_on();
     }
 
-    /// The drive only notices that the requests have ended.
+    /// The drive continues; it only detects that there are no more requests.
     fn stop(&mut self, ctx: &mut Context) {
         self.board.stop();
         self.ethernet.power_off();
@@ -292,7 +292,7 @@ impl DevicePorts for Plc {
         }
     }
 
-    /// Node 2 can pass the signal of node 1 on (decision D-12).
+    /// Node 2 can pass on the SYNC signal of node 1 (decision D-12).
     fn sync_ways(&self) -> &[(u8, u8)] {
         &[(SLAVE, MASTER)]
     }
@@ -348,7 +348,7 @@ impl AddressWrites for Plc {
         note_restarts(&self.segment, &self.face, DEVICE.ports.iter().map(location), offset, bytes);
     }
 
-    /// Only `d_IP_CONFIG` is such a register.
+    /// True only for `d_IP_CONFIG`.
     fn answers_write(&self, offset: u32) -> bool {
         offset == ETHERNET_CONFIG as u32
     }

@@ -1,7 +1,7 @@
 //! The running segment.
 //!
-//! Times on the line are exact to one bit. The firmware of the stations runs at whole microseconds, like everything in
-//! a plant. Events within a microsecond happen in their order, and the firmware sees them at the end of the microsecond.
+//! Times on the line are exact to one bit. The firmware of the stations runs at whole microseconds, like all firmware
+//! in a plant. Events within a microsecond are handled in their order, at the end of this microsecond.
 
 use super::FAMILY;
 use super::config::ProfibusConfig;
@@ -61,7 +61,7 @@ impl BusPort {
     }
 }
 
-/// A request with the line reserved for its answer.
+/// A request that was sent, while the line is reserved for its answer.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 struct PendingAnswer {
     sender: usize,
@@ -103,7 +103,7 @@ pub struct ProfibusBus {
 }
 
 impl ProfibusBus {
-    /// The placeholder for ports that are not connected to a segment: their firmware runs, and no station receives
+    /// The placeholder for ports that are not connected to a segment. Their firmware runs, but no station receives
     /// their telegrams.
     pub fn unplugged() -> Self {
         let [slowest, ..] = BusRate::ALL;
@@ -123,7 +123,7 @@ impl ProfibusBus {
         }
     }
 
-    /// Bus number `index` of the plant, without ports.
+    /// Creates bus number `index` of the plant, without ports.
     pub fn new(index: BusIndex, config: &ProfibusConfig) -> Self {
         let name = config.name.clone();
         let slot_bits = config.rate.slot_bits() * u64::from(config.slot_factor);
@@ -281,7 +281,7 @@ impl ProfibusBus {
             let burst = || BusMessage::Burst(Burst { begin: sending.begin, octets: sending.octets.clone() });
             self.receivers_of_traffic.send(now, guest_of(sender), burst);
         }
-        // The journal has the hit of the fault that makes the noise.
+        // Noise is not recorded here, because the journal has the hit of the fault that makes it.
         if sender == NOISE {
             return;
         }

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 /// Sender number of noise on the line.
 pub(super) const NOISE: usize = 1 << 17;
 
-/// An octet that begins no telegram.
+/// An octet with which no telegram can begin.
 const NOISE_OCTET: u8 = 0x55;
 
 /// Frame count bit in a function code.

@@ -16,15 +16,15 @@ pub(in crate::devices) enum Effect {
 /// Effect of a fault on a telegram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::devices) enum TelegramEffect {
-    /// No station receives it; its sender does not notice.
+    /// No station receives the telegram; its sender does not notice.
     Lose,
-    /// It begins later by this many microseconds.
+    /// The telegram begins later by this many microseconds.
     Delay(u32),
-    /// It comes once more, this many microseconds after its end.
+    /// The telegram is repeated this many microseconds after its end.
     Repeat(u32),
-    /// A bit of it is inverted, so that no station understands it.
+    /// A bit of the telegram is inverted, so that no station can decode it.
     Garble,
-    /// Its frame count bit is inverted, with a correct check sum.
+    /// The frame count bit of the telegram is inverted, with a correct check sum.
     WrongFrameCount,
 }
 
@@ -61,7 +61,7 @@ impl Traits {
     }
 }
 
-/// Telegrams that a fault concerns. Everything that is given must agree.
+/// Selection of the telegrams that a fault concerns. All given criteria must match.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::devices) struct Telegrams {
     station: Option<u32>,

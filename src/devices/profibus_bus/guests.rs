@@ -19,7 +19,7 @@ const ROOM: usize = 64;
 /// all later telegrams of the guest (decision D-677).
 const MOST_AHEAD_US: u64 = 60_000_000;
 
-/// Sender numbers on the line from here on are guests.
+/// Sender numbers on the line from this number on are guests.
 const FIRST: usize = 1 << 16;
 
 /// Returns the guest number of a sender, if the sender is a guest.
@@ -67,7 +67,7 @@ impl WaitingTelegram {
 /// A guest that takes part.
 struct BusGuest {
     number: u8,
-    /// The address that it last sent from.
+    /// Source address of the guest's last telegram.
     address: Option<u8>,
     /// The guest has gone, but its waiting telegrams are still sent.
     is_leaving: bool,
@@ -148,14 +148,14 @@ impl Guests {
         Ok(())
     }
 
-    /// Records the address that a guest's telegram came from.
+    /// Records the source address of a guest's telegram.
     pub(super) fn note_address(&mut self, sender: usize, address: u8) {
         if let Some(guest) = guest_of(sender).and_then(|number| self.get(number)) {
             guest.address = Some(address);
         }
     }
 
-    /// Returns the guests that take part: number, and the address that each last sent from.
+    /// Returns the guests that take part: number, and source address of the last telegram.
     pub(super) fn present(&self) -> impl Iterator<Item = (u8, Option<u8>)> {
         self.0.iter().filter(|it| !it.is_leaving).map(|it| (it.number, it.address))
     }

@@ -10,7 +10,7 @@ use crate::snapshot_fields;
 use crate::snapshot_fields::SnapshotFields;
 use serde::{Deserialize, Serialize};
 
-/// Properties of a station that others can see.
+/// Properties of a station that are visible to others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Presence {
     /// Address, 0 to 126.
@@ -24,12 +24,12 @@ pub struct Presence {
 /// Firmware of a device's port on PROFIBUS. Events on the line are reported at once, with the bit time in the
 /// [`Station`]. Own times of the firmware are microseconds of emulated time.
 pub trait ProfibusPort: Send + SnapshotFields {
-    /// The device starts.
+    /// Called when the device starts.
     fn power_on(&mut self, ctx: &mut Context, station: &mut Station) {
         let _ = (ctx, station);
     }
 
-    /// The device stops; the station forgets everything.
+    /// Called when the device stops. The station is reset.
     fn power_off(&mut self) {}
 
     /// Returns the properties of the station that others can see; `None` while it has no address.
@@ -37,7 +37,7 @@ pub trait ProfibusPort: Send + SnapshotFields {
         None
     }
 
-    /// Another station on the segment answers at the same address.
+    /// Called when another station on the segment answers at the same address.
     fn shares_address(&mut self, ctx: &mut Context) {
         let _ = ctx;
     }
@@ -45,25 +45,25 @@ pub trait ProfibusPort: Send + SnapshotFields {
     /// Runs a processor cycle: reads the registers.
     fn look(&mut self, ctx: &mut Context, station: &mut Station);
 
-    /// Whether the program has written a register that the firmware has to answer and has not read yet.
+    /// True if the program has written a register that the firmware must answer and has not polled yet.
     fn has_changed(&self) -> bool {
         false
     }
 
-    /// A telegram of another station has ended.
+    /// Called when a telegram of another station has ended.
     fn heard(&mut self, ctx: &mut Context, station: &mut Station, telegram: &Telegram);
 
-    /// A telegram of this station has ended.
+    /// Called when a telegram of this station has ended.
     fn sent(&mut self, ctx: &mut Context, station: &mut Station) {
         let _ = (ctx, station);
     }
 
-    /// The bit time of the alarm has come ([`Station::set_alarm`]).
+    /// Called at the bit time of the alarm ([`Station::set_alarm`]).
     fn alarm(&mut self, ctx: &mut Context, station: &mut Station) {
         let _ = (ctx, station);
     }
 
-    /// Returns the time of the port's next own event in microseconds, `u64::MAX` if there is none.
+    /// Returns the time of the next event of the firmware in microseconds, `u64::MAX` if there is none.
     fn next_time(&self) -> u64 {
         u64::MAX
     }
@@ -73,8 +73,8 @@ pub trait ProfibusPort: Send + SnapshotFields {
         let _ = (ctx, station);
     }
 
-    /// Applies a fault of the device to the port, at the start of the fault or in a processor cycle. Returns whether
-    /// and what it hit.
+    /// Applies a fault of the device to the port, at the start of the fault or in a processor cycle. Returns the hit,
+    /// if the fault has hit.
     fn fire(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
         let _ = (now, effect);
         None

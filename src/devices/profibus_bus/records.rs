@@ -69,7 +69,8 @@ impl DpTelegram {
         (self.unit >> 16) as usize
     }
 
-    /// Whether the telegram has octets that the event does not have, or another form than [`Telegram::octets`] gives it.
+    /// True if the telegram has octets that the event does not contain, or a form that [`Telegram::octets`] does not
+    /// produce.
     pub(super) fn lacks(&self, octets: &[u8]) -> bool {
         self.octets() > self.first.to_le_bytes().len() || self.octets_on_line() != octets.len()
     }
@@ -153,7 +154,7 @@ impl EventText for DpTelegram {
         let frame = self.frame(reader.octets().as_deref());
         let first = hex(&frame.data[..frame.data.len().min(4)], "");
         let fields = fields.with("octets", self.octets() as u32).with("first", first);
-        // Without the octets of the record it has no data rather than a part of them.
+        // If the event does not contain all data, the field is left out.
         let whole = (frame.data.len() == self.octets()).then(|| hex(&frame.data, ""));
         let fields = fields.with_any("data", whole);
         let fields = fields.with("sum", self.sum);

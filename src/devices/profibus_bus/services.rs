@@ -1,5 +1,5 @@
-//! Services of DP as text: their names by service access point, and the octets that every slave understands in the same
-//! way. Octets of a slave's user are left as numbers.
+//! Services of DP as text: their names by service access point, and the octets that have the same meaning for every
+//! slave. Octets with a meaning that depends on the slave stay numbers.
 
 use crate::profibus::{Frame, FunctionCode};
 use core::fmt::Write;

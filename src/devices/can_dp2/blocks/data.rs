@@ -1,4 +1,4 @@
-//! Surroundings of the blocks in a PLC: peripherals and data blocks. All words have their high byte first.
+//! Parts of a PLC that the blocks access: peripherals and data blocks. All words have their high byte first.
 
 use crate::devices::can_dp2::registers::gsd;
 use std::collections::BTreeMap;

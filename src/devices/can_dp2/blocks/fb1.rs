@@ -62,7 +62,7 @@ function_block! {
     /// finished.
     pub struct FB1(data_blocks: Shared<DataBlocks>, peripherals: Shared<Peripherals>) {
         in {
-            /// Starts; FALSE: ends.
+            /// TRUE starts the initialisation; FALSE ends it.
             transfer: bool;
             /// Identifier of requests, 16#600 + number of the device.
             tx_id: u16;
@@ -78,7 +78,7 @@ function_block! {
             offset: u16;
         }
         out {
-            /// As in `initialisation`: 16#FFFF while running, 1 when finished.
+            /// Result, as in the module `initialisation`: 16#FFFF while the block runs, 1 when it has finished.
             ret_value: u16;
         }
         internal: List;
@@ -181,7 +181,7 @@ impl FB1 {
 
     /// Stores data that were read in the list.
     fn store(&self, command: u8, data: [u8; 4], data_blocks: &mut DataBlocks) -> bool {
-        // Only expedited data with a length fit into an entry.
+        // Only expedited data with a given length can be stored in an entry.
         if command & 0x03 != 0x03 {
             return false;
         }

@@ -47,7 +47,7 @@ pub struct Paging {
     /// Segments of the output page, and of the input page.
     outputs: Vec<Range<usize>>,
     inputs: Vec<Range<usize>>,
-    /// FREIGABE was TRUE in the last cycle.
+    /// True if FREIGABE was TRUE in the last cycle.
     was_released: bool,
 }
 
@@ -55,7 +55,8 @@ function_block! {
     /// Page mode: defines the sent and received identifiers, then exchanges data continuously (p. 61-69).
     pub struct FB2(data_blocks: Shared<DataBlocks>, peripherals: Shared<Peripherals>) {
         in {
-            /// FALSE: exchanges pages 0 and 1. TRUE after that: all other pages, from the first one on.
+            /// With FALSE the block exchanges pages 0 and 1. With TRUE it then exchanges all other pages, beginning
+            /// with the first.
             FREIGABE: bool;
             /// First output of the page.
             WRITE_ADDRESS: u16;

@@ -4,7 +4,8 @@
 use super::{DataBlocks, FB1, FB2, Peripherals, initialisation};
 use crate::plc::{Shared, function_block};
 
-/// Most motors; bytes of each motor in the list of motors and in the block of their data (p. 83-86).
+/// Maximum number of motors. The next constants are the number of bytes of each motor in the list of motors and in the
+/// block of their data (p. 83-86).
 const MOTORS: u16 = 127;
 const IN_LIST: usize = 8;
 const IN_DATA: usize = 16;
@@ -46,15 +47,15 @@ function_block! {
     /// that the motors send there (p. 81, 85).
     pub struct FB3(data_blocks: Shared<DataBlocks>, peripherals: Shared<Peripherals>) {
         in {
-            /// Runs; FALSE: restarts.
+            /// TRUE runs the block; FALSE restarts it.
             FREIGABE: bool;
-            /// Number of the data block that names all others.
+            /// Number of the data block that contains the numbers of all other data blocks.
             KONFIG_DB: u16;
             /// Number of the data block with the motors' data.
             DATEN_DB: u16;
         }
         out {
-            /// 0 none, 1 motors are initialised, then as FB2: 2 or more means that the window is free (p. 81).
+            /// 0: off; 1: motors are being initialised; other values as of FB2. From 2 on the window is free (p. 81).
             RET_VALUE: u16;
             /// `ERROR` of FB2; 16: a data block is missing; defined by commram.
             ERROR: u8;

@@ -12,7 +12,7 @@ const COUNTER: usize = 13;
 /// The command that reads a frame (p. 42).
 const RECEIVE: u8 = 3;
 
-/// Replaces the identifier until a frame is received (p. 41).
+/// Shown instead of the identifier until a frame is received (p. 41).
 const NOTHING: [u8; 2] = [0xEE; 2];
 
 /// No window exists at one of the addresses; defined by commram.
@@ -23,9 +23,9 @@ const NO_WINDOW: u16 = 1;
 pub(super) struct Transfer {
     /// Counter of the expected answer.
     waits_for: Option<u8>,
-    /// Counter of a command 3 without a frame yet: the next frame is shown under this counter.
+    /// Counter of a command 3 that has not returned a frame yet. The next frame will be shown with this counter.
     reads: Option<u8>,
-    /// A frame that was shown late and not read yet.
+    /// A frame that the window has shown after a delay, and that was not read yet.
     found: Option<[u8; WINDOW]>,
 }
 
@@ -35,15 +35,15 @@ impl Transfer {
         self.waits_for = None;
     }
 
-    /// Keeps a frame that a command 3 has delivered late: the next order would overwrite it.
+    /// Keeps a frame that a command 3 has shown after a delay, because the next order would overwrite it.
     fn look(&mut self, window: [u8; WINDOW]) {
         if self.reads == Some(window[COUNTER]) && !window.starts_with(&NOTHING) {
             (self.found, self.reads) = (Some(window), None);
         }
     }
 
-    /// Runs an order for one cycle: returns the answering window once. The order is written with the next counter.
-    /// Returns `Err` if no window exists at the addresses.
+    /// Continues an order in one cycle. Writes the order with the next counter, and returns the window once when it
+    /// contains the answer. Returns `Err` if no window exists at the addresses.
     pub(super) fn call(
         &mut self,
         peripherals: &mut Peripherals,
@@ -71,7 +71,7 @@ impl Transfer {
         if !is_reading {
             return Ok(Some(window));
         }
-        // The late frame is older, so it is returned first.
+        // The delayed frame is older, so it is returned first.
         let first = self.found.take();
         if first.is_some() && !has_nothing {
             self.found = Some(window);
@@ -92,7 +92,7 @@ enum TransferStep {
     Over,
 }
 
-/// A pulse of FREIGABE.
+/// State of the block during a pulse of FREIGABE.
 #[derive(Clone, Debug, Default)]
 pub struct Pulse {
     step: TransferStep,
@@ -104,7 +104,7 @@ function_block! {
     /// is one transfer.
     pub struct FB4(peripherals: Shared<Peripherals>) {
         in {
-            /// Starts a transfer; FALSE: the next one can start.
+            /// TRUE starts a transfer. After FALSE, the next transfer can start.
             FREIGABE: bool;
             /// Sends the order of WRITE_COMMAND.
             WRITE_ENABLE: bool;
@@ -217,8 +217,8 @@ impl FB4 {
         self.internal.step = TransferStep::Over;
     }
 
-    /// Runs an order for one cycle: returns the answering window once. Without a window at the addresses the transfer
-    /// is over.
+    /// Continues an order in one cycle, and returns the window once when it contains the answer. If no window exists at
+    /// the addresses, the transfer is over.
     fn transfer(&mut self, peripherals: &mut Peripherals, order: [u8; WINDOW]) -> Option<[u8; WINDOW]> {
         let has_inputs = peripherals.read::<WINDOW>(self.READ_ADDRESS).is_some();
         let addresses = (self.WRITE_ADDRESS, self.READ_ADDRESS);

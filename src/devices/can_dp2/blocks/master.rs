@@ -33,12 +33,12 @@ pub struct Master {
 }
 
 function_block! {
-    /// Exchanges outputs and inputs with the gateway by the registers of its master without a stack, with at most one
-    /// request per call. In a real PLC the CPU exchanges the data without the program; commram defines this block. Call
-    /// it once in each cycle.
+    /// Exchanges outputs and inputs with the gateway, with at most one request per call. The block uses the registers
+    /// of the DP master without a stack. In a real PLC the CPU exchanges the data without the program, so commram
+    /// defines this block. A program calls it once in each cycle.
     pub struct DP_MASTER(mst: Base<CAN_DP2_MST>, peripherals: Shared<Peripherals>) {
         in {
-            /// Enables the exchange; FALSE: restarts.
+            /// TRUE enables the exchange; FALSE restarts it.
             ENABLE: bool;
             /// Octets of Set_Prm.
             PRM: [u8; 16] = [0; 16];

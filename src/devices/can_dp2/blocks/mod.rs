@@ -2,9 +2,9 @@
 //! 61-70, 76-86): FB1 initialises a CANopen device by a list, FB2 does page mode, FB3 controls 127 motors by both, FB4
 //! uses the Communication Window.
 //!
-//! The manual does not print their sources, so their internal behaviour is a choice of commram (D-469). So are the
-//! types that replace the PLC: [`Peripherals`], [`DataBlocks`], and [`DP_MASTER`], which exchanges the peripherals with
-//! the gateway.
+//! The manual does not print the sources of the blocks, so their internal behaviour is a choice of commram (D-469). The
+//! types that replace the PLC are also a choice of commram: [`Peripherals`], [`DataBlocks`], and [`DP_MASTER`], which
+//! exchanges the peripherals with the gateway.
 
 #![allow(non_snake_case, non_camel_case_types, reason = "the manual's names, letter for letter")]
 

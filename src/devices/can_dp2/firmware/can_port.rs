@@ -10,7 +10,8 @@ use crate::devices::can_dp2::registers::FRONT_LED_C;
 use crate::devices::can_dp2::registers::values::{bus_state, can_state, led_c};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
-/// A bit rate that no bus has: the device takes part in CAN only after the start of data exchange (p. 12).
+/// A bit rate that no bus has. The controller has this rate before the start of data exchange, because the device does
+/// not take part in CAN until then (p. 12).
 const NO_RATE: u32 = 0;
 
 /// The firmware on CAN.
@@ -56,7 +57,7 @@ impl CanSide {
     }
 }
 
-/// The snapshot of this port includes the gateway, which both ports share; the other port omits it.
+/// The snapshot of this port includes the gateway, which both ports share. The other port does not save it.
 impl SnapshotFields for CanSide {
     fn save(&self, to: &mut Saving) {
         let Self { registers: _, gateway, recorded_state } = self;

@@ -120,7 +120,7 @@ impl ProfibusPort for DpPort {
         }
     }
 
-    /// Between telegrams only events on CAN can change the slave.
+    /// Without a telegram, only events on CAN can change the slave.
     fn look(&mut self, ctx: &mut Context, _: &mut Station) {
         let has_news = lock(&self.gateway).has_news();
         if has_news {
@@ -130,7 +130,7 @@ impl ProfibusPort for DpPort {
 
     fn heard(&mut self, ctx: &mut Context, station: &mut Station, telegram: &Telegram) {
         let now = ctx.now;
-        // Another station has answered with this station's address, and it was alone on the line this time.
+        // Another station has answered with this station's address, without a collision.
         if let (Telegram::Frame(frame), Some(slave)) = (telegram, &self.slave)
             && frame.sa == slave.address()
             && FunctionCode::is_answer(frame.fc)

@@ -30,7 +30,7 @@ mod start;
 struct Setup {
     parameters: Parameters,
     configuration: Configuration,
-    /// Outputs as last sent, or as they would have been sent.
+    /// Outputs at the last transmission, or at the moment when they would have been sent.
     outputs: Vec<u8>,
     /// Time of the next transmission of each module, in us.
     cycles: Vec<Option<u64>>,
@@ -52,12 +52,12 @@ pub(in crate::devices::can_dp2) struct Gateway {
     wake_at: Option<u64>,
     /// Time of the next SYNC object, in us.
     sync_at: Option<u64>,
-    /// A SYNC object waits for the frames before it (p. 44).
+    /// True if a SYNC object waits until the frames before it were sent (p. 44).
     sync_waits: bool,
     window: Window,
     pages: Option<Pages>,
     frames: VecDeque<Frame>,
-    /// The CAN controller must discard the frames that it has not sent yet.
+    /// True if the CAN controller must discard the frames that it has not sent yet.
     is_emptied: bool,
     /// The settings of the controller have changed.
     is_new: bool,
@@ -183,7 +183,7 @@ impl Gateway {
         let (has_output, role) = (configuration.has_output(), parameters.role());
         self.setup = Some(setup);
         self.state = match role {
-            // P. 32: without an output the DP controller does not notify the firmware, so CAN stays off.
+            // P. 32: if there is no output, the DP controller does not notify the firmware, so CAN stays off.
             _ if !has_output => can_state::OFF,
             Role::Layer2 => can_state::WORKING,
             Role::Master | Role::Slave(_) => {
@@ -296,7 +296,7 @@ impl Gateway {
     /// Handles a frame from CAN.
     pub(in crate::devices::can_dp2) fn received(&mut self, frame: &Frame, now: u64) {
         let Some(setup) = self.setup.as_ref().filter(|_| self.state != can_state::OFF) else { return };
-        // D-388.
+        // Remote frames are not inputs (D-388).
         if frame.is_remote_frame() {
             return;
         }
@@ -307,7 +307,7 @@ impl Gateway {
         {
             return self.command(command, now);
         }
-        // D-392.
+        // Frames with an identifier that is enabled for the window go to the window (D-392).
         if self.window.enabled().contains(&frame.id()) {
             if !self.window.received(*frame) {
                 self.msg_lost = self.msg_lost.saturating_add(1);
@@ -382,7 +382,7 @@ impl Gateway {
         let nmt = matches!(parameters.role(), Role::Slave(_)).then_some(Id::Standard(StandardId::ZERO));
         let mut filters: Vec<Filter> = ids.chain(nmt).map(|id| Filter::exactly(id).data_only()).collect();
         if filters.is_empty() {
-            // A controller without filters would receive all frames; this filter passes none that occur.
+            // A controller without filters would receive all frames. No frame that can occur passes this filter.
             filters.push(Filter::exactly(ExtendedId::MAX).data_only());
         }
         Some((parameters.can_bit_s(), filters))

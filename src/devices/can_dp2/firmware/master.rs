@@ -29,7 +29,7 @@ struct Pending {
     frame: Frame,
     /// Number of transmissions so far.
     tries: u8,
-    /// The request is on the line, or the slave is about to answer.
+    /// True if the request is on the line, or the answer is expected.
     is_sent: bool,
 }
 
@@ -37,9 +37,9 @@ pub(in crate::devices::can_dp2) struct Master {
     registers: View<CAN_DP2_MST>,
     header: View<Header>,
     pending: Option<Pending>,
-    /// Frame count bit of the last request; `None` if the next request is the first one.
+    /// Frame count bit of the last request; `None` if the next request counts as the first request to the slave.
     fcb: Option<bool>,
-    /// Address of its last request; none since power-on.
+    /// Address of the last request; `None` if there was none since power-on.
     last_address: Option<u8>,
 }
 
@@ -93,7 +93,8 @@ impl Master {
                     dsap.into(),
                 );
             }
-            // A slave that has answered knows the bit. For a slave that has not, the next request is the first one.
+            // A slave that has answered knows the frame count bit. If the slave has not answered, the next request
+            // counts as its first.
             if let FunctionCode::Request { fcb, request: Request::Srd, .. } = FunctionCode::parse(frame.fc) {
                 self.fcb = (result != mst_result::NO_ANSWER).then_some(fcb);
             }
@@ -126,7 +127,8 @@ impl ProfibusPort for Master {
         self.pending = None;
     }
 
-    /// Several gateways of a segment may have a master with this address: it answers no requests.
+    /// The master has no presence on the segment, because it answers no requests. So several gateways of a segment may
+    /// have a master with the same address.
     fn presence(&self) -> Option<Presence> {
         let address = self.registers.mst_address.load();
         Some(Presence { address, does: "master", answers: false })
@@ -172,7 +174,7 @@ impl ProfibusPort for Master {
     }
 
     fn heard(&mut self, ctx: &mut Context, station: &mut Station, telegram: &Telegram) {
-        // Another master uses the address of this one (D-721).
+        // Another master has the same address as this master (D-721).
         if let Telegram::Frame(frame) = telegram
             && self.last_address == Some(frame.sa)
             && !FunctionCode::is_answer(frame.fc)

@@ -50,7 +50,8 @@ pub(in crate::devices::can_dp2) struct CfgFault {
 /// Function of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(in crate::devices::can_dp2) enum ModuleFunction {
-    /// Data received with this identifier; `is_frozen` if a later module has the same identifier (p. 35).
+    /// Data received with this identifier. `is_frozen` is true if a later module has the same identifier, so that this
+    /// module never changes (p. 35).
     Input {
         /// Identifier of the frames.
         #[serde(with = "crate::can::kept")]
@@ -231,7 +232,7 @@ impl Configuration {
         let of_can = length.checked_sub(counter);
         let is_right = match kind {
             ModuleFunction::WindowInput | ModuleFunction::WindowOutput => length == WINDOW,
-            // Any unit is permitted for an output without CAN (p. 32).
+            // An output without CAN may have any unit (p. 32).
             ModuleFunction::Dummy => length <= WINDOW,
             ModuleFunction::PageInput | ModuleFunction::PageOutput => length <= page::SEGMENT,
             _ => of_can.is_some_and(|bytes| (1..=8).contains(&bytes)),

@@ -1,5 +1,5 @@
-//! The gateway in page mode: more identifiers than a configuration has modules, one page of them in each telegram (p.
-//! 50-60).
+//! The gateway in page mode. It can have more identifiers than a configuration has modules; each telegram carries one
+//! page of them (p. 50-60).
 
 use super::form;
 use super::modules::EXTENDED;
@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 enum Outcome {
     /// The page is accepted.
     Good = 0,
-    /// The page is out of turn.
+    /// The page is not the one that must come next.
     Turn = 1,
     /// A record has an invalid identifier, or one of the other direction.
     Identifier = 2,
@@ -45,7 +45,7 @@ struct Tx {
     id: Id,
     form: u8,
     length: usize,
-    /// Data as last sent, or as they would have been sent.
+    /// Data at the last transmission, or at the moment when they would have been sent.
     data: [u8; 8],
     force: u8,
 }

@@ -33,8 +33,8 @@ pub(in crate::devices::can_dp2) struct PrmFault {
     pub number: u8,
     /// The right value.
     pub right: u8,
-    /// The telegram requests Freeze or Sync, which the device does not have (p. 10, 17). Set in addition to any other
-    /// fault.
+    /// True if the telegram requests Freeze or Sync, which the device does not have (p. 10, 17). This is reported in
+    /// addition to any other fault.
     pub is_unsupported: bool,
 }
 
@@ -114,7 +114,7 @@ impl Parameters {
         (self.octets[0] & status::WD_ON != 0).then_some(factors * 10_000)
     }
 
-    /// Whether the slave is to be free for other masters.
+    /// True if the master releases the slave for other masters.
     pub(in crate::devices::can_dp2) fn unlocks(&self) -> bool {
         self.octets[0] & status::UNLOCK_REQ != 0
     }

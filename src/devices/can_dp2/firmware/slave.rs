@@ -49,7 +49,7 @@ pub(in crate::devices::can_dp2) struct Slave {
     watchdog_at: Option<u64>,
     /// Time of the last valid telegram.
     heard_at: u64,
-    /// The master is requested to read the diagnosis.
+    /// True if the slave has requested the master to read the diagnosis.
     has_diagnosis: bool,
     /// Changes that are reported before the call of the port ends.
     #[serde(skip)]
@@ -128,7 +128,8 @@ impl Slave {
         let time = self.parameters.as_ref().and_then(Parameters::watchdog_us).unwrap_or(0);
         self.news.push(News::Watchdog);
         self.leave(gateway, registers);
-        // Other stations may still be sending (D-380).
+        // The slave searches for the bit rate only if the line was silent, because other stations may still be sending
+        // (D-380).
         let is_silent = now.saturating_sub(self.heard_at) >= time;
         self.enter(if is_silent { dp_state::BAUD_SEARCH } else { dp_state::BAUD_CONTROL });
     }
@@ -151,7 +152,7 @@ impl Slave {
         registers: &Registers,
     ) -> Option<Telegram> {
         self.heard_at = now;
-        // The slave uses the first telegram only to detect the bit rate (D-380).
+        // The slave uses the first telegram only to detect the bit rate, and does not answer it (D-380).
         if self.state == dp_state::BAUD_SEARCH {
             self.enter(dp_state::BAUD_CONTROL);
             return None;
@@ -193,8 +194,8 @@ impl Slave {
         self.responder.short(frame.sa, Answer::NotActivated)
     }
 
-    /// Returns inputs as an answer. Without inputs the answer is a receipt, except when a diagnosis waits, which a
-    /// receipt cannot signal.
+    /// Returns the inputs as an answer. If there are no inputs, the answer is a short acknowledgement. If a diagnosis
+    /// waits, it is not, because a short acknowledgement cannot signal the diagnosis.
     fn data(&self, frame: &Frame, inputs: Vec<u8>) -> Telegram {
         match (self.has_diagnosis, inputs.is_empty()) {
             (false, true) => Telegram::ShortAck,
@@ -309,7 +310,8 @@ impl Slave {
         match Configuration::parse(octets, parameters) {
             Ok(configuration) => {
                 let sync_ms = configuration.sync_ms;
-                // The same configuration again only sets the SYNC time of its comment: the last entry counts (p. 30; D-381).
+                // If the master sends the same configuration again, only the SYNC time in its comment has an effect,
+                // because the last entry is valid (p. 30; D-381).
                 if self.state != dp_state::DATA_EXCHANGE || configuration != self.configuration {
                     registers.set_configuration(&configuration);
                     gateway.begin(parameters, &configuration, now);

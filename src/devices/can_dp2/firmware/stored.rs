@@ -18,7 +18,7 @@ pub(in crate::devices::can_dp2) fn area() -> Option<&'static Area> {
     DEVICE.areas.iter().find(|area| area.name == "stored")
 }
 
-/// Firmware of the device itself: the stored values. Everything else runs at the ports.
+/// Firmware of the device itself. It only handles the stored values; all other firmware runs at the ports.
 pub(in crate::devices::can_dp2) struct Stored {
     registers: View<CAN_DP2_STORED>,
     stored: [u8; BYTES],

@@ -1,4 +1,4 @@
-//! The Communication Window: one order at a time, marked by a loop counter (p. 38-49).
+//! The Communication Window. It executes one order at a time; a changed loop counter marks a new order (p. 38-49).
 
 use super::modules::WINDOW;
 use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 /// Size of the FIFO in frames (p. 43).
 const FIFO: usize = 255;
 
-/// Replaces the identifier until a frame is received (p. 41).
+/// Shown instead of the identifier until a frame is received (p. 41).
 const NOTHING: u8 = 0xEE;
 
 /// The bit of byte 2 that marks an identifier of 29 bits, as in a comment (D-383).
@@ -220,7 +220,8 @@ mod tests {
         assert_eq!(window.shown()[..2], [0xEE, 0xEE]);
     }
 
-    /// P. 43: no frame is lost while the PLC reads faster than frames come, with any other orders between.
+    /// P. 43: no frame is lost while the PLC reads faster than frames come, even if it gives other orders between the
+    /// reads.
     #[test]
     fn an_unread_frame_is_not_lost() {
         let mut window = Window::default();

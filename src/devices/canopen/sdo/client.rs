@@ -31,7 +31,7 @@ enum ClientPhase {
     WriteSegments { rest: Vec<u8>, is_first: bool },
 }
 
-/// A transfer as its client sees it.
+/// Client side of a transfer.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Client {
     at: EntryAddress,

@@ -11,9 +11,9 @@ use serde::{Deserialize, Serialize};
 /// Firmware of a device in a folder: polls the registers of the tables, and acts at the times in them.
 pub(crate) struct Handshakes {
     rows: &'static [Row],
-    /// One for each row.
+    /// State of each row.
     steps: Vec<Step>,
-    /// Whether the last poll changed a register, which another row may read.
+    /// True if the last poll changed a register, because another row may read it.
     has_moved: bool,
 }
 
@@ -36,7 +36,7 @@ enum Phase {
     Idle,
     /// A request was seen, or a watchdog is running.
     Running,
-    /// The answer was given and another value follows, or a watchdog has expired.
+    /// The answer was given and a second value will follow, or a watchdog has expired.
     Second,
 }
 
@@ -97,7 +97,7 @@ impl Part for Handshakes {
     }
 }
 
-/// Reads what the program wrote. Returns whether a register has changed.
+/// Handles writes of the program. Returns true if a register has changed.
 fn poll(rule: &Rule, step: &mut Step, card: &mut Card, ctx: &mut Context) -> bool {
     let mut wait = |is_wanted: bool, after_us: u64| {
         // If the program withdraws its request, the time starts again with the next request.
@@ -135,7 +135,7 @@ fn poll(rule: &Rule, step: &mut Step, card: &mut Card, ctx: &mut Context) -> boo
     false
 }
 
-/// Acts at the time of a row.
+/// Carries out the action of a row that is due now.
 fn fire(rule: &Rule, step: &mut Step, card: &mut Card, ctx: &mut Context) {
     let due = step.due.take();
     match rule {
@@ -150,7 +150,7 @@ fn fire(rule: &Rule, step: &mut Step, card: &mut Card, ctx: &mut Context) {
             if card.load(*at) != u32::from(from) {
                 return;
             }
-            // The state first, so that a program that sees the answer finds the new state.
+            // The state is written before the answer, so that a program that sees the answer finds the new state.
             if !is_second {
                 apply(state, ctx, card);
             }

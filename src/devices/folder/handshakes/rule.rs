@@ -1,9 +1,9 @@
-//! A behaviour of the tables, with the places of its registers.
+//! Behaviours that tables describe, with the places of their registers.
 
 use crate::devices::Context;
 use crate::devices::folder::card::{Card, Place};
 
-/// What the device does.
+/// A behaviour of the device.
 #[derive(Debug)]
 pub(super) enum Rule {
     /// Shows a state after power-on.

@@ -1,4 +1,4 @@
-//! Steps that a script may take.
+//! Limits the steps and the stack of a script.
 
 use core::cell::Cell;
 use serde::{Deserialize, Serialize};
@@ -18,7 +18,7 @@ pub(super) struct Budget {
 }
 
 impl Budget {
-    /// A call begins at `now`. Returns the steps that it may take.
+    /// Begins a call at `now`. Returns the number of steps that the call may take.
     pub(super) fn begin(&mut self, now: u64) -> u64 {
         let millisecond = now / 1000;
         if self.millisecond != millisecond {
@@ -28,7 +28,7 @@ impl Budget {
         MOST_OPERATIONS.saturating_sub(self.used)
     }
 
-    /// The call has taken this number of steps.
+    /// Ends the call, which has taken this number of steps.
     pub(super) fn end(&mut self, operations: u64) {
         self.used = self.used.saturating_add(operations);
     }
@@ -50,7 +50,7 @@ pub(super) enum Exceeded {
 }
 
 impl Meter {
-    /// A call begins.
+    /// Begins a call, which may take `allowed` steps.
     pub(super) fn begin(&self, allowed: u64) {
         self.operations.set(0);
         self.allowed.set(allowed);

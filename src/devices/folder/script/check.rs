@@ -12,7 +12,8 @@ use rhai::{AST, ASTNode, Expr, FnCallExpr, Position, Stmt};
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
-/// Most arguments of a call: they are evaluated before the limits of variables hold.
+/// Maximum number of arguments of a call. A limit is needed because arguments are evaluated before the limits of
+/// variables apply.
 const MOST_ARGUMENTS: usize = 16;
 
 /// A line and the error in it.
@@ -34,7 +35,7 @@ pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Ho
         if file == MAIN {
             hooks = hooks_of(&ast)?;
         }
-        // Constants and imports; a verb is refused here.
+        // Runs the statements outside of functions. They may be constants and imports; verbs are refused here.
         meter.begin(MOST_OPERATIONS);
         engine.run_ast(&ast).map_err(|error| {
             let mistake = Mistake::ran(&error);
@@ -89,7 +90,7 @@ impl Calls {
         wrong
     }
 
-    /// Checks a call: names of registers and functions that it has as texts.
+    /// Checks a call: the texts in it that name registers and functions.
     fn call(&self, call: &FnCallExpr, at: Position) -> Result<(), Wrong> {
         any_call(call, at)?;
         let name = call.name.as_str();
@@ -115,7 +116,7 @@ impl Calls {
     }
 }
 
-/// Checks what holds for calls of functions and methods.
+/// Checks the rules that apply to calls of both functions and methods.
 fn any_call(call: &FnCallExpr, at: Position) -> Result<(), Wrong> {
     if MISSING.contains(&call.name.as_str()) {
         return Err((at, format!("scripts of devices have no `{}`", call.name)));

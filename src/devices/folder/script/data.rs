@@ -1,7 +1,7 @@
-//! Values of a script between two calls: data that snapshots can keep.
+//! Values of a script between two calls, in a form that snapshots can save.
 //!
-//! A value is a list of items, each container before its contents, so that reading it back from a stranger's snapshot takes
-//! no more memory than its bytes, and no more stack than its permitted depth.
+//! A value is a list of items, in which each container precedes its contents. So reading a value from a snapshot of an
+//! unknown author takes no more memory than its bytes, and no more stack than the permitted depth.
 
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use core::slice::Iter;
@@ -15,7 +15,7 @@ const MOST_BYTES: usize = 64 << 10;
 /// Deepest nesting of arrays and maps in a value.
 const DEEPEST: usize = 16;
 
-/// A number, a text, or what follows in the list.
+/// An element of the list: a number, a text, or the head of an array or a map.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 enum Item {
     Nothing,
@@ -26,9 +26,9 @@ enum Item {
     Char(char),
     Text(String),
     Bytes(Vec<u8>),
-    /// As many values follow.
+    /// An array: this number of values follows.
     Array(u32),
-    /// As many pairs of a text and a value follow.
+    /// A map: this number of pairs of a text and a value follows.
     Map(u32),
 }
 
@@ -50,7 +50,7 @@ impl Data {
     /// Converts a value of the engine.
     ///
     /// # Errors
-    /// It is too large, nested too deep, or has contents that are no data.
+    /// The value is too large, nested too deep, or contains something that cannot be saved.
     pub(super) fn of(value: &Dynamic) -> Result<Self, String> {
         let mut data = Data(Vec::new());
         let mut bytes = 0;
@@ -97,7 +97,7 @@ impl Data {
         read(&mut self.0.iter(), 0).unwrap_or(Dynamic::UNIT)
     }
 
-    /// The values of an array; one value if it is none.
+    /// The values of an array. A list of one value if the data are not an array.
     pub(super) fn values(&self) -> Vec<Dynamic> {
         let value = self.value();
         value.clone().try_cast::<Array>().unwrap_or_else(|| vec![value])
@@ -110,7 +110,7 @@ impl Data {
     }
 }
 
-/// A value without contents.
+/// The item of a value. For an array or a map, this is only its head.
 fn item(value: &Dynamic) -> Result<Item, String> {
     if value.is_unit() {
         return Ok(Item::Nothing);
@@ -208,7 +208,7 @@ mod tests {
         assert!(Data::of(&long.into()).unwrap_err().contains("65536 bytes"));
     }
 
-    /// Items of a stranger's snapshot end early, are too many, or are nested without an end.
+    /// Items of an unknown author's snapshot may end early, be too many, or be nested without an end.
     #[test]
     fn wrong_items_are_refused() {
         let deep = vec![Item::Array(1); 100_000];

@@ -11,8 +11,8 @@ use crate::layout::{DeviceLayout, RegisterRef};
 use std::collections::HashMap;
 use std::rc::Rc;
 
-/// Most registers, each once for every name that covers it, that a thread remembers for a script. Other names are looked up
-/// each time.
+/// Maximum number of registers in the names that a thread remembers for a script. Further names are looked up each
+/// time.
 const MOST_REMEMBERED: usize = 16 << 10;
 
 /// A register with its place in the image.
@@ -29,7 +29,7 @@ pub(super) struct Acting {
     pub(super) origin: Origin,
     pub(super) card: Card,
     pub(super) timers: Timers,
-    /// For the journal, in the order of time.
+    /// Entries for the journal, in the order of time.
     pub(super) reports: Vec<Report>,
 }
 
@@ -78,7 +78,7 @@ impl Acting {
         true
     }
 
-    /// A program has broken a rule of the device.
+    /// Reports that a program has broken a rule of the device.
     pub(super) fn violation(&mut self, found: Found, text: String) {
         self.reports.push(Report::Note(text));
         let (plc, offset, live) = (self.origin.plc, found.place.offset, found.register.placed.live);
@@ -92,7 +92,7 @@ impl Acting {
 pub(super) struct Desk {
     layout: &'static DeviceLayout,
     names: HashMap<String, Rc<[Found]>>,
-    /// Sum of the registers in `names`.
+    /// Total number of registers in `names`.
     remembered: usize,
     pub(super) acting: Option<Acting>,
 }
@@ -115,7 +115,7 @@ impl Desk {
     /// The register of this name.
     ///
     /// # Errors
-    /// There is none, or there are several.
+    /// There is no such register, or the name covers several registers.
     pub(super) fn register(&mut self, name: &str) -> Result<Found, String> {
         match *self.registers(name)? {
             [found] => Ok(found),
@@ -129,7 +129,7 @@ impl Desk {
     /// All registers of this name: one register, an array, or a pattern.
     ///
     /// # Errors
-    /// There is none, or there are too many.
+    /// There is no such register, or the name covers too many registers.
     pub(super) fn registers(&mut self, name: &str) -> Result<Rc<[Found]>, String> {
         if let Some(known) = self.names.get(name) {
             return Ok(Rc::clone(known));

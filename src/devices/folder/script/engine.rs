@@ -1,8 +1,8 @@
 //! The engine of a script, with its limits.
 //!
-//! The limits bound the memory of a running script to some tens of megabytes: calls times variables times the largest value.
-//! A language element is missing if its values have no limit: functions as values (closures, `curry`) can contain each
-//! other, and nothing counts them.
+//! The limits bound the memory of a running script to some tens of megabytes: number of calls times variables times the
+//! largest value. Language elements without such a limit are switched off. For example, functions as values (closures,
+//! `curry`) can contain each other, and the engine does not count them.
 
 use super::Files;
 use super::budget::Meter;

@@ -1,7 +1,7 @@
-//! `exercise.rhai`: what a right program does with the device, for `commram soak`.
+//! Reads `exercise.rhai`: actions of a correct program at the device, for `commram soak`.
 //!
-//! The file is a scenario without a plant: `start()`, `recover()` and a function for each move. Two constants declare the
-//! moves and the warnings that a right program may meet.
+//! The file is a scenario without a plant. It defines `start()`, `recover()` and a function for each move. Two
+//! constants declare the moves, and the warnings that a correct program may cause.
 
 use crate::devices::folder::FolderError;
 use crate::devices::{Exercise, Move};
@@ -11,7 +11,7 @@ use std::path::Path;
 
 /// Most moves of an exercise.
 const MOST_MOVES: usize = 64;
-/// Most parameters of a move, beside the first one.
+/// Maximum number of parameters of a move, without the first parameter.
 const MOST_PARAMETERS: usize = 8;
 /// Steps that the constants of the file may take.
 const MOST_OPERATIONS: u64 = 10_000;
@@ -60,7 +60,7 @@ fn lasting(text: String) -> &'static str {
     String::leak(text)
 }
 
-/// An engine without the verbs of scenarios: outside of functions the file has constants only.
+/// An engine without the verbs of scenarios, because outside of functions the file has only constants.
 fn engine() -> Engine {
     let mut engine = Engine::new();
     engine.set_max_operations(MOST_OPERATIONS);

@@ -21,7 +21,7 @@ use rhai::{Dynamic, INT};
 pub(super) struct ScriptFirmware {
     script: &'static Script,
     layout: &'static DeviceLayout,
-    /// `this`, a map.
+    /// The map `this` of the script.
     state: Data,
     timers: Timers,
     budget: Budget,
@@ -82,7 +82,7 @@ impl ScriptFirmware {
         }
     }
 
-    /// The script stops after an error. The emulator and the other devices continue.
+    /// Stops the script after an error. The emulator and the other devices continue.
     fn halt(&mut self, ctx: &mut Context, card: &mut Card, mistake: &Mistake) {
         self.is_stopped = true;
         self.timers.clear();
@@ -90,14 +90,14 @@ impl ScriptFirmware {
         self.show_state(card);
     }
 
-    /// Shows in the front whether the script runs.
+    /// Shows in the front of the device whether the script runs.
     fn show_state(&self, card: &mut Card) {
         if let Ok(word) = self.layout.register(state_word::NAME) {
             card.update(Place::of(&word), |_| self.is_stopped.into());
         }
     }
 
-    /// Calls the functions whose time has come.
+    /// Calls the functions that are due now.
     fn run_timers(&mut self, ctx: &mut Context, card: &mut Card) {
         while let Some(timer) = self.timers.take(ctx.now) {
             self.call(ctx, card, &timer.function, timer.arguments.values());

@@ -28,12 +28,12 @@ impl fmt::Display for Mistake {
 }
 
 impl Mistake {
-    /// An error in no particular line.
+    /// An error that concerns no particular line.
     pub(super) fn new(what: impl Into<String>) -> Self {
         Mistake { file: super::MAIN.to_owned(), line: None, what: what.into() }
     }
 
-    /// A text that is no script.
+    /// An error for a text that is not a script.
     pub(super) fn misread(file: &str, error: &ParseError) -> Self {
         Mistake {
             file: file.to_owned(),
@@ -42,7 +42,7 @@ impl Mistake {
         }
     }
 
-    /// An error while a script ran: the innermost line.
+    /// An error of a running script, with the innermost line.
     pub(super) fn ran(error: &EvalAltResult) -> Self {
         let (mut file, mut line) = (super::MAIN.to_owned(), error.position().line());
         let mut at = error;
@@ -93,7 +93,7 @@ fn description(error: &EvalAltResult) -> String {
     }
 }
 
-/// Texts of a script may be of any length.
+/// Shortens a text of a script, which may have any length.
 fn shortened(mut text: String) -> String {
     if text.len() > LONGEST {
         text.truncate(text.floor_char_boundary(LONGEST - 3));

@@ -1,11 +1,11 @@
 //! `firmware.rhai`: firmware of a device in a folder as a script.
 //!
-//! The script has functions with fixed names, its hooks, which the device calls when they are due. A hook works on a map,
-//! `this`, which snapshots keep. The author of a script may be unknown: it sees no clock, no file and no other device, and
-//! its steps, its memory and its nesting are bounded.
+//! The script has functions with fixed names, its hooks, which the device calls at certain events. A hook works on a
+//! map, `this`, which snapshots contain. The author of a script may be unknown. So a script has no access to a clock, a
+//! file or another device, and its steps, memory and nesting are limited.
 //!
-//! The engine of scripts belongs to one thread, and a plant may move to another. So each thread compiles a script once
-//! ([`program`]), and the device itself keeps only data.
+//! The engine of scripts belongs to one thread, but a plant may move to another thread. So each thread compiles a
+//! script once ([`program`]), and the device itself only stores data.
 
 mod budget;
 mod check;
@@ -32,9 +32,9 @@ use std::path::Path;
 use std::sync::Arc;
 use twox_hash::XxHash3_64;
 
-/// File whose functions are the hooks.
+/// File with the hooks.
 const MAIN: &str = super::SCRIPT;
-/// File of a folder that is no part of the firmware.
+/// Script in a folder that is not part of the firmware.
 const EXERCISE: &str = "exercise.rhai";
 /// Most files that a script consists of.
 const MOST_FILES: usize = 16;
@@ -52,7 +52,7 @@ pub(crate) const DEFINITIONS: &str = include_str!("firmware.d.rhai");
 #[derive(Debug)]
 pub(super) struct Script {
     files: Files,
-    /// Number over all texts, by which threads find their compiled script.
+    /// Hash of all texts. A thread finds its compiled script by this number.
     id: u64,
     hooks: Hooks,
 }
@@ -93,7 +93,7 @@ impl Script {
     /// Reads the script in `dir`: `firmware.rhai` and the other scripts beside it. `None` if there is none.
     ///
     /// # Errors
-    /// A file is a link, too long, no text, or there are too many of them.
+    /// A file is a link, is too long or is not text; or there are too many files.
     pub(super) fn read(dir: &Path) -> Result<Option<Self>, FolderError> {
         let Some(main) = commram_layoutc::read_file_of_folder(dir, MAIN)? else { return Ok(None) };
         let mut files = vec![(MAIN.to_owned(), main)];
@@ -134,14 +134,14 @@ impl Script {
         Ok(())
     }
 
-    /// Names of the hooks that it has.
+    /// Names of the script's hooks.
     pub(super) fn hooks(&self) -> Vec<String> {
         let mut hooks = self.hooks;
         let has = |(name, _): &(&str, _)| hooks.flag(name).is_some_and(|flag| *flag);
         Hooks::ALL.into_iter().filter(has).map(|(name, _)| name.to_owned()).collect()
     }
 
-    /// Whether it wants to know what programs write.
+    /// True if the script has a hook for writes of programs.
     pub(super) fn watches(&self) -> bool {
         self.hooks.written
     }

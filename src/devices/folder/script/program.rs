@@ -22,17 +22,17 @@ pub(super) struct Program {
     ast: AST,
     /// Text of the main file.
     text: String,
-    /// Whether it has constants or imports outside of functions.
+    /// True if the script has constants or imports outside of functions.
     has_statements: bool,
     desk: Rc<RefCell<Desk>>,
     meter: Rc<Meter>,
 }
 
-/// What a call has left.
+/// Result of a call.
 pub(super) struct Outcome {
     /// `this` after the call.
     pub(super) state: Result<Data, Mistake>,
-    /// The device; `None` cannot happen.
+    /// The device after the call; always `Some`.
     pub(super) acting: Option<Acting>,
     /// Steps taken.
     pub(super) operations: u64,
@@ -42,7 +42,7 @@ impl Program {
     /// The script of this thread.
     ///
     /// # Errors
-    /// It is no script.
+    /// The text is not a script.
     pub(super) fn of(script: &'static Script, layout: &'static DeviceLayout) -> Result<Rc<Self>, Mistake> {
         let key = (script.id, core::ptr::from_ref(layout));
         let known = COMPILED.with_borrow(|all| {
@@ -96,7 +96,7 @@ impl Program {
         Outcome { state, acting, operations: self.meter.operations() }
     }
 
-    /// The error with a line: that of the function if the engine does not know it, as in an empty loop.
+    /// Adds a line to an error: if the engine does not know the line, as in an empty loop, the line of the function.
     fn placed(&self, mistake: Mistake, function: &str) -> Mistake {
         if mistake.line.is_some() || mistake.file != super::MAIN {
             return mistake;

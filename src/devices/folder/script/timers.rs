@@ -1,4 +1,4 @@
-//! Functions that a script has ordered for later.
+//! Functions that a script has scheduled for a later time.
 
 use super::data::Data;
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
@@ -6,14 +6,14 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 /// Most waiting functions of a device.
 pub(super) const MOST_TIMERS: usize = 64;
 
-/// A function to call.
+/// A scheduled function.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Timer {
     due: u64,
-    /// Number of the order: functions of the same time are called in this sequence.
+    /// Number of the entry. Functions with the same time are called in the order of these numbers.
     number: u64,
     pub(super) function: String,
-    /// An array.
+    /// The arguments, as an array.
     pub(super) arguments: Data,
 }
 
@@ -21,12 +21,12 @@ pub(super) struct Timer {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Timers {
     waiting: Vec<Timer>,
-    /// Orders so far.
+    /// Number of functions scheduled so far.
     orders: u64,
 }
 
 impl Timers {
-    /// Orders a function for `due`. Returns the number of the order.
+    /// Schedules a function for the time `due`. Returns the number of the entry.
     ///
     /// # Errors
     /// Too many functions wait.
@@ -39,14 +39,14 @@ impl Timers {
         Ok(self.orders)
     }
 
-    /// Forgets an order; returns false if it does not wait.
+    /// Removes an entry. Returns false if no such function waits.
     pub(super) fn cancel(&mut self, number: u64) -> bool {
         let before = self.waiting.len();
         self.waiting.retain(|timer| timer.number != number);
         self.waiting.len() < before
     }
 
-    /// Forgets all orders.
+    /// Removes all entries.
     pub(super) fn clear(&mut self) {
         self.waiting.clear();
     }
@@ -56,7 +56,7 @@ impl Timers {
         self.waiting.iter().map(|timer| timer.due).min().unwrap_or(u64::MAX)
     }
 
-    /// Takes the function that is due first, up to `now`.
+    /// Removes and returns the first function that is due at `now` or earlier.
     pub(super) fn take(&mut self, now: u64) -> Option<Timer> {
         let waiting = self.waiting.iter().enumerate().filter(|(_, timer)| timer.due <= now);
         let (index, _) = waiting.min_by_key(|(_, timer)| (timer.due, timer.number))?;

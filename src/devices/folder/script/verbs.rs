@@ -44,7 +44,7 @@ pub(super) const OF_REGISTERS: [(&str, bool); 9] = [
     ("write", true),
 ];
 
-/// Registers all verbs, which act on what lies on the desk.
+/// Registers all verbs. They act on the device on the desk.
 pub(super) fn register(engine: &mut Engine, desk: &Rc<RefCell<Desk>>) {
     let mut verbs = Verbs { engine, desk: Hands(Rc::clone(desk)) };
     verbs.registers();
@@ -53,7 +53,7 @@ pub(super) fn register(engine: &mut Engine, desk: &Rc<RefCell<Desk>>) {
     verbs.reports();
 }
 
-/// The desk as each verb has it.
+/// Access of a verb to the desk.
 #[derive(Clone)]
 struct Hands(Rc<RefCell<Desk>>);
 
@@ -95,7 +95,7 @@ struct Verbs<'a> {
 }
 
 impl Verbs<'_> {
-    /// Registers a verb, made from the desk.
+    /// Registers a verb. `make` creates its function, which acts on the desk.
     fn on<A: 'static, const N: usize, const X: bool, R: Clone + 'static, const F: bool, V>(
         &mut self,
         name: &'static str,
@@ -238,7 +238,7 @@ fn note(desk: &Hands, text: &str) -> Fallible<()> {
     })
 }
 
-/// The beginning of a text, as far as the journal keeps it.
+/// The beginning of a text, limited to the length that the journal keeps.
 fn noted(text: &str) -> String {
     text[..text.floor_char_boundary(LONGEST_NOTE)].to_owned()
 }
@@ -285,7 +285,7 @@ fn bits(found: Found, new: &Dynamic) -> Result<u32, String> {
     value::parse(&text, ty).or_else(named).map_err(|error| format!("{}: {error}", found.register))
 }
 
-/// Orders a function for later.
+/// Schedules a function for a later time.
 fn order(
     desk: &Hands,
     time: &Dynamic,

@@ -1,4 +1,4 @@
-//! Parameter numbers of the process data, and whether the drive can exchange them.
+//! Parameter numbers of the process data, and the check that the drive can exchange these parameters.
 
 use crate::devices::cansync::drive::BuiltInDrive;
 use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;

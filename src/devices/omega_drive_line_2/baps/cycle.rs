@@ -44,8 +44,8 @@ impl Cycle {
             _ => return None,
         };
         let number = (word & NUMBER) >> NUMBER.trailing_zeros();
-        // The period of a counter is its number of slices. Time slot v of a binary division comes every 2^v slices,
-        // first as slice 2^(v-1), and the communication follows one slice later (decision D-154).
+        // With a counter, the period is the given number of slices. With binary division, time slot v comes every 2^v
+        // slices, for the first time as slice 2^(v-1). The communication follows one slice later (decision D-154).
         let (period, first) = match (number, word & SLICES != 0) {
             (0, _) => return None,
             (number, false) => (u64::from(number), u64::from(number)),

@@ -15,8 +15,7 @@ use core::mem::offset_of;
 /// Cycles of the PLC program that must end before the first configuration (manual 5.00005.03a p. 63).
 const CYCLES_BEFORE: u32 = 5;
 
-/// Whether the PLC program has not reached its sixth cycle yet, as far as the program reports its cycles (decision
-/// D-313).
+/// True if the PLC program reports its cycles, and has not reached its sixth cycle yet (decision D-313).
 pub(super) fn is_too_early(asked: &Header) -> bool {
     match ProgramState::from_code(asked.program.state.load()) {
         Some(ProgramState::Initializing) => true,

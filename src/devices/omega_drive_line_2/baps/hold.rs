@@ -1,4 +1,4 @@
-//! Time at which the drive executes a task from the BAPS: at once, or later if a fault makes the drive slow or silent.
+//! Delays tasks from the BAPS: normally the drive executes a task immediately, but a fault can make it slow or silent.
 
 use serde::{Deserialize, Serialize};
 
@@ -30,8 +30,8 @@ impl Hold {
         self.until = None;
     }
 
-    /// Decides how the drive takes a command in the slice at `now`. `pace` is called when the command appears, and once
-    /// more after its wait; the argument distinguishes the two calls. A command waits only once.
+    /// Decides when the drive takes a command, in the slice at `now`. `pace` is called when the command appears, and
+    /// again after the command has waited; its argument is true in the second call. A command waits only once.
     pub(crate) fn turn(&mut self, now: u64, pace: impl FnOnce(bool) -> Pace) -> Pace {
         if let Some(until) = self.until.filter(|&until| now < until) {
             return Pace::Late((until - now) as u32);

@@ -39,9 +39,9 @@ pub struct Baps {
     process_hold: Hold,
     /// Late service data.
     service_hold: Hold,
-    /// Whether the Omega Drive-Line II's side runs; the drive runs without it.
+    /// True if the Omega Drive-Line II runs. The drive can run without it.
     is_up: bool,
-    /// The next time slice; [`Baps::NEVER`] while no program uses the BAPS.
+    /// Time of the next time slice; [`Baps::NEVER`] while no program uses the BAPS.
     next: u64,
     last: Option<u64>,
     /// Phase of the slices: their time modulo 500 us.
@@ -61,7 +61,7 @@ impl Baps {
     /// Creates the BAPS in `segment` with `drive`.
     ///
     /// # Errors
-    /// If the segment is too small.
+    /// The segment is too small.
     pub fn new(
         segment: &Segment,
         drive: BuiltInDrive,
@@ -98,7 +98,7 @@ impl Baps {
         self.service_hold.forget();
     }
 
-    /// Power-off: the drive has the same supply and stops, too.
+    /// Handles power-off. The drive has the same supply, so it stops, too.
     pub fn power_off(&mut self) {
         self.reset();
         self.drive = self.powered_on.clone();
@@ -122,7 +122,7 @@ impl Baps {
         self.next
     }
 
-    /// Whether the PLC makes a request while there are no time slices.
+    /// True if the PLC makes a request while there are no time slices.
     #[inline]
     pub fn is_called(&self) -> bool {
         self.next == Self::NEVER
@@ -141,7 +141,8 @@ impl Baps {
 
     fn wake(&mut self, now: u64) {
         self.next = self.slice_from(now);
-        // The registers have not changed while there were no slices.
+        // While there were no slices, the registers did not change. So the last slice counts as directly before this
+        // one.
         self.last = Some(self.next.saturating_sub(SLICE_US));
     }
 
@@ -207,7 +208,7 @@ impl Baps {
         }
         self.phase = (now + u64::from(self.drive.sync_offset_us())) % SLICE_US;
         if !was_synchronized {
-            // The slice at the edge itself may be over already.
+            // The slice at the time of the edge may already be over.
             let earliest = self.last.map_or(now, |last| now.max(last + 1));
             self.process.align(self.drive.next_slot(earliest));
         }
@@ -236,7 +237,7 @@ impl Baps {
         Ok(())
     }
 
-    /// Sets the speed of its motor; `None`: the motor follows the drive.
+    /// Sets the speed of the drive's motor. With `None` the motor follows the drive.
     pub(crate) fn turn_shaft(&mut self, now: u64, speed: Option<i32>) {
         self.drive.turn_shaft(speed);
         if self.next == Self::NEVER {

@@ -27,9 +27,9 @@ struct Configured {
     count: u64,
     /// Time of the next communication.
     next: u64,
-    /// A communication is pending.
+    /// True if a communication is pending.
     is_due: bool,
-    /// Whether the PLC gave a command for the last communication.
+    /// True if the PLC gave a command for the last communication.
     is_used: bool,
     /// The wrong SYNC slot (P167) that was reported to the PLC, in us.
     wrong_slot: Option<u32>,
@@ -61,7 +61,7 @@ impl Process {
     /// Creates the process data of a BAPS without a configuration.
     ///
     /// # Errors
-    /// If the segment is read-only.
+    /// The segment is read-only.
     pub(crate) fn new(segment: &Segment) -> Result<Self, MemoryError> {
         Ok(Process { face: segment.firmware_header()?, configured: None, events: 0 })
     }
@@ -80,7 +80,7 @@ impl Process {
         self.events
     }
 
-    /// The communications continue with this slot of the trigger signal, if there is such a slot.
+    /// Aligns the communications to this slot of the trigger signal, if there is such a slot.
     pub(crate) fn align(&mut self, slot: Option<u64>) {
         if let (Some(configured), Some(slot)) = (&mut self.configured, slot) {
             configured.next = slot;
@@ -92,7 +92,7 @@ impl Process {
         if let Some(configured) = &mut self.configured
             && configured.next <= now
         {
-            // Slots after an alignment to the trigger signal are skipped.
+            // After an alignment to the trigger signal, slots that were missed are skipped.
             configured.next = now + configured.cycle.communication_us();
             configured.count += 1;
             configured.is_due = true;
@@ -262,7 +262,8 @@ impl Configured {
         regler.write_element(number, VALUE_ELEMENT, format, value).is_ok()
     }
 
-    /// Values are not exchanged during their re-initialization (manual p. 109: they are not defined).
+    /// True if values must not be exchanged, because they are being re-initialized (manual p. 109: they are not defined
+    /// during this time).
     fn is_undefined(&self, changes: impl FnOnce(&Numbers) -> bool) -> bool {
         matches!(&self.re_init, ReInit::Active { numbers, .. } if changes(numbers))
     }

@@ -19,7 +19,7 @@ use crate::snapshot_fields;
 use core::mem::offset_of;
 use serde::{Deserialize, Serialize};
 
-/// A job as the PLC entered it.
+/// A job that the PLC has entered.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Job {
     code: u8,
@@ -66,7 +66,7 @@ pub(super) struct Service {
 snapshot_fields!(Service { values: phase; built: time_us });
 
 impl Service {
-    /// A job takes `time_us` of emulated time.
+    /// Creates the service data. A job takes `time_us` of emulated time.
     pub(crate) fn new(time_us: u64) -> Self {
         Service { phase: Phase::default(), time_us }
     }

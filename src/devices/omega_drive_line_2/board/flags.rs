@@ -36,13 +36,13 @@ impl Flags {
     /// Returns the flags in `segment`; its header page has their number.
     ///
     /// # Errors
-    /// If the segment is read-only.
+    /// The segment is read-only.
     pub(crate) fn new(segment: &Segment) -> Result<Self, MemoryError> {
         let bytes = segment.header()?.retain_size.load().min(RETAIN_BYTES as u32) & !3;
         Ok(Flags { segment: segment.clone(), initial: vec![0; bytes as usize].into() })
     }
 
-    /// Whether a retain flag is not 0, so NOVRAM has kept the flags.
+    /// True if a retain flag is not 0. Then NOVRAM has kept the flags.
     pub(crate) fn are_kept(&self) -> bool {
         let mut bytes = vec![0; self.initial.len()];
         self.segment.read_range(FIRST, &mut bytes).is_ok() && bytes.iter().any(|flag| *flag != 0)

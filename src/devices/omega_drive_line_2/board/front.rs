@@ -11,7 +11,7 @@ use crate::memory::{FirmwareHeader, Header};
 use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 
-/// Half the time in which the display blinks while a boot project is copied.
+/// Half the period of the blinking display while a boot project is copied.
 const BLINK_US: u64 = 500_000;
 /// The decimal point of the display.
 const POINT: u32 = 1 << 8;
@@ -26,15 +26,15 @@ pub(super) struct Front {
     up: bool,
     dip: u8,
     projects: Projects,
-    /// The board was started before: the next power-on is not the first one.
+    /// True if the board was started before, so that the next power-on is not the first.
     is_used: bool,
-    /// The program was ordered to stop while the switch was at RUN.
+    /// True if the program was stopped by a request while the switch was at RUN.
     halted: bool,
     /// The PLC program may run.
     released: bool,
-    /// A cold or warm start was ordered since the last query.
+    /// True if a cold or warm start was requested since the last query.
     started: bool,
-    /// A start or stop was ordered since the last query.
+    /// True if a start or stop was requested since the last query.
     ordered: bool,
     flags: Flags,
 }
@@ -116,7 +116,7 @@ impl Front {
         }
         // At the first power-on the state of the plant file applies.
         if core::mem::replace(&mut self.is_used, true) {
-            // A process may have joined or left meanwhile.
+            // A process with a program may have joined or left while the board was off.
             self.read(face);
             let reported_state = ProgramState::from_code(self.seen.program).unwrap_or(self.program);
             self.note_program(face, reported_state);
@@ -180,7 +180,7 @@ impl Front {
         change
     }
 
-    /// Program and switch: starts and stops the program, shows its state.
+    /// Starts and stops the program according to the switch, and shows the program's state.
     fn see(&mut self, ctx: &mut Context, face: &FirmwareHeader) {
         self.read(face);
         let reported_state = ProgramState::from_code(self.seen.program).unwrap_or(self.program);
@@ -218,7 +218,7 @@ impl Front {
         face.project.store(self.projects.loaded().code());
     }
 
-    /// Another project is loaded, or none: the PLC's program stops.
+    /// Called when another project was loaded, or the project was deleted: the PLC's program stops.
     fn show_project(&mut self, face: &FirmwareHeader) {
         let loaded = self.projects.loaded();
         if loaded == Project::None {
@@ -276,7 +276,7 @@ impl Front {
         report(ctx, BoardEvent::Start { kind });
     }
 
-    /// Initial values that a client gives the retain flags.
+    /// Handles the request of a client to set initial values of retain flags.
     pub(crate) fn look_at_flags(&mut self, face: &FirmwareHeader) {
         self.flags.look(&face.requested().initial_flag, &face.initial_flag);
     }

@@ -1,8 +1,8 @@
 //! The board around the communication RAM: interrupt events, timers, triggers, front and power (manual
 //! 5.00005.03a p. 38-60).
 //!
-//! The board uses the header page of the image: the function blocks `INTR_SET` and `OPT_INIT` are calls into the
-//! device's firmware, not registers, so a soft-PLC writes their inputs there (decision D-180).
+//! The board uses the header page of the image. On the device the function blocks `INTR_SET` and `OPT_INIT` call the
+//! firmware and have no registers. So a soft-PLC writes their inputs to the header page (decision D-180).
 
 use crate::snapshot_fields;
 
@@ -34,7 +34,7 @@ pub struct Board {
     timers: Timers,
     triggers: Triggers,
     front: Front,
-    /// [`board_requests`](crate::memory::Header::board_requests) as last seen.
+    /// Value of [`board_requests`](crate::memory::Header::board_requests) at the last poll.
     requests: u32,
     /// Period of the SYNC signal of a simulated option card, in us.
     option_sync_us: Option<u32>,
@@ -47,7 +47,7 @@ impl Board {
     /// `option_sync_us` is the period of the SYNC signal of an option card, if there is one.
     ///
     /// # Errors
-    /// If the segment is read-only.
+    /// The segment is read-only.
     pub fn new(
         segment: &Segment,
         option_sync_us: Option<u32>,
@@ -94,7 +94,7 @@ impl Board {
         self.front.is_up()
     }
 
-    /// Whether there is supply, with or without RESET.
+    /// True if the board has supply, with or without RESET.
     pub fn has_supply(&self) -> bool {
         self.front.has_supply()
     }
@@ -133,7 +133,7 @@ impl Board {
         let asked = requests != self.requests;
         self.requests = requests;
         if asked && self.is_up() {
-            // This precedes a start, which needs both.
+            // Initial values and projects come before a start, which needs both.
             self.front.look_at_flags(&self.face);
             self.front.look_at_project_request(ctx, &self.face);
         }

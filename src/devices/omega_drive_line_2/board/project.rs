@@ -18,16 +18,16 @@ enum Flash {
 pub(super) struct Projects {
     loaded: Project,
     flash: Flash,
-    /// The next start is a cold one, because the loaded project is new.
+    /// True if the next start must be a cold start, because the loaded project is new.
     cold: bool,
-    /// Same as `cold` for the boot project.
+    /// As `cold`, for the boot project.
     boot_cold: bool,
-    /// A project that was only sent has been lost.
+    /// True if a sent project (not a boot project) was lost.
     lost: bool,
 }
 
 impl Projects {
-    /// At the first power-on.
+    /// The projects at the first power-on.
     pub(crate) fn new(loaded: Project) -> Self {
         let flash = if loaded == Project::Boot { Flash::Boot } else { Flash::Empty };
         Projects { loaded, flash, cold: true, boot_cold: true, lost: false }
@@ -38,17 +38,18 @@ impl Projects {
         self.loaded
     }
 
-    /// Whether the next start is a cold one.
+    /// True if the next start must be a cold start.
     pub(crate) fn starts_cold(&self) -> bool {
         self.cold
     }
 
-    /// A project that was only sent has been lost; its client may still report states until another project is loaded.
+    /// True if a sent project (not a boot project) was lost. Its client may still report states until another project
+    /// is loaded.
     pub(crate) fn is_lost(&self) -> bool {
         self.lost
     }
 
-    /// NOVRAM has kept the retain flags of the boot project.
+    /// Called if NOVRAM has kept the retain flags of the boot project.
     pub(crate) fn retain_was_kept(&mut self) {
         self.boot_cold = false;
         self.cold = self.loaded == Project::Sent;
@@ -78,7 +79,7 @@ impl Projects {
         (self.loaded, self.lost) = (Project::Boot, false);
     }
 
-    /// The process has withdrawn its program: the next project is a new one in any case.
+    /// Called when the process has withdrawn its program. The next project is always a new one.
     pub(crate) fn taken_back(&mut self) {
         if self.flash == Flash::OfProcess {
             self.flash = Flash::Empty;

@@ -1,4 +1,5 @@
-//! Triggers: the source of each unit's pulses, and `OPT_INIT` (manual 5.00005.03a p. 56-59).
+//! Triggers: the connections from sources of pulses to the units that are triggered, and `OPT_INIT` (manual 5.00005.03a
+//! p. 56-59).
 
 use super::timers::{Timer, Timers};
 use crate::memory::header::{OptInit, OptInitResult, TRIGGERS, TimerSetup, Trigger};
@@ -25,14 +26,14 @@ pub(super) struct Triggers {
     routes: [Option<Source>; TRIGGERS],
     /// `OPT_INIT` has been run.
     routed: bool,
-    /// `OPT_INIT` must not run again in this start of the program.
+    /// True if `OPT_INIT` must not run again in this start of the program.
     closed: bool,
     /// The trigger controller was pulsed.
     pub controller_pulsed: bool,
 }
 
 impl Triggers {
-    /// A pulse of `source`.
+    /// Passes a pulse of `source` to the units that are connected to it.
     #[inline]
     pub(crate) fn pulse(&mut self, header: &Header, source: Source, now: u64) {
         if !self.routed {
@@ -93,8 +94,8 @@ impl Triggers {
     }
 }
 
-/// Mode of trigger 1 and 2 (manual p. 58). 0 is the value of an open input: nothing is connected. Outer `None`:
-/// reserved.
+/// Decodes the mode of trigger 1 or 2 (manual p. 58). 0 is the value of an open input: no source is connected. The
+/// outer `None` means a reserved mode.
 fn option_mode(mode: u32) -> Option<Option<Source>> {
     match mode {
         0 | 6 => Some(None),
@@ -105,7 +106,7 @@ fn option_mode(mode: u32) -> Option<Option<Source>> {
     }
 }
 
-/// Mode of the trigger controller (manual p. 58). Outer `None`: reserved.
+/// Decodes the mode of the trigger controller (manual p. 58). The outer `None` means a reserved mode.
 fn controller_mode(mode: u32) -> Option<Option<Source>> {
     match mode {
         0 => Some(Some(Source::SyncOption)),
@@ -116,8 +117,8 @@ fn controller_mode(mode: u32) -> Option<Option<Source>> {
     }
 }
 
-/// Period of a board timer in ticks of 5 MHz, (divider + 1) x 2 (manual p. 50, 58); inner `None`: not started.
-/// Outer `None`: refused.
+/// Period of a board timer in ticks of 5 MHz, (divider + 1) x 2 (manual p. 50, 58). The inner `None` means that the
+/// timer is not started. The outer `None` means that the inputs are refused.
 fn period(setup: &TimerSetup) -> Option<Option<u64>> {
     let divider = setup.divider.load();
     match (setup.enable.load(), setup.cfg_mode.load()) {

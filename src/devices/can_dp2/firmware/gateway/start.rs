@@ -8,7 +8,8 @@ use crate::devices::can_dp2::registers::values::can_state;
 use crate::devices::canopen::nmt::Command;
 
 impl Gateway {
-    /// Sets a SYNC time by command 20; the time counts from now on (p. 42, 44). Layer 2 ignores it (p. 29; D-720).
+    /// Sets the SYNC time by command 20. The time runs from now on (p. 42, 44). A gateway in layer 2 ignores the
+    /// command (p. 29; D-720).
     pub(super) fn set_sync_time(&mut self, time: u16) {
         let is_canopen = self.setup.as_ref().is_some_and(|setup| setup.parameters.role() != Role::Layer2);
         if is_canopen && self.registers.set_sync_time(time) {
@@ -16,7 +17,8 @@ impl Gateway {
         }
     }
 
-    /// Sets the SYNC time of a window's comment. A configuration already in force sets it, too: the last entry counts (p. 30, 44).
+    /// Sets the SYNC time from the comment of a window. If the master sends a configuration again that is already in
+    /// force, this also sets the time, because the last entry is valid (p. 30, 44).
     pub(in crate::devices::can_dp2) fn set_sync_time_of_comment(&mut self, time: u16) {
         if self.registers.stored.stored_sync_time.load() != time {
             self.set_sync_time(time);

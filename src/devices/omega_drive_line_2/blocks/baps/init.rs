@@ -22,8 +22,8 @@ macro_rules! block {
             /// Configures the parameters and the cycle time of the process data exchange in the drive (manual p.
             /// 86-92).
             ///
-            /// Call it until `x_OK` or `x_ERR` is TRUE. With `us_MODE` 2, each call only writes the new numbers for
-            /// [`BAPS_PD_COMM24`](super::BAPS_PD_COMM24) and leaves `x_OK` and `x_ERR` unchanged.
+            /// The program must call the block until `x_OK` or `x_ERR` is TRUE. With `us_MODE` 2, each call only writes
+            /// the new numbers for [`BAPS_PD_COMM24`](super::BAPS_PD_COMM24) and leaves `x_OK` and `x_ERR` unchanged.
             pub struct BAPS_INIT(_BASE: Base<BAPS_CTRL_BMSTRUCT>) {
                 in {
                     /// 0: Omega Drive-Line II; with any other value the block does nothing.
@@ -32,7 +32,8 @@ macro_rules! block {
                     i_EVENT: i16;
                     /// Transmission method and cycle time, see `docs/devices/omega-drive-line-2/baps.md`.
                     w_COMMAND_REG: u16;
-                    /// 0: first initialization, 1: with stopped process data, 2: while they run.
+                    /// 0: first initialization; 1: initialization while process data are stopped; 2: initialization
+                    /// while process data run.
                     us_MODE: u8;
                     $(
                         #[doc = concat!("Parameter number of reference value ", $index, "; 0: none.")]

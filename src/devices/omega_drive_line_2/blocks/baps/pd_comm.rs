@@ -40,8 +40,8 @@ macro_rules! block {
             #[doc = concat!("Exchanges control word, status word and up to ", $count, " reference and actual values")]
             #[doc = concat!("with the drive (manual p. ", $page, ").")]
             ///
-            /// A call reads the values of the last communication and writes the values for the next one; the next
-            /// call shows its acknowledgement.
+            /// A call reads the values of the last communication and writes the values for the next communication. The
+            /// next call then shows the acknowledgement.
             pub struct $name(_BASE: Base<BAPS_CTRL_BMSTRUCT>) {
                 in {
                     /// 0: Omega Drive-Line II; with any other value the block does nothing.

@@ -5,8 +5,8 @@ use crate::plc::{Base, Watch, function_block};
 use core::time::Duration;
 
 function_block! {
-    /// Watches that a `BAPS_PD_COMMxx` is called, with or without success (manual p. 117). Belongs to another
-    /// task.
+    /// Checks that a `BAPS_PD_COMMxx` is called regularly, with or without success (manual p. 117). Must be called in
+    /// another task than that block.
     pub struct BAPS_PD_CONTROL(_BASE: Base<BAPS_CTRL_BMSTRUCT>) {
         in {
             /// Resets the block.

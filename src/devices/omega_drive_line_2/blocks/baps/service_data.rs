@@ -1,8 +1,8 @@
 //! Types that `BAPS_PAR_READ`, `BAPS_PAR_WRITE` and `BAPS_SD_CONTROL` share: there is at most one job at a
 //! time.
 
-/// Variable that connects the blocks of the service data (manual p. 94, 97, 119). Its content is the blocks'
-/// own (decision D-215).
+/// Variable through which the blocks of the service data exchange data (manual p. 94, 97, 119). Only these blocks use
+/// its content (decision D-215).
 #[derive(Clone, Debug, Default)]
 pub struct BAPS_BMSTRUCT {
     pub(super) stage: Stage,
@@ -63,9 +63,9 @@ enum Phase {
     Idle,
     /// The job of another block is in progress.
     Waiting,
-    /// The job with this ticket is.
+    /// The job with this ticket is in progress.
     Running(u32),
-    /// Ends when `x_EN` falls.
+    /// The job has ended; waits until `x_EN` falls.
     Done,
     /// Cancelled or disturbed: only `x_RESET` helps.
     Locked,
