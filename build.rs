@@ -14,8 +14,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// Compiles each directory below `layouts/` by the file that it has. The result is a file of the directory's name, with
-/// `-` replaced by `_`.
+/// Compiles each directory below `layouts/`. The file in the directory decides how it is compiled. The result is a file
+/// with the name of the directory, with `_` for `-`.
 fn generate() -> Result<(), String> {
     let out_dir = PathBuf::from(std::env::var_os("OUT_DIR").ok_or("OUT_DIR is not set")?);
     let mut directories = Vec::new();

@@ -1,12 +1,12 @@
-//! Times of many participants in a tournament tree, which finds the next event without a search over all participants.
+//! The next times of many participants. A tournament tree finds the next event without a search over all participants.
 
-/// No event.
+/// Time of a participant without an event.
 pub(crate) const NEVER: u64 = u64::MAX;
 
-/// Times of several participants: a tree in which each node has the earlier time of its two children, with the first
-/// node after the root at 1.
+/// Times of several participants, as a tree. Each node has the earlier time of its two children. The root is at index
+/// 1.
 pub(crate) struct DueQueue {
-    /// Leaves; a power of two.
+    /// Number of leaves; a power of two.
     size: usize,
     times: Vec<u64>,
 }
@@ -70,7 +70,7 @@ impl DueQueue {
         // A search over all participants starts at the root.
         let mut node = if from == 0 { 1 } else { self.size + from };
         while self.times[node] > now {
-            // The next tree to the right; after the last one there is none.
+            // Goes to the next subtree on the right. After the last subtree, the search ends.
             while node & 1 == 1 {
                 node /= 2;
             }

@@ -1,7 +1,7 @@
 //! Identities in a plant: indices of devices and buses.
 //!
-//! In files and on wires an identity is its plain number. `plc` in journals, plant files, JSON and the channel is a
-//! [`DeviceIndex`], `bus` a [`BusIndex`].
+//! Files and messages contain an identity as a plain number. In journals, plant files, JSON and the channel, `plc` is a
+//! [`DeviceIndex`] and `bus` is a [`BusIndex`].
 
 use core::fmt;
 
@@ -22,7 +22,7 @@ macro_rules! indices {
                 $name(position as $number)
             }
 
-            /// Position in lists with one element for each identity.
+            /// Position of this identity's element in lists with one element for each identity.
             #[inline]
             #[must_use]
             pub const fn index(self) -> usize {
@@ -49,10 +49,10 @@ macro_rules! indices {
 }
 
 indices! {
-    /// A device of a plant, by its place in the plant file, from 0.
+    /// A device of a plant. Devices are numbered from 0 in the order of the plant file.
     DeviceIndex: u16;
-    /// A bus of a plant, by its place in the plant file, from 0. A plant file has fewer than 65,536 buses. Placeholders for
-    /// ports without a bus follow, so the index has more than 16 bits.
+    /// A bus of a plant. Buses are numbered from 0 in the order of the plant file, which has fewer than 65,536 buses.
+    /// Placeholders for ports without a bus have the next numbers, so the index has more than 16 bits.
     BusIndex: u32;
 }
 
@@ -64,7 +64,7 @@ impl BusIndex {
         BusIndex(number as u32)
     }
 
-    /// Its number in journals, in faults and on the wire. Placeholders are not named there.
+    /// Number of the bus in journals, in faults and on the wire. Placeholders do not occur there.
     #[inline]
     #[must_use]
     pub const fn number(self) -> u16 {

@@ -1,8 +1,8 @@
 //! Input files of users: plants, scenarios, dumps, logs.
 //!
-//! A name can refer to any kind of file. Data from a device such as `/dev/zero` never end, and data from a pipe without
-//! a writer never begin; the emulator waits for neither. Pipes with a writer, such as a shell's `<(...)`, are read like
-//! files.
+//! A name can refer to any kind of file. The emulator must not read a device such as `/dev/zero`, because the data
+//! never end, and must not wait for a pipe without a writer, because the data never begin. Pipes with a writer, such as
+//! a shell's `<(...)`, are read like files.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Error, ErrorKind, Read, Result};
@@ -10,34 +10,37 @@ use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::Path;
 use std::sync::OnceLock;
 
-/// Maximum length of a dump or log, in bytes: frames of five minutes on a CAN bus without idle time.
+/// Maximum length of a dump or log, in bytes. A log of this length contains the frames of five minutes on a CAN bus
+/// without idle time.
 pub const LONGEST: u64 = 64 << 20;
 /// Maximum length of a plant. Sufficient for a plant of 1,000 PLCs with 32 drives each.
 pub const LONGEST_PLANT: u64 = 8 << 20;
-/// Maximum length of a script; each import counts separately. All of it is compiled before its first line runs, and the
-/// compiler compares the names of a map or the cases of a `switch` pair by pair.
+/// Maximum length of a script in bytes; each import counts separately. The whole script is compiled before its first
+/// line runs. A long script would take long, because the compiler compares each pair of names in a map or of cases in a
+/// `switch`.
 pub const LONGEST_SCRIPT: u64 = 64 << 10;
 
-/// The text of a file or pipe.
+/// Reads the text of a file or pipe.
 ///
 /// # Errors
-/// The file cannot be read, is neither file nor pipe, is longer than `longest` bytes, or is not UTF-8.
+/// If the file cannot be read, is neither file nor pipe, is longer than `longest` bytes, or is not UTF-8.
 pub fn read(path: &Path, longest: u64) -> Result<String> {
     text(read_bytes(path, longest)?)
 }
 
-/// These bytes as text.
+/// Converts bytes to text.
 ///
 /// # Errors
-/// The bytes are not UTF-8.
+/// If the bytes are not UTF-8.
 pub fn text(bytes: Vec<u8>) -> Result<String> {
     String::from_utf8(bytes).map_err(|_| Error::new(ErrorKind::InvalidData, "it is no text in UTF-8"))
 }
 
-/// Reads the contents of a file or pipe. `-` is the standard input; its bytes are kept for later calls.
+/// Reads the contents of a file or pipe. `-` means the standard input. Its bytes are kept, so that later calls return
+/// them again.
 ///
 /// # Errors
-/// The file cannot be read, is neither file nor pipe, or is longer than `longest` bytes.
+/// If the file cannot be read, is neither file nor pipe, or is longer than `longest` bytes.
 pub fn read_bytes(path: &Path, longest: u64) -> Result<Vec<u8>> {
     static STANDARD: OnceLock<Vec<u8>> = OnceLock::new();
     if is_standard(path)
@@ -52,7 +55,7 @@ pub fn read_bytes(path: &Path, longest: u64) -> Result<Vec<u8>> {
     bytes.ok_or_else(|| too_long(format!("it is longer than {}, the limit of such files", size(longest))))
 }
 
-/// A number of bytes in the largest unit that it has no fraction of.
+/// Formats a number of bytes in the largest unit that needs no fraction.
 fn size(bytes: u64) -> String {
     match bytes {
         0 => "0 bytes".to_owned(),
@@ -62,7 +65,7 @@ fn size(bytes: u64) -> String {
     }
 }
 
-/// True for the name `-`: the standard input, or the standard output of an output file.
+/// True for the name `-`. It means the standard input, or for output files the standard output.
 pub(crate) fn is_standard(path: &Path) -> bool {
     path.as_os_str() == "-"
 }
@@ -70,7 +73,7 @@ pub(crate) fn is_standard(path: &Path) -> bool {
 /// Reads the contents of a regular file of any format.
 ///
 /// # Errors
-/// The file cannot be read, is not a regular file, or is longer than `longest` bytes.
+/// If the file cannot be read, is not a regular file, or is longer than `longest` bytes.
 #[cfg(feature = "cli")]
 pub(crate) fn read_regular(path: &Path, longest: u64) -> Result<Vec<u8>> {
     let file = open_without_waiting(path)?;
@@ -83,7 +86,7 @@ pub(crate) fn read_regular(path: &Path, longest: u64) -> Result<Vec<u8>> {
     bytes.ok_or_else(|| too_long(format!("it has more than {longest} bytes")))
 }
 
-/// Reads everything; `None` if it is longer than `longest` bytes.
+/// Reads all data; `None` if there are more than `longest` bytes.
 pub(crate) fn read_up_to(longest: u64, file: impl Read) -> Result<Option<Vec<u8>>> {
     let mut bytes = Vec::new();
     file.take(longest + 1).read_to_end(&mut bytes)?;
@@ -94,10 +97,10 @@ fn too_long(text: String) -> Error {
     Error::new(ErrorKind::FileTooLarge, text)
 }
 
-/// Opens anything for reading. A pipe without a writer is at its end.
+/// Opens any kind of file for reading. A pipe without a writer appears as empty.
 ///
 /// # Errors
-/// The file cannot be opened.
+/// If the file cannot be opened.
 pub(crate) fn open_without_waiting(path: &Path) -> Result<File> {
     // Without O_NONBLOCK, opening a pipe waits for a writer.
     let flags = (rustix::fs::OFlags::NONBLOCK | rustix::fs::OFlags::NOCTTY).bits();

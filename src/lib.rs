@@ -32,11 +32,11 @@
 //! | [`time`] | emulated times as text |
 //! | [`input_file`] | input files of users |
 //!
-//! `layout` and `memory` are always available; the others are cargo features: `channel`, `script` and `export` with the
-//! module of their name, `plc` with the function blocks, `emulator` with the emulation of the registers, `cli` with the
-//! program. All are on unless a soft-PLC sets `default-features = false, features = ["plc"]`.
+//! The modules `layout` and `memory` are always available. Cargo features add the others: `channel`, `script` and
+//! `export` add the modules of these names, `plc` adds the function blocks, `emulator` the emulation of the registers,
+//! `cli` the program. All features are on by default. A soft-PLC sets `default-features = false, features = ["plc"]`.
 //!
-//! In a test, without any file or process:
+//! Example of a test, which needs no file and no other process:
 //!
 //! ```
 //! use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE2};
@@ -54,7 +54,7 @@
 //! # }
 //! ```
 
-// Generated register maps use paths that are valid in this crate and in others.
+// Generated register maps refer to `commram`, so that they are valid in this crate and in others.
 extern crate self as commram;
 
 #[cfg(feature = "emulator")]
@@ -141,20 +141,21 @@ struct CanDp2Blocks;
 #[doc = include_str!("../docs/reference/scenarios.md")]
 struct Scenarios;
 
-/// Settings of the library's property tests: earlier failures are kept below `tests/`, instead of beside `src/`.
+/// Settings of the library's property tests. Earlier failures are kept below `tests/`, and not beside `src/`.
 #[cfg(test)]
 fn property_tests() -> proptest::test_runner::Config {
     use proptest::test_runner::{Config, FailurePersistence, FileFailurePersistence};
     let mut config = Config::default();
-    // No persistence if the environment disables it.
+    // There is no persistence if the environment disables it.
     config.failure_persistence = config.failure_persistence.map(|_| -> Box<dyn FailurePersistence> {
         Box::new(FileFailurePersistence::SourceParallel("tests/proptest-regressions/src"))
     });
     config
 }
 
-/// A fuzz target: it receives the files that are kept for its name in `tests/__fuzz__`, and some random bytes. In a
-/// build for libFuzzer (`tools/nightly fuzz`) it receives variations of the kept files, without an end.
+/// Runs a fuzz target. In a test, `target` receives the files that are kept for its name in `tests/__fuzz__`, and some
+/// random bytes. In a build for libFuzzer (`tools/nightly fuzz`), it receives variations of the kept files until the
+/// user stops it.
 #[cfg(all(test, feature = "emulator"))]
 fn fuzz(name: &str, target: impl Fn(&[u8]) + core::panic::RefUnwindSafe) {
     let location = bolero::TargetLocation {
@@ -170,8 +171,8 @@ fn fuzz(name: &str, target: impl Fn(&[u8]) + core::panic::RefUnwindSafe) {
     bolero::test(location).with_iterations(50).for_each(target);
 }
 
-/// Compares the table below `head` in a page of the documentation with `table`, which begins with `head`. If the
-/// environment variable `update` has any value, writes it there.
+/// Compares `table` with the table that begins with `head` in a page of the documentation. If the environment variable
+/// called `update` has any value, replaces the table in the page.
 #[cfg(all(test, feature = "emulator"))]
 fn check_table_of_page(page: &str, head: &str, table: &str, update: &str) {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(page);

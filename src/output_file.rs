@@ -1,6 +1,7 @@
-//! Output files for users: exports, reports, pictures, snapshots. The previous file of the same name stays until all of
-//! the new content is written, so no reader finds half a file, and a full disk does not destroy the old one. A process
-//! killed meanwhile leaves the new file; the next write of the same file removes it.
+//! Output files for users: exports, reports, pictures, snapshots. The new content is first written to a file beside the
+//! previous file, which it then replaces. So a reader never finds an incomplete file, and a full disk does not destroy
+//! the previous file. If a process is killed before the replacement, the new file remains under its temporary name; the
+//! next write of the same output file removes it.
 
 use crate::input_file;
 use std::ffi::OsStr;
@@ -9,16 +10,16 @@ use std::io::{ErrorKind, Result, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
-/// Maximum number of names to try: killed processes may have left files with the names that this process would use.
+/// Maximum number of temporary names to try. Killed processes may have left files with the same names.
 const TRIES: u32 = 16;
-/// Maximum number of links in a chain.
+/// Maximum number of symbolic links in a chain.
 const MOST_LINKS: u32 = 40;
 
-/// Writes like a shell's `>`, and to the standard output for the name `-`: follows links, and writes to pipes and
-/// devices. A file keeps its permissions.
+/// Writes like a shell's `>`: follows links, and writes also to pipes and devices. For the name `-`, writes to the
+/// standard output. A file keeps its permissions.
 ///
 /// # Errors
-/// The file cannot be written; then its contents are unchanged, unless no new file could be created beside it.
+/// If the file cannot be written. Its contents are then unchanged, unless no new file could be created beside it.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     if input_file::is_standard(path) {
         let mut out = std::io::stdout().lock();
@@ -27,11 +28,11 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     Prepared::new(path, bytes)?.finish()
 }
 
-/// Writes several files that belong together, each as [`write()`]. All of them are written beside the existing files
-/// before the first of these is replaced, so a full disk changes none of them.
+/// Writes several files that belong together, each like [`write()`]. All new files are complete before the first
+/// existing file is replaced, so a full disk changes none of the existing files.
 ///
 /// # Errors
-/// The file that cannot be written.
+/// The error names the file that cannot be written.
 pub(crate) fn write_together<'a>(
     files: impl IntoIterator<Item = (&'a Path, &'a str)>,
 ) -> std::result::Result<(), (PathBuf, std::io::Error)> {
@@ -51,13 +52,14 @@ pub(crate) fn write_together<'a>(
 /// Writes a file that does not exist yet, without following links.
 ///
 /// # Errors
-/// [`ErrorKind::AlreadyExists`], or the file cannot be written; then it does not exist.
+/// [`ErrorKind::AlreadyExists`], or another error if the file cannot be written. The file then does not exist.
 pub(crate) fn write_new(path: &Path, bytes: &[u8]) -> Result<()> {
     if path.symlink_metadata().is_ok() {
         return Err(ErrorKind::AlreadyExists.into());
     }
     let begun = begin(path, bytes, None)?;
-    // `rename` would replace a file that was created meanwhile. File systems without hard links refuse `link`.
+    // `rename` would replace a file that another process has created in the meantime, so a hard link is used first.
+    // File systems without hard links refuse it.
     match fs::hard_link(&begun.0, path) {
         Err(reason) if reason.kind() != ErrorKind::AlreadyExists => {
             let flags = rustix::fs::RenameFlags::NOREPLACE;
@@ -68,11 +70,11 @@ pub(crate) fn write_new(path: &Path, bytes: &[u8]) -> Result<()> {
     Ok(())
 }
 
-/// A file and its new content, which is written beside it first.
+/// A file and its new content.
 struct Prepared<'a> {
     path: &'a Path,
     bytes: &'a [u8],
-    /// The new file and the file that it will replace; none if only the file itself may be changed.
+    /// The new file and the file that it will replace; `None` if the existing file must be overwritten.
     begun: Option<(Unfinished, PathBuf)>,
 }
 
@@ -82,7 +84,7 @@ impl<'a> Prepared<'a> {
         let is_file = before.as_ref().map_or(true, Metadata::is_file);
         let begun = match end_of_links(path).filter(|_| is_file) {
             None if is_file => {
-                // Without a place for a new file, only an existing file can be written.
+                // Checks that the file exists and can be written, because no new file can be created here.
                 fs::OpenOptions::new().write(true).open(path)?;
                 None
             }
@@ -105,8 +107,8 @@ impl<'a> Prepared<'a> {
     }
 }
 
-/// Whether no new file can be created beside a file or replace it, for example in a directory of another user, or if
-/// the file is mounted.
+/// True for errors which mean that a file can only be overwritten: no new file can be created beside it or replace it,
+/// for example in a directory of another user, or if the file is mounted.
 fn is_only_in_place(reason: &std::io::Error) -> bool {
     matches!(
         reason.kind(),
@@ -117,24 +119,24 @@ fn is_only_in_place(reason: &std::io::Error) -> bool {
 /// Replaces the file of this name with a new file, without following links.
 ///
 /// # Errors
-/// The file cannot be written; then its contents are unchanged.
+/// If the file cannot be written. Its contents are then unchanged.
 #[cfg(feature = "studio")]
 pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     fs::rename(&begin(path, bytes, None)?.0, path)
 }
 
-/// The name of a new file, which is removed when this value is dropped, unless it was renamed. The open file holds a
-/// lock; a file without a lock was left by a killed process.
+/// The temporary name of a new file. If the file was not renamed, it is removed when this value is dropped. The open
+/// file holds a lock, which distinguishes it from files that killed processes have left.
 struct Unfinished(PathBuf, #[expect(dead_code, reason = "holds the lock")] File);
 
 impl Drop for Unfinished {
     fn drop(&mut self) {
-        // An incomplete file is of no use.
+        // After an error, nothing else can be done about the incomplete file.
         let _ = fs::remove_file(&self.0);
     }
 }
 
-/// Writes a new file beside this one, with the permissions of an existing file.
+/// Writes a new file beside `path`, with the permissions of an existing file.
 fn begin(path: &Path, bytes: &[u8], like: Option<&Metadata>) -> Result<Unfinished> {
     remove_leftovers(path);
     let (mut file, begun) = create_beside(path)?;
@@ -144,8 +146,8 @@ fn begin(path: &Path, bytes: &[u8], like: Option<&Metadata>) -> Result<Unfinishe
     Ok(unfinished)
 }
 
-/// Removes files that killed processes have left when they wrote this file. Errors are ignored: the file can be written
-/// beside such files.
+/// Removes files that killed processes have left when they wrote `path`. Errors are ignored, because such files do not
+/// prevent writing.
 fn remove_leftovers(path: &Path) {
     let Some(directory) = path.parent() else { return };
     let directory = if directory.as_os_str().is_empty() { Path::new(".") } else { directory };
@@ -165,7 +167,7 @@ fn is_part_of(path: &Path, name: &OsStr) -> bool {
     numbers.is_some_and(|(process, tried)| process.parse::<u32>().is_ok() && tried.parse::<u32>().is_ok())
 }
 
-/// Removes a file that no process is writing: its writer holds a lock.
+/// Removes a temporary file if no process is writing it. A process that writes it holds a lock.
 fn remove_if_left(path: &Path) -> Result<()> {
     use rustix::fs::OFlags;
     let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK;
@@ -178,7 +180,7 @@ fn remove_if_left(path: &Path) -> Result<()> {
     fs::remove_file(path)
 }
 
-/// Creates a new file beside this one.
+/// Creates a new file beside `path`, and returns its name.
 fn create_beside(path: &Path) -> Result<(File, PathBuf)> {
     let mut tried = 0;
     loop {
@@ -186,7 +188,7 @@ fn create_beside(path: &Path) -> Result<(File, PathBuf)> {
         name.push(format!(".{}-{tried}.part", std::process::id()));
         let begun = path.with_file_name(name);
         match File::create_new(&begun) {
-            // In a container every process may have the same process id.
+            // Processes in different containers can have the same process id, and so the same name for the file.
             Err(reason) if reason.kind() == ErrorKind::AlreadyExists && tried < TRIES => {}
             // Another process may have removed the file as a leftover before it was locked.
             Ok(file) if !is_kept(&file) && tried < TRIES => {}
@@ -196,7 +198,8 @@ fn create_beside(path: &Path) -> Result<(File, PathBuf)> {
     }
 }
 
-/// Locks a new file, and returns whether it still has its name. On a file system without locks no file is removed.
+/// Locks a new file, and returns true if the file still has its name. On a file system without locks this is always so,
+/// because no process removes leftovers there.
 fn is_kept(file: &File) -> bool {
     match file.try_lock() {
         Err(TryLockError::WouldBlock) => false,
@@ -205,7 +208,8 @@ fn is_kept(file: &File) -> bool {
     }
 }
 
-/// True if writing one of the files with [`write()`] would replace the other. Pipes and devices accept both outputs.
+/// True if [`write()`] to one of the names would replace the file that the other name means. This is false for pipes
+/// and devices, which accept both outputs.
 #[cfg(feature = "cli")]
 pub(crate) fn is_same(one: &Path, other: &Path) -> bool {
     let is_file = |path| fs::metadata(path).map_or(true, |it| it.is_file());
@@ -217,8 +221,8 @@ pub(crate) fn is_same(one: &Path, other: &Path) -> bool {
         }
 }
 
-/// Returns the real path of a file of this name, existing or not; none if the name is an open file of a process, such
-/// as `/dev/stdout`, which other processes may have open, too.
+/// Returns the path of the file to which the links lead; the file need not exist. `None` if the name means an open file
+/// of a process, such as `/dev/stdout`, because other processes may have it open too.
 fn end_of_links(path: &Path) -> Option<PathBuf> {
     let mut path = path.to_owned();
     for _ in 0..MOST_LINKS {

@@ -1,7 +1,8 @@
 //! Plots: registers over emulated time, as SVG or PNG.
 //!
-//! There is a [`Row`] for each register, one below the other, over the SYNC edges. The plot uses only data of the
-//! journal: the line of a register begins with the first known value, and keeps each value until the next one.
+//! A plot has a [`Row`] for each register. The rows are one below the other, with vertical lines at the SYNC edges. The
+//! plot uses only data of the journal: the line of a register begins with the first known value, and keeps each value
+//! until the next one.
 
 mod draw;
 mod render;
@@ -16,7 +17,7 @@ pub struct Plot {
     pub from_us: u64,
     /// End of the plot, later than `from_us`.
     pub to_us: u64,
-    /// SYNC edges in it, ascending.
+    /// Times of the SYNC edges in the plot, ascending.
     pub edges: Vec<u64>,
     /// The registers.
     pub rows: Vec<Row>,
@@ -25,7 +26,7 @@ pub struct Plot {
 }
 
 impl Plot {
-    /// Creates a plot of these rows; only visible values and edges are kept.
+    /// Creates a plot of these rows. Values and edges outside the plot are dropped.
     pub fn new(from_us: u64, to_us: u64, mut edges: Vec<u64>, mut rows: Vec<Row>) -> Self {
         let to_us = to_us.max(from_us.saturating_add(1));
         rows.iter_mut().for_each(|row| row.cut(from_us, to_us, &edges));
@@ -33,7 +34,7 @@ impl Plot {
         Self { from_us, to_us, edges, rows, sections: Vec::new() }
     }
 
-    /// Returns the same plot with marks at the sections that begin in it.
+    /// Adds marks for the sections that begin in the plot.
     #[must_use]
     pub fn with_sections(mut self, sections: impl IntoIterator<Item = (u64, String)>) -> Self {
         let (from_us, to_us) = (self.from_us, self.to_us);

@@ -2,7 +2,7 @@
 
 use core::fmt::Display;
 
-/// `1 finding`, `2 findings`, `0 findings`.
+/// Formats a number with a noun: `1 finding`, `2 findings`, `0 findings`.
 pub(crate) fn plural(count: impl Into<u64>, what: impl Display) -> String {
     match count.into() {
         1 => format!("1 {what}"),
@@ -10,7 +10,7 @@ pub(crate) fn plural(count: impl Into<u64>, what: impl Display) -> String {
     }
 }
 
-/// Formats the length of a list: `1 device`, `3 devices`.
+/// Formats the length of a list with a noun: `1 device`, `3 devices`.
 pub(crate) fn plural_of<T>(list: &[T], what: impl Display) -> String {
     plural(list.len() as u64, what)
 }

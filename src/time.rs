@@ -5,16 +5,16 @@ use thiserror::Error;
 /// The text is not a time.
 #[derive(Debug, PartialEq, Eq, Error)]
 pub enum TimeError {
-    /// Not a number with a unit.
+    /// The text is not a number with a unit.
     #[error("write a number with a unit (us, ms, s, min or h), for example 250us, 2ms or 1.5s")]
     Notation,
-    /// A number without a unit.
+    /// The number has no unit.
     #[error("a time needs a unit: {0}us, {0}ms or {0}s")]
     NoUnit(String),
-    /// A part of a microsecond.
+    /// The time has a fraction of a microsecond.
     #[error("emulated time has a resolution of 1us")]
     TooFine,
-    /// More than can be counted.
+    /// The time is too long for 64 bits.
     #[error("too long: emulated time has at most 5124095576h")]
     TooLong,
 }
@@ -43,7 +43,7 @@ pub fn parse(text: &str) -> Result<u64, TimeError> {
     whole.checked_mul(unit_us).and_then(|us| us.checked_add(fraction)).ok_or(TimeError::TooLong)
 }
 
-/// Returns the decimals of a unit of `unit_us` microseconds.
+/// Converts the decimals `digits` of a unit of `unit_us` microseconds to microseconds.
 fn fraction_us(digits: &str, unit_us: u64) -> Result<u64, TimeError> {
     let mut rest = unit_us;
     let mut us = 0;
@@ -57,12 +57,12 @@ fn fraction_us(digits: &str, unit_us: u64) -> Result<u64, TimeError> {
     Ok(us)
 }
 
-/// Microseconds as seconds with all decimals: `0.002000 s`.
+/// Formats microseconds as seconds with all decimals: `0.002000 s`.
 pub fn seconds(us: u64) -> String {
     format!("{}.{:06} s", us / 1_000_000, us % 1_000_000)
 }
 
-/// Microseconds in the unit that needs no decimals: `2 ms`, `1500 us`.
+/// Formats microseconds in the largest unit that needs no decimals: `2 ms`, `1500 us`.
 pub fn short(us: u64) -> String {
     match us {
         0 => "0 us".to_owned(),
@@ -72,7 +72,7 @@ pub fn short(us: u64) -> String {
     }
 }
 
-/// As [`short`], but whole minutes and hours in these units: `90 min`, `24 h`.
+/// Formats microseconds like [`short`], but uses the units min and h for whole minutes and hours: `90 min`, `24 h`.
 pub fn long(us: u64) -> String {
     match us {
         0 => short(us),

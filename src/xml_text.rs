@@ -1,7 +1,7 @@
 //! Characters that an XML document may contain.
 
-/// The document with U+FFFD instead of each character that XML 1.0 (section 2.2) does not allow: control characters
-/// except tabs and line ends, U+FFFE and U+FFFF. A reference such as `&#xFFFF;` is not allowed either.
+/// Replaces each character that XML 1.0 (section 2.2) does not allow by U+FFFD. XML does not allow control characters
+/// except tabs and line ends, and not U+FFFE and U+FFFF, also as references such as `&#xFFFF;`.
 pub(crate) fn allowed(document: String) -> String {
     if document.chars().all(is_allowed) {
         return document;

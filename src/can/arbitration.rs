@@ -51,13 +51,13 @@ impl Arbitration {
         }
     }
 
-    /// Whether the identifier has 29 bits instead of 11.
+    /// True if the identifier has 29 bits instead of 11.
     #[inline]
     pub const fn is_extended(self) -> bool {
         self.0 & IDE != 0
     }
 
-    /// Whether the frame asks for data.
+    /// True if the frame asks for data.
     #[inline]
     pub const fn is_remote(self) -> bool {
         self.0 & self.rtr() != 0

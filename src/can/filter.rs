@@ -31,7 +31,7 @@ impl Filter {
         Filter { mask: self.mask | self.code.rtr(), ..self }
     }
 
-    /// Whether a controller with this filter takes the frame.
+    /// True if a controller with this filter takes the frame.
     #[inline]
     pub const fn accepts(&self, frame: &Frame) -> bool {
         (frame.arbitration().bits() ^ self.code.bits()) & self.mask == 0

@@ -15,11 +15,11 @@ pub trait Participants {
     /// frame to send at `at_ns`. Of several with one arbitration field it is the first (decision D-349).
     fn first(&self, at_ns: u64, but: Option<usize>) -> Option<(usize, Frame)>;
 
-    /// Whether any station except `sender` takes part and has done so since `begin_ns`: a station that receives the
+    /// True if any station except `sender` takes part and has done so since `begin_ns`: a station that receives the
     /// complete frame acknowledges it.
     fn is_heard(&self, sender: usize, begin_ns: u64) -> bool;
 
-    /// Whether this one is error-passive.
+    /// True if this one is error-passive.
     fn is_passive(&self, participant: usize) -> bool;
 }
 
@@ -90,7 +90,7 @@ pub struct Line {
 snapshot_fields!(Line { values: state, quiet_ns; built: rate });
 
 impl Line {
-    /// Whether all station numbers in it are below `count`.
+    /// True if all station numbers in it are below `count`.
     pub(crate) fn is_among(&self, count: usize) -> bool {
         let participant = match self.state {
             LinePhase::Idle { suspended } => suspended.map(|(participant, _)| participant),
@@ -137,7 +137,7 @@ impl Line {
         }
     }
 
-    /// Whether the bus is idle and a station could begin a frame at `now_ns`: then the caller must call
+    /// True if the bus is idle and a station could begin a frame at `now_ns`: then the caller must call
     /// [`Line::advance`].
     pub fn can_begin(&self, now_ns: u64, participants: &impl Participants) -> bool {
         matches!(self.state, LinePhase::Idle { .. }) && self.next_sender(now_ns, participants).is_some()

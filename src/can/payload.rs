@@ -57,7 +57,7 @@ impl Payload {
         self.len as usize
     }
 
-    /// Whether there is no data byte.
+    /// True if there is no data byte.
     #[inline]
     pub const fn is_empty(&self) -> bool {
         self.len == 0

@@ -59,7 +59,7 @@ impl Baseline {
         }
     }
 
-    /// Whether any word differs in one of these bits.
+    /// True if any word differs in one of these bits.
     #[inline]
     pub(crate) fn differs_in(&self, now: &[Cell64], watched: &[Block]) -> bool {
         let (now, _) = now.as_chunks();

@@ -76,7 +76,7 @@ pub(crate) struct Args {
 }
 
 impl Args {
-    /// Whether the output counts cyclic traffic: on a terminal, unless the user has chosen records.
+    /// True if the output counts cyclic traffic: on a terminal, unless the user has chosen records.
     fn is_folded(&self) -> bool {
         use std::io::IsTerminal;
         let has_choice = !self.kind.is_empty() || self.last.is_some() || self.from != 0;

@@ -8,10 +8,10 @@ use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Content of the file. Its names are not looked up yet.
+/// Content of the file. The names in it are not yet looked up.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CouplingConfig {
-    /// Emulated time from one exchange to the next, in microseconds: 1 up to a day.
+    /// Emulated time from one exchange to the next, in microseconds: 1 us to 24 h.
     pub period_us: u64,
     /// Name of the plant among the simulators.
     pub name: String,
@@ -39,10 +39,10 @@ pub struct ValueEntry {
 pub struct BusEntry {
     /// Name of the bus in the plant.
     pub name: String,
-    /// Endpoint to which the others send. Default: the name of the plant, followed by the name of
-    /// the bus.
+    /// Endpoint to which the other simulators send frames for the bus. Default: the name of the plant, followed by the
+    /// name of the bus.
     pub endpoint: Option<String>,
-    /// Endpoints that receive the frames of the bus.
+    /// Endpoints of other simulators that receive the frames of the bus.
     #[serde(default)]
     pub to: Vec<String>,
 }

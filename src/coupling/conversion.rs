@@ -2,10 +2,10 @@
 
 use crate::fmi::{Value, VariableType};
 
-/// Converts a number to a value of this kind, rounded to the nearest one (decision D-577).
+/// Converts a number to the nearest value of this kind (decision D-577).
 ///
 /// # Errors
-/// The kind has no such value; the text gives the reason.
+/// If the kind has no such value. The text gives the reason.
 pub(super) fn convert(kind: VariableType, number: f64) -> Result<Value, String> {
     if !number.is_finite() {
         return Err(format!("{number} is no value"));
@@ -20,7 +20,8 @@ pub(super) fn convert(kind: VariableType, number: f64) -> Result<Value, String> 
         VariableType::I16 => (i64::from(i16::MIN), i64::from(i16::MAX)),
         VariableType::I32 => (i64::from(i32::MIN), i64::from(i32::MAX)),
     };
-    // Saturates, far outside the range of every kind.
+    // A number that an i64 cannot represent becomes the smallest or largest i64, which is outside the range of every
+    // kind.
     let whole = number.round() as i64;
     if (least..=most).contains(&whole) {
         Ok(Value::Integer(whole))

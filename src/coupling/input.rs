@@ -8,7 +8,7 @@ use crate::layout::Owner;
 use crate::request::{Execution, Host, Op};
 use core::fmt::Display;
 
-/// Number of refusals.
+/// Counts the refusals.
 #[derive(Default)]
 pub(super) struct Refusals(pub(super) u64);
 
@@ -38,7 +38,8 @@ impl Coupling {
             (_, Err(why)) => Err(why),
             (Quantity::Register { plc, offset, width, ty, owner }, Ok(Value::Integer(value))) => {
                 let bits = value as u32 & ty.mask();
-                // Same rule as for units, decision D-535.
+                // If the register already has the value, nothing is written. The same rule applies to units (decision
+                // D-535).
                 if owner == Owner::Both || host.plant().load(plc, offset, width) != Ok(bits) {
                     enter(host, &Op::Poke { plc, offset, width, value: bits })
                 } else {
@@ -56,7 +57,7 @@ impl Coupling {
                 self.shafts.set_speed(drive, speed);
                 Ok(())
             }
-            // The kind determines the type of the value.
+            // Does not occur, because the kind determines the type of the value.
             _ => Ok(()),
         };
         if let Err(why) = outcome {
@@ -68,7 +69,7 @@ impl Coupling {
     pub(super) fn take_frame(&mut self, host: &mut dyn Host, place: usize, text: &[u8]) {
         let Some(endpoint) = self.interface.endpoints.get(place) else { return };
         let text = String::from_utf8_lossy(text);
-        // The last word of a log line is the frame.
+        // Only the last word of a log line, the frame, is used.
         let word = text.split_whitespace().next_back().unwrap_or_default();
         let frame = candump::frame(word);
         let frame =

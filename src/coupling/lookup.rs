@@ -6,7 +6,7 @@ use crate::identity::BusIndex;
 use crate::plant::Plant;
 use std::collections::BTreeSet;
 
-/// All that the plant exchanges with other simulators.
+/// All values and frames that the plant exchanges with other simulators.
 #[derive(Clone, Debug)]
 pub struct Interface {
     /// Name of the plant among the simulators.

@@ -1,9 +1,10 @@
-//! Couples a plant with other simulators, such as models of motors, machines or other controllers, by values and
-//! frames.
+//! Couples a plant with other simulators, such as models of motors, machines or other controllers. The plant and the
+//! simulators exchange values and frames.
 //!
-//! Exchanges happen at regular intervals of emulated time. First the values that the others have published enter the
-//! plant in the same way as requests of a client. Then the plant publishes its values. Neither side advances past the
-//! next exchange (decision D-576). [`Simulators`] transports the values and frames.
+//! Exchanges happen at regular intervals of emulated time. At an exchange, the values that the other simulators have
+//! published first enter the plant, in the same way as requests of a client. Then the plant publishes its values.
+//! Neither side advances further than the next exchange (decision D-576). [`Simulators`] transports the values and
+//! frames.
 
 mod config;
 mod conversion;
@@ -43,23 +44,23 @@ pub struct SimulatorOutput {
     pub values: Vec<(usize, f64)>,
     /// Frames as text, by their index in [`Interface::endpoints`].
     pub frames: Vec<(usize, Vec<u8>)>,
-    /// All other simulators have left.
+    /// True if all other simulators have left.
     pub have_gone: bool,
 }
 
 /// Connection to the other simulators. An implementation also wakes the emulator when input has arrived.
 pub trait Simulators: Send {
-    /// Publishes the values and frames, and lets the others advance to the next exchange.
+    /// Publishes the values and frames of the plant. The other simulators can then advance to the next exchange.
     fn give(&mut self, given: PlantOutput);
 
-    /// Returns the input for the current exchange; does not wait. The first exchange is at the start, before the first
-    /// `give`.
+    /// Returns the input for the current exchange, if it has arrived; does not wait. The first exchange is at the
+    /// start, before the first [`Simulators::give`].
     ///
     /// # Errors
-    /// The connection failed; the text gives the reason.
+    /// If the connection has failed. The text gives the reason.
     fn take(&mut self) -> Result<Option<SimulatorOutput>, String>;
 
-    /// Describes what the connection lacks if it was not made yet.
+    /// If the connection is not yet complete, describes the missing part.
     fn missing(&self) -> Option<String> {
         None
     }
@@ -73,12 +74,12 @@ pub trait Simulators: Send {
 pub enum Progress {
     /// It is not time for an exchange.
     Nothing,
-    /// It is time for an exchange, and the others have not reached it.
+    /// It is time for an exchange, but the other simulators have not yet reached this time.
     Waits,
-    /// The others have published something. These motors now turn at another speed: number of the drive, and speed as
-    /// the plant counts it; `None`: as the drive demands.
+    /// The exchange has taken place. The list has the motors with a new speed: the number of the drive, and the speed
+    /// in the unit of the plant. `None` means that the motor turns as the drive demands.
     Exchanged(Vec<(usize, Option<i32>)>),
-    /// The others have ended normally.
+    /// The other simulators have ended normally.
     HaveGone,
 }
 
@@ -89,13 +90,13 @@ pub struct Coupling {
     refused_values: Vec<Refusals>,
     refused_frames: Vec<Refusals>,
     shafts: Shafts,
-    /// Last speed that the plant received, by drive.
+    /// Last speed that the plant received for each drive.
     turned: Vec<Option<i32>>,
     period_us: u64,
     start_us: u64,
     /// Emulated time of the next exchange.
     due_us: u64,
-    /// First record of the journal with frames that were not sent yet.
+    /// Number of the first journal record with frames that are not yet sent.
     next_record: u64,
     limit: Duration,
     waits_since: Option<Instant>,
@@ -103,10 +104,11 @@ pub struct Coupling {
 }
 
 impl Coupling {
-    /// Looks up the names of the file. `limit`: real time that the others may take for one exchange.
+    /// Looks up the names of the file. `limit` is the maximum real time that the other simulators may take for an
+    /// exchange.
     ///
     /// # Errors
-    /// The plant has no such values, or they cannot be exchanged in this way.
+    /// If the plant does not have a value or bus, or if it cannot be exchanged in this way.
     pub fn new(config: &CouplingConfig, plant: &Plant, limit: Duration) -> Result<Self, CouplingError> {
         let interface = Interface::of(config, plant)?;
         let start_us = plant.now();
@@ -137,7 +139,7 @@ impl Coupling {
         self.period_us
     }
 
-    /// Returns all published values, for the exchange before the clock starts.
+    /// Returns all published values. They are for the first exchange, before the clock starts.
     pub fn first(&mut self, plant: &Plant) -> PlantOutput {
         PlantOutput { next_us: 0, ..self.collect(plant) }
     }
@@ -147,15 +149,15 @@ impl Coupling {
         self.simulators = Some(simulators);
     }
 
-    /// True if this emulated time is the time of an exchange. Then no other input may enter the plant before the exchange.
+    /// True if `now` is the time of an exchange. No other input may then enter the plant before the exchange.
     pub fn is_due(&self, now: u64) -> bool {
         now >= self.due_us
     }
 
-    /// At the time of an exchange, passes the input of the others to the plant.
+    /// If it is time for an exchange, passes the input of the other simulators to the plant.
     ///
     /// # Errors
-    /// The others have left or cannot be reached.
+    /// If the connection to the other simulators has failed, or if they do not reach the exchange within the limit.
     pub fn take(&mut self, host: &mut dyn Host) -> Result<Progress, CouplingError> {
         let is_due = self.is_due(host.plant().now());
         let Some(simulators) = self.simulators.as_mut().filter(|_| is_due) else {
@@ -188,7 +190,8 @@ impl Coupling {
         Ok(Progress::Exchanged(changed.map(|(drive, (now, _))| (drive, *now)).collect()))
     }
 
-    /// Call after [`Progress::Exchanged`]: publishes the values of the plant. The next exchange is one period later.
+    /// Publishes the values of the plant. Must be called after [`Progress::Exchanged`]. The next exchange is one period
+    /// later.
     pub fn give(&mut self, plant: &Plant) {
         self.due_us = self.due_us.saturating_add(self.period_us);
         let given = self.collect(plant);
@@ -197,7 +200,7 @@ impl Coupling {
         }
     }
 
-    /// Closes the connection to the others.
+    /// Closes the connection to the other simulators.
     pub fn leave(&mut self) {
         if let Some(mut simulators) = self.simulators.take() {
             simulators.leave();

@@ -65,12 +65,12 @@ impl Frames {
         Frames { id: id.unwrap_or(0), mask, is_extended, slot: fault.value(SLOT.name()) }
     }
 
-    /// Whether the fault concerns a frame with this arbitration field.
+    /// True if the fault concerns a frame with this arbitration field.
     pub(super) fn include(&self, field: Arbitration) -> bool {
         field.number() & self.mask == self.id && self.is_extended.is_none_or(|it| it == field.is_extended())
     }
 
-    /// Whether the fault concerns a frame of CANsync with this identifier, in this slot.
+    /// True if the fault concerns a frame of CANsync with this identifier, in this slot.
     pub(super) fn include_in_slot(&self, id: u16, slot: Option<u32>) -> bool {
         u32::from(id) & self.mask == self.id && self.slot.is_none_or(|its| slot == Some(its))
     }

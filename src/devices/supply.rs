@@ -37,7 +37,7 @@ impl Supply {
         self.is_up
     }
 
-    /// Whether the supply has power, as last reported.
+    /// True if the supply has power, as last reported.
     pub(super) fn is_fed(&self) -> bool {
         self.is_fed
     }
@@ -48,7 +48,7 @@ impl Supply {
         self.look(face)
     }
 
-    /// Whether a client has turned the switch since the last poll.
+    /// True if a client has turned the switch since the last poll.
     #[inline]
     pub(super) fn has_changed(&self, face: &FirmwareHeader) -> bool {
         face.requested().program.power.load() != self.seen

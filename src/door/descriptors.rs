@@ -1,18 +1,19 @@
-//! File descriptors: doors and guests leave some to the channel, so that any number of guests leaves its clients a
-//! connection.
+//! Limits the file descriptors of doors and guests. Some descriptors are reserved for the channel, so that clients can
+//! always connect.
 
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::io;
 
-/// File descriptors that neither doors nor guests take. The channel needs some for each client that connects.
+/// Number of file descriptors that doors and guests must leave free. The channel needs some for each client that
+/// connects.
 pub(crate) const RESERVED: u64 = 32;
-/// Count of further descriptors that a process requests from the system if doors or guests need some.
+/// Number by which a process raises its limit of descriptors if doors or guests need more.
 const MORE: u64 = 128;
 
-/// Checks that enough descriptors are left after one was opened.
+/// Checks, after a descriptor was opened, that enough descriptors are left.
 ///
 /// # Errors
-/// Only reserved descriptors are left, and this process may not have more.
+/// If only reserved descriptors are left and this process cannot raise its limit.
 pub(super) fn check_room() -> io::Result<()> {
     let Rlimit { current, maximum } = getrlimit(Resource::Nofile);
     let Some(limit) = current else { return Ok(()) };
@@ -31,8 +32,8 @@ pub(super) fn check_room() -> io::Result<()> {
     Err(io::Error::other(text))
 }
 
-/// Count of descriptors with a number below `limit` in this process; the system gives none with a higher number. The
-/// descriptor for this count itself is not included.
+/// Number of open descriptors of this process that are below `limit`. The operating system gives no higher numbers. The
+/// descriptor that this function opens is not counted.
 fn used_below(limit: u64) -> io::Result<u64> {
     let mut used = 0;
     for entry in std::fs::read_dir("/proc/self/fd")? {

@@ -1,4 +1,4 @@
-//! The doors of an instance, as used by the process that runs its plant.
+//! The doors of an instance. The process that runs the plant uses them.
 
 use super::descriptors;
 use super::guest::{Guest, GuestState};
@@ -15,13 +15,13 @@ use std::sync::Arc;
 use std::sync::mpsc::{self, Sender};
 use std::thread::JoinHandle;
 
-/// Reason for which a door does not open.
+/// A door could not be opened.
 #[derive(Debug, thiserror::Error)]
 #[error("{door}: {reason}{}", limits::named(.reason))]
 pub struct DoorError {
     /// The door.
     pub door: DoorSpec,
-    /// Why.
+    /// Reason for which the door could not be opened.
     pub reason: io::Error,
 }
 
@@ -32,7 +32,7 @@ pub struct DoorState {
     pub door: DoorSpec,
     /// The guests at the door.
     pub guests: Vec<GuestState>,
-    /// Count of guests that were rejected because there was no place or no descriptor for them.
+    /// Number of guests that were rejected because no place or no descriptor was free.
     pub refused: u64,
 }
 
@@ -42,7 +42,7 @@ struct Door {
     key: usize,
 }
 
-/// All doors. Nothing here waits for a guest.
+/// All doors. No function waits for a guest.
 pub struct Doors {
     doors: Vec<Door>,
     guests: Vec<Arc<Guest>>,
@@ -52,7 +52,7 @@ pub struct Doors {
     io: Option<IoThread>,
 }
 
-/// The thread for all work that could block.
+/// The thread that does all work that could block.
 struct IoThread {
     commands: Sender<Command>,
     shared: Arc<Shared>,
@@ -62,15 +62,15 @@ struct IoThread {
 
 impl IoThread {
     fn send(&self, command: Command) {
-        // If the thread is gone, its guests are gone, too.
+        // If the thread has ended, its guests have gone too, so the command is not needed.
         let _ = self.commands.send(command);
         let _ = self.waker.wake();
     }
 }
 
 impl Doors {
-    /// Creates it without doors. `is_stepped`: the clock of the plant is stepped. `ring` is called, on a thread of the doors,
-    /// when a guest has a request.
+    /// Creates a value without doors. `is_stepped` is true if the clock of the plant is stepped. The thread of the
+    /// doors calls `ring` when a guest has a request.
     pub fn new(is_stepped: bool, ring: impl Fn() + Send + Sync + 'static) -> Self {
         Doors {
             doors: Vec::new(),
@@ -82,18 +82,18 @@ impl Doors {
         }
     }
 
-    /// Whether there is neither a door nor a guest.
+    /// True if there is neither a door nor a guest.
     #[inline]
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.doors.is_empty() && self.guests.is_empty()
     }
 
-    /// Opens a door to a bus; returns its specification, with its real port or number.
+    /// Opens a door to a bus, and returns the specification of the door with the real port or number.
     ///
     /// # Errors
-    /// [`DoorError`]: the address is taken or not this machine's, there is no pseudo-terminal, no place for the guest
-    /// at it, or only reserved descriptors are left. The door is then not open.
+    /// [`DoorError`], if the address is in use or does not belong to this machine, if no pseudo-terminal or no place
+    /// for its guest is free, or if only reserved descriptors are left. The door is then not open.
     pub fn open(&mut self, bus: BusIndex, door: DoorSpec) -> Result<DoorSpec, DoorError> {
         self.try_open(bus, door).map_err(|reason| DoorError { door, reason })
     }
@@ -122,13 +122,13 @@ impl Doors {
         self.next_key += 1;
         let (result, opened) = mpsc::sync_channel(1);
         self.io()?.send(Command::Open { key, bus, spec, entrance, result });
-        // The thread never blocks, so it answers at once.
+        // This wait is short, because the thread never blocks.
         opened.recv().map_err(|_| io::Error::other("the thread of the doors has ended; see the log"))??;
         self.doors.push(Door { bus, spec, key });
         Ok(spec)
     }
 
-    /// The thread, started when it is first needed.
+    /// Returns the thread, which the first call starts.
     fn io(&mut self) -> io::Result<&IoThread> {
         if self.io.is_none() {
             let (commands, heard) = mpsc::channel();
@@ -140,7 +140,7 @@ impl Doors {
         self.io.as_ref().ok_or_else(|| io::ErrorKind::NotConnected.into())
     }
 
-    /// Closes this door of a bus, or all of them; its guests leave. Returns how many it closed.
+    /// Closes this door of a bus, or all its doors, and disconnects their guests. Returns the number of closed doors.
     pub fn close(&mut self, bus: BusIndex, door: Option<DoorSpec>) -> usize {
         let before = self.doors.len();
         let is_meant = |it: &mut Door| it.bus == bus && door.is_none_or(|door| door == it.spec);
@@ -166,7 +166,7 @@ impl Doors {
         of_bus.map(state).collect()
     }
 
-    /// All guests, also those that have come since the last call.
+    /// All guests, including the guests that have come since the last call.
     pub fn guests(&mut self) -> &[Arc<Guest>] {
         if let Some(io) = &self.io {
             io.shared.take_new(&mut self.guests);
@@ -174,7 +174,7 @@ impl Doors {
         &self.guests
     }
 
-    /// Forgets a guest that has left.
+    /// Removes a guest that has left.
     pub fn forget(&mut self, guest: &Arc<Guest>) {
         self.guests.retain(|it| !Arc::ptr_eq(it, guest));
         if let Some(io) = &self.io {
@@ -182,7 +182,7 @@ impl Doors {
         }
     }
 
-    /// Wakes the thread up: there is new traffic for guests.
+    /// Wakes the thread, because there is new traffic for guests.
     pub fn announce(&self) {
         if let Some(io) = &self.io {
             let _ = io.waker.wake();
@@ -195,7 +195,7 @@ impl Drop for Doors {
         let Some(mut io) = self.io.take() else { return };
         io.send(Command::End);
         if let Some(thread) = io.thread.take() {
-            // The thread does not panic; if it did, the result would not matter.
+            // Only a panic of the thread makes this an error, and nothing depends on the thread any more.
             let _ = thread.join();
         }
     }

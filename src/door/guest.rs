@@ -1,4 +1,5 @@
-//! A guest: its requests to the plant and the traffic for it, between the two threads that serve it.
+//! A guest: its requests to the plant, and the traffic for it. Two threads use this data: the thread of the doors and
+//! the thread of the plant.
 
 use super::seat::GuestTurn;
 use super::slcan::{Rate, Status};
@@ -11,10 +12,10 @@ use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// A foreign program at a door. The lock is held only for moments, and never during a wait.
+/// A foreign program at a door. A thread holds the lock only for a short time, and never while it waits.
 #[derive(Debug)]
 pub struct Guest {
-    /// Index of its bus in the plant.
+    /// Index of the guest's bus in the plant.
     pub bus: BusIndex,
     /// Number of the guest on its bus, from 1.
     pub number: u8,
@@ -25,20 +26,20 @@ pub struct Guest {
 
 #[derive(Debug, Default)]
 struct Inner {
-    /// `Some(true)` while the guest only listens, `Some(false)` while it takes part, else `None`.
+    /// `Some(true)` while the guest only listens, `Some(false)` while it takes part, `None` while it does neither.
     open: Option<bool>,
     rate: Option<Rate>,
     has_gone: bool,
-    /// Whether its unsent messages were discarded after it had left.
+    /// True if the guest's unsent messages were discarded after it had left.
     is_given_up: bool,
-    /// Whether the guest has taken part or listened, now or before.
+    /// True if the guest has ever taken part or listened.
     has_opened: bool,
     to_plant: VecDeque<BusMessage>,
     to_guest: VecDeque<GuestMessage>,
     seat: GuestTurn,
-    /// The bit time until which it asks for time, if it counts bits.
+    /// End of the time that the guest asks for, if it gives this end as a bit time.
     until_bit: Option<u64>,
-    /// The rate of its bus, if it is known.
+    /// The rate of the guest's bus in bit/s, if it is known.
     bus_bit_s: u32,
     dropped: u64,
     refused: u64,
@@ -57,25 +58,25 @@ pub(super) enum GuestMessage {
         /// The frame or telegram.
         message: BusMessage,
     },
-    /// The guest has its turn, as requested by [`Adapter::ask`].
+    /// The guest has its turn, which it has requested by [`Adapter::ask`].
     Granted {
         /// Time of the turn.
         time_us: u64,
     },
 }
 
-/// The present requests of a guest.
+/// Everything that a guest requests at the moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GuestRequests {
-    /// To receive the traffic of the bus.
+    /// True if the guest wants to receive the traffic of the bus.
     pub hears: bool,
-    /// To take part: to send and to acknowledge.
+    /// True if the guest wants to take part in the traffic: it sends and acknowledges.
     pub takes_part: bool,
-    /// The rate it has named.
+    /// The rate that the guest has named.
     pub rate: Option<Rate>,
-    /// The guest has left for good.
+    /// True if the guest has left. It does not come back.
     pub has_gone: bool,
-    /// An impossible number of octets that the guest has announced.
+    /// An invalid number of octets that the guest has announced.
     pub bad_length: Option<u16>,
 }
 
@@ -86,15 +87,15 @@ pub struct GuestState {
     pub guest: u8,
     /// Door of the guest.
     pub door: DoorSpec,
-    /// Whether the guest receives the traffic of the bus, or would with the right rate.
+    /// True if the guest receives the traffic of the bus. It is also true if only a wrong rate prevents this.
     pub open: bool,
-    /// The rate it has named, in bit/s.
+    /// The rate that the guest has named, in bit/s.
     pub bit_s: Option<u32>,
-    /// Whether the guest has asked for a time, and emulated time waits for it if the clock is stepped.
+    /// True if the guest has asked for a time. A stepped clock then waits for the guest.
     pub seat: bool,
-    /// Frames or telegrams for the guest that were dropped because there was no room.
+    /// Number of frames or telegrams for the guest that were dropped because there was no room.
     pub dropped: u64,
-    /// Frames or telegrams of the guest that were refused.
+    /// Number of frames or telegrams of the guest that were refused.
     pub refused: u64,
 }
 
@@ -104,11 +105,11 @@ impl Guest {
     }
 
     fn inner(&self) -> MutexGuard<'_, Inner> {
-        // No value in there can be half written.
+        // A panic leaves no half-written value here, so a poisoned lock can be used.
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The present requests of the guest.
+    /// Everything that the guest requests at the moment.
     #[must_use]
     pub fn requests(&self) -> GuestRequests {
         let inner = self.inner();
@@ -121,36 +122,38 @@ impl Guest {
         }
     }
 
-    /// Whether the guest has left.
+    /// True if the guest has left.
     pub(super) fn has_gone(&self) -> bool {
         self.inner().has_gone
     }
 
-    /// Whether the guest has taken part or listened, now or before. If not, no plant knows it.
+    /// True if the guest has ever taken part or listened. If not, the plant does not know it.
     pub(super) fn has_opened(&self) -> bool {
         self.inner().has_opened
     }
 
-    /// Count of messages that it has to send.
+    /// Number of messages that the plant has not yet taken from the guest.
     #[must_use]
     pub fn waiting(&self) -> usize {
         self.inner().to_plant.len()
     }
 
-    /// The next message from the guest, which stays there until [`Guest::sent`].
+    /// The next message from the guest. [`Guest::sent`] removes it.
     #[must_use]
     pub fn next_to_send(&self) -> Option<BusMessage> {
         self.inner().to_plant.front().cloned()
     }
 
-    /// Removes the message: the bus has taken it, or, with `false`, has refused it for good.
+    /// Removes the next message from the guest. `was_taken` is true if the bus has taken it, and false if the bus has
+    /// finally refused it.
     pub fn sent(&self, was_taken: bool) {
         let mut inner = self.inner();
         inner.to_plant.pop_front();
         inner.refused += u64::from(!was_taken);
     }
 
-    /// Queues a message that has arrived at this emulated time for the guest, if there is room.
+    /// Queues a message for the guest, if there is room. `time_us` is the emulated time at which the message has
+    /// arrived.
     pub fn hear(&self, time_us: u64, message: BusMessage) {
         let mut inner = self.inner();
         inner.seat.hear();
@@ -162,7 +165,7 @@ impl Guest {
         }
     }
 
-    /// Sends the error state of its controller to the guest, if the guest has asked for it.
+    /// Sends the error state of the guest's controller to the guest, if the guest has asked for it.
     pub fn note_errors(&self, state: ErrorState) {
         self.inner().errors = state;
     }
@@ -193,47 +196,47 @@ impl Guest {
         self.inner().bus_bit_s = bit_s;
     }
 
-    /// Begins the duration at `now` that the guest has asked for, if any.
+    /// If the guest has asked for a duration, this duration begins at `now`.
     pub fn take_request(&self, now: u64) {
         let mut inner = self.inner();
         let rate = BusRate::new(inner.bus_bit_s);
         if let Some(bit) = inner.until_bit.take()
             && let GuestTurn::Asks { us, .. } = &mut inner.seat
         {
-            // The clock does not stop for a request about the past.
+            // If the requested time is in the past, the duration is 1 us, because 0 would stop the clock.
             *us = rate.map_or(0, |rate| rate.us_at(bit)).saturating_sub(now).max(1);
         }
         inner.seat.begin(now);
     }
 
-    /// The bit time on its bus at this emulated time; 0 if its bus counts no bit times.
+    /// The bit time on the guest's bus at this emulated time; 0 if the bus counts no bit times.
     pub(super) fn bit_at(&self, time_us: u64) -> u64 {
         BusRate::new(self.inner().bus_bit_s).map_or(0, |rate| rate.bits_at(time_us))
     }
 
-    /// Whether a message to the guest waits.
+    /// True if a message to the guest waits.
     #[must_use]
     pub fn has_unread_messages(&self) -> bool {
         !self.inner().to_guest.is_empty()
     }
 
-    /// The guest has announced an invalid number of octets, and must leave.
+    /// Called if the guest has announced an invalid number of octets. The guest must leave.
     pub(super) fn reject_length(&self, length: BadLength) {
         self.inner().bad_length = Some(length.0);
     }
 
-    /// Grants the guest its turn at `now`, if the turn is pending. Returns whether it was.
+    /// Grants the guest its turn at `now`, if the time of the turn has come. Returns true if the turn was granted.
     pub fn grant(&self, now: u64) -> bool {
         let mut inner = self.inner();
         let is_due = inner.seat.grant(now);
         if is_due {
-            // There is always room: at most one answer waits for each request.
+            // There is always room, because the queue has at most one answer for each request.
             inner.to_guest.push_back(GuestMessage::Granted { time_us: now });
         }
         is_due
     }
 
-    /// Takes the guest's seat away if it has its turn; returns whether it had.
+    /// If the guest has its turn, takes its seat away and returns true.
     pub fn give_up(&self) -> bool {
         self.inner().seat.give_up()
     }
@@ -252,12 +255,12 @@ impl Guest {
         inner.is_given_up = true;
     }
 
-    /// Whether its unsent messages were discarded.
+    /// True if the guest's unsent messages were discarded.
     pub(super) fn is_given_up(&self) -> bool {
         self.inner().is_given_up
     }
 
-    /// The next message to the guest; `None` if none waits.
+    /// Removes and returns the next message to the guest, if one waits.
     pub(super) fn take_news(&self) -> Option<GuestMessage> {
         self.inner().to_guest.pop_front()
     }
@@ -304,7 +307,7 @@ impl Adapter for &Guest {
     }
 
     fn ask_until(&mut self, bit: u64) -> bool {
-        // The duration is computed when it begins.
+        // The real duration is computed when it begins.
         let may = self.ask(u64::MAX);
         if may {
             self.inner().until_bit = Some(bit);
@@ -338,7 +341,7 @@ impl Guest {
         );
     }
 
-    /// Sends a telegram for a bit time that comes after 50 s at 500 kbit/s, and receives the permission.
+    /// Sends a telegram for a bit time after 50 s at 500 kbit/s, and receives the permission.
     pub(crate) fn sends_later(&self) {
         let burst = crate::profibus::Burst { begin: 25_000_000, octets: vec![0xE5] };
         assert!((&mut &*self).send(BusMessage::Burst(burst)));

@@ -1,4 +1,4 @@
-//! The thread for sockets and terminals: none of its descriptors ever blocks it.
+//! The thread for sockets and terminals. No operation on a descriptor blocks it.
 
 use super::descriptors;
 use super::guest::{Guest, GuestMessage};
@@ -18,27 +18,27 @@ use std::sync::mpsc::{Receiver, SyncSender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// A command from the plant's side.
+/// A command from the thread of the plant.
 pub(super) enum Command {
-    /// Accept guests here.
+    /// Open a door.
     Open {
-        /// The door's number.
+        /// Number of the door.
         key: usize,
-        /// Index of its bus.
+        /// Index of the door's bus.
         bus: BusIndex,
         /// Specification of the door.
         spec: DoorSpec,
         /// The entrance for guests.
         entrance: Entrance,
-        /// Takes the result: the door is open only if it is `Ok`.
+        /// The thread sends the result here. The door is open only if the result is `Ok`.
         result: SyncSender<io::Result<()>>,
     },
-    /// Close the door.
+    /// Close a door.
     Close {
-        /// The door's number.
+        /// Number of the door.
         key: usize,
     },
-    /// End.
+    /// End the thread.
     End,
 }
 
@@ -49,7 +49,7 @@ pub(super) enum Entrance {
     Pty(Pty),
 }
 
-/// Data that both sides share.
+/// Data that the thread of the doors and the thread of the plant share.
 #[derive(Debug)]
 pub(super) struct Shared {
     is_stepped: bool,
@@ -58,11 +58,11 @@ pub(super) struct Shared {
 
 #[derive(Debug, Default)]
 struct Present {
-    /// All guests that the plant's side has not forgotten.
+    /// All guests that the thread of the plant has not yet removed.
     guests: Vec<Arc<Guest>>,
-    /// Count of guests that the plant's side does not know yet.
+    /// Number of guests that the thread of the plant does not know yet.
     new: usize,
-    /// Counts of rejected guests, by the numbers of their doors.
+    /// Number of rejected guests for each door, by the number of the door.
     refused: BTreeMap<usize, u64>,
 }
 
@@ -78,14 +78,14 @@ enum NoPlace {
 }
 
 impl Present {
-    /// Count of known guests that occupy a place.
+    /// Number of known guests that occupy a place.
     fn known(&self) -> usize {
         self.guests.iter().filter(|guest| !guest.is_given_up()).count()
     }
 }
 
 impl Shared {
-    /// Without guests. `is_stepped`: the clock of the plant is stepped.
+    /// Creates a value without guests. `is_stepped` is true if the clock of the plant is stepped.
     pub(super) fn new(is_stepped: bool) -> Self {
         Self { is_stepped, all: Mutex::default() }
     }
@@ -102,7 +102,7 @@ impl Shared {
         present.new = 0;
     }
 
-    /// Forgets a guest, even if the plant's side does not know it yet.
+    /// Removes a guest, even if the thread of the plant does not know it yet.
     pub(super) fn forget(&self, guest: &Arc<Guest>) {
         let mut present = self.present();
         let Some(at) = present.guests.iter().position(|it| Arc::ptr_eq(it, guest)) else { return };
@@ -111,9 +111,9 @@ impl Shared {
         present.guests.remove(at);
     }
 
-    /// Admits a guest, under the first free number of its bus. Guests that have left take no place. In real time a new guest
-    /// takes the place of the one that left first, whose unsent frames are discarded: a slow bus would need seconds for
-    /// them (D-820).
+    /// Admits a guest, which gets the first free number of its bus. Guests that have left occupy no place. If too many
+    /// guests are known, a new guest in real time replaces the guest that left first. The unsent frames of that guest
+    /// are discarded, because a slow bus would need seconds for them (D-820).
     fn admit(&self, bus: BusIndex, door: DoorSpec) -> Result<Arc<Guest>, NoPlace> {
         let mut present = self.present();
         if present.guests.iter().filter(|it| !it.has_gone()).count() >= MAX_GUESTS {
@@ -136,7 +136,7 @@ impl Shared {
         *self.present().refused.entry(door).or_default() += 1;
     }
 
-    /// Count of guests that were rejected at a door.
+    /// Number of guests that were rejected at a door.
     pub(super) fn refused(&self, door: usize) -> u64 {
         self.present().refused.get(&door).copied().unwrap_or_default()
     }
@@ -146,18 +146,18 @@ impl Shared {
     }
 }
 
-/// Bytes read at once.
+/// Maximum number of bytes of a read operation.
 const CHUNK: usize = 4096;
-/// Maximum count of bytes that wait to be written: a guest that does not read is not served.
+/// Maximum number of bytes that wait to be written. While a guest does not read them, its input is not read.
 const MOST_UNWRITTEN: usize = 16 * CHUNK;
 
-/// After this time the doors accept guests again, if the system had no descriptor or memory for a guest: no event
-/// reports when the system has some again.
+/// If the operating system has no descriptor or memory for a guest, the doors try again after this time. No event
+/// reports that descriptors or memory are available again.
 const RETRY: Duration = Duration::from_millis(100);
 
 const WAKER: Token = Token(0);
 
-/// The object of a descriptor.
+/// The object to which a descriptor belongs.
 enum Station {
     Listener { listener: TcpListener, door: usize, bus: BusIndex, spec: DoorSpec },
     Guest(Box<Visit>),
@@ -169,9 +169,9 @@ struct Visit {
     door: usize,
     guest: Arc<Guest>,
     session: Box<dyn GuestSession>,
-    /// Whether more input may wait.
+    /// True if more input may wait.
     has_more: bool,
-    /// Whether the guest has sent any byte.
+    /// True if the guest has sent any byte.
     has_spoken: bool,
     unwritten: Vec<u8>,
 }
@@ -197,7 +197,7 @@ impl Line {
     }
 }
 
-/// Whether a guest is still there.
+/// Presence of a guest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Presence {
     Stays,
@@ -209,12 +209,12 @@ impl Visit {
         self.has_more && self.unwritten.len() < MOST_UNWRITTEN
     }
 
-    /// Whether the connection has sent no byte and does not take part.
+    /// True if this is a TCP connection that has sent no byte and has never taken part.
     fn is_silent(&self) -> bool {
         matches!(self.line, Line::Tcp(_)) && !self.has_spoken && !self.guest.has_opened()
     }
 
-    /// Reads once. Returns whether the plant may have work, and whether the guest is still there.
+    /// Reads once. The first result is true if the plant may have work.
     fn read(&mut self) -> (bool, Presence) {
         let mut room = [0; CHUNK];
         match self.line.read(&mut room) {
@@ -235,7 +235,7 @@ impl Visit {
         }
     }
 
-    /// Writes the pending output as far as the guest takes it.
+    /// Writes as much of the pending output as the guest takes.
     fn write(&mut self) -> Presence {
         loop {
             while self.unwritten.len() < CHUNK
@@ -271,12 +271,12 @@ impl Visit {
     }
 }
 
-/// Whether the guest has gone while it was accepted: other guests are not affected.
+/// True if the guest has gone while it was accepted. Such an error does not affect other guests.
 fn is_of_the_guest(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::Interrupted | ErrorKind::ConnectionAborted | ErrorKind::ConnectionReset)
 }
 
-/// The thread.
+/// State of the thread.
 pub(super) struct Io {
     poll: Poll,
     commands: Receiver<Command>,
@@ -285,15 +285,15 @@ pub(super) struct Io {
     stations: BTreeMap<usize, Station>,
     next_token: usize,
     complaints: Sparing,
-    /// Time at which guests are accepted again although no event reports one.
+    /// Time at which the doors try again to accept guests without an event.
     retry: Option<Instant>,
 }
 
 impl Io {
-    /// Creates the thread's part, and the waker for it.
+    /// Creates the state of the thread, and a waker for the thread.
     ///
     /// # Errors
-    /// The system has no room for another descriptor.
+    /// If the operating system has no free descriptor.
     pub(super) fn new(
         commands: Receiver<Command>,
         shared: Arc<Shared>,
@@ -341,13 +341,14 @@ impl Io {
         }
     }
 
-    /// Executes the commands of the plant's side; `false` if the thread must end.
+    /// Executes the commands from the thread of the plant. Returns false if the thread must end.
     fn obey(&mut self) -> bool {
         while let Ok(command) = self.commands.try_recv() {
             match command {
                 Command::Open { key, bus, spec, entrance, result } => {
                     let opened = self.open(key, bus, spec, entrance);
-                    // The other side waits for it, unless it has ended.
+                    // The thread of the plant waits for this result. If that thread has ended, an error does not
+                    // matter.
                     let _ = result.send(opened);
                 }
                 Command::Close { key } => {
@@ -391,7 +392,7 @@ impl Io {
         for station in self.stations.values() {
             let Station::Listener { listener, door, bus, spec } = station else { continue };
             let now = Instant::now();
-            // Guests that come too fast have to wait until other guests were served.
+            // If guests come too fast, the remaining guests wait until other guests are served.
             let mut retry = Some(now);
             for _ in 0..MAX_GUESTS {
                 match listener.accept() {
@@ -402,7 +403,8 @@ impl Io {
                     }
                     Err(error) if is_of_the_guest(&error) => {}
                     Err(error) => {
-                        // No descriptor or memory is left. The guest waits, and no further event will report it.
+                        // No descriptor or memory is left. The guest waits, and no further event will report it, so the
+                        // doors must try again.
                         if let Some(others) = self.complaints.complains(now) {
                             tracing::warn!("{spec}: no guest can be accepted at the moment: {error}{others}");
                         }
@@ -414,8 +416,8 @@ impl Io {
             self.retry = self.retry.into_iter().chain(retry).min();
         }
         for (door, bus, spec, stream) in come {
-            // Frames are small and cannot wait for others; and the system must not buffer many for a guest that does
-            // not read.
+            // Frames are small and must not be delayed, and the operating system must not buffer many frames for a
+            // guest that does not read.
             let _ = stream.set_nodelay(true);
             let _ = rustix::net::sockopt::set_socket_send_buffer_size(&stream, MOST_UNWRITTEN);
             if let Err(error) = self.let_in(door, bus, spec, Line::Tcp(stream)) {
@@ -453,14 +455,14 @@ impl Io {
         Ok(())
     }
 
-    /// Frees a place: closes the connection with the longest silence. `false` without such a connection.
+    /// Closes the connection with the longest silence, to free a place. Returns false if no connection is silent.
     fn send_a_silent_one_away(&mut self) -> bool {
         let silent = self.stations.iter_mut().find_map(|(token, station)| {
             let Station::Guest(visit) = station else { return None };
             if !visit.is_silent() {
                 return None;
             }
-            // Its message may have come a moment ago.
+            // Reads first, because a message of the guest may have come a moment ago.
             let (_, presence) = visit.read();
             (presence == Presence::Leaves || visit.is_silent()).then_some((*token, visit.door))
         });
@@ -480,13 +482,13 @@ impl Io {
             }
             visit.guest.leave();
             if !visit.guest.has_opened() {
-                // The plant does not know this guest.
+                // The plant does not know this guest, so the guest can be removed here.
                 self.shared.forget(&visit.guest);
             }
         }
     }
 
-    /// Reads and writes, once for each guest.
+    /// Reads and writes once for each guest.
     fn attend(&mut self) {
         let (mut gone, mut is_news) = (Vec::new(), false);
         for (token, station) in &mut self.stations {

@@ -1,10 +1,11 @@
 //! Doors: entrances for foreign programs to the buses of a running plant.
 //!
-//! A door is an entrance over TCP or over a pseudo-terminal: to CAN with SLCAN, the protocol of serial adapters, or to
-//! PROFIBUS with telegrams. A program that connects is a guest, a station on a bus like others. This module does not
-//! depend on the plant: [`Doors`] passes on the messages of guests and takes messages for them. Both directions use
-//! bounded queues, so that a slow or dead guest delays no other station. A separate thread does all work that could
-//! block. A guest that asks for emulated time has a [`GuestTurn`] in lockstep.
+//! A door is an entrance over TCP or over a pseudo-terminal. A door to CAN uses SLCAN, the protocol of serial adapters.
+//! A door to PROFIBUS uses telegrams. A program that connects to a door is a guest. On the bus, a guest is a station
+//! like any other station. This module does not depend on the plant: [`Doors`] delivers messages from guests and
+//! accepts messages for guests. Both directions use bounded queues, so that a slow or dead guest delays no other
+//! station. A separate thread does all work that could block. If a guest asks for emulated time, it takes part in
+//! lockstep ([`GuestTurn`]).
 
 mod descriptors;
 mod doors;
@@ -29,14 +30,15 @@ pub use slcan::Rate;
 pub use spec::{BadDoor, Carrier, DoorSpec};
 pub use wire::BusMessage;
 
-/// Maximum count of guests of an instance at once.
+/// Maximum number of guests of an instance at a time.
 pub const MAX_GUESTS: usize = 64;
-/// Maximum count of guests that an instance knows. The count includes guests that have left but have frames that will
-/// still enter the plant, which with a stepped clock happens at the next step. In real time the guest that left first loses
-/// such frames if the count is reached.
+/// Maximum number of guests that an instance knows. This number includes guests that have left, as long as the plant
+/// has not taken their last frames. With a stepped clock, the plant takes them at the next step. In real time, if this
+/// maximum is reached, the last frames of the guest that left first are discarded.
 pub const MAX_KNOWN_GUESTS: usize = 192;
-/// Frames or telegrams of a guest that wait until the plant takes them. A guest that sends more gets the protocol's
-/// error answer, if there is one.
+/// Maximum number of frames or telegrams of a guest that wait until the plant takes them. A guest that sends more gets
+/// an error answer, if the protocol has an error answer.
 pub const ROOM_TO_PLANT: usize = 1024;
-/// Frames or telegrams that wait until a guest takes them. Others are dropped, and counted.
+/// Maximum number of frames or telegrams that wait until a guest takes them. If there are more, they are dropped and
+/// counted.
 pub const ROOM_TO_GUEST: usize = 4096;

@@ -1,11 +1,11 @@
-//! Protocols of doors: a file for each, and a line in [`PROTOCOLS`].
+//! Protocols of doors. Each protocol has its own file, and a line in [`PROTOCOLS`].
 
 use super::spec::Carrier;
 use super::wire::{Adapter, BadLength, BusMessage};
 use super::{slcan, telegrams};
 use core::fmt;
 
-/// The kind of messages that a bus and the protocol of its doors have in common.
+/// Kind of messages. A bus and the protocol of its doors must have the same kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TrafficKind {
     /// Frames of CAN.
@@ -25,16 +25,17 @@ impl fmt::Display for TrafficKind {
 
 /// A protocol of doors.
 pub(super) trait Protocol: Sync {
-    /// Name at the beginning of the names of its doors: `slcan` gives `slcan-tcp`.
+    /// Name of the protocol. The names of its doors begin with this name: `slcan` gives `slcan-tcp`.
     fn name(&self) -> &'static str;
 
-    /// The kind of messages, which decides on which buses such a door can be.
+    /// Kind of messages. It decides on which buses the protocol's doors can be.
     fn traffic_kind(&self) -> TrafficKind;
 
-    /// Number of its doors over TCP on the channel. The numbers of all doors differ, are not 0, and never change.
+    /// Number on the channel of the protocol's doors over TCP. The numbers of all kinds of doors differ, are not 0, and
+    /// never change.
     fn tcp_number(&self) -> u16;
 
-    /// The same for its doors over a pseudo-terminal; `None` if it has no such doors.
+    /// Number on the channel of the protocol's doors over a pseudo-terminal; `None` if the protocol has no such doors.
     fn pty_number(&self) -> Option<u16> {
         None
     }
@@ -43,12 +44,12 @@ pub(super) trait Protocol: Sync {
     fn begin(&self, carrier: Carrier, adapter: &mut dyn Adapter) -> Box<dyn GuestSession>;
 }
 
-/// A guest's end of the protocol of its door.
+/// The emulator's side of the protocol for a guest.
 pub(super) trait GuestSession: fmt::Debug + Send {
-    /// Takes bytes of the guest and appends the answers to `answer`.
+    /// Interprets bytes from the guest and appends the answers to `answer`.
     ///
     /// # Errors
-    /// [`BadLength`]: the rest of the stream cannot be decoded.
+    /// [`BadLength`], if the rest of the stream cannot be decoded.
     fn hear(
         &mut self,
         bytes: &[u8],
@@ -56,14 +57,14 @@ pub(super) trait GuestSession: fmt::Debug + Send {
         answer: &mut Vec<u8>,
     ) -> Result<(), BadLength>;
 
-    /// Appends the answer to a request for time, at this emulated time and this bit time.
+    /// Appends the answer to a request for time. The present time is given as emulated time and as bit time.
     fn grant(&self, time_us: u64, bit: u64, to: &mut Vec<u8>);
 
-    /// Appends the bytes for a message that has arrived at this emulated time. A message of another kind of bus has no
-    /// bytes; a bus with such messages has no such door.
+    /// Appends the bytes for a message that has arrived at this emulated time. Nothing is appended for another kind of
+    /// messages; this does not occur, because doors of this protocol are not at such a bus.
     fn encode(&self, time_us: u64, message: &BusMessage, to: &mut Vec<u8>);
 
-    /// Whether bytes that the guest does not read in time are lost, as in the receiver of a serial adapter.
+    /// True if bytes that the guest does not read in time are lost, as in the receiver of a serial adapter.
     fn loses_unread(&self) -> bool {
         false
     }
@@ -72,7 +73,7 @@ pub(super) trait GuestSession: fmt::Debug + Send {
 /// All protocols, in the order in which messages name them.
 pub(super) static PROTOCOLS: [&dyn Protocol; 2] = [&slcan::Slcan, &telegrams::Telegrams];
 
-/// The doors that exist, for messages: `slcan-tcp:127.0.0.1:0 (0: any port) and slcan-pty at CAN`.
+/// List of all kinds of doors for messages: `slcan-tcp:127.0.0.1:0 (0: any port) and slcan-pty at CAN`.
 pub(super) fn known_doors() -> String {
     let mut known = Vec::new();
     for (index, protocol) in PROTOCOLS.iter().enumerate() {
@@ -84,7 +85,7 @@ pub(super) fn known_doors() -> String {
     known.join(", ")
 }
 
-/// The names of the doors on buses of this kind, for messages: `slcan-tcp or slcan-pty`.
+/// List of the doors on buses with this kind of messages, for messages to users: `slcan-tcp or slcan-pty`.
 #[must_use]
 pub fn doors_of(traffic_kind: TrafficKind) -> String {
     let mut names = Vec::new();

@@ -7,8 +7,8 @@ use std::fs::File;
 use std::io;
 use std::os::fd::OwnedFd;
 
-/// An open pseudo-terminal. The emulator keeps its other end open, so that programs can connect and disconnect
-/// without events. Only this user can access it.
+/// An open pseudo-terminal. The emulator keeps both ends open, so that programs can connect and disconnect without
+/// events. Only this user can access it.
 #[derive(Debug)]
 pub(super) struct Pty {
     pub(super) master: File,
@@ -20,7 +20,7 @@ impl Pty {
     /// Opens a pseudo-terminal that passes bytes on unchanged.
     ///
     /// # Errors
-    /// The system has none left.
+    /// If the operating system has no free pseudo-terminal.
     pub(super) fn open() -> io::Result<Self> {
         let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
         grantpt(&master)?;

@@ -1,28 +1,28 @@
-//! The relation of a guest to emulated time: it is free, or it has a seat in lockstep.
+//! The relation of a guest to emulated time: a guest is free, or it has a seat in lockstep.
 //!
-//! A guest that has never asked for a time is free. A request means "I send nothing for this time, or until I receive
-//! a frame". From then on the guest has a seat: with a stepped clock, emulated time never passes the end of this
-//! promise. When the time or a frame has come, the guest has its turn: the clock is stopped and the guest may send,
-//! until it asks again. The door defines the format of the request.
+//! A guest that has never asked for a time is free. A request means "I send nothing for this time, or until I receive a
+//! frame". From the first request on the guest has a seat: a stepped clock does not advance further than the end of the
+//! requested time. When the time is over or a frame has come, the guest has its turn: the clock stops, and the guest
+//! may send until it asks again. The protocol of the door defines the format of the request.
 
 /// The relation of a guest to emulated time. Times are in microseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum GuestTurn {
-    /// The guest has never asked, or has given its seat back: the clock does not wait for it.
+    /// The guest has never asked for a time, or has lost its seat. The clock does not wait for it.
     #[default]
     Free,
     /// The guest has asked for a duration that has not begun yet.
     Asks {
         /// Duration in microseconds.
         us: u64,
-        /// Whether the guest has received a frame since.
+        /// True if the guest has received a frame since the request.
         has_heard: bool,
     },
     /// The guest waits for its turn.
     Waits {
         /// Latest time of its turn.
         until: u64,
-        /// Whether the guest has received a frame since it asked, so that its turn has come.
+        /// True if the guest has received a frame since the request. Its turn has then come.
         has_heard: bool,
     },
     /// The guest has its turn.
@@ -30,7 +30,7 @@ pub enum GuestTurn {
 }
 
 impl GuestTurn {
-    /// Asks for a duration. `false` if the guest has asked already, or asks for a duration of 0, which would stop the
+    /// Asks for a duration. Returns false if another request is pending, or if the duration is 0, which would stop the
     /// clock permanently.
     pub(super) fn ask(&mut self, us: u64) -> bool {
         let may = self.may_speak() && us > 0;
@@ -40,21 +40,21 @@ impl GuestTurn {
         may
     }
 
-    /// Begins the duration that was asked for.
+    /// Begins the requested duration at `now`.
     pub(super) fn begin(&mut self, now: u64) {
         if let GuestTurn::Asks { us, has_heard } = *self {
             *self = GuestTurn::Waits { until: now.saturating_add(us), has_heard };
         }
     }
 
-    /// Notes that the guest has received a frame.
+    /// Called when the guest has received a frame.
     pub(super) fn hear(&mut self) {
         if let GuestTurn::Asks { has_heard, .. } | GuestTurn::Waits { has_heard, .. } = self {
             *has_heard = true;
         }
     }
 
-    /// Grants the turn if it has come; returns whether it had.
+    /// Grants the turn if it has come at `now`, and then returns true.
     pub(super) fn grant(&mut self, now: u64) -> bool {
         let is_due = self.next_turn() <= now;
         if is_due {
@@ -63,7 +63,7 @@ impl GuestTurn {
         is_due
     }
 
-    /// Ends the wait for a guest that has its turn; returns whether it had.
+    /// If the guest has its turn, takes its seat away and returns true.
     pub(super) fn give_up(&mut self) -> bool {
         let had_turn = *self == GuestTurn::HasTurn;
         if had_turn {
@@ -72,7 +72,7 @@ impl GuestTurn {
         had_turn
     }
 
-    /// Time of its turn; `u64::MAX` if it does not wait for one, and 0 if it is overdue.
+    /// Time of the guest's turn; `u64::MAX` if it waits for no turn, and 0 if the turn has already come.
     #[must_use]
     pub fn next_turn(self) -> u64 {
         match self {
@@ -82,7 +82,7 @@ impl GuestTurn {
         }
     }
 
-    /// Whether the guest may send: not between a request and the answer, because it has promised not to.
+    /// True if the guest may send. Between a request and the answer it may not send, because it has promised this.
     #[must_use]
     pub fn may_speak(self) -> bool {
         matches!(self, GuestTurn::Free | GuestTurn::HasTurn)

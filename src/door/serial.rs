@@ -1,11 +1,11 @@
-//! PROFIBUS telegrams over a serial line, as an RS-485 adapter has it: octets without times and lengths. A telegram begins
-//! with a start delimiter, and its first octets say where it ends.
+//! PROFIBUS telegrams over a serial line, as with an RS-485 adapter: octets without times and lengths. A telegram
+//! begins with a start delimiter, and its first octets define its length.
 
 use super::protocol::GuestSession;
 use super::wire::{Adapter, BadLength, BusMessage};
 use crate::profibus::{self, Burst};
 
-/// A guest's end of a serial line. A guest on such a line cannot ask for emulated time.
+/// The emulator's side of a serial line to a guest. A guest on such a line cannot ask for emulated time.
 #[derive(Debug, Default)]
 pub(super) struct Session {
     /// An incomplete telegram.
@@ -17,7 +17,7 @@ impl GuestSession for Session {
         self.begun.extend_from_slice(bytes);
         while let Some(count) = profibus::octets_of_first(&self.begun) {
             let octets: Vec<u8> = self.begun.drain(..count).collect();
-            // A telegram without room counts as refused.
+            // If there is no room for the telegram, it is counted as refused.
             adapter.send(BusMessage::Burst(Burst { begin: 0, octets }));
         }
         Ok(())

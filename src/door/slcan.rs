@@ -1,13 +1,13 @@
-//! SLCAN, the ASCII protocol of serial CAN adapters, in the dialect that python-can speaks. This module only parses and
-//! writes the lines; the [`Adapter`] carries them out.
+//! SLCAN, the ASCII protocol of serial CAN adapters, in the variant that python-can uses. This module only reads and
+//! writes the lines; the [`Adapter`] executes the commands.
 //!
-//! Lines end in CR. `tIIILDD..` and `TIIIIIIIILDD..` send data frames of the standard and the extended format, `rIIIL` and
-//! `RIIIIIIIIL` remote ones; the answer is `z` or `Z`, then CR. `Sn` names a rate; `O` connects the guest to the bus, `L`
-//! connects it for listening only, `C` disconnects it. Empty lines are ignored. The answer to a valid line ends in CR;
-//! the answer to any other line is BEL.
+//! Lines end in CR. `tIIILDD..` and `TIIIIIIIILDD..` send data frames of the standard and the extended format. `rIIIL`
+//! and `RIIIIIIIIL` send remote frames. The answer is `z` for the standard format and `Z` for the extended format, then
+//! CR. `Sn` names a rate. `O` connects the guest to the bus, `L` connects it for listening only, `C` disconnects it.
+//! Empty lines are ignored. The answer to a valid line ends in CR. The answer to any other line is BEL.
 //!
-//! One line is our own, with a letter that no adapter has: `KN` requests that emulated time advance by N microseconds, in
-//! hexadecimal digits. The answer follows when it has.
+//! The line `KN` is an addition of this emulator, with a letter that no adapter uses. It requests that emulated time
+//! advance by N microseconds (hexadecimal digits). The answer follows when the time has advanced.
 
 use super::protocol::{GuestSession, Protocol, TrafficKind};
 use super::spec::Carrier;
@@ -15,19 +15,19 @@ use super::wire::{Adapter, BadLength, BusMessage};
 use crate::can::{ErrorState, ExtendedId, Frame, Id, Payload, StandardId};
 use core::fmt::Write;
 
-/// The positive answer, and the end of a line.
+/// Positive answer. It is also the end of each line.
 const OK: u8 = b'\r';
-/// The negative answer.
+/// Negative answer.
 const BELL: u8 = 7;
-/// The longest valid line: an extended frame with eight bytes and a time.
+/// Length of the longest valid line: an extended frame with eight bytes and a time.
 const LONGEST: usize = 32;
 
-/// A rate as `S` names it.
+/// A rate, as the code that follows `S`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Rate(u8);
 
-/// The rates that have a code, each with its bit/s. Adapters mean 800 kbit/s by `S7`, python-can means 750; `S9` is
-/// python-can's own.
+/// The codes, each with a rate in bit/s. For adapters, `S7` means 800 kbit/s; for python-can, it means 750 kbit/s. Only
+/// python-can has `S9`.
 const RATES: [(u8, u32); 11] = [
     (0, 10_000),
     (1, 20_000),
@@ -47,39 +47,39 @@ impl Rate {
         RATES.iter().any(|(known, _)| *known == code).then_some(Rate(code))
     }
 
-    /// Whether the rate can mean a bus with this rate in bit/s. A rate without a code cannot be named, so any code
-    /// fits it.
+    /// True if the code can mean `bit_s`. If no code means the rate of the bus, any code is accepted, because the guest
+    /// cannot name that rate.
     #[must_use]
     pub fn fits(self, bit_s: u32) -> bool {
         let mut codes = RATES.iter().filter(|(_, known)| *known == bit_s).map(|(code, _)| *code).peekable();
         codes.peek().is_none() || codes.any(|code| code == self.0)
     }
 
-    /// The number that follows `S`.
+    /// The code: the number that follows `S`.
     #[must_use]
     pub const fn code(self) -> u8 {
         self.0
     }
 
-    /// Rate in bit/s; the first possible one of a code.
+    /// Rate in bit/s. If the code means several rates, the first one in [`RATES`].
     #[must_use]
     pub fn bit_s(self) -> u32 {
         RATES.iter().find(|(code, _)| *code == self.0).map_or(0, |(_, bit_s)| *bit_s)
     }
 }
 
-/// The data that `F` asks for.
+/// The data that `F` requests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Status {
-    /// Whether the guest has missed frames since its last request.
+    /// True if the guest has missed frames since its last request.
     pub(super) has_missed: bool,
-    /// The error state of its controller.
+    /// Error state of the guest's controller.
     pub(super) errors: ErrorState,
 }
 
 impl Status {
-    /// Encoded as the bits of the adapters that the protocol was made for: 2 error warning, 3 overrun, 5
-    /// error-passive; 7, their bus error, is BUS-off (decision D-287).
+    /// Returns the status byte. The bits are the same as in the adapters for which the protocol was made: 2 error
+    /// warning, 3 overrun, 5 error-passive. Bit 7 means a bus error in adapters, and BUS-off here (decision D-287).
     fn code(self) -> u8 {
         let errors = match self.errors {
             ErrorState::Active => 0,
@@ -138,16 +138,16 @@ impl GuestSession for Session {
     }
 }
 
-/// A guest's end of the protocol.
+/// The emulator's side of the protocol for a guest.
 #[derive(Debug, Default)]
 pub(super) struct Session {
     line: Vec<u8>,
-    /// Whether frames come with the time.
+    /// True if lines with frames to the guest contain the time.
     times: bool,
 }
 
 impl Session {
-    /// Takes bytes of the guest and appends the answers to `answer`.
+    /// Interprets bytes from the guest and appends the answers to `answer`.
     pub(super) fn hear(&mut self, bytes: &[u8], adapter: &mut dyn Adapter, answer: &mut Vec<u8>) {
         for &byte in bytes {
             match byte {
@@ -158,7 +158,7 @@ impl Session {
                     self.line = line;
                     self.line.clear();
                 }
-                // One byte beyond the limit marks the line as too long.
+                // A line with one more byte than the longest valid line is invalid, so further bytes need not be kept.
                 _ if self.line.len() <= LONGEST => self.line.push(byte),
                 _ => {}
             }
@@ -182,7 +182,7 @@ impl Session {
                 let rate = code.checked_sub(b'0').and_then(Rate::of_code);
                 rate.is_some() && adapter.set_rate(rate)
             }
-            // Bit timing registers of some controller: the guest is responsible for the value.
+            // The value is for the bit timing registers of some controller, so it is not checked.
             (b's', [_, ..]) if rest.iter().all(u8::is_ascii_hexdigit) => adapter.set_rate(None),
             (b'O', []) => {
                 adapter.open(false);
@@ -212,9 +212,9 @@ impl Session {
                 answer.extend_from_slice(format!("F{:02X}", adapter.take_status().code()).as_bytes());
                 true
             }
-            // Answered when the time has come.
+            // The answer follows when the time has come.
             (b'K', _) if number(rest).is_some_and(|us| adapter.ask(us)) => return,
-            // Frames come as they arrive in any case, and all of them.
+            // These settings have no effect: all frames are always sent when they arrive.
             (b'X', [b'0' | b'1']) => true,
             (b'M', b"00000000") | (b'm', b"FFFFFFFF" | b"ffffffff") => true,
             _ => false,
@@ -222,7 +222,7 @@ impl Session {
         answer.push(if done { OK } else { BELL });
     }
 
-    /// Appends the line that answers a request for time, at this emulated one.
+    /// Appends the answer to a request for time. `time_us` is the present emulated time.
     pub(super) fn grant(time_us: u64, line: &mut Vec<u8>) {
         line.extend_from_slice(format!("K{time_us:X}").as_bytes());
         line.push(OK);
@@ -232,7 +232,7 @@ impl Session {
     pub(super) fn encode(&self, time_us: u64, frame: &Frame, line: &mut Vec<u8>) {
         let mut text = String::with_capacity(LONGEST);
         let field = frame.arbitration();
-        // Into a text, writing cannot fail.
+        // Writing into a text cannot fail.
         let _ = match (field.id(), field.is_remote()) {
             (Id::Standard(id), false) => write!(text, "t{:03X}", id.as_raw()),
             (Id::Standard(id), true) => write!(text, "r{:03X}", id.as_raw()),
@@ -244,7 +244,7 @@ impl Session {
             let _ = write!(text, "{byte:02X}");
         }
         if self.times {
-            // Milliseconds that begin again after a minute.
+            // The time is in milliseconds and begins again at 0 after a minute.
             let _ = write!(text, "{:04X}", time_us / 1000 % 60_000);
         }
         line.extend_from_slice(text.as_bytes());
@@ -252,14 +252,14 @@ impl Session {
     }
 }
 
-/// A number of hexadecimal digits, and nothing else.
+/// Reads a number that consists of hexadecimal digits only.
 fn number(digits: &[u8]) -> Option<u64> {
     let text =
         core::str::from_utf8(digits).ok().filter(|text| text.bytes().all(|c| c.is_ascii_hexdigit()))?;
     u64::from_str_radix(text, 16).ok()
 }
 
-/// The frame of a line, from the text after the letter. A time after the frame is ignored.
+/// Reads the frame of a line from the text after the letter. A time after the frame is ignored.
 fn frame(command: u8, rest: &[u8]) -> Option<Frame> {
     let text = core::str::from_utf8(rest).ok().filter(|text| text.bytes().all(|c| c.is_ascii_hexdigit()))?;
     let (id, rest) = text.split_at_checked(if command.is_ascii_lowercase() { 3 } else { 8 })?;
@@ -461,7 +461,8 @@ mod tests {
         assert_eq!(Rate::of_code(10), None);
     }
 
-    /// Any input: no panic, and one answer for each line that is not empty, at once or at its time.
+    /// With any input, nothing panics, and each line that is not empty has one answer, at once or when its time has
+    /// come.
     fn each_line_has_one_answer(bytes: &[u8]) {
         let (mut session, mut noted) = (Session::default(), Noted { open: Some(false), ..Noted::default() });
         let mut answer = Vec::new();

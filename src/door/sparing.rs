@@ -1,11 +1,12 @@
-//! Limits log messages about strangers: a client that connects again and again must not fill the emulator's log.
+//! Limits log messages about foreign programs. A program that connects again and again must not fill the emulator's
+//! log.
 
 use std::time::{Duration, Instant};
 
-/// Between two complaints (decision D-582).
+/// Minimum time between two complaints (decision D-582).
 const PAUSE: Duration = Duration::from_secs(60);
 
-/// Count of complaints that were suppressed since the last one.
+/// Limits complaints, and counts the suppressed complaints since the last logged one.
 #[derive(Debug, Default)]
 pub(super) struct Sparing {
     last: Option<Instant>,
@@ -13,7 +14,8 @@ pub(super) struct Sparing {
 }
 
 impl Sparing {
-    /// Whether to log now, and if so the note about earlier messages that were suppressed.
+    /// Returns a text if the complaint must be logged. The text says how many complaints were suppressed before, and is
+    /// empty if there were none.
     pub(super) fn complains(&mut self, now: Instant) -> Option<String> {
         if self.last.is_some_and(|last| now.saturating_duration_since(last) < PAUSE) {
             self.unsaid += 1;

@@ -6,7 +6,7 @@ use core::str::FromStr;
 use serde::{Deserialize, Serialize};
 use std::net::SocketAddrV4;
 
-/// A door, as requested or as open.
+/// Specification of a door. For a requested door, the port or number may be open.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Deserialize, Serialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct DoorSpec {
@@ -15,23 +15,23 @@ pub struct DoorSpec {
     carrier: Carrier,
 }
 
-/// The way of the bytes to a guest.
+/// Transport of the bytes between emulator and guest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Carrier {
-    /// TCP, with the address that the door listens at. Port 0 requests any port.
+    /// TCP, with the address at which the door listens. Port 0 requests any free port.
     Tcp(SocketAddrV4),
-    /// A pseudo-terminal; for an open door with its number below `/dev/pts`.
+    /// A pseudo-terminal. For an open door, this is the number in its name `/dev/pts/…`.
     Pty(Option<u32>),
 }
 
 /// Directory of pseudo-terminals.
 const PTS: &str = "/dev/pts/";
 
-/// A text that names no door.
+/// A text that does not specify a door.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BadDoor {
-    /// The kind of door does not exist.
+    /// There is no such kind of door.
     #[error("there is no door `{text}`; doors are {}", known_doors())]
     Unknown {
         /// The text.
@@ -45,7 +45,7 @@ pub enum BadDoor {
         /// The kind of door.
         kind: String,
     },
-    /// An address that other machines can reach.
+    /// Other machines can reach the address.
     #[error(
         "`{text}` would let anybody in the network take part; use an address of 127.0.0.0/8, or write {anybody} if that is \
          wanted"
@@ -53,7 +53,7 @@ pub enum BadDoor {
     NotLoopback {
         /// The text.
         text: String,
-        /// Name of the door for the whole network.
+        /// Kind of door that may have such an address.
         anybody: String,
     },
 }
@@ -109,8 +109,8 @@ impl From<DoorSpec> for String {
 }
 
 impl DoorSpec {
-    /// The door with this number on the channel: at this address if it is one over TCP, else with this number of a
-    /// pseudo-terminal. `None` without such a door.
+    /// Returns the door for a number on the channel. A door over TCP gets the address `at`, a door over a
+    /// pseudo-terminal gets the number `pty`. `None` if no kind of door has this number.
     #[must_use]
     pub fn of_number(number: u16, at: SocketAddrV4, pty: Option<u32>) -> Option<Self> {
         (0..).zip(PROTOCOLS).find_map(|(index, protocol)| {
@@ -129,7 +129,7 @@ impl DoorSpec {
         let protocol = self.protocol();
         match self.carrier {
             Carrier::Tcp(_) => protocol.tcp_number(),
-            // Only a protocol with such a number has doors of this kind.
+            // A protocol without this number has no doors over a pseudo-terminal, so 0 does not occur.
             Carrier::Pty(_) => protocol.pty_number().unwrap_or_default(),
         }
     }
@@ -139,19 +139,19 @@ impl DoorSpec {
         PROTOCOLS[usize::from(self.protocol)]
     }
 
-    /// The kind of messages of its protocol.
+    /// Kind of messages of the door's protocol.
     #[must_use]
     pub fn traffic_kind(self) -> TrafficKind {
         self.protocol().traffic_kind()
     }
 
-    /// The way of the bytes to a guest.
+    /// Transport of the bytes between emulator and guest.
     #[must_use]
     pub const fn carrier(self) -> Carrier {
         self.carrier
     }
 
-    /// Address that the door listens at, if it has one.
+    /// Address at which the door listens, if it is a door over TCP.
     #[must_use]
     pub const fn address(self) -> Option<SocketAddrV4> {
         match self.carrier {
@@ -160,13 +160,13 @@ impl DoorSpec {
         }
     }
 
-    /// The same protocol over this carrier.
+    /// Returns a door with the same protocol and this carrier.
     pub(super) const fn over(self, carrier: Carrier) -> Self {
         DoorSpec { carrier, ..self }
     }
 }
 
-/// Snapshots compare the settings of a plant in this form, so it stays: `SlcanTcp { at: 127.0.0.1:0 }`.
+/// The form must not change, because snapshots compare the settings of a plant in it: `SlcanTcp { at: 127.0.0.1:0 }`.
 impl fmt::Debug for DoorSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = self.protocol().name();

@@ -1,6 +1,7 @@
-//! PROFIBUS telegrams over a stream of bytes. Each is the number of its octets in 16 bits, the bit time of its first
-//! bit in 64, and the octets, the low byte of each number first. Without octets it asks for emulated time until this
-//! bit time, or answers such a request. This module only converts bytes; the bus interprets them.
+//! PROFIBUS telegrams over a stream of bytes. Each telegram consists of the number of octets (16 bits), the bit time of
+//! the first bit (64 bits), and the octets. The low byte of each number comes first. A telegram without octets is a
+//! request of the guest for emulated time until this bit time, or the answer to such a request. This module only
+//! converts bytes; the bus interprets them.
 
 use super::protocol::{GuestSession, Protocol, TrafficKind};
 use super::serial;
@@ -8,7 +9,7 @@ use super::spec::Carrier;
 use super::wire::{Adapter, BadLength, BusMessage};
 use crate::profibus::{Burst, MAX_OCTETS};
 
-/// Bytes in front of the octets.
+/// Number of bytes before the octets.
 const HEAD: usize = 10;
 
 /// The protocol.
@@ -57,7 +58,7 @@ impl GuestSession for Session {
     }
 }
 
-/// A guest's end of the protocol.
+/// The emulator's side of the protocol for a guest.
 #[derive(Debug, Default)]
 pub(super) struct Session {
     /// An incomplete telegram.
@@ -65,10 +66,10 @@ pub(super) struct Session {
 }
 
 impl Session {
-    /// Takes bytes of the guest.
+    /// Interprets bytes from the guest.
     ///
     /// # Errors
-    /// [`BadLength`]: no telegram has this length.
+    /// [`BadLength`], if a telegram has an impossible length.
     pub(super) fn hear(&mut self, bytes: &[u8], adapter: &mut dyn Adapter) -> Result<(), BadLength> {
         self.begun.extend_from_slice(bytes);
         let mut rest = self.begun.as_slice();
@@ -79,10 +80,10 @@ impl Session {
             }
             let Some((octets, following)) = following.split_at_checked(usize::from(length)) else { break };
             if octets.is_empty() {
-                // A guest that asks twice gets one answer.
+                // The result is not needed: a guest that asks twice gets one answer.
                 adapter.ask_until(begin);
             } else {
-                // A telegram without room counts as refused.
+                // If there is no room for the telegram, it is counted as refused.
                 adapter.send(BusMessage::Burst(Burst { begin, octets: octets.to_vec() }));
             }
             rest = following;
@@ -93,7 +94,7 @@ impl Session {
     }
 }
 
-/// Number of octets and bit time.
+/// Decodes the number of octets and the bit time.
 fn head_of(head: [u8; HEAD]) -> (u16, u64) {
     let [a, b, begin @ ..] = head;
     (u16::from_le_bytes([a, b]), u64::from_le_bytes(begin))
@@ -181,7 +182,8 @@ mod tests {
         assert_eq!((noted.0.len(), noted.1), (1, vec![3000]));
     }
 
-    /// Any input: no panic, no invalid telegram as output, and the same result in one piece and in pieces.
+    /// With any input, nothing panics, no invalid telegram is passed on, and the result is the same in one piece and in
+    /// pieces.
     #[test]
     fn fuzz_door_telegrams() {
         crate::fuzz("door_telegrams", |bytes| {

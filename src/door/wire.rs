@@ -9,43 +9,44 @@ use crate::profibus::Burst;
 pub enum BusMessage {
     /// A frame of CAN.
     Frame(Frame),
-    /// Octets on PROFIBUS, with the bit time of their first bit; from a guest 0 is as soon as the line is free.
+    /// Octets on PROFIBUS, with the bit time of their first bit. A guest uses the bit time 0 to send as soon as the
+    /// line is free.
     Burst(Burst),
 }
 
 #[cfg(test)]
 impl BusMessage {
-    /// A guest's message on PROFIBUS.
+    /// Creates a message of a guest on PROFIBUS.
     pub(crate) fn burst(octets: Vec<u8>) -> Self {
         Self::Burst(Burst { begin: 0, octets })
     }
 }
 
-/// Requests of a guest to the owner of its session.
+/// Requests of a guest. The session passes them to its owner.
 pub(super) trait Adapter {
-    /// Sets the rate, or clears it; `false` while the guest takes part.
+    /// Sets the rate, or clears it. Returns false while the guest takes part, because the rate is then fixed.
     fn set_rate(&mut self, rate: Option<Rate>) -> bool;
 
-    /// Takes part, or only listens.
+    /// Connects the guest to the bus. With `listens`, it only listens.
     fn open(&mut self, listens: bool);
 
-    /// Ends the participation.
+    /// Disconnects the guest from the bus.
     fn close(&mut self);
 
-    /// Sends a message; `false` if the guest does not take part or there is no room.
+    /// Sends a message. Returns false if the guest does not take part or if there is no room.
     fn send(&mut self, message: BusMessage) -> bool;
 
-    /// Asks for a turn after `us` microseconds of emulated time, or when the guest has received something; until then
-    /// it sends nothing. `false` if it does not listen, or waits for a turn already.
+    /// Asks for a turn after `us` microseconds of emulated time, or when the guest has received something. The guest
+    /// sends nothing until then. Returns false if the guest does not listen, or if it already waits for a turn.
     fn ask(&mut self, us: u64) -> bool;
 
-    /// Does the same until this bit time of its bus.
+    /// Asks for a turn like [`Adapter::ask`], but at this bit time of the guest's bus.
     fn ask_until(&mut self, bit: u64) -> bool;
 
-    /// Asks for the status.
+    /// Returns the status. The next status reports only frames that are missed after this call.
     fn take_status(&mut self) -> Status;
 }
 
-/// A number of octets that no telegram has: the guest does not speak the protocol.
+/// An impossible number of octets in a telegram: the guest does not use the protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct BadLength(pub(super) u16);

@@ -12,7 +12,7 @@ pub(crate) struct Constant {
     pub value: u32,
     /// Its meaning.
     pub text: String,
-    /// Whether the value is instead the number of the lowest bit of a field.
+    /// True if the value is instead the number of the lowest bit of a field.
     pub is_shift: bool,
 }
 
@@ -27,7 +27,7 @@ impl Constant {
 pub struct Enumeration {
     /// `OPTION_STATUS`.
     pub name: String,
-    /// Whether the members are bits, which can be combined.
+    /// True if the members are bits, which can be combined.
     pub is_flags: bool,
     /// Names without the prefix of the enumeration, values, and meanings.
     pub members: Vec<(String, u32, String)>,

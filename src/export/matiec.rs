@@ -158,7 +158,7 @@ fn stretches(areas: &[&Area]) -> Vec<(u32, u32)> {
     areas
 }
 
-/// Whether programs access the area by bits and by any width, so that registers only name parts of it: inputs, outputs,
+/// True if programs access the area by bits and by any width, so that registers only name parts of it: inputs, outputs,
 /// and the flags beside the retain flags or other flags (D-772).
 fn is_programs(scope: &Scope, area: &Area) -> bool {
     let space = area.space;

@@ -30,7 +30,7 @@ impl Scope {
         self
     }
 
-    /// Whether the scope is the whole device.
+    /// True if the scope is the whole device.
     pub fn is_whole(&self) -> bool {
         self.block.is_none()
     }

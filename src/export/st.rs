@@ -46,7 +46,7 @@ impl StForm {
         }
     }
 
-    /// Whether there is a variable per register.
+    /// True if there is a variable per register.
     fn is_elementary(self) -> bool {
         self.elementary || self.compiler == StCompiler::StruCpp
     }
@@ -225,7 +225,7 @@ impl Array {
 
 /// The required array types.
 struct Arrays {
-    /// Whether arrays of several dimensions are one type each.
+    /// True if arrays of several dimensions are one type each.
     flat: bool,
     all: BTreeSet<Array>,
 }

@@ -10,7 +10,7 @@ pub struct DissectedBus<'a> {
     pub name: &'a str,
     /// Name of the decoder.
     pub kind: &'a str,
-    /// Whether packets are frames of CAN; otherwise they are telegrams of PROFIBUS.
+    /// True if packets are frames of CAN; otherwise they are telegrams of PROFIBUS.
     pub is_can: bool,
     /// The messages that the devices of the bus know.
     pub messages: Vec<Message>,

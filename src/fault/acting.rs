@@ -33,7 +33,7 @@ impl Entry {
     }
 }
 
-/// A fault in a snapshot: the number of its kind, and only the values that do not follow from the kind.
+/// A fault in a snapshot: the number of the fault's kind, and only the data that do not follow from the kind.
 #[derive(Serialize, Deserialize)]
 struct SavedFault {
     id: u16,
@@ -51,7 +51,7 @@ struct SavedFault {
 
 impl SavedFault {
     fn of(entry: &Entry) -> Self {
-        // The effect and the owner follow from the fault; no fault is over between two events.
+        // Not saved: the effect and the owner follow from the fault, and `done` is false between two events.
         let Entry { status, owner: _, effect: _, begins, ends, done: _ } = entry;
         let FaultStatus { id, fault, acting, hits } = *status;
         let (index, number) = fault.target().numbers();
@@ -87,25 +87,25 @@ impl SavedFault {
     }
 }
 
-/// The list of faults. While it is empty, it costs only a call of [`Faults::is_empty`].
+/// The list of faults. An empty list costs only a call of [`Faults::is_empty`].
 #[derive(Default)]
 pub struct Faults {
     entries: Vec<Entry>,
     last_id: u16,
-    /// When the next fault begins or ends.
+    /// Time at which the next fault begins or ends.
     next: Option<u64>,
 }
 
 impl Faults {
     /// Saves the pending and active faults.
     pub(crate) fn save(&self, to: &mut Saving) {
-        // The next time follows from the entries.
+        // `next` is not saved, because it follows from the entries.
         let Faults { entries, last_id, next: _ } = self;
         to.value(&(entries.iter().map(SavedFault::of).collect::<Vec<_>>(), last_id));
     }
 
-    /// Restores the faults of a snapshot, which must be valid for an installation with these `sites`. The effects on
-    /// buses and devices are part of their own states.
+    /// Restores the faults of a snapshot. They must be valid for an installation with these `sites`. The buses and
+    /// devices restore the effects of faults with their own states.
     pub(crate) fn restore(
         &mut self,
         from: &mut Saved<'_>,
@@ -121,7 +121,7 @@ impl Faults {
         Ok(())
     }
 
-    /// Whether there is no fault.
+    /// True if the list has no fault.
     #[inline]
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty()
@@ -133,7 +133,8 @@ impl Faults {
         self.next.unwrap_or(NEVER)
     }
 
-    /// Adds a fault that `owner` applies; it begins with the next call of [`Faults::advance`]. Returns its number.
+    /// Adds a fault that `owner` applies, and returns the number of the fault. The fault begins with the next call of
+    /// [`Faults::advance`].
     ///
     /// # Errors
     /// [`Refusal::TooMany`].
@@ -162,13 +163,13 @@ impl Faults {
         Ok(id)
     }
 
-    /// Returns the number after the last one given; after 65535 free numbers are reused.
+    /// Returns the number after the last given number. After 65535 it returns free numbers from 1.
     fn free_id(&self) -> u16 {
         let taken = |id: &u16| self.entries.iter().any(|entry| entry.status.id == *id);
         let mut id = self.last_id;
         loop {
             id = id.checked_add(1).unwrap_or(1);
-            // At most MAX_FAULTS of 65535 numbers are taken.
+            // This loop ends, because at most MAX_FAULTS of 65535 numbers are taken.
             if !taken(&id) {
                 return id;
             }
@@ -200,8 +201,8 @@ impl Faults {
         Ok(())
     }
 
-    /// Fires the faults that `owner` applies, in the order in which they were added. `fire` receives the target, the
-    /// effect and the number of earlier hits; it returns the details if this is a hit.
+    /// Calls `fire` for each active fault that `owner` applies, in the order in which they were added. `fire` receives
+    /// the target, the effect and the number of earlier hits. If the fault hits, `fire` returns the details of the hit.
     pub fn fire<E: 'static>(
         &mut self,
         now: u64,
@@ -217,7 +218,7 @@ impl Faults {
         });
     }
 
-    /// Fires all active faults, of all owners.
+    /// Calls `fire` for the active faults of all owners.
     pub fn fire_all(
         &mut self,
         now: u64,
@@ -245,7 +246,7 @@ impl Faults {
         }
     }
 
-    /// The active effects that `owner` applies, with their targets.
+    /// The effects of active faults that `owner` applies, each with its target.
     pub fn acting<E: 'static>(&self, owner: Owner) -> impl Iterator<Item = (Target, &E)> {
         let entries = self.entries.iter().filter(move |entry| entry.status.acting && entry.owner == owner);
         entries.filter_map(|entry| Some((entry.status.fault.target(), entry.effect.get()?)))

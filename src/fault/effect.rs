@@ -1,12 +1,12 @@
-//! Effect of a fault, as its family defines it from the values.
+//! Effect of a fault. The family of the fault's kind computes the effect from the values of the fault.
 
 use core::any::Any;
 
-/// Effect of a fault, in a type of its family. Only that family reads it.
+/// Effect of a fault. The type of the content belongs to the family of the fault's kind, and only this family reads it.
 pub struct Effect(Box<dyn Any + Send>);
 
 impl Effect {
-    /// An effect of the family's own type.
+    /// Creates an effect from a value of the family's own type.
     pub fn new<T: Any + Send>(effect: T) -> Self {
         Effect(Box::new(effect))
     }

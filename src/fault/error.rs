@@ -6,7 +6,8 @@ use crate::journal::Names;
 use crate::layout::{DeviceLayout, did_you_mean};
 use thiserror::Error;
 
-/// Why a fault is impossible. Buses and PLCs are counted from 0; [`FaultError::refused`] has their names.
+/// Reason for which a fault is impossible. Here, buses and PLCs have their numbers from 0; [`FaultError::refused`]
+/// replaces the numbers by names.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum Refusal {
     /// A number outside its range.
@@ -14,7 +15,7 @@ pub enum Refusal {
     Range {
         /// The field.
         field: &'static Field,
-        /// Its value.
+        /// The refused value.
         value: u64,
         /// Smallest value.
         least: u64,
@@ -29,13 +30,13 @@ pub enum Refusal {
         /// Description of a correct value.
         right: String,
     },
-    /// Values that are valid separately, but not together.
+    /// Values that are valid separately, but not in combination; the text describes the error.
     #[error("{0}")]
     Disagree(String),
-    /// The kind acts on another place.
+    /// The kind acts on another kind of target.
     #[error("it acts on {}", acts_on(*.place))]
     OtherPlace {
-        /// Kind of target of faults of this kind.
+        /// Kind of target on which the kind acts.
         place: TargetKind,
     },
     /// A count for a fault that has no hits.
@@ -44,7 +45,7 @@ pub enum Refusal {
         /// The kind.
         kind: &'static FaultKind,
     },
-    /// The fault has two limits.
+    /// The fault has a count and a duration.
     #[error("count and duration_us exclude each other; give one of them")]
     TwoLimits,
     /// There is no such bus.
@@ -70,7 +71,7 @@ pub enum Refusal {
         bus: BusIndex,
         /// The slave number.
         slave: u8,
-        /// The slaves it has, bit n for slave n.
+        /// The slaves of the bus, bit n for slave n.
         present: u32,
     },
     /// There is no such port.
@@ -90,7 +91,7 @@ pub enum Refusal {
         plc: DeviceIndex,
         /// The port.
         port: &'static str,
-        /// Its ports that are on a bus.
+        /// The ports of the PLC that are on a bus.
         plugged: Vec<&'static str>,
     },
     /// The bus cannot have such a fault.
@@ -98,7 +99,7 @@ pub enum Refusal {
     NotOfBus {
         /// The bus.
         bus: BusIndex,
-        /// The faults of its kind of buses.
+        /// The faults that buses of this family can have.
         known: &'static [&'static FaultKind],
     },
     /// The PLC cannot have such a fault.
@@ -106,7 +107,7 @@ pub enum Refusal {
     NotOfPlc {
         /// The PLC.
         plc: DeviceIndex,
-        /// The faults that it has itself.
+        /// The faults that the PLC can have.
         known: &'static [&'static FaultKind],
     },
     /// There are too many faults.
@@ -126,7 +127,7 @@ pub enum FaultError {
     /// The kind does not exist.
     #[error("kind = \"{kind}\": there is no such fault{hint}; the kinds are: {known}")]
     UnknownKind {
-        /// Text of the description.
+        /// The text in the description.
         kind: String,
         /// Kind that may be meant.
         hint: String,
@@ -138,7 +139,7 @@ pub enum FaultError {
     UnknownField {
         /// The kind.
         kind: &'static FaultKind,
-        /// Text of the description.
+        /// The text in the description.
         field: String,
     },
     /// The kind does not have the field.
@@ -149,7 +150,7 @@ pub enum FaultError {
         /// The field.
         field: &'static Field,
     },
-    /// A field under both of its names.
+    /// The description has a field twice, under both of its names.
     #[error("{}: {field} is given twice", .kind.name())]
     Twice {
         /// The kind.
@@ -157,14 +158,14 @@ pub enum FaultError {
         /// The field.
         field: &'static Field,
     },
-    /// A text where a number belongs, or a number where a text belongs.
+    /// The description has a text for a number, or a number for a text.
     #[error("{}: {field} = {given}; it must be {right}", .kind.name())]
     Form {
         /// The kind.
         kind: &'static FaultKind,
         /// The field.
         field: &'static Field,
-        /// Text of the description, with quotation marks for a text.
+        /// The value in the description. A text has quotation marks.
         given: String,
         /// Description of a correct value.
         right: String,
@@ -174,7 +175,7 @@ pub enum FaultError {
     UnknownBus {
         /// The kind.
         kind: &'static FaultKind,
-        /// Text of the description.
+        /// The text in the description.
         bus: String,
         /// The known buses.
         known: String,
@@ -184,7 +185,7 @@ pub enum FaultError {
     UnknownPlc {
         /// The kind.
         kind: &'static FaultKind,
-        /// Text of the description.
+        /// The text in the description.
         plc: String,
         /// The known PLCs.
         known: String,
@@ -196,9 +197,9 @@ pub enum FaultError {
         kind: &'static FaultKind,
         /// The PLC.
         plc: String,
-        /// Text of the description.
+        /// The text in the description.
         port: String,
-        /// The ports it has.
+        /// The ports of the PLC.
         known: String,
     },
     /// The bus does not have the slave.
@@ -210,7 +211,7 @@ pub enum FaultError {
         bus: String,
         /// The slave number.
         slave: u8,
-        /// The slaves it has, bit n for slave n.
+        /// The slaves of the bus, bit n for slave n.
         present: u32,
     },
     /// The port is not on a bus.
@@ -222,7 +223,7 @@ pub enum FaultError {
         plc: String,
         /// The port.
         port: &'static str,
-        /// Its ports that are on a bus.
+        /// The ports of the PLC that are on a bus.
         plugged: Vec<&'static str>,
     },
     /// The bus cannot have such a fault.
@@ -232,7 +233,7 @@ pub enum FaultError {
         kind: &'static FaultKind,
         /// The bus.
         bus: String,
-        /// The faults of its kind of buses.
+        /// The faults that buses of this family can have.
         known: &'static [&'static FaultKind],
     },
     /// The PLC cannot have such a fault.
@@ -242,21 +243,21 @@ pub enum FaultError {
         kind: &'static FaultKind,
         /// The PLC.
         plc: String,
-        /// The faults that it has itself.
+        /// The faults that the PLC can have.
         known: &'static [&'static FaultKind],
     },
-    /// Refusal that does not depend on names.
+    /// The description could be read, but the fault is impossible.
     #[error("{}: {refusal}", .kind.name())]
     Refused {
         /// The kind.
         kind: &'static FaultKind,
-        /// Why.
+        /// Reason for the refusal.
         refusal: Refusal,
     },
 }
 
 impl FaultError {
-    /// The refusal of a fault, with the names of its targets.
+    /// Adds the names of buses and PLCs to the refusal of a fault.
     pub fn refused(kind: &'static FaultKind, refusal: Refusal, names: &Names) -> Self {
         let (bus_name, plc_name) = (|bus| names.bus(bus).into_owned(), |plc| names.plc(plc).into_owned());
         match refusal {
@@ -279,7 +280,7 @@ impl FaultError {
     }
 }
 
-/// Describes the target of a kind, for people.
+/// Describes a kind of target in messages.
 const fn acts_on(place: TargetKind) -> &'static str {
     match place {
         TargetKind::Bus => "a bus",
@@ -289,7 +290,7 @@ const fn acts_on(place: TargetKind) -> &'static str {
     }
 }
 
-/// Names one after the other, or "none".
+/// Returns the names with commas between them, or "none".
 pub(super) fn list<T: AsRef<str>>(names: &[T]) -> String {
     let names: Vec<&str> = names.iter().map(AsRef::as_ref).collect();
     if names.is_empty() { "none".to_owned() } else { names.join(", ") }

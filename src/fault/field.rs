@@ -1,4 +1,5 @@
-//! Fields that describe a fault. A single definition of each field serves reading, checks, printing and documentation.
+//! Fields that describe a fault. Each field is defined once, and this definition is used to read, check, print and
+//! document the field.
 
 use super::Refusal;
 use core::fmt;
@@ -21,34 +22,34 @@ pub enum Form {
     Name,
     /// Name or number of a PLC's port.
     Port,
-    /// One of these words; the fault stores its position.
+    /// One of these words. The fault stores the position of the word in this list.
     Word(&'static [&'static str]),
     /// A decimal number.
     Number {
-        /// The smallest.
+        /// Smallest value.
         least: u64,
-        /// The largest.
+        /// Largest value.
         most: u64,
     },
     /// A number in hexadecimal notation.
     Hex {
-        /// The smallest.
+        /// Smallest value.
         least: u64,
-        /// The largest.
+        /// Largest value.
         most: u64,
         /// Minimum number of digits.
         digits: usize,
     },
     /// A time in emulated microseconds.
     Time {
-        /// The shortest.
+        /// Shortest time.
         least: u64,
-        /// The longest.
+        /// Longest time.
         most: u64,
     },
 }
 
-/// Whether a field may be left out.
+/// Need for a field in the description of a fault.
 #[derive(Clone, Copy, Debug)]
 enum Need {
     Optional,
@@ -59,31 +60,31 @@ enum Need {
 }
 
 impl Field {
-    /// A field of this form, which may be left out.
+    /// Creates a field of this form, which may be left out.
     #[must_use]
     pub const fn new(name: &'static str, form: Form, about: &'static str) -> Self {
         Field { name, other_name: None, about, form, need: Need::Optional }
     }
 
-    /// Returns the same field with an alternative name.
+    /// Gives the field an alternative name.
     #[must_use]
     pub const fn or(self, other_name: &'static str) -> Self {
         Field { other_name: Some(other_name), ..self }
     }
 
-    /// Returns the same field, as a required one; `right` describes a correct value.
+    /// Makes the field required; `right` describes a correct value.
     #[must_use]
     pub const fn required(self, right: &'static str) -> Self {
         Field { need: Need::Required(right), ..self }
     }
 
-    /// Returns the same field with a default value.
+    /// Gives the field a default value.
     #[must_use]
     pub const fn default(self, value: u32) -> Self {
         Field { need: Need::Default(value), ..self }
     }
 
-    /// Its name in plant files.
+    /// Name of the field in plant files.
     #[must_use]
     pub const fn name(&self) -> &'static str {
         self.name
@@ -115,7 +116,7 @@ impl Field {
         }
     }
 
-    /// Whether the field may not be left out.
+    /// True if the field must not be left out.
     #[cfg(feature = "cli")]
     pub(crate) const fn is_required(&self) -> bool {
         self.missing().is_some()
@@ -141,14 +142,14 @@ impl Field {
         }
     }
 
-    /// Number of bits of its largest value.
+    /// Number of bits of the field's largest value.
     #[must_use]
     pub const fn bits(&self) -> u32 {
         let (_, most) = self.range();
         u64::BITS - most.leading_zeros()
     }
 
-    /// Checks a value; the only check, for all sources of values.
+    /// Checks a value. All sources of values use this check.
     ///
     /// # Errors
     /// [`Refusal::Range`].
@@ -161,7 +162,7 @@ impl Field {
         }
     }
 
-    /// Description of the allowed values, for people.
+    /// Description of the allowed values in messages.
     #[must_use]
     pub fn range_text(&self) -> String {
         let (least, most) = self.range();
@@ -181,7 +182,7 @@ impl Field {
         }
     }
 
-    /// The same, but a long time is followed by its value in a larger unit: `5000000 (5 s)`.
+    /// Formats a value like [`Field::show`]. For a long time, the value in a larger unit follows: `5000000 (5 s)`.
     pub(super) fn show_with_unit(&self, value: u64) -> String {
         match self.form {
             Form::Time { .. } if value >= 1_000 && value.is_multiple_of(1_000) => {
@@ -191,7 +192,7 @@ impl Field {
         }
     }
 
-    /// Whether the field has this name or alternative name.
+    /// True if this is the name or the alternative name of the field.
     pub(super) fn is_called(&self, name: &str) -> bool {
         self.name == name || self.other_name == Some(name)
     }

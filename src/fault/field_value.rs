@@ -5,18 +5,18 @@ use serde::de::{Error, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// Marks a fault that must hit.
+/// Key that marks a fault that must hit.
 pub(super) const REQUIRED: &str = "required";
 
-/// A `[[fault]]` of a plant file, and the arguments of `commram fault add`: its kind, and its fields with their given
-/// names. `docs/reference/faults.md` describes the fields of each kind.
+/// The kind and the fields of a fault, as in a `[[fault]]` of a plant file or in the arguments of `commram fault add`.
+/// The fields have the names that the user has written. `docs/reference/faults.md` describes the fields of each kind.
 #[derive(Clone, Debug, Default)]
 pub struct FaultSpec {
     /// Name of the kind.
     pub kind: String,
     /// Names and values of the fields.
     pub fields: Vec<(String, FieldValue)>,
-    /// Whether a scenario fails if the fault has never hit. Has an effect in scenarios only.
+    /// True if a scenario fails when the fault has never hit. Only scenarios read this value.
     pub required: bool,
 }
 

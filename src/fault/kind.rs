@@ -1,5 +1,5 @@
-//! Kinds of faults. A family defines each of its kinds in one place: number, name, target, fields, end, and the effect
-//! of the values.
+//! Kinds of faults. The definition of a kind in its family contains everything about it: number, name, target, fields,
+//! end, and the effect of the values.
 
 use super::field::{Field, Form};
 use super::{Effect, Fault, MAX_AT_US, MAX_DURATION_US};
@@ -8,9 +8,10 @@ use core::hash::{Hash, Hasher};
 
 /// Maximum number of fields of a kind, without the fields for target and time.
 pub const MAX_FIELDS: usize = 5;
-/// Bits that the values of a fault may take, so that it fits into an operation of the channel.
+/// Maximum number of bits of all values of a fault. A fault with more bits would not fit into an operation of the
+/// channel.
 pub const MAX_BITS: u32 = 88;
-/// Highest number of a participant of a bus in a fault.
+/// Highest number of a participant that a fault can name.
 pub const MAX_PARTICIPANT: u8 = 31;
 
 /// A kind of fault. Kinds are equal if their numbers are.
@@ -51,16 +52,16 @@ pub(super) static SLAVE: Field =
     Field::new("slave", Form::Number { least: 0, most: MAX_PARTICIPANT as u64 }, "Slave number")
         .required("give the slave number, 0 to 31");
 
-/// Begin of a fault.
+/// Time at which the fault begins.
 pub(super) static AT_US: Field = Field::new(
     "at_us",
     Form::Time { least: 0, most: MAX_AT_US },
     "Begin, emulated time since power-on. Left out or past: at once",
 );
-/// Its end by hits.
+/// Number of hits after which the fault ends.
 pub(super) static COUNT: Field =
     Field::new("count", Form::Number { least: 1, most: u32::MAX as u64 }, "Ends after this number of hits");
-/// Its end by time.
+/// Time after which the fault ends.
 pub(super) static DURATION_US: Field = Field::new(
     "duration_us",
     Form::Time { least: 1, most: MAX_DURATION_US as u64 },
@@ -81,11 +82,11 @@ impl TargetKind {
 }
 
 impl FaultKind {
-    /// The fields of every kind for time and limit.
+    /// The fields for time and limit, which every kind has.
     pub const COMMON: [&'static Field; 3] = [&AT_US, &COUNT, &DURATION_US];
 
-    /// Creates a kind without fields, which lasts until it is cleared. Number and name are unique; `effect` converts
-    /// the values to data for the bus or device while the fault is active.
+    /// Creates a kind without fields. Faults of the kind last until they are cleared. Number and name are unique.
+    /// `effect` converts the values of a fault to the data that the bus or device uses while the fault is active.
     #[must_use]
     pub const fn new(
         number: u8,
@@ -109,17 +110,17 @@ impl FaultKind {
         }
     }
 
-    /// Returns the same kind, limited to ports to buses of these families: if a device has one such port, `node` may
-    /// be left out.
+    /// Limits the kind to ports to buses of these families. If a device has only one such port, `node` may be left out.
     #[must_use]
     pub const fn at_ports_to(self, families: &'static [&'static str]) -> Self {
         FaultKind { families, ..self }
     }
 
-    /// Returns the same kind with fields, [`MAX_FIELDS`] at most. Their values are 32 bits wide.
+    /// Gives the kind its own fields, [`MAX_FIELDS`] at most. The values are at most 32 bits wide.
     ///
     /// # Panics
-    /// If the values do not fit into an operation of the channel; as kinds are constants, at compile time.
+    /// If the values do not fit into an operation of the channel. Kinds are constants, so the compiler reports this
+    /// error.
     #[must_use]
     pub const fn with(self, fields: &'static [Field]) -> Self {
         assert!(fields.len() <= MAX_FIELDS, "a fault has five values at most");
@@ -134,42 +135,42 @@ impl FaultKind {
         FaultKind { fields, ..self }
     }
 
-    /// Returns the same kind with an example for the help.
+    /// Gives the kind an example for the help.
     #[must_use]
     pub const fn shown(self, example: &'static str) -> Self {
         FaultKind { example, ..self }
     }
 
-    /// Returns the same kind, which occurs once if no repetition is given.
+    /// Makes a fault of the kind occur once if its description has neither `count` nor `duration_us`.
     #[must_use]
     pub const fn once(self) -> Self {
         FaultKind { happens_once: true, ..self }
     }
 
-    /// Returns the same kind as a condition without hits: it cannot end by `count`.
+    /// Makes the kind a condition without hits. Faults of the kind cannot end by `count`.
     #[must_use]
     pub const fn without_hits(self) -> Self {
         FaultKind { has_hits: false, ..self }
     }
 
-    /// Returns the same kind, with a check that the values agree with each other.
+    /// Gives the kind a check that the values of a fault agree with each other.
     #[must_use]
     pub const fn agreeing(self, agree: fn(&Fault) -> Result<(), String>) -> Self {
         FaultKind { agree, ..self }
     }
 
-    /// Its number, which identifies the kind in journal and channel and defines the order of lists.
+    /// Number of the kind. It identifies the kind in journal and channel, and defines the order of lists.
     #[must_use]
     pub const fn number(&self) -> u8 {
         self.number
     }
 
-    /// The families of buses to which its ports belong.
+    /// The families of buses to which the ports belong on which this kind acts.
     pub(super) const fn families(&self) -> &'static [&'static str] {
         self.families
     }
 
-    /// Its name in plant files, on the command line and in the journal.
+    /// Name of the kind in plant files, on the command line and in the journal.
     #[must_use]
     pub const fn name(&self) -> &'static str {
         self.name
@@ -199,19 +200,20 @@ impl FaultKind {
         self.example
     }
 
-    /// Whether the fault occurs once if no repetition is given. All others last until they are cleared.
+    /// True if a fault occurs once if its description has neither `count` nor `duration_us`. Faults of all other kinds
+    /// then last until they are cleared.
     #[must_use]
     pub const fn happens_once(&self) -> bool {
         self.happens_once
     }
 
-    /// Whether the kind has hits and can end by `count`.
+    /// True if faults of the kind have hits and can end by `count`.
     #[must_use]
     pub const fn has_hits(&self) -> bool {
         self.has_hits
     }
 
-    /// All fields: target, own fields, time and limit.
+    /// All fields, in this order: target, own fields, time and limit.
     pub fn all_fields(&'static self) -> impl Iterator<Item = &'static Field> {
         self.place.fields().iter().copied().chain(self.fields).chain(Self::COMMON)
     }

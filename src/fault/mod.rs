@@ -1,9 +1,9 @@
-//! Faults to be injected: kind, target, start and limit.
+//! Faults that a user can inject into a plant. A fault has a kind, a target, a start and a limit.
 //!
-//! This module does not know any kind of fault: the families of devices and buses define and apply their kinds
-//! ([`FaultKind`]). A [`Fault`] refers to buses and PLCs by index, so it is small and can be sent anywhere, and its
-//! values are always valid for its kind. A [`FaultSpec`] is an unchecked fault with names, as in plant files and on the
-//! command line. `docs/reference/faults.md` describes the effects on the plant.
+//! This module does not know any kind of fault: each family of devices or buses defines its kinds ([`FaultKind`]) and
+//! applies the faults. A [`Fault`] refers to buses and PLCs by index, so it is small and easy to send. The values of a
+//! [`Fault`] are always valid for its kind. A [`FaultSpec`] is an unchecked fault with names, as in plant files and on
+//! the command line. `docs/reference/faults.md` describes the effects on the plant.
 
 mod acting;
 mod effect;
@@ -36,7 +36,7 @@ use serde::{Deserialize, Serialize};
 pub const MAX_DURATION_US: u32 = 3_600_000_000;
 /// Latest start of a fault: 365 days of emulated time after power-on, in microseconds.
 pub const MAX_AT_US: u64 = 31_536_000_000_000;
-/// Most faults that wait or act at a time.
+/// Maximum number of pending and active faults at a time.
 pub const MAX_FAULTS: usize = 256;
 
 /// Values of a kind's own fields, in their order; `None` for an omitted field without a default.
@@ -52,16 +52,17 @@ pub struct Fault {
     limit: Limit,
 }
 
-/// An unchecked fault.
+/// A fault before [`Draft::check`].
 #[derive(Clone, Copy, Debug)]
 pub struct Draft {
-    /// Its kind.
+    /// Kind of the fault.
     pub kind: &'static FaultKind,
     /// Target of the fault.
     pub target: Target,
     /// Values of the kind's own fields, in their order; `None` for an omitted field.
     pub values: [Option<u64>; MAX_FIELDS],
-    /// Emulated time of its start in microseconds since power-on; a time in the past (0, for example) means at once.
+    /// Emulated time at which the fault begins, in microseconds since power-on. With a time in the past, for example 0,
+    /// it begins at once.
     pub at_us: u64,
     /// Number of hits after which the fault ends.
     pub count: Option<u64>,
@@ -69,38 +70,38 @@ pub struct Draft {
     pub duration_us: Option<u64>,
 }
 
-/// A fault that waits or acts, as an installation lists it.
+/// A pending or active fault in the list of an installation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FaultStatus {
-    /// Its number in the installation, from 1.
+    /// Number of the fault in the installation, from 1.
     pub id: u16,
     /// The fault.
     pub fault: Fault,
-    /// Whether it has begun.
+    /// True if the fault has begun.
     pub acting: bool,
     /// Number of hits so far.
     pub hits: u32,
 }
 
-/// When a fault ends.
+/// Condition that ends a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Limit {
-    /// When a client clears it.
+    /// The fault ends when a client clears it.
     UntilCleared,
-    /// After this number of hits, at least 1.
+    /// The fault ends after this number of hits, at least 1.
     Count(u32),
-    /// After this many emulated microseconds from its start, 1 to [`MAX_DURATION_US`].
+    /// The fault ends this number of emulated microseconds after its start, 1 to [`MAX_DURATION_US`].
     Duration(u32),
 }
 
 impl Draft {
-    /// Creates a fault without values that begins at once and ends as its kind does.
+    /// Creates a fault without values, which begins at once and ends as its kind defines.
     #[must_use]
     pub const fn new(kind: &'static FaultKind, target: Target) -> Self {
         Draft { kind, target, values: [None; MAX_FIELDS], at_us: 0, count: None, duration_us: None }
     }
 
-    /// The fault, if its kind allows it.
+    /// Returns the fault, if it is valid for its kind.
     ///
     /// # Errors
     /// [`Refusal`] names the field and a correct value.
@@ -115,7 +116,7 @@ impl Draft {
         let mut values = [None; MAX_FIELDS];
         for (field, (value, given)) in kind.fields().iter().zip(values.iter_mut().zip(given)) {
             *value = match given {
-                // The ranges of values end within 32 bits.
+                // No range of a field has more than 32 bits.
                 Some(given) => Some(field.check(given)? as u32),
                 None => field.default_value(),
             };
@@ -164,8 +165,8 @@ impl Fault {
         self.values[index]
     }
 
-    /// Emulated time of its start in microseconds since power-on, at most [`MAX_AT_US`]; a time in the past (0, for example)
-    /// means at once.
+    /// Emulated time at which the fault begins, in microseconds since power-on, at most [`MAX_AT_US`]. With a time in
+    /// the past, for example 0, it begins at once.
     #[must_use]
     pub const fn at_us(&self) -> u64 {
         self.at_us

@@ -6,17 +6,17 @@ use crate::journal::{
     Unpacker, Words,
 };
 
-/// All kinds.
+/// All kinds of these records.
 pub static KINDS: &[&EventKind] = &[FaultNews::KIND];
 
-/// News of an injected fault.
+/// Journal record about an injected fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FaultNews {
     /// Target of the fault.
     pub target: Target,
-    /// Its number in the plant.
+    /// Number of the fault in the plant.
     pub id: u16,
-    /// Number of its kind.
+    /// Number of the fault's kind.
     pub kind: u8,
     /// Event of the fault.
     pub news: News,
@@ -25,11 +25,11 @@ pub struct FaultNews {
 /// Event of an injected fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum News {
-    /// The fault was added; it begins at its time.
+    /// The fault was added. It begins at its own time.
     Added,
     /// The fault has hit.
     Hit(Hit),
-    /// Its count or duration is over.
+    /// The fault has ended by its count or duration.
     Over,
     /// The fault was cleared.
     Cleared,
@@ -38,11 +38,11 @@ pub enum News {
 /// Details of a hit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Hit {
-    /// No details beyond kind and place.
+    /// No details except the kind and the target.
     Plain,
-    /// The frame with this identifier.
+    /// The fault hit the frame with this identifier.
     Frame(u32),
-    /// A SYNC edge, which is moved by this many microseconds.
+    /// The fault moved a SYNC edge by this number of microseconds.
     Edge(i32),
 }
 

@@ -13,7 +13,7 @@ pub enum Target {
     Participant {
         /// The bus.
         bus: BusIndex,
-        /// The participant's number there.
+        /// Number of the participant on the bus.
         number: u8,
     },
     /// A port of a PLC.
@@ -27,7 +27,7 @@ pub enum Target {
     Device(DeviceIndex),
 }
 
-/// Device or bus that applies a fault: the target, or the owner of the target's participant or port.
+/// Device or bus that applies a fault: the target itself, or the bus or device to which the target belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Owner {
     /// A bus.
@@ -37,7 +37,7 @@ pub enum Owner {
 }
 
 impl Target {
-    /// Returns the target kind that a fault kind must have to act here.
+    /// Returns the kind of this target.
     #[must_use]
     pub const fn place(self) -> TargetKind {
         match self {
@@ -59,7 +59,7 @@ impl Target {
         }
     }
 
-    /// Converts the result of `numbers` back.
+    /// Converts the result of [`Target::numbers`] back to a target.
     #[must_use]
     pub const fn of_numbers(place: TargetKind, index: u16, number: u8) -> Self {
         match place {
@@ -71,7 +71,7 @@ impl Target {
     }
 }
 
-/// Targets of an installation that a fault can name.
+/// The targets in an installation that a fault can name.
 #[derive(Clone, Debug, Default)]
 pub struct Sites {
     /// The buses in the order of the plant file.
@@ -80,32 +80,33 @@ pub struct Sites {
     pub devices: Vec<DeviceSite>,
 }
 
-/// A bus that faults can concern.
+/// A bus as a target of faults.
 #[derive(Clone, Copy, Debug)]
 pub struct BusSite {
-    /// The kinds that its family has.
+    /// The kinds of faults that the bus can have.
     pub faults: &'static [&'static FaultKind],
-    /// Checks that the device can have a fault of one of these kinds; the error contains the reason.
+    /// Checks a fault of one of these kinds. If the bus cannot have it, the error contains the reason.
     pub fits: fn(&Fault) -> Result<(), String>,
-    /// Its participants, bit n for number n.
+    /// Participants of the bus, bit n for number n.
     pub participants: u32,
 }
 
-/// A PLC that faults can concern.
+/// A PLC as a target of faults.
 #[derive(Clone, Debug)]
 pub struct DeviceSite {
     /// Device of the PLC.
     pub layout: &'static DeviceLayout,
-    /// The kinds that it has itself, and at its ports.
+    /// The kinds of faults that the PLC or its ports can have.
     pub faults: &'static [&'static FaultKind],
-    /// The ports that are on a bus: their number, and the bus.
+    /// The ports that are on a bus, each with its number and its bus.
     pub plugged: Vec<(u8, BusIndex)>,
-    /// The ports that are drives of their bus: faults name the bus and the drive's number there.
+    /// The ports that are drives of their bus. A fault of such a port names the bus and the number of the drive on the
+    /// bus.
     pub drives: Vec<u8>,
 }
 
 impl Sites {
-    /// Checks that the target of the fault exists and can have it. Returns the owner that applies the fault.
+    /// Checks that the target of the fault exists and can have the fault. Returns the owner that applies the fault.
     ///
     /// # Errors
     /// [`Refusal`] describes the error and a correct value.
@@ -136,7 +137,8 @@ impl Sites {
                         known.name
                     )));
                 }
-                // The fault belongs to the port's firmware, or to the bus for any port.
+                // The port's firmware applies the fault if its kinds include the fault's kind. If not, the bus must
+                // apply it.
                 if !site.faults.contains(&fault.kind()) {
                     self.bus(bus, fault)?;
                 }

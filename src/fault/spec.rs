@@ -11,7 +11,7 @@ use crate::journal::Names;
 use crate::layout::{DeviceLayout, Port, did_you_mean};
 
 impl FaultSpec {
-    /// Returns the described fault, of one of these kinds, in an installation with these names.
+    /// Returns the described fault, which must be of one of these kinds, in an installation with these names.
     ///
     /// # Errors
     /// [`FaultError`] names the field and a correct value. Only the installation can check that the slave
@@ -31,7 +31,7 @@ pub(super) fn named(name: &str, kinds: &[&'static FaultKind]) -> Option<&'static
     kinds.iter().copied().find(|kind| kind.name() == name)
 }
 
-/// A description while it is read.
+/// Reads the fields of a description.
 struct Reader<'a> {
     given: Vec<(&'static Field, &'a FieldValue)>,
     kind: &'static FaultKind,
@@ -112,7 +112,7 @@ impl<'a> Reader<'a> {
         self.named(TargetKind::Device, &self.names.plcs, unknown).map(DeviceIndex::at)
     }
 
-    /// Index of the bus or PLC; if the name is left out, the only existing one.
+    /// Index of the bus or PLC. If the name is left out, the installation must have exactly one bus or PLC.
     fn named(
         &self,
         place: TargetKind,
@@ -203,7 +203,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Returns the name of a port in a fault: its number if the name contains nothing else.
+/// Returns the name of a port in the description of a fault. If the name is a number, the value is a number.
 pub(super) fn port_given(port: &Port) -> FieldValue {
     if port.name.strip_prefix(NODE.name()) == Some(&port.number.to_string()) {
         FieldValue::Number(port.number.into())
@@ -212,13 +212,13 @@ pub(super) fn port_given(port: &Port) -> FieldValue {
     }
 }
 
-/// Whether the names of all ports are numbers.
+/// True if the names of all ports are numbers.
 fn are_numbered(device: &DeviceLayout) -> bool {
     !device.ports.is_empty()
         && device.ports.iter().all(|port| matches!(port_given(port), FieldValue::Number(_)))
 }
 
-/// The ports to choose from: `1 (slave) or 2 (master)`.
+/// The ports of a device, for messages: `1 (slave) or 2 (master)`.
 fn choice(device: &DeviceLayout) -> String {
     let port = |port: &Port| {
         let name = match port_given(port) {

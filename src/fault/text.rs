@@ -1,4 +1,4 @@
-//! Lists a fault in the words of its description.
+//! Formats a fault as its description.
 
 use super::spec::port_given;
 use super::{Fault, FaultKind, FaultSpec, Field, FieldValue, Form, Limit, Target};
@@ -11,7 +11,7 @@ impl Fault {
     pub fn text(&self, names: &Names) -> String {
         let mut text = self.kind().name().to_owned();
         for (field, given) in self.given(names) {
-            // Into a text, writing cannot fail.
+            // Writing into a text cannot fail.
             let _ = match (given, field.form()) {
                 (FieldValue::Text(word), _) => write!(text, " {field}={word}"),
                 (FieldValue::Number(value), Form::Hex { digits, .. }) => {
@@ -23,7 +23,7 @@ impl Fault {
         text
     }
 
-    /// Its fields, without the fields at their default values.
+    /// The fields of the fault, without the fields that have their default values.
     fn given(&self, names: &Names) -> Vec<(&'static Field, FieldValue)> {
         let bus = |index| FieldValue::Text(names.bus(index).into_owned());
         let plc = |index| FieldValue::Text(names.plc(index).into_owned());

@@ -7,7 +7,7 @@ use crate::layout::{RegType, did_you_mean, value};
 use crate::time;
 use thiserror::Error;
 
-/// The word is not a field of a fault.
+/// A word that is not a field of a fault.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("`{text}`: {right}")]
 pub struct WordError {
@@ -18,9 +18,9 @@ pub struct WordError {
 }
 
 impl FaultSpec {
-    /// Reads a kind and its fields, each as `name=value`. The fields are those of a plant file, of any of these kinds.
-    /// A time may have a unit; the field's name then has no `_us` (`delay=500us`). Numbers may have a base
-    /// (`id=16#101`). [`FaultSpec::resolve`] checks later whether the fields suit the kind.
+    /// Reads a kind and its fields, each as `name=value`. The fields have the same names as in a plant file. Fields of
+    /// all `kinds` are accepted, and [`FaultSpec::resolve`] checks later if they suit the kind. If a time has a unit,
+    /// the name of the field has no `_us` (`delay=500us`). Numbers may have a base (`id=16#101`).
     ///
     /// # Errors
     /// [`WordError`] for the first field that cannot be read.
@@ -54,7 +54,7 @@ impl FaultSpec {
                 Form::Time { .. } if with_unit => {
                     FieldValue::Number(time::parse(given).map_err(|error| wrong(error.to_string()))?)
                 }
-                // Times in microseconds may be longer than register values.
+                // Times in microseconds can be larger than register values, so they are read separately.
                 Form::Time { .. } => {
                     FieldValue::Number(given.parse().or_else(|_| number(given)).map_err(wrong)?)
                 }
@@ -67,7 +67,8 @@ impl FaultSpec {
 }
 
 /// Returns the fields of all kinds, each once: first the fields for the target, then the fields of the kinds, then the
-/// fields for the time. If the kind called `kind` has a field, its definition of the field is used.
+/// fields for the time. If several kinds define a field of the same name, the definition of the kind called `kind` is
+/// used.
 fn known(kind: &str, kinds: &[&'static FaultKind]) -> Vec<&'static Field> {
     let place = kinds.iter().flat_map(|kind| kind.place().fields().iter().copied());
     let (names, numbers): (Vec<_>, Vec<_>) =
@@ -84,7 +85,7 @@ fn known(kind: &str, kinds: &[&'static FaultKind]) -> Vec<&'static Field> {
     known
 }
 
-/// Returns the field of a name, and whether its value has a unit: the name of a time then has no `_us`.
+/// Returns the field of a name, and true if the value must have a unit. This is so if the name of a time has no `_us`.
 fn field(known: &[&'static Field], name: &str) -> Option<(&'static Field, bool)> {
     let exact = known.iter().find(|field| field.is_called(name)).map(|field| (*field, false));
     let long = format!("{name}_us");
@@ -98,7 +99,7 @@ fn unknown(known: &[&Field], name: &str) -> String {
     format!("there is no field `{name}`{hint}; the fields are: {}", names.join(", "))
 }
 
-/// A number in the notations of register values.
+/// Reads a number in the notations of register values.
 fn number(text: &str) -> Result<u64, String> {
     value::parse(text, RegType::Udint).map(u64::from).map_err(|error| error.to_string())
 }

@@ -29,7 +29,7 @@ pub enum ArchiveError {
     Write(#[from] std::io::Error),
 }
 
-/// Whether these bytes are the shared object of this version of commram.
+/// True if these bytes are the shared object of this version of commram.
 #[must_use]
 pub fn is_library(bytes: &[u8]) -> bool {
     let mark = MARK.as_bytes();

@@ -123,7 +123,7 @@ impl Event {
         self.words
     }
 
-    /// Whether the event is a `T`.
+    /// True if the event is a `T`.
     #[inline]
     pub fn is<T: EventCodec>(&self) -> bool {
         *self.kind == *T::KIND

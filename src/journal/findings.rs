@@ -104,7 +104,7 @@ impl Findings {
         self.entries.len() + self.further.len()
     }
 
-    /// Whether there are no findings.
+    /// True if there are no findings.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

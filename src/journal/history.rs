@@ -67,7 +67,7 @@ pub(crate) trait Rams {
     /// The phase at this offset: if structures overlay each other, it shows which structure is valid.
     fn live(&self, plc: DeviceIndex, offset: u32) -> RegisterPhase;
 
-    /// Whether the register is forced.
+    /// True if the register is forced.
     fn is_forced(&self, plc: DeviceIndex, offset: u32) -> bool;
 
     /// The originator of a change: the force, if the register is forced, else `by`.
@@ -125,7 +125,7 @@ impl History {
         self.followed.iter().filter(|register| register.in_journal)
     }
 
-    /// Whether the changes of a register are in the journal.
+    /// True if the changes of a register are in the journal.
     pub(super) fn is_recorded(&self, plc: DeviceIndex, offset: u32) -> bool {
         // The last register that begins at the offset or before it, because a wider register can contain the offset.
         let at = self.find(plc, offset).map_or_else(|next| next.checked_sub(1), Some);
@@ -156,7 +156,7 @@ impl History {
         }
     }
 
-    /// Whether no register is followed.
+    /// True if no register is followed.
     #[inline]
     pub(super) fn is_empty(&self) -> bool {
         self.followed.is_empty()

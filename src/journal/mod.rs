@@ -211,7 +211,7 @@ impl Journal {
         }
     }
 
-    /// Whether any register is followed. If not, no comparison is needed.
+    /// True if any register is followed. If not, no comparison is needed.
     #[inline]
     pub(crate) fn follows(&self) -> bool {
         !self.history.is_empty()
@@ -229,7 +229,7 @@ impl Journal {
         self.history.follow(plc, offset, width, keep, rams)
     }
 
-    /// Whether all changes of a register become records.
+    /// True if all changes of a register become records.
     pub(crate) fn is_recorded(&self, plc: DeviceIndex, offset: u32) -> bool {
         self.history.is_recorded(plc, offset)
     }

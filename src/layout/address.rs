@@ -1,5 +1,5 @@
-//! Addresses as a device writes them: `%MB3.n`, `%MW3.n`, `%MD3.n`, `%MX3.n.b` where numbers count bytes, `%MW2000` and
-//! `%IX0.3` where they count words.
+//! Addresses in the notation of a device. If the device numbers bytes, they are `%MB3.n`, `%MW3.n`, `%MD3.n` and
+//! `%MX3.n.b`. If it numbers words, they are for example `%MW2000` and `%IX0.3`.
 
 use super::descriptor::DeviceLayout;
 use super::error::LayoutError;
@@ -9,9 +9,10 @@ use core::cmp::Ordering;
 use core::fmt;
 use core::hash::{Hash, Hasher};
 
-/// A place in the image of a device, with the width of the access. It prints in the notation of the device
-/// ([`DeviceLayout::at`], [`DeviceLayout::address`]), for example `%MW3.200002`. Without a device ([`Width::at`]), and
-/// in places without addresses, it prints as `WORD at byte 200002 of the image`.
+/// A place in the image of a device, with the width of the access. It is printed in the notation of the device
+/// ([`DeviceLayout::at`], [`DeviceLayout::address`]), for example `%MW3.200002`. If it was made without a device
+/// ([`Width::at`]), or if the device has no address for this place, it is printed as
+/// `WORD at byte 200002 of the image`.
 ///
 /// Two addresses are equal if they mean the same bytes, the same bit and the same width.
 #[derive(Debug, Clone, Copy)]
@@ -27,13 +28,13 @@ impl Address {
         Self { offset, width, bit: None, space }
     }
 
-    /// Byte `offset` of the image, of no device.
+    /// Returns byte `offset` of an image, without a device.
     #[must_use]
     pub const fn byte(offset: u32) -> Self {
         Self::new(None, Width::Byte, offset)
     }
 
-    /// The first byte in the image.
+    /// Offset of the first byte in the image.
     #[must_use]
     pub const fn offset(self) -> u32 {
         self.offset
@@ -45,13 +46,13 @@ impl Address {
         self.width
     }
 
-    /// The bit (0..=7) of the byte, if the address is that of a single bit.
+    /// Number of the bit in its byte (0..=7), if this is the address of a single bit.
     #[must_use]
     pub const fn bit(self) -> Option<u8> {
         self.bit
     }
 
-    /// Bit `bit` of the object at this address.
+    /// Returns the address of bit `bit` of the object at this address.
     pub(super) const fn of_bit(self, bit: u32) -> Self {
         let Self { offset, space, .. } = self;
         Self { offset: offset + bit / 8, width: Width::Byte, bit: Some((bit % 8) as u8), space }
@@ -89,7 +90,8 @@ impl Hash for Address {
 }
 
 impl Width {
-    /// An access of this width at byte `offset` of an image, of no device, aligned or not.
+    /// Returns the place of an access of this width at byte `offset` of an image, without a device. The offset need not
+    /// be aligned.
     #[must_use]
     pub const fn at(self, offset: u32) -> Address {
         Address::new(None, self, offset)
@@ -109,7 +111,7 @@ impl fmt::Display for Address {
         let Space { letter, segment, unit, .. } = space;
         f.pad(&match bit {
             Some(bit) => {
-                // A bit is counted within the unit of the number.
+                // The number of a bit counts from the first bit of the unit that the address numbers.
                 let (number, first) = (space.number(offset, unit.width()), space.offset);
                 let inside = (offset - first) % unit.width().bytes();
                 format!("%{letter}X{segment}{number}.{}", u32::from(bit) + 8 * inside)
@@ -120,8 +122,9 @@ impl fmt::Display for Address {
 }
 
 impl DeviceLayout {
-    /// The address of an access at byte `offset` of the image, aligned or not. The result is a byte of the image in two
-    /// cases: the device has no addresses there, or its addresses count larger units and the access begins inside one.
+    /// Returns the address of an access at byte `offset` of the image. The offset need not be aligned. The result is
+    /// printed as a byte of the image in two cases: the device has no addresses there, or its addresses number larger
+    /// units and the access begins inside such a unit.
     #[must_use]
     pub fn at(&self, width: Width, offset: u32) -> Address {
         let space = self.space_at(offset);
@@ -129,7 +132,7 @@ impl DeviceLayout {
         Address::new(space.filter(has_number), width, offset)
     }
 
-    /// Does the same as [`DeviceLayout::at`], and checks the alignment for an access.
+    /// Returns the address of an access like [`DeviceLayout::at`], but only if it is aligned.
     ///
     /// # Errors
     /// [`LayoutError::Misaligned`] if the offset is not divisible by the width.
@@ -141,16 +144,16 @@ impl DeviceLayout {
         Err(LayoutError::Misaligned { address: address.to_string(), rule: width.alignment_rule() })
     }
 
-    /// `address`, as this device writes it.
+    /// Returns `address` with the notation of this device.
     #[must_use]
     pub fn in_device_spelling(&self, address: Address) -> Address {
         Address { bit: address.bit, ..self.at(address.width, address.offset) }
     }
 
-    /// The address in `text`; letters may be lower case.
+    /// Parses the address in `text`. Letters may be lower case.
     ///
     /// # Errors
-    /// The text is not an address, or not one of this device; the error gives the correct notation.
+    /// If the text is not an address, or not an address of this device. The error gives the correct notation.
     pub fn address(&'static self, text: &str) -> Result<Address, LayoutError> {
         let wrong = || LayoutError::BadAddress { text: text.to_owned(), known: self.known_spaces() };
         let nowhere = || LayoutError::NoSpace { text: text.to_owned(), known: self.known_spaces() };
@@ -168,7 +171,7 @@ impl DeviceLayout {
         if !digits.split('.').all(|number| number.bytes().all(|b| b.is_ascii_digit()) && !number.is_empty()) {
             return Err(wrong());
         }
-        // One number and the number of the bit, with an optional segment as a prefix.
+        // Without a segment, the text has one number, and for a single bit also the number of the bit.
         let plain = digits.split('.').count() - usize::from(single_bit);
         let spaces = || self.spaces.iter().filter(|space| space.letter == letter);
         let segment = spaces().find(|space| !space.segment.is_empty() && digits.starts_with(space.segment));
@@ -184,7 +187,7 @@ impl DeviceLayout {
                 };
                 match spaces().find(has) {
                     Some(space) => (space, digits),
-                    // `%MX3.2` lacks the bit rather than the segment.
+                    // In `%MX3.2` the bit is missing, and not the segment.
                     None if single_bit && segment.is_some() => return Err(wrong()),
                     None => return Err(nowhere()),
                 }
@@ -194,7 +197,7 @@ impl DeviceLayout {
         self.within(space, text, number, (width, single_bit))
     }
 
-    /// The place in `space` that `digits` name: a number, or number and bit.
+    /// Returns the place in `space` for `digits`: a number, or a number and a bit.
     fn within(
         &'static self,
         space: &'static Space,
@@ -217,7 +220,7 @@ impl DeviceLayout {
             }
             other => other,
         };
-        // A bit of a word lies in its first or its second byte.
+        // A bit of a word is in the word's first or second byte.
         let offset = offset + bit.map_or(0, |bit| bit / 8);
         let address = Address::new(Some(space), width, offset);
         if !offset.is_multiple_of(width.bytes()) {
@@ -229,7 +232,7 @@ impl DeviceLayout {
         Ok(Address { bit: bit.map(|bit| (bit % 8) as u8), ..address })
     }
 
-    /// Why `number` is not an address of `space`.
+    /// Returns the reason for which `number` is not an address of `space`.
     fn outside(&'static self, space: &'static Space, text: &str, number: u32, width: Width) -> LayoutError {
         let byte = u64::from(number) * u64::from(space.unit.bytes(width));
         let first = u64::from(space.first) * u64::from(space.unit.bytes(space.unit.width()));

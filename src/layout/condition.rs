@@ -22,11 +22,11 @@ pub enum Compare {
 }
 
 impl Compare {
-    /// All of them; their places here are their numbers on the channel.
+    /// All comparisons. The position in this list is the number on the channel.
     pub const ALL: [Self; 6] =
         [Self::Equal, Self::NotEqual, Self::Less, Self::LessOrEqual, Self::Greater, Self::GreaterOrEqual];
 
-    /// Notations; the longer ones first.
+    /// Notations. Longer notations come first, because shorter ones are their beginnings.
     const WRITTEN: [(&'static str, Self); 7] = [
         ("==", Self::Equal),
         ("!=", Self::NotEqual),
@@ -37,7 +37,7 @@ impl Compare {
         (">", Self::Greater),
     ];
 
-    /// `other than `, `less than ` ..., to be put in front of the value; nothing for equality.
+    /// Words for messages that precede the value, for example `other than `, `less than `; empty for equality.
     #[must_use]
     pub const fn than(self) -> &'static str {
         match self {
@@ -54,28 +54,28 @@ impl Compare {
 /// A condition on the content of a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Test {
-    /// The bits that count.
+    /// Mask of the compared bits.
     pub mask: u32,
     /// The comparison.
     pub compare: Compare,
-    /// Whether they are the two's complement of a number with a sign.
+    /// True if the compared bits are the two's complement of a number with a sign.
     pub is_signed: bool,
     /// The value to compare with.
     pub value: u32,
 }
 
 impl Test {
-    /// Requires that all bits of a register equal `value`.
+    /// Returns the condition that a register of this width equals `value`.
     #[must_use]
     pub const fn equal(width: Width, value: u32) -> Self {
         Self { mask: width.max_value(), compare: Compare::Equal, is_signed: false, value }
     }
 
-    /// Whether the condition holds for a register of this width with the value `found`.
+    /// True if the condition holds for a register of this width with the value `found`.
     #[must_use]
     pub fn holds(self, width: Width, found: u32) -> bool {
         let unused = 32 - 8 * width.bytes();
-        // Shifted up, the sign of the register's width is that of the i32.
+        // Shifts the number up, so that its sign bit becomes the sign bit of the i32.
         let number = |bits: u32| match self.is_signed {
             true => i64::from((bits << unused) as i32),
             false => i64::from(bits),
@@ -91,7 +91,7 @@ impl Test {
         }
     }
 
-    /// Whether the condition can never hold, or never fail, because of bits outside the mask.
+    /// True if bits of `value` outside the mask decide the condition: it always holds or never holds.
     #[must_use]
     pub const fn is_decided(self) -> bool {
         matches!(self.compare, Compare::Equal | Compare::NotEqual) && self.value & !self.mask != 0
@@ -109,7 +109,7 @@ pub struct Condition {
     pub wanted: String,
 }
 
-/// An error in a condition; `E` is an error in its register.
+/// An error in a condition. `E` is the type of errors in the name of the register.
 #[derive(Debug, Error, PartialEq, Eq)]
 pub enum ConditionError<E> {
     /// There is no such register.
@@ -129,11 +129,12 @@ pub enum ConditionError<E> {
 }
 
 impl Condition {
-    /// Parses `REG==VALUE` or `REG&MASK==VALUE`, with `==`, `!=` (or `<>`), `<`, `<=`, `>` or `>=`; `place` looks the
-    /// register up. Numbers of types with a sign are compared as such, unless there is a mask.
+    /// Parses `REG==VALUE` or `REG&MASK==VALUE`. The comparison is `==`, `!=` (or `<>`), `<`, `<=`, `>` or `>=`.
+    /// `place` looks up the register. If the register's type has a sign, the numbers are compared with their signs, but
+    /// not if there is a mask.
     ///
     /// # Errors
-    /// An error in notation, register or value.
+    /// If the notation, the register or the value is wrong.
     pub fn parse<E>(
         text: &str,
         place: impl FnOnce(&str) -> Result<NamedLocation, E>,
@@ -178,7 +179,7 @@ impl Condition {
         Ok(Self { place, test, wanted })
     }
 
-    /// Whether the condition holds for a register with the value `found`.
+    /// True if the condition holds for a register with the value `found`.
     #[must_use]
     pub fn holds(&self, found: u32) -> bool {
         self.test.holds(self.place.width(), found)

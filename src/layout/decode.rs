@@ -2,17 +2,17 @@
 
 use super::descriptor::{BitField, Meaning, Provenance, RegType, ValueMeaning};
 
-/// The meaning of a value that the manual does not list; it follows the value.
+/// Text for the meaning of a value that the manual does not list. It follows the value.
 const NO_MEANING: &str = "no meaning";
 
-/// `value` in IEC notation with all digits of the type: `16#0043` for a WORD.
+/// Formats `value` in IEC notation with all digits of the type: `16#0043` for a WORD.
 #[must_use]
 pub fn format_value(ty: RegType, value: u32) -> String {
     format!("16#{:0digits$X}", value & ty.mask(), digits = 2 * ty.width() as usize)
 }
 
-/// The meaning of `value` in a register of type `ty`; a plain number is shown as a number. A meaning that the manual
-/// does not state is followed by its decision: `SYNC mode (D-06)`.
+/// Returns the meaning of `value` in a register of type `ty`. A plain number is shown as a number. If the manual does
+/// not state the meaning, the decision on it follows: `SYNC mode (D-06)`.
 pub(super) fn decode(ty: RegType, meaning: Option<&'static Meaning>, value: u32) -> String {
     let value = value & ty.mask();
     let Some(meaning) = meaning else {
@@ -38,8 +38,9 @@ pub(super) fn decode(ty: RegType, meaning: Option<&'static Meaning>, value: u32)
     text.finish()
 }
 
-/// The value with the meaning `text`, the reverse of [`decode`]: `operation enabled, warning (D-06)`. Case and the
-/// references to decisions are ignored. `None` if no value or more than one has this meaning.
+/// Returns the value with the meaning `text`, for example `operation enabled, warning (D-06)`. This is the reverse of
+/// [`decode`]. Case and references to decisions are ignored. `None` if no value or more than one value has this
+/// meaning.
 pub(super) fn value_of(meaning: &'static Meaning, text: &str) -> Option<u32> {
     let text = without_decisions(text);
     if text.is_empty() {
@@ -52,7 +53,7 @@ pub(super) fn value_of(meaning: &'static Meaning, text: &str) -> Option<u32> {
     let mut found: Vec<u32> = whole.take(2).collect();
     if found.is_empty() {
         add_fields(meaning.bits, &text, &Text::default(), 0, &mut found);
-        // A whole meaning has priority over the bits.
+        // A meaning of the whole value has priority over meanings of its bits.
         found.retain(|value| meaning.value(*value).is_none());
     }
     match found.as_slice() {
@@ -61,10 +62,10 @@ pub(super) fn value_of(meaning: &'static Meaning, text: &str) -> Option<u32> {
     }
 }
 
-/// Most values of a range or a field that are compared with a text.
+/// Maximum number of values of a range or a field that are compared with a text.
 const MOST_TRIED: u32 = 0xFFFF;
 
-/// Adds the values of the fields with a description that continues `begun` to `text`.
+/// Collects the values for which the descriptions of the remaining fields, after `begun`, give `text`.
 fn add_fields(fields: &'static [BitField], text: &str, begun: &Text, value: u32, found: &mut Vec<u32>) {
     let Some((field, rest)) = fields.split_first() else {
         if begun.text.eq_ignore_ascii_case(text) {
@@ -99,7 +100,7 @@ fn without_decisions(text: &str) -> String {
     kept
 }
 
-/// The meaning of bit `bit` alone; empty if it is not known.
+/// Returns the meaning of bit `bit` alone; empty if it is not known.
 pub(super) fn decode_bit(meaning: Option<&'static Meaning>, bit: u32, is_set: bool) -> String {
     let fields = meaning.map_or(&[][..], |meaning| meaning.bits);
     let single = |field: &&BitField| field.first == field.last && u32::from(field.first) == bit;
@@ -110,7 +111,8 @@ pub(super) fn decode_bit(meaning: Option<&'static Meaning>, bit: u32, is_set: bo
     text.finish()
 }
 
-/// Parts of a text; adjacent parts that follow from one decision are followed by a single reference to it.
+/// A text that consists of parts. If adjacent parts are based on the same decision, a single reference to this decision
+/// follows them.
 #[derive(Default, Clone)]
 struct Text {
     text: String,
@@ -144,7 +146,7 @@ impl Text {
     }
 }
 
-/// The field's part of `value` in words, and where these come from.
+/// Returns a description of the field's bits of `value`, and the source of the description.
 fn describe(field: &'static BitField, value: u32) -> (String, Provenance) {
     let part = field.of(value);
     let text = if field.reserved {

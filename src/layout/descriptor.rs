@@ -20,40 +20,41 @@ use core::ops::RangeInclusive;
 
 /// A device: its areas and their content.
 pub struct DeviceLayout {
-    /// Name of the layout, as `--device` and plant files take it.
+    /// Name of the layout, for `--device` and plant files.
     pub name: &'static str,
-    /// The vendor's name of the device.
+    /// The vendor's name for the device.
     pub title: &'static str,
-    /// Number of the manual that the pages refer to.
+    /// Number of the manual to which the page numbers refer.
     pub manual: &'static str,
-    /// Facts that the manual does not state, as the end of the sentence "it does not state ..."; empty if no such fact
-    /// concerns the device as a whole.
+    /// Facts about the device as a whole that the manual does not state. The text completes the sentence "it does not
+    /// state ..."; it is empty if there are no such facts.
     pub undocumented: &'static str,
-    /// Hash over everything that affects addresses or widths.
+    /// Hash over all data that affect addresses or widths.
     pub layout_hash: u64,
     /// The spaces of addresses.
     pub spaces: &'static [Space],
     /// The areas in ascending order.
     pub areas: &'static [Area],
-    /// The area with a size that each plant sets, if there is one.
+    /// The area of the retain flags, if the device has one. Each plant sets its size.
     pub retain: Option<&'static Retain>,
-    /// The object dictionary, in the order of index and sub-index; empty if there is none.
+    /// The object dictionary, in the order of index and sub-index; empty if the device has none.
     pub objects: &'static [Object],
     /// The device description (GSD) for masters, if the device is a PROFIBUS-DP slave.
     pub gsd: Option<&'static Gsd>,
     /// The words of the device's front, in the header page.
     pub front: &'static [FrontWord],
-    /// The same words as registers of an area in the header page, if there are any. The area is not among the
-    /// device's [`areas`](DeviceLayout::areas), since no program of the device can reach it (decision D-281).
+    /// The words of the front as registers of an area in the header page, if the device has a front. The area is not
+    /// among the device's [`areas`](DeviceLayout::areas), because no program of the device can access it (decision
+    /// D-281).
     pub front_area: Option<&'static Area>,
     /// The ports in the order of their numbers.
     pub ports: &'static [Port],
-    /// The area of the device's own interface, separate from its ports. In places where ports have names, the device
-    /// has the name of this area.
+    /// The area of the device's own interface, separate from its ports. Where the name of a port can occur, this name
+    /// means the device itself.
     pub own: Option<&'static Area>,
 }
 
-/// Compares registers and their places.
+/// Devices are equal if their registers and the places of these are equal.
 impl PartialEq for DeviceLayout {
     fn eq(&self, other: &Self) -> bool {
         (self.name, self.layout_hash) == (other.name, other.layout_hash)
@@ -63,7 +64,7 @@ impl PartialEq for DeviceLayout {
 impl Eq for DeviceLayout {}
 
 impl DeviceLayout {
-    /// A device without known facts: it has no areas, so that none of its registers has a name.
+    /// A device about which nothing is known. It has no areas, so that no register has a name.
     pub const UNKNOWN: DeviceLayout = DeviceLayout {
         name: "unknown",
         title: "unknown device",
@@ -81,16 +82,16 @@ impl DeviceLayout {
         own: None,
     };
 
-    /// The port called `name`.
+    /// Returns the port called `name`.
     #[must_use]
     pub fn port(&self, name: &str) -> Option<&'static Port> {
         self.ports.iter().find(|port| port.name == name)
     }
 
-    /// The port that a user calls `name`.
+    /// Returns the port that a user calls `name`.
     ///
     /// # Errors
-    /// [`LayoutError::UnknownPort`] with all ports.
+    /// [`LayoutError::UnknownPort`], which lists all ports.
     pub fn port_named(&self, name: &str) -> Result<&'static Port, LayoutError> {
         self.port(name).ok_or_else(|| {
             let known: Vec<_> = self.ports.iter().map(|port| port.name).collect();
@@ -98,20 +99,20 @@ impl DeviceLayout {
         })
     }
 
-    /// The port with this number, from 1.
+    /// Returns the port with this number, from 1.
     #[must_use]
     pub fn port_numbered(&self, number: u8) -> Option<&'static Port> {
         self.ports.iter().find(|port| port.number == number)
     }
 }
 
-/// The device's end of a medium.
+/// A port, which connects the device to a medium such as a bus.
 pub struct Port {
     /// Name of the port, for example `node2`.
     pub name: &'static str,
     /// Number of the port in journals and on the channel, from 1; 0 is the device itself.
     pub number: u8,
-    /// Kind of medium, as `kind` of `[[bus]]` names it.
+    /// Kind of medium, as in `kind` of a `[[bus]]`.
     pub medium: &'static str,
     /// The possible roles of the port.
     pub roles: &'static [Role],
@@ -133,7 +134,7 @@ impl Port {
 /// The role of a port at its medium.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Role {
-    /// The port governs the medium.
+    /// The port controls the medium.
     Master,
     /// The port answers a master.
     Slave,
@@ -151,13 +152,13 @@ impl fmt::Display for Role {
     }
 }
 
-/// A stretch of addresses with a purpose.
+/// A range of addresses with a common purpose.
 pub struct Area {
     /// Name in register names, for example `node2`.
     pub name: &'static str,
     /// Source of the name.
     pub name_from: Provenance,
-    /// The space that it is in.
+    /// The space that contains the area.
     pub space: &'static Space,
     /// First byte in the image.
     pub first: u32,
@@ -169,7 +170,7 @@ pub struct Area {
     pub doc: &'static str,
     /// Page of the manual.
     pub page: &'static str,
-    /// The phases in which different structures are valid; `None` if each is valid always.
+    /// The phases in which different structures are valid; `None` if each structure is always valid.
     pub phases: Option<&'static Phases>,
     /// The structures, all starting at the area's first byte; empty for plain RAM.
     pub structures: &'static [AreaStructure],
@@ -182,19 +183,19 @@ impl Area {
         self.first + (self.bytes - 1)
     }
 
-    /// The address that it begins at: `%MB3.200000`, `%MW2000`.
+    /// First address of the area: `%MB3.200000`, `%MW2000`.
     #[must_use]
     pub fn begin(&self) -> String {
         self.space.named(self.first)
     }
 
-    /// The address of its last byte, or of the word that it is in.
+    /// Address of the area's last byte, or of the word that contains this byte.
     #[must_use]
     pub fn end(&self) -> String {
         self.space.named(self.last())
     }
 
-    /// The numbers of its bytes, or of its words where those are counted.
+    /// The numbers in the addresses of the area: of bytes, or of words if the device numbers words.
     #[must_use]
     pub const fn numbers(&self) -> RangeInclusive<u32> {
         self.space.numbers(self.first, self.last())
@@ -207,14 +208,14 @@ impl Area {
         self.cpu.map_or(String::new(), |(first, _)| format!("16#{:08X}", first + (offset - self.first)))
     }
 
-    /// Whether the area has byte `offset` of the image.
+    /// True if byte `offset` of the image is in the area.
     #[must_use]
     pub const fn contains(&self, offset: u32) -> bool {
         self.first <= offset && offset <= self.last()
     }
 }
 
-/// Only the names: the tables are long.
+/// Debug output has only the names, because the tables are long.
 macro_rules! short_debug {
     ($($ty:ident),*) => {$(
         impl fmt::Debug for $ty {
@@ -231,16 +232,16 @@ short_debug!(DeviceLayout, Area, Port, Structure);
 pub struct AreaStructure {
     /// The structure.
     pub structure: &'static Structure,
-    /// Phase in which the structure is the valid one of several overlaid ones.
+    /// Phase in which the structure is valid, if several structures overlay each other.
     pub live: RegisterPhase,
-    /// The role that the port of this area must have for the structure to lie there; `None`: any role.
+    /// The structure is in the area only if the port of the area has this role; `None` for any role.
     pub role: Option<Role>,
-    /// Name of the variable that the application declares there, the manual's where it has one.
+    /// Name of the variable that the application declares there. It is the manual's name, if the manual has a name.
     pub variable: &'static str,
     /// Source of the variable's name.
     pub variable_from: Provenance,
-    /// Registers of the structure that are not used in this area: other structures may have registers of another
-    /// width there, and the width of those counts.
+    /// Names of registers of the structure that are not used in this area. Another structure may have registers of
+    /// another width in their place, and only the width of these is valid.
     pub unused: &'static [&'static str],
 }
 
@@ -256,6 +257,6 @@ pub struct Structure {
     pub page: &'static str,
     /// Source of the name.
     pub name_from: Provenance,
-    /// The registers in ascending order of their first elements; those of one sub-structure in a row.
+    /// The registers in ascending order of their first elements. The registers of a sub-structure are adjacent.
     pub registers: &'static [Register],
 }

@@ -1,20 +1,20 @@
-//! A device and its options: the structures that actually lie in its areas.
+//! A device and its options: which structures its areas really contain.
 
 use super::descriptor::{Area, AreaStructure, DeviceLayout, Dim, Port, Register, RegisterPhase, Role};
 use super::register::RegisterRef;
 
-/// Most ports that a device can have.
+/// Maximum number of ports of a device.
 pub const MOST_PORTS: usize = 15;
 
 /// The known facts about a port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Fit {
-    /// Unknown: the port may have any role that the layout allows.
+    /// Nothing is known: the port may have any role that the layout allows.
     #[default]
     Unknown,
-    /// The port is not there, for instance because a slot is empty: its area has no registers.
+    /// The port does not exist, for instance because a slot is empty. Its area has no registers.
     Empty,
-    /// The role at the medium.
+    /// The port has this role at the medium.
     As(Role),
 }
 
@@ -28,7 +28,8 @@ impl Fit {
         }
     }
 
-    /// Whether the area of such a port contains a structure for this role, or for any role.
+    /// True if the area of such a port contains, or can contain, structures for this role. Structures for any role
+    /// (`None`) are always there.
     #[must_use]
     pub fn has(self, role: Option<Role>) -> bool {
         match (self, role) {
@@ -39,17 +40,17 @@ impl Fit {
     }
 }
 
-/// A device, and the known facts about its ports. Names and widths follow from both: the content of the slots of a
-/// modular PLC depends on the modules there.
+/// A device, and the known facts about its ports. Names and widths of registers depend on both, because the registers
+/// of a modular PLC depend on the modules in its slots.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DeviceFit {
     device: &'static DeviceLayout,
-    /// Sorted as the device's ports.
+    /// In the order of the device's ports.
     ports: [Fit; MOST_PORTS],
 }
 
 impl DeviceFit {
-    /// The device without any facts beyond its layout.
+    /// Returns the device without known facts about its ports.
     #[must_use]
     pub fn unknown(device: &'static DeviceLayout) -> Self {
         let mut fitted = Self { device, ports: [Fit::Unknown; MOST_PORTS] };
@@ -59,7 +60,7 @@ impl DeviceFit {
         fitted
     }
 
-    /// The same, with port `number` set to `fit`. An unknown number changes nothing.
+    /// Sets the known facts about port `number`. An unknown number changes nothing.
     #[must_use]
     pub fn with(mut self, number: u8, fit: Fit) -> Self {
         let ports = self.ports.iter_mut().zip(self.device.ports);
@@ -80,7 +81,7 @@ impl DeviceFit {
         ports.find(|(port, _)| port.number == number).map_or(Fit::Unknown, |(_, fit)| fit)
     }
 
-    /// The first port with the role of a master, known or possible: the default port if none is named.
+    /// The first port that is or can be a master. It is the default port for users who name no port.
     #[must_use]
     pub fn first_master(&self) -> Option<&'static Port> {
         self.device.ports.iter().zip(self.ports).find_map(|(port, fit)| match fit {
@@ -89,14 +90,14 @@ impl DeviceFit {
         })
     }
 
-    /// The known facts about the port with its registers in `area`.
+    /// The known facts about the port that has its registers in `area`.
     #[must_use]
     pub fn area(&self, area: &Area) -> Fit {
         let mut ports = self.device.ports.iter().zip(self.ports);
         ports.find(|(port, _)| port.area.first == area.first).map_or(Fit::Unknown, |(_, fit)| fit)
     }
 
-    /// The structures in `area`, as far as they are known.
+    /// The structures that `area` contains or can contain.
     pub fn placed(
         &self,
         area: &'static Area,
@@ -105,7 +106,7 @@ impl DeviceFit {
         area.structures.iter().filter(move |placed| fit.has(placed.role))
     }
 
-    /// The registers of one of these structures, in address order.
+    /// The registers of such a structure, in address order.
     pub(super) fn registers_of(
         &self,
         area: &'static Area,
@@ -126,8 +127,8 @@ impl DeviceFit {
         placed.flat_map(move |placed| fitted.registers_of(area, placed))
     }
 
-    /// The registers that are used in this area, structure by structure. The registers of one role have the same widths
-    /// wherever structures overlay each other.
+    /// The registers that are used in this area, structure by structure. Where structures of the same role overlay each
+    /// other, their registers have the same widths.
     pub fn used_registers(&self, area: &'static Area) -> impl Iterator<Item = RegisterRef> + use<> {
         let fitted = *self;
         self.placed(area).flat_map(move |placed| {
@@ -138,19 +139,19 @@ impl DeviceFit {
 }
 
 impl AreaStructure {
-    /// Whether the area can contain both structures at once.
+    /// True if the area can contain both structures at once.
     pub(super) fn shares_role(&self, other: &Self) -> bool {
         self.role.is_none() || other.role.is_none() || self.role == other.role
     }
 }
 
 impl Register {
-    /// Whether both are called the same.
+    /// True if both have the same name.
     pub(super) fn has_name_of(&self, other: &Self) -> bool {
         self.name == other.name && self.group == other.group
     }
 
-    /// Whether both have the same place in their structures, the same widths and the same bounds.
+    /// True if both have the same place in their structures, the same widths and the same array bounds.
     pub(super) fn lies_like(&self, other: &Self) -> bool {
         let bounds = |of: &'static [Dim]| of.iter().map(|dim| (dim.count, dim.stride));
         self.offset == other.offset

@@ -48,7 +48,7 @@ pub enum LayoutError {
     NoArea {
         /// The address.
         address: String,
-        /// The areas around it.
+        /// The areas before and after the address.
         hint: String,
     },
     /// An address in an area, but in no register.
@@ -88,7 +88,7 @@ pub enum LayoutError {
         area: String,
         /// All areas.
         known: String,
-        /// Which may be meant.
+        /// Names that the user may have meant.
         hint: String,
     },
     /// A port that the device does not have.
@@ -99,7 +99,7 @@ pub enum LayoutError {
         /// All ports.
         known: String,
     },
-    /// A name right but for upper and lower case, or an address without its `%`.
+    /// A name with wrong upper or lower case, or an address without its `%`.
     #[error("`{given}` is spelled `{right}`")]
     WrongCase {
         /// The given text.
@@ -114,7 +114,7 @@ pub enum LayoutError {
         variable: String,
         /// All variables.
         known: String,
-        /// Which may be meant.
+        /// Names that the user may have meant.
         hint: String,
     },
     /// The place of the register depends on the role of the port, and the role is not known.
@@ -125,12 +125,12 @@ pub enum LayoutError {
         /// The names to use instead.
         names: String,
     },
-    /// A variable of another role than the port has.
+    /// A variable that belongs to another role than the role of the port.
     #[error("`{variable}` belongs to a {variable_role}, but `{area}` is a {port_role}")]
     WrongRole {
         /// The variable.
         variable: &'static str,
-        /// The role that the variable belongs to.
+        /// The role to which the variable belongs.
         variable_role: Role,
         /// The area of its registers.
         area: &'static str,
@@ -144,15 +144,15 @@ pub enum LayoutError {
         area: &'static str,
         /// The given text.
         name: String,
-        /// Which may be meant.
+        /// Names that the user may have meant.
         hint: String,
     },
-    /// A name without an area in front, which no area has.
+    /// A register name without an area. No area has such a register.
     #[error("no area has a register `{name}`{hint}")]
     UnknownName {
         /// The given text.
         name: String,
-        /// Which may be meant.
+        /// Names that the user may have meant.
         hint: String,
     },
     /// An area or a variable where a register was expected.
@@ -169,7 +169,7 @@ pub enum LayoutError {
         /// The given text.
         pattern: String,
     },
-    /// A pattern where one register is wanted.
+    /// A pattern where a single register was expected.
     #[error("`{pattern}` can mean several registers; name one of them")]
     Several {
         /// The given text.

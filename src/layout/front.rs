@@ -17,7 +17,8 @@ pub struct FrontWord {
     pub owner: Owner,
     /// Meanings of its values; `None` for plain numbers.
     pub meaning: Option<&'static Meaning>,
-    /// Whether the word contains four characters of the text on the device's display, the first in its low byte.
+    /// True if the word contains four characters of the text on the device's display. The first character is in the low
+    /// byte.
     pub is_text: bool,
     /// Source of the fact that the device has this word.
     pub source: Provenance,
@@ -28,13 +29,13 @@ pub struct FrontWord {
 }
 
 impl FrontWord {
-    /// Which word of the front it is, from 0.
+    /// Position of the word in the front, from 0.
     #[must_use]
     pub const fn index(&self) -> usize {
         self.offset as usize / 4
     }
 
-    /// The text of `value` in the form that [`FrontWord::parse`] takes: its name, or a number in decimal.
+    /// Formats `value` for [`FrontWord::parse`]: its name, or a decimal number.
     #[must_use]
     pub fn called(&self, value: u32) -> String {
         self.named()
@@ -48,7 +49,7 @@ impl FrontWord {
         values.iter().filter(|value| value.first == value.last).map(|value| (value.first, value.text))
     }
 
-    /// The value that `text` names, or the number that it is, if the word can have it.
+    /// Returns the value with the name or number `text`, if the word can have this value.
     #[must_use]
     pub fn parse(&self, text: &str) -> Option<u32> {
         if let Some((value, _)) = self.named().find(|(_, name)| *name == text) {
@@ -58,7 +59,7 @@ impl FrontWord {
         self.takes(number).then_some(number)
     }
 
-    /// Whether the word can have this value: any value, if the layout names none.
+    /// True if the word can have this value. If the layout has no names of values, it can have any value.
     #[must_use]
     pub fn takes(&self, value: u32) -> bool {
         let known = |meaning: &Meaning| {
@@ -67,7 +68,7 @@ impl FrontWord {
         self.meaning.is_none_or(|meaning| meaning.values.is_empty() || known(meaning))
     }
 
-    /// The values that it can have, for messages: `lock, unlock`, `0 to 15`.
+    /// The values that the word can have, for messages: `lock, unlock`, `0 to 15`.
     #[must_use]
     pub fn choices(&self) -> String {
         let values = self.meaning.map_or(&[][..], |meaning| meaning.values);
@@ -82,14 +83,14 @@ impl FrontWord {
         }
     }
 
-    /// The meaning of `value`; a plain number in decimal.
+    /// Returns the meaning of `value`. A plain number is shown in decimal.
     #[must_use]
     pub fn decode(&self, value: u32) -> String {
         decode::decode(self.ty, self.meaning, value)
     }
 }
 
-/// The text in those words of a front that hold one, without blanks at its end; `None` if there are no such words.
+/// Returns the text on the display of a front, without blanks at its end; `None` if no word contains such a text.
 #[must_use]
 pub fn shown_text(front: &[(&FrontWord, u32)]) -> Option<String> {
     let words: Vec<_> = front.iter().filter(|(word, _)| word.is_text).map(|(_, value)| value).collect();

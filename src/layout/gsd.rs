@@ -15,7 +15,7 @@ pub struct Gsd {
     pub parameters: &'static [Parameter],
     /// The octet of the diagnosis that has texts.
     pub diagnosis: Option<Texts>,
-    /// Modules that a user can take as they are.
+    /// Predefined modules, which a user selects unchanged.
     pub modules: &'static [Module],
 }
 
@@ -44,11 +44,11 @@ pub enum Value {
 /// A parameter of Set_Prm.
 #[derive(Debug)]
 pub struct Parameter {
-    /// The register that shows it, or the first one that does.
+    /// The register that shows the parameter, or the first of several such registers.
     pub register: &'static Register,
-    /// First octet of the parameter, from 0 over the user's octets.
+    /// Index of the parameter's first octet among the user's octets, from 0.
     pub octet: u32,
-    /// Count of octets, the high one first.
+    /// Number of octets. The high octet comes first.
     pub octets: u32,
     /// Name of the parameter; empty if its bit has a name.
     pub name: &'static str,
@@ -67,14 +67,14 @@ pub struct Parameter {
 pub struct Bit {
     /// Number of the bit, 0 to 7.
     pub at: u8,
-    /// 0 is yes and 1 is no.
+    /// True if 0 means yes and 1 means no.
     pub inverted: bool,
 }
 
 /// An octet of the diagnosis with texts for its values.
 #[derive(Debug)]
 pub struct Texts {
-    /// The register that shows it.
+    /// The register that shows the octet.
     pub register: &'static Register,
     /// Number of the octet after the header of the device's own diagnosis, from 0.
     pub octet: u32,

@@ -1,15 +1,15 @@
-//! All registers of an area in address order, arrays element by element.
+//! Iterates over all registers of an area in address order. An array is listed element by element.
 
 use super::descriptor::{Area, AreaStructure, Register, Structure};
 use super::register::RegisterRef;
 
-/// Iterator over the registers of one structure in ascending order of their addresses. Padding is left
-/// out, reserved registers are not.
+/// Iterator over the registers of a structure in ascending order of their addresses, without padding, but with reserved
+/// registers.
 #[derive(Debug, Clone)]
 pub struct Registers {
     area: &'static Area,
     placed: &'static AreaStructure,
-    /// First descriptor of the current run: registers of a sub-structure, or a single register.
+    /// First descriptor of the current run. A run is a single register, or the registers of a sub-structure.
     run: usize,
     run_end: usize,
     /// Descriptor and indices of the next element.
@@ -23,7 +23,7 @@ impl Registers {
         Self { area, placed, run: 0, run_end, next: 0, index: [0; 2] }
     }
 
-    /// Moves on to the element after that of `register`.
+    /// Goes to the element that follows `register`.
     fn advance(&mut self, register: &Register) {
         let group_dims = register.group_dims;
         for dim in (group_dims..register.dims.len()).rev() {
@@ -35,7 +35,7 @@ impl Registers {
         if self.next < self.run_end {
             return;
         }
-        // The end of one element of the sub-structure: the next element, if it is an array of them.
+        // An element of the sub-structure ends here. If the sub-structure is an array, its next element follows.
         self.next = self.run;
         for dim in (0..group_dims).rev() {
             if self.step(register, dim) {
@@ -47,7 +47,7 @@ impl Registers {
         self.run_end = run_end(self.placed.structure, self.run);
     }
 
-    /// Increments one index; at the array's end resets it.
+    /// Increments an index. At the end of the array, sets it back to 0.
     fn step(&mut self, register: &Register, dim: usize) -> bool {
         let (Some(index), Some(dim)) = (self.index.get_mut(dim), register.dims.get(dim)) else {
             return false;

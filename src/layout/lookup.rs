@@ -1,4 +1,4 @@
-//! Finds the registers at an address, and the address and registers that a text means.
+//! Finds the registers at an address, and the address and registers for a text.
 
 use super::address::Address;
 use super::descriptor::{Area, DeviceLayout, RegisterPhase};
@@ -11,19 +11,19 @@ use super::space::Space;
 /// The target of a text such as `line2:node2.w_CPU_CONTROL` or `%MW3.200000`.
 #[derive(Debug, Clone)]
 pub struct Target<'a> {
-    /// The PLC in front of the colon.
+    /// The PLC before the colon.
     pub plc: Option<&'a str>,
     /// The place and width of the access.
     pub address: Address,
     /// The area of the target.
     pub area: &'static Area,
-    /// The registers there: two where structures overlay each other, none in plain RAM and padding.
-    /// A name gives just the one register.
+    /// The registers at the address: several if structures overlay each other, none in plain RAM and padding. For a
+    /// name, only the register of this name.
     pub registers: Vec<RegisterRef>,
 }
 
 impl Target<'_> {
-    /// The valid register in phase `live`, else any.
+    /// Returns the register that is valid in phase `live`. If none is valid, any register.
     #[must_use]
     pub fn register(&self, live: RegisterPhase) -> Option<&RegisterRef> {
         self.registers.iter().find(|found| is_valid(found, live)).or(self.registers.first())
@@ -48,17 +48,17 @@ impl DeviceLayout {
         }
     }
 
-    /// Bytes of the device's segment, which is its image file or its RAM on the heap. The size is a multiple of
-    /// 64-bit words, in which the access checker compares structures up to their end.
+    /// Number of bytes of the device's segment: its image file or its RAM on the heap. It is a multiple of 8, because
+    /// the access checker compares structures up to their end in words of 64 bits.
     #[must_use]
     pub const fn segment_size(&self) -> usize {
         (self.end() as usize).next_multiple_of(8)
     }
 
-    /// The area that contains `address`.
+    /// Returns the area that contains `address`.
     ///
     /// # Errors
-    /// [`LayoutError::NoArea`] with the areas around.
+    /// [`LayoutError::NoArea`], which names the areas before and after the address.
     pub fn area_at(&'static self, address: Address) -> Result<&'static Area, LayoutError> {
         let offset = address.offset();
         self.all_areas().find(|area| area.contains(offset)).ok_or_else(|| {
@@ -67,7 +67,8 @@ impl DeviceLayout {
         })
     }
 
-    /// The areas around byte `offset` of the image, perhaps only those of one space.
+    /// Describes the areas before and after byte `offset` of the image. With a space, only areas of this space are
+    /// named.
     pub(super) fn areas_around(&'static self, space: Option<&Space>, offset: i64) -> String {
         let wanted = |area: &&Area| space.is_none_or(|space| core::ptr::eq(area.space, space));
         let areas = || self.areas.iter().filter(wanted);
@@ -83,7 +84,7 @@ impl DeviceLayout {
         }
     }
 
-    /// Message for people: the reason why nothing is at `address`.
+    /// Returns a message with the reason for which no area contains `address`.
     #[must_use]
     pub fn not_covered(&self, address: Address) -> String {
         let width = address.width();
@@ -95,10 +96,11 @@ impl DeviceLayout {
         format!("no register area of the device covers this {width}")
     }
 
-    /// The registers that have a byte at `address`, with nothing known of the ports: [`DeviceFit::registers_at`].
+    /// Returns the registers that have a byte at `address`, for a device with unknown ports. See
+    /// [`DeviceFit::registers_at`].
     ///
     /// # Errors
-    /// As there.
+    /// The errors of [`DeviceFit::registers_at`].
     pub fn registers_at(
         &'static self,
         address: Address,
@@ -107,18 +109,18 @@ impl DeviceLayout {
         DeviceFit::unknown(self).registers_at(address, live)
     }
 
-    /// The target of `text` if nothing is known of the ports: [`DeviceFit::target`].
+    /// Returns the target of `text`, for a device with unknown ports. See [`DeviceFit::target`].
     ///
     /// # Errors
-    /// The same as there.
+    /// The errors of [`DeviceFit::target`].
     pub fn target<'a>(&'static self, text: &'a str) -> Result<Target<'a>, LayoutError> {
         DeviceFit::unknown(self).target(text)
     }
 }
 
 impl DeviceFit {
-    /// The registers that have a byte at `address`. With `live`, only registers of the structure that is valid then,
-    /// if it has one there.
+    /// Returns the registers that have a byte at `address`. If `live` is given and the structure that is valid in this
+    /// phase has registers there, only these are returned.
     ///
     /// # Errors
     /// [`LayoutError::NoArea`], and [`LayoutError::NoRegister`] for plain RAM and padding.
@@ -131,7 +133,7 @@ impl DeviceFit {
         let first = address.offset();
         let end = first + address.width().bytes();
         let mut found: Vec<RegisterRef> = Vec::new();
-        // The structure of the last phase first, because an engineer usually means this one.
+        // Begins with the structure of the last phase, because users usually mean this structure.
         for placed in self.placed(area).rev() {
             found.extend(
                 self.registers_of(area, placed)
@@ -146,11 +148,12 @@ impl DeviceFit {
         if found.is_empty() { Err(self.no_register(area, address)) } else { Ok(found) }
     }
 
-    /// The target of `text`: an address or a name, each with an optional PLC as a prefix. The number of a bit may
-    /// follow a name: `node2.w_CPU_CONTROL.2`, or `.%X2` (IEC 61131-3, 6.5.2.4).
+    /// Returns the target of `text`: an address or a name, each with an optional PLC as a prefix. The number of a bit
+    /// may follow a name: `node2.w_CPU_CONTROL.2` or `node2.w_CPU_CONTROL.%X2` (IEC 61131-3, 6.5.2.4).
     ///
     /// # Errors
-    /// The error and the correct notation. An address in plain RAM is not an error.
+    /// If the text does not mean a register or an address of the device. The error gives the correct notation. An
+    /// address in plain RAM is not an error.
     pub fn target<'a>(&self, text: &'a str) -> Result<Target<'a>, LayoutError> {
         let (plc, rest) = split_plc(text);
         if rest.starts_with('%') {
@@ -177,7 +180,7 @@ impl DeviceFit {
         Ok(Target { plc, address, area, registers: vec![register] })
     }
 
-    /// The error in `text` if it is an address of the device without its `%`.
+    /// Returns an error if `text` is an address of the device without its `%`.
     pub(super) fn without_percent(&self, text: &str) -> Option<LayoutError> {
         let right = self.device().address(&format!("%{text}")).ok()?.to_string();
         Some(LayoutError::WrongCase { given: text.to_owned(), right })
@@ -201,12 +204,12 @@ impl DeviceFit {
     }
 }
 
-/// Splits off the number of a bit.
+/// Splits the number of a bit off a name.
 fn split_bit(name: &str) -> (&str, Option<u32>) {
     let split = name.rsplit_once('.').and_then(|(name, bit)| {
         let bit = bit.strip_prefix("%X").unwrap_or(bit);
         let is_number = !bit.is_empty() && bit.bytes().all(|digit| digit.is_ascii_digit());
-        // A number too large for any register gives a bit that no register has.
+        // A number that is too large becomes a bit that no register has.
         is_number.then(|| (name, Some(bit.parse().unwrap_or(u32::MAX))))
     });
     split.unwrap_or((name, None))

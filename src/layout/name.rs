@@ -25,7 +25,8 @@ pub fn split_plc(text: &str) -> (Option<&str>, &str) {
     }
 }
 
-/// The prefix of names of PLC number `plc`: its name, if there are several PLCs. The reverse of [`split_plc`].
+/// Returns the prefix of register names of PLC number `plc`. If there are several PLCs, it is the name of the PLC and a
+/// colon; if not, it is empty. This is the reverse of [`split_plc`].
 #[must_use]
 pub fn plc_prefix(plcs: &[String], plc: DeviceIndex) -> String {
     match plcs.get(plc.index()) {
@@ -34,13 +35,13 @@ pub fn plc_prefix(plcs: &[String], plc: DeviceIndex) -> String {
     }
 }
 
-/// A name with its indices.
+/// A part of a name, with the indices that follow it.
 struct NamePart<'a> {
     name: &'a str,
     index: Vec<u32>,
 }
 
-/// The part of a name that follows the area: one or two parts.
+/// The text after the area in a name. It consists of one or two parts.
 struct Path<'a> {
     text: &'a str,
     group: Option<NamePart<'a>>,
@@ -75,7 +76,8 @@ impl<'a> Path<'a> {
         }
     }
 
-    /// The path with the register's own name in place of the manual's other name for it ([`Register::also`]).
+    /// If the path has the manual's other name for a register ([`Register::also`]), replaces it by the register's own
+    /// name.
     fn in_block(mut self, block: &Block) -> Self {
         let registers = || block.placed().flat_map(|placed| placed.structure.registers);
         let is_also = |register: &&Register| {
@@ -106,10 +108,10 @@ impl<'a> Path<'a> {
 }
 
 impl DeviceLayout {
-    /// The area called `name`.
+    /// Returns the area called `name`.
     ///
     /// # Errors
-    /// [`LayoutError::UnknownArea`] with all areas, [`LayoutError::WrongCase`].
+    /// [`LayoutError::UnknownArea`], which lists all areas, or [`LayoutError::WrongCase`].
     pub fn area(&'static self, name: &str) -> Result<&'static Area, LayoutError> {
         if let Some(area) = self.named_areas().find(|area| area.name == name) {
             return Ok(area);
@@ -122,15 +124,15 @@ impl DeviceLayout {
         Err(LayoutError::UnknownArea { area: name.to_owned(), known: known.join(", "), hint })
     }
 
-    /// The register with the name `name` if nothing is known of the ports: [`DeviceFit::register`].
+    /// Returns the register with the name `name`, for a device with unknown ports. See [`DeviceFit::register`].
     ///
     /// # Errors
-    /// The error in the name, and the right notation.
+    /// The error describes the mistake in the name, and gives the correct notation.
     pub fn register(&'static self, name: &str) -> Result<RegisterRef, LayoutError> {
         DeviceFit::unknown(self).register(name)
     }
 
-    /// All registers that `name` covers if nothing is known of the ports: [`DeviceFit::registers`].
+    /// Returns all registers that `name` covers, for a device with unknown ports. See [`DeviceFit::registers`].
     ///
     /// # Errors
     /// The errors of [`DeviceLayout::register`].
@@ -140,12 +142,12 @@ impl DeviceLayout {
 }
 
 impl DeviceFit {
-    /// The register with the name `name`, without the name of a PLC. A register that INIT and cyclic structure share
-    /// is returned as a register of the cyclic one.
+    /// Returns the register with the name `name`, which has no PLC as a prefix. A register that INIT and cyclic
+    /// structure share is returned as a register of the cyclic structure.
     ///
     /// # Errors
-    /// The error in the name, and the right notation; [`LayoutError::Ambiguous`] if the place of the register depends
-    /// on the role of the port, which is not known.
+    /// The error describes the mistake in the name, and gives the correct notation. [`LayoutError::Ambiguous`], if the
+    /// place of the register depends on the unknown role of the port.
     pub fn register(&self, name: &str) -> Result<RegisterRef, LayoutError> {
         if Pattern::is_one(name) {
             return Err(LayoutError::Several { pattern: name.to_owned() });
@@ -157,13 +159,13 @@ impl DeviceFit {
         found.register()
     }
 
-    /// All registers that `name` covers, in address order: an area or a variable alone, an array without indices, a
-    /// sub-structure, a single register, or all that match a pattern ([`is_pattern`](super::is_pattern)). In a
-    /// pattern, `*` matches anything and `[0..3]` a range of indices. If the place depends on the role of the port,
-    /// and the role is not known, the result has the registers of every role.
+    /// Returns all registers that `name` covers, in address order. `name` is an area or a variable alone, an array
+    /// without indices, a sub-structure, a single register, or a pattern ([`is_pattern`](super::is_pattern)). In a
+    /// pattern, `*` matches any text and `[0..3]` matches a range of indices. If the place of a register depends on the
+    /// unknown role of the port, the result has the registers of every role.
     ///
     /// # Errors
-    /// The errors of [`DeviceFit::register`]; [`LayoutError::NoMatch`] if no register matches the pattern.
+    /// The errors of [`DeviceFit::register`], and [`LayoutError::NoMatch`] if no register matches the pattern.
     pub fn registers(&self, name: &str) -> Result<Vec<RegisterRef>, LayoutError> {
         if Pattern::is_one(name) {
             return self.matching(name);
@@ -179,7 +181,7 @@ impl DeviceFit {
         }
     }
 
-    /// The registers of an area that `wanted` accepts, each once, in ascending order.
+    /// Returns the registers of an area that `wanted` accepts, each once, in ascending order.
     pub(super) fn registers_where(
         &self,
         area: &'static Area,
@@ -188,7 +190,7 @@ impl DeviceFit {
         Block { area, fit: self.area(area), only: None }.by_address(wanted)
     }
 
-    /// All registers of a block that `path` covers.
+    /// Returns all registers of a block that `path` covers.
     fn all_named(&self, block: &Block, path: &str, name: &str) -> Result<Vec<RegisterRef>, LayoutError> {
         let parsed = Path::parse(path)?;
         let parsed = if path == name { parsed } else { parsed.in_block(block) };
@@ -217,11 +219,11 @@ impl DeviceFit {
         if all.is_empty() { one.map(|one| vec![one]) } else { Ok(all) }
     }
 
-    /// Place and descriptor of the register with the name `path` in a block; its indices are not yet checked. `name`
-    /// is the complete text.
+    /// Returns place and descriptor of the register with the name `path` in a block, but does not check the indices.
+    /// `name` is the complete text, for errors.
     fn named<'a>(&self, block: &Block, path: &'a str, name: &str) -> Result<Found<'a>, LayoutError> {
         let parsed = Path::parse(path)?;
-        // A name alone is that of the only register that has it.
+        // A text without an area is the own name of a register, so it is not replaced.
         let path = if path == name { parsed } else { parsed.in_block(block) };
         let mut found: Vec<(&'static AreaStructure, &'static Register)> = Vec::new();
         for placed in block.placed() {
@@ -248,8 +250,8 @@ impl DeviceFit {
         }
     }
 
-    /// The block with the name `front`, the text before the first dot: an area, or the variable that is declared
-    /// there.
+    /// Returns the block with the name `front`, which is the text before the first dot: an area, or the variable that
+    /// the manual declares there.
     fn block(&self, front: &str) -> Result<Block, LayoutError> {
         let variables = || {
             let areas = self.device().named_areas();
@@ -281,18 +283,18 @@ impl DeviceFit {
     }
 }
 
-/// The prefix of a register's name.
+/// The area or the variable that a register name begins with.
 #[derive(Clone)]
 struct Block {
     area: &'static Area,
     fit: Fit,
-    /// The structure, if its variable is named.
+    /// The structure, if the name begins with its variable.
     only: Option<&'static AreaStructure>,
 }
 
 impl Block {
-    /// The structures that may be meant, the preferred ones first: a cyclic one comes last in the layout. For an
-    /// empty slot, names cover all structures that could lie there.
+    /// The structures that the name can mean. Cyclic structures, which come last in the layout, are preferred and come
+    /// first here. For an empty slot, these are all structures that the slot could have.
     fn placed(&self) -> impl Iterator<Item = &'static AreaStructure> + use<'_> {
         let named = self
             .area
@@ -311,7 +313,7 @@ impl Block {
         all.sort_by_key(RegisterRef::offset);
         let mut kept: Vec<RegisterRef> = Vec::with_capacity(all.len());
         for register in all {
-            // Registers that the structures share are adjacent now.
+            // Registers that structures share are adjacent after sorting.
             let here = kept.iter().rev().take_while(|other| other.offset() == register.offset());
             let is_twin = |other: &RegisterRef| other.register.name == register.register.name;
             if !here.copied().any(|other| is_twin(&other)) {
@@ -330,7 +332,7 @@ struct Found<'a> {
 }
 
 impl Found<'_> {
-    /// The register, if it has exactly the indices that it needs.
+    /// Returns the register, if the name has exactly the required indices.
     fn register(self) -> Result<RegisterRef, LayoutError> {
         let Found { block, placed, register, path } = self;
         let mut given = path.group.iter().flat_map(|group| group.index.iter()).collect::<Vec<_>>();
@@ -351,12 +353,12 @@ impl Found<'_> {
 }
 
 impl Register {
-    /// The name with that of the sub-structure in front, without indices: `a_DATA_PARAMETER.w_PAR_NR`.
+    /// Name of the register, with the sub-structure as a prefix and without indices: `a_DATA_PARAMETER.w_PAR_NR`.
     fn full_name(&self) -> String {
         full_name(self.group, self.name)
     }
 
-    /// The name with the ranges of its indices: `a_RD_BMARRAY[0..31][0..15]`.
+    /// Name of the register with the ranges of its indices: `a_RD_BMARRAY[0..31][0..15]`.
     #[must_use]
     pub fn pattern(&self) -> String {
         let mut ranges = self.dims.iter().map(|dim| format!("[0..{}]", dim.count - 1));

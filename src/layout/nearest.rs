@@ -1,12 +1,12 @@
 //! Suggestions for misspelt names.
 
-/// Most names that are suggested.
+/// Maximum number of suggested names.
 const MOST: usize = 3;
 /// Longest text that can be a misspelt name.
 const LONGEST: usize = 120;
 
-/// Up to three of `names` that may be meant by `wanted`, the most likely one first. Names that contain `wanted` come
-/// first, then names that differ in at most a third of its letters. Case is ignored, and `-` equals `_`.
+/// Returns up to three of `names` that the user may have meant by `wanted`. Names that contain `wanted` come first,
+/// then names that differ from it in at most a third of the letters. Case is ignored, and `-` equals `_`.
 #[must_use]
 pub fn nearest<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
     if wanted.len() > LONGEST {
@@ -28,7 +28,7 @@ pub fn nearest<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str>) -> Ve
     rated.into_iter().take(MOST).map(|(_, name)| name).collect()
 }
 
-/// `; did you mean w_CPU_CONTROL?`, for the end of a complaint; nothing if no name is near.
+/// Returns the end of an error message: `; did you mean w_CPU_CONTROL?`. It is empty if no name is similar.
 #[must_use]
 pub fn did_you_mean<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str>) -> String {
     match nearest(wanted, names).as_slice() {

@@ -12,13 +12,13 @@ pub struct Object {
     pub sub: u8,
     /// The manual's name.
     pub name: &'static str,
-    /// Data type; none if it is not implemented.
+    /// Data type; `None` if the entry is not implemented.
     pub ty: Option<Type>,
     /// Access by SDO.
     pub access: Access,
-    /// The value that it begins with.
+    /// Default value of the entry.
     pub default: Default,
-    /// Whether a value is kept without supply.
+    /// True if the device keeps the value without supply.
     pub saved: bool,
     /// Page of the manual.
     pub page: &'static str,
@@ -41,7 +41,7 @@ pub enum Type {
     U32,
     /// Text.
     String,
-    /// Bytes of any number.
+    /// Any number of bytes.
     Domain,
 }
 
@@ -73,9 +73,9 @@ impl Type {
 /// Access to an entry by SDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Access {
-    /// Read it.
+    /// The entry can be read.
     ReadOnly,
-    /// Read and write it.
+    /// The entry can be read and written.
     ReadWrite,
     /// No access: the manual names the entry as not implemented.
     NotImplemented,
@@ -93,7 +93,7 @@ impl Access {
     }
 }
 
-/// The value that an entry begins with.
+/// Default value of an entry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Default {
     /// No default value.
@@ -107,7 +107,7 @@ pub enum Default {
 }
 
 impl Default {
-    /// The number at the device with Node-ID `node`; 0 if it is none.
+    /// The default value as a number, for a device with Node-ID `node`; 0 if it is not a number.
     #[must_use]
     pub const fn at_node(self, node: u8) -> u32 {
         match self {
@@ -139,7 +139,7 @@ impl fmt::Display for Object {
 }
 
 impl DeviceLayout {
-    /// The entry of the object dictionary, if there is one.
+    /// Returns this entry of the object dictionary, if it exists.
     #[must_use]
     pub fn object(&self, index: u16, sub: u8) -> Option<&'static Object> {
         let at =
@@ -147,7 +147,7 @@ impl DeviceLayout {
         self.objects.get(at)
     }
 
-    /// Whether the object dictionary has entries of this index.
+    /// True if the object dictionary has entries with this index.
     #[must_use]
     pub fn has_index(&self, index: u16) -> bool {
         let at = self.objects.partition_point(|object| object.index < index);

@@ -11,19 +11,20 @@ enum Token {
     Letter(u8),
     /// `*`: any text.
     Any,
-    /// `[0..3]`, `[*]`: one index from the first to the last, both included.
+    /// `[0..3]`, `[*]`: an index in this range. First and last value are included.
     Index(u32, u32),
 }
 
 /// A pattern of register names.
 ///
-/// It must match a name from its beginning, with or without the area or variable, to its end, or to the place where
-/// indices or registers of a sub-structure follow: an array without indices means all its elements.
+/// It is compared with names with the area or variable and without it. It must match the whole name, or the part before
+/// the indices of an array or the registers of a sub-structure. So the name of an array without indices means all its
+/// elements.
 #[derive(Debug)]
 pub(super) struct Pattern(Vec<Token>);
 
 impl Pattern {
-    /// Whether the text is a pattern and not the name of one register.
+    /// True if the text is a pattern, and not the name of a single register.
     pub(super) fn is_one(text: &str) -> bool {
         let indices = text.split('[').skip(1).filter_map(|following| following.split(']').next());
         text.contains('*') || indices.into_iter().any(|index| index.contains(".."))
@@ -64,10 +65,10 @@ impl Pattern {
         Ok(Self(tokens))
     }
 
-    /// Whether the name of a register matches.
+    /// True if the name of a register matches.
     fn matches(&self, name: &str) -> bool {
         let (mut token, mut rest) = (0, name);
-        // The position at which to continue if the text after the last `*` does not match: one letter later.
+        // If the text after the last `*` does not match, the comparison continues at this position, one letter later.
         let mut retry: Option<(usize, &str)> = None;
         loop {
             let fits = match self.0.get(token) {
@@ -103,7 +104,7 @@ impl Pattern {
     }
 }
 
-/// The length of the index at the start of `text`, if it is between `first` and `last`.
+/// Returns the length of the index at the start of `text`, if its value is between `first` and `last`.
 fn index_at(text: &str, first: u32, last: u32) -> Option<usize> {
     let (number, _) = text.strip_prefix('[')?.split_once(']')?;
     let index: u32 = number.parse().ok()?;
@@ -111,7 +112,7 @@ fn index_at(text: &str, first: u32, last: u32) -> Option<usize> {
 }
 
 impl DeviceFit {
-    /// The registers that match a pattern, area by area in address order.
+    /// Returns the registers that match a pattern, area by area in address order.
     pub(super) fn matching(&self, text: &str) -> Result<Vec<RegisterRef>, LayoutError> {
         let pattern = Pattern::parse(text)?;
         let areas = self.device().named_areas().filter(|area| self.area(area) != Fit::Empty);
@@ -121,7 +122,7 @@ impl DeviceFit {
     }
 }
 
-/// Whether `text` is a pattern for several registers, with or without a PLC as a prefix.
+/// True if `text` is a pattern for several registers, with or without a PLC as a prefix.
 #[must_use]
 pub fn is_pattern(text: &str) -> bool {
     Pattern::is_one(text)

@@ -17,7 +17,7 @@ pub struct BadValue {
     pub source: ValueError,
 }
 
-/// Access to a single bit by the register that contains it.
+/// Data to access a single bit through the register that contains it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BitAccess {
     /// First byte of the register in the image.
@@ -29,7 +29,7 @@ pub struct BitAccess {
 }
 
 impl BitAccess {
-    /// Returns `value` with this bit 0, or 1 for any other `state`.
+    /// Returns `value` with this bit set to 0 if `state` is 0, otherwise to 1.
     #[must_use]
     pub const fn set(self, value: u32, state: u32) -> u32 {
         let cleared = value & !(1 << self.bit);
@@ -37,7 +37,8 @@ impl BitAccess {
     }
 }
 
-/// A register or an address that the user has named. It exists in the layout; its PLC may not exist in the plant.
+/// A register or an address that the user has named. It exists in the layout, but the PLC in the name need not exist in
+/// the plant.
 #[derive(Clone, Debug)]
 pub struct NamedLocation {
     /// The text as given, without the PLC.
@@ -46,9 +47,9 @@ pub struct NamedLocation {
     pub plc: Option<String>,
     address: Address,
     area: &'static Area,
-    /// The registers there; several where structures overlay each other.
+    /// The registers at this place; several if structures overlay each other.
     registers: Vec<RegisterRef>,
-    /// Whether the slot of their port is empty.
+    /// True if the slot of their port is empty.
     is_empty: bool,
 }
 
@@ -56,7 +57,7 @@ impl NamedLocation {
     /// Looks up `[PLC:]REGISTER` or `[PLC:]%ADDRESS` of a device.
     ///
     /// # Errors
-    /// There is no such register or address.
+    /// If there is no such register or address.
     pub fn parse(fitted: &DeviceFit, text: &str) -> Result<Self, LayoutError> {
         let target = fitted.target(text)?;
         Ok(Self {
@@ -74,7 +75,7 @@ impl NamedLocation {
         &self.text
     }
 
-    /// First byte in the image.
+    /// Offset of the first byte in the image.
     pub fn offset(&self) -> u32 {
         self.address.offset()
     }
@@ -94,12 +95,13 @@ impl NamedLocation {
         self.address
     }
 
-    /// The register that shows which of the overlaid structures is live, if structures overlay each other.
+    /// The register that shows which structure is valid, if structures overlay each other.
     pub fn status(&self) -> Option<RegisterRef> {
         status_of(self.area)
     }
 
-    /// The phase while the register that shows it has the value `status`; the last phase if the value is not known.
+    /// Returns the phase if the register that shows the phase has the value `status`; the last phase if the value is
+    /// not known.
     pub fn phase(&self, status: Option<u32>) -> RegisterPhase {
         self.area.phase(status)
     }
@@ -114,15 +116,15 @@ impl NamedLocation {
         self.area
     }
 
-    /// The register at exactly this place in phase `live`; none if the place is a part of a register, or
-    /// more than one.
+    /// Returns the register in phase `live` that is exactly this place. `None` if the place is a part of a register or
+    /// several registers.
     pub(crate) fn exact(&self, live: RegisterPhase) -> Option<RegisterRef> {
         let exact = |found: &&RegisterRef| found.address() == self.address;
         let live_ones = || self.registers.iter().filter(|found| is_live(found, live));
         live_ones().find(exact).or(self.registers.iter().find(exact)).copied()
     }
 
-    /// Data type for values given and shown.
+    /// Data type in which values are parsed and shown.
     pub fn ty(&self, live: RegisterPhase) -> RegType {
         match (self.exact(live), self.address.width()) {
             (Some(register), _) => register.ty(),
@@ -132,7 +134,7 @@ impl NamedLocation {
         }
     }
 
-    /// The meanings of its values, if the place is one register and the layout has meanings.
+    /// The meanings of values, if the place is a single register and the layout has meanings.
     pub fn meanings(&self, live: RegisterPhase) -> Option<&'static Meaning> {
         self.exact(live).and_then(|register| register.register.meaning)
     }
@@ -162,13 +164,13 @@ impl NamedLocation {
         self.exact(live).map_or_else(|| self.address.to_string(), |register| register.name())
     }
 
-    /// The register and its bit, if it was given by the register's name.
+    /// The register and its bit, if the user has given the bit by the name of the register.
     fn named_bit(&self) -> Option<(&RegisterRef, u32)> {
         let register = self.registers.first().filter(|_| !self.text.starts_with('%'))?;
         Some((register, self.bit_of(register)?))
     }
 
-    /// The number that the bit has in `register`.
+    /// Number of the bit in `register`.
     fn bit_of(&self, register: &RegisterRef) -> Option<u32> {
         Some(u32::from(self.bit()?) + 8 * (self.offset() - register.offset()))
     }
@@ -184,9 +186,10 @@ impl NamedLocation {
     /// Parses a value for this place: a number, or a name of the register's values or bits ([`value::named`]).
     ///
     /// # Errors
-    /// [`BadValue`] with the register.
+    /// [`BadValue`], which names the register.
     pub fn parse_value(&self, text: &str) -> Result<u32, BadValue> {
-        // The live structure is not known here, but the types at one address differ only in their names.
+        // The valid structure is not known here, but this does not matter: the types at the same address differ only in
+        // their names.
         let live = self.last_phase();
         let ty = self.ty(live);
         let named = |error| match (self.bit(), self.exact(live)) {
@@ -207,17 +210,17 @@ impl NamedLocation {
         value.map_err(|source| BadValue { place: self.label(live), source })
     }
 
-    /// Whether this is exactly one register, or plain RAM, and not a part of a register or several registers.
+    /// True if this is exactly one register or plain RAM, and not a part of a register or several registers.
     pub fn is_whole(&self) -> bool {
         self.registers.is_empty() || self.exact(self.last_phase()).is_some()
     }
 
-    /// Writer of the register that is exactly here in phase `live`.
+    /// Writer of the register in phase `live` that is exactly this place.
     pub fn owner(&self, live: RegisterPhase) -> Option<Owner> {
         self.exact(live).map(|register| register.owner())
     }
 
-    /// The value in IEC notation; of a single bit 0 or 1.
+    /// Formats the value in IEC notation; a single bit as 0 or 1.
     pub fn format(&self, live: RegisterPhase, value: u32) -> String {
         match self.bit() {
             Some(bit) => (value >> bit & 1).to_string(),
@@ -225,9 +228,9 @@ impl NamedLocation {
         }
     }
 
-    /// The meaning of the value, as the layout describes it. For a place that is not a complete register: the register
-    /// that contains it, the registers that it contains, or the meaning of its bit. Special texts for a place without
-    /// register and for an empty slot.
+    /// Returns the meaning of the value, as the layout describes it. For a place that is not a complete register,
+    /// returns the register that contains it, the registers that it contains, or the meaning of its bit. A place
+    /// without register and an empty slot have special texts.
     pub fn meaning(&self, phase: RegisterPhase, value: u32) -> String {
         if self.is_empty {
             return "nothing is plugged in".to_owned();
@@ -264,7 +267,8 @@ pub fn status_of(area: &'static Area) -> Option<RegisterRef> {
     area.registers_of(placed).find(|register| register.register.name == phases.register)
 }
 
-/// Whether the register is valid in phase `live`: its structure is valid, or shares the register with a valid one.
+/// True if the register is valid in phase `live`. Its structure is then valid, or shares the register with a valid
+/// structure.
 pub fn is_live(register: &RegisterRef, live: RegisterPhase) -> bool {
     let structures = register.area.structures.iter().filter(|placed| placed.live.is_valid_in(live));
     structures.filter(|placed| placed.shares_role(register.placed)).any(|placed| {
@@ -277,7 +281,7 @@ pub fn is_live(register: &RegisterRef, live: RegisterPhase) -> bool {
     })
 }
 
-/// Removes duplicates: structures that overlay each other share their first registers.
+/// Removes duplicate registers, because structures that overlay each other share their first registers.
 pub fn without_twins(registers: Vec<RegisterRef>) -> Vec<RegisterRef> {
     let mut kept: Vec<RegisterRef> = Vec::with_capacity(registers.len());
     for register in registers {
@@ -291,7 +295,7 @@ pub fn without_twins(registers: Vec<RegisterRef>) -> Vec<RegisterRef> {
     kept
 }
 
-/// The meaning of `value` in a register, with a mark if its structure is not live.
+/// Returns the meaning of `value` in a register, with a note if the structure of the register is not valid.
 pub fn meaning_in(register: &RegisterRef, live: RegisterPhase, value: u32) -> String {
     let meaning = register.decode(value);
     match live_name(register, live) {
@@ -300,7 +304,7 @@ pub fn meaning_in(register: &RegisterRef, live: RegisterPhase, value: u32) -> St
     }
 }
 
-/// The register's structure if it is not live.
+/// Returns the name of the register's structure if this structure is not valid.
 fn live_name(register: &RegisterRef, live: RegisterPhase) -> Option<&'static str> {
     (!is_live(register, live)).then_some(register.structure().name)
 }

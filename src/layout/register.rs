@@ -1,4 +1,4 @@
-//! A particular register: a descriptor with its place and its indices.
+//! A register of a device: a descriptor with a place and with indices.
 
 use super::address::Address;
 use super::decode;
@@ -6,7 +6,7 @@ use super::descriptor::{Area, AreaStructure, Owner, RegType, Register, Role, Str
 use super::width::Width;
 use core::fmt;
 
-/// A register in an area; of an array the element that `index` selects.
+/// A register in an area. If the register is an array, this is the element that `index` selects.
 #[derive(Clone, Copy)]
 pub struct RegisterRef {
     /// The area.
@@ -15,7 +15,7 @@ pub struct RegisterRef {
     pub placed: &'static AreaStructure,
     /// The register's descriptor.
     pub register: &'static Register,
-    /// Index per dimension of the descriptor; 0 where it has none.
+    /// Index for each dimension of the descriptor; 0 for missing dimensions.
     pub index: [u16; 2],
     /// The role of the port of the area, if it is known.
     pub role: Option<Role>,
@@ -28,7 +28,8 @@ impl RegisterRef {
         self.placed.structure
     }
 
-    /// Whether `area.register` can be another register, because it depends on the unknown role of the port.
+    /// True if the name `area.register` can also mean another register, because it depends on the unknown role of the
+    /// port.
     #[must_use]
     pub fn is_ambiguous(&self) -> bool {
         let others = self.area.structures.iter().filter(|placed| !placed.shares_role(self.placed));
@@ -82,8 +83,8 @@ impl RegisterRef {
         (bit < 8 * self.width()).then(|| self.address().of_bit(bit))
     }
 
-    /// The meaning of bit `bit` with value 0 or 1, followed by the decision on which it is based; empty if the meaning
-    /// is not known, or the bit has a meaning only together with others.
+    /// Returns the meaning of bit `bit` with value 0 or 1, and the decision on which the meaning is based. The result
+    /// is empty if the meaning is not known, or if the bit has a meaning only together with other bits.
     #[must_use]
     pub fn decode_bit(&self, bit: u32, is_set: bool) -> String {
         if self.is_reserved() {
@@ -116,15 +117,15 @@ impl RegisterRef {
         self.register.owner
     }
 
-    /// Whether the manual reserves this register, or this element of an array.
+    /// True if the manual reserves this register, or this element of an array.
     #[must_use]
     pub fn is_reserved(&self) -> bool {
         self.register.reserved
             || self.register.dims.iter().zip(self.index).any(|(dim, index)| index >= dim.used)
     }
 
-    /// The meaning of `value`, for example "synchronous operation of the master is being set up". Bits above the
-    /// register's width are ignored. A plain number is shown in decimal.
+    /// Returns the meaning of `value`, for example "synchronous operation of the master is being set up". Bits above
+    /// the register's width are ignored. A plain number is shown in decimal.
     #[must_use]
     pub fn decode(&self, value: u32) -> String {
         if self.is_reserved() {
@@ -133,7 +134,7 @@ impl RegisterRef {
         decode::decode(self.register.ty, self.register.meaning, value)
     }
 
-    /// `value` in IEC notation with all digits of the register: `16#0043`.
+    /// Formats `value` in IEC notation with all digits of the register: `16#0043`.
     #[must_use]
     pub fn format_value(&self, value: u32) -> String {
         decode::format_value(self.register.ty, value)

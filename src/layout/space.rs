@@ -15,7 +15,7 @@ pub struct Space {
     pub letter: char,
     /// The text between width and number: `3.` of `%MB3.80000`, or empty.
     pub segment: &'static str,
-    /// The unit that the number counts.
+    /// The unit that addresses number.
     pub unit: Unit,
     /// Number of the first byte or word.
     pub first: u32,
@@ -29,7 +29,7 @@ pub struct Space {
     pub doc: &'static str,
 }
 
-/// The unit of the number in an address.
+/// The unit that addresses number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Unit {
     /// Bytes, for any width: `%MD3.200000` begins with `%MB3.200000`, and bits 0 to 7 are the bits of the byte.
@@ -40,7 +40,7 @@ pub enum Unit {
 }
 
 impl Unit {
-    /// Bytes by which consecutive numbers of this width differ.
+    /// Number of bytes between consecutive numbers in addresses of this width.
     #[must_use]
     pub const fn bytes(self, width: Width) -> u32 {
         match self {
@@ -49,7 +49,7 @@ impl Unit {
         }
     }
 
-    /// The width in which `first` of a space and areas count.
+    /// Width of the unit in which [`Space::first`] is given, and in which the layout gives areas.
     #[must_use]
     pub const fn width(self) -> Width {
         match self {
@@ -59,17 +59,17 @@ impl Unit {
     }
 }
 
-/// The area with a size that each plant sets: retain flags.
+/// The area of the retain flags. Each plant sets its size.
 #[derive(Debug)]
 pub struct Retain {
     /// The largest possible range of the flags. It is plain RAM, and not among the device's [`areas`](DeviceLayout::areas).
     pub area: Area,
-    /// Default count of bytes in a plant.
+    /// Default number of bytes in a plant.
     pub default_bytes: u32,
 }
 
 impl Space {
-    /// Whether byte `offset` of the image is in this space.
+    /// True if byte `offset` of the image is in this space.
     #[must_use]
     pub const fn contains(&self, offset: u32) -> bool {
         self.offset <= offset && offset - self.offset < self.bytes
@@ -82,7 +82,7 @@ impl Space {
         (first + (offset - self.offset)) / self.unit.bytes(width)
     }
 
-    /// The byte of the image at which number `number` begins, if it is in this space.
+    /// Returns the byte of the image at which the unit with number `number` begins, if it is in this space.
     pub(super) fn place(&self, number: u32, width: Width) -> Option<u32> {
         let byte = number.checked_mul(self.unit.bytes(width))?;
         let first = self.first.checked_mul(self.unit.bytes(self.unit.width()))?;
@@ -90,7 +90,7 @@ impl Space {
         self.contains(offset).then_some(offset)
     }
 
-    /// The numbers of the bytes or words in bytes `first` to `last` of the image.
+    /// Returns the numbers, in addresses, of the bytes or words that are bytes `first` to `last` of the image.
     #[must_use]
     pub const fn numbers(&self, first: u32, last: u32) -> RangeInclusive<u32> {
         let width = self.unit.width();
@@ -146,7 +146,7 @@ impl DeviceLayout {
         self.front_area.into_iter().chain(self.areas)
     }
 
-    /// All areas in ascending order, the front and that of the retain flags among them.
+    /// All areas in ascending order, including the front and the retain flags.
     pub fn all_areas(&'static self) -> impl Iterator<Item = &'static Area> {
         let retain = self.retain.map(|retain| &retain.area);
         let before = retain.filter(|area| self.areas.first().is_none_or(|first| area.first < first.first));
@@ -154,13 +154,13 @@ impl DeviceLayout {
         self.front_area.into_iter().chain(before).chain(self.areas).chain(last)
     }
 
-    /// Whether byte `offset` of the image is at the front.
+    /// True if byte `offset` of the image belongs to the front.
     #[must_use]
     pub fn is_front(&self, offset: u32) -> bool {
         self.front_area.is_some_and(|front| front.contains(offset))
     }
 
-    /// Whether byte `offset` of the image is a retain flag, or can be one.
+    /// True if byte `offset` of the image is a retain flag, or could be a retain flag with another size of this area.
     #[must_use]
     pub fn is_retain(&self, offset: u32) -> bool {
         self.retain.is_some_and(|retain| retain.area.contains(offset))

@@ -15,17 +15,17 @@ pub enum ValueError {
         /// The given text.
         text: String,
     },
-    /// Neither a number nor the name of a value of the register.
+    /// The text is neither a number nor the name of a value of the register.
     #[error("`{text}` is no number and no value of this register; its values are {known}{hint}")]
     Unknown {
         /// The given text.
         text: String,
-        /// The names of its values.
+        /// The names of the register's values.
         known: String,
         /// The value that may be meant.
         hint: String,
     },
-    /// A name of several values of the register.
+    /// The text is the name of several values of the register.
     #[error("`{text}` is more than one value of this register: {values}; write the number")]
     Ambiguous {
         /// The given text.
@@ -33,7 +33,7 @@ pub enum ValueError {
         /// The numbers.
         values: String,
     },
-    /// A number outside the range of the data type.
+    /// The number is outside the range of the data type.
     #[error("`{text}` is out of range, {} {ty} holds {least} to {most} (16#0 to 16#{mask:X})", article(*.ty))]
     Range {
         /// The given text.
@@ -49,11 +49,11 @@ pub enum ValueError {
     },
 }
 
-/// Parses a value of a register of type `ty` into its bit pattern. Decimal numbers are numbers of the type,
-/// negative ones for signed types; numbers with a base are bit patterns.
+/// Parses a value of a register of type `ty`, and returns its bit pattern. A decimal number is a number of the type,
+/// and can be negative for signed types. A number with a base is a bit pattern.
 ///
 /// # Errors
-/// [`ValueError`] with a correct notation or range.
+/// [`ValueError`], which gives a correct notation or the range.
 pub fn parse(text: &str, ty: RegType) -> Result<u32, ValueError> {
     let wrong = || ValueError::Notation { text: text.to_owned() };
     let (base, digits) = split_base(text.trim());
@@ -75,9 +75,10 @@ pub fn parse(text: &str, ty: RegType) -> Result<u32, ValueError> {
     if allowed.contains(&number) { Ok(number as u32 & ty.mask()) } else { Err(range()) }
 }
 
-/// The value with the name `text` in a register with this meaning: its whole meaning as `commram peek` prints it, its name in the layout (`restart`,
-/// `START_SYNCHRONOUS`), its text ("start synchronous operation"), or the name of a single bit to set (`enable`).
-/// Case is ignored, and blanks, `-` and `_` are equal.
+/// Returns the value with the name `text` in a register with this meaning. `text` can be the whole meaning as
+/// `commram peek` prints it, the value's name in the layout (`restart`, `START_SYNCHRONOUS`), its text ("start
+/// synchronous operation"), or the name of a single bit (`enable`), for the value with only this bit set. Case is
+/// ignored, and blanks, `-` and `_` are equal.
 ///
 /// # Errors
 /// `otherwise` if the register has no names or `text` was meant as a number, [`ValueError::Unknown`] if the register
@@ -200,7 +201,7 @@ mod tests {
     proptest::proptest! {
         #![proptest_config(crate::property_tests())]
 
-        /// As a number of its type and as a bit pattern.
+        /// Tests both notations: as a number of the type, and as a bit pattern.
         #[test]
         fn a_shown_value_is_read_as_the_same_value(value in proptest::num::u32::ANY) {
             use RegType::{Byte, Dint, Dword, Int, Sint, Udint, Uint, Usint, Word};

@@ -16,7 +16,7 @@ pub enum Width {
 }
 
 impl Width {
-    /// Length in bytes: 1, 2 or 4. It is also the alignment the address needs.
+    /// Length in bytes: 1, 2 or 4. The address must be divisible by it.
     pub const fn bytes(self) -> u32 {
         match self {
             Width::Byte => 1,
@@ -49,7 +49,7 @@ impl Width {
         }
     }
 
-    /// The width with this count of bytes, if there is one.
+    /// Returns the width with this number of bytes, if there is one.
     pub(crate) const fn of_bytes(bytes: u32) -> Option<Self> {
         match bytes {
             1 => Some(Width::Byte),
@@ -59,7 +59,7 @@ impl Width {
         }
     }
 
-    /// The type of a register about which no more is known than its width.
+    /// The type for a register if only its width is known.
     #[cfg(feature = "emulator")]
     pub(crate) const fn bits(self) -> RegType {
         match self {

@@ -186,7 +186,7 @@ impl State {
         self == State::Stopping || self.is_over()
     }
 
-    /// Whether the emulator has ended.
+    /// True if the emulator has ended.
     #[must_use]
     pub fn is_over(self) -> bool {
         matches!(self, State::Stopped | State::Unsaved)

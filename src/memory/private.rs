@@ -91,7 +91,7 @@ impl PrivateDir {
         &self.path
     }
 
-    /// Whether the path still names this directory.
+    /// True if the path still names this directory.
     pub(crate) fn is_named(&self) -> bool {
         is_same(rustix::fs::lstat(&self.path), self.directory.stat())
     }
@@ -135,7 +135,7 @@ impl PrivateDir {
         }
     }
 
-    /// Whether `name` still names `file`.
+    /// True if `name` still names `file`.
     pub(crate) fn names(&self, name: &str, file: &File) -> bool {
         is_same(self.directory.stat_of(name), rustix::fs::fstat(file))
     }

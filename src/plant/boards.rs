@@ -27,7 +27,7 @@ impl Plant {
         changed
     }
 
-    /// Whether a client has made a request to the board of a device, or turned a switch.
+    /// True if a client has made a request to the board of a device, or turned a switch.
     pub(crate) fn is_asked(&self) -> bool {
         self.devices.iter().any(|device| device.front_has_changed())
     }

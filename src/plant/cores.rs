@@ -97,7 +97,7 @@ impl Plant {
         true
     }
 
-    /// Whether enough buses have events before `until`.
+    /// True if enough buses have events before `until`.
     fn is_worth_while(&self, until: u64) -> bool {
         self.buses().iter().filter(|bus| bus.next_time() < until).nth(LEAST - 1).is_some()
     }

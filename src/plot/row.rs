@@ -26,7 +26,7 @@ pub struct Row {
     pub points: Vec<(u64, i64)>,
     /// The values as text, of the same length; the meaning of a value follows after two blanks.
     pub texts: Vec<String>,
-    /// Whether the journal has every change of it.
+    /// True if the journal has every change of it.
     pub is_recorded: bool,
     /// An additional note.
     pub note: Option<String>,

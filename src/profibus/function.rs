@@ -35,9 +35,9 @@ pub enum FunctionCode {
         request: Request,
         /// Frame count bit: changes with each new request, so that a slave recognizes a repetition.
         fcb: bool,
-        /// Whether the frame count bit is valid.
+        /// True if the frame count bit is valid.
         fcv: bool,
-        /// Whether the priority is high.
+        /// True if the priority is high.
         is_high: bool,
     },
     /// An answer of a slave.

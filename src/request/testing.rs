@@ -44,11 +44,11 @@ pub(crate) struct TestHost {
     pub stop_at: u64,
     /// True if operations pause at every opportunity, and continue for one part.
     pub pauses: bool,
-    /// Whether an operation has paused.
+    /// True if an operation has paused.
     has_paused: Cell<bool>,
     /// Number of queries until the participant for which the clock waits ends its turn.
     pub turn_left: usize,
-    /// Whether the real-time clock of the test server is stopped.
+    /// True if the real-time clock of the test server is stopped.
     #[cfg_attr(not(feature = "channel"), expect(dead_code, reason = "for the tests of the channel"))]
     pub is_frozen: bool,
     travel: Travel,

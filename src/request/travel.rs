@@ -113,7 +113,7 @@ impl Travel {
         }
     }
 
-    /// Whether the last snapshot is older than `after_us`.
+    /// True if the last snapshot is older than `after_us`.
     fn is_overdue(&self, now: u64, after_us: u64) -> bool {
         self.history.back().is_none_or(|last| last.begin.time_us() + after_us <= now)
     }

@@ -37,7 +37,7 @@ impl Outcome {
         }
     }
 
-    /// Whether the scenario passed.
+    /// True if the scenario passed.
     pub fn is_passed(&self) -> bool {
         matches!(self, Self::Passed)
     }

@@ -92,7 +92,7 @@ struct Run {
     period_us: u64,
     /// Value of the register.
     value: u32,
-    /// Whether every change of the register is recorded.
+    /// True if every change of the register is recorded.
     is_recorded: bool,
 }
 

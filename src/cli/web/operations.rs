@@ -82,7 +82,7 @@ fn check(schema: &Value, value: &Value) -> Result<(), String> {
     }
 }
 
-/// Whether an integer is in the range of its schema.
+/// True if an integer is in the range of its schema.
 fn is_within(schema: &Value, value: &Value) -> bool {
     let number = |value: &Value| value.as_i64().map(i128::from).or(value.as_u64().map(i128::from));
     let (least, most) = (number(&schema["minimum"]), number(&schema["maximum"]));

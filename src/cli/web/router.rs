@@ -133,7 +133,7 @@ async fn request(
     Ok(json_response(&json!({ "replies": replies })))
 }
 
-/// Whether the text of a field in a query switches something on; a name without a text does.
+/// True if the text of a field in a query switches something on; a name without a text does.
 pub(super) fn is_on(text: &str) -> bool {
     matches!(text, "" | "1" | "true")
 }

@@ -40,7 +40,7 @@ impl Sessions {
         Ok(digits)
     }
 
-    /// Whether a browser with this key is signed in.
+    /// True if a browser with this key is signed in.
     pub(super) fn contains(&self, key: &str) -> bool {
         self.keys().iter().any(|known| known.is(key.as_bytes()))
     }

@@ -82,7 +82,7 @@ impl ModuleConfig {
         }
     }
 
-    /// Whether the PLC has registers of it.
+    /// True if the PLC has registers of it.
     pub(super) fn has_registers(&self) -> bool {
         self.kind == ModuleKind::Can06 || self.dip9
     }
@@ -163,7 +163,7 @@ impl Bm4Config {
 }
 
 impl Bm4Config {
-    /// Whether the SYNC signal that this master can pass on can reach it: the source module has a signal, which does
+    /// True if the SYNC signal that this master can pass on can reach it: the source module has a signal, which does
     /// not come from the master's own bus (decision D-646).
     pub(super) fn hands_sync_to(&self, module: &ModuleConfig) -> bool {
         let source = module.sync_in_from.and_then(|port| self.module(port));

@@ -30,7 +30,7 @@ struct Module {
     /// Number of its port.
     number: u8,
     work: Work,
-    /// Whether DIP switch 9 is at ON, or the module is a master.
+    /// True if DIP switch 9 is at ON, or the module is a master.
     has_registers: bool,
     /// DIP switches 1 to 3, 9 and 10 as the header page has them.
     other_switches: u32,

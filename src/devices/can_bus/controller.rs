@@ -98,7 +98,7 @@ impl Controller {
         self.restarts = self.error_state() == ErrorState::BusOff;
     }
 
-    /// Whether the controller takes part in a bus with bit rate `bit_s`.
+    /// True if the controller takes part in a bus with bit rate `bit_s`.
     pub(super) fn takes_part(&self, bit_s: u32) -> bool {
         self.bit_s.is_none_or(|own| own == bit_s) && self.error_state() != ErrorState::BusOff
     }

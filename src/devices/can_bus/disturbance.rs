@@ -85,7 +85,7 @@ impl CanBus {
         }
     }
 
-    /// Whether `station` loses a frame because of an overrun.
+    /// True if `station` loses a frame because of an overrun.
     #[cold]
     pub(super) fn overruns(&mut self, station: usize, frame: &Frame, world: &mut World) -> bool {
         let Origin { plc: device, node: port } = self.stations.all()[station].origin;

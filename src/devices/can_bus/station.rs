@@ -82,7 +82,7 @@ impl Station {
         Ok(Station::new(origin, area.first as usize, port, Some(watch)))
     }
 
-    /// Whether the station has taken part since `begin_ns`; it has missed a frame that began before it came (decision
+    /// True if the station has taken part since `begin_ns`; it has missed a frame that began before it came (decision
     /// D-356).
     #[inline]
     pub(super) fn took_part_since(&self, begin_ns: u64) -> bool {

@@ -222,7 +222,7 @@ impl Stations {
         Some((station, state))
     }
 
-    /// Whether any station has errors.
+    /// True if any station has errors.
     pub(super) fn has_errors(&self) -> bool {
         !self.troubled.is_empty()
     }

@@ -2,7 +2,7 @@
 
 use crate::can::Id;
 
-/// Whether the node with this node-ID, 1 to 127, sends frames with this identifier, by the predefined connection set
+/// True if the node with this node-ID, 1 to 127, sends frames with this identifier, by the predefined connection set
 /// (CiA 301): emergency message, transmitted PDOs 1 to 4, SDO answer, error control.
 #[must_use]
 pub fn node_sends(node: u8, id: Id) -> bool {

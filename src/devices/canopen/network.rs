@@ -71,7 +71,7 @@ impl Network {
         self.nodes.iter().map(|it| it.node)
     }
 
-    /// Whether `node` is known.
+    /// True if `node` is known.
     #[must_use]
     pub fn has(&self, node: u8) -> bool {
         self.nodes.iter().any(|it| it.node == node)

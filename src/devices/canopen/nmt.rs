@@ -32,13 +32,13 @@ impl State {
         bytemuck::checked::try_cast(code).ok()
     }
 
-    /// Whether SDOs are served and emergencies sent.
+    /// True if SDOs are served and emergencies sent.
     #[must_use]
     pub const fn has_sdo(self) -> bool {
         matches!(self, State::PreOperational | State::Operational)
     }
 
-    /// Whether PDOs are exchanged.
+    /// True if PDOs are exchanged.
     #[must_use]
     pub const fn has_pdo(self) -> bool {
         matches!(self, State::Operational)

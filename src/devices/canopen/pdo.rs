@@ -35,7 +35,7 @@ impl Transmission {
         }
     }
 
-    /// Whether the PDO waits for SYNC objects.
+    /// True if the PDO waits for SYNC objects.
     #[must_use]
     pub const fn is_synchronous(self) -> bool {
         !matches!(self, Transmission::Asynchronous(_))
@@ -72,7 +72,7 @@ pub struct Transmit {
     count: SyncCounter,
     /// Earliest time of the next asynchronous PDO, in us.
     free_at: u64,
-    /// Whether a new value waits for `free_at`.
+    /// True if a new value waits for `free_at`.
     is_waiting: bool,
 }
 

@@ -122,13 +122,13 @@ impl Channels {
         }
     }
 
-    /// Whether a pair of a CR2011, counted from 0, reports its current.
+    /// True if a pair of a CR2011, counted from 0, reports its current.
     #[must_use]
     pub fn reports_current(&self, pair: usize) -> bool {
         self.model == Model::Cr2011 && self.kinds.get(pair) == Some(&channel::CURRENT_OUTPUT)
     }
 
-    /// Whether the module has any analog value to send.
+    /// True if the module has any analog value to send.
     #[must_use]
     pub fn has_words(&self) -> bool {
         (0..CHANNELS).any(|it| matches!(self.role(it), Role::AnalogInput(_)) || self.reports_current(it))

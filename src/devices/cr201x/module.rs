@@ -165,7 +165,7 @@ impl Module {
             & self.connectors_where(|it| self.channels.role(it) == Role::DigitalInput)
     }
 
-    /// Whether the line of an output is open.
+    /// True if the line of an output is open.
     fn is_open(&self, connector: usize) -> bool {
         self.word(FRONT_OPEN) >> connector & 1 != 0
     }

@@ -93,7 +93,7 @@ impl Registers {
         program::order(&self.face, kind);
     }
 
-    /// Whether a client has a request that concerns the program.
+    /// True if a client has a request that concerns the program.
     pub(super) fn has_program_request(&self) -> bool {
         let asked = self.face.requested();
         asked.program.start_request.load() != 0

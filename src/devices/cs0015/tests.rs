@@ -250,7 +250,7 @@ impl Bench {
         jobs.a_DATA[0].iter().take(jobs.a_LENGTH[0].load().into()).map(|cell| cell.load()).collect()
     }
 
-    /// Whether the order at a place has been answered.
+    /// True if the order at a place has been answered.
     fn is_answered(&self, place: usize) -> bool {
         self.registers.jobs.a_CONTROL[place].load() == 4
     }

@@ -67,7 +67,7 @@ pub(super) struct Card {
     /// Registers in which changes by programs are reported, by offset. Empty if the script has no hook for changes.
     watched: Vec<Watched>,
     events: Events,
-    /// Whether the device has events.
+    /// True if the device has events.
     has_events: bool,
     /// Requests of clients seen so far.
     requests: u32,

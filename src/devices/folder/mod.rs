@@ -83,7 +83,7 @@ struct Loaded {
 
 static LOADED: Mutex<Loaded> = Mutex::new(Loaded { tables: Vec::new(), folders: Vec::new() });
 
-/// Whether `kind` of a plant file, or the name of a device on the command line, is the path of a folder.
+/// True if `kind` of a plant file, or the name of a device on the command line, is the path of a folder.
 #[must_use]
 pub fn is_path(kind: &str) -> bool {
     kind.contains('/')

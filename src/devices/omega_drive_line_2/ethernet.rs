@@ -116,7 +116,7 @@ impl Ethernet {
         (&self.stored, self.generation)
     }
 
-    /// Whether a poll would change nothing.
+    /// True if a poll would change nothing.
     #[inline]
     pub(super) fn poll_changes_nothing(&self) -> bool {
         self.watched() == self.seen

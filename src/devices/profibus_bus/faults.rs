@@ -78,7 +78,7 @@ impl Telegrams {
         }
     }
 
-    /// Whether the fault concerns a telegram with these traits.
+    /// True if the fault concerns a telegram with these traits.
     pub(super) fn include(&self, seen: &Traits) -> bool {
         let agrees =
             |wanted: Option<u32>, seen: Option<u8>| wanted.is_none() || wanted == seen.map(u32::from);

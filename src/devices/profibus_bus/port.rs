@@ -17,7 +17,7 @@ pub struct Presence {
     pub address: u8,
     /// Activity of the station, in one word with underscores: `data_exchange`.
     pub does: &'static str,
-    /// Whether the station answers requests to its address, so that no other station may have this address.
+    /// True if the station answers requests to its address, so that no other station may have this address.
     pub answers: bool,
 }
 

@@ -14,7 +14,7 @@ pub struct DriveState {
     pub state: String,
     /// Status word of the drive.
     pub status_word: u16,
-    /// Whether the drive runs in step with its SYNC signal.
+    /// True if the drive runs in step with its SYNC signal.
     pub is_synchronized: bool,
     /// Reference value of the speed, in increments of the drive's speed format.
     pub speed_reference: i32,
@@ -24,7 +24,7 @@ pub struct DriveState {
     pub fault: u32,
     /// Number of missed reference value frames so far.
     pub lost_references: u64,
-    /// Whether the drive ignores reference values because too many were lost.
+    /// True if the drive ignores reference values because too many were lost.
     pub is_stopped: bool,
 }
 

@@ -61,7 +61,7 @@ impl Events {
         self.enabled = 0;
     }
 
-    /// Whether a watched event has occurred since the last call.
+    /// True if a watched event has occurred since the last call.
     #[inline]
     pub fn take_stop(&mut self) -> bool {
         core::mem::take(&mut self.stop)

@@ -50,10 +50,10 @@ pub trait Front {
     /// Polls switches and requests of the front once.
     fn look(&mut self, ctx: &mut Context) -> FrontAction;
 
-    /// Whether a client has turned a switch or put in a request.
+    /// True if a client has turned a switch or put in a request.
     fn front_has_changed(&self) -> bool;
 
-    /// Whether the device has power and is not held in RESET.
+    /// True if the device has power and is not held in RESET.
     fn is_up(&self) -> bool;
 
     /// Called when the supply has failed, for parts that run even while RESET is active.

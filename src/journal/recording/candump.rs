@@ -54,7 +54,7 @@ pub(super) fn entry(at: usize, line: &str) -> Result<Entry, &'static str> {
     Ok(of(direction, frame(&whole)?))
 }
 
-/// Whether an identifier has the flag of an error message.
+/// True if an identifier has the flag of an error message.
 fn is_error(id: &str) -> bool {
     id.len() == 8 && u32::from_str_radix(id, 16).is_ok_and(|raw| raw & ERROR_FLAG != 0)
 }

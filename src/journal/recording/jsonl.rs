@@ -10,7 +10,7 @@ const NO_LINE: &str =
 const NO_FRAME: &str = "there is no such frame";
 const NO_TELEGRAM: &str = "there is no such telegram";
 
-/// Whether a log with this first line is of this form.
+/// True if a log with this first line is of this form.
 pub(super) fn is_one(line: &str) -> bool {
     line.starts_with('{')
 }

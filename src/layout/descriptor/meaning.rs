@@ -38,7 +38,7 @@ pub struct ValueMeaning {
     pub last: u32,
     /// The meaning; `{}` is replaced by the value.
     pub text: &'static str,
-    /// Whether the manual reserves it.
+    /// True if the manual reserves it.
     pub reserved: bool,
     /// Source of the meaning.
     pub source: Provenance,
@@ -87,9 +87,9 @@ pub struct BitField {
     pub text: &'static str,
     /// Meanings of single values of a field.
     pub values: &'static [ValueMeaning],
-    /// Whether the meaning continues the one before, without a comma.
+    /// True if the meaning continues the one before, without a comma.
     pub joined: bool,
-    /// Whether the manual reserves the bits.
+    /// True if the manual reserves the bits.
     pub reserved: bool,
     /// Source of the meaning.
     pub source: Provenance,

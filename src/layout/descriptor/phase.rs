@@ -24,7 +24,7 @@ impl RegisterPhase {
         self.0
     }
 
-    /// Whether a structure marked `self` is valid in phase `now`.
+    /// True if a structure marked `self` is valid in phase `now`.
     #[must_use]
     pub fn is_valid_in(self, now: RegisterPhase) -> bool {
         self == Self::ALWAYS || self == now

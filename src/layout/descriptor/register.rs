@@ -33,7 +33,7 @@ pub struct Register {
     pub owner: Owner,
     /// Value after power-on, in two's complement of the register's width.
     pub reset: u32,
-    /// Whether the manual reserves the register.
+    /// True if the manual reserves the register.
     pub reserved: bool,
     /// Purpose of the register.
     pub doc: &'static str,
@@ -155,7 +155,7 @@ impl RegType {
         }
     }
 
-    /// Whether the type has negative numbers.
+    /// True if the type has negative numbers.
     #[must_use]
     pub const fn is_signed(self) -> bool {
         matches!(self, RegType::Sint | RegType::Int | RegType::Dint)

@@ -1,1 +1,1 @@
-//! Empty: nothing of this package is called.
+//! Empty, because nothing of this package is called.

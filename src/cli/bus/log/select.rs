@@ -80,12 +80,12 @@ impl IdFilter {
 }
 
 impl Select {
-    /// Whether a frame of the log is selected.
+    /// True if a frame of the log is selected.
     pub(super) fn takes(&self, interface: &str, direction: Option<Direction>, frame: &Frame) -> bool {
         self.takes_from(interface, direction) && self.takes_id(frame)
     }
 
-    /// Whether a telegram of the log, with the address of its sender, is selected.
+    /// True if a telegram of the log, with the address of its sender, is selected.
     pub(super) fn takes_telegram(
         &self,
         interface: &str,
@@ -100,7 +100,7 @@ impl Select {
             && (self.interface.is_empty() || self.interface.iter().any(|name| name == interface))
     }
 
-    /// Whether a telegram is selected, by its sender only.
+    /// True if a telegram is selected, by its sender only.
     pub(super) fn takes_sender(&self, sender: Option<u8>) -> bool {
         let is_in = |list: &[u8]| sender.is_some_and(|sender| list.contains(&sender));
         // A telegram has no identifier.
@@ -109,7 +109,7 @@ impl Select {
             && !is_in(&self.without_station)
     }
 
-    /// Whether a frame is selected, by its identifier only.
+    /// True if a frame is selected, by its identifier only.
     pub(super) fn takes_id(&self, frame: &Frame) -> bool {
         let field = frame.arbitration();
         let filters = |is_inverted| self.id.iter().filter(move |filter| filter.is_inverted == is_inverted);

@@ -118,12 +118,12 @@ impl Gateway {
         [self.bus, self.irq_lost, self.msg_lost]
     }
 
-    /// Whether [`diagnosis`](Self::diagnosis) has changed since [`take_news`](Self::take_news).
+    /// True if [`diagnosis`](Self::diagnosis) has changed since [`take_news`](Self::take_news).
     pub(in crate::devices::can_dp2) fn has_news(&self) -> bool {
         self.has_news
     }
 
-    /// Whether [`diagnosis`](Self::diagnosis) has changed since the last call.
+    /// True if [`diagnosis`](Self::diagnosis) has changed since the last call.
     pub(in crate::devices::can_dp2) fn take_news(&mut self) -> bool {
         core::mem::take(&mut self.has_news)
     }

@@ -302,14 +302,14 @@ impl Configuration {
         Ok(if is_dummy { ModuleFunction::Dummy } else { ModuleFunction::Output { id, cycle_ms } })
     }
 
-    /// Whether a module is a Communication Window that violates p. 39: consistent over its whole length, with the
+    /// True if a module is a Communication Window that violates p. 39: consistent over its whole length, with the
     /// format byte 00 and a second window in the other direction. The firmware accepts it nevertheless (D-680).
     pub(in crate::devices::can_dp2) fn is_odd_window(&self, module: &Module) -> bool {
         let has_both = self.modules.iter().filter(|module| module.is_window()).count() == 2;
         module.is_window() && (!module.is_consistent || module.form != 0 || !has_both)
     }
 
-    /// Whether the configuration has any output; without outputs CAN is not used (p. 32).
+    /// True if the configuration has any output; without outputs CAN is not used (p. 32).
     pub(in crate::devices::can_dp2) fn has_output(&self) -> bool {
         self.modules.iter().any(|module| !module.is_input())
     }

@@ -119,7 +119,7 @@ impl Parameters {
         self.octets[0] & status::UNLOCK_REQ != 0
     }
 
-    /// Whether the master reserves the slave.
+    /// True if the master reserves the slave.
     pub(in crate::devices::can_dp2) fn locks(&self) -> bool {
         self.octets[0] & status::LOCK_REQ != 0
     }
@@ -148,22 +148,22 @@ impl Parameters {
         }
     }
 
-    /// Whether the master starts the network.
+    /// True if the master starts the network.
     pub(in crate::devices::can_dp2) fn has_start_frame(&self) -> bool {
         self.flag_1(flags_1::START_FRAME)
     }
 
-    /// Whether the gateway sends remote frames for its inputs.
+    /// True if the gateway sends remote frames for its inputs.
     pub(in crate::devices::can_dp2) fn has_rtr(&self) -> bool {
         !self.flag_1(flags_1::NO_RTR)
     }
 
-    /// Whether identifiers are defined by pages (p. 50).
+    /// True if identifiers are defined by pages (p. 50).
     pub(in crate::devices::can_dp2) fn has_pages(&self) -> bool {
         self.flag_1(flags_1::PAGE_MODE)
     }
 
-    /// Whether the gateway has a Communication Window.
+    /// True if the gateway has a Communication Window.
     pub(in crate::devices::can_dp2) fn has_window(&self) -> bool {
         self.flag_1(flags_1::WINDOW)
     }
@@ -172,12 +172,12 @@ impl Parameters {
         self.octets[11] & flags_2::CAN_DIAGNOSIS != 0
     }
 
-    /// Whether the last octet of each input counts received frames. Pages have separate counters (D-467).
+    /// True if the last octet of each input counts received frames. Pages have separate counters (D-467).
     pub(in crate::devices::can_dp2) fn has_rx_counter(&self) -> bool {
         !self.has_pages() && self.octets[11] & flags_2::RX_COUNTER != 0
     }
 
-    /// Whether a change of the last octet of an output sends the output again.
+    /// True if a change of the last octet of an output sends the output again.
     pub(in crate::devices::can_dp2) fn has_tx_counter(&self) -> bool {
         !self.has_pages() && self.octets[11] & flags_2::TX_COUNTER != 0
     }

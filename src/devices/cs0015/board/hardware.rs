@@ -94,7 +94,7 @@ impl Hardware {
         self.face.front[FRONT_STATE].load()
     }
 
-    /// Whether an operating system is running that can find faults.
+    /// True if an operating system is running that can find faults.
     fn is_at_work(&self) -> bool {
         matches!(self.state(), state::RESET | state::RUN | state::STOP)
     }

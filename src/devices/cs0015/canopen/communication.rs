@@ -255,7 +255,7 @@ impl Communication {
         registers.flags.CANBAUDRATE.store(kbit_s);
     }
 
-    /// Whether the identifier is the default from the Node-ID, or of the factory.
+    /// True if the identifier is the default from the Node-ID, or of the factory.
     pub(crate) fn is_predefined(&self, way: PdoDirection, pdo: usize, id: u16) -> bool {
         self.default(way.first() + pdo as u16, 1) == u32::from(id)
     }
@@ -280,7 +280,7 @@ impl Communication {
     }
 }
 
-/// Whether a value is a valid COB-ID: 11 bits above 0, no frames of 29 bits (D-419).
+/// True if a value is a valid COB-ID: 11 bits above 0, no frames of 29 bits (D-419).
 pub(crate) fn is_cob_id(value: u32) -> bool {
     value & ID != 0 && value & !(INVALID | BIT_30 | ID) == 0
 }
@@ -298,12 +298,12 @@ fn code(kbit_s: u16) -> u8 {
     RATES.iter().position(|rate| *rate == kbit_s).unwrap_or(3) as u8
 }
 
-/// Whether a number is a valid Node-ID.
+/// True if a number is a valid Node-ID.
 pub(crate) fn is_node(number: u8) -> bool {
     (1..=127).contains(&number)
 }
 
-/// Whether the device supports a bit rate in kbit/s.
+/// True if the device supports a bit rate in kbit/s.
 pub(crate) fn is_rate(kbit_s: u16) -> bool {
     RATES.contains(&kbit_s)
 }

@@ -32,7 +32,7 @@ impl Diagnosis {
         }
     }
 
-    /// Whether an error is present that `before` does not have.
+    /// True if an error is present that `before` does not have.
     pub(crate) fn has_more_than(&self, before: &Diagnosis) -> bool {
         self.short_circuits & !before.short_circuits != 0
             || self.wire_breaks & !before.wire_breaks != 0

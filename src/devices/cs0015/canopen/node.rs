@@ -66,7 +66,7 @@ pub(crate) struct Node {
     transmit: [Transmit; PDOS],
     /// A SYNC object has come since the last cycle of the program.
     pub has_sync: bool,
-    /// Whether the filters for received frames must be set again.
+    /// True if the filters for received frames must be set again.
     has_moved: bool,
     /// The device has errors of CAN.
     has_can_error: bool,
@@ -160,7 +160,7 @@ impl Node {
         self.communication.ask(way, pdo, config);
     }
 
-    /// Whether an identifier is the default of a PDO, counted from 0.
+    /// True if an identifier is the default of a PDO, counted from 0.
     pub(crate) fn is_predefined(&self, way: PdoDirection, pdo: usize, id: u16) -> bool {
         self.communication.is_predefined(way, pdo, id)
     }

@@ -27,12 +27,12 @@ pub(crate) struct SdoClient {
 }
 
 impl SdoClient {
-    /// Whether no transfer is in progress and no result waits.
+    /// True if no transfer is in progress and no result waits.
     pub(crate) fn is_free(&self) -> bool {
         self.transfer.is_none() && self.finished.is_none()
     }
 
-    /// Whether the transfer in progress belongs to a place.
+    /// True if the transfer in progress belongs to a place.
     pub(crate) fn is_of(&self, place: usize) -> bool {
         self.transfer.as_ref().is_some_and(|it| it.place == place)
     }

@@ -108,7 +108,7 @@ impl StartedOrders {
         self.0.is_empty()
     }
 
-    /// Whether there are orders that were not started.
+    /// True if there are orders that were not started.
     pub(crate) fn has_new_orders(&self, registers: &Registers) -> bool {
         let is_new = |place: usize| !self.0.iter().any(|(begun, _)| *begun == place);
         (0..PLACES).any(|place| is_order(registers, place) && is_new(place))

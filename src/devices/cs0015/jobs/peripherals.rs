@@ -176,7 +176,7 @@ fn eeprom(desk: JobContext, job: &Job, access: Access) -> Outcome {
     Ok(of([peripherals.eeprom.call(access, is_enabled, &node.registers, desk.now)]))
 }
 
-/// Whether RS 232 belongs to the program (p. 112-114); reports a finding if not.
+/// True if RS 232 belongs to the program (p. 112-114); reports a finding if not.
 fn has_serial(desk: &mut JobContext) -> bool {
     let Firmware { peripherals, node, .. } = &mut *desk.firmware;
     let flag = &node.registers.flags.SERIAL_MODE;

@@ -26,7 +26,7 @@ fn frame() -> impl Strategy<Value = Frame> {
     prop_oneof![3 => plain, 2 => management, 4 => sdo, 2 => remote, 1 => extended]
 }
 
-/// Whether the bytes are a request: eight bytes, and no abort of the client.
+/// True if the bytes are a request: eight bytes, and no abort of the client.
 fn is_request(frame: &Frame) -> bool {
     let is_sdo = frame.id() == Id::Standard(StandardId::new(0x620).unwrap()) && !frame.is_remote_frame();
     is_sdo && frame.data().len() == 8 && frame.data()[0] >> 5 != 4

@@ -103,7 +103,7 @@ impl Data {
         value.clone().try_cast::<Array>().unwrap_or_else(|| vec![value])
     }
 
-    /// Whether the items are exactly one value within the limits.
+    /// True if the items are exactly one value within the limits.
     fn is_whole(&self) -> bool {
         let mut items = self.0.iter();
         self.0.len() <= 2 * MOST_ITEMS && read(&mut items, 0).is_some() && items.next().is_none()

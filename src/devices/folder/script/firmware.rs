@@ -25,9 +25,9 @@ pub(super) struct ScriptFirmware {
     state: Data,
     timers: Timers,
     budget: Budget,
-    /// Whether an error has stopped the script until the next power-on.
+    /// True if an error has stopped the script until the next power-on.
     is_stopped: bool,
-    /// Whether a function has run since the last poll: it may have written registers that other parts read.
+    /// True if a function has run since the last poll: it may have written registers that other parts read.
     has_moved: bool,
 }
 

@@ -20,7 +20,7 @@ pub(super) struct Hold {
 }
 
 impl Hold {
-    /// Whether a task waits.
+    /// True if a task waits.
     pub(crate) fn is_running(&self) -> bool {
         self.until.is_some()
     }

@@ -99,7 +99,7 @@ impl Process {
         }
     }
 
-    /// Whether there is a communication to make or a command to answer.
+    /// True if there is a communication to make or a command to answer.
     pub(crate) fn has_work(&self, regs: &BAPS_CTRL_BMSTRUCT) -> bool {
         let is_due = self.configured.is_some_and(|configured| configured.is_due);
         match regs.b_COMMAND.load() {

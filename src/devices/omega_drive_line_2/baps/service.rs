@@ -80,7 +80,7 @@ impl Service {
         matches!(self.phase, Phase::Idle)
     }
 
-    /// Whether there is a step to take at `now`.
+    /// True if there is a step to take at `now`.
     pub(crate) fn has_work(&self, now: u64, regs: &BAPS_CTRL_BMSTRUCT) -> bool {
         match (self.phase, regs.b_MA_SEMAPHORE.load()) {
             (Phase::Idle, baps_semaphore::JOB)

@@ -98,7 +98,7 @@ impl Front {
         self.dip
     }
 
-    /// Whether a switch was turned since the last poll, or the display must blink.
+    /// True if a switch was turned since the last poll, or the display must blink.
     #[inline]
     pub(crate) fn has_changed(&self, face: &FirmwareHeader) -> bool {
         PolledFront::now(face.requested()) != self.seen || self.program == ProgramState::CopyingBootProject
@@ -246,7 +246,7 @@ impl Front {
         self.see(ctx, face);
     }
 
-    /// Whether events may occur: no event task runs while the switch or the program is at STOP.
+    /// True if events may occur: no event task runs while the switch or the program is at STOP.
     pub(crate) fn runs_events(&self) -> bool {
         self.switch == RunSwitch::Run && !(self.halted && self.projects.loaded() != Project::None)
     }
@@ -281,12 +281,12 @@ impl Front {
         self.flags.look(&face.requested().initial_flag, &face.initial_flag);
     }
 
-    /// Whether a start or stop was ordered since the last call.
+    /// True if a start or stop was ordered since the last call.
     pub(crate) fn take_order(&mut self) -> bool {
         core::mem::take(&mut self.ordered)
     }
 
-    /// Whether a cold or warm start was ordered since the last call.
+    /// True if a cold or warm start was ordered since the last call.
     pub(crate) fn take_start(&mut self) -> bool {
         core::mem::take(&mut self.started)
     }

@@ -89,7 +89,7 @@ impl Board {
         self.front.stop(&self.face);
     }
 
-    /// Whether the board has power and is not held in RESET.
+    /// True if the board has power and is not held in RESET.
     pub fn is_up(&self) -> bool {
         self.front.is_up()
     }
@@ -109,7 +109,7 @@ impl Board {
         self.front.dip()
     }
 
-    /// Whether a client has turned a switch or entered a request since the last poll. For busy polling.
+    /// True if a client has turned a switch or entered a request since the last poll. For busy polling.
     #[inline]
     pub fn has_changed(&self) -> bool {
         self.face.requested().board_requests.load() != self.requests || self.front.has_changed(&self.face)
@@ -203,7 +203,7 @@ impl Board {
         self.events.fire(&self.face, 4, now);
     }
 
-    /// Whether the trigger controller of the drive was pulsed since the last call.
+    /// True if the trigger controller of the drive was pulsed since the last call.
     #[inline]
     pub fn take_controller_pulse(&mut self) -> bool {
         core::mem::take(&mut self.triggers.controller_pulsed)

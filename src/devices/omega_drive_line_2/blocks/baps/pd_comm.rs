@@ -25,7 +25,7 @@ pub(super) fn exchange(
     base.b_COMMAND.store(command);
 }
 
-/// Whether an acknowledgement means that values have not been exchanged. 16#00, 16#FF mean nothing and 16#02 belongs
+/// True if an acknowledgement means that values have not been exchanged. 16#00, 16#FF mean nothing and 16#02 belongs
 /// to the previous configuration (decision D-216).
 pub(super) fn is_error(b_SL_QUIT: u8) -> bool {
     !matches!(
