@@ -87,7 +87,7 @@ fn seat(emulator: &Emulator, program: &mut Command) -> Child {
     child
 }
 
-/// The program from the user's page, word for word.
+/// Runs the program of the page for users word for word.
 #[test]
 fn the_program_of_the_documentation_runs_as_printed() {
     let Some(mut python) = python(&[]) else { return };

@@ -29,12 +29,12 @@ pub(crate) struct Cluster {
 
 /// A PLC of the cluster.
 pub(crate) struct ClusterPlc {
-    /// On the bus above; none at the top.
+    /// The slave node on the bus above; the top PLC has none.
     slave: Option<(View<CANsync_SL_CTRL_BMSTRUCT>, Node)>,
     /// Registers of the master of the PLC's own bus.
     pub master: View<CANsync_MA_CTRL_BMSTRUCT>,
     node: Node,
-    /// Participants on that bus; they have the numbers from 0 on.
+    /// Number of participants on the PLC's own bus. Their slave numbers begin at 0.
     pub children: usize,
 }
 

@@ -1,9 +1,9 @@
-//! IEC 61131-3 declarations of types, as engineering tools export them: read, and laid out in memory.
+//! Reads IEC 61131-3 declarations of types, as engineering tools export them, and lays them out in memory.
 //!
-//! Written for this purpose: the crates on crates.io parse the whole language. None of them keeps the place of
-//! every member for error messages, and each is maintained only by its author.
+//! This parser was written for commram: the crates on crates.io parse the whole language. None of them keeps the place
+//! of every member for error messages, and each is maintained only by its author.
 //!
-//! What a file contains beside types and constants is skipped, and reported by [`Declarations::notes`] (D-785).
+//! The parser skips all parts of a file other than types and constants; [`Declarations::notes`] reports them (D-785).
 
 mod encoding;
 mod error;

@@ -38,7 +38,7 @@ struct ConstantOwner<'a> {
 }
 
 impl ConstantOwner<'_> {
-    /// A single value is a number, others are a range.
+    /// Writes the constant of a value: a number for a single value, otherwise a range.
     fn value(&self, out: &mut String, value: &Value) {
         let Value { id: Some(id), first, last, text, source, .. } = value else { return };
         let text = text.replace("{}", "n");
@@ -55,7 +55,8 @@ impl ConstantOwner<'_> {
         }
     }
 
-    /// A bit or a field of bits is a mask; the values of a field have the field's bit position.
+    /// Writes the constants of a bit or a field of bits: a mask, and the values of a field at the bit position of the
+    /// field.
     fn bit(&self, out: &mut String, bit: &Bit) {
         let Bit { first, last, name, zero, one, source, .. } = bit;
         if let Some(id) = &bit.id {
