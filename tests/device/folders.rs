@@ -146,6 +146,45 @@ fn power_off() { journal(\"off\"); }
     assert!(!lines.iter().any(|line| line.contains("4 ->") || line.contains("too late")), "{lines:#?}");
 }
 
+/// `WRITTEN` selects registers, `copy` moves bytes of any width, and `reset` also clears registers of the program.
+#[test]
+fn a_script_selects_copies_and_resets_registers() {
+    let card = Card::new(
+        "const WRITTEN = [\"card.w_COMMAND\", \"card.a_IN[0]\", \"card.a_*[0..0]\"];
+fn written(register, old, value) {
+    this.calls = if \"calls\" in this { this.calls + 1 } else { 1 };
+    write(\"card.w_COUNT\", this.calls);
+    if value == 1 { copy(\"card.a_IN[1..4]\", \"card.a_OUT\"); }
+    if value == 2 { reset(\"card\"); }
+    if value == 3 { copy(\"card.a_OUT[0..1]\", \"card.a_OUT[1..2]\"); }
+}
+",
+    );
+    let mut bench = card.bench();
+    let out = |bench: &mut Bench| [0, 1, 2, 3].map(|n| bench.peek(&format!("card.a_OUT[{n}]")).unwrap());
+    for n in 1..8 {
+        bench.poke(&format!("card.a_IN[{n}]"), 0x1100 + n).unwrap();
+    }
+    bench.step("1ms").unwrap();
+    assert_eq!(bench.peek("card.w_COUNT").unwrap(), 0, "no register of WRITTEN");
+    bench.poke("card.w_COMMAND", 1).unwrap();
+    bench.step("1ms").unwrap();
+    assert_eq!(out(&mut bench), [0x1101, 0x1102, 0x1103, 0x1104]);
+    bench.poke("card.a_IN[0]", 3).unwrap();
+    bench.step("1ms").unwrap();
+    assert_eq!(out(&mut bench), [0x1101, 0x1101, 0x1102, 0x1104], "the blocks overlap");
+    assert_eq!(bench.peek("card.w_COUNT").unwrap(), 2, "a register with two names counts once");
+    bench.poke("card.w_COMMAND", 2).unwrap();
+    bench.step("1ms").unwrap();
+    assert_eq!(out(&mut bench), [0; 4]);
+    for register in ["card.w_COMMAND", "card.a_IN[7]", "card.w_COUNT"] {
+        assert_eq!(bench.peek(register).unwrap(), 0, "{register}");
+    }
+    // The device's own changes are no writes of the program.
+    bench.step("5ms").unwrap();
+    assert_eq!(bench.peek("card.w_COUNT").unwrap(), 0);
+}
+
 /// A snapshot contains the state of the script, its timers and the values that programs have written.
 #[test]
 fn going_back_restores_the_middle_of_everything() {
@@ -233,6 +272,16 @@ fn a_hostile_script_stops_and_the_emulator_continues() {
         ("fn poll() { write(\"card.i_VALUE\", 40000000); }", ":1:", "does not fit"),
         ("fn poll() { let name = \"w_DATUM\"; read(\"card.\" + name); }", ":1:", "w_DATUM"),
         ("fn poll() { output_all(\"card.a_OUT\", [1]); }", ":1:", "is 4 registers, here are 1 values"),
+        ("fn poll() { copy(\"card.a_IN\", \"card.a_OUT\"); }", ":1:", "has 16 bytes, `card.a_OUT` has 8"),
+        (
+            "fn poll() { copy(\"card.a_OUT\", \"card.a_IN[0..3]\"); }",
+            ":1:",
+            "only the program writes card.a_IN[0]",
+        ),
+        ("fn poll() { copy(\"card.w_*\", \"card.a_OUT\"); }", ":1:", "`card.w_*` has a gap"),
+        ("fn poll() { loop { copy(\"card.a_IN[0..3]\", \"card.a_OUT\"); } }", ":1:", "does not end"),
+        ("fn poll() { loop { reset(\"card\"); } }", ":1:", "does not end"),
+        ("fn poll() { let name = \"w_DATUM\"; reset(\"card.\" + name); }", ":1:", "w_DATUM"),
         ("fn poll() { event(16); }", ":1:", "the events 0 to 15"),
         ("fn poll() { raed(\"card.w_DATA\"); }", ":1:", "did you mean read?"),
         ("fn poll() { let n = 5 / 0; }", ":1:", "zero"),
@@ -254,6 +303,13 @@ fn a_wrong_script_is_refused_with_its_line() {
         ("fn written(register) { }", "the hook written is a function written(register, old, value)"),
         ("fn poll() {\n  read(\"card.w_DATUM\"); }", "firmware.rhai:2: "),
         ("fn poll() { after(\"1ms\", \"nothing\"); }", "there is no function `nothing` to call later"),
+        ("const WRITTEN = [\"card.w_DATUM\"];\nfn written(register, old, value) {}", "WRITTEN: "),
+        (
+            "const WRITTEN = [\"card.a_OUT\"];\nfn written(register, old, value) {}",
+            "does not write `card.a_OUT`",
+        ),
+        ("const WRITTEN = \"card.w_DATA\";\nfn written(register, old, value) {}", "write an array of names"),
+        ("const WRITTEN = [\"card.w_DATA\"];", "there is no hook written(register, old, value)"),
         ("write(\"card.w_COUNT\", 1);", "a verb works in a function only"),
         ("import \"other\" as other;", "the folder has no script `other` to import"),
         ("import \"/etc/passwd\" as other;", "the folder has no script `/etc/passwd` to import"),

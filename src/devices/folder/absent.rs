@@ -46,6 +46,10 @@ impl Script {
         match *self {}
     }
 
+    pub(super) fn written(&self) -> Option<&[String]> {
+        match *self {}
+    }
+
     pub(super) fn firmware(&'static self, _: &'static DeviceLayout) -> Box<dyn Part> {
         match *self {}
     }

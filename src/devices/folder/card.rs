@@ -41,6 +41,12 @@ impl Place {
         Place { offset: register.offset(), width: register.address().width(), front }
     }
 
+    /// Whether the register is a word of the front.
+    #[cfg(feature = "script")]
+    pub(super) fn is_front(self) -> bool {
+        self.front.is_some()
+    }
+
     /// Largest value of the register.
     pub(super) fn mask(self) -> u32 {
         self.width.max_value()
@@ -137,6 +143,34 @@ impl Card {
         (before, f(before))
     }
 
+    /// Copies `bytes` bytes of registers to other registers; the blocks may overlap. Registers of the image only.
+    #[cfg(feature = "script")]
+    pub(super) fn copy(&mut self, from: u32, to: u32, bytes: u32) {
+        let mut copy = vec![0; bytes as usize];
+        if self.segment.read_range(from, &mut copy).is_err() {
+            return;
+        }
+        let (mut at, mut rest) = (to, copy.as_slice());
+        while !rest.is_empty() {
+            // Whole words where possible: a byte costs as much.
+            let width = match rest.len() {
+                _ if at % 2 == 1 => Width::Byte,
+                1 => Width::Byte,
+                2 | 3 => Width::Word,
+                _ if at % 4 == 2 => Width::Word,
+                _ => Width::Dword,
+            };
+            let (part, others) = rest.split_at(width.bytes() as usize);
+            let value = part.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte));
+            let _ = self.segment.store(at, width, value);
+            (at, rest) = (at + width.bytes(), others);
+        }
+        let Card { segment, watched, .. } = self;
+        let first = watched.partition_point(|watched| watched.place.offset < to);
+        let written = watched.iter_mut().skip(first).take_while(|watched| watched.place.offset < to + bytes);
+        written.for_each(|it| it.last = segment.load(it.place.offset, it.place.width).unwrap_or(it.last));
+    }
+
     /// As [`Card::update`], with a record of a change in the journal.
     pub(super) fn show(&mut self, ctx: &mut Context, place: Place, f: impl Fn(u32) -> u32) {
         let (from, to) = self.update(place, f);
@@ -153,14 +187,23 @@ impl Card {
         same.take_while(|watched| watched.place.offset == place.offset).for_each(|it| it.last = value);
     }
 
-    /// From now on, compares the registers that programs write.
-    pub(super) fn watch(&mut self, layout: &'static DeviceLayout) {
+    /// From now on, compares the registers that programs write: those of these names, or all of the layout.
+    pub(super) fn watch(&mut self, layout: &'static DeviceLayout, names: Option<&[String]>) {
         let fitted = DeviceFit::unknown(layout);
-        let registers = layout.areas.iter().flat_map(|area| fitted.used_registers(area));
-        let written = registers.filter(|it| it.register.owner != Owner::Firmware && !it.is_reserved());
+        let registers: Vec<RegisterRef> = match names {
+            // The script was checked, so each name is right.
+            Some(names) => names.iter().filter_map(|name| layout.registers(name).ok()).flatten().collect(),
+            None => layout.areas.iter().flat_map(|area| fitted.used_registers(area)).collect(),
+        };
+        let written =
+            registers.into_iter().filter(|it| it.register.owner != Owner::Firmware && !it.is_reserved());
         let watched = |register: RegisterRef| Watched { place: Place::of(&register), register, last: 0 };
         self.watched = written.map(watched).collect();
         self.watched.sort_by_key(|watched| watched.place.offset);
+        if names.is_some() {
+            // Two names may cover one register.
+            self.watched.dedup_by_key(|watched| watched.register);
+        }
     }
 
     /// Takes the present values of the watched registers as known, after power-on.

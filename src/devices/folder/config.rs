@@ -80,7 +80,7 @@ impl DeviceConfig for FolderConfig {
         let mut parts: Vec<Box<dyn Part>> = Vec::new();
         if let Some(script) = script {
             if script.watches() {
-                card.watch(self.layout());
+                card.watch(self.layout(), script.written());
             }
             parts.push(script.firmware(self.layout()));
         }

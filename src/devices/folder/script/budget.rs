@@ -62,9 +62,14 @@ impl Meter {
         self.operations.get()
     }
 
+    /// Counts the steps of a verb that works on many registers; the next step ends a call that has taken too many.
+    pub(super) fn charge(&self, operations: u64) {
+        self.operations.set(self.operations.get().saturating_add(operations));
+    }
+
     /// Counts a step.
     pub(super) fn step(&self) -> Option<Exceeded> {
-        self.operations.set(self.operations.get() + 1);
+        self.charge(1);
         if self.operations.get() > self.allowed.get() {
             return Some(Exceeded::Operations);
         }

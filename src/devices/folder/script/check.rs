@@ -6,9 +6,9 @@ use super::engine::{MISSING, engine};
 use super::mistake::Mistake;
 use super::verbs::OF_REGISTERS;
 use super::{Hooks, MAIN, Script};
-use crate::layout::DeviceLayout;
+use crate::layout::{DeviceLayout, Owner};
 use core::cell::RefCell;
-use rhai::{AST, ASTNode, Expr, FnCallExpr, Position, Stmt};
+use rhai::{AST, ASTNode, Array, Dynamic, Expr, FnCallExpr, Position, Scope, Stmt};
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
@@ -16,17 +16,23 @@ use std::rc::Rc;
 /// variables apply.
 const MOST_ARGUMENTS: usize = 16;
 
+/// The hooks, and the names of the registers of the hook `written` if the script selects them.
+type Found = (Hooks, Option<Vec<String>>);
+
 /// A line and the error in it.
 type Wrong = (Position, String);
 
-/// Checks all files, and finds the hooks in the main one.
+/// Name of the constant that selects the registers of the hook `written` (D-822).
+const WRITTEN: &str = "WRITTEN";
+
+/// Checks all files, and finds the hooks in the main one, and the registers of the hook `written`.
 ///
 /// # Errors
 /// [`Mistake`] with file and line.
-pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Hooks, Mistake> {
+pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Found, Mistake> {
     let (desk, meter) = (Rc::new(RefCell::new(Desk::new(layout))), Rc::new(Meter::default()));
     let engine = engine(&desk, &meter, &script.files);
-    let mut hooks = Hooks::default();
+    let (mut hooks, mut written) = (Hooks::default(), None);
     for (file, text) in script.files.iter() {
         let mut ast = engine.compile(text).map_err(|error| Mistake::misread(file, &error))?;
         ast.set_source(file.as_str());
@@ -37,13 +43,42 @@ pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Ho
         }
         // Runs the statements outside of functions. They may be constants and imports; verbs are refused here.
         meter.begin(MOST_OPERATIONS);
-        engine.run_ast(&ast).map_err(|error| {
+        let mut scope = Scope::new();
+        engine.run_ast_with_scope(&mut scope, &ast).map_err(|error| {
             let mistake = Mistake::ran(&error);
             // The engine names no file for an error in the statements of the file itself.
             if mistake.file == MAIN { Mistake { file: file.clone(), ..mistake } } else { mistake }
         })?;
+        if file == MAIN && scope.contains(WRITTEN) {
+            written = Some(written_registers(&scope, layout, hooks)?);
+        }
     }
-    Ok(hooks)
+    Ok((hooks, written))
+}
+
+/// The names in the constant `WRITTEN`.
+fn written_registers(
+    scope: &Scope<'_>,
+    layout: &'static DeviceLayout,
+    hooks: Hooks,
+) -> Result<Vec<String>, Mistake> {
+    let wrong = |what: String| Mistake::new(format!("{WRITTEN}: {what}"));
+    if !hooks.written {
+        return Err(wrong("there is no hook written(register, old, value) for these registers".to_owned()));
+    }
+    let right = || wrong("write an array of names of registers, as [\"card.w_COMMAND\"]".to_owned());
+    let names: Array = scope.get_value(WRITTEN).ok_or_else(right)?;
+    let names = names.into_iter().map(Dynamic::into_string).collect::<Result<Vec<_>, _>>();
+    let names = names.map_err(|_| right())?;
+    for name in &names {
+        let registers = layout.registers(name).map_err(|error| wrong(error.to_string()))?;
+        if registers.iter().all(|register| register.register.owner == Owner::Firmware) {
+            return Err(wrong(format!(
+                "the program does not write `{name}`, which has the owner \"firmware\""
+            )));
+        }
+    }
+    Ok(names)
 }
 
 /// Names of the functions in the file.

@@ -14,12 +14,25 @@ use std::rc::Rc;
 /// Maximum number of registers in the names that a thread remembers for a script. Further names are looked up each
 /// time.
 const MOST_REMEMBERED: usize = 16 << 10;
+/// Most blocks that a thread remembers for a script.
+const MOST_BLOCKS: usize = 256;
+/// Most bytes that `copy` takes at once.
+const LARGEST_BLOCK: u32 = 16 << 10;
 
 /// A register with its place in the image.
 #[derive(Clone, Copy)]
 pub(super) struct Found {
     pub(super) register: RegisterRef,
     pub(super) place: Place,
+}
+
+/// Consecutive registers.
+#[derive(Clone)]
+pub(super) struct Block {
+    pub(super) offset: u32,
+    pub(super) bytes: u32,
+    /// The first register of each owner.
+    pub(super) first: Vec<Found>,
 }
 
 /// The device during a call.
@@ -90,8 +103,9 @@ impl Acting {
 
 /// The verbs' access to the device, if a function runs.
 pub(super) struct Desk {
-    layout: &'static DeviceLayout,
+    pub(super) layout: &'static DeviceLayout,
     names: HashMap<String, Rc<[Found]>>,
+    blocks: HashMap<String, Block>,
     /// Total number of registers in `names`.
     remembered: usize,
     pub(super) acting: Option<Acting>,
@@ -99,7 +113,7 @@ pub(super) struct Desk {
 
 impl Desk {
     pub(super) fn new(layout: &'static DeviceLayout) -> Self {
-        Desk { layout, names: HashMap::new(), remembered: 0, acting: None }
+        Desk { layout, names: HashMap::new(), blocks: HashMap::new(), remembered: 0, acting: None }
     }
 
     /// The device.
@@ -148,5 +162,37 @@ impl Desk {
             self.names.insert(name.to_owned(), Rc::clone(&found));
         }
         Ok(found)
+    }
+
+    /// The consecutive registers of this name.
+    ///
+    /// # Errors
+    /// There are none, they are too many, or there is a gap between them.
+    pub(super) fn block(&mut self, name: &str) -> Result<Block, String> {
+        if let Some(known) = self.blocks.get(name) {
+            return Ok(known.clone());
+        }
+        let registers = self.layout.registers(name).map_err(|error| error.to_string())?;
+        let mut block: Option<Block> = None;
+        for register in registers {
+            let found = Found { place: Place::of(&register), register };
+            let Block { offset, bytes, first } =
+                block.get_or_insert(Block { offset: found.place.offset, bytes: 0, first: Vec::new() });
+            if found.place.is_front() || *offset + *bytes != found.place.offset {
+                return Err(format!("`{name}` has a gap; copy needs an array, or consecutive registers"));
+            }
+            *bytes += register.width();
+            if first.iter().all(|it| it.register.register.owner != register.register.owner) {
+                first.push(found);
+            }
+        }
+        let block = block.ok_or_else(|| format!("`{name}` is no register"))?;
+        if block.bytes > LARGEST_BLOCK {
+            return Err(format!("`{name}` has {} bytes; copy takes at most {LARGEST_BLOCK}", block.bytes));
+        }
+        if self.blocks.len() < MOST_BLOCKS {
+            self.blocks.insert(name.to_owned(), block.clone());
+        }
+        Ok(block)
     }
 }

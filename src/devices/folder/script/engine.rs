@@ -49,8 +49,8 @@ pub(super) fn engine(desk: &Rc<RefCell<Desk>>, meter: &Rc<Meter>, files: &Files)
         engine.disable_symbol(name);
     }
     engine.set_module_resolver(Imports::new(files));
+    verbs::register(&mut engine, desk, meter);
     let meter = Rc::clone(meter);
     engine.on_progress(move |_| meter.step().map(Dynamic::from));
-    verbs::register(&mut engine, desk);
     engine
 }

@@ -55,6 +55,8 @@ pub(super) struct Script {
     /// Hash of all texts. A thread finds its compiled script by this number.
     id: u64,
     hooks: Hooks,
+    /// Names of the registers of the hook `written`; `None`: of all that programs write.
+    written: Option<Vec<String>>,
 }
 
 /// Hooks that a script has.
@@ -114,7 +116,12 @@ impl Script {
         }
         let all: Vec<u8> =
             files.iter().flat_map(|(name, text)| [name, "\0", text, "\0"]).flat_map(str::bytes).collect();
-        Ok(Some(Script { id: XxHash3_64::oneshot(&all), files: files.into(), hooks: Hooks::default() }))
+        Ok(Some(Script {
+            id: XxHash3_64::oneshot(&all),
+            files: files.into(),
+            hooks: Hooks::default(),
+            written: None,
+        }))
     }
 
     /// Name and text of each file.
@@ -127,7 +134,7 @@ impl Script {
     /// # Errors
     /// [`FolderError::Script`] with file and line.
     pub(super) fn check(&mut self, dir: &Path, layout: &'static DeviceLayout) -> Result<(), FolderError> {
-        self.hooks = check::check(self, layout).map_err(|mistake| {
+        (self.hooks, self.written) = check::check(self, layout).map_err(|mistake| {
             let Mistake { file, line, what } = mistake;
             FolderError::Script { path: dir.join(file), line: line.unwrap_or(1), what }
         })?;
@@ -144,6 +151,11 @@ impl Script {
     /// True if the script has a hook for writes of programs.
     pub(super) fn watches(&self) -> bool {
         self.hooks.written
+    }
+
+    /// Names of the registers that it wants to know; `None`: all that programs write.
+    pub(super) fn written(&self) -> Option<&[String]> {
+        self.written.as_deref()
     }
 
     /// The firmware of a device with this layout.

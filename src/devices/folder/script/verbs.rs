@@ -1,7 +1,9 @@
 //! The functions that a script may call to act on its device.
 
+use super::budget::Meter;
 use super::data::Data;
 use super::desk::{Acting, Desk, Found, Report};
+use crate::devices::folder::card::Place;
 use crate::devices::folder::records::LONGEST_NOTE;
 use crate::layout::value;
 use crate::layout::{Owner, RegType};
@@ -13,11 +15,12 @@ use std::rc::Rc;
 type Fallible<T> = Result<T, Box<EvalAltResult>>;
 
 /// Names of the verbs, for suggestions.
-pub(super) const NAMES: [&str; 15] = [
+pub(super) const NAMES: [&str; 17] = [
     "after",
     "at",
     "cancel",
     "clear_bits",
+    "copy",
     "event",
     "exchange",
     "journal",
@@ -26,28 +29,32 @@ pub(super) const NAMES: [&str; 15] = [
     "output_all",
     "read",
     "read_all",
+    "reset",
     "set_bits",
     "violation",
     "write",
 ];
 
 /// Verbs whose first argument is the name of one register, and of registers.
-pub(super) const OF_REGISTERS: [(&str, bool); 9] = [
+pub(super) const OF_REGISTERS: [(&str, bool); 11] = [
     ("clear_bits", true),
+    ("copy", false),
     ("exchange", true),
     ("output", true),
     ("output_all", false),
     ("read", true),
     ("read_all", false),
+    ("reset", false),
     ("set_bits", true),
     ("violation", true),
     ("write", true),
 ];
 
 /// Registers all verbs. They act on the device on the desk.
-pub(super) fn register(engine: &mut Engine, desk: &Rc<RefCell<Desk>>) {
+pub(super) fn register(engine: &mut Engine, desk: &Rc<RefCell<Desk>>, meter: &Rc<Meter>) {
     let mut verbs = Verbs { engine, desk: Hands(Rc::clone(desk)) };
     verbs.registers();
+    verbs.blocks(meter);
     verbs.bits_and_answers();
     verbs.times();
     verbs.reports();
@@ -145,6 +152,41 @@ impl Verbs<'_> {
                         let (found, value) = (own(*found)?, bits(*found, new)?);
                         desk.device()?.write(found, false, |_| value);
                     }
+                    Ok(())
+                })
+            }
+        });
+    }
+
+    /// Verbs on many registers, which count one step for each register or word.
+    fn blocks(&mut self, meter: &Rc<Meter>) {
+        let steps = Rc::clone(meter);
+        self.on("copy", |desk| {
+            move |from: &str, to: &str| {
+                desk.with(|desk| {
+                    let (source, target) = (desk.block(from)?, desk.block(to)?);
+                    if source.bytes != target.bytes {
+                        let (from_bytes, to_bytes) = (source.bytes, target.bytes);
+                        return Err(format!("`{from}` has {from_bytes} bytes, `{to}` has {to_bytes}"));
+                    }
+                    target.first.iter().try_for_each(|found| own(*found).map(drop))?;
+                    steps.charge(u64::from(source.bytes) / 4);
+                    desk.device()?.card.copy(source.offset, target.offset, source.bytes);
+                    Ok(())
+                })
+            }
+        });
+        let steps = Rc::clone(meter);
+        // Also registers that only the program writes (D-823).
+        self.on("reset", |desk| {
+            move |name: &str| {
+                desk.with(|desk| {
+                    let all = desk.layout.registers(name).map_err(|error| error.to_string())?;
+                    steps.charge(all.len() as u64);
+                    let device = desk.device()?;
+                    all.iter().for_each(|register| {
+                        device.card.update(Place::of(register), |_| register.register.reset);
+                    });
                     Ok(())
                 })
             }
