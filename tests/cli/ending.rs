@@ -424,7 +424,7 @@ fn many_cleaning_clients_do_not_end_each_other() {
         emulator.kill();
         let clients = (0..CLIENTS).map(|n| spawn(emulator.command("stop", &["--clean"][n % 2..])));
         for outcome in clients.collect::<Vec<_>>().into_iter().map(outcome) {
-            // One of them removes the files; the others find the emulator dead or gone.
+            // One of the clients removes the files; the other clients find the emulator dead or gone.
             assert!(matches!(outcome.code, Some(0 | 3)), "{outcome:?}");
         }
         assert_eq!(files_of(&emulator.name), NOTHING);

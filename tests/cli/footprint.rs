@@ -55,8 +55,8 @@ fn an_emulator_stays_small_and_does_not_grow() {
         emulator.step(&[&format!("{}s", (more - begin).min(3600))]);
     }
     let after = Resident::of(&emulator);
-    // Each of the other rings grows by one record per second, and the snapshots for stepping back grow by at most one
-    // in ten seconds.
+    // Each of the journal's other rings grows by one record per second, and the snapshots for stepping back grow by at
+    // most one in ten seconds.
     let records = more.min(65_536) * 4 * 64 / 1000;
     let way = (more / 10 * SNAPSHOT_KB).min(Travel::DEFAULT_BYTES as u64 / 1000);
     let most = before.own + records + way + 256;

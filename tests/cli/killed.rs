@@ -163,7 +163,7 @@ fn stop_can_clean_up_after_a_killed_emulator() {
     assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
 }
 
-/// Each file alone, and files without content, which identify no process.
+/// Removes each file alone, and files without content, which identify no process.
 #[test]
 fn clean_removes_all_remaining_files_of_an_instance() {
     let name = unique_name();
@@ -252,7 +252,7 @@ fn continues_text(name: &str, pid: u32) -> String {
     format!("commram: note: instance '{name}' was stopped (process {pid}); it is continued to end\n")
 }
 
-/// The other process may stop the emulator at any moment, not only while `stop` checks it.
+/// Another process may suspend the emulator at any moment, not only while `stop` checks the emulator.
 #[test]
 fn stop_ends_an_emulator_that_is_suspended_repeatedly() {
     let mut emulator = Emulator::stepped();

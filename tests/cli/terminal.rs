@@ -34,7 +34,7 @@ fn at_terminal(
     loop {
         assert!(start.elapsed() < WATCHDOG, "{}", String::from_utf8_lossy(&shown));
         match terminal.read(&mut part) {
-            // All other ends of the terminal are closed.
+            // The loop ends when the program has closed its end of the terminal.
             Ok(0) | Err(_) => break,
             Ok(len) => shown.extend_from_slice(&part[..len]),
         }

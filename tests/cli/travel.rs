@@ -51,8 +51,8 @@ fn the_start_is_before_the_pokes_at_the_time_0() {
     assert_eq!(value(), "16#0000\n");
 }
 
-/// All readers of the journal, on a restored instance and on one started from the snapshot. The journal has an end
-/// without records first, and then some records.
+/// Tries all readers of the journal on a restored instance and on an instance that starts from the snapshot, first
+/// without later records and then with some.
 #[test]
 fn readers_take_a_journal_that_continues_from_a_snapshot() {
     let emulator = Emulator::stepped();

@@ -13,7 +13,7 @@ pub(crate) fn skipped(tool: &str, reason: &str) {
     let required = is_installed && std::env::var_os("COMMRAM_REQUIRE_TOOLS").is_some();
     assert!(!required, "{tool} was to be installed: {reason}");
     let thread = std::thread::current();
-    // Not with a print macro: the test harness captures its output if a test passes.
+    // Does not use a print macro, because the test harness captures its output if a test passes.
     let _ = writeln!(std::io::stderr(), "skipped: {}: {tool}: {reason}", thread.name().unwrap_or("a test"));
 }
 

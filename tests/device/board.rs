@@ -241,7 +241,7 @@ fn a_number_is_free_when_its_station_has_moved_or_is_off() {
     };
     turn(&mut rig, B, 3);
     assert_eq!(taken(&rig), 1);
-    // The other station gets another number; the switches of the first station stay as they are.
+    // The second station gets a new number; the switches of the first station stay unchanged.
     turn(&mut rig, C, 1);
     turn(&mut rig, B, 3);
     assert_eq!(taken(&rig), 1);

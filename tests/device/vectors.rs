@@ -198,7 +198,7 @@ fn t35(memory: Memory, rate: Rate) {
 fn t40(memory: Memory, rate: Rate) {
     let mut rig = Rig::new(memory, rate);
     rig.set_up();
-    // One round of polling: "SYNC mode: on", then slaves 0 to 3; the answer comes an interval later.
+    // Runs one round of polling: "SYNC mode: on", then slaves 0 to 3. Each answer comes one interval later.
     for _ in 0..3 {
         rig.run_to_sync();
     }

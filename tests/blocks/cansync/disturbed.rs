@@ -143,7 +143,7 @@ impl Programs {
                 self.done[$done] += u32::from(was_busy && !self.$block.x_BUSY && self.$block.x_OK);
             };
         }
-        // So rarely that up-/downloads get their turns (p. 161).
+        // Parameter jobs come so rarely that up-/downloads get their turns (p. 161).
         next_job!(read, self.read.x_ERR, 0, number.is_multiple_of(8), self.read.call(ma));
         next_job!(write, self.write.x_ERR, 1, number % 16 == 5, self.write.call(ma));
         let source = self.blocks[0];

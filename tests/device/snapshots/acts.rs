@@ -317,7 +317,7 @@ fn init_data(plant: &Plant) {
     }
 }
 
-/// All nodes of CANsync into active operation, the gateway into data exchange.
+/// Brings all nodes of CANsync into active operation, and the gateway into data exchange.
 pub(crate) fn bring_up(plant: &mut Plant) {
     let up = [
         Act::Command(0),

@@ -6,7 +6,7 @@ use syn::{Attribute, Item, UseTree, Visibility};
 
 /// A module, with its submodules.
 pub(crate) struct Module {
-    /// Its path from the library's root; the root has an empty path.
+    /// Path of the module from the library's root; the root has an empty path.
     pub path: Vec<String>,
     pub items: Vec<Item>,
     pub children: Vec<Module>,

@@ -106,7 +106,7 @@ fn blocks_in_structured_text_behave_like_the_rust_blocks() {
     let programs = PLCS.map(|plc| {
         let (instance, ready) = (rust.name.clone(), ready.clone());
         let program = thread::spawn(move || rust_program(&instance, plc, &ready));
-        // One after the other, so that the journal has this order.
+        // Starts the programs one after the other, so that the journal has this order.
         is_ready.recv_timeout(PATIENCE).unwrap();
         program
     });

@@ -65,7 +65,7 @@ fn in_c(ty: &str) -> String {
     name.to_owned()
 }
 
-/// Each function of the standard's headers exists, and its declaration agrees with ours.
+/// Each function of the standard's headers exists, and its declaration is the one in this crate.
 #[test]
 fn the_functions_are_those_of_the_headers() {
     let Some(mut command) = python(&["fmpy"]) else { return };

@@ -102,10 +102,10 @@ pub(crate) struct Key {
 pub(crate) struct Parameter {
     /// The register's structure and name.
     pub register: (usize, String),
-    /// The first of its octets, from 0 over the user's.
+    /// Number of the first octet, counted from 0 over the octets of the user.
     pub octet: u32,
     pub name: String,
-    /// Its bit, and whether 0 is yes.
+    /// Bit of the parameter, and whether its value 0 means yes.
     pub bit: Option<(u8, bool)>,
     pub default: u32,
     pub from: u32,

@@ -326,7 +326,7 @@ pub enum Owner {
     Plc,
     /// The firmware.
     Firmware,
-    /// Both, in a handshake.
+    /// Application and firmware, in a handshake.
     Both,
 }
 

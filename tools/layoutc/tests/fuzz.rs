@@ -123,7 +123,7 @@ proptest::proptest! {
         read_or_refuse(words.join(" ").as_bytes());
     }
 
-    /// One piece of a good declaration replaced by another one comes deeper into the parser.
+    /// A good declaration with one replaced piece reaches deeper parts of the parser than random text.
     #[test]
     fn a_damaged_declaration_is_read_or_refused(
         at in 0..MIXED.split_whitespace().count(), piece in proptest::sample::select(&PIECES[..])

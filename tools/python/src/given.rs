@@ -89,7 +89,7 @@ impl<'py> FromPyObject<'_, 'py> for Plant {
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
         if let Ok(text) = given.cast::<PyString>() {
             let text = text.to_str()?;
-            // The same distinction as in scenarios.
+            // Distinguishes a path from a text like scenarios do.
             let is_path = !text.contains(['\n', '=', '[']);
             return Ok(if is_path { Plant::File(text.into()) } else { Plant::Text(text.to_owned()) });
         }

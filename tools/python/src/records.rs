@@ -180,11 +180,11 @@ impl Fault {
 #[derive(Clone, PartialEq)]
 pub(crate) struct Change {
     register: String,
-    /// Its address.
+    /// Address of the register.
     address: String,
-    /// The bits that it held.
+    /// The old value of the register as bits.
     before: u32,
-    /// The bits that it holds.
+    /// The new value of the register as bits.
     after: u32,
     /// Text with the old and the new value and their meanings.
     text: String,

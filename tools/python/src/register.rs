@@ -4,7 +4,7 @@ use crate::errors;
 use commram::layout::{DeviceFit, NamedLocation, Owner, RegType, RegisterRef, split_plc};
 use pyo3::prelude::*;
 
-/// One register; of an array one element.
+/// One register, or one element of an array.
 #[pyclass(module = "commram._native", frozen)]
 #[derive(Clone)]
 pub(crate) struct Register {

@@ -108,11 +108,11 @@ struct Record {
 /// A member of a structure.
 #[derive(Debug)]
 pub struct Member {
-    /// Its name as written.
+    /// Name of the member as written.
     pub name: String,
-    /// Where it is declared.
+    /// Place of the declaration.
     pub at: TextPosition,
-    /// Its type.
+    /// Type of the member.
     pub ty: TypeId,
 }
 
@@ -128,7 +128,7 @@ enum Constant {
 struct SkippedPart {
     file: usize,
     line: usize,
-    /// Its kind and name.
+    /// Kind and name of the part.
     what: String,
 }
 

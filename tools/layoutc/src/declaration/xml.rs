@@ -37,7 +37,7 @@ pub(crate) enum Content {
 
 /// The begin of an element.
 pub(crate) struct Tag {
-    /// Its name without the prefix of a namespace.
+    /// Name of the element without the prefix of a namespace.
     pub name: String,
     /// Names and values, at most [`MAX_ATTRIBUTES`].
     attributes: Vec<(String, String)>,

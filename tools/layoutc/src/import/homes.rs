@@ -30,7 +30,7 @@ pub(crate) struct Home {
     pub raw: raw::Structure,
 }
 
-/// All of them, and the files they are in.
+/// All lists of registers of a layout, and the files that contain them.
 pub(crate) struct Homes {
     /// Name of the device.
     pub device: String,

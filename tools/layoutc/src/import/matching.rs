@@ -54,7 +54,7 @@ struct Structure<'a> {
 struct DeclaredMember {
     offset: u32,
     ty: TypeId,
-    /// Its path, as the declaration has it.
+    /// Path of the member, as the declaration has it.
     path: String,
 }
 

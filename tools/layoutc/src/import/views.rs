@@ -12,7 +12,7 @@ struct Register<'a> {
     name: &'a str,
     place: Range<u32>,
     alignment: u32,
-    /// Its offset in the library, if the library declares it.
+    /// Offset of the register in the library, if the library declares the register.
     declared: Option<u32>,
 }
 
