@@ -1,12 +1,12 @@
-//! The arbitration field: identifier, format, and whether a frame has data or asks for some.
+//! The arbitration field: identifier, format, and kind of a frame. A frame has data or requests data.
 
 use embedded_can::{ExtendedId, Id, StandardId};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// The arbitration field as it is sent after the start bit, left-aligned in 32 bits. It has 11 bits of identifier,
-/// then in the standard format RTR and IDE (0), in the extended format SRR (1), IDE (1), the other 18 bits of the
-/// identifier and RTR. A 0 is dominant, so the smaller field wins.
+/// The arbitration field as it is sent after the start bit, left-aligned in 32 bits. It begins with 11 bits of the
+/// identifier. In the standard format RTR and IDE (0) follow. In the extended format SRR (1), IDE (1), the other 18
+/// bits of the identifier and RTR follow. A 0 is dominant, so the smaller field wins.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Arbitration(u32);
 
@@ -17,8 +17,8 @@ const STANDARD_RTR: u32 = 1 << 20;
 const EXTENDED_RTR: u32 = 1;
 
 impl Arbitration {
-    /// The arbitration field of a frame with this identifier; `is_remote`: the frame requests data instead of
-    /// carrying some.
+    /// Returns the arbitration field of a frame with this identifier. With `is_remote`, the frame requests data;
+    /// otherwise it has data.
     #[inline]
     pub fn new(id: impl Into<Id>, is_remote: bool) -> Self {
         let field = match id.into() {
@@ -33,7 +33,7 @@ impl Arbitration {
     #[inline]
     pub fn id(self) -> Id {
         let base = self.0 >> BASE;
-        // Both have too few bits to be out of range.
+        // Neither identifier has enough bits to be out of range.
         if self.is_extended() {
             let id = base << 18 | self.0 >> 1 & 0x3_FFFF;
             Id::Extended(ExtendedId::new(id).unwrap_or(ExtendedId::MAX))
@@ -63,7 +63,7 @@ impl Arbitration {
         self.0 & self.rtr() != 0
     }
 
-    /// The field as described above.
+    /// The field, as described at [`Arbitration`].
     #[inline]
     pub(super) const fn bits(self) -> u32 {
         self.0
@@ -86,7 +86,7 @@ impl Arbitration {
     }
 }
 
-/// 29 bits of an identifier, with SRR and IDE between the 11 upper and the 18 lower ones.
+/// Returns the 29 bits of an identifier with SRR and IDE between the upper 11 bits and the lower 18 bits.
 const fn spread(id: u32) -> u32 {
     (id >> 18) << BASE | (id & 0x3_FFFF) << 1
 }

@@ -1,7 +1,7 @@
 //! Fault confinement: the effect of errors on a station (ISO 11898-1).
 //!
-//! Every controller counts the errors in transmitted and in received frames. A controller with too many errors first
-//! stops disturbing the others by its error flags, and in the end leaves the bus.
+//! Every controller counts the errors in transmitted and in received frames. If a controller has too many errors, its
+//! error flags first become recessive, so that it no longer disturbs others. With still more errors it leaves the bus.
 
 use super::BitRate;
 use serde::{Deserialize, Serialize};
@@ -12,21 +12,22 @@ pub enum ErrorState {
     /// The controller takes part, and its error flags are dominant.
     #[default]
     Active,
-    /// The same, but a counter has reached 96: the bus is heavily disturbed.
+    /// The controller takes part as in [`ErrorState::Active`], but a counter has reached 96: the bus is heavily
+    /// disturbed.
     Warning,
-    /// A counter is above 127: the controller takes part, its error flags are recessive, and after one of its own
-    /// frames it waits for eight more bits.
+    /// A counter is above 127. The controller takes part, but its error flags are recessive, and after its own frames
+    /// it waits for eight more bits.
     Passive,
-    /// The count of transmit errors is above 255: the controller does not take part.
+    /// The counter of transmit errors is above 255. The controller does not take part.
     BusOff,
 }
 
 impl ErrorState {
-    /// All of them, from good to bad.
+    /// All states, from good to bad.
     pub const ALL: [ErrorState; 4] =
         [ErrorState::Active, ErrorState::Warning, ErrorState::Passive, ErrorState::BusOff];
 
-    /// Name for programs.
+    /// Name of the state for programs.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -45,11 +46,11 @@ pub struct ErrorCounters {
     receive: u16,
 }
 
-/// From this count on, the state is a warning.
+/// If a counter has this value or more, the state is a warning.
 const WARNING: u16 = 96;
-/// Up to here a station is error-active.
+/// Highest value of the counters with which a station is error-active.
 const LAST_ACTIVE: u16 = 127;
-/// Up to here it is on the bus.
+/// Highest value of the transmit counter with which a station takes part.
 const LAST_ON: u16 = 255;
 /// Step of the transmit counter for an error in a transmitted frame.
 const TRANSMIT_STEP: u16 = 8;
@@ -82,48 +83,48 @@ impl ErrorCounters {
         }
     }
 
-    /// A transmitted frame has arrived.
+    /// Called when a transmitted frame has arrived.
     pub fn sent(&mut self) {
         self.transmit = self.transmit.saturating_sub(1);
     }
 
-    /// A frame of another station was received.
+    /// Called when a frame of another station was received.
     pub fn received(&mut self) {
         self.receive = self.receive.saturating_sub(1);
     }
 
-    /// A transmitted frame has ended in an error.
+    /// Called when a transmitted frame has ended in an error.
     pub fn transmit_error(&mut self) {
         self.transmit = (self.transmit + TRANSMIT_STEP).min(LAST_ON + 1);
     }
 
-    /// No station has acknowledged the frame. An error-passive station does not count that: alone on a bus it repeats
-    /// the frame without a limit.
+    /// Called when no station has acknowledged the transmitted frame. An error-passive station does not count this
+    /// error, so that a station alone on a bus repeats its frame without a limit.
     pub fn not_acknowledged(&mut self) {
         if self.state() < ErrorState::Passive {
             self.transmit_error();
         }
     }
 
-    /// A frame of another station has ended in an error. Above 127 the counter does not increase, so that the first
-    /// good frame returns to 127, as the standard requires (119 to 127).
+    /// Called when a frame of another station has ended in an error. The counter does not increase above 128. The first
+    /// good frame then sets it to 127; the standard requires 119 to 127.
     pub fn receive_error(&mut self) {
         self.receive = (self.receive + 1).min(LAST_ACTIVE + 1);
     }
 
-    /// The controller switches itself off.
+    /// Called when the controller switches itself off.
     pub fn bus_off(&mut self) {
         self.transmit = LAST_ON + 1;
     }
 }
 
-/// Count of sequences of eleven recessive bits before a station that was BUS-off takes part again.
+/// Number of sequences of eleven recessive bits after which a BUS-off station takes part again.
 const RUNS: u32 = 128;
-/// Bits of such a run.
+/// Number of bits of such a sequence.
 const RUN: u32 = 11;
 
-/// Recovery from BUS-off: 128 times eleven consecutive recessive bits. An idle bus has these sequences one after the
-/// other; a bus with frames has at least one after each frame.
+/// Recovery from BUS-off: 128 sequences of eleven consecutive recessive bits. An idle bus has these sequences one after
+/// the other. A bus with frames has at least one such sequence after each frame.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Recovery {
     left: u32,
@@ -137,15 +138,16 @@ impl Recovery {
         Recovery { left: RUNS, from_ns: now_ns }
     }
 
-    /// A frame begins at `begin_ns`, before which the wire has been recessive since `quiet_ns`.
+    /// Called when a frame begins. The bus was recessive from `quiet_ns` to `begin_ns`.
     pub fn frame_begins(&mut self, begin_ns: u64, quiet_ns: u64, rate: BitRate) {
-        // Times on the wire are rounded up, each by less than a nanosecond, which must not cost a whole sequence.
+        // Times on the wire are rounded up by less than a nanosecond. This must not make a sequence too short.
         let elapsed = u128::from((begin_ns + 1).saturating_sub(quiet_ns.max(self.from_ns)));
         let runs = elapsed * u128::from(rate.bit_s()) / (1_000_000_000 * u128::from(RUN));
         self.left = self.left.saturating_sub(u32::try_from(runs).unwrap_or(u32::MAX));
     }
 
-    /// End of the recovery if no frame begins before, with the wire recessive since `quiet_ns`.
+    /// Returns the end of the recovery if the bus has been recessive since `quiet_ns` and no frame begins before this
+    /// end.
     #[must_use]
     pub fn end_ns(&self, quiet_ns: u64, rate: BitRate) -> u64 {
         quiet_ns.max(self.from_ns).saturating_add(rate.time_ns(self.left * RUN))

@@ -1,10 +1,11 @@
-//! Acceptance filters: which frames a controller hands to its firmware.
+//! Acceptance filters. They decide which frames a controller passes to its firmware.
 
 use super::{Arbitration, Frame};
 use embedded_can::Id;
 use serde::{Deserialize, Serialize};
 
-/// A filter as CAN controllers have them: a code, and a mask of those bits of the arbitration field that must agree with it.
+/// A filter as in CAN controllers: a code, and a mask. The bits of the arbitration field that are 1 in the mask must
+/// agree with the code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Filter {
     code: Arbitration,
@@ -12,20 +13,20 @@ pub struct Filter {
 }
 
 impl Filter {
-    /// Frames with this identifier, in its format, whether they carry data or ask for some.
+    /// Accepts data frames and remote frames with this identifier and its format.
     pub fn exactly(id: impl Into<Id>) -> Self {
         Filter::masked(id, u32::MAX)
     }
 
-    /// Frames of this identifier's format with an identifier that agrees with it in the bits that are 1 in `mask`;
-    /// mask bits above the identifier's 11 or 29 bits are ignored.
+    /// Accepts frames of this identifier's format that agree with the identifier in the bits that are 1 in `mask`. Mask
+    /// bits above the 11 or 29 bits of the identifier are ignored.
     pub fn masked(id: impl Into<Id>, mask: u32) -> Self {
         let code = Arbitration::new(id, false);
         let bits = if code.is_extended() { mask & 0x1FFF_FFFF } else { mask & 0x7FF };
         Filter { code, mask: Arbitration::format() | code.place(bits) }
     }
 
-    /// Only the data frames among these frames.
+    /// Limits the filter to data frames.
     #[must_use]
     pub const fn data_only(self) -> Self {
         Filter { mask: self.mask | self.code.rtr(), ..self }

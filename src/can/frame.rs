@@ -1,19 +1,19 @@
-//! A frame: data, or a request for data.
+//! Frames. A frame has data or requests data.
 
 use super::{Arbitration, Payload};
 use embedded_can::{ExtendedId, Id, StandardId};
 use serde::{Deserialize, Serialize};
 
-/// Marks beside an identifier, as SocketCAN has them: 29 bits, and a remote frame.
+/// Marks beside an identifier, as in SocketCAN, for 29 bits and for a remote frame.
 const EXTENDED: u32 = 1 << 31;
 const REMOTE: u32 = 1 << 30;
 
-/// A frame of the standard (11 bits of identifier) or the extended format (29 bits), with up to eight data bytes. A
-/// remote frame has the number of bytes that it asks for.
+/// A frame of the standard format (identifier of 11 bits) or the extended format (29 bits), with up to eight data
+/// bytes. A remote frame has no data, but the number of requested bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Frame {
     arbitration: Arbitration,
-    /// The payload of a remote frame is as long as the data that it asks for, and all 0.
+    /// For a remote frame, the payload has the length of the requested data, and all bytes are 0.
     payload: Payload,
 }
 
@@ -24,13 +24,13 @@ impl Frame {
         Frame { arbitration: Arbitration::new(id, false), payload }
     }
 
-    /// A data frame of the standard format; the lower 11 bits of `id` count.
+    /// A data frame of the standard format. Only the lower 11 bits of `id` are used.
     #[inline]
     pub fn standard(id: u16, payload: Payload) -> Self {
         Frame::new(StandardId::new(id & 0x7FF).unwrap_or(StandardId::MAX), payload)
     }
 
-    /// A frame that asks for `length` bytes of data (0..=8); `None` for more.
+    /// A frame that requests `length` bytes of data (0..=8); `None` for more.
     #[inline]
     pub fn remote(id: impl Into<Id>, length: usize) -> Option<Self> {
         let payload = Payload::new([0; 8].get(..length)?)?;
@@ -43,14 +43,14 @@ impl Frame {
         self.arbitration
     }
 
-    /// The length field, 0..=8: the count of bytes that the frame carries or requests.
+    /// The length field, 0..=8: the number of bytes that the frame has or requests.
     #[inline]
     pub const fn length(&self) -> usize {
         self.payload.len()
     }
 
-    /// The frame as numbers: the identifier with SocketCAN's marks of 29 bits (bit 31) and of a remote frame (bit
-    /// 30), the length, the data, first byte lowest.
+    /// The frame as numbers: the identifier, the length and the data. The identifier has SocketCAN's marks for 29 bits
+    /// (bit 31) and for a remote frame (bit 30). The first data byte is the lowest byte.
     #[must_use]
     pub fn numbers(&self) -> (u32, u8, u64) {
         let field = self.arbitration;
@@ -60,7 +60,8 @@ impl Frame {
         (field.number() | extended | remote, self.payload.len() as u8, data)
     }
 
-    /// The inverse; `None` for a length above 8. Bits above the identifier and bytes after the length are ignored.
+    /// Converts the result of [`Frame::numbers`] back; `None` for a length above 8. Bits above the identifier and bytes
+    /// after the length are ignored.
     #[must_use]
     pub fn of_numbers(id: u32, length: u8, data: u64) -> Option<Self> {
         let is_remote = id & REMOTE != 0;

@@ -1,4 +1,4 @@
-//! Identifiers in a snapshot: as numbers, since their types belong to another crate. To be used as
+//! Saves identifiers as numbers in a snapshot, because their types belong to another crate. Used as
 //! `#[serde(with = "crate::can::kept")]`.
 
 use embedded_can::{ExtendedId, Id, StandardId};
@@ -11,7 +11,7 @@ pub(crate) trait Kept: Sized {
 
     fn form(&self) -> Self::Form;
 
-    /// `None` if the form is invalid.
+    /// Converts the form back; `None` if it is invalid.
     fn of(form: Self::Form) -> Option<Self>;
 }
 
@@ -27,7 +27,7 @@ impl Kept for StandardId {
     }
 }
 
-/// The number, and whether it has 29 bits.
+/// The form is the number, and true if it has 29 bits.
 impl Kept for Id {
     type Form = (bool, u32);
 

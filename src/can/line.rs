@@ -1,25 +1,27 @@
-//! A CAN line: one frame at a time, the one with the dominant identifier first, each acknowledged, or destroyed by error
-//! frames and repeated.
+//! A CAN line. It has one frame at a time. If several stations want to send, the frame with the dominant identifier is
+//! sent first. A frame is acknowledged, or an error frame destroys it and it is repeated.
 //!
-//! The position of an error in a frame decides its duration. Here errors lie where one bit signals them to all
-//! stations (decision D-331), so an error frame is a flag of six bits and its delimiter of eight.
+//! The duration of a disturbed frame depends on the position of the error. Here, an error is always at a bit that
+//! signals it to all stations (decision D-331). So an error frame consists of a flag of six bits and a delimiter of
+//! eight bits.
 
 use super::wire::{self, ERROR_DELIMITER, ERROR_FLAG, INTERMISSION, SUSPENSION};
 use super::{BitRate, Frame};
 use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 
-/// The stations at a line, in the order of attachment: the first has number 0.
+/// The stations at a line, numbered from 0 in the order of attachment.
 pub trait Participants {
-    /// The winner of the arbitration, and its frame, among the stations except `but` that take part and have had a
-    /// frame to send at `at_ns`. Of several with one arbitration field it is the first (decision D-349).
+    /// Returns the winner of the arbitration and its frame. All stations take part in the arbitration that are on the
+    /// bus and had a frame to send at `at_ns`, except `but`. If several frames have the same arbitration field, the
+    /// first station wins (decision D-349).
     fn first(&self, at_ns: u64, but: Option<usize>) -> Option<(usize, Frame)>;
 
-    /// True if any station except `sender` takes part and has done so since `begin_ns`: a station that receives the
-    /// complete frame acknowledges it.
+    /// True if any station except `sender` has taken part since `begin_ns` without interruption. Such a station
+    /// receives the complete frame and acknowledges it.
     fn is_heard(&self, sender: usize, begin_ns: u64) -> bool;
 
-    /// True if this one is error-passive.
+    /// True if this station is error-passive.
     fn is_passive(&self, participant: usize) -> bool;
 }
 
@@ -32,7 +34,7 @@ pub enum Fate {
     NotAcknowledged,
     /// The frame is disturbed, and all stations see it.
     Disturbed,
-    /// The sender takes its own start bit for the start bit of another station and withdraws, and no station
+    /// The sender mistakes its own start bit for the start bit of another station and withdraws, so no station
     /// continues the frame.
     Withdrawn,
     /// The sender leaves before the frame is complete.
@@ -44,13 +46,14 @@ pub enum Fate {
 pub struct OnWire {
     /// The sender.
     pub sender: usize,
-    /// The frame; its content is fixed from its start on.
+    /// The frame. Its content does not change after its start.
     pub frame: Frame,
-    /// The beginning of its start bit, in ns.
+    /// The beginning of the frame's start bit, in ns.
     pub begin_ns: u64,
-    /// The end of its end-of-frame field, when its receivers have it; or the beginning of the error flag that destroys it.
+    /// The end of the end-of-frame field, at which the receivers have the frame, or the beginning of the error flag
+    /// that destroys the frame.
     pub end_ns: u64,
-    /// The end of the intermission: the next frame may begin.
+    /// The end of the intermission. The next frame may then begin.
     pub free_ns: u64,
     /// The result of the frame, as far as it is known now.
     pub fate: Fate,
@@ -63,17 +66,19 @@ pub enum Event {
     Begun(OnWire),
     /// A frame is at its end and has arrived.
     Delivered(OnWire),
-    /// A frame ends in an error frame, which begins now; its sender, if it is still there, will send it again.
+    /// A frame ends in an error frame, which begins now. If the sender is still on the bus, it will send the frame
+    /// again.
     Failed(OnWire),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum LinePhase {
-    /// The bus is free. A passive station that has sent the last frame may not begin before a time.
+    /// The bus is free. If an error-passive station has sent the last frame, it must not begin a frame before a given
+    /// time.
     Idle { suspended: Option<(usize, u64)> },
-    /// A frame.
+    /// A frame is on the line.
     Busy(OnWire),
-    /// The time after a frame: an error frame, the intermission; and the sender, if a station has sent the frame to
+    /// The time after a frame: an error frame or the intermission. `sender` is given if a station has sent the frame to
     /// its end.
     Closing { sender: Option<usize>, free_ns: u64 },
 }
@@ -83,14 +88,14 @@ enum LinePhase {
 pub struct Line {
     rate: BitRate,
     state: LinePhase,
-    /// Since when it is recessive, while no frame is on it.
+    /// Time since which the line is recessive, while no frame is on it.
     quiet_ns: u64,
 }
 
 snapshot_fields!(Line { values: state, quiet_ns; built: rate });
 
 impl Line {
-    /// True if all station numbers in it are below `count`.
+    /// True if all station numbers in this value are below `count`.
     pub(crate) fn is_among(&self, count: usize) -> bool {
         let participant = match self.state {
             LinePhase::Idle { suspended } => suspended.map(|(participant, _)| participant),
@@ -118,8 +123,8 @@ impl Line {
         }
     }
 
-    /// Time since which the bus is recessive, in ns; after an error flag it may be in the future. `None`: a frame is
-    /// on the bus.
+    /// Time since which the bus is recessive, in ns. After an error flag it may be in the future. `None` while a frame
+    /// is on the bus.
     pub const fn quiet_ns(&self) -> Option<u64> {
         match self.state {
             LinePhase::Busy(_) => None,
@@ -127,7 +132,8 @@ impl Line {
         }
     }
 
-    /// Time of the next event of the line itself, in ns. `None`: it is idle until a participant has a frame to send.
+    /// Time of the next event of the line itself, in ns. `None` while the line is idle, until a participant has a frame
+    /// to send.
     pub const fn next_ns(&self) -> Option<u64> {
         match &self.state {
             LinePhase::Idle { suspended: None } => None,
@@ -137,7 +143,7 @@ impl Line {
         }
     }
 
-    /// True if the bus is idle and a station could begin a frame at `now_ns`: then the caller must call
+    /// True if the bus is idle and a station can begin a frame at `now_ns`. The caller must then call
     /// [`Line::advance`].
     pub fn can_begin(&self, now_ns: u64, participants: &impl Participants) -> bool {
         matches!(self.state, LinePhase::Idle { .. }) && self.next_sender(now_ns, participants).is_some()
@@ -149,7 +155,8 @@ impl Line {
         participants.first(now_ns, suspended.map(|(participant, _)| participant))
     }
 
-    /// Whether there is an arbitration at `now_ns`; and the station that must not take part, until when.
+    /// Returns a value if there is an arbitration at `now_ns`. It contains the station that must not yet take part, and
+    /// the time until which this is so.
     fn arbitration(&self, now_ns: u64, participants: &impl Participants) -> Option<Option<(usize, u64)>> {
         match self.state {
             LinePhase::Idle { suspended } => Some(suspended.filter(|(_, until_ns)| *until_ns > now_ns)),
@@ -172,7 +179,7 @@ impl Line {
         self.arbitrate(now_ns, suspended, participants)
     }
 
-    /// Each station with a frame begins, and the dominant frame continues.
+    /// Each station with a frame begins to send, and the sender of the dominant frame continues.
     fn arbitrate(
         &mut self,
         now_ns: u64,
@@ -213,8 +220,8 @@ impl Line {
         it.free_ns = it.begin_ns.saturating_add(self.rate.time_ns(bits));
     }
 
-    /// Changes the result of a frame that was going to arrive. `bits` returns the start of its error flag, from the
-    /// count of bits that are over at `now_ns` and the count of bits before its acknowledge slot.
+    /// Changes the result of a frame that would have arrived. `bits` computes the start of the error flag from the
+    /// number of bits that are over at `now_ns` and the number of bits before the acknowledge slot.
     fn spoil(&mut self, now_ns: u64, fate: Fate, bits: impl FnOnce(u32, u32) -> Option<u32>) {
         let LinePhase::Busy(mut it) = self.state else { return };
         let over = self.rate.bits_begun(now_ns.saturating_sub(it.begin_ns));
@@ -226,22 +233,23 @@ impl Line {
         }
     }
 
-    /// The sender of the frame on the wire has left: six recessive bits later all others find an error, at the latest
-    /// after the acknowledge delimiter, as the checksum is wrong. A frame with a complete checksum arrives.
+    /// Called when the sender of the frame on the wire has left. All other stations find an error six recessive bits
+    /// later, or after the acknowledge delimiter because of the wrong checksum, if this is earlier. A frame with a
+    /// complete checksum arrives.
     pub fn sender_gone(&mut self, now_ns: u64) {
         self.spoil(now_ns, Fate::SenderGone, |over, to_acknowledgement| {
             (over < to_acknowledgement).then(|| (over + ERROR_FLAG).min(to_acknowledgement + 2))
         });
     }
 
-    /// The last station that would acknowledge the frame on the wire has left.
+    /// Called when the last station that would acknowledge the frame on the wire has left.
     pub fn nobody_left(&mut self, now_ns: u64) {
         self.spoil(now_ns, Fate::NotAcknowledged, |over, to_acknowledgement| {
             (over <= to_acknowledgement).then_some(to_acknowledgement + 1)
         });
     }
 
-    /// The frame on the wire, which has just begun, will be disturbed: its CRC delimiter is dominant (decision D-331).
+    /// Disturbs the frame on the wire, which has just begun: its CRC delimiter becomes dominant (decision D-331).
     pub fn disturb(&mut self) {
         self.spoil(0, Fate::Disturbed, |_, to_acknowledgement| Some(to_acknowledgement));
     }

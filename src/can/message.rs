@@ -1,4 +1,4 @@
-//! Descriptions of frames, as far as their senders know the content: for people and tools, never sent on the bus.
+//! Descriptions of frames for users and tools, as far as the devices know the content. They are never sent on the bus.
 
 use super::Arbitration;
 use embedded_can::Id;
@@ -10,7 +10,7 @@ pub struct Message {
     pub name: String,
     /// Identifier.
     pub id: Id,
-    /// Count of bytes, 0 to 8.
+    /// Number of data bytes, 0 to 8.
     pub length: u8,
     /// Senders: names of devices, empty for other senders.
     pub senders: Vec<String>,
@@ -27,14 +27,14 @@ pub struct Message {
 pub struct Signal {
     /// Name of the signal, unique in its message.
     pub name: String,
-    /// Lowest bit of the signal, counted from the lowest bit of the first byte; with [`BitOrder::HighFirst`] its
-    /// highest bit.
+    /// Lowest bit of the signal, counted from the lowest bit of the first byte. With [`BitOrder::HighFirst`] it is the
+    /// highest bit of the signal.
     pub first_bit: u8,
-    /// Count of bits.
+    /// Number of bits.
     pub bits: u8,
     /// Order of its bytes.
     pub order: BitOrder,
-    /// Frames that contain it.
+    /// Frames that contain the signal.
     pub presence: Presence,
     /// Description; empty if the name is sufficient.
     pub about: String,
@@ -56,14 +56,14 @@ pub enum Presence {
     /// All frames.
     #[default]
     Always,
-    /// All frames; its value selects further signals. A message has at most one such signal.
+    /// All frames. The value of the signal selects further signals. A message has at most one such signal.
     Selector,
     /// Frames in which the selector has this value.
     If(u8),
 }
 
-/// Frames of one identifier are one message, with the name and the content that its first sender knows, or else its first
-/// receiver; ascending as arbitration has them.
+/// Combines the descriptions of each identifier into one message. Its name and content are from the first sender that
+/// describes it, or from the first receiver if no sender does. The messages are in the order of arbitration.
 #[must_use]
 pub fn merged(mut messages: Vec<Message>) -> Vec<Message> {
     messages.sort_by_key(|message| (Arbitration::new(message.id, false), message.senders.is_empty()));

@@ -23,10 +23,10 @@ impl From<Payload> for (u8, [u8; 8]) {
 }
 
 impl Payload {
-    /// No data bytes.
+    /// A payload without data bytes.
     pub const EMPTY: Payload = Payload { len: 0, bytes: [0; 8] };
 
-    /// The given bytes; `None` if there are more than eight.
+    /// Creates a payload of these bytes; `None` if there are more than eight.
     #[inline]
     pub fn new(data: &[u8]) -> Option<Self> {
         let mut bytes = [0; 8];
@@ -34,16 +34,16 @@ impl Payload {
         Some(Payload { len: data.len() as u8, bytes })
     }
 
-    /// The first `len` of `bytes` (at most 8).
+    /// Creates a payload of the first `len` of `bytes` (at most 8).
     #[inline]
     pub const fn from_padded(bytes: [u8; 8], len: usize) -> Self {
         let len = if len > 8 { 8 } else { len };
-        // The invariant "0 after the length" lets equality and hash use all eight bytes.
+        // The bytes after the length must be 0, because equality and hash use all eight bytes.
         let keep = if len == 0 { 0 } else { u64::MAX >> (64 - 8 * len) };
         Payload { len: len as u8, bytes: (u64::from_le_bytes(bytes) & keep).to_le_bytes() }
     }
 
-    /// The first `count` words (at most 4), low byte first.
+    /// Creates a payload of the first `count` words (at most 4), low byte first.
     #[inline]
     pub const fn from_words(words: [u16; 4], count: usize) -> Self {
         let [a, b, c, d] = words;
@@ -76,7 +76,8 @@ impl Payload {
         self.bytes
     }
 
-    /// Word `index` (data bytes 2 x `index` and the next, low byte first), if the frame carries it entirely.
+    /// Word `index`, if both its bytes are in the frame: data byte 2 x `index`, and the next data byte as the high
+    /// byte.
     #[inline]
     pub const fn word(&self, index: usize) -> Option<u16> {
         if index < self.len() / 2 {

@@ -2,12 +2,13 @@
 
 use std::num::NonZeroU32;
 
-/// A bus's bit rate.
+/// The bit rate of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct BitRate(NonZeroU32);
 
 impl BitRate {
-    /// `bit_s` bits per second; the maximum of CAN is 1 000 000. `None` for 0, at which no bit would ever arrive.
+    /// Creates the rate of `bit_s` bits per second; the maximum of CAN is 1 000 000. `None` for 0, because no bit would
+    /// ever arrive.
     pub const fn new(bit_s: u32) -> Option<Self> {
         match NonZeroU32::new(bit_s) {
             Some(bit_s) => Some(BitRate(bit_s)),
@@ -26,7 +27,7 @@ impl BitRate {
         (bits as u64 * 1_000_000_000).div_ceil(self.0.get() as u64)
     }
 
-    /// Count of bits that have begun within `ns` nanoseconds.
+    /// Number of bits that begin within `ns` nanoseconds.
     pub(super) const fn bits_begun(self, ns: u64) -> u32 {
         let bits = (ns as u128 * self.0.get() as u128).div_ceil(1_000_000_000);
         if bits > u32::MAX as u128 { u32::MAX } else { bits as u32 }

@@ -1,37 +1,37 @@
-//! Duration of a frame and its occupation of the bus, to the bit.
+//! Duration of a frame on the bus, exact to the bit.
 //!
-//! A frame of the standard format is start bit, identifier (11), RTR, IDE, r0, length (4), data and CRC (15); in the
-//! extended format the identifier is followed by SRR, IDE, its other 18 bits, RTR, r1 and r0. In this part a bit of opposite
-//! value is stuffed in after each five equal bits. Then follow, unstuffed, the CRC delimiter, the acknowledge slot and its
-//! delimiter and the end of frame (7); after it the bus is idle for the intermission (3) before a station may start the
-//! next frame (ISO 11898-1).
+//! A frame of the standard format begins with the start bit, identifier (11 bits), RTR, IDE, r0, length (4), data and
+//! CRC (15). In the extended format SRR, IDE, the other 18 bits of the identifier, RTR, r1 and r0 follow the first 11
+//! bits of the identifier. In this part of the frame, a stuff bit of opposite value is inserted after each five equal
+//! bits. The CRC delimiter, the acknowledge slot with its delimiter and the end of frame (7) follow without stuff bits.
+//! Then the bus is idle for the intermission (3) before a station may start the next frame (ISO 11898-1).
 //!
-//! Every simulated frame passes through here, so both the CRC and the stuff bits come from tables.
+//! This code runs for every simulated frame, so for speed it uses tables for the CRC and the stuff bits.
 
 use super::{BitRate, Frame};
 
-/// Bits from start bit to CRC without data bytes and stuff bits.
+/// Number of bits from start bit to CRC, without data bytes and stuff bits.
 const STANDARD_PART: u32 = 34;
 const EXTENDED_PART: u32 = 54;
-/// CRC delimiter, acknowledge slot, acknowledge delimiter, end of frame.
+/// Number of bits of CRC delimiter, acknowledge slot, acknowledge delimiter and end of frame.
 const FIXED_PART: u32 = 1 + 1 + 1 + 7;
-/// The recessive bits among these in a frame that arrives: acknowledge delimiter, end of frame.
+/// Number of bits at the end that are recessive in a frame that arrives: acknowledge delimiter and end of frame.
 pub const RECESSIVE_END: u32 = 1 + 7;
-/// Intermission.
+/// Number of bits of the intermission.
 pub const INTERMISSION: u32 = 3;
-/// Error flag: six equal bits, which violate the rule of stuffing.
+/// Number of bits of an error flag. They are equal and so violate the rule of stuff bits.
 pub const ERROR_FLAG: u32 = 6;
-/// Error delimiter.
+/// Number of bits of an error delimiter.
 pub const ERROR_DELIMITER: u32 = 8;
-/// Wait of an error-passive station after the intermission of its own frame.
+/// Number of bits that an error-passive station waits after the intermission of its own frame.
 pub const SUSPENSION: u32 = 8;
 
 /// Generator of the CRC: x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1.
 const POLYNOMIAL: u16 = 0x4599;
 const CRC_BITS: u32 = 15;
 
-/// The longest messages under the CRC: 19 bits of header, padded to three bytes, and eight data bytes; and 39 bits, padded
-/// to five bytes.
+/// Length of the longest messages for the CRC. The standard format has 19 bits of header, padded to three bytes, and
+/// eight data bytes. The extended format has 39 bits of header, padded to five bytes.
 const STANDARD_BYTES: usize = 11;
 const EXTENDED_BYTES: usize = 13;
 
@@ -97,7 +97,7 @@ const fn stuff_table() -> [u64; 256] {
     table
 }
 
-/// State after eight bits, and the stuff bits among them.
+/// Returns the state after eight bits, and the number of stuff bits in them.
 const fn stuff_byte(mut state: usize, changes: usize) -> (usize, u64) {
     let mut stuffed = 0;
     let mut bit = 8;
@@ -105,8 +105,8 @@ const fn stuff_byte(mut state: usize, changes: usize) -> (usize, u64) {
         bit -= 1;
         let change = changes >> bit & 1 != 0;
         state = if state == AFTER_STUFF_BIT {
-            // The stuff bit is the opposite of the bit before it: a bit that repeats the latter starts a
-            // run, one that differs from it is the second of the stuff bit's run.
+            // The stuff bit is the opposite of the bit before it. If the next bit equals that bit, it starts a new run.
+            // If it differs from that bit, it equals the stuff bit and is the second bit of the stuff bit's run.
             change as usize
         } else if change {
             0
@@ -140,16 +140,16 @@ fn stuffed_part(frame: &Frame) -> (u128, u32) {
     (message << CRC_BITS | u128::from(crc), rest + data_bits)
 }
 
-/// Bits from start bit to CRC with stuff bits.
+/// Number of bits from start bit to CRC with stuff bits.
 #[inline]
 fn stuffed_bits(frame: &Frame) -> u32 {
     let (bits, count) = stuffed_part(frame);
-    // A 1 per change of value. The start bit differs from the idle bus; the 1s above it only keep the
-    // state at "run of one bit".
+    // Each change of value is a 1. The start bit is a change, because it differs from the idle bus. The 1s above it
+    // only keep the state at "run of one bit".
     let changes = (bits ^ bits >> 1) | u128::MAX << (count - 1);
     let bytes = changes.to_be_bytes();
     let [_, _, _, standard @ ..] = &bytes;
-    // The same number for each frame of a format, so that the code has no branch for it.
+    // The number of bytes is the same for each frame of a format, so that the code needs no branch for it.
     count + if count <= u8::BITS * standard.len() as u32 { stuff_bits(standard) } else { stuff_bits(&bytes) }
 }
 
@@ -164,19 +164,19 @@ fn stuff_bits<const BYTES: usize>(changes: &[u8; BYTES]) -> u32 {
     stuffed as u32
 }
 
-/// Bits from the start bit to the end of the intermission: the occupation of the bus by the frame.
+/// Number of bits from the start bit to the end of the intermission. During these the frame occupies the bus.
 #[inline]
 pub fn bits(frame: &Frame) -> u32 {
     bits_to_end_of_frame(frame) + INTERMISSION
 }
 
-/// Bits from the start bit to the end of the end-of-frame field: when receivers have the frame.
+/// Number of bits from the start bit to the end of the end-of-frame field, at which the receivers have the frame.
 #[inline]
 pub fn bits_to_end_of_frame(frame: &Frame) -> u32 {
     stuffed_bits(frame) + FIXED_PART
 }
 
-/// Bits from the start bit to the acknowledge slot, without it.
+/// Number of bits from the start bit to the acknowledge slot, exclusive.
 #[inline]
 pub fn bits_to_acknowledgement(frame: &Frame) -> u32 {
     stuffed_bits(frame) + 1
@@ -185,9 +185,9 @@ pub fn bits_to_acknowledgement(frame: &Frame) -> u32 {
 /// Duration of a frame from the start bit on, in nanoseconds, rounded up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Airtime {
-    /// Up to the end of the end-of-frame field: its receivers have it.
+    /// Time up to the end of the end-of-frame field, at which the receivers have the frame.
     pub delivery_ns: u64,
-    /// Up to the end of the intermission: the next frame may begin.
+    /// Time up to the end of the intermission, at which the next frame may begin.
     pub occupation_ns: u64,
 }
 

@@ -13,7 +13,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::sync::LazyLock;
 
-/// Lines that are generated for each kind. A line is kept only if its words, without numbers, differ from all
+/// Number of lines that are generated for each kind. A line is kept only if its words, without numbers, differ from all
 /// others.
 const DRAWN: usize = 1000;
 const KEPT: usize = 24;

@@ -360,7 +360,7 @@ impl Guest {
         }
     }
 
-    /// Count of frames that wait for the guest.
+    /// Number of frames that wait for the guest.
     pub(crate) fn heard(&self) -> usize {
         self.inner().to_guest.len()
     }

@@ -18,8 +18,8 @@ const ATTACH: &str = include_str!("c/attach.h");
 const TASKS: &str = include_str!("c/tasks.h");
 const EPILOGUE: &str = include_str!("c/epilogue.h");
 
-/// Words of C and C++, and macros of their standard headers, that cannot be names of fields. A folder may name its registers
-/// so, and the header page may have such a field.
+/// Words of C and C++, and macros of their standard headers, that cannot be names of fields. Registers of a folder and
+/// fields of the header page can have such names.
 const KEYWORDS: &str = "alignas alignof and and_eq asm assert auto bitand bitor bool break case catch char char8_t char16_t \
     char32_t class co_await co_return co_yield compl concept const const_cast consteval constexpr constinit continue \
     decltype default delete do double dynamic_cast else enum errno explicit export extern false float for friend goto if \
@@ -32,7 +32,7 @@ pub(crate) fn generate(scope: &Scope) -> String {
     header(scope, "c", "")
 }
 
-/// The header as export `format`, with `prefix` in front of the names of structures.
+/// Generates the header for export `format`. The names of structures begin with `prefix`.
 pub(crate) fn header(scope: &Scope, format: &str, prefix: &str) -> String {
     let mut out = String::from("/*\n");
     for line in text::banner(scope, format) {
@@ -128,7 +128,7 @@ fn meanings(out: &mut String, scope: &Scope) {
     }
 }
 
-/// The bit pattern with all digits of the type.
+/// Formats a bit pattern with all digits of the type.
 fn hex(ty: RegType, value: u32) -> String {
     format!("{}u", format_value(ty, value).replace("16#", "0x"))
 }
@@ -201,7 +201,7 @@ fn accessor(placed: &AreaStructure) -> String {
     format!("commram{}", placed.variable)
 }
 
-/// The places of the structures, and functions that return them in an image.
+/// Generates the places of the structures, and functions that return the structures of an image.
 fn places(out: &mut String, prefix: &str, scope: &Scope) {
     out.push_str("\n/* The areas, their first bytes in an image, and the structures. */\n\n");
     for area in &scope.areas {

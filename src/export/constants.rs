@@ -8,11 +8,11 @@ use crate::layout::{BitField, Meaning, ValueMeaning};
 pub(crate) struct Constant {
     /// `OPTION_STATUS_WAITING_FOR_START`.
     pub name: String,
-    /// The value, or the mask of bits, as in the register.
+    /// The value or the mask of bits, at its position in the register.
     pub value: u32,
-    /// Its meaning.
+    /// Meaning of the value or the bits.
     pub text: String,
-    /// True if the value is instead the number of the lowest bit of a field.
+    /// True if `value` is not a value, but the number of the lowest bit of a field.
     pub is_shift: bool,
 }
 
@@ -22,16 +22,16 @@ impl Constant {
     }
 }
 
-/// Named numbers of the registers with one meaning, for languages that have enumerations.
+/// Named numbers of all registers with the same meaning, for languages that have enumerations.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Enumeration {
     /// `OPTION_STATUS`.
     pub name: String,
     /// True if the members are bits, which can be combined.
     pub is_flags: bool,
-    /// Names without the prefix of the enumeration, values, and meanings.
+    /// The members: name without the prefix of the enumeration, value, and meaning.
     pub members: Vec<(String, u32, String)>,
-    /// Full names for the numbers of the fields' lowest bits; they are not members.
+    /// Full names of constants with the numbers of the fields' lowest bits. They are not members.
     pub shifts: Vec<(String, u32)>,
 }
 
@@ -55,7 +55,7 @@ pub fn enumerations(scope: &Scope) -> Vec<Enumeration> {
     scope.meanings().iter().map(|(meaning, _)| Enumeration::of(meaning)).collect()
 }
 
-/// The constants of a meaning: of its values first, then of its bits. Reserved values and bits have none.
+/// The constants of a meaning: first for its values, then for its bits. Reserved values and bits have no constants.
 pub(crate) fn of(meaning: &Meaning) -> Vec<Constant> {
     let mut constants = values(&upper(meaning.name), meaning.values, 0);
     for field in meaning.bits.iter().filter(|field| !field.reserved) {
@@ -65,7 +65,7 @@ pub(crate) fn of(meaning: &Meaning) -> Vec<Constant> {
     constants
 }
 
-/// The single values, without ranges and reserved ones, named by their meaning alone.
+/// The constants for single values, named by their meaning alone. Ranges and reserved values have none.
 pub(crate) fn singles(known: &[ValueMeaning]) -> Vec<Constant> {
     let alone = known.iter().filter(|value| value.first == value.last);
     let mut constants: Vec<_> = alone.flat_map(|value| values("", core::slice::from_ref(value), 0)).collect();
@@ -76,13 +76,13 @@ pub(crate) fn singles(known: &[ValueMeaning]) -> Vec<Constant> {
     constants
 }
 
-/// A constant's name without `prefix`, as a valid name.
+/// Returns a constant's name without `prefix`. The result is a valid name.
 pub(crate) fn own_name(prefix: &str, name: &str) -> String {
     let own = name.strip_prefix(prefix).map_or(name, |rest| rest.trim_start_matches('_'));
     if own.starts_with(|c: char| c.is_ascii_digit()) { format!("VALUE_{own}") } else { own.to_owned() }
 }
 
-/// The subject of a field of bits, in a few words, and the decision if it is inferred.
+/// Returns the subject of a field of bits in a few words, and the decision if the field is inferred.
 pub(crate) fn about(field: &BitField) -> String {
     let text = [field.one, field.text, field.name].into_iter().find(|text| !text.is_empty());
     let text = text.unwrap_or_default().replace("{}", "n");
@@ -126,7 +126,7 @@ fn values(prefix: &str, values: &[ValueMeaning], shift: u8) -> Vec<Constant> {
     constants
 }
 
-/// The text before a colon or bracket, which begins details, or before the place of the value.
+/// Returns the text before the details, which begin with a colon or bracket, and before the placeholder for the value.
 fn gist(text: &str) -> &str {
     let details = [":", " (", "{}"].into_iter().filter_map(|sign| text.find(sign)).min();
     details.and_then(|end| text.get(..end)).filter(|gist| !gist.is_empty()).unwrap_or(text)
@@ -142,7 +142,7 @@ fn tell_apart(constants: &mut [Constant]) {
     }
 }
 
-/// Letters and digits in upper case, everything between them one `_`.
+/// Converts to upper case, and replaces all other characters between letters and digits by a single `_`.
 pub(crate) fn upper(text: &str) -> String {
     let words = text.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
     words.map(str::to_ascii_uppercase).collect::<Vec<_>>().join("_")

@@ -48,13 +48,13 @@ pub(crate) fn generate(scope: &Scope) -> String {
     text
 }
 
-/// The inferred facts in a line, including the name of the variable.
+/// Lists the inferred facts about a line, including the name of the variable.
 fn provenance(placed: &AreaStructure, register: &Register) -> String {
     let [name, offset, ty, owner, reset] = register.facts();
     Provenance::summary(&[name, offset, ty, owner, reset, ("variable", placed.variable_from)])
 }
 
-/// A line of cells, quoted where they need it.
+/// Joins cells to a line, with quotes where a cell needs them.
 pub fn line<S: AsRef<str>>(cells: &[S]) -> String {
     cells.iter().map(|text| cell(text.as_ref())).collect::<Vec<_>>().join(",") + "\n"
 }

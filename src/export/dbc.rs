@@ -1,4 +1,4 @@
-//! A CAN database (DBC) of messages, as analysis tools and `cantools` read it.
+//! A CAN database (DBC) of messages, for analysis tools and `cantools`.
 
 use crate::can::{BitOrder, Id, Message, Presence, Signal};
 use std::collections::HashSet;
@@ -9,7 +9,7 @@ const UNKNOWN_NODE: &str = "Vector__XXX";
 /// Bit 31 of a number marks an identifier with 29 bits.
 const EXTENDED: u32 = 1 << 31;
 
-/// The text of a database of these messages, each with an identifier; `about` describes the database.
+/// Generates a database of these messages. `about` describes the database.
 #[must_use]
 pub fn dbc(messages: &[Message], about: &str) -> String {
     let mut nodes: Vec<String> = Vec::new();
@@ -23,7 +23,7 @@ pub fn dbc(messages: &[Message], about: &str) -> String {
     let names = unique(messages.iter().map(|message| message.name.as_str()));
     for (message, name) in messages.iter().zip(&names) {
         let sender = message.senders.first().map_or(UNKNOWN_NODE.to_owned(), |name| identifier(name));
-        // Into a text, writing cannot fail.
+        // Writing into a text cannot fail.
         let _ = writeln!(text, "\nBO_ {} {name}: {} {sender}", number(message.id), message.length);
         let receivers = list(&message.receivers, ",");
         for (signal, name) in message.signals.iter().zip(signal_names(message)) {
@@ -90,7 +90,7 @@ fn identifier(name: &str) -> String {
     text
 }
 
-/// As identifiers, each once.
+/// Converts names to identifiers, each once.
 fn unique<'a>(names: impl Iterator<Item = &'a str>) -> Vec<String> {
     let mut taken = HashSet::new();
     let one = |name: &str| {

@@ -1,4 +1,4 @@
-//! An electronic data sheet (CiA 306) of the object dictionary, as configuration tools and masters read it.
+//! An electronic data sheet (CiA 306) of the object dictionary, for configuration tools and masters.
 
 mod entries;
 #[cfg(test)]
@@ -15,9 +15,9 @@ use std::fmt::Write;
 const RATES: [u16; 8] = [10, 20, 50, 125, 250, 500, 800, 1000];
 /// Indices of the entries that every device must have.
 const MANDATORY: [u16; 3] = [0x1000, 0x1001, IDENTITY];
-/// Identity object, which no device before CiA 301 version 4 has.
+/// Index of the identity object. Devices before CiA 301 version 4 do not have it.
 const IDENTITY: u16 = 0x1018;
-/// Date of a file for a manual without a month.
+/// Date in the file if the manual has no month.
 const UNDATED: &str = "01-01-2000";
 
 /// Generates the file for a device with an object dictionary.
@@ -48,7 +48,7 @@ pub(crate) fn generate(scope: &Scope) -> String {
 fn head(scope: &Scope, objects: &[&Object]) -> String {
     let device = scope.device;
     let version = env!("CARGO_PKG_VERSION");
-    // The dates of the manual, so that equal dictionaries give equal files.
+    // The date of the manual is used, so that equal dictionaries give equal files.
     let day = day(device);
     let mut text = format!(
         "[FileInfo]\nFileName={name}.eds\nFileVersion=1\nFileRevision=0\nEDSVersion=4.0\nDescription={title}\n\

@@ -1,4 +1,4 @@
-//! A device description file (GSD) of a PROFIBUS-DP slave, as masters and their tools read it.
+//! A device description file (GSD) of a PROFIBUS-DP slave, for masters and their tools.
 
 use super::scope::Scope;
 use super::text;
@@ -67,7 +67,7 @@ fn listed(parameter: &Parameter) -> Option<&'static [ValueMeaning]> {
     (parameter.bit.is_none() && values.iter().all(|value| value.first == value.last)).then_some(values)
 }
 
-/// A parameter that users can set; its separate list of texts precedes it, if there is one.
+/// Writes a parameter that users can set. If it has a separate list of texts, this list precedes it.
 fn definition(number: usize, parameter: &Parameter) -> String {
     let Parameter { register, octets, name, bit, default, from, to, .. } = parameter;
     let (mut text, mut list) = (String::new(), None);

@@ -1,5 +1,5 @@
-//! A JSON document with all known facts about registers and header page. `docs/reference/export.md` describes
-//! it; its shape changes only with [`VERSION`].
+//! A JSON document with all known facts about registers and header page. `docs/reference/export.md` describes its
+//! structure, which changes only with [`VERSION`].
 
 use super::rows;
 use super::scope::Scope;
@@ -10,7 +10,7 @@ use crate::memory::contract::{self, FieldKind, HeaderStruct};
 use crate::memory::header::ABI_VERSION;
 use serde_json::{Map, Value, json};
 
-/// Version of the document's shape. New keys do not change it.
+/// Version of the document's structure. New keys do not change it.
 const VERSION: u32 = 2;
 
 pub(crate) fn generate(scope: &Scope) -> String {

@@ -1,5 +1,6 @@
-//! Glue for IEC 61131-3 programs compiled by matiec: binds their located variables to an image, in every space of
-//! addresses that the device has. The C header comes first, then tables of the device, then the templates in `matiec/`.
+//! C code for IEC 61131-3 programs that matiec has compiled. It binds their located variables to an image, in every
+//! space of addresses of the device. The C header comes first, then tables of the device, then the templates in
+//! `matiec/`.
 
 use super::c;
 use super::runner::{self, Compiler};
@@ -17,7 +18,8 @@ const REFERENCES: &str = include_str!("matiec/references.h");
 const BLOCKS: &str = include_str!("matiec/blocks.h");
 const MATIEC: Compiler =
     Compiler { name: "matiec", format: "matiec --main", head: include_str!("runner/matiec.c") };
-/// A multiple of every page size: the mapping over the storage of variables consists of whole pages.
+/// Alignment of the storage of variables: a multiple of every page size, because the image is mapped over this storage
+/// in whole pages.
 const ALIGNMENT: usize = 0x10000;
 
 pub(crate) fn generate(scope: &Scope) -> String {
@@ -36,18 +38,19 @@ pub(crate) fn generate(scope: &Scope) -> String {
     out
 }
 
-/// The C header. matiec declares types for the same structures, with names in capitals; some names here differ from
-/// them only in their case.
+/// Generates the C header. matiec declares types for the same structures with names in capitals. Some names in this
+/// header differ from these only in their case.
 pub(crate) fn header(scope: &Scope, format: &str) -> String {
     c::header(scope, format, "commram_")
 }
 
-/// Code that maps an image under located variables, after [`header`] and [`tables`].
+/// Returns the code that maps an image to the memory of located variables. It follows [`header`] and [`tables`].
 pub(crate) fn storage() -> &'static str {
     STORAGE
 }
 
-/// Access of generated C to located variables without a list of them, after [`tables`]; it includes no system header.
+/// Returns the code through which generated C code accesses located variables by name. It follows [`tables`] and
+/// includes no system header.
 pub(crate) fn by_name() -> String {
     format!("{RULES}{ACCESS}{NAMES}")
 }
@@ -57,7 +60,7 @@ pub(crate) fn rules() -> &'static str {
     RULES
 }
 
-/// The device, as macros.
+/// Generates macros that describe the device.
 pub(crate) fn tables(scope: &Scope) -> String {
     let bytes = scope.device.segment_size().next_multiple_of(ALIGNMENT);
     let mut out = format!(
@@ -133,7 +136,7 @@ fn flags(scope: &Scope) -> Option<&'static Area> {
     })
 }
 
-/// The areas that are memory of programs: retain flags, other flags, then all others.
+/// The areas that are memory of programs, in this order: retain flags, other flags, all other areas.
 fn program_memory(scope: &Scope, retain: Option<&'static Area>) -> Vec<&'static Area> {
     let mut memory: Vec<_> = retain.into_iter().chain(flags(scope)).collect();
     for area in scope.areas.iter().copied().filter(|area| is_programs(scope, area)) {
@@ -144,7 +147,7 @@ fn program_memory(scope: &Scope, retain: Option<&'static Area>) -> Vec<&'static 
     memory
 }
 
-/// The ranges of bytes without gaps that the areas cover: first byte and end.
+/// The ranges of bytes without gaps that the areas cover, each as first byte and end.
 fn stretches(areas: &[&Area]) -> Vec<(u32, u32)> {
     let mut areas: Vec<_> = areas.iter().map(|area| (area.first, area.first + area.bytes)).collect();
     areas.sort_unstable();
@@ -158,8 +161,8 @@ fn stretches(areas: &[&Area]) -> Vec<(u32, u32)> {
     areas
 }
 
-/// True if programs access the area by bits and by any width, so that registers only name parts of it: inputs, outputs,
-/// and the flags beside the retain flags or other flags (D-772).
+/// True if programs access the area by bits and by any width, so that registers only name parts of the area. This is so
+/// for inputs, for outputs, and for flags beside the retain flags or other flags (D-772).
 fn is_programs(scope: &Scope, area: &Area) -> bool {
     let space = area.space;
     let has = |other: Option<&Area>| other.is_some_and(|other| other.space.offset == space.offset);
@@ -167,8 +170,8 @@ fn is_programs(scope: &Scope, area: &Area) -> bool {
     space.segment.is_empty() && (matches!(space.letter, 'I' | 'Q') || has(retain) || has(flags(scope)))
 }
 
-/// Bits of flags, numbered through all `areas` of flags, in C: converts a place in the image to the number of a bit,
-/// and back to the place of its byte.
+/// Generates C functions that convert a place in the image to the number of a flag bit, and this number to the place of
+/// the byte. The bits are numbered through all `areas` of flags.
 fn bits(areas: &[&Area]) -> String {
     let (mut bit, mut byte, mut bytes) = (String::new(), "0u".to_owned(), 0);
     for area in areas {
@@ -196,8 +199,8 @@ pub(crate) fn main(scope: &Scope) -> String {
     runner::generate(scope, &MATIEC)
 }
 
-/// C expression: whether an address with the numbers `a` and `b` belongs to this space. The number of the segment
-/// decides; in a space without a segment, the number itself.
+/// Returns a C expression. It is true if an address with the numbers `a` and `b` belongs to this space. The number of
+/// the segment decides; in a space without a segment, the number itself decides.
 fn is_meant(space: &Space) -> String {
     let letter = space.letter;
     match space.segment.trim_end_matches('.') {
@@ -209,7 +212,7 @@ fn is_meant(space: &Space) -> String {
     }
 }
 
-/// C expression: whether the number is in the range of the space.
+/// Returns a C expression. It is true if the number is in the range of the space.
 fn is_inside(space: &Space) -> String {
     let (number, first) = (number(space), first_byte(space));
     let end = u64::from(first) + u64::from(space.bytes);
@@ -217,7 +220,8 @@ fn is_inside(space: &Space) -> String {
     format!("({is_behind}{number} < UINT64_C({end}))")
 }
 
-/// C expression: start of the addressed unit, in bytes from number 0 on. Bits count within the unit.
+/// Returns a C expression for the start of the addressed unit, in bytes from number 0 on. For bits, it is the start of
+/// the unit that contains them.
 fn number(space: &Space) -> String {
     let number = if space.segment.is_empty() { "(a)" } else { "(b)" };
     match space.unit {
@@ -226,14 +230,14 @@ fn number(space: &Space) -> String {
     }
 }
 
-/// The first byte of the space, counted as [`number`] does.
+/// Returns the first byte of the space, in bytes from number 0 on as in [`number`].
 fn first_byte(space: &Space) -> u32 {
     space.first * space.unit.width().bytes()
 }
 
-/// Ranges of bytes in registers of the same widths: first byte, end, and the sum of the widths, which are powers of
-/// two. Overlaid structures agree on the widths of used registers, except where a module decides which structure lies
-/// there.
+/// Returns ranges of bytes in which registers have the same widths: first byte, end, and the sum of the widths, which
+/// are powers of two. Used registers of overlaid structures have the same widths, except where a module decides which
+/// structure the area has.
 fn widths(scope: &Scope) -> Vec<(u32, u32, u32)> {
     let mut stretches: Vec<(u32, u32, u32)> = Vec::new();
     for area in scope.areas.iter().filter(|area| !is_programs(scope, area)) {

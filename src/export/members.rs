@@ -1,4 +1,4 @@
-//! Structures as languages with record types declare them: registers, sub-structures, and padding in between.
+//! Structures in a form for languages with record types: registers, sub-structures, and padding between these.
 
 use super::text;
 use crate::layout::{Dim, Register, Structure};
@@ -14,7 +14,7 @@ pub(crate) enum Member {
     Padding {
         /// Offset in bytes from the start of the enclosing structure.
         offset: u32,
-        /// Count of bytes.
+        /// Number of bytes.
         bytes: u32,
     },
 }
@@ -24,7 +24,7 @@ pub(crate) enum Member {
 pub(crate) struct Group {
     /// The registers; their offsets count from the start of the whole structure.
     registers: &'static [Register],
-    /// The first of them.
+    /// The first of these registers.
     first: &'static Register,
 }
 
@@ -70,7 +70,7 @@ impl Group {
     }
 }
 
-/// Array bounds of the register alone, without those of its sub-structure.
+/// Array bounds of the register alone, without the bounds of its sub-structure.
 pub(crate) fn own_dims(register: &'static Register) -> &'static [Dim] {
     register.dims.get(register.group_dims..).unwrap_or_default()
 }
@@ -118,7 +118,7 @@ fn members(
     };
     for register in registers {
         let offset = register.offset - start;
-        // The other registers of a sub-structure are in it already.
+        // Skips the other registers of a sub-structure, because the sub-structure contains them.
         if offset < end {
             continue;
         }

@@ -1,8 +1,8 @@
 //! Declarations of the register map and the header page in other languages, and machine-readable forms of it.
 //!
-//! Everything comes from the descriptors of [`crate::layout`] and the header page's own structs
-//! ([`crate::memory::contract`]); no generator knows a register. `docs/reference/export.md` describes the use of the
-//! results.
+//! All data are from the descriptors of [`crate::layout`] and from the structs of the header page
+//! ([`crate::memory::contract`]). No generator knows a particular register. `docs/reference/export.md` describes the
+//! use of the results.
 
 mod c;
 mod constants;
@@ -83,7 +83,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// One of each name.
+    /// All formats, each name once.
     pub const ALL: [Self; 13] = [
         Self::C,
         Self::Matiec,
@@ -154,13 +154,14 @@ impl fmt::Display for Format {
     }
 }
 
-/// Why there is no such export.
+/// Reason for which an export is impossible.
 #[derive(Debug, PartialEq, Eq, Error)]
 pub enum ExportError {
     /// There is no area of that name.
     #[error(transparent)]
     Layout(#[from] LayoutError),
-    /// The front of a device was requested in a format for the device's programs or processor.
+    /// The front of a device was requested in a format for programs or the processor of the device, which cannot access
+    /// the front.
     #[error(
         "`{block}` of {device} is in the header page, for which {format} has no addresses; take c, python or a table"
     )]
@@ -174,11 +175,11 @@ pub enum ExportError {
     },
 }
 
-/// The register map of `device` in `format`; with `block` only that area.
+/// Generates the register map of `device` in `format`. With `block`, it has only this area.
 ///
 /// # Errors
-/// [`ExportError`] if there is no area of that name, if the format has no addresses for it, or if the device lacks what
-/// the format describes: an object dictionary, or a PROFIBUS-DP slave.
+/// [`ExportError`], if there is no area of this name, if the format has no addresses for it, or if the device does not
+/// have the subject of the format: an object dictionary, or a PROFIBUS-DP slave.
 pub fn export(
     device: &'static DeviceLayout,
     format: Format,
@@ -217,8 +218,8 @@ pub fn export(
     })
 }
 
-/// A whole file for matiec, see [`StCompiler::Matiec`], with these function blocks in Structured Text between types and
-/// program.
+/// Generates a complete file for matiec, see [`StCompiler::Matiec`]. These function blocks in Structured Text are
+/// between types and program.
 #[must_use]
 pub fn st_with_blocks(device: &'static DeviceLayout, blocks: &str) -> String {
     let scope = Scope { device, areas: device.named_areas().collect(), block: None }.without_front();

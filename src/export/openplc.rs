@@ -1,6 +1,6 @@
-//! Access to an image for programs of OpenPLC: a header in two halves, one for OpenPLC's library and one for the
-//! hardware layer, and that layer. OpenPLC compiles the output of matiec as C++11 and defines every located variable
-//! itself, so they are bound by their names.
+//! Access to an image for programs of OpenPLC. It consists of a header and the hardware layer. Half of the header is
+//! for OpenPLC's library, the other half for the hardware layer. OpenPLC compiles the output of matiec as C++11 and
+//! defines every located variable itself, so the variables are bound by their names.
 
 use super::matiec;
 use super::scope::Scope;

@@ -1,4 +1,4 @@
-//! One Python module without dependencies: the tables are generated here, and `python/attach.py` has the functions.
+//! A Python module without dependencies. The tables are generated here; the functions are in `python/attach.py`.
 
 use super::constants::{self, Enumeration};
 use super::rows;
@@ -76,7 +76,7 @@ fn header_struct(out: &mut String, of: &HeaderStruct) {
     out.push_str("    },\n");
 }
 
-/// An enumeration of the values, or flags if there are bits. Numbers of lowest bits are not members.
+/// Generates an enumeration of the values, or flags if there are bits. Numbers of lowest bits are not members.
 fn enumeration(out: &mut String, of: &Enumeration) {
     if !of.members.is_empty() {
         let base = if of.is_flags { "IntFlag" } else { "IntEnum" };
@@ -190,7 +190,7 @@ const fn boolean(value: bool) -> &'static str {
     if value { "True" } else { "False" }
 }
 
-/// As in Python's modules `struct` and `array`.
+/// Returns the type code for Python's modules `struct` and `array`.
 const fn code(ty: RegType) -> &'static str {
     match ty {
         RegType::Byte | RegType::Usint => "B",

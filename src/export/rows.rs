@@ -1,4 +1,4 @@
-//! Every single register of a structure in its area, for the formats that are tables.
+//! Lists every single register, for the formats that are tables.
 
 use super::scope::Scope;
 use crate::layout::{Area, AreaStructure, RegisterRef};

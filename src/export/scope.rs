@@ -9,7 +9,7 @@ pub struct Scope {
     pub device: &'static DeviceLayout,
     /// The areas, in ascending order.
     pub areas: Vec<&'static Area>,
-    /// The requested area; `None`: all.
+    /// The requested area; `None` for all areas.
     pub block: Option<&'static str>,
 }
 
@@ -24,7 +24,7 @@ impl Scope {
         Ok(Self { device, areas, block: block.map(|area| area.name) })
     }
 
-    /// The same without the front, which neither programs nor the processor of the device can reach.
+    /// Removes the front, which neither programs nor the processor of the device can access.
     pub(crate) fn without_front(mut self) -> Self {
         self.areas.retain(|area| !self.device.is_front(area.first));
         self

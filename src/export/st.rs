@@ -1,7 +1,8 @@
-//! IEC 61131-3 declarations: the structures as types with variables at their addresses; or one elementary variable for
-//! each register. Each type has a separate `TYPE`, which the standard allows and some compilers require.
+//! IEC 61131-3 declarations: either the structures as types with variables at their addresses, or an elementary
+//! variable for each register. Each type has a separate `TYPE`, which the standard allows and some compilers require.
 //!
-//! matiec, the compiler of Beremiz and OpenPLC 3, and STruC++, that of OpenPLC 4, have other requirements: see [`StCompiler`].
+//! matiec (the compiler of Beremiz and OpenPLC 3) and STruC++ (the compiler of OpenPLC 4) have other requirements, see
+//! [`StCompiler`].
 
 use super::members::{self, Member};
 use super::rows;
@@ -14,9 +15,9 @@ use std::fmt::Write;
 /// Form of the declarations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StForm {
-    /// An elementary variable per register instead of structures.
+    /// True for an elementary variable per register instead of structures.
     pub elementary: bool,
-    /// The compiler that the declarations are for.
+    /// The compiler for which the declarations are made.
     pub compiler: StCompiler,
 }
 
@@ -46,7 +47,7 @@ impl StForm {
         }
     }
 
-    /// True if there is a variable per register.
+    /// True if there is a variable for each register.
     fn is_elementary(self) -> bool {
         self.elementary || self.compiler == StCompiler::StruCpp
     }
@@ -56,7 +57,7 @@ impl StForm {
     }
 }
 
-/// The declarations, with these function blocks after the types.
+/// Generates the declarations, with these function blocks after the types.
 pub(crate) fn generate(scope: &Scope, form: StForm, blocks: Option<&str>) -> String {
     let mut out = head(scope, form, blocks.map_or(form.command(), |_| "st --blocks"));
     let variables = if form.is_elementary() {
@@ -70,7 +71,7 @@ pub(crate) fn generate(scope: &Scope, form: StForm, blocks: Option<&str>) -> Str
     match form.compiler {
         StCompiler::Any => out + &variables,
         StCompiler::StruCpp => out + &configuration(&variables),
-        // Between types and variables, since matiec accepts an include only before a configuration.
+        // The include is between types and variables, because matiec accepts it only before a configuration.
         StCompiler::Matiec => out + "{#include \"program.st\"}\n\n" + &configuration(&variables),
     }
 }
@@ -85,7 +86,7 @@ fn configuration(variables: &str) -> String {
     )
 }
 
-/// The types, each after the types that it needs.
+/// Generates the types. Each type follows the types that it needs.
 fn types(scope: &Scope, form: StForm) -> String {
     let structures = scope.structures();
     let mut arrays = Arrays { flat: form.is_matiec(), all: BTreeSet::new() };
@@ -172,7 +173,7 @@ fn head(scope: &Scope, form: StForm, command: &str) -> String {
     lines.iter().map(|line| format!("(* {line} *)\n")).collect::<String>() + "\n"
 }
 
-/// An identifier for one register: `node2_a_DATA_PARAMETER_3_w_PAR_NR`. Two `_` in a row are not allowed.
+/// Returns the identifier for a register: `node2_a_DATA_PARAMETER_3_w_PAR_NR`. Consecutive `_` are not allowed in it.
 fn variable(register: &RegisterRef) -> String {
     let name = register.name();
     let words = name.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
@@ -212,7 +213,7 @@ impl Array {
         })
     }
 
-    /// Declares it as an array of arrays, or with `flat` as one array with all dimensions.
+    /// Declares the type as an array of arrays, or with `flat` as a single array with all dimensions.
     fn declaration(&self, flat: bool) -> String {
         let range = |count: &u32| format!("0..{}", count - 1);
         let (ranges, of) = match self.inner().filter(|_| !flat) {
@@ -225,13 +226,14 @@ impl Array {
 
 /// The required array types.
 struct Arrays {
-    /// True if arrays of several dimensions are one type each.
+    /// True if an array of several dimensions is a single type.
     flat: bool,
     all: BTreeSet<Array>,
 }
 
 impl Arrays {
-    /// The name of the array's type, which is then declared, or of its element if it has no dimensions.
+    /// Returns the name of the array's type, and declares the type. Without dimensions, returns the name of the
+    /// element.
     fn name_of(&mut self, array: Array) -> String {
         if array.counts.is_empty() {
             return array.element.to_owned();

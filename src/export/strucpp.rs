@@ -1,6 +1,6 @@
-//! Access to an image for programs compiled by STruC++, the compiler of OpenPLC 4: a header that every file of the
-//! program includes first, and the program around it. STruC++ lists located variables with the numbers of their addresses, so
-//! they are bound when the program starts.
+//! Access to an image for programs that STruC++, the compiler of OpenPLC 4, has compiled. It consists of a header that
+//! every file of the program includes first, and the C++ program that runs the compiled program. STruC++ lists located
+//! variables with the numbers of their addresses, so the variables are bound when the program starts.
 
 use super::matiec;
 use super::runner::{self, Compiler};

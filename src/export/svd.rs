@@ -1,4 +1,4 @@
-//! CMSIS-SVD, the register description that debuggers and peripheral viewers read. Addresses are those of the CPU.
+//! CMSIS-SVD, the register description for debuggers and peripheral viewers. Addresses are CPU addresses.
 
 use super::constants;
 use super::members::{self, Group, Member};
@@ -33,7 +33,7 @@ pub(crate) fn generate(scope: &Scope) -> String {
         xml.leaf("resetValue", "0x0");
         xml.leaf("resetMask", "0xFFFFFFFF");
         xml.node("peripherals", "", |xml| {
-            // If the device's manual has CPU addresses, an area without one has no place for a debugger.
+            // If the device's manual has CPU addresses, a debugger cannot access an area without a CPU address.
             let has_cpu = device.areas.iter().any(|area| area.cpu.is_some());
             for area in scope.areas.iter().filter(|area| area.cpu.is_some() || !has_cpu) {
                 if area.structures.is_empty() {
@@ -106,7 +106,7 @@ fn group(xml: &mut Xml, group: &Group) {
     });
 }
 
-/// The number of elements, and the name with a placeholder for the index.
+/// Writes the number of elements, and the name with a placeholder for the index.
 fn dimensions(xml: &mut Xml, name: &str, dims: &[Dim]) {
     let Some(inner) = dims.last() else {
         return xml.leaf("name", name);
@@ -117,7 +117,7 @@ fn dimensions(xml: &mut Xml, name: &str, dims: &[Dim]) {
         xml.leaf("dimIndex", format!("0-{}", inner.count - 1));
         return xml.leaf("name", format!("{name}[%s]"));
     };
-    // There is only one index; it counts both.
+    // SVD has only one index, so it counts the elements of both dimensions.
     let pairs = (0..outer.count).flat_map(|i| (0..inner.count).map(move |j| format!("{i}_{j}")));
     xml.leaf("dimIndex", pairs.collect::<Vec<_>>().join(","));
     xml.leaf("name", format!("{name}_%s"));
@@ -157,7 +157,7 @@ fn fields(xml: &mut Xml, meaning: &Meaning, width: u32) {
 
 /// Ranges of values cannot be expressed and are left out.
 fn field(xml: &mut Xml, name: &str, doc: &str, offset: u32, width: u32, values: &[ValueMeaning]) {
-    // A name begins with a letter or `_`.
+    // A name must begin with a letter or `_`.
     let begin = if name.starts_with(|first: char| first.is_ascii_digit()) { "_" } else { "" };
     xml.node("field", "", |xml| {
         xml.leaf("name", format!("{begin}{name}"));

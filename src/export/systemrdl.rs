@@ -1,4 +1,4 @@
-//! SystemRDL 2.0, the register description that hardware tools and PeakRDL read. Addresses are bytes of the image.
+//! SystemRDL 2.0, the register description for hardware tools and PeakRDL. Addresses are byte offsets in the image.
 
 use super::constants::{self, upper};
 use super::members::{self, Group, Member};
@@ -35,8 +35,8 @@ pub(crate) fn generate(scope: &Scope) -> String {
     out
 }
 
-/// Overlaid structures are in separate maps: one for each phase, and one for each possible role of a port whose
-/// structure depends on the role.
+/// Writes separate maps for overlaid structures: for each phase, and for each possible role of a port if the structures
+/// depend on the role.
 fn maps(out: &mut String, scope: &Scope) {
     let mut roles = Vec::new();
     for role in scope.placed().filter_map(|(_, placed)| placed.role) {

@@ -1,4 +1,4 @@
-//! Small pieces of text that several formats need.
+//! Texts that several formats use.
 
 use super::scope::Scope;
 use crate::layout::{AreaStructure, DeviceLayout, Dim, Provenance, Register, Space, Structure};
@@ -31,8 +31,8 @@ pub(crate) fn banner(scope: &Scope, format: &str) -> Vec<String> {
     banner
 }
 
-/// A file that names the device in its head and is otherwise the same for all devices, in C or C++; `rest` is the
-/// rest of its first comment.
+/// Returns a file in C or C++. It is the same for all devices, except for the name of the device in its head. `rest` is
+/// the rest of the first comment.
 pub(crate) fn template(scope: &Scope, format: &str, rest: &str) -> String {
     let head = banner(scope, format).iter().take(2).map(|line| format!(" * {line}\n")).collect::<String>();
     format!("/*\n{head}{rest}")
@@ -125,7 +125,7 @@ pub(crate) fn about(structure: &Structure) -> String {
     }
 }
 
-/// `event_slot` for `EventSlot`.
+/// Converts a name to lower case with `_`: `event_slot` for `EventSlot`.
 pub(crate) fn snake(name: &str) -> String {
     let mut snake = String::new();
     for c in name.chars() {

@@ -16,8 +16,8 @@ pub struct DissectedBus<'a> {
     pub messages: Vec<Message>,
 }
 
-/// The text of a dissector of these buses, which are taken one after the other; `decoders` fills the table `decoders`, by the kinds of buses, and `about`
-/// describes the file.
+/// Generates a dissector of these buses. `decoders` is the Lua code that fills the table `decoders` with a decoder for
+/// each kind of buses. `about` describes the file.
 #[must_use]
 pub fn wireshark<'a>(
     buses: impl IntoIterator<Item = DissectedBus<'a>>,
@@ -28,7 +28,7 @@ pub fn wireshark<'a>(
         format!("-- {about}.\n\n{}{decoders}\nlocal buses = {{\n", include_str!("wireshark/begin.lua"));
     for (bus, number) in buses.into_iter().zip(1..) {
         let DissectedBus { name, kind, is_can, messages } = bus;
-        // Into a text, writing cannot fail. Keys of preferences have lower-case letters and digits only.
+        // Writing into a text cannot fail. Keys of preferences consist of lower-case letters and digits only.
         let _ = writeln!(
             text,
             "    {{\n        name = {}, key = \"bus{number}\", kind = {}, is_can = {is_can},\n        messages = {{",
@@ -73,7 +73,7 @@ fn signal(signal: &Signal) -> String {
     )
 }
 
-/// A text of Lua. Every character that is not printable in ASCII is written as its bytes.
+/// Converts a text to a string of Lua. All characters except printable ASCII are written as the numbers of their bytes.
 fn quoted(text: &str) -> String {
     let mut quoted = String::from("\"");
     for byte in text.bytes() {

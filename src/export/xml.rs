@@ -15,13 +15,13 @@ impl Xml {
         Self { text: "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n".to_owned(), depth: 0 }
     }
 
-    /// An element with text.
+    /// Writes an element with text.
     pub(crate) fn leaf(&mut self, name: &str, text: impl Display) {
         let text = escape(&text.to_string());
         self.line(&format!("<{name}>{text}</{name}>"));
     }
 
-    /// An element with the content that `inside` writes. `attributes` are written unchanged.
+    /// Writes an element with the content that `inside` writes. `attributes` are written unchanged.
     pub(crate) fn node(&mut self, name: &str, attributes: &str, inside: impl FnOnce(&mut Self)) {
         let blank = if attributes.is_empty() { "" } else { " " };
         self.line(&format!("<{name}{blank}{attributes}>"));
@@ -31,7 +31,7 @@ impl Xml {
         self.line(&format!("</{name}>"));
     }
 
-    /// A comment.
+    /// Writes a comment.
     pub(crate) fn comment(&mut self, text: &str) {
         self.line(&format!("<!-- {} -->", text.replace("--", "- -")));
     }

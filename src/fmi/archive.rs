@@ -15,7 +15,7 @@ pub const LIBRARY: &str = "commram_fmi";
 /// Directory for shared objects of this kind of machine.
 const PLATFORM: &str = if cfg!(target_arch = "aarch64") { "aarch64-linux" } else { "x86_64-linux" };
 
-/// Why there is no archive.
+/// Reason for which no archive can be made.
 #[derive(Debug, thiserror::Error)]
 pub enum ArchiveError {
     /// The plant cannot become a unit.
@@ -36,7 +36,7 @@ pub fn is_library(bytes: &[u8]) -> bool {
     bytes.starts_with(b"\x7FELF") && bytes.windows(mark.len()).any(|here| here == mark)
 }
 
-/// The archive; `name` is the name of the model in tools, `library` the shared object. The same plant, choice of
+/// Makes the archive. `name` is the name of the model in tools, `library` is the shared object. The same plant,
 /// registers and shared object give the same bytes.
 ///
 /// # Errors
@@ -44,7 +44,7 @@ pub fn is_library(bytes: &[u8]) -> bool {
 pub fn archive(resources: &Resources, name: &str, library: &[u8]) -> Result<Vec<u8>, ArchiveError> {
     let unit = Unit::new(resources)?;
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
-    // Without a time stamp.
+    // The files have no time stamps, so that the archive does not depend on the present time.
     let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated);
     let mut file = |name: &str, content: &[u8], mode: u32| -> Result<(), ArchiveError> {
         zip.start_file(name, options.unix_permissions(mode))?;

@@ -15,7 +15,7 @@ const UNITS: &str = "\
   </UnitDefinitions>
 ";
 
-/// The model description; `name` is the name of the model in tools.
+/// Generates the model description. `name` is the name of the model in tools.
 #[must_use]
 pub fn description(unit: &Unit, name: &str) -> String {
     let mut xml = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
@@ -81,7 +81,7 @@ fn of_variable(xml: &mut String, reference: usize, variable: &Variable) {
     let _ = writeln!(xml, " description=\"{}\"/>", escaped(description));
 }
 
-/// A text as the value of an attribute.
+/// Escapes a text for the value of an attribute.
 fn escaped(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for letter in text.chars() {

@@ -31,5 +31,5 @@ pub use variables::{Causality, Variable, VariableType, VariablesError};
 #[cfg(feature = "channel")]
 pub(crate) use variables::{Quantity, ShaftValue};
 
-/// Mark in the shared object, so that a program can check that the object belongs to it.
+/// Mark in the shared object. A program checks it to find out if the shared object is of the same version.
 pub const MARK: &str = concat!("commram-fmi unit ", env!("CARGO_PKG_VERSION"), ";");

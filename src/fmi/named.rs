@@ -3,11 +3,11 @@
 use super::variables::{Causality, Variable, VariablesError, Wanted, of_registers};
 use crate::plant::Plant;
 
-/// The variables that a name or pattern covers: registers, or a value at the shaft of a drive. For a register that
-/// both sides write, the result is the variable that can be set.
+/// Returns the variables that a name or pattern covers: registers, or a value at the shaft of a drive. For a register
+/// that both sides write, it returns the variable that can be set.
 ///
 /// # Errors
-/// There are no such variables.
+/// If there are no such variables.
 pub(crate) fn named(plant: &Plant, name: &str) -> Result<Vec<Variable>, VariablesError> {
     let mut of_drive: Vec<Variable> = Vec::new();
     for (number, drive) in plant.drives().iter().enumerate() {

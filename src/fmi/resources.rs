@@ -9,9 +9,10 @@ use std::path::{Path, PathBuf};
 
 /// The plant file.
 const PLANT: &str = "plant.toml";
-/// The snapshot from which it starts, instead of a plant file.
+/// The snapshot from which the plant starts. It replaces the plant file.
 const SNAPSHOT: &str = "start.snap";
-/// Patterns of the registers that are variables, one in each line; without the file all registers are variables.
+/// Patterns of the registers that become variables, one in each line. Without this file, all registers become
+/// variables.
 const REGISTERS: &str = "registers.txt";
 
 /// The plant of a unit.
@@ -29,7 +30,7 @@ enum Content {
     Snapshot(Vec<u8>, Box<Snapshot>),
 }
 
-/// Why a plant cannot become a unit.
+/// Reason for which a plant cannot become a unit.
 #[derive(Debug, thiserror::Error)]
 pub enum ResourcesError {
     /// A file cannot be read.
@@ -37,7 +38,7 @@ pub enum ResourcesError {
     Read {
         /// The file.
         path: PathBuf,
-        /// The error of the system.
+        /// The error of the operating system.
         reason: io::Error,
     },
     /// The plant file is refused.
@@ -63,8 +64,8 @@ pub enum ResourcesError {
 }
 
 impl Resources {
-    /// Resources for a plant file, or for a snapshot to start from. `registers` are names and patterns of the
-    /// registers that become variables; all registers if it is empty.
+    /// Reads the resources from a plant file or a snapshot. `registers` are names and patterns of the registers that
+    /// become variables; if it is empty, all registers become variables.
     ///
     /// # Errors
     /// [`ResourcesError`].
@@ -87,7 +88,7 @@ impl Resources {
         Ok(Self { content, config, registers })
     }
 
-    /// Resources for the default plant.
+    /// Returns the resources for the built-in plant.
     ///
     /// # Errors
     /// The errors of [`Resources::of_file`].
@@ -132,7 +133,7 @@ impl Resources {
         &self.config
     }
 
-    /// Snapshot to start from, if not at power-on.
+    /// The snapshot from which the plant starts; `None` if it starts at power-on.
     #[must_use]
     pub fn snapshot(&self) -> Option<&Snapshot> {
         match &self.content {
@@ -141,7 +142,7 @@ impl Resources {
         }
     }
 
-    /// Names and patterns of the registers that are variables; empty: all registers.
+    /// Names and patterns of the registers that become variables; empty for all registers.
     #[must_use]
     pub fn registers(&self) -> &[String] {
         &self.registers

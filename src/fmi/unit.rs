@@ -12,16 +12,16 @@ use twox_hash::XxHash3_64;
 
 /// First bytes of a state.
 const MAGIC: [u8; 8] = *b"cmrmunit";
-/// Number of the format of a state. A change of [`UnitFields`] increments it; the snapshot in it has a separate number.
-/// Format 1 had neither the magic nor a number. Every later format begins with the magic, the number and the version of
-/// commram, and ends with the checksum of [`seal`].
+/// Number of the format of a state. A change of [`UnitFields`] increments it; the snapshot in the state has a separate
+/// number. A state of format 1 has neither the magic nor a number. A state of a later format begins with the magic, the
+/// number and the version of commram, and ends with the checksum of [`seal`].
 pub(super) const FORMAT: u16 = 3;
 /// Highest number of a phase in the first byte of format 1.
 const LAST_PHASE_OF_FORMAT_1: u8 = 3;
 
 /// Microseconds per second.
 const MICROS: f64 = 1e6;
-/// Longest time that a step may reach: up to this time, the resolution of an `f64` is better than a microsecond.
+/// Latest time that a step may reach. Up to this time, the resolution of an `f64` is better than a microsecond.
 const LONGEST_US: f64 = 9e15;
 
 /// Reason for the failure of a call.
@@ -35,7 +35,7 @@ pub enum UnitError {
         /// The highest reference.
         last: usize,
     },
-    /// A variable of another type.
+    /// The variable has another type.
     #[error("{name} is of type {right}, it was taken for {asked}")]
     OtherKind {
         /// The variable.
@@ -45,13 +45,13 @@ pub enum UnitError {
         /// The requested type.
         asked: &'static str,
     },
-    /// A variable that cannot be set from outside.
+    /// The variable cannot be set from outside.
     #[error("{name} is an output; inputs and parameters can be set")]
     Output {
         /// The variable.
         name: String,
     },
-    /// A NaN or infinite number.
+    /// The number is NaN or infinite.
     #[error("{name} cannot be {value}")]
     NotFinite {
         /// Name of the variable.
@@ -59,7 +59,7 @@ pub enum UnitError {
         /// The given value.
         value: f64,
     },
-    /// A step that does not begin at the end of the last one.
+    /// The step does not begin at the end of the last step.
     #[error("a step begins at {given} s, but the unit is at {now} s")]
     OtherTime {
         /// The given value.
@@ -67,19 +67,19 @@ pub enum UnitError {
         /// Present time of the unit.
         now: f64,
     },
-    /// A step with a length below or equal to zero, or too long.
+    /// The length of the step is zero, negative, or too long.
     #[error("a step of {size} s; it must not be negative, and the time at its end must be below 9e9 s")]
     Step {
         /// The given value.
         size: f64,
     },
-    /// A state of another unit.
+    /// The state belongs to another unit.
     #[error(transparent)]
     Snapshot(#[from] SnapshotError),
-    /// Bytes that are not a state.
+    /// The bytes are not a state.
     #[error("it is no state of this unit: {0}")]
     State(String),
-    /// A state that another version of commram has saved.
+    /// Another version of commram has saved the state.
     #[error(
         "the state was saved by {found} (state format {format}), this is commram {ours} (state format {FORMAT}); \
          use the unit that has saved it, or save it again with this one",
@@ -96,7 +96,7 @@ pub enum UnitError {
 /// State of the unit except its plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct UnitFields {
-    /// Time of the co-simulation at its start, and emulated time then.
+    /// Time of the co-simulation at its start, and emulated time at the same moment.
     start_s: f64,
     start_us: u64,
     shafts: Shafts,
@@ -114,7 +114,7 @@ pub struct Unit {
     plant: Plant,
     variables: Vec<Variable>,
     own: UnitFields,
-    /// Count of reported entries of the access checker's table.
+    /// Number of entries in the access checker's table that were already reported.
     reported_findings: usize,
 }
 
@@ -147,9 +147,8 @@ impl Unit {
         &self.plant
     }
 
-    /// Token of this unit. A description of another plant, another choice of registers or another version of commram
-    /// has a different token.
-    /// does not go with it.
+    /// Token of this unit. A unit with another plant, other registers or another version of commram has a different
+    /// token.
     #[must_use]
     pub fn token(&self) -> String {
         let mut text = String::from(env!("CARGO_PKG_VERSION"));
@@ -161,7 +160,7 @@ impl Unit {
         format!("commram-{:016x}", XxHash3_64::oneshot((text + &layouts).as_bytes()))
     }
 
-    /// The co-simulation begins at this time in seconds.
+    /// Begins the co-simulation at this time in seconds.
     ///
     /// # Errors
     /// [`UnitError::NotFinite`].
@@ -183,12 +182,12 @@ impl Unit {
     /// rounding errors do not accumulate (decision D-537). Returns the time that was reached.
     ///
     /// # Errors
-    /// [`UnitError`]; then the clock has not advanced.
+    /// [`UnitError`]. The clock has then not advanced.
     pub fn step(&mut self, point: f64, size: f64) -> Result<f64, UnitError> {
         let to_us = |time: f64| ((time - self.own.start_s) * MICROS).round();
         let (begin, end) = (to_us(point), to_us(point + size));
         let now = (self.plant.now() - self.own.start_us) as f64;
-        // The sum of a caller's steps may differ by a microsecond.
+        // A caller adds up its steps, and this sum may differ by a microsecond.
         if !begin.is_finite() || (begin - now).abs() > 1.0 {
             return Err(UnitError::OtherTime { given: point, now: self.time_s() });
         }
@@ -198,7 +197,7 @@ impl Unit {
         for (drive, speed) in self.own.shafts.turned() {
             self.plant.turn_shaft(drive, Some(speed));
         }
-        // Neither negative nor above the maximum of the type.
+        // The number is neither negative nor above the maximum of the type.
         self.plant.advance_to(self.own.start_us + end.max(now) as u64);
         Ok(self.time_s())
     }
@@ -214,10 +213,10 @@ impl Unit {
         Err(UnitError::OtherKind { name, right, asked })
     }
 
-    /// The value of a variable of this type.
+    /// Returns the value of a variable of this type.
     ///
     /// # Errors
-    /// There is no such variable, or it is of another type.
+    /// If there is no such variable, or if it has another type.
     pub fn get(&self, reference: u32, kind: VariableType) -> Result<Value, UnitError> {
         Ok(match self.variable(reference, kind)?.quantity {
             Quantity::Time => Value::Float(self.time_s()),
@@ -225,10 +224,10 @@ impl Unit {
         })
     }
 
-    /// Sets a variable of this type: for a register, a store of the PLC's program.
+    /// Sets a variable of this type. For a register, this is a store of the PLC's program.
     ///
     /// # Errors
-    /// There is no such variable, it is of another type or an output, or the value is not finite.
+    /// If there is no such variable, if it has another type or is an output, or if the value is not finite.
     pub fn set(&mut self, reference: u32, kind: VariableType, value: Value) -> Result<(), UnitError> {
         let variable = self.variable(reference, kind)?;
         let name = || variable.name.clone();
@@ -262,7 +261,7 @@ impl Unit {
         Ok(())
     }
 
-    /// The findings of the access checker at registers without an earlier finding, one line each.
+    /// Returns the findings of the access checker at registers without an earlier finding, a line each.
     pub fn take_findings(&mut self) -> Vec<String> {
         let findings = self.plant.journal().findings();
         if findings.len() == self.reported_findings {
@@ -280,7 +279,7 @@ impl Unit {
         lines
     }
 
-    /// The present state of the unit.
+    /// Returns the present state of the unit.
     #[must_use]
     pub fn state(&self) -> UnitState {
         UnitState { own: self.own.clone(), snapshot: self.plant.snapshot() }
@@ -289,7 +288,7 @@ impl Unit {
     /// Restores a state of this unit, or of another unit of the same archive.
     ///
     /// # Errors
-    /// The state is of another archive.
+    /// If the state belongs to another archive.
     pub fn restore(&mut self, state: &UnitState) -> Result<(), UnitError> {
         if state.own.shafts.len() != self.own.shafts.len() {
             return Err(UnitError::State("it has other drives".to_owned()));
@@ -300,7 +299,7 @@ impl Unit {
         Ok(())
     }
 
-    /// A state as bytes, with a number from the caller: the present phase in the life cycle of the unit.
+    /// Encodes a state as bytes, with a number from the caller: the present phase in the life cycle of the unit.
     #[must_use]
     pub fn to_bytes(&self, state: &UnitState, phase: u8) -> Vec<u8> {
         let mut to = Saving::default();
@@ -311,14 +310,14 @@ impl Unit {
         seal(to.into_bytes())
     }
 
-    /// Decodes a state and its phase. [`Unit::restore`] checks whether it is a state of this unit.
+    /// Decodes a state and its phase. [`Unit::restore`] checks that the state belongs to this unit.
     ///
     /// # Errors
-    /// The bytes are damaged, are not a state, or are a state of another version of commram.
+    /// If the bytes are damaged, are not a state, or are a state of another version of commram.
     pub fn of_bytes(&self, bytes: &[u8]) -> Result<(UnitState, u8), UnitError> {
         let damaged = |error: Damaged| UnitError::State(error.to_string());
         let wrong = || UnitError::State("its checksum is wrong, or its end is missing".to_owned());
-        // The checksum comes first: a damaged header must not be reported as another version.
+        // The checksum is checked first, so that a damaged header is not reported as another version.
         let written = unseal(bytes).ok_or_else(wrong)?;
         let mut from = Saved::new(written);
         if from.raw(MAGIC.len()).is_ok_and(|magic| magic != MAGIC) {

@@ -5,7 +5,7 @@ use crate::plant::Plant;
 use core::f64::consts::TAU;
 use serde::{Deserialize, Serialize};
 
-/// Increments of the drives' angle in a revolution (decision D-162).
+/// Number of increments of a drive's angle in a revolution (decision D-162).
 const REVOLUTION: f64 = 4_294_967_296.0;
 
 /// A value of a variable.
@@ -19,17 +19,17 @@ pub enum Value {
     Boolean(bool),
 }
 
-/// For each drive, whether a model turns it, and its speed in rad/s.
+/// For each drive, true if a model turns its motor, and the speed in rad/s.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Shafts(Vec<(bool, f64)>);
 
 impl Shafts {
-    /// No model turns a motor.
+    /// Creates a value in which no model turns a motor.
     pub(crate) fn of(plant: &Plant) -> Self {
         Shafts(vec![(false, 0.0); plant.drives().len()])
     }
 
-    /// Count of drives.
+    /// Number of drives.
     pub(super) fn len(&self) -> usize {
         self.0.len()
     }
@@ -38,26 +38,26 @@ impl Shafts {
         self.0.iter().all(|shaft| shaft.1.is_finite())
     }
 
-    /// Whether a model turns the motor of this drive.
+    /// Sets if a model turns the motor of this drive.
     pub(crate) fn set_modelled(&mut self, drive: usize, is_modelled: bool) {
         if let Some(shaft) = self.0.get_mut(drive) {
             shaft.0 = is_modelled;
         }
     }
 
-    /// The speed that the model gives this drive, in rad/s; must be finite.
+    /// Sets the speed at which the model turns this drive, in rad/s. It must be finite.
     pub(crate) fn set_speed(&mut self, drive: usize, speed: f64) {
         if let Some(shaft) = self.0.get_mut(drive) {
             shaft.1 = speed;
         }
     }
 
-    /// The drives that a model turns, each with its speed as the plant counts it.
+    /// The drives with a motor that a model turns, each with its speed in the unit of the plant.
     pub(crate) fn turned(&self) -> impl Iterator<Item = (usize, i32)> {
         let all = self.0.iter().enumerate();
         all.filter(|(_, shaft)| shaft.0).map(|(drive, (_, speed))| {
             let increments = speed * REVOLUTION / TAU / 1000.0;
-            // Saturates.
+            // The conversion saturates.
             (drive, increments.round() as i32)
         })
     }
@@ -67,7 +67,7 @@ impl Shafts {
         match quantity {
             Quantity::Time => Value::Float(plant.now() as f64 * 1e-6),
             Quantity::Register { plc, offset, width, ty, .. } => {
-                // The layout has a register at this place.
+                // The load does not fail, because the layout has a register at this place.
                 Value::Integer(ty.number(plant.load(plc, offset, width).unwrap_or_default()))
             }
             Quantity::Shaft { drive, value } => self.at_shaft(plant, drive, value),

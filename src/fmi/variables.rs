@@ -77,13 +77,13 @@ impl From<RegType> for VariableType {
 /// Source of the value of a variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Causality {
-    /// Time itself.
+    /// The variable is the time.
     Independent,
-    /// The user of the unit, also during the simulation.
+    /// The user of the unit sets it, also during the simulation.
     Parameter,
-    /// The user of the unit.
+    /// The user of the unit sets it.
     Input,
-    /// The unit.
+    /// The unit calculates it.
     Output,
 }
 
@@ -120,7 +120,7 @@ pub(crate) enum ShaftValue {
     Modelled,
 }
 
-/// Why there are no such variables.
+/// Reason for which there are no such variables.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub enum VariablesError {
     /// No register has this name.
@@ -149,7 +149,7 @@ pub enum VariablesError {
     Twice(String),
 }
 
-/// The variables of a plant in its present form; the position of a variable in the list is its reference.
+/// Returns the variables of a plant in its present form. The position of a variable in the list is its reference.
 pub(super) fn variables(plant: &Plant, patterns: &[String]) -> Result<Vec<Variable>, VariablesError> {
     let mut all = vec![Variable {
         name: "time".to_owned(),
@@ -187,7 +187,7 @@ pub(super) fn of_registers(plant: &Plant, wanted: &Wanted) -> Result<Vec<Variabl
     Ok(all)
 }
 
-/// The wanted registers; `None` for all.
+/// The requested registers; `None` for all.
 pub(super) struct Wanted(Option<BTreeSet<(DeviceIndex, u32, &'static str)>>);
 
 impl Wanted {

@@ -17,12 +17,13 @@ const WAIT_FOR_CURRENT_TIME_UPDATE: c_int = 10;
 const CONNECTION_REQUIRED: c_int = 397;
 /// `HELICS_PROPERTY_TIME_DELTA`.
 const TIME_DELTA: c_int = 137;
-/// `HELICS_PROPERTY_INT_LOG_LEVEL`, `HELICS_LOG_LEVEL_NO_PRINT`: problems are reported as errors, not printed.
+/// `HELICS_PROPERTY_INT_LOG_LEVEL`, `HELICS_LOG_LEVEL_NO_PRINT`. With these, the library reports problems as errors and
+/// does not print them.
 const LOG_LEVEL: c_int = 271;
 const NO_PRINT: c_int = -4;
-/// The shortest time between two grants, in seconds.
+/// Shortest time between two grants, in seconds.
 const SHORTEST: f64 = 1e-9;
-/// HELICS' last time, in seconds.
+/// Latest time of HELICS, in seconds.
 const LATEST: f64 = 9_223_372_036.0;
 
 /// States of federates that have left.
@@ -34,8 +35,8 @@ pub(super) struct ValueFederate {
     federate: Object,
     name: String,
     publications: Vec<Object>,
-    /// Publication that shows the others whether this federate takes part, because HELICS does not report federates
-    /// that leave.
+    /// Publication that shows other federates if this federate takes part. It is needed because HELICS does not report
+    /// federates that leave.
     runs: Option<Object>,
     inputs: Vec<Object>,
     endpoints: Vec<Object>,
@@ -45,7 +46,7 @@ impl ValueFederate {
     /// Creates the federate.
     ///
     /// # Errors
-    /// There is no broker, or the name is taken.
+    /// If there is no broker, or if the name is in use.
     pub(super) fn create(functions: Functions, name: &str, init: &str) -> Result<Self, String> {
         // SAFETY: here and below: the objects are the library's own and are used on this thread only; texts and bytes live
         // through the calls.
@@ -205,7 +206,7 @@ impl ValueFederate {
         self.inputs.iter().map(of).collect()
     }
 
-    /// Values published since the last call, with their indices.
+    /// Returns the values that were published since the last call, with their indices.
     pub(super) fn values(&self) -> Result<Vec<(usize, f64)>, String> {
         let mut found = Vec::new();
         for (place, input) in self.inputs.iter().copied().enumerate() {
@@ -219,7 +220,7 @@ impl ValueFederate {
         Ok(found)
     }
 
-    /// Messages that have arrived, with the indices of their endpoints.
+    /// Returns the messages that have arrived, with the indices of their endpoints.
     pub(super) fn messages(&self) -> Vec<(usize, Vec<u8>)> {
         let mut found = Vec::new();
         let Functions { has_message, get_message, bytes_of, count_of, free_message, .. } = self.functions;
@@ -252,7 +253,7 @@ impl ValueFederate {
         })
     }
 
-    /// Publishes the end, and leaves.
+    /// Publishes the end of this federate, and leaves the federation.
     pub(super) fn leave(self) {
         let _ = self.say_runs(false);
         // SAFETY: as above. A leaving federate ignores the result.

@@ -4,7 +4,7 @@ use super::HelicsError;
 use super::library::{Functions, Object, text};
 use core::ffi::{CStr, c_char};
 
-/// A federate with commands only: its time is independent of the time of the others.
+/// A federate that only sends and receives commands. Its time is independent of the time of other federates.
 pub(super) struct CommandFederate {
     functions: Functions,
     federate: Object,
@@ -21,7 +21,7 @@ impl CommandFederate {
     /// gives up.
     ///
     /// # Errors
-    /// There is no broker, or the name is taken.
+    /// If there is no broker, or if the name is in use.
     pub(super) fn join(functions: Functions, name: &str, init: &str) -> Result<Self, HelicsError> {
         let failed = |reason| HelicsError::NotJoined { reason };
         let made = functions.create(functions.create_plain, (name, init), |_| Ok(()));
@@ -31,7 +31,7 @@ impl CommandFederate {
         Ok(CommandFederate { functions, federate })
     }
 
-    /// Sends a command to a federate; a command to an absent one is lost.
+    /// Sends a command to a federate. If this federate is absent, the command is lost.
     pub(super) fn send(&self, to: &str, command: &str) -> Result<(), String> {
         let (to, command) = (text(to), text(command));
         self.functions.checked(|it, status| {

@@ -1,4 +1,4 @@
-//! The HELICS library, loaded on demand: users without HELICS need not install it.
+//! The HELICS library. It is loaded on demand, so that users without HELICS need not install it.
 //!
 //! Declares only the functions that are called, with the names of the header `helics.h`.
 
@@ -110,7 +110,7 @@ functions! {
 /// Loads the library.
 ///
 /// # Errors
-/// The library is missing, or lacks a function.
+/// If the library or one of the functions is missing.
 pub(super) fn load() -> Result<Functions, HelicsError> {
     let given = std::env::var_os(VARIABLE).filter(|path| !path.is_empty()).map(PathBuf::from);
     let candidates: Vec<PathBuf> = match &given {
@@ -122,7 +122,7 @@ pub(super) fn load() -> Result<Functions, HelicsError> {
     for path in candidates {
         match functions(&path) {
             Ok(functions) => return Ok(functions),
-            // The first error belongs to the preferred path.
+            // Only the first error is kept, because it belongs to the preferred path.
             Err(error) if reason.is_empty() => reason = error.to_string(),
             Err(_) => {}
         }
@@ -130,7 +130,7 @@ pub(super) fn load() -> Result<Functions, HelicsError> {
     Err(HelicsError::NoLibrary { given, reason })
 }
 
-/// Skips the exit handlers of the library when this process ends: they would wait for a call that still runs.
+/// Skips the exit handlers of the library when this process ends, because they would wait for a call that still runs.
 pub(super) fn end_without_it() {
     #[cfg(target_env = "gnu")]
     {
@@ -164,7 +164,7 @@ impl Functions {
     /// federate info.
     ///
     /// # Errors
-    /// There is no broker, or the name is taken.
+    /// If there is no broker, or if the name is in use.
     pub(super) fn create(
         &self,
         constructor: Constructor,

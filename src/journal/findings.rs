@@ -15,7 +15,7 @@ pub struct Entry {
     /// True: the entry counts the findings at one register. False: it counts the findings of the rule at all registers
     /// that have no entry of their own; place and value are then those of the last finding.
     pub is_single: bool,
-    /// Count of occurrences.
+    /// Number of occurrences.
     pub count: u64,
     /// Emulated time of the first finding, in microseconds.
     pub first_us: u64,
@@ -48,7 +48,7 @@ impl Entry {
 #[derive(Clone, Debug, Default)]
 pub struct Findings {
     entries: Vec<Entry>,
-    /// Count of records of each entry, in the same order.
+    /// Number of records of each entry, in the same order.
     records: Vec<u8>,
     /// One entry for each rule that has run out of room.
     further: Vec<Entry>,

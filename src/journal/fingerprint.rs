@@ -13,7 +13,7 @@ use twox_hash::XxHash3_64;
 
 /// Events of a block.
 const EVENTS: usize = 16;
-/// Bytes of an event.
+/// Number of bytes of an event.
 const EVENT: usize = 32;
 
 /// Hash over a stream of events with their times.

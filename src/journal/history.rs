@@ -23,7 +23,7 @@ pub const MAX_FOLLOWED: usize = 65_536;
 pub const KEPT_CHANGES: usize = 65_536;
 /// Real time without a request for changes after which onlookers count as absent.
 const GONE: Duration = Duration::from_secs(10);
-/// Count of comparisons between two reads of the host's clock.
+/// Number of comparisons between two reads of the host's clock.
 const LOOKS: u32 = 4096;
 
 /// Destination of changes.

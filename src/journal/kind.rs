@@ -106,7 +106,7 @@ pub struct ArrivedFrame {
 pub struct Octets {
     /// The first octets.
     pub known: Vec<u8>,
-    /// Count of all octets.
+    /// Number of all octets.
     pub length: usize,
 }
 

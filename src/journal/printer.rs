@@ -42,7 +42,7 @@ pub struct Printer<Out = String> {
     selection: Selection,
     /// Number of the next record.
     next: u64,
-    /// Count of records missing before the next printed one.
+    /// Number of records missing before the next printed one.
     lost: u64,
     /// Rings that may have dropped wanted records before the next record.
     forgetful: [bool; RINGS],

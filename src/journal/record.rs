@@ -13,7 +13,7 @@ pub struct Record {
     pub time_us: u64,
     /// The event.
     pub event: Event,
-    /// Count of equal events in the record, at least 1.
+    /// Number of equal events in the record, at least 1.
     pub count: u32,
     /// Distance between the events in microseconds; 0 for a single event.
     pub period_us: u32,

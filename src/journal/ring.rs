@@ -26,7 +26,8 @@ struct StoredOctets {
 }
 
 impl StoredOctets {
-    /// Bytes of memory, including the overhead of the allocation: two counters, and a header of about the same size.
+    /// Number of bytes of memory, including the overhead of the allocation: two counters, and a header of about the
+    /// same size.
     fn bytes(&self) -> usize {
         size_of::<Self>() + 4 * size_of::<usize>() + self.octets.len()
     }
@@ -38,7 +39,7 @@ struct Lane {
     lines: VecDeque<Line>,
     /// Octets of the records that have octets, in ascending order of their numbers.
     octets: VecDeque<StoredOctets>,
-    /// Bytes of memory of all octets.
+    /// Number of bytes of memory of all octets.
     octet_bytes: usize,
 }
 

@@ -13,9 +13,9 @@ use crate::identity::DeviceIndex;
 use crate::layout::Width;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-/// Bits of the longest data of a frame.
+/// Number of bits of the longest data of a frame.
 const DATA_BITS: u32 = 64;
-/// Bits of the longest identifier.
+/// Number of bits of the longest identifier.
 const ID_BITS: u32 = 29;
 
 /// The records of a journal as signals.

@@ -10,7 +10,7 @@ use crate::snapshot_fields::{Damaged, Saved, Saving};
 use core::ops::Range;
 use zerocopy::IntoBytes;
 
-/// Lines of zeros are not saved.
+/// Number of bytes of a line. Lines of zeros are not saved.
 const LINE: usize = 64;
 /// Number of bytes that are copied and compared in one step. Large steps are fast, which matters if a program has
 /// filled all registers.

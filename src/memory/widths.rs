@@ -37,7 +37,7 @@ struct AreaWidths {
 struct PartialAccess {
     /// Offset of the part.
     offset: u32,
-    /// Bytes of the part: 1, 2 or 4.
+    /// Number of bytes of the part: 1, 2 or 4.
     bytes: u32,
     /// Offset and width of the register that contains the part.
     register: (u32, Width),

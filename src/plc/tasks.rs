@@ -299,7 +299,7 @@ impl<P: Program> Tasks<P> {
     }
 }
 
-/// Count of events.
+/// Number of events.
 fn count(ram: &Ram, event: usize) -> u32 {
     ram.header().events.get(event).map_or(0, |slot| slot.bell.rings())
 }

@@ -101,7 +101,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         self.area.draw(&Text::new(text.to_owned(), at, style))
     }
 
-    /// The title, and a legend of what the plot contains.
+    /// Draws the title and the legend.
     fn head(&self) -> DrawResult<DB> {
         let Plot { from_us, to_us, rows, edges, .. } = self.plot;
         let title = format!("Registers from {} to {} of emulated time", short(*from_us), short(*to_us));
@@ -126,7 +126,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         Ok(())
     }
 
-    /// A mark at the start of each section, with its name where there is room for it.
+    /// Draws a mark at the start of each section, with the name of the section where there is room for it.
     fn sections(&self, bottom: i32) -> DrawResult<DB> {
         let ends = self.plot.sections.iter().skip(1).map(|(begin, _)| *begin).chain([self.plot.to_us]);
         for ((begin, name), end) in self.plot.sections.iter().zip(ends) {
@@ -141,7 +141,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         Ok(())
     }
 
-    /// The SYNC edges, as many as can be distinguished.
+    /// Draws as many SYNC edges as can be distinguished.
     fn edges(&self, bottom: i32) -> DrawResult<DB> {
         let mut last = i32::MIN / 2;
         for edge in &self.plot.edges {
@@ -184,7 +184,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         Ok(())
     }
 
-    /// A span for each request; other values of the register are printed beside it.
+    /// Draws a span for each request, and prints other values of the register beside it.
     fn handshake(&self, row: &Row, high: i32, low: i32) -> DrawResult<DB> {
         if let (Some((first, _)), end) = (row.points.first(), self.plot.to_us) {
             self.path(&[(self.x(*first), low), (self.x(end), low)], FAINT, 1)?;
@@ -211,7 +211,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         Ok(())
     }
 
-    /// The value at `at` with its meaning, or the value alone, where there is room for it.
+    /// Prints the value of point `at` with its meaning, or the value alone, if there is room for it.
     fn value(&self, row: &Row, at: usize, y: i32) -> DrawResult<DB> {
         let (Some((time, _)), Some(text)) = (row.points.get(at), row.texts.get(at)) else { return Ok(()) };
         let (begin, end) = (self.x(*time), self.x(self.end_of(row, at)));
@@ -241,7 +241,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         row.points.get(at + 1).map_or(self.plot.to_us, |(time, _)| *time)
     }
 
-    /// The scale of time.
+    /// Draws the scale of time.
     fn scale(&self, bottom: i32) -> DrawResult<DB> {
         let Plot { from_us, to_us, .. } = *self.plot;
         self.path(&[(NAMES, bottom), (WIDTH - RIGHT, bottom)], INK, 1)?;
@@ -265,7 +265,7 @@ fn distance(us: u64) -> u64 {
     steps.into_iter().find(|step| *step >= us).unwrap_or(us).max(1)
 }
 
-/// Maps values to positions between `high` and `low`.
+/// Returns a function that maps values to positions between `high` and `low`.
 fn scale_of(row: &Row, high: i32, low: i32) -> impl Fn(i64) -> i32 {
     let values = row.points.iter().map(|(_, value)| *value);
     let (least, most) = (values.clone().min().unwrap_or(0), values.max().unwrap_or(0));
@@ -278,7 +278,8 @@ fn scale_of(row: &Row, high: i32, low: i32) -> impl Fn(i64) -> i32 {
     }
 }
 
-/// The visible points of a line: of several points at one horizontal position, the first, lowest, highest and last.
+/// Returns the visible points of a line. If several points have the same horizontal position, these are the first,
+/// lowest, highest and last point.
 fn thinned(points: &[(i32, i32)]) -> Vec<(i32, i32)> {
     let mut kept = Vec::new();
     for same in points.chunk_by(|(one, _), (other, _)| one == other) {
@@ -294,7 +295,7 @@ fn thinned(points: &[(i32, i32)]) -> Vec<(i32, i32)> {
     kept
 }
 
-/// A name that fits the column: its end, which distinguishes it.
+/// Shortens a name to the width of the column. The end of the name remains, because it distinguishes the name.
 fn shortened(name: &str) -> &str {
     let too_many = name.len().saturating_sub(LONGEST_NAME);
     &name[name.ceil_char_boundary(too_many)..]

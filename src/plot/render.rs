@@ -1,4 +1,4 @@
-//! Plots as files. The font is part of the program: no machine needs an installed font.
+//! Plots as files. The font is part of the program, so that no font must be installed.
 
 use super::{Plot, draw};
 use crate::xml_text;
@@ -12,7 +12,7 @@ use thiserror::Error;
 /// The font's name for the renderer, and the generic name for viewers of an SVG.
 pub(super) const FONT: &str = "monospace";
 
-/// Why there is no plot.
+/// Reason for which a plot cannot be made.
 #[derive(Debug, Error)]
 pub enum PlotError {
     /// The file name does not end in `.svg` or `.png`.
@@ -36,10 +36,10 @@ pub enum Picture {
 }
 
 impl Picture {
-    /// The format for the name of a file.
+    /// Returns the format for the name of a file.
     ///
     /// # Errors
-    /// The name has another ending.
+    /// If the name has another extension.
     pub fn of(file: &Path) -> Result<Self, PlotError> {
         match file.extension().and_then(|ending| ending.to_str()) {
             Some("svg") => Ok(Picture::Svg),
@@ -50,7 +50,7 @@ impl Picture {
 }
 
 impl Plot {
-    /// The plot as the contents of a file.
+    /// Returns the plot as the contents of a file.
     ///
     /// # Errors
     /// [`PlotError`] if it cannot be drawn or encoded.
@@ -61,7 +61,7 @@ impl Plot {
         }
     }
 
-    /// The plot as SVG.
+    /// Returns the plot as SVG.
     ///
     /// # Errors
     /// [`PlotError::Drawing`].
@@ -74,7 +74,7 @@ impl Plot {
         Ok(xml_text::allowed(text))
     }
 
-    /// The plot as PNG.
+    /// Returns the plot as PNG.
     ///
     /// # Errors
     /// [`PlotError::Drawing`], [`PlotError::Encoding`].

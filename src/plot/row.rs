@@ -7,11 +7,11 @@ use crate::layout::{Address, Handshake, Meaning, RegType};
 /// Drawing style of a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Style {
-    /// Codes and bits: each value holds until the next.
+    /// For codes and bits: each value holds until the next value.
     Steps,
-    /// A number that changes continuously from each value to the next.
+    /// For numbers that change continuously from each value to the next.
     Line,
-    /// Spans from a request to its answer.
+    /// For handshakes: spans from a request to its answer.
     Handshake(Handshake),
 }
 
@@ -22,20 +22,21 @@ pub struct Row {
     pub name: String,
     /// Drawing style.
     pub style: Style,
-    /// Times in microseconds, ascending, each with the value from then on, as a number of its type.
+    /// Times in microseconds, ascending, each with the register's value from this time on, as a number of its type.
     pub points: Vec<(u64, i64)>,
-    /// The values as text, of the same length; the meaning of a value follows after two blanks.
+    /// Text for each entry of `points`: the value, and after two blanks its meaning.
     pub texts: Vec<String>,
-    /// True if the journal has every change of it.
+    /// True if the journal has every change of the register.
     pub is_recorded: bool,
     /// An additional note.
     pub note: Option<String>,
 }
 
 impl Row {
-    /// The register at `place`, with all its values in a journal; for a single bit, the values of its register.
+    /// Creates a row for the register at `place`, with all its values in a journal. For a single bit, these are the
+    /// values of its register.
     pub fn of(name: String, place: &NamedLocation, past: &Past) -> Self {
-        // Types and meanings of overlaid registers depend on the phase; here the last one is used for both.
+        // Types and meanings of overlaid registers depend on the phase. The last phase is used for both.
         let live = place.last_phase();
         let bit = place.bit_in();
         let number = |value: u32| match bit {
@@ -61,8 +62,8 @@ impl Row {
         Self { name, style: style(ty, meaning), points, texts, is_recorded: past.is_recorded, note }
     }
 
-    /// The same, with the final value as a constant, for a register without values in the journal; `is_recorded`:
-    /// every change of the register would be recorded.
+    /// If the journal has no values of the register, shows the final value as a constant. `is_recorded` is true if
+    /// every change of the register would be in the journal.
     pub fn or_holds(mut self, text: &str, is_recorded: bool) -> Self {
         self.is_recorded = is_recorded;
         if self.points.is_empty() {
@@ -96,7 +97,7 @@ impl Row {
         let mut texts = Vec::with_capacity(2 * self.points.len());
         for ((time, value), text) in self.points.iter().zip(&self.texts) {
             if let Some((before, value)) = held.last().copied() {
-                // The last edge before the change; without SYNC, the start of the move is unknown.
+                // The change starts at the last edge before it. Without SYNC, this start is unknown.
                 let at =
                     edges.partition_point(|edge| edge < time).checked_sub(1).map_or(*time, |at| edges[at]);
                 if at > before {
@@ -110,7 +111,7 @@ impl Row {
         (self.points, self.texts) = (held, texts);
     }
 
-    /// For a handshake: begin and end of each span, and whether it has been answered.
+    /// For a handshake, returns begin and end of each span, and true if the request was answered.
     pub(super) fn spans(&self, to_us: u64) -> Vec<(u64, u64, bool)> {
         let Style::Handshake(Handshake { request, answer }) = self.style else { return Vec::new() };
         let ends = self.points.iter().skip(1).map(|(time, value)| (*time, *value == i64::from(answer)));
@@ -120,7 +121,7 @@ impl Row {
     }
 }
 
-/// The address with the values that a row at `place` shows.
+/// Returns the address of the register that a row at `place` shows.
 pub fn address_of(place: &NamedLocation) -> Address {
     place.bit_in().map_or(place.address(), |(register, _)| register.address())
 }

@@ -3,13 +3,13 @@
 use super::OCTET_BITS;
 use serde::{Deserialize, Serialize};
 
-/// Octets of data that a telegram carries at most, service access points included.
+/// Maximum number of data octets of a telegram, including service access points.
 pub const MAX_DATA: usize = 246;
 
-/// Octets of the longest telegram.
+/// Number of octets of the longest telegram.
 pub const MAX_OCTETS: usize = 255;
 
-/// Consecutive octets on the line, a valid telegram or not.
+/// Consecutive octets on the line. They need not be a valid telegram.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Burst {
     /// Bit time of the first bit.
@@ -53,15 +53,15 @@ pub struct Frame {
     pub sa: u8,
     /// Function code: [`FunctionCode`](super::FunctionCode).
     pub fc: u8,
-    /// Service access point of the destination; `None`: the default one, which every station has.
+    /// Service access point of the destination; `None` for the default service access point, which every station has.
     pub dsap: Option<u8>,
     /// Service access point of the source.
     pub ssap: Option<u8>,
-    /// The data; with the service access points [`MAX_DATA`] octets at most.
+    /// The data, at most [`MAX_DATA`] octets including the service access points.
     pub data: Vec<u8>,
 }
 
-/// Why octets are not a telegram, or a telegram cannot be sent as octets.
+/// Reason for which octets are not a telegram, or a telegram cannot be sent as octets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TelegramError {
     /// No telegram begins with this octet.
@@ -70,12 +70,12 @@ pub enum TelegramError {
     /// There are no octets.
     #[error("there are no octets")]
     Empty,
-    /// The count of octets does not match the start delimiter or the length.
+    /// The number of octets does not match the start delimiter or the length.
     #[error("{found} octets where there must be {expected}")]
     Length {
-        /// Count found.
+        /// Number of octets.
         found: usize,
-        /// Count expected.
+        /// Expected number of octets.
         expected: usize,
     },
     /// The two copies of the length differ, or the length is invalid.
@@ -84,9 +84,9 @@ pub enum TelegramError {
     /// The check sum is wrong.
     #[error("the check sum is 16#{found:02X}; it must be 16#{expected:02X}")]
     Sum {
-        /// The value found.
+        /// Check sum of the telegram.
         found: u8,
-        /// The right one.
+        /// Correct check sum.
         expected: u8,
     },
     /// The telegram has a wrong end delimiter.
@@ -98,7 +98,7 @@ pub enum TelegramError {
 }
 
 impl Frame {
-    /// The octets after the function code.
+    /// Returns the octets after the function code.
     fn unit(&self) -> impl Iterator<Item = u8> {
         self.dsap.into_iter().chain(self.ssap).chain(self.data.iter().copied())
     }
@@ -108,7 +108,7 @@ impl Frame {
         [self.da & 0x7F | flag(self.dsap), self.sa & 0x7F | flag(self.ssap), self.fc]
     }
 
-    /// A frame of the octets from the destination on, without check sum.
+    /// Parses the octets from the destination address up to the check sum, exclusive.
     fn parse(octets: &[u8]) -> Option<Self> {
         let (&[da, sa, fc], mut data) = octets.split_first_chunk()?;
         let mut sap = |address: u8| {
@@ -128,7 +128,7 @@ fn sum(octets: &[u8]) -> u8 {
     octets.iter().fold(0, |sum, octet| sum.wrapping_add(*octet))
 }
 
-/// The octets between the start delimiter and the end, if sum and end are right.
+/// Returns the octets between the start delimiter and the check sum, if check sum and end delimiter are correct.
 fn checked(octets: &[u8], head: usize, expected: usize) -> Result<&[u8], TelegramError> {
     let wrong = TelegramError::Length { found: octets.len(), expected };
     if octets.len() != expected {
@@ -150,7 +150,7 @@ impl Telegram {
     /// Parses octets that are exactly one telegram.
     ///
     /// # Errors
-    /// [`TelegramError`] describes the error; a station does not answer such octets.
+    /// [`TelegramError`] describes the error. A station does not answer such octets.
     pub fn parse(octets: &[u8]) -> Result<Self, TelegramError> {
         let (start, found) = (*octets.first().ok_or(TelegramError::Empty)?, octets.len());
         let frame = |inner: &[u8]| {
@@ -183,7 +183,7 @@ impl Telegram {
         }
     }
 
-    /// The octets of the telegram.
+    /// Returns the octets of the telegram.
     ///
     /// # Errors
     /// [`TelegramError::TooLong`].
@@ -215,8 +215,8 @@ impl Telegram {
     }
 }
 
-/// Returns the number of octets of the first telegram in a stream of octets; `None` if more octets are needed. Octets that
-/// begin no telegram are taken together with all following ones.
+/// Returns the number of octets of the first telegram in a stream of octets; `None` if more octets are needed. If the
+/// stream does not begin with a telegram, returns the number of all its octets.
 #[must_use]
 pub fn octets_of_first(stream: &[u8]) -> Option<usize> {
     let expected = match *stream.first()? {

@@ -1,13 +1,13 @@
-//! The function code of a telegram: the request and its frame count bit, or the kind of answer.
+//! The function code of a telegram. It contains the request and its frame count bit, or the kind of answer.
 
-/// The service that a request asks for.
+/// The service that a telegram requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
     /// Send data without an acknowledgement.
     Sdn,
-    /// Send and request data: the answer carries some.
+    /// Send and request data. The answer has data.
     Srd,
-    /// Send data, the answer is a receipt.
+    /// Send data. The answer is a receipt.
     Sda,
     /// Request the status of the station.
     FdlStatus,
@@ -20,9 +20,9 @@ pub enum Answer {
     Ok,
     /// Data.
     Low,
-    /// Data, and data of high priority are pending: a diagnosis.
+    /// Data. Further data of high priority, a diagnosis, are pending.
     High,
-    /// The service does not exist here, or not now.
+    /// The station does not have the service, or not at present.
     NotActivated,
 }
 
@@ -33,7 +33,7 @@ pub enum FunctionCode {
     Request {
         /// The service of the request.
         request: Request,
-        /// Frame count bit: changes with each new request, so that a slave recognizes a repetition.
+        /// Frame count bit. It changes with each new request, so that a slave recognizes repetitions.
         fcb: bool,
         /// True if the frame count bit is valid.
         fcv: bool,
@@ -53,19 +53,19 @@ const FCV: u8 = 0x10;
 /// A bit that no request and no answer has.
 const RESERVED: u8 = 0x80;
 
-/// The low bits of requests without an answer: a time event, SDN of low and of high priority.
+/// The low bits of requests without an answer: a time event, and SDN of low and of high priority.
 const UNANSWERED: [u8; 3] = [0x00, 0x04, 0x06];
 
 impl FunctionCode {
-    /// Returns true if a telegram with this octet is an answer. A master in a token ring answers with codes that are
-    /// [`FunctionCode::Other`], since bits 4 and 5 of its answers give the type of station.
+    /// Returns true if a telegram with this octet is an answer. The answers of a master in a token ring are
+    /// [`FunctionCode::Other`], because their bits 4 and 5 give the type of station.
     #[must_use]
     pub const fn is_answer(octet: u8) -> bool {
         octet & (RESERVED | IS_REQUEST) == 0
     }
 
-    /// Returns true if a telegram with this octet is a request that a station must answer, also one that no slave of
-    /// commram supports.
+    /// Returns true if a telegram with this octet is a request that a station must answer. This includes requests that
+    /// no slave of commram supports.
     #[must_use]
     pub const fn wants_answer(octet: u8) -> bool {
         let [time_event, low, high] = UNANSWERED;

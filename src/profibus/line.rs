@@ -3,7 +3,7 @@
 use super::Telegram;
 use serde::{Deserialize, Serialize};
 
-/// How a transmission reaches the stations.
+/// Receivers of a transmission.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Passage {
     /// All other stations receive it.
@@ -11,7 +11,7 @@ pub enum Passage {
     Normal,
     /// No station receives it.
     Lost,
-    /// All stations receive a copy of an earlier transmission, which its sender does not send.
+    /// All stations receive this copy of an earlier transmission. Its sender does not send the copy.
     Copy,
 }
 
@@ -22,31 +22,31 @@ pub struct Sending {
     pub sender: usize,
     /// Bit time of the first bit.
     pub begin: u64,
-    /// Bit time after the last one.
+    /// Bit time after the last bit.
     pub end: u64,
     /// The octets.
     pub octets: Vec<u8>,
-    /// Another station was sending at the same time, so that no station can decode it.
+    /// True if another station was sending at the same time. No station can then decode the octets.
     pub is_garbled: bool,
-    /// How the transmission reaches the stations.
+    /// Stations that receive the transmission.
     pub passage: Passage,
 }
 
 /// The line.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Line {
-    /// Sorted by their ends.
+    /// The transmissions in progress, sorted by their ends.
     sendings: Vec<Sending>,
     idle_since: u64,
 }
 
 impl Line {
-    /// `sender` begins to send. A transmission at the same time as another one garbles both.
+    /// Begins a transmission of `sender`. Two transmissions at the same time garble each other.
     pub fn begin(&mut self, sender: usize, at: u64, octets: Vec<u8>) {
         self.begin_with(sender, at, octets, Passage::Normal);
     }
 
-    /// As [`Line::begin`], with another passage.
+    /// Begins a transmission like [`Line::begin`], with another [`Passage`].
     pub fn begin_with(&mut self, sender: usize, at: u64, octets: Vec<u8>, passage: Passage) {
         let end = at.saturating_add(Telegram::bits(octets.len()));
         let mut is_garbled = false;
@@ -58,13 +58,13 @@ impl Line {
         self.sendings.insert(place, Sending { sender, begin: at, end, octets, is_garbled, passage });
     }
 
-    /// End of the next transmission to end, in bit times; `None` if the line is idle.
+    /// End of the transmission that ends next, in bit times; `None` if the line is idle.
     #[must_use]
     pub fn next_end(&self) -> Option<u64> {
         self.sendings.first().map(|sending| sending.end)
     }
 
-    /// The transmission that ends next, if it has ended at bit time `now`.
+    /// Removes and returns the transmission that ends next, if it has ended at bit time `now`.
     pub fn end(&mut self, now: u64) -> Option<Sending> {
         self.sendings.first().filter(|sending| sending.end <= now)?;
         let sending = self.sendings.remove(0);
@@ -72,7 +72,7 @@ impl Line {
         Some(sending)
     }
 
-    /// Cuts off the transmission of `sender`: no station can decode it.
+    /// Stops the transmission of `sender` before its end. No station can then decode it.
     pub fn cut_off(&mut self, sender: usize) {
         self.sendings.iter_mut().filter(|it| it.sender == sender).for_each(|it| it.is_garbled = true);
     }

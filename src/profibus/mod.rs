@@ -1,9 +1,9 @@
-//! PROFIBUS (IEC 61158 type 3), data link layer: telegrams, function codes, bit times, one line that all stations
-//! hear.
+//! The data link layer of PROFIBUS (IEC 61158 type 3): telegrams, function codes, bit times, and a line that all
+//! stations hear.
 //!
-//! The module knows no device and no application; its users define the meaning of octets after the head of a
-//! telegram. Everything here is pure: no I/O, no clock. Times are counted in bits, as in the standard, and converted
-//! to microseconds at the edge of a plant.
+//! The module knows no device and no application. Its users define the meaning of octets after the head of a telegram.
+//! It uses no I/O and no clock. Times are in bit times, as in the standard. The plant uses microseconds, so times are
+//! converted at its interface.
 
 mod frame;
 mod function;
@@ -17,14 +17,14 @@ pub use line::{Line, Passage, Sending};
 pub use rate::BusRate;
 pub use responder::{Reaction, Responder};
 
-/// The address that every station listens to.
+/// The address for requests to all stations.
 pub const BROADCAST: u8 = 127;
 
 /// Idle time before a request, T_SYN, in bit times.
 pub const SYN_BITS: u64 = 33;
 
-/// The least time between a request and its answer, in bit times.
+/// Shortest time between a request and its answer, in bit times.
 pub const MIN_TSDR_BITS: u64 = 11;
 
-/// Bits of an octet on the line: start, eight of data, parity, stop.
+/// Number of bits of an octet on the line: start bit, eight data bits, parity bit, stop bit.
 pub const OCTET_BITS: u64 = 11;

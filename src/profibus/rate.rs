@@ -1,11 +1,11 @@
-//! Bit rates, and bit times against the microseconds of a plant.
+//! Bit rates, and the conversion between bit times and the microseconds of a plant.
 
-/// A rate that PROFIBUS has.
+/// A bit rate of PROFIBUS.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct BusRate(u32);
 
 impl BusRate {
-    /// All of them, in bit/s.
+    /// All bit rates, in bit/s.
     pub const ALL: [BusRate; 11] = [
         BusRate(9_600),
         BusRate(19_200),
@@ -32,8 +32,8 @@ impl BusRate {
         self.0
     }
 
-    /// Longest wait of a master for the start of an answer, in bit times: more than the largest T_SDR of a slave at
-    /// this rate.
+    /// Longest time that a master waits for the start of an answer, in bit times. It is longer than the largest T_SDR
+    /// of a slave at this rate.
     #[must_use]
     pub const fn slot_bits(self) -> u64 {
         match self.0 {

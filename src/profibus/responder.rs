@@ -1,18 +1,18 @@
-//! The data link layer of a station that only answers: filters its requests, and recognizes repetitions of answered
-//! ones.
+//! The data link layer of a station that only answers. It filters the requests to the station, and recognizes
+//! repetitions of answered requests.
 
 use super::{Answer, BROADCAST, Frame, FunctionCode, Request, Telegram};
 use crate::snapshot_fields;
 use serde::{Deserialize, Serialize};
 
-/// What the user of the station has to do about a request.
+/// Result of a request, for the user of the station.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Reaction {
     /// The request is for another station.
     Nothing,
-    /// The answer: a status, or the earlier answer to the same request.
+    /// The station answers with this telegram: a status, or the earlier answer to the same request.
     Answered(Telegram),
-    /// A new request; the user answers it with [`Responder::answer`].
+    /// A new request. The user answers it with [`Responder::answer`].
     Asked(Frame),
     /// A request without an answer.
     Delivered(Frame),
@@ -41,7 +41,7 @@ impl Responder {
         self.address
     }
 
-    /// A telegram has come.
+    /// Called when a telegram has come.
     pub fn heard(&mut self, telegram: Telegram) -> Reaction {
         let Telegram::Frame(frame) = telegram else { return Reaction::Nothing };
         let FunctionCode::Request { request, fcb, fcv, .. } = FunctionCode::parse(frame.fc) else {
@@ -63,7 +63,8 @@ impl Responder {
         }
     }
 
-    /// The answer to `request`, which is kept for a master that has not received it.
+    /// Returns the answer to `request`. The answer is kept, because the master repeats the request if it has not
+    /// received the answer.
     pub fn answer(&mut self, request: &Frame, answer: Telegram) -> Telegram {
         if let FunctionCode::Request { fcb, .. } = FunctionCode::parse(request.fc) {
             self.last = Some((request.sa, fcb, answer.clone()));
@@ -71,14 +72,14 @@ impl Responder {
         answer
     }
 
-    /// An answer without data.
+    /// Returns an answer without data.
     #[must_use]
     pub fn short(&self, da: u8, answer: Answer) -> Telegram {
         let fc = FunctionCode::Answer(answer).octet();
         Telegram::Frame(Frame { da, sa: self.address, fc, dsap: None, ssap: None, data: Vec::new() })
     }
 
-    /// An answer with data to `request`, from the service access points that it went to.
+    /// Returns an answer with data to `request`, with the service access points of the request.
     #[must_use]
     pub fn data(&self, request: &Frame, answer: Answer, data: Vec<u8>) -> Telegram {
         let fc = FunctionCode::Answer(answer).octet();

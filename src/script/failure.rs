@@ -58,7 +58,7 @@ pub struct Failure {
     pub time_us: u64,
     /// The section of the scenario.
     pub section: Option<String>,
-    /// Count of findings of the access checker.
+    /// Number of findings of the access checker.
     pub findings: u64,
     /// The first findings, a line each.
     pub first_findings: Vec<String>,

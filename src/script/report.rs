@@ -71,7 +71,7 @@ pub struct Step {
     pub name: Option<String>,
     /// Emulated time at its beginning, in microseconds.
     pub from_us: u64,
-    /// Count of expectations that were reached.
+    /// Number of expectations that were reached.
     pub expectations: u64,
 }
 
@@ -86,7 +86,7 @@ pub struct FoundLine {
     pub rule: String,
     /// The register.
     pub register: String,
-    /// Count of occurrences.
+    /// Number of occurrences.
     pub count: u64,
     /// The error, and the right use.
     pub text: String,
@@ -113,7 +113,7 @@ pub struct Report {
     pub plant: String,
     /// Outcome of the scenario.
     pub outcome: Outcome,
-    /// Count of expectations that were reached.
+    /// Number of expectations that were reached.
     pub expectations: u64,
     /// Emulated duration in microseconds; unknown for a scenario that died.
     pub emulated_us: Option<u64>,

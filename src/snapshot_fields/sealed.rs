@@ -3,7 +3,7 @@
 use super::{Damaged, Saved, Saving};
 use twox_hash::XxHash3_64;
 
-/// Bytes of the checksum.
+/// Number of bytes of the checksum.
 const CHECKSUM: usize = size_of::<u64>();
 
 /// Appends the header: `magic`, the number of the format, the version of commram.

@@ -100,7 +100,7 @@ pub(crate) fn is_gone(pid: rustix::process::Pid) -> bool {
 
 /// The files of one instance.
 pub(crate) struct InstanceFiles {
-    /// Removes the files at the end; `None` in a child process.
+    /// Directory that is removed at the end; `None` in a child process.
     owned: Option<TempDir>,
     pub directory: PathBuf,
     pub instance: String,

@@ -19,7 +19,7 @@ pub(super) mod number {
     pub(in crate::devices::can_dp2) const DATA: u16 = 251;
 }
 
-/// Octets of a segment; the last one may be shorter (p. 54).
+/// Number of octets of a segment; the last one may be shorter (p. 54).
 pub(super) const SEGMENT: usize = 32;
 
 /// Octets before the content of a page: in its first segment, and in each other segment (p. 55, 59).
@@ -30,7 +30,7 @@ const NUMBER: usize = 2;
 pub(super) const COUNTER: usize = 2;
 pub(super) const RESULT: usize = 3;
 
-/// Octets of a record that defines an identifier (p. 57-58), and of the mark after the last record.
+/// Number of octets of a record that defines an identifier (p. 57-58), and of the mark after the last record.
 pub(super) const RECORD: usize = 6;
 pub(super) const MARK: usize = 4;
 

@@ -10,10 +10,10 @@ use crate::layout::Width;
 use crate::memory::header::{ProgramState, Project, Start};
 use crate::memory::{Cell16, Cell32, FirmwareHeader, MemoryError, Segment, View};
 
-/// Bytes of the retain flags, %MB0 to %MB255 (p. 107).
+/// Number of bytes of the retain flags, %MB0 to %MB255 (p. 107).
 pub(super) const RETAIN_BYTES: usize = 256;
 
-/// Bytes of the operating system's area (p. 154) after the flags with names.
+/// Number of bytes of the operating system's area (p. 154) after the flags with names.
 pub(super) const UNNAMED: usize = 256 - size_of::<CS0015_FLAGS>();
 
 /// The structures of the image that the firmware uses.

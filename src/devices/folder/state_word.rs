@@ -8,7 +8,7 @@ use std::path::Path;
 #[cfg(feature = "script")]
 pub(super) const NAME: &str = "front.script";
 
-/// Bytes of the front in the header page.
+/// Number of bytes of the front in the header page.
 const FRONT_BYTES: u32 = 256;
 
 fn decision() -> Provenance {

@@ -1,4 +1,4 @@
-//! The sections of the objects, with the entries that CiA 306 requires beside those of the device.
+//! The sections of the objects, including entries that the device does not have but CiA 306 requires.
 
 use super::IDENTITY;
 use crate::layout::object::{Access, Default, Type};
@@ -31,7 +31,7 @@ pub(super) struct Dictionary<'a> {
 }
 
 impl<'a> Dictionary<'a> {
-    /// `objects` are in ascending order.
+    /// Creates a dictionary of `objects`, which are in ascending order.
     pub(super) fn new(objects: &'a [&'a Object]) -> Self {
         let mut dictionary = Self { objects, carriers: carriers(objects), names: HashMap::new() };
         for index in dictionary.indices() {

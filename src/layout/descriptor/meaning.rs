@@ -8,13 +8,13 @@ use core::fmt;
 pub struct Meaning {
     /// Name in the layout files.
     pub name: &'static str,
-    /// Pages of the manual; empty if it states no meaning.
+    /// Pages of the manual; empty if the manual states no meaning.
     pub page: &'static str,
     /// The values of a request and of its answer, if the registers are handshakes.
     pub handshake: Option<Handshake>,
-    /// Values with a meaning as a whole; they have priority over the bits.
+    /// Meanings of whole values. They have priority over the meanings of bits.
     pub values: &'static [ValueMeaning],
-    /// Fields of bits, described in ascending order.
+    /// Bits and fields of bits with a meaning, in ascending order.
     pub bits: &'static [BitField],
 }
 
@@ -34,18 +34,18 @@ pub struct ValueMeaning {
     pub id: &'static str,
     /// First value.
     pub first: u32,
-    /// Last value; equal to `first` for a single one.
+    /// Last value; equal to `first` for a single value.
     pub last: u32,
-    /// The meaning; `{}` is replaced by the value.
+    /// The meaning. `{}` is replaced by the value.
     pub text: &'static str,
-    /// True if the manual reserves it.
+    /// True if the manual reserves the value.
     pub reserved: bool,
     /// Source of the meaning.
     pub source: Provenance,
 }
 
 impl Meaning {
-    /// The meaning of `value` as a whole, if it is known.
+    /// Returns the meaning of `value` as a whole, if it is known.
     #[must_use]
     pub fn value(&self, value: u32) -> Option<&'static ValueMeaning> {
         ValueMeaning::find(self.values, value)
@@ -57,7 +57,7 @@ impl ValueMeaning {
         known.iter().find(|known| known.first <= value && value <= known.last)
     }
 
-    /// The meaning with `{}` replaced by `value`, followed by the decision that it is based on.
+    /// Returns the meaning with `{}` replaced by `value`, followed by the decision on which it is based.
     #[must_use]
     pub fn text_for(&self, value: impl fmt::Display) -> String {
         let text = self.text.replace("{}", &value.to_string());
@@ -75,19 +75,19 @@ pub struct BitField {
     pub id: &'static str,
     /// Lowest bit.
     pub first: u8,
-    /// Highest bit; equal to `first` for a single one.
+    /// Highest bit; equal to `first` for a single bit.
     pub last: u8,
     /// Short name.
     pub name: &'static str,
-    /// Meaning of a single bit with value 0; empty: not worth mentioning.
+    /// Meaning of a single bit with value 0; empty if descriptions do not mention this value.
     pub zero: &'static str,
     /// Meaning of a single bit with value 1.
     pub one: &'static str,
-    /// Meaning of a field; `{}` is replaced by its value.
+    /// Meaning of a field. `{}` is replaced by the value of the field.
     pub text: &'static str,
     /// Meanings of single values of a field.
     pub values: &'static [ValueMeaning],
-    /// True if the meaning continues the one before, without a comma.
+    /// True if the text continues the text of the previous field without a comma.
     pub joined: bool,
     /// True if the manual reserves the bits.
     pub reserved: bool,
@@ -96,13 +96,13 @@ pub struct BitField {
 }
 
 impl BitField {
-    /// The field's bits in place.
+    /// Mask of the field's bits.
     #[must_use]
     pub const fn mask(&self) -> u32 {
         (u32::MAX >> (31 - (self.last - self.first))) << self.first
     }
 
-    /// The field's part of a register value.
+    /// Returns the value of the field in a register value.
     #[must_use]
     pub const fn of(&self, value: u32) -> u32 {
         (value & self.mask()) >> self.first

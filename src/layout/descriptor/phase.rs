@@ -1,18 +1,18 @@
-//! Phases: which of the structures that overlay each other is valid.
+//! Phases. The phase decides which of several overlaid structures is valid.
 
 use super::{Area, Provenance};
 
-/// The phase in which a structure is valid. Structures may overlay each other, for example the one for the
-/// initialization of a port and the one for its operation.
+/// The phase in which a structure is valid. Structures may overlay each other, for example the structure for the
+/// initialization of a port and the structure for its operation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "emulator", derive(serde::Serialize, serde::Deserialize))]
 pub struct RegisterPhase(u8);
 
 impl RegisterPhase {
-    /// Always: the phase of structures that no other one overlays.
+    /// The phase of structures that are always valid, because no other structure overlays them.
     pub const ALWAYS: Self = Self(0);
 
-    /// Phase `number` of the layout's phases, from 1; 0 is [`ALWAYS`](Self::ALWAYS).
+    /// Returns phase `number` of the layout's phases, from 1; 0 is [`ALWAYS`](Self::ALWAYS).
     #[must_use]
     pub const fn numbered(number: u8) -> Self {
         Self(number)
@@ -33,7 +33,7 @@ impl RegisterPhase {
 
 /// The phases of a layout, and the register that shows them.
 pub struct Phases {
-    /// Name of the register, which each structure with a phase has at the same offset.
+    /// Name of the register. Each structure with a phase has it at the same offset.
     pub register: &'static str,
     /// Source of the values.
     pub source: Provenance,
@@ -45,15 +45,15 @@ pub struct Phases {
 pub struct Phase {
     /// Name of the phase in layouts and exported files.
     pub name: &'static str,
-    /// First value of the register in this phase, which ends before the first value of the next one.
+    /// First value of the register in this phase. The phase ends before the first value of the next phase.
     pub from: u32,
     /// The end of a sentence that begins "Valid".
     pub doc: &'static str,
 }
 
 impl Area {
-    /// The phase while the register that shows it has the value `status`; `None`: the value is not known, and the last
-    /// phase is assumed, in which a device is operated.
+    /// Returns the phase if the register that shows the phase has the value `status`. If the value is not known
+    /// (`None`), returns the last phase, in which a device is operated.
     #[must_use]
     pub fn phase(&self, status: Option<u32>) -> RegisterPhase {
         let Some(phases) = self.phases else { return RegisterPhase::ALWAYS };
@@ -61,7 +61,7 @@ impl Area {
         RegisterPhase::numbered(phases.phases.partition_point(|phase| phase.from <= status) as u8)
     }
 
-    /// The first phase, in which a device is at power-on.
+    /// The first phase. A device is in this phase at power-on.
     #[must_use]
     pub fn first_phase(&self) -> RegisterPhase {
         self.phase(Some(0))

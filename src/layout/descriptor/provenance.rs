@@ -5,16 +5,16 @@ use core::fmt;
 /// Source of a fact of the layout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Provenance {
-    /// The manual states it, on the page given beside it.
+    /// The manual states the fact, on the given page.
     Manual,
-    /// Another document states it: a manual with its page, or the vendor's type library.
+    /// Another document states the fact: a manual with its page, or the vendor's type library.
     Documented(&'static str),
-    /// The manual does not state it; the named decision of the project gives the reason.
+    /// The manual does not state the fact. The decision of the project with this number gives the reason.
     Inferred(&'static str),
 }
 
 impl Provenance {
-    /// The decision that the fact follows from; `None` if it is documented.
+    /// The decision from which the fact follows; `None` if the fact is documented.
     #[must_use]
     pub const fn decision(self) -> Option<&'static str> {
         match self {
@@ -23,7 +23,7 @@ impl Provenance {
         }
     }
 
-    /// `manual`, or which facts follow from which decision: `offset D-02, reset D-320`.
+    /// Returns `manual`, or the inferred facts with their decisions: `offset D-02, reset D-320`.
     #[must_use]
     pub fn summary(facts: &[(&str, Self)]) -> String {
         let inferred: Vec<_> =

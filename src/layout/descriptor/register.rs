@@ -6,13 +6,14 @@ use core::fmt;
 /// A register, or an array of registers.
 #[derive(Debug)]
 pub struct Register {
-    /// Sub-structure the register belongs to, for example `a_DATA_PARAMETER`, else empty.
+    /// Name of the sub-structure to which the register belongs, for example `a_DATA_PARAMETER`; empty without a
+    /// sub-structure.
     pub group: &'static str,
-    /// Type name of the sub-structure, else empty.
+    /// Type name of the sub-structure; empty without a sub-structure.
     pub group_type: &'static str,
-    /// Source of that type name.
+    /// Source of the sub-structure's type name.
     pub group_type_from: Provenance,
-    /// Size of one sub-structure in bytes, else 0.
+    /// Size of a sub-structure in bytes; 0 without a sub-structure.
     pub group_bytes: u32,
     /// The vendor's name, for example `w_CPU_CONTROL`.
     pub name: &'static str,
@@ -20,13 +21,14 @@ pub struct Register {
     pub ty: RegType,
     /// Offset of the (first) register in the structure, in bytes.
     pub offset: u32,
-    /// Array bounds of the sub-structure, then those of the register itself; two at most.
+    /// Array bounds of the sub-structure, followed by the array bounds of the register itself; at most two.
     pub dims: &'static [Dim],
-    /// Count of `dims` that are dimensions of the sub-structure.
+    /// Number of `dims` that are dimensions of the sub-structure.
     pub group_dims: usize,
-    /// The vendor's name of the whole array's type, if it does not follow the pattern of the others; else empty.
+    /// The vendor's name for the type of the whole array; empty if this name follows from the element's name and the
+    /// number of elements.
     pub array_type: &'static str,
-    /// The register's name in another place of the vendor's manual; else empty. The name is accepted as input but
+    /// Another name of the register in the vendor's manual; empty if there is none. The name is accepted as input, but
     /// never shown.
     pub also: &'static str,
     /// Writer of the register.
@@ -37,7 +39,7 @@ pub struct Register {
     pub reserved: bool,
     /// Purpose of the register.
     pub doc: &'static str,
-    /// Pages of the manual; for a register of a sub-structure, the pages for its use in this structure.
+    /// Pages of the manual. For a register of a sub-structure, these are the pages for its use in this structure.
     pub page: &'static str,
     /// Meanings of the values; `None` for plain numbers.
     pub meaning: Option<&'static Meaning>,
@@ -54,7 +56,8 @@ pub struct Register {
 }
 
 impl Register {
-    /// Every fact about the register itself with its source; those of its meaning have their own.
+    /// The facts about the register itself, each with its source. The meaning is not included, because it has its own
+    /// sources.
     #[must_use]
     pub const fn facts(&self) -> [(&'static str, Provenance); 5] {
         [
@@ -66,7 +69,7 @@ impl Register {
         ]
     }
 
-    /// `manual`, or which facts follow from which decision: `offset D-02, reset D-320`.
+    /// Returns `manual`, or the inferred facts with their decisions: `offset D-02, reset D-320`.
     #[must_use]
     pub fn provenance(&self) -> String {
         Provenance::summary(&self.facts())
@@ -76,11 +79,11 @@ impl Register {
 /// A dimension of an array.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Dim {
-    /// Number of elements; indices run from 0.
+    /// Number of elements. Indices begin at 0.
     pub count: u16,
-    /// Elements from this index on are reserved.
+    /// Number of used elements. The elements from this index on are reserved.
     pub used: u16,
-    /// Bytes from element to element.
+    /// Number of bytes from an element to the next.
     pub stride: u32,
 }
 
@@ -129,7 +132,7 @@ pub enum RegType {
 }
 
 impl RegType {
-    /// Width in bytes: 1, 2 or 4. Also the alignment.
+    /// Width in bytes: 1, 2 or 4. It is also the alignment.
     #[must_use]
     pub const fn width(self) -> u32 {
         match self {
@@ -167,7 +170,7 @@ impl RegType {
         u32::MAX >> (32 - 8 * self.width())
     }
 
-    /// The number that `value`, a bit pattern of this type, represents.
+    /// Returns the number for `value`, which is a bit pattern of this type.
     #[must_use]
     pub const fn number(self, value: u32) -> i64 {
         match self {

@@ -4,14 +4,14 @@ use super::super::nearest::did_you_mean;
 use super::{Area, Block, DeviceFit, Fit, LayoutError, RegisterRef};
 use std::collections::BTreeSet;
 
-/// Maximum count of names in the message about an ambiguous one.
+/// Maximum number of names in the message about an ambiguous name.
 const MOST_TOLD: usize = 6;
 
-/// A name in its parts.
+/// A name that is split at the first dot.
 pub(super) enum Split<'a> {
     /// The block before the first dot, and the text after it.
     Block(Block, &'a str),
-    /// The text before the first dot is unknown: the whole text may be a register's name alone.
+    /// The text before the first dot is not a block. The whole text may be the name of a register without an area.
     Unqualified,
 }
 
@@ -43,21 +43,21 @@ impl<'a> Split<'a> {
     }
 }
 
-/// The target of a text that may name a whole area.
+/// The target of a text that can mean a whole area.
 #[derive(Debug)]
 pub enum AreaOrRegisters {
     /// The area.
     Area(&'static Area),
-    /// Registers, as [`DeviceFit::registers`] finds them.
+    /// The registers that [`DeviceFit::registers`] finds.
     Registers(Vec<RegisterRef>),
 }
 
 impl DeviceFit {
-    /// The area or the registers that `name` covers.
+    /// Returns the area or the registers that `name` means.
     ///
     /// # Errors
-    /// The errors of [`DeviceFit::registers`]; [`LayoutError::UnknownArea`] if `name` looks more like the name of an
-    /// area.
+    /// The errors of [`DeviceFit::registers`], and [`LayoutError::UnknownArea`] if `name` looks more like the name of
+    /// an area.
     pub fn area_or_registers(&self, name: &str) -> Result<AreaOrRegisters, LayoutError> {
         let area = match self.device().area(name) {
             Ok(area) => return Ok(AreaOrRegisters::Area(area)),
@@ -76,14 +76,14 @@ impl DeviceFit {
             .map_err(|refusal| self.without_percent(name).unwrap_or(refusal))
     }
 
-    /// The result of `look` in the only area in which it finds one.
+    /// Returns the result of `look`, if `look` finds something in exactly one area.
     pub(super) fn only<T>(
         &self,
         name: &str,
         look: impl Fn(&Block) -> Result<T, LayoutError>,
     ) -> Result<T, LayoutError> {
         let mut found = Vec::new();
-        // An index out of range is a better message than a missing register in the other areas.
+        // If an index is out of range in one area, this error is more helpful than a missing register in other areas.
         let mut refusal = None;
         for area in self.device().named_areas().filter(|area| self.area(area) != Fit::Empty) {
             match look(&Block { area, fit: self.area(area), only: None }) {
@@ -106,7 +106,7 @@ impl DeviceFit {
         found.pop().map(|(_, one)| one).ok_or_else(nowhere)
     }
 
-    /// The error that no area has a register of this name.
+    /// Returns the error that no area has a register of this name.
     fn unknown_everywhere(&self, name: &str) -> LayoutError {
         let areas = || self.device().named_areas().filter(|area| self.area(area) != Fit::Empty);
         let placed = areas().flat_map(|area| self.placed(area));

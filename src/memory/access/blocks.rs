@@ -4,7 +4,7 @@
 use super::MemoryValue;
 use crate::memory::cell::Cell64;
 
-/// Words of a [`Block`].
+/// Number of words of a [`Block`].
 const BLOCK: usize = 16;
 
 /// A private copy of sixteen words, in the order and byte order of the registers, to be compared with the present

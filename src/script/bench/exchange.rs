@@ -15,17 +15,17 @@ use crate::time::seconds;
 use core::ops::Range;
 use std::collections::{HashMap, HashSet};
 
-/// Count of journal records that are searched.
+/// Number of journal records that are searched.
 const LOOK_BACK: u64 = 4096;
 /// Number of lines at the end that are always in the picture.
 const LAST: usize = 24;
 /// Maximum count of lines in the picture.
 const MOST: usize = 72;
-/// Count of steps that are shown before and after each selected step.
+/// Number of steps that are shown before and after each selected step.
 const BESIDE: usize = 2;
-/// Count of steps before the first finding.
+/// Number of steps before the first finding.
 const BEFORE_FINDING: usize = 8;
-/// Count of repetitions that are shown of each handshake.
+/// Number of repetitions that are shown of each handshake.
 const REPETITIONS: usize = 2;
 /// Maximum length, in steps, of a pattern that can be shown once for several repetitions.
 const LONGEST: usize = 24;

@@ -10,7 +10,7 @@ use crate::script::{ScenarioError, Span};
 use crate::time::{seconds, short};
 use core::panic::Location;
 
-/// Count of frames in a failure.
+/// Number of frames in a failure.
 const LAST_FRAMES: usize = 6;
 
 /// A frame that was on a bus.

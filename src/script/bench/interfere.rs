@@ -77,7 +77,7 @@ impl Bench {
         self.required.iter_mut().for_each(|it| it.place = Some(place.clone()));
     }
 
-    /// Count of faults that must take effect.
+    /// Number of faults that must take effect.
     pub(in crate::script) fn required_faults(&self) -> usize {
         self.required.len()
     }

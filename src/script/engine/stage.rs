@@ -18,7 +18,7 @@ pub(crate) struct Stage {
     pub(super) directory: PathBuf,
     /// Longest emulated time, in microseconds.
     limit_us: u64,
-    /// Count of expectations.
+    /// Number of expectations.
     pub(super) expectations: u64,
     /// The plant file, if the plant was read from a file.
     plant_file: Option<PathBuf>,
@@ -60,7 +60,7 @@ impl Stage {
         self.bench.as_ref().and_then(Bench::journal_hash)
     }
 
-    /// Count of expectations.
+    /// Number of expectations.
     pub(crate) fn expectations(&self) -> u64 {
         self.expectations
     }

@@ -157,7 +157,7 @@ struct Player<'a> {
     log: &'a [AddressedMessage],
     /// Time of the first frame.
     start_us: u64,
-    /// Count of frames that the buses have accepted.
+    /// Number of frames that the buses have accepted.
     accepted: usize,
     /// Number of frames that have ended on their bus.
     left: usize,

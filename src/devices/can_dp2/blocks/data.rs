@@ -3,7 +3,7 @@
 use crate::devices::can_dp2::registers::gsd;
 use std::collections::BTreeMap;
 
-/// Octets in each direction.
+/// Number of octets in each direction.
 const OCTETS: usize = gsd::MAX_OUTPUT_LEN as usize;
 
 /// Outputs to the gateway and inputs from it. The blocks address them from 0 on, in the order of the gateway's modules

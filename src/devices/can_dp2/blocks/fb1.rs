@@ -18,7 +18,7 @@ pub mod initialisation {
     pub const RUNS: u16 = 0xFFFF;
 }
 
-/// Bytes of an entry, and the index that ends the list (p. 85).
+/// Number of bytes of an entry, and the index that ends the list (p. 85).
 const ENTRY: usize = 10;
 const END: u16 = 0xEEEE;
 

@@ -13,8 +13,8 @@ const IN_DATA: usize = 16;
 /// Marks an existing motor without a list; a missing motor has 0 (p. 76).
 const NO_LIST: u16 = 0xFFFF;
 
-/// Bytes of a motor in the blocks of outputs and inputs: length, `force` or `count_in`, a word, a double word (p.
-/// 82-83).
+/// Number of bytes of a motor in the blocks of outputs and inputs: length, `force` or `count_in`, a word, a double word
+/// (p. 82-83).
 const CELL: usize = 8;
 
 /// Words of KONFIG_DB (p. 81).

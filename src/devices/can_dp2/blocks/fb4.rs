@@ -3,7 +3,7 @@
 use super::Peripherals;
 use crate::plc::{Shared, function_block};
 
-/// Octets of a window.
+/// Number of octets of a window.
 pub(super) const WINDOW: usize = 16;
 
 /// The loop counter.

@@ -6,7 +6,7 @@ use crate::devices::can_dp2::registers::values::{mst_control, mst_dsap, mst_resu
 use crate::devices::can_dp2::registers::{CAN_DP2_MST, gsd};
 use crate::plc::{Base, Shared, function_block};
 
-/// Octets of each direction, and of the diagnosis.
+/// Number of octets of each direction, and of the diagnosis.
 const OCTETS: usize = gsd::MAX_OUTPUT_LEN as usize;
 const DIAG: usize = gsd::MAX_DIAG_DATA_LEN as usize;
 

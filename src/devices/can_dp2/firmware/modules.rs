@@ -13,7 +13,7 @@ pub(in crate::devices::can_dp2) const MODULES: usize = gsd::MAX_MODULE as usize;
 const OCTETS: usize = gsd::MAX_INPUT_LEN as usize;
 const TOGETHER: usize = gsd::MAX_DATA_LEN as usize;
 
-/// Octets of a Communication Window (p. 38).
+/// Number of octets of a Communication Window (p. 38).
 pub(in crate::devices::can_dp2) const WINDOW: usize = 16;
 
 /// The identifier of a Communication Window (p. 38-39), and of an output without CAN (p. 32).
@@ -83,7 +83,7 @@ pub(in crate::devices::can_dp2) enum ModuleFunction {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(in crate::devices::can_dp2) struct Module {
     pub kind: ModuleFunction,
-    /// Octets in the process image, including a counter.
+    /// Number of octets in the process image, including a counter.
     pub length: usize,
     /// Index of the first octet among inputs or outputs.
     pub first: usize,
@@ -117,9 +117,9 @@ pub(in crate::devices::can_dp2) struct Configuration {
     /// Octets as received.
     pub octets: Vec<u8>,
     pub modules: Vec<Module>,
-    /// Octets of all inputs.
+    /// Number of octets of all inputs.
     pub inputs: usize,
-    /// Octets of all outputs.
+    /// Number of octets of all outputs.
     pub outputs: usize,
     /// SYNC time in ms in the comment of a Communication Window (p. 39, 44).
     pub sync_ms: Option<u16>,

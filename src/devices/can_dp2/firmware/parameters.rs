@@ -6,7 +6,7 @@ use crate::devices::can_dp2::registers::values::{
 };
 use serde::{Deserialize, Serialize};
 
-/// Octets of a valid Set_Prm (p. 10, 22).
+/// Number of octets of a valid Set_Prm (p. 10, 22).
 pub(in crate::devices::can_dp2) const LENGTH: usize = 16;
 
 /// Ident number (p. 19, 22).

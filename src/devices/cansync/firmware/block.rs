@@ -6,7 +6,7 @@ use crate::memory::Cell32;
 
 /// Doublewords of the data area (manual 5.00005.03a p. 166).
 const DOUBLEWORDS: usize = 75;
-/// Bytes of the data area (manual 5.00005.03a p. 167).
+/// Number of bytes of the data area (manual 5.00005.03a p. 167).
 pub(super) const MAX_LENGTH: u16 = 4 * DOUBLEWORDS as u16;
 
 /// Returns the bytes of a frame from `offset` on. Bytes after the first `length` read as 0 (decision D-44).

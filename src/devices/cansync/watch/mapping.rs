@@ -9,7 +9,7 @@ use crate::devices::cansync::registers::{
 use crate::devices::cansync::rules;
 use core::mem::offset_of;
 
-/// Words of both frames together.
+/// Number of words of both frames together.
 const WORDS: usize = 8;
 
 /// Checks the mapping of a node.

@@ -12,7 +12,7 @@ use zerocopy::IntoBytes;
 
 /// Length of the parameters.
 const BYTES: usize = size_of::<CS0015_PARAMETERS>();
-/// Bytes that are compared to detect a change: all except the EEPROM, which has a counter of its writes.
+/// Number of bytes that are compared to detect a change: all except the EEPROM, which has a counter of its writes.
 const HEAD: usize = offset_of!(CS0015_PARAMETERS, a_EEPROM);
 
 /// Returns the area of the parameters.

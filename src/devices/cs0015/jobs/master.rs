@@ -15,7 +15,7 @@ const PARAMETERS: u32 = 2;
 const NO_MASTER: u32 = 255;
 /// RESULT of SDOs: finished. An aborted transfer is not finished.
 const FINISHED: u32 = 1;
-/// Bytes of DATA of an SDO: 0 to 255.
+/// Number of bytes in DATA of an SDO (bytes 0 to 255).
 const MOST: u32 = 256;
 
 pub(crate) fn carry_out(desk: JobContext, job: &Job) -> Outcome {
