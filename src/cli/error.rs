@@ -116,6 +116,12 @@ errors! {
         /// All buses of the instance.
         buses: String,
     } => Exit::WrongUse,
+    /// The editor sent something that is no message, or the connection failed.
+    #[error("the connection to the editor: {reason}")]
+    Editor { reason: io::Error } => Exit::WrongUse,
+    /// The editor ended the language server without the request `shutdown`.
+    #[error("the editor sent `exit` without `shutdown` before it")]
+    EditorLeft => Exit::Failed,
     /// No instance of this name is running.
     #[error("instance '{instance}' is not running; start it with `commram run -i {instance}`{running}")]
     NotRunning {

@@ -1,6 +1,6 @@
 //! `commram map`: the register map, which needs no emulator.
 
-mod detail;
+pub(in crate::cli) mod detail;
 pub(in crate::cli) mod entry;
 
 use super::complete;

@@ -26,6 +26,7 @@ mod instance;
 mod layout;
 mod list;
 mod log;
+mod lsp;
 mod man;
 mod map;
 mod new;
@@ -135,6 +136,7 @@ enum Command {
     Export(export::Args),
     Device(device_folder::Args),
     Layout(layout::Args),
+    Lsp(lsp::Args),
     New(new::Args),
     Plant(plant::Args),
     Plot(plot::Args),
@@ -219,6 +221,7 @@ impl Command {
             Command::Export(args) => export::run(&args),
             Command::Device(args) => device_folder::run(&args),
             Command::Layout(args) => layout::run(&args),
+            Command::Lsp(args) => lsp::run(&args),
             Command::New(args) => new::run(&args),
             Command::Plant(args) => plant::run(&args),
             Command::Plot(args) => plot::run(&args),

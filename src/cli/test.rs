@@ -1,5 +1,6 @@
 //! `commram test`: run scenario scripts.
 
+mod events;
 mod html;
 mod line;
 mod merge;
@@ -15,12 +16,13 @@ mod watch;
 use super::demo::Interrupts;
 use super::error::CliError;
 use super::overwrite::refuse_inputs;
-use super::table::{self, Format, FormatArg};
+use super::table::{self, Format};
 use super::{output, time};
 use crate::input_file;
 use crate::output_file;
 use crate::plural::plural;
 use crate::script::{DEFINITIONS, Limits, Outcome, Report, junit, junit_of_shard};
+use events::{Events, Moment};
 use line::{Line, ScenarioRow, summary};
 use process::RunOptions;
 use report_file::ReportFile;
@@ -50,6 +52,7 @@ Examples:
   commram test . --shard 1/3
   commram test merge report-*.xml --output report.xml
   commram test . --watch
+  commram test . --format events
   commram test - <master.rhai
   commram test master.rhai --attach default
   commram test --definitions
@@ -114,8 +117,37 @@ pub(crate) struct Args {
     definitions: Option<PathBuf>,
     #[command(flatten)]
     limits: LimitArgs,
-    #[command(flatten)]
-    format: FormatArg,
+    /// Output format
+    #[arg(long, value_enum, value_name = "FORMAT", default_value_t = TestFormat::Text)]
+    format: TestFormat,
+}
+
+/// Output format of the results.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum TestFormat {
+    /// Lines for people
+    Text,
+    /// An array of objects
+    Json,
+    /// Comma-separated values (RFC 4180) with a head line
+    Csv,
+    /// A Markdown table
+    Md,
+    /// An object per line for each event of a scenario, as it happens
+    Events,
+}
+
+impl TestFormat {
+    /// The format of a table; `None` for events.
+    fn table(self) -> Option<Format> {
+        match self {
+            Self::Text => Some(Format::Text),
+            Self::Json => Some(Format::Json),
+            Self::Csv => Some(Format::Csv),
+            Self::Md => Some(Format::Md),
+            Self::Events => None,
+        }
+    }
 }
 
 impl Args {
@@ -160,7 +192,7 @@ pub(crate) fn run_for_device(
     let files = selection::scenarios(files, &[], None)?;
     let setting = RunOptions { attach: None, device: Some(dir.to_owned()), limits, allow_empty: false };
     let round = Round { setting, jobs: None, fail_fast: false };
-    let (reports, shown) = play_round(&round, &files, (format, None), &interrupts)?;
+    let (reports, shown) = play_round(&round, &files, (Some(format), None), &interrupts)?;
     let ending = if interrupts.any() { Err(CliError::Interrupted) } else { verdict(&reports) };
     first_of(ending, [shown])
 }
@@ -180,7 +212,11 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     check_input(args, &files)?;
     check_outputs(args, files.iter())?;
     if args.list {
-        return list(args.format.format, &files);
+        let format = args.format.table().ok_or_else(|| CliError::Argument {
+            text: "--format events".to_owned(),
+            right: "a list has no events; use --format json".to_owned(),
+        })?;
+        return list(format, &files);
     }
     if args.watch {
         return super::pause::following(|| watch(args, files, &interrupts));
@@ -295,19 +331,27 @@ fn play(
         jobs: if args.attach.is_some() { NonZero::new(1) } else { args.jobs },
         fail_fast: args.fail_fast,
     };
-    play_round(&round, files, (args.format.format, args.shard()), interrupts)
+    play_round(&round, files, (args.format.table(), args.shard()), interrupts)
 }
 
-/// Runs the scenarios of a round, and shows their results.
+/// Runs the scenarios of a round, and shows their results; without a format their events.
 fn play_round(
     round: &Round,
     files: &[PathBuf],
-    (format, shard): (Format, Option<Shard>),
+    (format, shard): (Option<Format>, Option<Shard>),
     interrupts: &Interrupts,
 ) -> Result<(Vec<Report>, Result<(), CliError>), CliError> {
     let mut reports = Vec::with_capacity(files.len());
     let mut shown = Ok(());
-    round.run(files, &|| interrupts.any(), |report| {
+    let Some(format) = format else {
+        let events = Events::default();
+        events.start(files);
+        let heard = |file: &Path, moment: &Moment<'_>| events.moment(file, moment);
+        round.run(files, &|| interrupts.any(), &heard, |report| reports.push(report))?;
+        let shown = events.end(&reports);
+        return Ok((reports, shown));
+    };
+    round.run(files, &|| interrupts.any(), &|_, _| {}, |report| {
         if shown.is_ok() && format == Format::Text {
             shown = output::print_while_read(line::text(&report).as_bytes());
         }

@@ -19,6 +19,7 @@ const FEATURES: &[(&str, bool)] = &[
     ("helics", cfg!(feature = "helics")),
     ("studio", cfg!(feature = "studio")),
     ("web", cfg!(feature = "web")),
+    ("lsp", cfg!(feature = "lsp")),
 ];
 
 /// Returns the text that follows the name of the program.

@@ -78,7 +78,7 @@ impl PlantConfig {
     }
 
     /// As [`PlantConfig::parse`]; relative paths of device folders begin at `base`.
-    fn parse_from(base: &Path, file: &str, text: &str) -> Result<Self, PlantError> {
+    pub(crate) fn parse_from(base: &Path, file: &str, text: &str) -> Result<Self, PlantError> {
         let (config, faults) = file::read(base, file, text)?;
         config.check().map_err(|error| {
             let offset = match &error {

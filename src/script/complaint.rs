@@ -1,6 +1,7 @@
 //! Translates error messages of the script engine into terms of the scenario language.
 
-use super::{spelling, verb::verbs};
+use super::spelling;
+use super::verb::{Verb, verbs};
 use crate::layout::did_you_mean;
 use rhai::{Engine, EvalAltResult, FLOAT, INT};
 use std::borrow::Cow;
@@ -77,12 +78,16 @@ fn no_function(signature: &str) -> String {
     if !is_name(name) {
         return format!("`{name}` does not go with {}", given.join(" and "));
     }
+    no_function_among(name, &given, &verbs())
+}
+
+/// Error: no function has this name, or none takes the `given` types; it may be meant for one of `verbs`.
+pub(super) fn no_function_among(name: &str, given: &[&str], verbs: &[Verb]) -> String {
     if let Some(right) = spelling::call(name) {
         return format!("there is no verb or function `{name}`; write {right}");
     }
-    let verbs = verbs();
     let near = did_you_mean(name, verbs.iter().map(|verb| verb.name));
-    match given.as_slice() {
+    match given {
         [] => format!("there is no verb or function `{name}`{near}"),
         given => format!("there is no verb or function `{name}` of {}{near}", given.join(", ")),
     }

@@ -22,6 +22,10 @@ use rhai::{Array, Dynamic, Engine, EvalAltResult, FnPtr, INT, Map, NativeCallCon
 use std::rc::Rc;
 
 pub(super) use stage::Stage;
+#[cfg(feature = "cli")]
+pub(crate) use stage::is_plant_text;
+#[cfg(feature = "cli")]
+pub(super) use wrong::wrong_count;
 
 type Fallible<T> = Result<T, Box<EvalAltResult>>;
 

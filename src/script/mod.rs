@@ -8,6 +8,8 @@
 mod bench;
 mod carrier;
 mod caught;
+#[cfg(feature = "cli")]
+pub(crate) mod check;
 mod complaint;
 mod engine;
 mod error;
@@ -38,8 +40,10 @@ pub use junit::{junit, junit_of_shard};
 pub use lines::Lines;
 pub use part::{is_part, needs};
 pub use report::{FoundLine, Mistake, Outcome, PlotFile, Report, Step};
-#[cfg(feature = "cli")]
-pub(crate) use run::STACK;
 pub use run::{Limits, run_file, run_file_for};
+#[cfg(feature = "cli")]
+pub(crate) use run::{STACK, run_observed};
 pub use value::{Span, Value};
+#[cfg(feature = "cli")]
+pub(crate) use verb::defined;
 pub use verb::{DEFINITIONS, Verb, verbs};

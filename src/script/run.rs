@@ -83,6 +83,25 @@ fn directory_of(file: &Path) -> PathBuf {
     file.parent().unwrap_or(Path::new("")).to_owned()
 }
 
+/// Does the same as [`run_file`], or with a `plant` as [`run_file_for`], and passes each section with its emulated time
+/// in microseconds to `sections` at once.
+#[cfg(feature = "cli")]
+pub(crate) fn run_observed(
+    file: &Path,
+    bench: Option<Bench>,
+    plant: Option<(String, PlantConfig)>,
+    limits: Limits,
+    print: impl FnMut(&str) + 'static,
+    sections: impl FnMut(&str, u64) + 'static,
+) -> Report {
+    let mut stage = Stage::new(bench, directory_of(file), limits.time_us);
+    if let Some((name, plant)) = plant {
+        stage.set_unnamed(&name, plant);
+    }
+    stage.on_section(sections);
+    run_on(file, stage, limits, print)
+}
+
 fn run_on(file: &Path, stage: Stage, limits: Limits, print: impl FnMut(&str) + 'static) -> Report {
     let (started, start) = (SystemTime::now(), Instant::now());
     let directory = directory_of(file);

@@ -10,6 +10,10 @@ pub struct Verb {
     pub name: &'static str,
     /// Names and types of the parameters. The type `?` means several types: a value, a time or data.
     pub parameters: Vec<(&'static str, &'static str)>,
+    /// Type of its result, if it has one.
+    pub result: Option<&'static str>,
+    /// Description in a few sentences.
+    pub about: &'static str,
 }
 
 impl Verb {
@@ -22,7 +26,7 @@ impl Verb {
 
 /// All verbs, in the order of the definition file.
 pub fn verbs() -> Vec<Verb> {
-    DEFINITIONS.lines().filter_map(verb).collect()
+    defined(DEFINITIONS)
 }
 
 /// The verbs with this name.
@@ -30,12 +34,26 @@ pub(super) fn called(name: &str) -> Vec<Verb> {
     verbs().into_iter().filter(|verb| verb.name == name).collect()
 }
 
+/// The verbs of a definition file. A verb without a description has that of the verb before it.
+pub(crate) fn defined(definitions: &'static str) -> Vec<Verb> {
+    let mut about = "";
+    let mut found = Vec::new();
+    for line in definitions.lines() {
+        match line.strip_prefix("/// ") {
+            Some(text) => about = text,
+            None => found.extend(verb(line, about)),
+        }
+    }
+    found
+}
+
 /// The verb of a line `fn wait(register: String, value: ?, within: ?) -> int;`.
-fn verb(line: &'static str) -> Option<Verb> {
+fn verb(line: &'static str, about: &'static str) -> Option<Verb> {
     let (name, rest) = line.strip_prefix("fn ")?.split_once('(')?;
-    let (parameters, _) = rest.split_once(')')?;
+    let (parameters, rest) = rest.split_once(')')?;
     let parameters = parameters.split(", ").filter_map(|parameter| parameter.split_once(": ")).collect();
-    Some(Verb { name, parameters })
+    let result = rest.strip_prefix(" -> ").and_then(|result| result.strip_suffix(';'));
+    Some(Verb { name, parameters, result, about })
 }
 
 #[cfg(test)]
@@ -46,7 +64,10 @@ mod tests {
     fn the_definition_file_is_read_with_names_and_types() {
         let wait = called("wait");
         let parameters = vec![("register", "String"), ("value", "?"), ("within", "?")];
-        assert_eq!(wait, [Verb { name: "wait", parameters }]);
+        assert_eq!((wait[0].name, &wait[0].parameters, wait.len()), ("wait", &parameters, 1));
+        assert_eq!(wait[0].result, Some("int"));
+        assert!(wait[0].about.starts_with("Advances the clock until the register"), "{}", wait[0].about);
+        assert_eq!(called("poke")[0].result, None);
         assert_eq!(wait[0].signature(), "wait(register, value, within)");
         assert_eq!(called("now")[0].signature(), "now()");
         let definitions = DEFINITIONS.lines().filter(|line| line.starts_with("fn ")).count();

@@ -32,6 +32,7 @@ mod killed;
 mod layout;
 mod layout_exports;
 mod limits;
+mod lsp;
 mod messages;
 mod names;
 mod novram;

@@ -522,6 +522,63 @@ fn jenkins_accepts_the_junit_report() {
     assert_eq!(outcome.ok(), "valid by 1 schemas\n");
 }
 
+/// The keys of an event in docs/reference/scenarios.md.
+fn documented_keys(event: &str) -> Vec<String> {
+    let page = include_str!("../../docs/reference/scenarios.md");
+    let row = page.lines().find(|line| line.starts_with(&format!("| `{event}` | "))).unwrap();
+    // Texts in parentheses describe keys.
+    let cell = row.split(" | ").nth(1).unwrap();
+    let mut depth = 0;
+    let plain: String = cell
+        .chars()
+        .filter(|letter| {
+            depth += i32::from(*letter == '(');
+            let is_plain = depth == 0;
+            depth -= i32::from(*letter == ')');
+            is_plain
+        })
+        .collect();
+    plain.split('`').skip(1).step_by(2).map(str::to_owned).collect()
+}
+
+#[test]
+fn events_are_written_with_their_documented_keys() {
+    let script = "section(\"one\");\nstep(\"1ms\");\nsection(\"two\");\nprint(\"hello\");\nexpect(\"node2.b_BT_0\", 9);\n";
+    let scripts =
+        Scripts::new(&[("a.rhai", script), ("b.rhai", "expect(\"node2.b_BT_0\", 0);\n"), ("c.rhai", "x(")]);
+    let output = scripts.run(&["a.rhai", "b.rhai", "c.rhai", "--jobs", "1", "--format", "events"]);
+    assert_eq!(output.code, Some(2));
+    let events: Vec<serde_json::Value> =
+        output.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let names: Vec<_> = events.iter().map(|event| event["event"].as_str().unwrap()).collect();
+    assert_eq!(
+        names,
+        [
+            "start", "begin", "section", "section", "output", "failure", "end", "begin", "end", "begin",
+            "failure", "end", "summary"
+        ]
+    );
+    for event in &events {
+        let name = event["event"].as_str().unwrap();
+        if name == "failure" {
+            continue;
+        }
+        let mut keys: Vec<_> =
+            event.as_object().unwrap().keys().filter(|key| *key != "event").cloned().collect();
+        let mut documented = documented_keys(name);
+        (keys.sort(), documented.sort());
+        assert_eq!(keys, documented, "{name}");
+    }
+    assert_eq!((&events[3]["name"], &events[3]["time_us"]), (&"two".into(), &1000.into()));
+    assert_eq!(events[4]["text"], "hello\n");
+    assert_eq!((&events[5]["line"], &events[5]["register"]), (&5.into(), &"node2.b_BT_0".into()));
+    assert_eq!(
+        (&events[12]["passed"], &events[12]["failed"], &events[12]["broken"]),
+        (&1.into(), &1.into(), &1.into())
+    );
+    assert!(scripts.run(&["a.rhai", "--list", "--format", "events"]).fails(2).contains("use --format json"));
+}
+
 #[test]
 fn a_scenario_fails_if_a_required_fault_never_fired() {
     let report = run_one("fault(\"lose_frame slot=WRC1 required\");\nstep(\"10ms\");\n", 1);

@@ -97,7 +97,7 @@ impl RoundRunner {
     fn play(&self, text: &str, stop: &impl Fn() -> bool) -> Report {
         let file = self.directory.join(format!("{}.rhai", self.files.fetch_add(1, Ordering::Relaxed)));
         let report = match std::fs::write(&file, text) {
-            Ok(()) => process::run(&file, &self.setting, stop),
+            Ok(()) => process::run(&file, &self.setting, stop, |_| {}),
             Err(reason) => process::died(&file, &reason.to_string()),
         };
         // If this fails, the file is removed with the directory.

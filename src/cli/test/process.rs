@@ -1,6 +1,7 @@
 //! One process per scenario: a crash of a scenario affects neither other scenarios nor the report.
 
 use super::LimitArgs;
+use super::events::Moment;
 use super::scenario::Message;
 use crate::cli::demo::command;
 use crate::cli::error::CliError;
@@ -46,10 +47,15 @@ pub(crate) fn allow_memory() -> Result<(), CliError> {
     limits::allow_memory(runtime::MEMORY).map_err(|limit| CliError::LimitedMemory { limit })
 }
 
-/// Runs a scenario in a separate process, until `stop` returns true.
-pub(crate) fn run(file: &Path, setting: &RunOptions, stop: impl Fn() -> bool) -> Report {
+/// Runs a scenario in a separate process, until `stop` returns true. Passes its sections and its output to `heard`.
+pub(crate) fn run(
+    file: &Path,
+    setting: &RunOptions,
+    stop: impl Fn() -> bool,
+    heard: impl Fn(&Moment<'_>),
+) -> Report {
     let mut report = match Scenario::start(file, setting) {
-        Ok(scenario) => scenario.watch(file, setting.limits.max_real_time, stop),
+        Ok(scenario) => scenario.watch(file, setting.limits.max_real_time, stop, heard),
         Err(error) => died(file, &error.to_string()),
     };
     if !setting.allow_empty {
@@ -121,12 +127,22 @@ impl Scenario {
     }
 
     /// Receives messages until the process has ended or must end.
-    fn watch(mut self, file: &Path, max_real_us: u64, stop: impl Fn() -> bool) -> Report {
+    fn watch(
+        mut self,
+        file: &Path,
+        max_real_us: u64,
+        stop: impl Fn() -> bool,
+        heard: impl Fn(&Moment<'_>),
+    ) -> Report {
         let longest = Duration::from_micros(max_real_us).saturating_add(GRACE);
         let (mut printed, mut ended, mut killed) = (String::new(), None, None);
         loop {
             match self.messages.recv_timeout(POLL) {
-                Ok(Message::Printed(text)) => printed.push_str(&text),
+                Ok(Message::Printed(text)) => {
+                    heard(&Moment::Prints(&text));
+                    printed.push_str(&text);
+                }
+                Ok(Message::Section { name, time_us }) => heard(&Moment::Section { name: &name, time_us }),
                 Ok(Message::Ended(report)) => ended = Some(report),
                 Err(RecvTimeoutError::Disconnected) => break,
                 Err(RecvTimeoutError::Timeout) if killed.is_some() => {}

@@ -1,5 +1,6 @@
 //! Runs scenarios, several at the same time.
 
+use super::events::Moment;
 use super::process::{self, RunOptions};
 use super::progress::Progress;
 use crate::cli::error::CliError;
@@ -20,7 +21,8 @@ pub(crate) struct Round {
 }
 
 impl Round {
-    /// Runs all files until `stop` returns true. Passes the reports to `take` in the order of the files.
+    /// Runs all files until `stop` returns true. Passes the reports to `take` in the order of the files, and what happens
+    /// in the scenarios to `heard` at once.
     ///
     /// # Errors
     /// A thread cannot be started.
@@ -28,13 +30,14 @@ impl Round {
         &self,
         files: &[PathBuf],
         stop: &(impl Fn() -> bool + Sync),
+        heard: &(impl Fn(&Path, &Moment<'_>) + Sync),
         mut take: impl FnMut(Report),
     ) -> Result<(), CliError> {
         let jobs = self.jobs.or_else(|| std::thread::available_parallelism().ok());
         let jobs = jobs.map_or(1, NonZero::get).min(files.len());
         let failed = AtomicBool::new(false);
         let progress = Progress::of(files.len());
-        let run = |file: &Path| {
+        let run_one = |file: &Path| {
             if stop() {
                 return not_run(file, "interrupted");
             }
@@ -42,8 +45,14 @@ impl Round {
                 return not_run(file, "another scenario has not passed (--fail-fast)");
             }
             progress.begins(file);
-            let report = process::run(file, &self.setting, stop);
+            heard(file, &Moment::Begins);
+            let report = process::run(file, &self.setting, stop, |moment| heard(file, moment));
             failed.fetch_or(!report.outcome.is_fine(), Ordering::Relaxed);
+            report
+        };
+        let run = |file: &Path| {
+            let report = run_one(file);
+            heard(file, &Moment::Ends(&report));
             report
         };
         let next = AtomicUsize::new(0);

@@ -8,7 +8,7 @@ use crate::cli::error::CliError;
 use crate::cli::output;
 use crate::devices::folder;
 use crate::plant::PlantConfig;
-use crate::script::{Bench, Limits, Outcome, Report, STACK, run_file, run_file_for};
+use crate::script::{Bench, Limits, Outcome, Report, STACK, run_observed};
 use rustix::process::{Resource, Rlimit};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -41,6 +41,8 @@ pub(crate) struct Args {
 pub(crate) enum Message<'a> {
     /// Output of the script.
     Printed(Cow<'a, str>),
+    /// A section begins at an emulated time, in microseconds.
+    Section { name: Cow<'a, str>, time_us: u64 },
     /// Final report of the scenario.
     Ended(Box<Report>),
 }
@@ -70,21 +72,16 @@ fn play(args: &Args) -> Result<(), CliError> {
         // Errors are ignored: this process ends with its parent.
         let _ = send(&Message::Printed(line.into()));
     };
-    let report = match &args.device {
-        Some(dir) => {
-            let (name, plant) = plant_of(dir)?;
-            run_file_for(&args.file, (&name, plant), limits, print)
-        }
-        None => {
-            let bench = args.attach.as_deref().map(|instance| attach(instance, limits)).transpose()?;
-            run_file(&args.file, bench, limits, print)
-        }
+    let sections = |name: &str, time_us: u64| {
+        let _ = send(&Message::Section { name: name.into(), time_us });
     };
-    send_report(report)
+    let bench = args.attach.as_deref().map(|instance| attach(instance, limits)).transpose()?;
+    let plant = args.device.as_deref().map(plant_of).transpose()?;
+    send_report(run_observed(&args.file, bench, plant, limits, print, sections))
 }
 
 /// A plant with the device in this folder alone, and its description.
-fn plant_of(dir: &Path) -> Result<(String, PlantConfig), CliError> {
+pub(in crate::cli) fn plant_of(dir: &Path) -> Result<(String, PlantConfig), CliError> {
     let dir = folder::find(Path::new(""), &dir.display().to_string())?;
     let name = folder::load(&dir)?.registered.layout.name;
     let kind = toml::Value::from(dir.display().to_string());

@@ -85,9 +85,11 @@ pub enum FolderError {
         other: &'static str,
     },
     /// This process has already read as many folders as it can.
-    #[error("{}: this process has read {} folders of devices; start another one", dir.display(), super::MOST_FOLDERS)]
+    #[error("{}: this process has read {most} folders of devices; start another one", dir.display())]
     TooManyFolders {
         /// The folder.
         dir: PathBuf,
+        /// The limit.
+        most: usize,
     },
 }

@@ -6,6 +6,8 @@
 
 mod card;
 mod config;
+#[cfg(feature = "cli")]
+pub(crate) mod edited;
 mod error;
 mod firmware;
 mod handshakes;
@@ -79,9 +81,32 @@ struct Loaded {
     /// The tables of layouts, by the fingerprints of their files.
     tables: Vec<(u64, &'static DeviceLayout)>,
     folders: Vec<&'static Folder>,
+    /// Most folders, and most tables.
+    most: usize,
 }
 
-static LOADED: Mutex<Loaded> = Mutex::new(Loaded { tables: Vec::new(), folders: Vec::new() });
+impl Loaded {
+    /// The tables of a layout, with the fingerprint of its files.
+    fn table(&mut self, fingerprint: u64, read: &Layout) -> &'static DeviceLayout {
+        if let Some((_, layout)) = self.tables.iter().find(|(known, _)| *known == fingerprint) {
+            return layout;
+        }
+        let layout = tables::of(read);
+        self.tables.push((fingerprint, layout));
+        layout
+    }
+
+    /// Checks that another folder can be read.
+    fn has_room(&self, dir: &Path) -> Result<(), FolderError> {
+        if self.tables.len().max(self.folders.len()) < self.most {
+            return Ok(());
+        }
+        Err(FolderError::TooManyFolders { dir: dir.to_owned(), most: self.most })
+    }
+}
+
+static LOADED: Mutex<Loaded> =
+    Mutex::new(Loaded { tables: Vec::new(), folders: Vec::new(), most: MOST_FOLDERS });
 
 /// True if `kind` of a plant file, or the name of a device on the command line, is the path of a folder.
 #[must_use]
@@ -115,17 +140,8 @@ pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
     }
     check_limits(dir, &read)?;
     check_names(dir, &read)?;
-    if loaded.tables.len().max(loaded.folders.len()) >= MOST_FOLDERS {
-        return Err(FolderError::TooManyFolders { dir: dir.to_owned() });
-    }
-    let layout = match loaded.tables.iter().find(|(known, _)| *known == of_layout) {
-        Some((_, layout)) => layout,
-        None => {
-            let layout = tables::of(&read);
-            loaded.tables.push((of_layout, layout));
-            layout
-        }
-    };
+    loaded.has_room(dir)?;
+    let layout = loaded.table(of_layout, &read);
     let rows = match handshakes {
         Some(text) => handshakes::read(&dir.join(handshakes::FILE), &text, layout)?,
         None => Vec::new(),

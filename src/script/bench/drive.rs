@@ -6,6 +6,16 @@ use crate::request::Op;
 use crate::script::ScenarioError;
 
 impl Bench {
+    /// The names of all drives.
+    ///
+    /// # Errors
+    /// The instance has gone.
+    #[cfg(feature = "cli")]
+    pub(crate) fn drive_names(&mut self) -> Result<Vec<String>, ScenarioError> {
+        let drives = self.ask(Op::Drives)?.drives()?;
+        Ok(drives.into_iter().map(|drive| drive.name).collect())
+    }
+
     /// State and parameters of a drive. `name` is its name in the plant file, or `line:drive` for the drive that
     /// contains PLC `line`.
     ///

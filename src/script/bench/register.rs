@@ -130,7 +130,7 @@ impl Bench {
     }
 
     /// Number of the PLC that the prefix `plc` of `text` names.
-    pub(super) fn plc(&self, plc: Option<&str>, text: &str) -> Result<DeviceIndex, ScenarioError> {
+    pub(in crate::script) fn plc(&self, plc: Option<&str>, text: &str) -> Result<DeviceIndex, ScenarioError> {
         match (plc, self.names.plcs.as_slice()) {
             (Some(name), all) => position("PLC", all, name).map(DeviceIndex::at),
             (None, [_]) => Ok(DeviceIndex(0)),
@@ -142,7 +142,7 @@ impl Bench {
         }
     }
 
-    pub(super) fn bus(&self, name: &str) -> Result<BusIndex, ScenarioError> {
+    pub(in crate::script) fn bus(&self, name: &str) -> Result<BusIndex, ScenarioError> {
         position("bus", &self.names.buses, name).map(BusIndex::at)
     }
 

@@ -6,6 +6,14 @@ use crate::script::{Bench, Failure, FoundLine, PlotFile, ScenarioError, ScriptLo
 use core::panic::Location;
 use std::path::PathBuf;
 
+/// Receives the name of a section, and its emulated time in microseconds.
+type SectionReceiver = Box<dyn FnMut(&str, u64)>;
+
+/// Whether the argument of the verb `plant` is the text of a plant file, not the name of one.
+pub(crate) fn is_plant_text(text: &str) -> bool {
+    text.contains(['\n', '=', '['])
+}
+
 /// The plant that a script acts on, and the log of its steps.
 pub(crate) struct Stage {
     /// The plant with its verbs; `None` until the first verb.
@@ -28,6 +36,8 @@ pub(crate) struct Stage {
     /// beginning.
     pub(super) steps: Vec<Step>,
     pub(super) plots: Vec<PlotFile>,
+    /// Receives each section with its emulated time in microseconds.
+    on_section: Option<SectionReceiver>,
 }
 
 impl Stage {
@@ -45,9 +55,16 @@ impl Stage {
             plant_name: if attached { "plant of the instance" } else { "built-in plant" }.to_owned(),
             steps: Vec::new(),
             plots: Vec::new(),
+            on_section: None,
         };
         stage.bench = bench.map(|bench| stage.limited(bench));
         stage
+    }
+
+    /// Passes each section with its emulated time in microseconds to `receive`.
+    #[cfg(feature = "cli")]
+    pub(crate) fn on_section(&mut self, receive: impl FnMut(&str, u64) + 'static) {
+        self.on_section = Some(Box::new(receive));
     }
 
     /// Emulated time that the scenario has taken, in microseconds.
@@ -79,6 +96,9 @@ impl Stage {
     pub(super) fn section(&mut self, text: &str) -> Result<(), ScenarioError> {
         let (from_us, expectations) = (self.bench()?.now()?, self.expectations);
         self.steps.push(Step { name: Some(text.to_owned()), from_us, expectations });
+        if let Some(on_section) = &mut self.on_section {
+            on_section(text, from_us);
+        }
         self.bench()?.section(text);
         Ok(())
     }
@@ -160,7 +180,7 @@ impl Stage {
 
     /// Reads a plant file, for the verb `plant`.
     pub(super) fn plant(&mut self, text: &str, place: &ScriptLocation) -> Result<(), ScenarioError> {
-        let config = if text.contains(['\n', '=', '[']) {
+        let config = if is_plant_text(text) {
             self.plant_name = "plant in the scenario".to_owned();
             PlantConfig::parse("plant", text)?
         } else {

@@ -61,9 +61,15 @@ fn wrong_call(name: &str, given: &[Dynamic]) -> ScenarioError {
             let (given, wanted) = (kind(short_name(given)), wanted(ty));
             format!("`{parameter}` is {wanted}, here it is {given}; write {signatures}")
         }
-        None => format!("{} arguments are given; write {signatures}", given.len()),
+        None => return wrong_count(&verbs, name, given.len()),
     };
     ScenarioError::argument(name, &right)
+}
+
+/// Error: no verb of this name has this number of arguments.
+pub(in crate::script) fn wrong_count(verbs: &[Verb], name: &str, count: usize) -> ScenarioError {
+    let signatures = verbs.iter().map(Verb::signature).collect::<Vec<_>>().join(" or ");
+    ScenarioError::argument(name, &format!("{count} arguments are given; write {signatures}"))
 }
 
 fn short_name(given: &Dynamic) -> &'static str {

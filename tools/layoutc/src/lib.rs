@@ -24,6 +24,7 @@ mod source;
 pub use error::{Error, Location, Reason};
 pub use schema::SCHEMA;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Result of [`compile`] for one device.
@@ -81,6 +82,14 @@ pub fn read(dir: &Path) -> Result<Layout, Error> {
 /// Returns the first error, with its place.
 pub fn read_folder(dir: &Path) -> Result<Layout, Error> {
     read_from(source::Sources::of_folder(dir))
+}
+
+/// Does the same as [`read_folder`], with texts that replace the contents of some files, by their paths.
+///
+/// # Errors
+/// Returns the first error, with its place.
+pub fn read_edited_folder(dir: &Path, edits: BTreeMap<PathBuf, String>) -> Result<Layout, Error> {
+    read_from(source::Sources::of_folder(dir).edited(edits))
 }
 
 fn read_from(mut sources: source::Sources) -> Result<Layout, Error> {

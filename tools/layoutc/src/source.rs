@@ -89,10 +89,9 @@ impl Sources {
         Ok(())
     }
 
-    /// Makes sources with texts that replace the contents of some files.
-    #[cfg(feature = "import")]
-    pub(crate) fn with_edits(dir: &Path, edits: BTreeMap<PathBuf, String>) -> Self {
-        Self { edits, ..Self::new(dir) }
+    /// The same sources with texts that replace the contents of some files.
+    pub(crate) fn edited(self, edits: BTreeMap<PathBuf, String>) -> Self {
+        Self { edits, ..self }
     }
 
     /// Returns every file that was read, with its text.

@@ -122,3 +122,25 @@ impl TryFrom<String> for Time {
         time::parse(&text).map(Time).map_err(|reason| format!("`{text}` is no time: {reason}"))
     }
 }
+
+/// The keys of a table, as its reader names them when it is given one that it does not know.
+#[cfg(feature = "cli")]
+pub(in crate::devices::folder) fn keys(table: &str) -> Vec<String> {
+    fn of<T: serde::de::DeserializeOwned>() -> Vec<String> {
+        let error = toml::from_str::<T>("no_such_key = 1").err();
+        let message = error.as_ref().map_or("", toml::de::Error::message);
+        let known = message.split_once("`no_such_key`, expected ").map_or("", |(_, known)| known);
+        known.split('`').skip(1).step_by(2).map(str::to_owned).collect()
+    }
+    match table {
+        "" => of::<File>(),
+        "ready" => of::<Ready>(),
+        "answer" => of::<Answer>(),
+        "toggle" => of::<Toggle>(),
+        "counter" => of::<Counter>(),
+        "watchdog" => of::<Watchdog>(),
+        "mirror" => of::<Mirror>(),
+        "state" | "recovered" => of::<Change>(),
+        _ => Vec::new(),
+    }
+}

@@ -7,6 +7,8 @@ mod file;
 mod firmware;
 mod rule;
 
+#[cfg(feature = "cli")]
+pub(super) use file::keys;
 pub(super) use firmware::Handshakes;
 use rule::{Change, Rule};
 

@@ -124,6 +124,17 @@ impl Script {
         }))
     }
 
+    /// The same script with another text of the file `name`.
+    #[cfg(feature = "cli")]
+    pub(super) fn with(self, name: &str, text: &str) -> Self {
+        let is_it = |known: &str| known == name;
+        let files = self.files.iter().map(|(known, old)| {
+            let text = if is_it(known) { text } else { old };
+            (known.clone(), text.to_owned())
+        });
+        Script { files: files.collect(), ..self }
+    }
+
     /// Name and text of each file.
     pub(super) fn files(&self) -> &[(String, String)] {
         &self.files

@@ -98,7 +98,7 @@ impl Import {
             let also = others::check(&homes, &placements, &others::of_family(dir, &homes)?, declarations)?;
             (edit::files(&homes, &placements, &marks(&homes, declarations)?)?, also)
         };
-        let mut after = Sources::with_edits(dir, files.iter().cloned().collect());
+        let mut after = Sources::new(dir).edited(files.iter().cloned().collect());
         let device = check::load(&mut after).map_err(|error| ImportError::Refused(error.reason))?;
         Ok(Self { rows, hash_before, hash_after: layout_hash(&device), is_own_export, also_moved, files })
     }

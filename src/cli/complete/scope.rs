@@ -1,0 +1,187 @@
+//! The PLCs that register names can refer to, and the names that fit what is typed: for shells and for editors.
+
+use super::line::{instance, option};
+use crate::cli::session::Session;
+use crate::devices;
+use crate::fault::{FaultKind, Field, Form};
+use crate::identity::DeviceIndex;
+use crate::journal::Names;
+use crate::layout::{AreaOrRegisters, DeviceFit, DeviceLayout, Fit, RegisterRef, split_plc, value};
+use std::collections::BTreeMap;
+
+/// The PLCs that register names can refer to.
+pub(in crate::cli) struct PlcScope {
+    /// The PLCs of the instance; if no instance runs, one entry without a name for the default device.
+    plcs: Vec<(String, DeviceFit)>,
+}
+
+/// A value of a register with a name.
+pub(in crate::cli) struct NamedValue {
+    /// The name; it may contain blanks.
+    pub name: String,
+    /// The bits of the value.
+    pub bits: u32,
+    /// The value with its meaning.
+    pub meaning: String,
+}
+
+impl PlcScope {
+    /// The PLCs of the instance on the command line, else its device.
+    pub(super) fn load() -> Self {
+        if let Some(session) = Session::glance(&instance()) {
+            let plcs = DeviceIndex::enumerate(session.plcs())
+                .map(|(number, name)| (name.clone(), session.fitted(number)));
+            return Self { plcs: plcs.collect() };
+        }
+        let named = option(&["--device"]);
+        let device: &'static DeviceLayout =
+            named.and_then(|name| devices::find(&name)).unwrap_or_else(devices::default).layout;
+        Self { plcs: vec![(String::new(), DeviceFit::unknown(device))] }
+    }
+
+    /// The PLCs of a plant.
+    pub(in crate::cli) fn of(names: &Names) -> Self {
+        Self { plcs: names.plcs.iter().cloned().zip(names.devices.iter().copied()).collect() }
+    }
+
+    /// The PLCs with their devices.
+    pub(in crate::cli) fn plcs(&self) -> impl Iterator<Item = (&str, &DeviceFit)> {
+        self.plcs.iter().map(|(name, fitted)| (name.as_str(), fitted))
+    }
+
+    /// Prefixes of register names: empty for a single PLC, else one for each PLC.
+    pub(super) fn prefixes(&self, current: &str) -> Vec<String> {
+        match self.plcs.as_slice() {
+            [(name, _)] => vec![if current.contains(':') { format!("{name}:") } else { String::new() }],
+            several => several.iter().map(|(name, _)| format!("{name}:")).collect(),
+        }
+    }
+
+    /// The PLCs that match the start of `current`, each with its prefix.
+    pub(in crate::cli) fn each(&self, current: &str) -> Vec<(String, DeviceFit)> {
+        let named = split_plc(current).0;
+        let prefix = named.map(|plc| format!("{plc}:")).unwrap_or_default();
+        if let Some((_, fitted)) = self.plcs.iter().find(|(name, _)| Some(name.as_str()) == named) {
+            return vec![(prefix, *fitted)];
+        }
+        match self.plcs.as_slice() {
+            [(_, fitted)] => vec![(prefix, *fitted)],
+            several => several.iter().map(|(name, fitted)| (format!("{name}:"), *fitted)).collect(),
+        }
+    }
+
+    /// Areas with their prefix and description; the declared variables of an area if its name is typed. `suffix` follows
+    /// a complete name.
+    pub(in crate::cli) fn areas(&self, current: &str, suffix: &str) -> Vec<(String, String)> {
+        let mut all = Vec::new();
+        for (prefix, fitted) in self.each(current) {
+            for area in fitted.device().named_areas().filter(|area| fitted.area(area) != Fit::Empty) {
+                let mut add = |name: &str| all.push((format!("{prefix}{name}{suffix}"), area.doc.to_owned()));
+                add(area.name);
+                if split_plc(current).1.starts_with('_') {
+                    fitted.placed(area).for_each(|placed| add(placed.variable));
+                }
+            }
+        }
+        all.retain(|(name, _)| name.starts_with(current));
+        all
+    }
+
+    /// Names of registers step by step, with their descriptions: the area, then the register, then each index. `suffix`
+    /// follows a complete name.
+    pub(in crate::cli) fn registers(&self, current: &str, suffix: &str) -> Vec<(String, String)> {
+        let (_, name) = split_plc(current);
+        let Some((front, _)) = name.split_once('.') else { return self.areas(current, ".") };
+        // Keeps the order of the map.
+        let mut names: Vec<String> = Vec::new();
+        let mut known: BTreeMap<String, String> = BTreeMap::new();
+        for (prefix, fitted) in self.each(current) {
+            for register in registers_of(&fitted, front) {
+                let full = format!("{prefix}{front}.{}", register.path());
+                let Some(rest) = full.strip_prefix(current) else { continue };
+                // Completes one index at a time.
+                let end = rest.find('[').map(|at| at + 1).filter(|_| !current.ends_with('['));
+                let end = end.or_else(|| rest.find(']').map(|at| at + 1));
+                let name = match end {
+                    Some(end) if current.len() + end < full.len() || full.ends_with('[') => {
+                        full[..current.len() + end].to_owned()
+                    }
+                    _ => full + suffix,
+                };
+                if !known.contains_key(&name) {
+                    known.insert(name.clone(), register.register.doc.to_owned());
+                    names.push(name);
+                }
+            }
+        }
+        let described = |name: String| {
+            let help = known.remove(&name).unwrap_or_default();
+            (name, help)
+        };
+        names.into_iter().map(described).collect()
+    }
+
+    /// The values of a register that have names.
+    pub(in crate::cli) fn values(&self, register: &str) -> Vec<NamedValue> {
+        let (_, name) = split_plc(register);
+        let found = self.each(register).into_iter();
+        let found = found.filter_map(|(_, fitted)| fitted.register(name.trim()).ok()).next();
+        let Some((meaning, found)) = found.and_then(|found| Some((found.register.meaning?, found))) else {
+            return Vec::new();
+        };
+        let named = value::names(meaning).into_iter();
+        named.map(|(name, bits)| NamedValue { name, bits, meaning: found.decode(bits) }).collect()
+    }
+
+    /// The fields that the kind of fault among `words` has and that are not given yet, as `NAME=`; after `=` the values
+    /// of the field. Each has a description, which may be empty.
+    pub(in crate::cli) fn fault_fields(
+        &self,
+        current: &str,
+        words: &[String],
+        buses: impl Fn() -> Vec<String>,
+    ) -> Vec<(String, String)> {
+        let named = |word: &String| {
+            let kinds = devices::fault_kinds().iter().copied();
+            kinds.into_iter().find(|kind: &&'static FaultKind| kind.name() == word.replace('-', "_"))
+        };
+        let Some(kind) = words.iter().find_map(named) else { return Vec::new() };
+        let is_it = |field: &Field, name: &str| field.name() == name || field.other_name() == Some(name);
+        if let Some((name, _)) = current.split_once('=') {
+            let field = kind.all_fields().find(|field| is_it(field, name));
+            let values = field.map(|field| self.field_values(field, buses)).unwrap_or_default();
+            return values.into_iter().map(|value| (format!("{name}={value}"), String::new())).collect();
+        }
+        let is_given = |field: &Field| {
+            words.iter().any(|word| word.split_once('=').is_some_and(|(name, _)| is_it(field, name)))
+        };
+        let left = kind.all_fields().filter(|field| !is_given(field));
+        left.map(|field| (format!("{}=", field.name()), field.about().to_owned())).collect()
+    }
+
+    /// The values of a field, if they are names.
+    fn field_values(&self, field: &Field, buses: impl Fn() -> Vec<String>) -> Vec<String> {
+        match field.form() {
+            Form::Word(words) => words.iter().map(|word| (*word).to_owned()).collect(),
+            Form::Name if field.name() == "bus" => buses(),
+            Form::Name => self.plcs.iter().map(|(name, _)| name.clone()).collect(),
+            Form::Port => {
+                let ports = self.plcs.iter().flat_map(|(_, fitted)| fitted.device().ports);
+                let mut ports: Vec<_> = ports.map(|port| port.name.to_owned()).collect();
+                ports.dedup();
+                ports
+            }
+            _ => Vec::new(),
+        }
+    }
+}
+
+fn registers_of(fitted: &DeviceFit, front: &str) -> Vec<RegisterRef> {
+    match fitted.area_or_registers(front) {
+        Ok(AreaOrRegisters::Area(area)) => {
+            fitted.placed(area).flat_map(|placed| area.registers_of(placed)).collect()
+        }
+        Ok(AreaOrRegisters::Registers(registers)) => registers,
+        Err(_) => Vec::new(),
+    }
+}

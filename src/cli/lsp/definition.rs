@@ -1,0 +1,113 @@
+//! The place where a name is defined: a line of a device's folder, an imported script, a function.
+
+use super::outline::Outline;
+use super::place::without_dots;
+use super::scenario::ScriptView;
+use super::scenes::Scene;
+use super::text::Text;
+use crate::layout::{RegisterRef, split_plc};
+use crate::script::check::ArgumentKind;
+use core::ops::Range;
+use std::path::{Path, PathBuf};
+use toml::de::{DeTable, DeValue};
+
+/// A place in a file.
+pub(super) struct Target {
+    /// `None` for the script itself.
+    pub(super) path: Option<PathBuf>,
+    pub(super) range: lsp_types::Range,
+}
+
+/// The definition of what is at a place.
+pub(super) fn at(
+    view: &ScriptView<'_>,
+    document: &Text,
+    scene: Option<&mut Scene>,
+    read: &dyn Fn(&Path) -> Option<String>,
+    offset: usize,
+) -> Option<Target> {
+    let outline = view.outline;
+    let token = &outline.tokens.all[outline.token_at(offset)?];
+    if let Some(import) = outline.imports.iter().find(|import| is_within(&import.path, offset)) {
+        return begin_of(view.imported(&import.path));
+    }
+    let name = token.content(view.text).map_or(token.text(view.text), |content| &view.text[content]);
+    if let Some(call) = outline.calls.iter().find(|call| outline.tokens.all[call.name] == *token) {
+        if call.module.is_some() {
+            let file = view.module_file(call)?;
+            let text = read(&file)?;
+            let at = Outline::of(&text).function(name)?.at.clone();
+            return Some(Target { path: Some(file), range: Text::new(text).range(&at) });
+        }
+        let function = outline.function(name)?;
+        return Some(Target { path: None, range: document.range(&function.at) });
+    }
+    let mut named = outline.calls.iter().flat_map(|call| view.named_texts(call));
+    if let Some(named) = named.find(|named| is_within(&named.range, offset)) {
+        return match named.kind {
+            ArgumentKind::Register | ArgumentKind::Registers | ArgumentKind::RegisterOrArea => {
+                register(scene?, view.text.get(named.range)?)
+            }
+            ArgumentKind::Plant => {
+                begin_of(without_dots(&view.directory().join(view.text.get(named.range)?)))
+            }
+            _ => None,
+        };
+    }
+    let function = outline.function(name)?;
+    Some(Target { path: None, range: document.range(&function.at) })
+}
+
+fn is_within(range: &Range<usize>, offset: usize) -> bool {
+    range.start <= offset && offset <= range.end
+}
+
+fn begin_of(path: PathBuf) -> Option<Target> {
+    path.is_file().then(|| Target { path: Some(path), range: lsp_types::Range::default() })
+}
+
+/// The line of a register in the files of its device's folder.
+fn register(scene: &mut Scene, text: &str) -> Option<Target> {
+    let (plc, name) = split_plc(text);
+    let found = scene.scope.each(text).into_iter().find_map(|(_, fitted)| fitted.register(name).ok())?;
+    // Without a prefix there is one PLC.
+    let plc = plc.map_or_else(|| scene.bench.names().plcs.first().cloned(), |plc| Some(plc.to_owned()))?;
+    let inputs = commram_layoutc::read_folder(scene.folders.get(&plc)?).ok()?.inputs;
+    in_files(&inputs, &found)
+}
+
+/// The line of a register among the files of a layout: in its structure, else in a structure or block that has the name.
+pub(super) fn in_files(inputs: &[(PathBuf, String)], register: &RegisterRef) -> Option<Target> {
+    let (structure, wanted) = (register.structure().name, register.register.name);
+    let entries = inputs.iter().flat_map(|(path, text)| {
+        let table = DeTable::parse(text).map(|table| names_of(table.get_ref())).unwrap_or_default();
+        table.into_iter().map(move |(owner, name, range)| (owner, name, path, text, range))
+    });
+    let mut entries: Vec<_> = entries.filter(|(_, name, ..)| name == wanted).collect();
+    entries.sort_by_key(|(owner, ..)| owner != structure);
+    let (_, _, path, text, range) = entries.into_iter().next()?;
+    Some(Target { path: Some(path.clone()), range: Text::new(text.clone()).range(&range) })
+}
+
+/// The names of all registers in a file: the structure, the name, and its bytes.
+fn names_of(table: &DeTable<'_>) -> Vec<(String, String, Range<usize>)> {
+    let text_at = |table: &DeTable<'_>, key: &str| {
+        table.get(key).and_then(|it| it.get_ref().as_str().map(str::to_owned))
+    };
+    let mut found = Vec::new();
+    let own = text_at(table, "name").unwrap_or_default();
+    for (key, value) in table {
+        for element in value.get_ref().as_array().into_iter().flat_map(|array| array.iter()) {
+            let DeValue::Table(inner) = element.get_ref() else { continue };
+            if key.get_ref() == "register" {
+                let name = inner
+                    .get("name")
+                    .and_then(|name| Some((name.get_ref().as_str()?.to_owned(), name.span())));
+                found.extend(name.map(|(name, span)| (own.clone(), name, span)));
+            } else {
+                found.extend(names_of(inner));
+            }
+        }
+    }
+    found
+}

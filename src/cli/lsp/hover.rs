@@ -1,0 +1,67 @@
+//! The description of the name under the pointer.
+
+use super::scenario::ScriptView;
+use super::scenes::Scene;
+use super::signature::description;
+use crate::cli::map;
+use crate::devices;
+use crate::layout::split_plc;
+use crate::script::check::ArgumentKind;
+use core::ops::Range;
+
+/// The description, in Markdown, of what is at a place, with the bytes that it is about.
+pub(super) fn at(
+    view: &ScriptView<'_>,
+    scene: Option<&mut Scene>,
+    offset: usize,
+) -> Option<(String, Range<usize>)> {
+    let index = view.outline.token_at(offset).filter(|_| !view.outline.tokens.is_comment(offset))?;
+    let token = &view.outline.tokens.all[index];
+    let of_call = view.outline.calls.iter().find(|call| call.name == index);
+    if of_call.is_some_and(|call| call.module.is_none()) {
+        return Some((description(view, token.text(view.text))?, token.range.clone()));
+    }
+    let named = view.outline.calls.iter().flat_map(|call| view.named_texts(call));
+    let mut named = named.filter(|named| named.range.start <= offset && offset <= named.range.end);
+    let named = named.next()?;
+    let text = view.text.get(named.range.clone())?;
+    match named.kind {
+        ArgumentKind::Register | ArgumentKind::Registers | ArgumentKind::RegisterOrArea => {
+            Some((register(scene?, text)?, named.range))
+        }
+        ArgumentKind::Fault => fault(text, offset - named.range.start)
+            .map(|(about, word)| (about, named.range.start + word.start..named.range.start + word.end)),
+        ArgumentKind::Plant => {
+            let names = scene?.bench.names();
+            let about = format!("PLCs: {}  \nbuses: {}", names.plcs.join(", "), names.buses.join(", "));
+            Some((about, named.range))
+        }
+        _ => None,
+    }
+}
+
+/// The page of `commram map` about a register.
+pub(super) fn register(scene: &mut Scene, text: &str) -> Option<String> {
+    let (_, name) = split_plc(text);
+    let pages = scene.scope.each(text).into_iter().filter_map(|(_, fitted)| {
+        let (entries, _) = map::entries_of(&fitted, name).ok().filter(|_| !name.is_empty())?;
+        let entry = entries.first()?;
+        Some(format!("```text\n{}\n```", map::detail::text(fitted.device(), entry).trim_end()))
+    });
+    pages.into_iter().next()
+}
+
+/// The description of the kind of fault or of the field at a byte of the words, with the bytes of the word.
+fn fault(text: &str, at: usize) -> Option<(String, Range<usize>)> {
+    let start = text[..at.min(text.len())].rfind(char::is_whitespace).map_or(0, |blank| blank + 1);
+    let word = text[start..].split_whitespace().next()?;
+    let range = start..start + word.len();
+    let kind_name = text.split_whitespace().next()?.replace('-', "_");
+    let kind = devices::fault_kinds().iter().copied().find(|kind| kind.name() == kind_name)?;
+    if start <= text.len() - text.trim_start().len() {
+        return Some((kind.about().to_owned(), range));
+    }
+    let name = word.split('=').next().unwrap_or_default();
+    let field = kind.all_fields().find(|field| field.name() == name || field.other_name() == Some(name))?;
+    Some((format!("`{}`: {}, {}", field.name(), field.about(), field.range_text()), range))
+}

@@ -1,0 +1,205 @@
+//! The errors in a script, with the messages of the engine and the verbs.
+
+use super::document::Document;
+use super::outline::{Call, Outline};
+use super::scenario::{ScriptKind, ScriptView};
+use super::scenes::Scene;
+use crate::input_file;
+use crate::layout::did_you_mean;
+use crate::script::check::{self, ArgumentKind, Checker};
+use core::ops::Range;
+use lsp_types::{Diagnostic, DiagnosticSeverity};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Most errors that are shown for a document.
+const MOST: usize = 200;
+
+/// An error at some bytes of a document.
+pub(super) struct Mistake {
+    pub(super) range: Range<usize>,
+    pub(super) severity: DiagnosticSeverity,
+    pub(super) what: String,
+}
+
+impl Mistake {
+    pub(super) fn error(range: Range<usize>, what: impl Into<String>) -> Self {
+        Self { range, severity: DiagnosticSeverity::ERROR, what: what.into() }
+    }
+
+    pub(super) fn warning(range: Range<usize>, what: impl Into<String>) -> Self {
+        Self { range, severity: DiagnosticSeverity::WARNING, what: what.into() }
+    }
+
+    /// The error as the editor takes it.
+    pub(super) fn shown(self, document: &Document) -> Diagnostic {
+        let Self { range, severity, what } = self;
+        Diagnostic {
+            range: document.text.range(&range),
+            severity: Some(severity),
+            source: Some("commram".to_owned()),
+            message: what,
+            ..Diagnostic::default()
+        }
+    }
+}
+
+/// The parts of the server that judge a script.
+pub(super) struct Judge<'a> {
+    pub(super) view: &'a ScriptView<'a>,
+    pub(super) checker: &'a Checker,
+    /// The plant; `None` if it is not known, or refused.
+    pub(super) scene: Option<&'a mut Scene>,
+    /// The message of a refused plant.
+    pub(super) refusal: Option<String>,
+    /// The text of another script.
+    pub(super) read: &'a dyn Fn(&Path) -> Option<String>,
+}
+
+impl Judge<'_> {
+    /// All errors, in no particular order.
+    pub(super) fn mistakes(&mut self, document: &Document) -> Vec<Mistake> {
+        let mut found: Vec<_> = self.misreading(document).into_iter().collect();
+        if self.view.kind != ScriptKind::Firmware {
+            let refusal = self.refusal.take();
+            found.extend(refusal.map(|what| Mistake::error(self.plant_range(document), what)));
+        }
+        found.extend(self.imports());
+        // Scripts repeat registers and times, so each text is judged once.
+        let mut judged = BTreeMap::new();
+        for call in &self.view.outline.calls {
+            found.extend(self.call(call));
+            found.extend(self.arguments(call, &mut judged));
+            if found.len() >= MOST {
+                break;
+            }
+        }
+        found.truncate(MOST);
+        found
+    }
+
+    /// The error of the parser.
+    fn misreading(&self, document: &Document) -> Option<Mistake> {
+        let check::Misreading { line, column, what } = self.checker.misreading(self.view.text)?;
+        let whole = document.text.line(line);
+        let range = match (line, column) {
+            (Some(line), Some(column)) => {
+                let at = document.text.byte_at(line, column);
+                let token = self
+                    .view
+                    .outline
+                    .token_at(at)
+                    .map(|token| self.view.outline.tokens.all[token].range.clone());
+                token.filter(|token| token.start >= whole.start && token.end <= whole.end.max(at))
+            }
+            _ => None,
+        };
+        Some(Mistake::error(range.unwrap_or(whole), what))
+    }
+
+    /// The argument of the verb `plant`, else the first line.
+    fn plant_range(&self, document: &Document) -> Range<usize> {
+        let mut calls = self.view.outline.calls.iter();
+        let call = calls.find(|call| self.view.name(call) == "plant" && !self.view.verbs_of(call).is_empty());
+        let token = call.and_then(|call| self.view.outline.tokens.all.get(call.arguments.first()?.start));
+        // Only the first line of a plant in the script.
+        let first = token.map(|token| {
+            let length = token.text(self.view.text).lines().next().unwrap_or_default().len();
+            token.range.start..token.range.start + length
+        });
+        first.unwrap_or_else(|| document.text.line(Some(1)))
+    }
+
+    fn imports(&self) -> Vec<Mistake> {
+        let missing = |import: &super::outline::Import| {
+            let name = self.view.text.get(import.path.clone())?;
+            let is_missing = !name.is_empty() && (self.read)(&self.view.imported(&import.path)).is_none();
+            let what = format!("there is no script `{name}` to import");
+            is_missing.then(|| Mistake::error(import.path.clone(), what))
+        };
+        self.view.outline.imports.iter().filter_map(missing).collect()
+    }
+
+    /// The error in the name of a call, or in the number of its arguments.
+    fn call(&self, call: &Call) -> Option<Mistake> {
+        let view = self.view;
+        let name = view.name(call);
+        let at = view.outline.tokens.all.get(call.name)?.range.clone();
+        if call.is_method {
+            return None;
+        }
+        if call.module.is_some() {
+            let file = view.module_file(call)?;
+            let outline = Outline::of(&(self.read)(&file)?);
+            if outline.function(name).is_some() {
+                return None;
+            }
+            let near = did_you_mean(name, outline.functions.iter().map(|function| function.name.as_str()));
+            let file = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            return Some(Mistake::error(at, format!("{file} has no function `{name}`{near}")));
+        }
+        let verbs = view.verbs_of(call);
+        if !verbs.is_empty() {
+            let verbs: Vec<_> = verbs.into_iter().cloned().collect();
+            let what =
+                check::argument_count(&verbs, name, call.arguments.len()).filter(|_| call.is_closed)?;
+            return Some(Mistake::error(at, what));
+        }
+        let is_own = view.outline.function(name).is_some() || view.outline.variables.contains(name);
+        // The engine of firmware has other verbs; the names of the language are the same.
+        let is_known = match view.kind {
+            ScriptKind::Firmware => self.checker.knows(name) && !is_verb_of_scenarios(name),
+            _ => self.checker.knows(name),
+        };
+        (!is_own && !is_known).then(|| Mistake::error(at, check::unknown_function(name, &view.verbs)))
+    }
+
+    /// The errors in the texts and values of a call.
+    fn arguments<'t>(
+        &mut self,
+        call: &Call,
+        judged: &mut BTreeMap<(ArgumentKind, &'t str), Option<String>>,
+    ) -> Vec<Mistake>
+    where
+        Self: 't,
+    {
+        let view = self.view;
+        let Some(scene) = self.scene.as_deref_mut() else { return Vec::new() };
+        if view.kind == ScriptKind::Firmware {
+            return Vec::new();
+        }
+        let mut found = Vec::new();
+        for named in view.named_texts(call) {
+            let Some(text) = view.text.get(named.range.clone()) else { continue };
+            let refused = judged.entry((named.kind, text)).or_insert_with(|| {
+                check::argument(&mut scene.bench, named.kind, text).err().map(|error| error.to_string())
+            });
+            found.extend(refused.clone().map(|what| Mistake::error(named.range, what)));
+        }
+        let Some(place) = view.register_of(call).and_then(|register| scene.bench.find(register).ok()) else {
+            return found;
+        };
+        for argument in 0..call.arguments.len() {
+            let is_value = view.argument_kind(call, argument) == Some(ArgumentKind::Value)
+                && view.parameter(call, argument) != Some("mask");
+            let Some((value, range)) = view.value(call, argument).filter(|_| is_value) else { continue };
+            let refused = check::refused_value(place.place(), &value);
+            found.extend(refused.map(|what| Mistake::error(range, what)));
+        }
+        found
+    }
+}
+
+fn is_verb_of_scenarios(name: &str) -> bool {
+    crate::script::verbs().iter().any(|verb| verb.name == name)
+}
+
+/// The error of a file that is too long to be judged.
+pub(super) fn too_long(document: &Document) -> Mistake {
+    let most = input_file::LONGEST_SCRIPT >> 10;
+    let what = match document.is_script() {
+        true => format!("a script has at most {most} KiB; import a part of it"),
+        false => "the file is too long to be checked while it is edited: 1 MiB at most".to_owned(),
+    };
+    Mistake::warning(document.text.line(Some(1)), what)
+}

@@ -1,0 +1,538 @@
+//! The server as an editor uses it: messages in, messages out.
+
+use super::server::{Next, Server, position};
+use lsp_server::{Message, Notification, Request, RequestId, Response};
+use proptest::prelude::*;
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// An editor with one document at a time. `¦` in its text is the cursor.
+struct Editor {
+    server: Server,
+    answers: Vec<Message>,
+    uri: String,
+    text: String,
+    cursor: usize,
+}
+
+impl Editor {
+    fn new() -> Self {
+        let (uri, text) = ("untitled:none".to_owned(), String::new());
+        let mut editor = Self { server: Server::new(), answers: Vec::new(), uri, text, cursor: 0 };
+        let capabilities = editor.ask("initialize", json!({ "capabilities": {} }));
+        assert_eq!(capabilities["capabilities"]["positionEncoding"], "utf-16");
+        editor.note("initialized", json!({}));
+        editor
+    }
+
+    fn with(text: &str) -> Self {
+        let mut editor = Self::new();
+        editor.open(Path::new("/nonexistent/one.rhai"), text);
+        editor
+    }
+
+    fn open(&mut self, path: &Path, text: &str) {
+        self.uri = format!("file://{}", path.display());
+        self.cursor = text.find('¦').unwrap_or(text.len());
+        self.text = text.replacen('¦', "", 1);
+        let document = json!({ "uri": self.uri, "languageId": "rhai", "version": 1, "text": self.text });
+        self.note("textDocument/didOpen", json!({ "textDocument": document }));
+    }
+
+    fn note(&mut self, method: &str, params: Value) {
+        let message = Notification { method: method.to_owned(), params };
+        assert_eq!(self.server.take(message.into(), &mut self.answers), Next::Continue);
+    }
+
+    fn response(&mut self, method: &str, params: Value) -> Response {
+        let request = Request { id: RequestId::from(7), method: method.to_owned(), params };
+        self.server.take(request.into(), &mut self.answers);
+        match self.answers.pop() {
+            Some(Message::Response(response)) => response,
+            other => panic!("{method}: {other:?}"),
+        }
+    }
+
+    fn ask(&mut self, method: &str, params: Value) -> Value {
+        self.response(method, params).response_result.unwrap_or_else(|error| panic!("{method}: {error:?}"))
+    }
+
+    /// The parameters of a request at the cursor.
+    fn place(&self) -> Value {
+        json!({ "textDocument": { "uri": self.uri }, "position": position(&self.text, self.cursor) })
+    }
+
+    /// Errors of the document: `LINE:COLUMN MESSAGE`.
+    fn errors(&mut self) -> Vec<String> {
+        self.server.settle(&mut self.answers);
+        let mut found = Vec::new();
+        for message in self.answers.drain(..) {
+            let Message::Notification(Notification { params, .. }) = message else { panic!("{message:?}") };
+            if params["uri"] == self.uri.as_str() {
+                found = params["diagnostics"].as_array().unwrap().clone();
+            }
+        }
+        let line = |it: &Value| {
+            let start = &it["range"]["start"];
+            format!("{}:{} {}", start["line"], start["character"], it["message"].as_str().unwrap())
+        };
+        found.iter().map(line).collect()
+    }
+
+    fn completions(&mut self) -> Vec<String> {
+        let found = self.ask("textDocument/completion", self.place());
+        let label = |item: &Value| item["label"].as_str().unwrap().to_owned();
+        found["items"].as_array().map(|items| items.iter().map(label).collect()).unwrap_or_default()
+    }
+
+    fn hover(&mut self) -> String {
+        self.ask("textDocument/hover", self.place())["contents"]["value"]
+            .as_str()
+            .unwrap_or_default()
+            .to_owned()
+    }
+}
+
+fn errors(text: &str) -> Vec<String> {
+    Editor::with(text).errors()
+}
+
+/// The only error of a text begins like this.
+fn assert_error(text: &str, expected: &str) {
+    let found = errors(text);
+    assert!(found.len() == 1 && found[0].starts_with(expected), "{text}: {found:?}, not {expected}");
+}
+
+#[test]
+fn a_right_scenario_has_no_errors() {
+    let text = r#"
+        section("start");
+        fn start(us) { step(us); }
+        let init = block("CANsync_INIT", "node2");
+        init.us_BAUDRATE = 5;
+        poke("node2.w_CPU_CONTROL", "handshake");
+        let us = wait("node2.w_OPTION_STATUS", "16#0002", "1ms");
+        expect_that(us <= 500, `${us} us`);
+        start(500); [1, 2].len(); print(type_of(us));
+        fault("lose_frame slot=WRC1 count=3");
+        if (us > 1) { throw "x" } else { expect_no_findings(["reserved-value"]); }
+        try { expect("node2.a_RD_BMARRAY[3][0]", 0xFFFF) } catch (error) { print(error.kind) }
+        wait_until(|| drive("drive1").state == "ready", "1ms");
+    "#;
+    assert_eq!(errors(text), [""; 0]);
+}
+
+#[test]
+fn errors_have_the_messages_of_the_engine_and_their_place() {
+    for (text, expected) in [
+        ("let x = ;", "0:8 "),
+        ("poke(\"node2.w_CPU_CONTROL\", 16#0001);", "0:28 `16#0001`: write 0x0001"),
+        ("\u{1F980}", "0:0 "),
+        (
+            "// \u{1F980}\r\n/* \u{1F980} */ expct(1);",
+            "1:9 there is no verb or function `expct`; did you mean expect",
+        ),
+        ("assert(1);", "0:0 there is no verb or function `assert`; write expect_that(condition, \"text\")"),
+        (
+            "wait(\"node2.w_OPTION_STATUS\", 2);",
+            "0:0 `wait`: 2 arguments are given; write wait(register, value, within)",
+        ),
+        ("peek(\"node2.w_CPU_CONTRL\");", "0:6 `node2` has no register `w_CPU_CONTRL`"),
+        ("peek(\"w_CPU_CONTRL\");", "0:6 "),
+        (
+            "expect_changes(snapshot(\"node2\"), [\"node2.b_BT_1\", \"node2.x\"]);",
+            "0:51 `node2` has no register `x`",
+        ),
+        ("snapshot(\"node9\");", "0:10 there is no area 'node9'; there are: "),
+        (
+            "poke(\"node2.w_CPU_CONTROL\", 70000);",
+            "0:28 node2.w_CPU_CONTROL (%MW3.200000): `70000 (16#11170)` is out of range",
+        ),
+        (
+            "poke(\"node2.w_CPU_CONTROL\", \"handshook\");",
+            "0:28 node2.w_CPU_CONTROL (%MW3.200000): `handshook` is no number",
+        ),
+        ("step(\"1 day\");", "0:6 `1 day`: "),
+        ("fault(\"lost_frame\");", "0:7 kind = \"lost_frame\": there is no such fault"),
+        ("fault(\"lose_frame slot=X\");", "0:7 "),
+        ("send_frame(\"bus\", 1, \"01\");", "0:12 there is no bus 'bus'; there are: drives"),
+        ("drive(\"drive9\");", "0:7 there is no drive 'drive9'; there are: "),
+        ("plant(\"none.toml\");", "0:6 /nonexistent/none.toml: "),
+        ("import \"none\" as n; n::f();", "0:8 there is no script `none` to import"),
+        ("plant(`[[plc]]\nnam = 1`);", "0:6 plant: line 2: "),
+    ] {
+        assert_error(text, expected);
+    }
+}
+
+#[test]
+fn a_script_that_shares_functions_has_no_plant() {
+    assert_eq!(errors("fn start(plc) { poke(\"press:node2.w_CPU_CONTROL\", 1); }"), [""; 0]);
+}
+
+#[test]
+fn the_plant_of_the_scenario_decides_on_the_registers() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    let plant = "[[plc]]\nname = \"a\"\nnode2 = \"x\"\n[[plc]]\nname = \"b\"\n[[bus]]\nname = \"x\"\n";
+    std::fs::write(at("two.toml"), plant).unwrap();
+    let mut editor = Editor::new();
+    editor.open(&at("one.rhai"), "plant(\"two.toml\"); peek(\"node2.w_CPU_CONTROL\");");
+    let found = editor.errors();
+    assert!(found[0].contains("the plant has several PLCs (a, b)"), "{found:?}");
+    editor.open(&at("two.rhai"), "plant(\"two.toml\"); peek(\"b:¦\");");
+    assert!(editor.completions().contains(&"b:node1.w_CPU_CONTROL".to_owned()));
+    // The editor has a newer text of the plant.
+    editor.open(&at("two.toml"), &plant.replace("\"b\"", "\"c\""));
+    editor.open(&at("one.rhai"), "plant(\"two.toml\"); peek(\"b:node2.w_CPU_CONTROL\");");
+    assert!(editor.errors()[0].contains("there is no PLC 'b'; there are: a, c"));
+}
+
+#[test]
+fn registers_values_faults_and_verbs_are_completed() {
+    for (text, expected) in [
+        ("peek(\"¦", "node2.w_OPTION_STATUS"),
+        ("peek(\"node2.w_¦\");", "node2.w_CPU_CONTROL"),
+        ("peek(\"node2.a_RD_BMARRAY[3][¦", "node2.a_RD_BMARRAY[3][0]"),
+        ("expect_changes(s, [\"node2.b_BT_1\", \"¦\"])", "node2.w_OPTION_STATUS"),
+        ("poke(\"node2.w_CPU_CONTROL\", \"¦\")", "handshake"),
+        ("poke(\"node2.w_CPU_CONTROL\", ¦)", "0x0001"),
+        ("fault(\"¦\")", "lose_frame"),
+        ("fault(\"lose_frame slot=WRC1 ¦\")", "count="),
+        ("fault(\"lose_frame slot=¦\")", "slot=WRC1"),
+        ("fault(\"lose_frame bus=¦\")", "bus=drives"),
+        ("snapshot(\"¦\")", "node2"),
+        ("send_frame(\"¦\")", "drives"),
+        ("drive(\"¦\")", "drive1"),
+        ("block(\"¦\")", "CANsync_INIT"),
+        ("expect_no_findings([\"¦\"])", "reserved-value"),
+        ("exp¦", "expect_near"),
+        ("fn own() {} ow¦", "own"),
+    ] {
+        let found = Editor::with(text).completions();
+        assert!(found.iter().any(|label| label == expected), "{text}: {found:?}");
+    }
+    for text in ["// peek(\"¦", "print(\"¦", "poke(\"node2.w_CPU_CONTROL\", 0x¦"] {
+        assert_eq!(Editor::with(text).completions(), [""; 0], "{text}");
+    }
+}
+
+#[test]
+fn a_typed_sign_proposes_names_in_texts_only() {
+    for (text, expected) in [("let x = ¦", false), ("fault(\"lose_frame ¦\")", true)] {
+        let mut editor = Editor::with(text);
+        let mut params = editor.place();
+        params["context"] = json!({ "triggerKind": 2, "triggerCharacter": " " });
+        let found = editor.ask("textDocument/completion", params);
+        assert_eq!(!found["items"].as_array().unwrap().is_empty(), expected, "{text}");
+    }
+}
+
+#[test]
+fn a_completion_replaces_the_whole_text() {
+    let mut editor = Editor::with("peek(\"node2.w_¦CPU\");");
+    let found = editor.ask("textDocument/completion", editor.place());
+    let range = &found["items"][0]["textEdit"]["range"];
+    assert_eq!((&range["start"]["character"], &range["end"]["character"]), (&json!(6), &json!(17)));
+}
+
+#[test]
+fn descriptions_name_meaning_address_page_and_source() {
+    let register = Editor::with("peek(\"node2.w_OPTION_¦STATUS\");").hover();
+    for part in [
+        "node2.w_OPTION_STATUS",
+        "%MW3.200002",
+        "WORD",
+        "owner",
+        " p. ",
+        "offset from",
+        "take over initialization data",
+    ] {
+        assert!(register.contains(part), "{part}: {register}");
+    }
+    let verb = Editor::with("wa¦it(\"x\");").hover();
+    assert!(
+        verb.contains("wait(register: String, value, within) -> int") && verb.contains("Advances the clock"),
+        "{verb}"
+    );
+    let own = Editor::with("// Starts.\nfn start(us) {}\nsta¦rt(1);").hover();
+    assert!(own.contains("start(us)") && own.contains("Starts."), "{own}");
+    assert!(Editor::with("fault(\"lose_fr¦ame\");").hover().contains("frame"));
+    assert!(Editor::with("fault(\"lose_frame cou¦nt=3\");").hover().starts_with("`count`: "));
+    assert_eq!(Editor::with("let x¦ = 1;").hover(), "");
+}
+
+#[test]
+fn the_signature_has_the_parameter_at_the_cursor() {
+    let mut editor = Editor::with("wait(peek(\"x\"), ¦");
+    let help = editor.ask("textDocument/signatureHelp", editor.place());
+    assert_eq!(help["signatures"][0]["label"], "wait(register: String, value, within) -> int");
+    assert_eq!(help["activeParameter"], 1);
+}
+
+#[test]
+fn a_register_of_a_folder_is_defined_in_its_structure() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/devices/mailbox");
+    let test = std::fs::read_dir(folder.join("tests")).unwrap().next().unwrap().unwrap().path();
+    let text = std::fs::read_to_string(folder.join("MAILBOX.toml")).unwrap();
+    let name = text.split("name = \"w_").nth(1).unwrap().split('"').next().unwrap();
+    let mut editor = Editor::new();
+    editor.open(&test, "peek(\"¦\")");
+    let register =
+        editor.completions().into_iter().find(|label| label.ends_with(&format!(".w_{name}"))).unwrap();
+    editor.open(&test, &format!("peek(\"{}¦\");", register));
+    assert_eq!(editor.errors(), [""; 0]);
+    let target = editor.ask("textDocument/definition", editor.place());
+    assert!(target["uri"].as_str().unwrap().ends_with("/mailbox/MAILBOX.toml"), "{target}");
+    let line = target["range"]["start"]["line"].as_u64().unwrap();
+    assert!(
+        text.lines().nth(usize::try_from(line).unwrap()).unwrap().contains(&format!("w_{name}")),
+        "{target}"
+    );
+}
+
+#[test]
+fn own_and_imported_functions_are_found_and_renamed() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    std::fs::write(at("part.rhai"), "fn start() { stop() }\nfn stop() {}\n").unwrap();
+    std::fs::write(at("user.rhai"), "import \"part\" as p;\np::stop(); p::start();\n").unwrap();
+    let mut editor = Editor::new();
+    let root = format!("file://{}", directory.path().display());
+    editor.server = Server::new();
+    editor.ask("initialize", json!({ "capabilities": {}, "rootUri": root }));
+    editor.open(&at("user.rhai"), "import \"part\" as p;\np::sto¦p(); p::start(); p::none();\n");
+    assert_eq!(editor.errors(), ["1:26 part.rhai has no function `none`"]);
+    let target = editor.ask("textDocument/definition", editor.place());
+    assert!(target["uri"].as_str().unwrap().ends_with("/part.rhai"), "{target}");
+    assert_eq!(target["range"]["start"], json!({ "line": 1, "character": 3 }));
+
+    editor.open(&at("part.rhai"), "fn start() { sto¦p(); let f = Fn(\"stop\"); }\nfn stop() {}\n");
+    assert_eq!(editor.ask("textDocument/prepareRename", editor.place())["placeholder"], "stop");
+    let mut params = editor.place();
+    params["newName"] = json!("halt");
+    let changes = editor.ask("textDocument/rename", params.clone())["changes"].clone();
+    let count = |name: &str| {
+        let of = changes.as_object().unwrap().iter().find(|(uri, _)| uri.ends_with(name)).unwrap().1;
+        of.as_array().unwrap().len()
+    };
+    assert_eq!((count("/part.rhai"), count("/user.rhai")), (3, 1), "{changes}");
+    for wrong in ["let", "9x", "start", "poke", "a b"] {
+        params["newName"] = json!(wrong);
+        assert!(editor.response("textDocument/rename", params.clone()).response_result.is_err(), "{wrong}");
+    }
+}
+
+#[test]
+fn firmware_of_a_device_has_its_own_verbs() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/devices/mailbox");
+    let mut editor = Editor::new();
+    editor.open(&folder.join("firmware.rhai"), "fn poll() { out¦put(\"x\", 1); }");
+    let found = editor.completions();
+    assert!(found.contains(&"set_bits".to_owned()) && !found.contains(&"wait_until".to_owned()));
+    assert!(editor.hover().contains("Replaces the value of a register with process data"));
+}
+
+#[test]
+fn requests_out_of_order_are_refused() {
+    let mut server = Server::new();
+    let mut ask = |method: &str| {
+        let mut answers = Vec::new();
+        let request = Request { id: RequestId::from(1), method: method.to_owned(), params: json!({}) };
+        server.take(request.into(), &mut answers);
+        let Some(Message::Response(response)) = answers.pop() else { panic!("{method}") };
+        response.response_result.err().map(|error| error.code)
+    };
+    assert_eq!(ask("textDocument/hover"), Some(-32002));
+    assert_eq!(ask("initialize"), Some(-32602), "without capabilities");
+}
+
+#[test]
+fn a_script_that_is_too_long_is_not_judged() {
+    let found = errors(&format!("let x = ;\n{}", "// long\n".repeat(9000)));
+    assert_eq!(found, ["0:0 a script has at most 64 KiB; import a part of it"]);
+}
+
+/// A piece of text that editors send: parts of scripts, signs, line ends, characters of all lengths.
+fn piece() -> impl Strategy<Value = String> {
+    let parts = prop::sample::select(vec![
+        "poke(\"node2.w_CPU_CONTROL\", 0x0001);",
+        "peek(\"",
+        "\"",
+        "`${",
+        "}",
+        "{",
+        "(",
+        ")",
+        "[",
+        "]",
+        ",",
+        ";",
+        "\r\n",
+        "\r",
+        "\n",
+        "fn f(a) {",
+        "import \"x\" as y;",
+        "y::f(",
+        "fault(\"lose_frame slot=",
+        "wait_until(|| ",
+        "/*",
+        "//",
+        "'",
+        "\\",
+        "\u{1F980}",
+        "ü",
+        "\u{0}",
+        "16#",
+        "let x = ",
+        "plant(`[[plc]]",
+        "[[",
+        "#{",
+        "..",
+        "0x",
+        "|",
+        "#\"",
+    ]);
+    prop_oneof![parts.prop_map(str::to_owned), ".{0,8}"]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 48, ..crate::property_tests() })]
+
+    /// Random edits, at positions inside and outside of the text, never end the server, and both ways to send them give
+    /// the same text.
+    #[test]
+    fn random_edits_never_end_the_server(
+        edits in prop::collection::vec((piece(), 0..12_u32, 0..40_u32, 0..3_u32, 0..20_u32, any::<bool>()), 1..24)
+    ) {
+        let run = || {
+            let mut editor = Editor::with("section(\"a\");\npoke(\"node2.w_CPU_CONTROL\", 1);\n");
+            let mut mirror = super::text::Text::new(editor.text.clone());
+            for (version, (text, line, character, lines, more, is_full)) in (2..).zip(edits) {
+                let end = json!({ "line": line + lines, "character": character + more });
+                let range = json!({ "start": { "line": line, "character": character }, "end": end });
+                let change = json!({ "range": range, "text": text });
+                mirror.apply(serde_json::from_value(change.clone()).unwrap());
+                let sent = if is_full { json!({ "text": mirror.as_str() }) } else { change };
+                let document = json!({ "uri": editor.uri, "version": version });
+                editor.note("textDocument/didChange", json!({ "textDocument": document, "contentChanges": [sent] }));
+                let place = json!({ "textDocument": { "uri": editor.uri }, "position": { "line": line, "character": character } });
+                for method in [
+                    "textDocument/completion", "textDocument/hover", "textDocument/signatureHelp", "textDocument/definition",
+                    "textDocument/prepareRename",
+                ] {
+                    editor.ask(method, place.clone());
+                }
+                let mut references = place;
+                references["context"] = json!({ "includeDeclaration": true });
+                editor.ask("textDocument/references", references);
+                editor.errors();
+            }
+            // The server still answers, and forgets the errors of a closed document.
+            let document = json!({ "textDocument": { "uri": editor.uri } });
+            editor.note("textDocument/didClose", document);
+            assert_eq!(editor.errors(), [""; 0]);
+        };
+        // Scripts are compiled in a thread with the stack that they need, as in the program.
+        let thread = std::thread::Builder::new().stack_size(crate::script::STACK);
+        std::thread::scope(|scope| thread.spawn_scoped(scope, run).unwrap().join())
+            .unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+    }
+}
+
+/// A copy of a device's folder of the project.
+fn folder(name: &str) -> tempfile::TempDir {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/devices").join(name);
+    let copy = tempfile::tempdir().unwrap();
+    for entry in
+        std::fs::read_dir(source).unwrap().map(Result::unwrap).filter(|it| it.file_type().unwrap().is_file())
+    {
+        std::fs::copy(entry.path(), copy.path().join(entry.file_name())).unwrap();
+    }
+    copy
+}
+
+#[test]
+fn plants_have_the_messages_of_the_program_with_their_line() {
+    let mut editor = Editor::new();
+    let mut errors = |text: &str| {
+        editor.open(Path::new("/nonexistent/plant.toml"), text);
+        editor.errors()
+    };
+    assert_eq!(errors("[[plc]]\nname = \"a\"\n"), [""; 0]);
+    assert!(
+        errors("[[plc]]\nname = \"a\"\nnod1 = 1\n")[0]
+            .starts_with("2:0 unknown field `nod1`; did you mean node1")
+    );
+    assert!(errors("[[plc]]\nname = \"a\"\ndip = 99\n")[0].starts_with("2:0 "));
+    assert!(errors("[[plc]\nname = \"a\"\n")[0].starts_with("0:0 "));
+    let warned = errors("[[plc]]\nname = \"a\"\nnode1 = \"x\"\n[[bus]]\nname = \"x\"\n");
+    assert!(warned[0].contains("has no master"), "{warned:?}");
+    // Files of other programs are left alone.
+    editor.open(Path::new("/nonexistent/Cargo.toml"), "[package]\nname = 1\n");
+    assert_eq!(editor.errors(), [""; 0]);
+}
+
+#[test]
+fn keys_and_values_of_plants_come_from_the_schema() {
+    for (text, expected) in [
+        ("[[plc]]\n¦", "retain_bytes"),
+        ("[[plc]]\nproject = ¦", "\"boot\""),
+        ("[[device]]\nkind = \"can-dp2\"\ns¦", "switches"),
+        ("[[device]]\nkind = ¦", "\"cs0015\""),
+        ("[[¦", "[[bus.drive]]"),
+        ("[[fault]]\nkind = \"lose_frame\"\n¦", "slot"),
+        ("[plc.drive.monitoring.sync]\nreaction = ¦", "\"quick_stop\""),
+    ] {
+        let mut editor = Editor::new();
+        editor.open(Path::new("/nonexistent/plant.toml"), text);
+        let found = editor.completions();
+        assert!(found.iter().any(|label| label == expected), "{text}: {found:?}");
+        // A key of another kind of device is not proposed.
+        assert!(!text.contains("can-dp2") || !found.contains(&"retain_bytes".to_owned()), "{found:?}");
+    }
+    let mut editor = Editor::new();
+    editor.open(Path::new("/nonexistent/plant.toml"), "[[device]]\nkind = \"can-dp2\"\nswit¦ches = 3\n");
+    assert!(editor.hover().starts_with("`switches`: integer, 0 to 255, default 3"), "{}", editor.hover());
+}
+
+#[test]
+fn files_of_a_folder_are_judged_as_they_are_typed() {
+    let copy = folder("digital-io");
+    let at = |name: &str| copy.path().join(name);
+    let read = |name: &str| std::fs::read_to_string(at(name)).unwrap();
+    let mut editor = Editor::new();
+    for name in ["device.toml", "IO_DATA.toml", "IO_CONTROL.toml", "meanings.toml", "handshakes.toml"] {
+        editor.open(&at(name), &read(name));
+        assert_eq!(editor.errors(), [""; 0], "{name}");
+    }
+    editor.open(&at("IO_DATA.toml"), &read("IO_DATA.toml").replace("\"firmware\"", "\"someone\""));
+    let found = editor.errors();
+    assert!(found[0].contains("someone"), "{found:?}");
+    editor.open(&at("IO_DATA.toml"), "name = \"IO_DATA\"\nregister = [\n  { offset = 0, owner = ¦ },\n]\n");
+    assert!(editor.completions().contains(&"\"firmware\"".to_owned()));
+    editor.open(&at("IO_DATA.toml"), &read("IO_DATA.toml"));
+    editor.open(
+        &at("handshakes.toml"),
+        &format!("{}\n[[toggle]]\nregister = \"none\"\n", read("handshakes.toml")),
+    );
+    assert!(!editor.errors().is_empty());
+    editor.open(&at("handshakes.toml"), "[[watchdog]]\nwi¦");
+    assert!(editor.completions().contains(&"within".to_owned()));
+    editor.open(&at("handshakes.toml"), "[[counter]]\nregister = \"¦");
+    let found = editor.completions();
+    assert!(found.iter().any(|label| label.starts_with('"') && label.contains('.')), "{found:?}");
+}
+
+#[test]
+fn scripts_of_a_device_have_the_messages_of_its_engine() {
+    let copy = folder("mailbox");
+    let at = |name: &str| copy.path().join(name);
+    let text = std::fs::read_to_string(at("firmware.rhai")).unwrap();
+    let mut editor = Editor::new();
+    editor.open(&at("firmware.rhai"), &text);
+    assert_eq!(editor.errors(), [""; 0]);
+    editor.open(&at("firmware.rhai"), &format!("{text}\nfn wrong() {{ read(\"none\"); }}\n"));
+    let found = editor.errors();
+    assert!(found.len() == 1 && found[0].contains("none"), "{found:?}");
+}

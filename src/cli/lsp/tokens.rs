@@ -1,0 +1,271 @@
+//! The words of a script, also of a half-typed one: Rhai's own tokenizer stops at the first error.
+
+use core::ops::Range;
+
+/// A word, number, text or sign of a script. Comments and blanks are no tokens.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Token {
+    pub(super) kind: TokenKind,
+    /// Its bytes.
+    pub(super) range: Range<usize>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum TokenKind {
+    /// A name or a word of the language.
+    Word,
+    Number,
+    /// A text in double quotes. It ends at the end of the line if its second quote is missing.
+    Text,
+    /// A text in backticks, or a raw text.
+    Template,
+    /// A character in single quotes.
+    Letter,
+    /// `::`.
+    Path,
+    /// Any other sign, one for each character.
+    Sign,
+}
+
+/// The tokens and the comments of a script.
+#[derive(Default)]
+pub(super) struct Tokens {
+    pub(super) all: Vec<Token>,
+    pub(super) comments: Vec<Range<usize>>,
+}
+
+impl Tokens {
+    /// Reads the tokens of any text.
+    pub(super) fn of(text: &str) -> Self {
+        let mut tokens = Tokens::default();
+        // The first line may be for the system.
+        let mut at = if text.starts_with("#!") { line_end(text, 0) } else { 0 };
+        while let Some(letter) = text[at..].chars().next() {
+            let rest = &text[at..];
+            let (kind, end) = match letter {
+                _ if letter.is_whitespace() => {
+                    at += letter.len_utf8();
+                    continue;
+                }
+                '/' if rest.starts_with("//") => {
+                    tokens.comments.push(at..line_end(text, at));
+                    at = line_end(text, at);
+                    continue;
+                }
+                '/' if rest.starts_with("/*") => {
+                    let end = block_comment_end(text, at);
+                    tokens.comments.push(at..end);
+                    at = end;
+                    continue;
+                }
+                '"' => (TokenKind::Text, text_end(text, at)),
+                '`' => (TokenKind::Template, template_end(text, at)),
+                '\'' => {
+                    letter_end(text, at).map_or((TokenKind::Sign, at + 1), |end| (TokenKind::Letter, end))
+                }
+                '#' if rest.trim_start_matches('#').starts_with('"') => {
+                    (TokenKind::Template, raw_end(text, at))
+                }
+                '0'..='9' => (TokenKind::Number, number_end(text, at)),
+                '_' | 'a'..='z' | 'A'..='Z' => (TokenKind::Word, at + word_length(rest)),
+                ':' if rest.starts_with("::") => (TokenKind::Path, at + 2),
+                _ => (TokenKind::Sign, at + letter.len_utf8()),
+            };
+            tokens.all.push(Token { kind, range: at..end });
+            at = end;
+        }
+        tokens
+    }
+
+    /// Whether a place is within a comment.
+    pub(super) fn is_comment(&self, offset: usize) -> bool {
+        self.comments.iter().any(|comment| comment.start < offset && offset <= comment.end)
+    }
+}
+
+impl Token {
+    /// Its text.
+    pub(super) fn text<'a>(&self, text: &'a str) -> &'a str {
+        text.get(self.range.clone()).unwrap_or_default()
+    }
+
+    /// Whether it is this word or sign.
+    pub(super) fn is(&self, text: &str, wanted: &str) -> bool {
+        matches!(self.kind, TokenKind::Word | TokenKind::Sign | TokenKind::Path) && self.text(text) == wanted
+    }
+
+    /// The bytes between the quotes of a text; `None` for other tokens, and for texts with escapes or interpolations.
+    pub(super) fn content(&self, text: &str) -> Option<Range<usize>> {
+        let whole = self.text(text);
+        let quote = match self.kind {
+            TokenKind::Text => '"',
+            TokenKind::Template if whole.starts_with('`') => '`',
+            _ => return None,
+        };
+        let inner = whole.strip_prefix(quote)?;
+        let inner = inner.strip_suffix(quote).unwrap_or(inner);
+        let start = self.range.start + 1;
+        let is_plain = match quote {
+            '"' => !inner.contains('\\'),
+            _ => !inner.contains("${"),
+        };
+        is_plain.then(|| start..start + inner.len())
+    }
+}
+
+fn line_end(text: &str, at: usize) -> usize {
+    text[at..].find('\n').map_or(text.len(), |end| at + end)
+}
+
+fn word_length(rest: &str) -> usize {
+    rest.find(|letter: char| !letter.is_ascii_alphanumeric() && letter != '_').unwrap_or(rest.len())
+}
+
+/// The end of a comment, in which others may be nested.
+fn block_comment_end(text: &str, at: usize) -> usize {
+    let (mut depth, mut end) = (0, at);
+    while end < text.len() {
+        let rest = &text[end..];
+        if rest.starts_with("/*") {
+            depth += 1;
+            end += 2;
+        } else if rest.starts_with("*/") {
+            depth -= 1;
+            end += 2;
+            if depth == 0 {
+                return end;
+            }
+        } else {
+            end += rest.chars().next().map_or(1, char::len_utf8);
+        }
+    }
+    text.len()
+}
+
+/// The end of a text in double quotes: its quote, or the end of the line.
+fn text_end(text: &str, at: usize) -> usize {
+    let mut letters = text[at..].char_indices().skip(1);
+    while let Some((place, letter)) = letters.next() {
+        match letter {
+            '"' => return at + place + 1,
+            '\n' => return at + place,
+            // A backslash at the end of a line continues the text in the next one.
+            '\\' => drop(letters.next()),
+            _ => {}
+        }
+    }
+    text.len()
+}
+
+/// The end of a text in backticks: its second backtick outside of `${...}`.
+fn template_end(text: &str, at: usize) -> usize {
+    let mut end = at + 1;
+    while let Some(letter) = text[end..].chars().next() {
+        if letter == '`' {
+            return end + 1;
+        }
+        end = if text[end..].starts_with("${") { braces_end(text, end + 1) } else { end + letter.len_utf8() };
+    }
+    text.len()
+}
+
+/// The end of a block in braces within a text in backticks.
+fn braces_end(text: &str, at: usize) -> usize {
+    let (mut depth, mut end) = (0_usize, at);
+    while let Some(letter) = text[end..].chars().next() {
+        match letter {
+            '{' => depth += 1,
+            '}' if depth <= 1 => return end + 1,
+            '}' => depth -= 1,
+            '"' => {
+                end = text_end(text, end);
+                continue;
+            }
+            // A nested text in backticks ends the block: such scripts are rare, and the depth stays bounded.
+            '`' => return end,
+            _ => {}
+        }
+        end += letter.len_utf8();
+    }
+    text.len()
+}
+
+/// The end of a raw text, `#"..."#` with any number of `#`.
+fn raw_end(text: &str, at: usize) -> usize {
+    let signs = text[at..].bytes().take_while(|byte| *byte == b'#').count();
+    let close = format!("\"{}", "#".repeat(signs));
+    let inner = at + signs + 1;
+    text[inner..].find(&close).map_or(text.len(), |end| inner + end + close.len())
+}
+
+/// The end of a character, `'x'` or `'\n'`.
+fn letter_end(text: &str, at: usize) -> Option<usize> {
+    let rest = &text[at + 1..];
+    let length = if rest.starts_with('\\') { 12 } else { 1 };
+    let end = rest.char_indices().skip(1).take(length).find(|(_, letter)| *letter == '\'');
+    end.map(|(end, _)| at + 1 + end + 1)
+}
+
+/// The end of a number. Two dots after it are a range.
+fn number_end(text: &str, at: usize) -> usize {
+    let whole = at + word_length(&text[at..]);
+    let rest = &text[whole..];
+    let has_fraction = rest.starts_with('.') && rest[1..].starts_with(|next: char| next.is_ascii_digit());
+    if has_fraction { whole + 1 + word_length(&rest[1..]) } else { whole }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn words(text: &str) -> Vec<&str> {
+        Tokens::of(text).all.iter().map(|token| &text[token.range.clone()]).collect()
+    }
+
+    #[test]
+    fn a_script_is_split_into_words_texts_and_signs() {
+        assert_eq!(
+            words("poke(\"node2.w\", 0x0001); // \"no\"\nlet c = 'x'; 1..3 1.5"),
+            [
+                "poke",
+                "(",
+                "\"node2.w\"",
+                ",",
+                "0x0001",
+                ")",
+                ";",
+                "let",
+                "c",
+                "=",
+                "'x'",
+                ";",
+                "1",
+                ".",
+                ".",
+                "3",
+                "1.5"
+            ]
+        );
+        assert_eq!(
+            words("a::b `t ${f(\"}\")} u` #\"raw \" \"# /* x /* y */ */ z"),
+            ["a", "::", "b", "`t ${f(\"}\")} u`", "#\"raw \" \"#", "z"]
+        );
+    }
+
+    #[test]
+    fn unfinished_texts_end_with_their_line() {
+        assert_eq!(words("poke(\"node2.\nstep(1)"), ["poke", "(", "\"node2.", "step", "(", "1", ")"]);
+        assert_eq!(words("print(`never ends ${ ")[2], "`never ends ${ ");
+        assert_eq!(words("/* never ends"), [""; 0]);
+        assert_eq!(words("' \u{1F980}"), ["'", "\u{1F980}"]);
+    }
+
+    #[test]
+    fn the_content_of_a_text_is_between_its_quotes() {
+        let content = |text: &str| Tokens::of(text).all[0].content(text).map(|range| text[range].to_owned());
+        assert_eq!(content("\"a.b\"").as_deref(), Some("a.b"));
+        assert_eq!(content("\"a.b").as_deref(), Some("a.b"));
+        assert_eq!(content("`x\ny`").as_deref(), Some("x\ny"));
+        assert_eq!((content("\"a\\n\""), content("`${x}`"), content("x")), (None, None, None));
+    }
+}

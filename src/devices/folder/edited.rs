@@ -1,0 +1,80 @@
+//! Checks of a folder while its files are edited: nothing is registered.
+//!
+//! The tables of a layout are never freed, so handshakes and scripts are checked with the saved layout, not with each
+//! typed state of it (D-843).
+
+use super::script::Script;
+use super::{
+    FolderError, LOADED, Loaded, SCRIPT, check_limits, check_names, fingerprint, handshakes, state_word,
+    texts,
+};
+use crate::layout::DeviceLayout;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::{MutexGuard, PoisonError};
+
+/// Most states of folders that a process reads which lives as long as an editor. A table of registers has some 10 KB.
+const MOST_OF_AN_EDITOR: usize = 4096;
+
+fn loaded() -> MutexGuard<'static, Loaded> {
+    LOADED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Allows this process to read more folders than other processes: each saved state of a folder counts.
+pub(crate) fn allow_many_folders() {
+    loaded().most = MOST_OF_AN_EDITOR;
+}
+
+/// Checks the layout in `dir` with texts that replace the contents of files, by their paths.
+///
+/// # Errors
+/// [`FolderError`] with the place.
+pub(crate) fn check_layout(dir: &Path, edits: BTreeMap<PathBuf, String>) -> Result<(), FolderError> {
+    let read = commram_layoutc::read_edited_folder(dir, edits)?;
+    read.inputs.iter().try_for_each(|(path, text)| texts::check(path, text))?;
+    check_limits(dir, &read)
+}
+
+/// Checks a text of `handshakes.toml` in `dir`.
+///
+/// # Errors
+/// [`FolderError`] with the line.
+pub(crate) fn check_handshakes(dir: &Path, text: &str) -> Result<(), FolderError> {
+    let path = dir.join(handshakes::FILE);
+    texts::check(&path, text)?;
+    handshakes::read(&path, text, layout(dir)?).map(drop)
+}
+
+/// Checks a text of the script `name` in `dir`, which is a part of the firmware.
+///
+/// # Errors
+/// [`FolderError`] with the line.
+pub(crate) fn check_script(dir: &Path, name: &str, text: &str) -> Result<(), FolderError> {
+    match Script::read(dir)? {
+        Some(script) => script.with(name, text).check(dir, layout(dir)?),
+        None => Ok(()),
+    }
+}
+
+/// The saved layout in `dir`.
+///
+/// # Errors
+/// A file of the layout is wrong, or this process has read too many folders.
+pub(crate) fn layout(dir: &Path) -> Result<&'static DeviceLayout, FolderError> {
+    let mut read = commram_layoutc::read_folder(dir)?;
+    let script = commram_layoutc::read_file_of_folder(dir, SCRIPT)?;
+    if script.is_some() {
+        state_word::add(dir, &mut read.device)?;
+    }
+    check_limits(dir, &read)?;
+    check_names(dir, &read)?;
+    let fingerprint = fingerprint(dir, &read, script.iter().map(|_| (SCRIPT, "")));
+    let mut loaded = loaded();
+    loaded.has_room(dir)?;
+    Ok(loaded.table(fingerprint, &read))
+}
+
+/// The keys of a table of `handshakes.toml`.
+pub(crate) fn handshake_keys(table: &str) -> Vec<String> {
+    handshakes::keys(table)
+}

@@ -1,0 +1,177 @@
+//! Checks of a scenario that does not run, for editors: the same engine, and the same messages.
+
+pub(crate) use super::engine::is_plant_text;
+
+use super::bench::Bench;
+use super::complaint::{misread, no_function_among};
+use super::engine::{Stage, engine, wrong_count};
+use super::run::{Limits, limit};
+use super::{ScenarioError, Span, Value, Verb};
+use crate::layout::NamedLocation;
+use core::cell::RefCell;
+use rhai::{Engine, ParseError};
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+use std::rc::Rc;
+use std::time::Instant;
+
+/// Functions of the language itself, which the engine does not list.
+const OF_LANGUAGE: [&str; 12] = [
+    "Fn",
+    "call",
+    "curry",
+    "debug",
+    "eval",
+    "import",
+    "is_def_fn",
+    "is_def_var",
+    "is_shared",
+    "print",
+    "switch",
+    "type_of",
+];
+
+/// A text that is no script.
+pub(crate) struct Misreading {
+    /// The line, from 1; `None` at the end of the text.
+    pub line: Option<usize>,
+    /// The column, from 1, in characters.
+    pub column: Option<usize>,
+    /// Description of the error.
+    pub what: String,
+}
+
+/// The engine of scenarios, which compiles scripts and runs none. A thread needs a stack of [`super::STACK`] for it.
+pub(crate) struct Checker {
+    engine: Engine,
+    functions: BTreeSet<String>,
+}
+
+impl Checker {
+    /// An engine with the verbs and limits of scenarios.
+    pub(crate) fn new() -> Self {
+        let stage = Rc::new(RefCell::new(Stage::new(None, PathBuf::new(), Bench::LIMIT_US)));
+        let mut engine = engine(&stage);
+        limit(&mut engine, Limits::default(), Instant::now());
+        let names =
+            engine.collect_fn_metadata(None, |function| Some(function.metadata.name.to_string()), true);
+        let functions = names.into_iter().chain(OF_LANGUAGE.map(str::to_owned)).collect();
+        Self { engine, functions }
+    }
+
+    /// The first error of the parser.
+    pub(crate) fn misreading(&self, text: &str) -> Option<Misreading> {
+        let ParseError(reason, position) = self.engine.compile(text).err()?;
+        let line = position.line();
+        let source = line.and_then(|line| text.split('\n').nth(line.checked_sub(1)?));
+        let what = misread(&reason, source.unwrap_or_default());
+        Some(Misreading { line, column: position.position(), what })
+    }
+
+    /// Whether a script without own functions can call a function of this name.
+    pub(crate) fn knows(&self, name: &str) -> bool {
+        self.functions.contains(name)
+    }
+}
+
+/// The message for a call of a function that does not exist, in a script with these verbs.
+pub(crate) fn unknown_function(name: &str, verbs: &[Verb]) -> String {
+    no_function_among(name, &[], verbs)
+}
+
+/// The message for a call of a verb with the wrong number of arguments; `None` if one of `verbs` has this number.
+pub(crate) fn argument_count(verbs: &[Verb], name: &str, count: usize) -> Option<String> {
+    let fits = verbs.iter().any(|verb| verb.parameters.len() == count);
+    (!fits).then(|| wrong_count(verbs, name, count).to_string())
+}
+
+/// The message for a value that the register cannot hold.
+pub(crate) fn refused_value(place: &NamedLocation, value: &Value) -> Option<String> {
+    value.bits(place).err().map(|error| error.to_string())
+}
+
+/// What the text of an argument names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum ArgumentKind {
+    Register,
+    /// A register or an area.
+    RegisterOrArea,
+    /// An array of registers.
+    Registers,
+    Area,
+    Port,
+    Bus,
+    Plc,
+    Drive,
+    /// The name of a function block.
+    Block,
+    /// The place of a function block.
+    Place,
+    /// A plant file, or its text.
+    Plant,
+    /// A fault with its fields.
+    Fault,
+    /// Settings of a board.
+    Board,
+    /// A value of the register that another argument names.
+    Value,
+    /// A time with a unit.
+    Time,
+    /// An array of rules of the access checker.
+    Rules,
+}
+
+impl ArgumentKind {
+    /// The kind of a verb's parameter; `None` if any text is right.
+    pub(crate) fn of(verb: &str, parameter: &str) -> Option<Self> {
+        Some(match (verb, parameter) {
+            (_, "register" | "address") => Self::Register,
+            (_, "registers") => Self::Registers,
+            ("record", "what") => Self::RegisterOrArea,
+            (_, "area") => Self::Area,
+            (_, "node") => Self::Port,
+            (_, "bus") => Self::Bus,
+            (_, "plc") => Self::Plc,
+            ("drive", "name") => Self::Drive,
+            ("block", "name") => Self::Block,
+            ("block", "place") => Self::Place,
+            ("plant", _) => Self::Plant,
+            ("fault", "words") => Self::Fault,
+            ("set_board", "words") => Self::Board,
+            (_, "value" | "expected" | "new" | "mask" | "values" | "request" | "answer") => Self::Value,
+            (_, "within" | "time") => Self::Time,
+            (_, "rules") => Self::Rules,
+            _ => return None,
+        })
+    }
+}
+
+/// Checks a text that a verb would take, on a plant that nothing else uses.
+///
+/// # Errors
+/// The error that the verb would report.
+pub(crate) fn argument(bench: &mut Bench, kind: ArgumentKind, text: &str) -> Result<(), ScenarioError> {
+    match kind {
+        ArgumentKind::Register | ArgumentKind::Registers => bench.find(text).map(drop),
+        ArgumentKind::RegisterOrArea => bench.area(text).map(drop).or_else(|_| bench.find(text).map(drop)),
+        ArgumentKind::Area => bench.area(text).map(drop),
+        ArgumentKind::Bus => bench.bus(text).map(drop),
+        ArgumentKind::Plc => bench.only_plc(text).map(drop),
+        ArgumentKind::Drive => bench.drive(text).map(drop),
+        ArgumentKind::Fault => {
+            let added = bench.fault(text).map(drop);
+            // The next fault meets a plant without faults.
+            bench.clear_faults()?;
+            added
+        }
+        ArgumentKind::Time => Span::Text(text.to_owned()).us().map(drop),
+        // Their verbs change the plant, or a second argument decides.
+        ArgumentKind::Block
+        | ArgumentKind::Place
+        | ArgumentKind::Port
+        | ArgumentKind::Plant
+        | ArgumentKind::Board
+        | ArgumentKind::Value
+        | ArgumentKind::Rules => Ok(()),
+    }
+}
