@@ -1,0 +1,38 @@
+// The extension: it starts the language server and offers scenarios as tests.
+
+import * as vscode from "vscode";
+import { LanguageClient } from "vscode-languageclient/node";
+import { ScenarioTests } from "./tests";
+
+let client: LanguageClient | undefined;
+
+/** The program, as the settings name it. */
+function program(): string {
+  return vscode.workspace.getConfiguration("commram").get<string>("program") || "commram";
+}
+
+/** Starts the language server; the editor shows the reason if the program is missing. */
+async function start(): Promise<void> {
+  const options = { command: program(), args: ["lsp"] };
+  client = new LanguageClient("commram", "commram", options, {
+    documentSelector: [
+      { scheme: "file", language: "rhai" },
+      { scheme: "file", pattern: "**/*.toml" },
+    ],
+    synchronize: { fileEvents: vscode.workspace.createFileSystemWatcher("**/*.{toml,rhai}") },
+  });
+  await client.start();
+}
+
+export async function activate(context: vscode.ExtensionContext): Promise<void> {
+  const restart = vscode.commands.registerCommand("commram.restart", async () => {
+    await client?.stop();
+    await start();
+  });
+  context.subscriptions.push(restart, new ScenarioTests(program));
+  await start();
+}
+
+export async function deactivate(): Promise<void> {
+  await client?.stop();
+}
