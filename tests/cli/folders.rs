@@ -114,7 +114,7 @@ fn the_examples_pass_their_scenarios() {
         let files = fs::read_dir(&dir).unwrap().map(|entry| entry.unwrap().path());
         let texts = files.filter(|path| path.is_file()).map(|path| fs::read_to_string(path).unwrap());
         let lines: usize = texts.map(|text| text.lines().count()).sum();
-        // The dual-port memory is a real device, the others are examples to read.
+        // The dual-port memory is a real device; the other folders are short examples.
         assert!(lines <= 120 || dir.ends_with("netx-dpm"), "{}: {lines} lines", dir.display());
         count += 1;
     }
@@ -126,7 +126,7 @@ fn the_examples_pass_their_scenarios() {
 /// The examples run in `soak`, in two ways that must have the same journal.
 #[test]
 fn the_examples_pass_rounds_of_soak() {
-    // A round of the dual-port memory takes as long as several of a small card.
+    // A round of the dual-port memory takes as long as several rounds of a small card.
     for (example, rounds) in [("digital-io", "12"), ("mailbox", "12"), ("encoder", "12"), ("netx-dpm", "3")] {
         let dir = format!("{}/tools/devices/{example}", env!("CARGO_MANIFEST_DIR"));
         let keep = tempfile::tempdir().unwrap();

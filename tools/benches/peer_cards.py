@@ -5,8 +5,7 @@ usage: peer_cards.py    wants `pip install pymodbus==3.16.1`
 
 The device has an action in Python. A client stores command 5 and an output word in each emulated millisecond; the action
 answers 4 when the client reads, and copies 16 words. Client and simulator are in one process, without Modbus and without a
-network. pymodbus has no emulated time: the figure is the number of milliseconds that one millisecond of
-processor time would have.
+network. pymodbus has no emulated time: the figure is the number of these milliseconds in one millisecond of processor time.
 """
 import asyncio
 import time

@@ -44,7 +44,7 @@ void __wrap_OS_Sleep(uint32_t ms)
         __real_OS_Sleep(ms);
         return;
     }
-    /* The library takes a pause of 0 ms for 50 us. */
+    /* The library pauses 50 us if it is asked for 0 ms. */
     result = commram_run(&task, ms ? ms * 1000 : 50, LONGEST_TURN_MS);
     if (result != COMMRAM_DONE)
         fail("lockstep: %s", commram_text(result));
@@ -82,7 +82,7 @@ static void expect_number(const char *what, unsigned found, unsigned right)
         fail("%s: 16#%X instead of 16#%X", what, found, right);
 }
 
-/* Sends a packet, and returns the status of its answer, whose data are in `answer`. */
+/* Sends a packet. Stores the answer in `answer`, and returns its status. */
 static uint32_t transfer(int to_channel, uint32_t command, const void *data, uint32_t length, CIFX_PACKET *answer)
 {
     static uint32_t number;
@@ -114,7 +114,7 @@ static uint32_t word(const CIFX_PACKET *packet, int index)
     return value;
 }
 
-/* Outputs come back as inputs, of both areas and of their full length. */
+/* Checks that the outputs of both areas come back as inputs in their full length. */
 static void exchange(const char *mode, unsigned rounds)
 {
     static unsigned char out[PD0], in[PD0];
@@ -127,7 +127,7 @@ static void exchange(const char *mode, unsigned rounds)
             for (i = 0; i < length; i++)
                 out[i] = (unsigned char)(seed * 7 + i + area);
             expect("xChannelIOWrite", xChannelIOWrite(channel, area, 0, length, out, TIMEOUT_MS), CIFX_NO_ERROR);
-            /* The first inputs are from the exchange before. */
+            /* The first inputs are from the previous exchange. */
             for (tries = 0; tries < 20; tries++) {
                 expect("xChannelIORead", xChannelIORead(channel, area, 0, length, in, TIMEOUT_MS), CIFX_NO_ERROR);
                 if (!memcmp(in, out, length))
@@ -172,7 +172,7 @@ static void start_bus(void)
     bus(CIFX_BUS_STATE_ON, CIFX_BUS_STATE_ON);
 }
 
-/* The library takes a card without a firmware for one that needs a download. */
+/* Waits until the card has a firmware. Before, the library would try a download. */
 static void await_firmware(void)
 {
     unsigned waited_ms;
@@ -195,7 +195,7 @@ static void open_card(unsigned char *dpm)
     card.uio_num = card.uio_fd = -1;
     init.init_options = CIFX_DRIVER_INIT_NOSCAN;
     init.base_dir = "/nonexistent";
-    /* No thread of the library: every access is in the order of this program. */
+    /* The library starts no thread, so every access is in the order of this program. */
     init.poll_interval = (unsigned long)CIFX_POLLINTERVAL_DISABLETHREAD;
     init.user_card_cnt = 1;
     init.user_cards = &card;
@@ -278,7 +278,7 @@ static void process_data(void)
 static void watchdog(void)
 {
     CIFX_PACKET answer;
-    /* In real time a busy machine may keep this program waiting for longer than 100 ms. */
+    /* In real time this program may wait for longer than 100 ms on a busy machine. */
     uint32_t trigger, time_ms = is_stepped ? 100 : 1000, state, before = 0;
     unsigned char byte = 1;
     unsigned round, waited_ms;
@@ -309,7 +309,7 @@ static void watchdog(void)
     expect("xChannelWatchdog", xChannelWatchdog(channel, CIFX_WATCHDOG_START, &trigger), CIFX_NO_ERROR);
     __wrap_OS_Sleep(10);
     expect("xChannelWatchdog", xChannelWatchdog(channel, CIFX_WATCHDOG_STOP, &trigger), CIFX_NO_ERROR);
-    /* After a channel initialization the time is still the same. */
+    /* After a channel initialization the time of the watchdog is still the same. */
     __wrap_OS_Sleep(time_ms * 3 / 2);
     expect_number("error after the end of the supervision", communication_error(), 0);
     report("watchdog stopped: communicating without triggers");
