@@ -1,11 +1,11 @@
-//! `commram lsp` as a process: its connection, its end, and a client by another author.
+//! Tests `commram lsp` as a process: its connection, its end, and a client by another author.
 
 use crate::common::{commram, finish, python_for};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{ChildStdout, Command, Output, Stdio};
 
-/// The messages in front of the end of the input, and what the server wrote.
+/// Sends the messages, closes the input, and returns the output of the server.
 fn served(messages: &[Value]) -> (Vec<Value>, Output) {
     let mut child = commram()
         .args(["lsp", "--stdio"])

@@ -9,7 +9,7 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::time::{Duration, Instant};
 
 const LINES: usize = 2000;
-/// Measurements of each kind; the median is printed.
+/// Number of measurements of each kind; the benchmark prints the median.
 const ROUNDS: usize = 21;
 const TARGET: Duration = Duration::from_millis(50);
 
@@ -53,7 +53,7 @@ impl Server {
         }
     }
 
-    /// The next message.
+    /// Returns the next message.
     fn receive(&mut self) -> Value {
         let mut length = 0;
         loop {
@@ -70,7 +70,7 @@ impl Server {
         serde_json::from_slice(&text).expect("a message in JSON")
     }
 
-    /// The number of mistakes in the next list of them.
+    /// Returns the number of mistakes in the next list of mistakes.
     fn mistakes(&mut self) -> usize {
         loop {
             let message = self.receive();
@@ -96,7 +96,7 @@ fn main() {
     let mut version = 1;
     let mut typed = |server: &mut Server| {
         version += 1;
-        // A character that makes a name wrong, and the end of it.
+        // Types a character that makes a name wrong, and deletes it.
         let text = if version % 2 == 0 { "X" } else { "" };
         let end = if version % 2 == 0 { 14 } else { 15 };
         let range =

@@ -1,4 +1,4 @@
-// The extension: it starts the language server and offers scenarios as tests.
+// The extension for VS Code: starts the language server and offers scenarios as tests.
 
 import * as vscode from "vscode";
 import { LanguageClient } from "vscode-languageclient/node";

@@ -1,4 +1,4 @@
-// Scenarios in the list of tests. `commram test --format events` runs them; each line of its output is an event.
+// Shows scenarios in the list of tests. `commram test --format events` runs them; each line of its output is an event.
 
 import { type ChildProcess, spawn } from "node:child_process";
 import * as readline from "node:readline";
