@@ -150,7 +150,8 @@ impl Client {
         Ok(replies)
     }
 
-    /// As [`Client::request`], with a vector that can be reused. The vector is cleared first.
+    /// Sends a request like [`Client::request`], but writes the replies into a vector that can be reused. The vector is
+    /// cleared first.
     ///
     /// # Errors
     /// See [`Client::request`].

@@ -17,7 +17,7 @@ pub(crate) fn owned(layout: &'static DeviceLayout) -> impl Iterator<Item = Regis
     areas.flat_map(move |area| owned_in(layout, area))
 }
 
-/// As [`owned`], for a single area.
+/// Lists the registers like [`owned`], but only of a single area.
 fn owned_in(layout: &'static DeviceLayout, area: &'static Area) -> impl Iterator<Item = RegisterRef> {
     let registers = DeviceFit::unknown(layout).registers_in(area, RegisterPhase::ALWAYS);
     registers.filter(|register| register.owner() == Owner::Firmware)

@@ -120,8 +120,8 @@ fn addresses_like(text: &str) -> String {
     if alike.is_empty() { devices(&|_| true) } else { alike }
 }
 
-/// As [`on_any_device`], on one device. If the result depends on the type of a port, any type that has the register is
-/// accepted.
+/// Does the same as [`on_any_device`] for a single device. If the result depends on the type of a port, any type that
+/// has the register is accepted.
 fn on_any_fit<T>(
     device: &'static DeviceLayout,
     look_up: impl Fn(&DeviceFit) -> Result<T, LayoutError>,
@@ -147,8 +147,8 @@ pub(crate) fn of_any_device(text: &str) -> Result<NamedLocation, CliError> {
     on_any_device(|fitted| NamedLocation::parse(fitted, text))
 }
 
-/// As [`of_any_device`]. If no device has the register or address and `instance` runs, the error message comes from the
-/// device of the instance's PLC.
+/// Does the same as [`of_any_device`]. If no device has the register or address and `instance` runs, the error message
+/// comes from the device of the instance's PLC.
 pub(crate) fn of_any_device_or_instance(
     instance: &Instance,
 ) -> impl Fn(&str) -> Result<NamedLocation, CliError> {

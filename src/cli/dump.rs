@@ -124,7 +124,7 @@ pub(crate) fn check(names: &[String]) -> Result<(), CliError> {
         .try_for_each(|name| on_any_device(|fitted| select(fitted, name).map(drop)))
 }
 
-/// As [`check`], on one device.
+/// Does the same check as [`check`] for a single device.
 ///
 /// # Errors
 /// The device has no such block or register.

@@ -239,7 +239,7 @@ pub(crate) struct TerminationSignal {
     pub(crate) number: i32,
     /// True if `commram stop` has sent the signal, which concerns the emulator only.
     pub(crate) is_from_stop: bool,
-    /// Number of the process that has sent the signal; `None`: the kernel, or a process that is not visible.
+    /// Number of the process that has sent the signal; `None` for the kernel, or for a process that is not visible.
     sender: Option<u32>,
 }
 

@@ -191,7 +191,7 @@ fn why_not(name: &str) -> CliError {
 }
 
 /// Returns the process that was killed and left images. A process that has released its locks and is not removed yet
-/// was just killed, and the system gets time to remove it. `None`: no image, or a new emulator runs.
+/// was just killed, and the system gets time to remove it. `None` if there is no image, or if a new emulator runs.
 fn killed(name: &str) -> Result<Option<u32>, CliError> {
     let start = Instant::now();
     loop {

@@ -17,11 +17,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 
-/// As in shells: the command exists but cannot be started.
+/// Exit code if the command exists but cannot be started, as in shells.
 const CANNOT_RUN: u8 = 126;
-/// As in shells: the command does not exist.
+/// Exit code if the command does not exist, as in shells.
 const NO_SUCH_COMMAND: u8 = 127;
-/// As in shells: added to the number of the signal that ended the process.
+/// The exit code is this number plus the number of the signal that ended the process, as in shells.
 const BY_SIGNAL: i32 = 128;
 
 /// Run a command with a separate emulator.

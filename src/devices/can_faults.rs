@@ -43,7 +43,7 @@ pub(super) struct Frames {
     id: u32,
     /// The bits of the identifier that are compared. With 0 the fault concerns all frames.
     mask: u32,
-    /// True: identifiers of 29 bits, false: of 11 bits, `None`: both.
+    /// True for identifiers of 29 bits, false for identifiers of 11 bits, `None` for both.
     is_extended: Option<bool>,
     /// Index of the slot in [`SLOTS`]; `None` means all slots.
     slot: Option<u32>,

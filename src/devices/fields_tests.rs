@@ -1,5 +1,5 @@
-//! The fields of each kind in JSON Lines are the fields of the table in `docs/reference/journal.md`, and so is the
-//! place.
+//! Tests that each kind has the same fields and the same place in JSON Lines as in the table of
+//! `docs/reference/journal.md`.
 
 use super::catalogue;
 use super::event_text_tests::{drawn, line, names};

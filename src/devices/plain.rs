@@ -34,12 +34,12 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         let _ = ctx;
     }
 
-    /// Same as [`Device::is_quiescent`].
+    /// See [`Device::is_quiescent`].
     fn is_quiescent(&self) -> bool {
         false
     }
 
-    /// Same as [`Device::needs_each_cycle`].
+    /// See [`Device::needs_each_cycle`].
     fn needs_each_cycle(&self) -> bool {
         false
     }
@@ -80,7 +80,7 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         let _ = (faults, owner);
     }
 
-    /// Same as [`Front::refusal`].
+    /// See [`Front::refusal`].
     fn refusal(&self, setting: BoardSetting) -> Option<&'static str> {
         let _ = setting;
         None
@@ -91,7 +91,7 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         true
     }
 
-    /// Same as [`DeviceView::event_level`].
+    /// See [`DeviceView::event_level`].
     fn event_level(&self, event: usize) -> Option<u8> {
         let _ = event;
         None

@@ -78,7 +78,7 @@ pub enum Keeping {
         /// The value written.
         value: u32,
     },
-    /// As `Counted`; but in a separate record if the event answers a request.
+    /// The event is counted as in `Counted`. If it answers a request, it has a separate record.
     Answer {
         /// Index of the device.
         plc: DeviceIndex,

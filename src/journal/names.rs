@@ -32,7 +32,7 @@ impl Names {
         self.fitted(plc).device()
     }
 
-    /// As [`Names::device`], with the options of this PLC.
+    /// Returns the device of this PLC like [`Names::device`], with the options of the PLC.
     pub fn fitted(&self, plc: DeviceIndex) -> DeviceFit {
         let known = self.devices.get(plc.index()).copied();
         known.unwrap_or_else(|| DeviceFit::unknown(&DeviceLayout::UNKNOWN))

@@ -125,7 +125,7 @@ impl Waves {
         Self::within(Window::ALL, records, wanted, names, catalogue)
     }
 
-    /// As [`Waves::of`], but of counted records only the events in this window.
+    /// Does the same as [`Waves::of`], but uses only the events in this window from counted records.
     pub(crate) fn within(
         window: Window,
         records: &[Record],
@@ -172,7 +172,8 @@ impl Waves {
         Past { values, is_recorded: self.is_recorded(plc, offset) }
     }
 
-    /// As [`Waves::register`], for a register of this width, which may be a part of the recorded register.
+    /// Returns the values like [`Waves::register`], but for a register of this width. It can be a part of the recorded
+    /// register.
     pub fn part(&self, plc: DeviceIndex, offset: u32, width: Width) -> Past {
         let has_width = |it: &Signal, at: u32| match it.shape {
             Shape::Bits(bits) => offset + width.bytes() <= at + bits / 8,

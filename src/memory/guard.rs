@@ -32,7 +32,7 @@ const CLIENTS_WORDS: &[u8] =
 
 /// A map that the handler knows. Only atomics: the handler may interrupt any code.
 struct Slot {
-    /// Address of the map; 0: free, 1: being filled.
+    /// Address of the map; 0 if the entry is free, 1 while it is being filled.
     base: AtomicUsize,
     /// Length of the map in bytes.
     size: AtomicUsize,
@@ -57,7 +57,8 @@ impl Slot {
         base > 1 && address.checked_sub(base).is_some_and(|offset| offset < self.size.load(Ordering::Acquire))
     }
 
-    /// Restores the length of the file; returns whether there was memory for it. `None`: the file has its full length.
+    /// Restores the length of the file, and returns true if there was memory for it. `None` if the file has its full
+    /// length.
     fn grow_back(&self) -> Option<bool> {
         // SAFETY: the file is open for as long as the slot is taken.
         let file = unsafe { BorrowedFd::borrow_raw(self.file.load(Ordering::Acquire)) };

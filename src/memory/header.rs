@@ -175,7 +175,7 @@ codes! {
         Stopping = 3,
         /// The emulator has ended and will remove the file immediately.
         Stopped = 4,
-        /// As `Stopped`; in addition, the emulator could not save the changes in NOVRAM.
+        /// The emulator has ended as in `Stopped`, but could not save the changes in NOVRAM.
         Unsaved = 5,
     }
 }

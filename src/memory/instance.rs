@@ -46,8 +46,8 @@ impl InstanceLock {
         Self::take_as(instance, &format!("{}\n", ProcessId::own()))
     }
 
-    /// As [`InstanceLock::take`], to remove the files of a killed emulator. While a process has this lock, no emulator
-    /// can start under this name. Users need not end that process: it ends soon.
+    /// Takes the lock like [`InstanceLock::take`], to remove the files of a killed emulator. While a process has this
+    /// lock, no emulator can start under this name. Users need not end that process, because it ends soon.
     ///
     /// # Errors
     /// See [`InstanceLock::take`].

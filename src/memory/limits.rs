@@ -30,8 +30,8 @@ pub(crate) fn named(reason: &io::Error) -> String {
     }
 }
 
-/// As [`named`], for an error that a lack of memory may have caused. Empty unless the address space or the data segment
-/// is limited.
+/// Returns a text like [`named`], for an error that a lack of memory may have caused. It is empty unless the address
+/// space or the data segment is limited.
 pub(crate) fn describe_space_limit() -> String {
     let named = |most: Option<u64>, what, option| {
         most.map_or_else(String::new, |most| {
@@ -110,7 +110,8 @@ fn used(name: &str) -> u64 {
     kib.unwrap_or(0_u64).saturating_mul(1024)
 }
 
-/// As [`named`], for an error that a limit of file sizes may have caused. Empty if there is no such limit.
+/// Returns a text like [`named`], for an error that a limit of file sizes may have caused. It is empty if there is no
+/// such limit.
 pub(crate) fn describe_file_limit() -> String {
     getrlimit(Resource::Fsize).current.map_or_else(String::new, |most| {
         format!("; this process may write files of {} KiB (`ulimit -f`)", most / 1024)

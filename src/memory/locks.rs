@@ -8,7 +8,7 @@ use std::fs::{self, File};
 /// The table. Locks of processes in other pid namespaces are missing from it.
 const TABLE: &str = "/proc/locks";
 
-/// Process id of the holder of the exclusive `flock` lock of a file. `None`: the kernel shows no such process here.
+/// Process id of the holder of the exclusive `flock` lock of a file. `None` if the kernel shows no such process here.
 pub(super) fn holder_of(file: &File) -> Option<u32> {
     let stat = fstat(file).ok()?;
     let table = fs::read_to_string(TABLE).ok()?;

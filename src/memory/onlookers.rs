@@ -16,7 +16,7 @@ use std::time::Duration;
 #[derive(Debug)]
 pub(crate) struct Onlookers {
     images: Vec<ImageFileWatch>,
-    /// Reports of the kernel about opened images; `None`: the images always count as open.
+    /// Reports of the kernel about opened images. With `None`, the images always count as open.
     opened: Option<OwnedFd>,
 }
 

@@ -32,7 +32,7 @@ pub(crate) fn named(path: &Path, reason: &io::Error) -> String {
     describe_inodes(path.ancestors().skip(1).find(is_there).unwrap_or(Path::new(".")))
 }
 
-/// As [`named`], for an error in the memory file system that a lack of inodes may have caused.
+/// Returns a text like [`named`], for an error in the memory file system that a lack of inodes may have caused.
 #[cfg(feature = "channel")]
 pub(crate) fn describe_lack() -> String {
     describe_inodes(Path::new(IMAGE_DIRECTORY))

@@ -162,7 +162,7 @@ impl Segment {
         Ok(FirmwareHeader::new(shown, asked))
     }
 
-    /// The same memory for firmware that reads requests in a separate page, which has no requests yet.
+    /// Returns the same memory for firmware that reads requests in a separate page. This page has no requests yet.
     #[cfg(feature = "emulator")]
     #[must_use]
     pub(crate) fn with_request_page(self) -> Segment {

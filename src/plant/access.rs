@@ -29,8 +29,8 @@ impl Plant {
         Ok(())
     }
 
-    /// As [`Plant::store`], but writes `new` only if the memory contains `current`. The inner result is the previous
-    /// value: `Ok` if `new` was written, otherwise `Err`.
+    /// Stores a value like [`Plant::store`], but writes `new` only if the memory contains `current`. The inner result
+    /// is the previous value: `Ok` if `new` was written, otherwise `Err`.
     ///
     /// # Errors
     /// See [`Plant::load`].

@@ -77,7 +77,7 @@ impl PlantConfig {
         Self::parse_from(Path::new(""), file, text)
     }
 
-    /// As [`PlantConfig::parse`]; relative paths of device folders begin at `base`.
+    /// Parses a plant like [`PlantConfig::parse`]. Relative paths of device folders begin at `base`.
     pub(crate) fn parse_from(base: &Path, file: &str, text: &str) -> Result<Self, PlantError> {
         let (config, faults) = file::read(base, file, text)?;
         config.check().map_err(|error| {

@@ -188,8 +188,8 @@ impl Plant {
         while self.advance_until(time) {}
     }
 
-    /// As [`Plant::advance_to`], but stops early when a watched event ([`Plant::watch`]) has occurred, and then returns
-    /// `true`. The next call handles the remaining events of this moment.
+    /// Advances like [`Plant::advance_to`], but stops early when a watched event ([`Plant::watch`]) has occurred, and
+    /// then returns `true`. The next call handles the remaining events of this moment.
     pub fn advance_until(&mut self, time: u64) -> bool {
         self.look_for_writes();
         self.is_rescheduled = true;

@@ -15,8 +15,8 @@ use super::Plant;
 use super::ports::Port;
 
 impl Plant {
-    /// As [`Plant::next_event`], but without processor cycles that change nothing. A client that waits for a register
-    /// need not poll the register earlier, unless another program writes it.
+    /// Returns a time like [`Plant::next_event`], but ignores processor cycles that change nothing. A client that waits
+    /// for a register need not poll the register before this time, unless another program writes it.
     pub fn next_change(&self) -> u64 {
         let others = self.next_besides_cycle();
         if self.has_looked && self.next_cycle < others && self.is_quiescent() {

@@ -146,7 +146,7 @@ impl Plant {
         SnapshotFile { plant: self.text.as_ref().to_owned(), snapshot }
     }
 
-    /// As [`Plant::snapshot`], but reuses the memory of `bytes`.
+    /// Takes a snapshot like [`Plant::snapshot`], but reuses the memory of `bytes`.
     pub(crate) fn snapshot_reusing(&self, bytes: Vec<u8>) -> Snapshot {
         let mut to = Saving::reusing(bytes);
         self.save(&mut to);

@@ -90,7 +90,7 @@ impl Drop for WorkerPool {
     }
 }
 
-/// Returns the next item; `None`: no more items will come.
+/// Returns the next item; `None` if no more items will come.
 fn next<T>(from: &Receiver<T>, looks: Duration) -> Option<T> {
     let begin = Instant::now();
     loop {

@@ -42,8 +42,8 @@ pub trait Host {
     /// function returns a later time.
     fn next_event(&self) -> u64;
 
-    /// As [`Host::next_event`], but without polls that change nothing. Before this time only outside programs change
-    /// registers.
+    /// Returns a time like [`Host::next_event`], but ignores polls that change nothing. Before this time, only outside
+    /// programs change registers.
     fn next_change(&self) -> u64 {
         self.next_event()
     }

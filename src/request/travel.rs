@@ -158,8 +158,8 @@ impl Travel {
         self.saved.values_mut().for_each(|saved| saved.is_behind &= saved.written <= written);
     }
 
-    /// As [`Travel::is_at`], if the plant is in the state before the actions that the history may contain for this
-    /// moment.
+    /// Does the same as [`Travel::is_at`], if the plant is in the state before the actions that the history may contain
+    /// for this moment.
     fn begins_anew(&mut self, plant: &Plant) {
         // An entry for the same moment may contain later actions, so it is dropped. A new snapshot is taken before the
         // clock advances.

@@ -37,7 +37,7 @@ pub struct Options {
     /// True: poll instead of sleeping. The emulator then answers stores without a ring immediately, and uses a full
     /// processor core.
     pub busy: bool,
-    /// Directory for the NOVRAM of the PLCs; `None`: NOVRAM is lost at the end.
+    /// Directory for the NOVRAM of the PLCs. With `None`, NOVRAM is lost at the end.
     pub novram: Option<PathBuf>,
     /// True if the emulator will share its plant with emulators on other hosts, by [`Emulator::join`].
     pub is_federate: bool,
@@ -56,8 +56,8 @@ impl StopHandle {
         self.end(None);
     }
 
-    /// As [`StopHandle::stop`], with a reason. Messages to clients show the reason after the name of the instance, as a
-    /// part of the sentence.
+    /// Stops the emulator like [`StopHandle::stop`], with a reason. Messages to clients show the reason after the name
+    /// of the instance, as a part of the sentence.
     pub fn stop_because(&self, reason: impl Into<String>) {
         self.end(Some(reason.into()));
     }
@@ -121,8 +121,8 @@ impl Emulator {
         Self::start_from(config, options, None)
     }
 
-    /// As [`Emulator::start`], from a snapshot of this plant, if any. Its NOVRAM replaces the content of the
-    /// files.
+    /// Starts an emulator like [`Emulator::start`]. If a snapshot of this plant is given, the plant starts from it, and
+    /// its NOVRAM replaces the content of the files.
     ///
     /// # Errors
     /// The errors of [`Emulator::start`], or the snapshot is refused.
@@ -237,7 +237,7 @@ impl Emulator {
         buses.flat_map(|(index, bus)| of_bus(index).map(|door| (bus.name(), door.door))).collect()
     }
 
-    /// Limits the memory for snapshots of the past, in bytes, with a stepped clock; 0: no snapshots.
+    /// Limits the memory for snapshots of the past, in bytes, with a stepped clock. With 0, there are no snapshots.
     pub fn keep_states(&mut self, bytes: usize) {
         self.travel = Travel::new(bytes);
     }

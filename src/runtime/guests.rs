@@ -123,7 +123,7 @@ impl Guests {
         }
     }
 
-    /// As [`Guests::enter`], during a step and only for guests with a seat.
+    /// Does the same as [`Guests::enter`] during a step, but only for guests with a seat.
     pub(super) fn enter_seated(&mut self, plant: &mut Plant) {
         learn_all(&mut self.present, |it| it.has_seat, plant);
         bring_in_all(&mut self.present, |it| it.has_seat, plant, true);

@@ -196,7 +196,8 @@ impl Emulator {
         TurnOutcome::Ended
     }
 
-    /// As [`Host::advance_to`](crate::request::Host::advance_to): returns true when the clock has reached `target`.
+    /// Advances like [`Host::advance_to`](crate::request::Host::advance_to). Returns true when the clock has reached
+    /// `target`.
     pub(super) fn ask_for(&mut self, target: u64) -> bool {
         self.may_act_now() && self.take_turn(Some(target)) == TurnOutcome::Arrived
     }

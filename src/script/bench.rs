@@ -219,7 +219,7 @@ impl Bench {
         self.peek_at(&self.find(register)?)
     }
 
-    /// As [`Bench::peek`], for a register that [`Bench::find`] has returned.
+    /// Reads a register like [`Bench::peek`]. [`Bench::find`] has returned the register.
     ///
     /// # Errors
     /// The instance has ended.
@@ -260,7 +260,7 @@ impl Bench {
         self.poke_at(&self.find(register)?, value)
     }
 
-    /// As [`Bench::poke`], for a register that [`Bench::find`] has returned.
+    /// Writes a register like [`Bench::poke`]. [`Bench::find`] has returned the register.
     ///
     /// # Errors
     /// The register cannot hold the value.

@@ -57,7 +57,7 @@ impl Shared {
         self.with(|stage| stage.bench().and_then(act))
     }
 
-    /// As [`Shared::act`], for an expectation.
+    /// Does the same as [`Shared::act`], and counts an expectation.
     fn expect<T>(&self, act: impl FnOnce(&mut Bench) -> Result<T, ScenarioError>) -> Fallible<T> {
         self.with(|stage| {
             stage.expectations += 1;

@@ -25,7 +25,7 @@ pub fn junit(reports: &[Report]) -> Result<String, SerializeError> {
     named(reports, NAME)
 }
 
-/// As [`junit`], for the scenarios of a shard. `shard`, for example `2/3`, becomes part of the name.
+/// Writes a report like [`junit`], for the scenarios of a shard. `shard`, for example `2/3`, becomes part of the name.
 ///
 /// # Errors
 /// The errors of [`junit`].

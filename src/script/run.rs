@@ -66,7 +66,7 @@ pub fn run_file(
     run_on(file, Stage::new(bench, directory, limits.time_us), limits, print)
 }
 
-/// As [`run_file`]. A script that does not call `plant` gets `plant`, which the report calls `name`.
+/// Runs a script like [`run_file`]. A script that does not call `plant` gets `plant`, which the report calls `name`.
 pub fn run_file_for(
     file: &Path,
     (name, plant): (&str, PlantConfig),

@@ -8,7 +8,7 @@ use loom::thread;
 /// Behaviour of the modelled file system.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum System {
-    /// As Linux does.
+    /// The same behaviour as in Linux.
     Right,
     /// Fault: a lock excludes no other process.
     LocksAreOpen,

@@ -95,8 +95,8 @@ pub(super) fn meant(line: &str, commands: &clap::Command) -> String {
     did_you_mean(first, names.map(clap::Command::get_name).chain(ENOUGH))
 }
 
-/// Splits a line at blanks; quotes hold words together, as in a shell. A word that begins with `#`, and the word `//`, begin
-/// a comment. `None`: a quote is open.
+/// Splits a line at blanks; quotes hold words together, as in a shell. A word that begins with `#`, and the word `//`,
+/// begin a comment. `None` if a quote is open.
 pub(super) fn split(line: &str) -> Option<Vec<String>> {
     let (mut words, mut word, mut quote) = (Vec::new(), None::<String>, None);
     for (at, sign) in line.char_indices() {

@@ -31,7 +31,7 @@ const COMPLAINTS: usize = 4096;
 pub(crate) struct RunOptions {
     /// The instance to run on.
     pub attach: Option<String>,
-    /// Folder of the device that scenarios without a plant get; `None`: they get the built-in plant.
+    /// Folder of the device that scenarios without a plant get. With `None`, they get the built-in plant.
     pub device: Option<PathBuf>,
     /// Limits of each scenario.
     pub limits: LimitArgs,

@@ -14,7 +14,7 @@ use std::sync::mpsc;
 pub(crate) struct Round {
     /// Options of each scenario.
     pub setting: RunOptions,
-    /// Number of scenarios that run at the same time; `None`: one per processor.
+    /// Number of scenarios that run at the same time; `None` for one per processor.
     pub jobs: Option<NonZero<usize>>,
     /// True if no scenario is started after one that has not passed.
     pub fail_fast: bool,

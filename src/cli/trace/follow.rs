@@ -238,7 +238,7 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
 /// Buffer of output lines.
 struct LineBuffer<T> {
     lines: VecDeque<T>,
-    /// Number of last lines to keep; `None`: all lines are printed.
+    /// Number of last lines to keep; `None` if all lines are printed.
     keep: Option<usize>,
     /// Text for the user's pager, which shows it at the end; none if the lines are printed at once.
     page: Option<Vec<u8>>,

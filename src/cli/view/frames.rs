@@ -36,7 +36,7 @@ pub(crate) struct BusFrame {
 }
 
 impl BusFrame {
-    /// The same frame at another time.
+    /// Returns the same frame with another time.
     fn at(&self, until_us: u64) -> Self {
         let from_us = until_us.saturating_sub(self.until_us - self.from_us);
         Self { from_us, until_us, ..self.clone() }
@@ -77,7 +77,7 @@ pub(crate) struct Frames {
     text: Option<Text>,
     /// The displayed bus.
     pub(super) bus: BusIndex,
-    /// Start of the held window, in microseconds; `None`: the latest window is displayed.
+    /// Start of the held window, in microseconds; `None` if the latest window is displayed.
     held: Option<u64>,
     /// True if new records were dropped because the memory was full while a window was held.
     has_dropped_records: bool,

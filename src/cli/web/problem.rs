@@ -51,7 +51,7 @@ impl Problem {
             .with("exit_code", Exit::NotThere.code())
     }
 
-    /// The same problem with a further member.
+    /// Adds a member to the problem.
     pub(super) fn with(mut self, name: &str, value: impl Into<Value>) -> Self {
         self.members.insert(name.to_owned(), value.into());
         self

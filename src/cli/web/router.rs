@@ -138,7 +138,7 @@ pub(super) fn is_on(text: &str) -> bool {
     matches!(text, "" | "1" | "true")
 }
 
-/// The same for a field of `what` that is only a switch.
+/// Parses a field of `what` that is only a switch.
 ///
 /// # Errors
 /// The text is something else than on or off.
@@ -171,7 +171,7 @@ pub(super) async fn body_of(request: Request) -> Result<Map<String, Value>, Prob
     body_within(request, MAX_BODY).await
 }
 
-/// Same as [`body_of`], with another limit than the usual one, in bytes.
+/// Reads the body like [`body_of`], but with a limit of `max` bytes.
 ///
 /// # Errors
 /// See [`body_of`].

@@ -34,7 +34,7 @@ pub(super) enum Work {
     Master,
     /// A slave with registers in the PLC.
     PlcSlave,
-    /// A slave of the controller, at this baud rate in kbit/s; `None`: the rate of its bus in the plant file.
+    /// A slave of the controller, at this baud rate in kbit/s; `None` for the rate of its bus in the plant file.
     ControllerSlave(Option<u16>),
     /// No function: DIP switch 10 is at ON (decision D-648).
     InitError,
@@ -55,7 +55,8 @@ pub struct ModuleConfig {
     pub dip: u8,
     /// DIP switch 9 of a BM4-O-CAN-05: `true` is ON, a slave with registers in the PLC.
     pub dip9: bool,
-    /// Baud rate of a slave of the controller: DIP switches 3, 2 and 1 as a binary number. `None`: the baud rate of the bus.
+    /// Baud rate of a slave of the controller: DIP switches 3, 2 and 1 as a binary number. `None` for the baud rate of
+    /// the bus.
     pub dip_baud: Option<u8>,
     /// DIP switch 10, which must be OFF: `true` is ON.
     pub dip10: bool,
@@ -63,7 +64,7 @@ pub struct ModuleConfig {
     pub sync_in_from: Option<&'static Port>,
     /// Emulated time that a slave needs to lock to the SYNC signal, in us (default 1 s; D-07).
     pub lock_time_us: u64,
-    /// Emulated time without SYNC that ends the lock, in us; `None`: two and a half intervals (D-124).
+    /// Emulated time without SYNC that ends the lock, in us; `None` for two and a half intervals (D-124).
     pub sync_loss_us: Option<u64>,
 }
 

@@ -21,7 +21,7 @@ pub struct Controller {
     filters: Vec<Filter>,
     /// Filters were set since the bus last polled.
     has_new_filters: bool,
-    /// Bit rate of the controller in bit/s; `None`: the rate of its bus.
+    /// Bit rate of the controller in bit/s; `None` for the rate of its bus.
     bit_s: Option<u32>,
     errors: ErrorCounters,
     /// The firmware has requested the return from BUS-off.

@@ -54,8 +54,8 @@ impl CanBus {
         self.plan(now);
     }
 
-    /// As `begin_leaving`, but only if no other station can receive the guest's frames. A guest that has just joined
-    /// may not be alone yet.
+    /// Does the same as `begin_leaving`, but only if no other station can receive the guest's frames. A guest that has
+    /// just joined may not be alone yet.
     pub(super) fn begin_leaving_if_alone(&mut self, guest: u8, now: u64) {
         let is_member = |place: usize| self.stations.all()[place].member_since_ns.is_some();
         if self.present(guest).is_some_and(is_member) && self.stations.members() == 1 {

@@ -9,7 +9,7 @@ use std::path::Path;
 /// Exercises are scenarios, which this library does not have either.
 ///
 /// # Errors
-/// Returns `None`: exercises are not available.
+/// Returns `None`, because exercises are not available.
 pub(super) fn read_exercise(_: &Path, _: &str) -> Result<Option<&'static Exercise>, FolderError> {
     Ok(None)
 }

@@ -171,7 +171,7 @@ impl Card {
         written.for_each(|it| it.last = segment.load(it.place.offset, it.place.width).unwrap_or(it.last));
     }
 
-    /// As [`Card::update`], with a record of a change in the journal.
+    /// Does the same as [`Card::update`], and writes a change to the journal.
     pub(super) fn show(&mut self, ctx: &mut Context, place: Place, f: impl Fn(u32) -> u32) {
         let (from, to) = self.update(place, f);
         if from != to {

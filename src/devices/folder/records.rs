@@ -33,7 +33,7 @@ impl Note {
 }
 
 impl Stopped {
-    /// As [`Note::write`].
+    /// Writes a record like [`Note::write`].
     pub fn write(journal: &mut Journal, now: u64, plc: DeviceIndex, text: &str) {
         let (text, sum) = shortened(text);
         journal.push_octets(now, Stopped { plc, sum }, Some(text.as_bytes()));

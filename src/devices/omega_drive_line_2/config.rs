@@ -36,7 +36,7 @@ pub struct PlcConfig {
     /// Emulated time without SYNC signal that ends that lock, in us, 1 to one hour; left out: two and a half intervals
     /// ([`SyncLock`](crate::devices::cansync::frames::SyncLock)).
     pub sync_loss_us: Option<u64>,
-    /// Period of the SYNC signal of an option card in us, 50..=1000000; `None`: no such card.
+    /// Period of the SYNC signal of an option card in us, 50..=1000000; `None` without such a card.
     pub option_sync_us: Option<u32>,
     /// The drive at the other end of the BAPS.
     #[serde(default)]

@@ -42,7 +42,7 @@ pub fn effective(ip_config: u32, address: Ipv4Addr, mask: Ipv4Addr, dip: u8) -> 
 pub struct Ethernet {
     config: View<ETHERNET_CONFIG_BMSTRUCT>,
     diagnose: View<ETHERNET_DIAGNOSE_BMSTRUCT>,
-    /// Speed of the link in Mbit/s; 0: no link.
+    /// Speed of the link in Mbit/s; 0 without a link.
     speed: u16,
     dip: u8,
     stored: Stored,
@@ -205,7 +205,7 @@ impl Ethernet {
     }
 }
 
-/// `d_IP_CONFIG`, address, mask, `d_ROUTER`. Never `None`: the size is right.
+/// The registers `d_IP_CONFIG`, address, mask and `d_ROUTER`. The result is never `None`, because the size is correct.
 fn parts(bytes: &Stored) -> Option<(u32, Ipv4Addr, Ipv4Addr, u32)> {
     let (words, _) = <[[u8; 4]; 4]>::read_from_prefix(bytes).ok()?;
     let [config, address, mask, router] = words;

@@ -116,7 +116,7 @@ pub trait Bus: BusView + Any + Send + SnapshotFields {
         None
     }
 
-    /// As [`Bus::sync`], for handling an edge that another bus forwards.
+    /// Returns the same as [`Bus::sync`], mutable. It is used to handle an edge that another bus forwards.
     fn sync_mut(&mut self) -> Option<&mut dyn SyncLine> {
         None
     }
@@ -126,7 +126,7 @@ pub trait Bus: BusView + Any + Send + SnapshotFields {
         None
     }
 
-    /// As [`Bus::drives`], for changes of a drive.
+    /// Returns the same as [`Bus::drives`], mutable. It is used to change a drive.
     fn drives_mut(&mut self) -> Option<&mut dyn Drives> {
         None
     }

@@ -74,7 +74,7 @@ pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
         None
     }
 
-    /// As [`Device::drives`], for changes of the drive.
+    /// Returns the same as [`Device::drives`], mutable. It is used to change the drive.
     fn drives_mut(&mut self) -> Option<&mut dyn Drives> {
         None
     }
@@ -84,7 +84,7 @@ pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
         None
     }
 
-    /// As [`Device::novram`], for storing the registers.
+    /// Returns the same as [`Device::novram`], mutable. It is used to store the registers.
     fn novram_mut(&mut self) -> Option<&mut dyn NovramContents> {
         None
     }

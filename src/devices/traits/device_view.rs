@@ -30,7 +30,7 @@ pub trait DeviceView {
         false
     }
 
-    /// Interrupt level of an event: a task of a higher level interrupts a task of a lower level. `None`: there is no
+    /// Interrupt level of an event: a task of a higher level interrupts a task of a lower level. `None` if there is no
     /// such event.
     fn event_level(&self, event: usize) -> Option<u8> {
         let _ = event;

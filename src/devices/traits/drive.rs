@@ -20,7 +20,7 @@ pub struct DriveState {
     pub speed_reference: i32,
     /// Actual value of the speed, in increments of the drive's speed format.
     pub speed_actual: i32,
-    /// Number of the drive's fault; 0: none.
+    /// Number of the drive's fault; 0 if there is no fault.
     pub fault: u32,
     /// Number of missed reference value frames so far.
     pub lost_references: u64,

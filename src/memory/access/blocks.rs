@@ -94,7 +94,8 @@ unsafe fn first_unlike(at: *const [u64; BLOCK], blocks: &[Block]) -> Option<usiz
     unsafe { first_unlike_by_words(at, blocks, |_| u64::MAX) }
 }
 
-/// As [`first_unlike`], but compares only the bits that are set in `watched`. `watched` has the same number of blocks.
+/// Does the same as [`first_unlike`], but compares only the bits that are set in `watched`. `watched` has the same
+/// number of blocks.
 ///
 /// # Safety
 /// See [`load`].

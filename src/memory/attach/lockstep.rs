@@ -43,8 +43,8 @@ impl Attached {
         self.join(event, 0, patience, timeout)
     }
 
-    /// As [`Attached::join_lockstep`]; the task also gets a turn when the board orders a start or stop of the program,
-    /// and after a reset.
+    /// Does the same as [`Attached::join_lockstep`]. The task also gets a turn when the board orders a start or stop of
+    /// the program, and after a reset.
     #[cfg_attr(not(feature = "plc"), expect(dead_code, reason = "for the runner of tasks"))]
     pub(crate) fn join_with_orders(
         &self,

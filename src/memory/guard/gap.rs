@@ -61,7 +61,7 @@ pub(super) fn close(address: usize) -> bool {
     is_closed
 }
 
-/// As [`close`], for an image instead of a channel. The client no longer needs this image.
+/// Does the same as [`close`] for an image instead of a channel. The client no longer needs this image.
 #[cfg(feature = "web")]
 pub(super) fn close_image(address: usize) -> bool {
     is_in(address, names_an_image) && fill(address)

@@ -16,7 +16,7 @@ pub const SEAT_ORDERS: u32 = 0x100;
 #[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
 #[repr(C)]
 pub struct Seat {
-    /// Process id of the task; 0: the seat is free. Taken by compare-exchange.
+    /// Process id of the task; 0 if the seat is free. A task takes the seat by compare-exchange.
     pub owner: Cell32,
     /// A [`SeatState`].
     pub state: Cell32,

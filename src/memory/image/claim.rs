@@ -98,8 +98,8 @@ pub(super) fn remove_dead<S: ImageName>(site: &S) -> Result<bool, S::Error> {
     }
 }
 
-/// Takes the lock of a dead emulator's file. `None`: try again, the file was replaced or another process has its
-/// lock.
+/// Takes the lock of a dead emulator's file. `None` if the file was replaced or another process has its lock; the
+/// caller must then try again.
 pub(super) fn claim<S: ImageName>(site: &S, file: S::File) -> Result<Option<S::File>, S::Error> {
     if !file.lock()? {
         site.wait(file)?;

@@ -79,7 +79,7 @@ impl Directory {
         self.path.join(name)
     }
 
-    /// Reads a file; returns one byte more than `longest` if the file is longer. `None`: there is no such file.
+    /// Reads a file; returns one byte more than `longest` if the file is longer. `None` if there is no such file.
     pub(super) fn read(&self, name: &str, longest: usize) -> Result<Option<Vec<u8>>, NovramError> {
         let file = match self.open.read(name) {
             Ok(file) => file,

@@ -41,7 +41,7 @@ impl Content {
         Content { bytes: [registers, retain].concat(), registers: registers.len() }
     }
 
-    /// The same content with at least `flags` retain flags; added flags are 0.
+    /// Returns the same content with at least `flags` retain flags. Added flags are 0.
     pub(crate) fn at_least(mut self, flags: usize) -> Self {
         let bytes = self.bytes.len().max(self.registers + flags);
         self.bytes.resize(bytes, 0);

@@ -25,7 +25,7 @@ impl Bench {
         self.wait_for(&register, mask, value, within.into(), at)
     }
 
-    /// As [`Bench::wait`], for the bits of `mask` only.
+    /// Waits like [`Bench::wait`], but compares only the bits of `mask`.
     ///
     /// # Errors
     /// The errors of [`Bench::wait`]; or the value has bits outside the mask.

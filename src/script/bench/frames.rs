@@ -139,7 +139,7 @@ impl Bench {
         self.expect_masked_frame(bus, id, 0x7FF, data, within)
     }
 
-    /// As [`Bench::expect_frame`], for all identifiers that equal `id` in the bits under `mask`.
+    /// Expects a frame like [`Bench::expect_frame`], with any identifier that equals `id` in the bits of `mask`.
     ///
     /// # Errors
     /// The errors of [`Bench::expect_frame`].
@@ -155,7 +155,7 @@ impl Bench {
         self.expect_match(bus, &Pattern::new(id, mask, data)?, within.into(), Location::caller())
     }
 
-    /// As [`Bench::expect_frame`], for an identifier of 29 bits.
+    /// Expects a frame like [`Bench::expect_frame`], with an identifier of 29 bits.
     ///
     /// # Errors
     /// The errors of [`Bench::expect_frame`].
@@ -211,7 +211,7 @@ impl Bench {
         self.expect_no_match(bus, &Pattern::new(id, mask, "*")?, within.into(), Location::caller())
     }
 
-    /// As [`Bench::expect_no_frame`], for an identifier of 29 bits.
+    /// Expects no frame like [`Bench::expect_no_frame`], for an identifier of 29 bits.
     ///
     /// # Errors
     /// The errors of [`Bench::expect_no_frame`].

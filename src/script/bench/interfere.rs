@@ -52,7 +52,7 @@ impl Bench {
         self.fault_at(words, None)
     }
 
-    /// As [`Bench::fault`]. `place` is the line of the script that adds the fault.
+    /// Adds a fault like [`Bench::fault`]. `place` is the line of the script that adds the fault.
     pub(in crate::script) fn fault_at(
         &mut self,
         words: &str,

@@ -148,7 +148,7 @@ impl Round {
         filled(self.exercise.plant, self.setting)
     }
 
-    /// The same round with other moves.
+    /// Returns the same round with other moves.
     #[must_use]
     pub fn with(&self, moves: Vec<String>) -> Self {
         Self { moves, ..self.clone() }

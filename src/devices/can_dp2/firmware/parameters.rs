@@ -182,7 +182,7 @@ impl Parameters {
         !self.has_pages() && self.octets[11] & flags_2::TX_COUNTER != 0
     }
 
-    /// Returns the wake-up time in s; `None`: the stored one.
+    /// Returns the wake-up time in s; `None` for the stored wake-up time.
     pub(in crate::devices::can_dp2) fn wakeup_s(&self) -> Option<u8> {
         Some(self.octets[13]).filter(|time| *time != wakeup_time::STORED)
     }

@@ -54,7 +54,7 @@ pub(crate) struct Inputs {
     pub slave: i8,
     pub number: u16,
     pub doubleword: bool,
-    /// The value to write; `None`: read.
+    /// The value to write; `None` for a read access.
     pub write: Option<u32>,
     pub time: Duration,
     pub enable: bool,

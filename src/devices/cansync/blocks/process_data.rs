@@ -33,12 +33,12 @@ pub(super) fn receive(states: [&Cell8; 2], registers: &[Cell32], values: &mut [i
     received
 }
 
-/// As [`receive`], for the actual values of one slave.
+/// Receives the actual values of one slave, like [`receive`].
 pub(super) fn receive_from(state: &STATREG_RDC, registers: &[Cell32; 16], values: &mut [i32]) -> [bool; 2] {
     receive([&state.b_STATREG_RDC1, &state.b_STATREG_RDC2], registers, values)
 }
 
-/// As [`receive`], for the actual values of all slaves.
+/// Receives the actual values of all slaves, like [`receive`].
 pub(super) fn receive_from_all(
     states: &[STATREG_RDC; 32],
     registers: &[[Cell32; 16]; 32],

@@ -74,7 +74,7 @@ impl Drive {
         self.regler.shaft()
     }
 
-    /// Sets the speed of the motor, independent of the drive's demand; `None`: the motor follows the demand.
+    /// Sets the speed of the motor, independent of the drive's demand. With `None`, the motor follows the demand.
     pub fn turn_shaft(&mut self, speed: Option<i32>) {
         self.regler.turn_shaft(speed);
     }
@@ -100,7 +100,7 @@ impl BuiltInDrive {
         self.regler().shaft()
     }
 
-    /// Sets the speed of the motor, independent of the drive's demand; `None`: the motor follows the demand.
+    /// Sets the speed of the motor, independent of the drive's demand. With `None`, the motor follows the demand.
     pub(crate) fn turn_shaft(&mut self, speed: Option<i32>) {
         self.regler_mut().turn_shaft(speed);
     }

@@ -205,8 +205,8 @@ impl Drive {
         self.edge(now_us, interval_us, true);
     }
 
-    /// As [`Drive::sync_edge`]. `is_looked_at`: the samples of the card may be read before the next edge. Otherwise
-    /// sampling is skipped.
+    /// Handles a SYNC edge like [`Drive::sync_edge`]. If `is_looked_at` is false, the samples of the card are not read
+    /// before the next edge, so that sampling is skipped.
     #[inline]
     fn edge(&mut self, now_us: u64, interval_us: u32, is_looked_at: bool) {
         let was_synchronized = self.is_synchronized();

@@ -30,7 +30,7 @@ impl Motion {
         self.speed
     }
 
-    /// Sets the motor's speed according to an external model; `None`: the motor follows the demand.
+    /// Sets the motor's speed according to an external model. With `None`, the motor follows the demand.
     pub(crate) const fn turn(&mut self, speed: Option<i32>) {
         self.turned = speed;
     }
@@ -85,8 +85,8 @@ impl Motion {
         has_stopped
     }
 
-    /// As [`Motion::steps`] without a ramp, if the result does not depend on the order of the targets: the remainder
-    /// has the direction of the motor's last motion.
+    /// Does the same as [`Motion::steps`] without a ramp, if the result does not depend on the order of the targets.
+    /// This is so if the remainder has the direction of the motor's last motion.
     #[inline]
     fn steps_at_once(
         &mut self,

@@ -31,9 +31,9 @@ pub(super) struct Setup<'a> {
     pub ramp_per_second: Option<NonZeroU32>,
     pub numbers: &'a ParameterNumbers,
     pub parameters: &'a [ParameterSpec],
-    /// Version of the drive software; `None`: the value of the parameter table.
+    /// Version of the drive software; `None` for the value of the parameter table.
     pub software: Option<u32>,
-    /// SYNC slot (P167) after power-on, in us; `None`: the value of the parameter table.
+    /// SYNC slot (P167) after power-on, in us; `None` for the value of the parameter table.
     pub sync_slot_us: Option<u16>,
 }
 
@@ -66,7 +66,7 @@ pub(crate) struct VRegler {
     slots: Slots,
     /// Bit 15 of the status word, set by the connection.
     synchronized: bool,
-    /// Number of a communication error reported without a reaction; 0: none.
+    /// Number of a communication error that is reported without a reaction; 0 if there is no such error.
     error: u16,
 }
 
@@ -221,7 +221,7 @@ impl VRegler {
         }
     }
 
-    /// Sets the speed of the motor, independent of the drive's demand; `None`: the motor follows the demand.
+    /// Sets the speed of the motor, independent of the drive's demand. With `None`, the motor follows the demand.
     pub(super) fn turn_shaft(&mut self, speed: Option<i32>) {
         self.motion.turn(speed);
     }

@@ -83,8 +83,8 @@ impl SyncLock {
         self.locked = now_us.saturating_sub(since) >= self.lock_time_us;
     }
 
-    /// As [`SyncLock::edge`] for an edge in time ([`is_in_time`]) while locked. Returns false without an effect if this
-    /// is not such an edge.
+    /// Handles an edge like [`SyncLock::edge`], but only an edge in time ([`is_in_time`]) while the lock is locked.
+    /// Otherwise returns false and has no effect.
     #[inline]
     pub(crate) fn take_regular_edge(&mut self, now_us: u64, interval_us: u32) -> bool {
         let in_time = is_in_time(now_us.saturating_sub(self.last), interval_us);

@@ -255,7 +255,7 @@ impl Communication {
         registers.flags.CANBAUDRATE.store(kbit_s);
     }
 
-    /// True if the identifier is the default from the Node-ID, or of the factory.
+    /// True if this is the default identifier, which follows from the Node-ID, or the factory setting.
     pub(crate) fn is_predefined(&self, way: PdoDirection, pdo: usize, id: u16) -> bool {
         self.default(way.first() + pdo as u16, 1) == u32::from(id)
     }

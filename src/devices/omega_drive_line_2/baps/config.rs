@@ -5,7 +5,7 @@ use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
 use crate::devices::omega_drive_line_2::registers::values::baps_quit;
 use serde::{Deserialize, Serialize};
 
-/// Parameter numbers of up to eight reference and eight actual values; 0: none.
+/// Parameter numbers of up to eight reference values and eight actual values; 0 for no value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Numbers {
     pub writes: [u16; 8],

@@ -7,7 +7,7 @@ use loom::thread;
 /// Behaviour of the modelled file system.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum System {
-    /// As Linux does.
+    /// The same behaviour as in Linux.
     Right,
     /// Fault: a process does not detect that the name now belongs to another file.
     NamesStay,

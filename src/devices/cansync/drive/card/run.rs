@@ -107,7 +107,7 @@ impl Card {
         is_clear.then_some(references)
     }
 
-    /// As [`Card::receive`] from the master, during a run.
+    /// Receives a frame from the master during a run, like [`Card::receive`].
     #[inline]
     pub(crate) fn receive_in_run(
         &mut self,
@@ -125,7 +125,7 @@ impl Card {
         }
     }
 
-    /// As [`Card::hand_over`], during a run. Returns the speed reference value if it came.
+    /// Does the same as [`Card::hand_over`] during a run. Returns the speed reference value if it has come.
     #[inline]
     pub(crate) fn hand_over_in_run(&mut self, references: &mut References) -> Option<u32> {
         self.count_losses();

@@ -49,7 +49,7 @@ impl VRegler {
         takes.then_some(target == self.slots.speed_reference)
     }
 
-    /// As [`VRegler::step`], during a run.
+    /// Does the same as [`VRegler::step`] during a run.
     #[inline]
     pub(in crate::devices::cansync::drive) fn step_in_run(&mut self, run: &Run, us: u32) {
         if self.motion.step(run.target(run.speed_reference), us, run.ramp) == 0 {
