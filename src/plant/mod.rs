@@ -59,9 +59,9 @@ pub struct Plant {
     /// Time of the next event of all devices. The value may be too early, which has no effect.
     next_device: u64,
     cycle_us: u64,
-    /// No event has occurred since the last processor cycle.
+    /// True if no event has occurred since the last processor cycle.
     has_looked: bool,
-    /// No register was written since the last poll of the registers.
+    /// True if no register was written since the last poll of the registers.
     is_seen: bool,
     /// True if a watched event is to stop [`Plant::advance_until`].
     watching: bool,
@@ -74,7 +74,7 @@ pub struct Plant {
     /// Time of the next event of each device and bus. Valid only while the clock advances: between two advances, a
     /// client may change the times.
     schedule: DueQueue,
-    /// `schedule` is stale and must be rebuilt before use.
+    /// True if `schedule` is stale and must be rebuilt before use.
     is_rescheduled: bool,
     ports: Ports,
     journal: Journal,

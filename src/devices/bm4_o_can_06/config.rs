@@ -53,12 +53,12 @@ pub struct ModuleConfig {
     pub bus: Option<String>,
     /// Slave number at DIP switches 4 to 8, 0 to 31; a BM4-O-CAN-06 has none.
     pub dip: u8,
-    /// DIP switch 9 of a BM4-O-CAN-05: `true` is ON, a slave with registers in the PLC.
+    /// DIP switch 9 of a BM4-O-CAN-05. True for ON: a slave with registers in the PLC.
     pub dip9: bool,
     /// Baud rate of a slave of the controller: DIP switches 3, 2 and 1 as a binary number. `None` for the baud rate of
     /// the bus.
     pub dip_baud: Option<u8>,
-    /// DIP switch 10, which must be OFF: `true` is ON.
+    /// DIP switch 10. True for ON, but the switch must be OFF.
     pub dip10: bool,
     /// The module that receives the SYNC signal which this master passes on (decision D-12).
     pub sync_in_from: Option<&'static Port>,

@@ -17,11 +17,11 @@ const IN_TURN: u8 = 0xFE;
 /// Conditions that the LEDs show.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LedConditions {
-    /// The module is in set-up mode or active operation.
+    /// True if the module is in set-up mode or active operation.
     pub takes_part: bool,
     /// Interval of the SYNC signal in us; `None` while there is none.
     pub interval_us: Option<u64>,
-    /// The module has just sent or received a frame.
+    /// True if the module has just sent or received a frame.
     pub has_traffic: bool,
 }
 

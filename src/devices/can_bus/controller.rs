@@ -14,17 +14,17 @@ pub struct QueueFull;
 pub struct Controller {
     /// Each frame with the time from which it can be sent, in ns.
     queue: VecDeque<(u64, Frame)>,
-    /// The first frame of the queue is on the wire.
+    /// True if the first frame of the queue is on the wire.
     pub(super) is_sending: bool,
-    /// The first frame was discarded since the bus last polled.
+    /// True if the first frame was discarded since the bus last polled.
     has_discarded: bool,
     filters: Vec<Filter>,
-    /// Filters were set since the bus last polled.
+    /// True if filters were set since the bus last polled.
     has_new_filters: bool,
     /// Bit rate of the controller in bit/s; `None` for the rate of its bus.
     bit_s: Option<u32>,
     errors: ErrorCounters,
-    /// The firmware has requested the return from BUS-off.
+    /// True if the firmware has requested the return from BUS-off.
     restarts: bool,
     /// Present emulated time in us while firmware runs.
     pub(super) now: u64,

@@ -23,21 +23,21 @@ pub(super) struct Station {
     pub(super) member_since_ns: Option<u64>,
     /// True if the guest leaves when its queue is empty.
     pub(super) is_leaving: bool,
-    /// The station is in the list of stations with a frame to send.
+    /// True if the station is in the list of stations with a frame to send.
     pub(super) is_waiting: bool,
-    /// The station is in the list of stations with errors.
+    /// True if the station is in the list of stations with errors.
     pub(super) is_troubled: bool,
     /// The error state that was last reported.
     pub(super) reported: ErrorState,
     /// The frame is held back until this time, in ns.
     pub(super) held_until_ns: u64,
-    /// A fault has delayed this frame already.
+    /// True if a fault has delayed this frame already.
     pub(super) is_delayed: bool,
     /// Delays after which copies of the frame follow, in us.
     pub(super) copies: Vec<u64>,
-    /// The frame has arrived already and is sent once more.
+    /// True if the frame has arrived already and is sent once more.
     pub(super) is_copy: bool,
-    /// The journal already has this frame as not acknowledged.
+    /// True if the journal already has a record that this frame was not acknowledged.
     pub(super) is_unheard: bool,
 }
 

@@ -34,9 +34,9 @@ pub(super) struct Stations {
     troubled: Vec<usize>,
     /// Stations that are returning from BUS-off.
     recovering: Vec<(usize, Recovery)>,
-    /// A station has begun or ceased to take part since the last call of `take_changed`.
+    /// True if a station has begun or ceased to take part since the last call of `take_changed`.
     has_changed: bool,
-    /// A frame is held back.
+    /// True if a frame is held back.
     has_held: bool,
 }
 

@@ -34,7 +34,7 @@ struct GuardedNode {
 pub struct GuardAnswer {
     /// State of the node.
     pub state: State,
-    /// The node was missing before this answer.
+    /// True if the node was missing before this answer.
     pub was_missing: bool,
 }
 

@@ -64,13 +64,13 @@ pub(super) struct Firmware {
     pub(super) state: u32,
     /// State of the node that the journal has last recorded.
     reported: State,
-    /// The programming system has stopped the program.
+    /// True if the programming system has stopped the program.
     pub(super) is_stopped: bool,
     /// End of the reset, or of the program's present cycle; `None` if nothing runs.
     end_at: Option<u64>,
     /// Start of the present cycle.
     begun_at: u64,
-    /// The present cycle is overdue; the watchdog resets the device at `end_at`.
+    /// True if the present cycle is overdue; the watchdog resets the device at `end_at`.
     is_overdue: bool,
     /// Set if the device is the master of the network.
     pub(super) nmt: Option<Nmt>,

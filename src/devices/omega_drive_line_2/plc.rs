@@ -45,7 +45,7 @@ pub struct Plc {
     baps: Baps,
     board: Board,
     ethernet: Ethernet,
-    /// Node 1 is in set-up mode or active operation.
+    /// True if node 1 is in set-up mode or active operation.
     slave_is_on_bus: bool,
 }
 

@@ -25,7 +25,7 @@ pub(super) struct HeldTelegram {
     pub at: u64,
     pub sender: usize,
     pub octets: Vec<u8>,
-    /// The telegram was sent before.
+    /// True if the telegram was sent before.
     pub is_copy: bool,
 }
 

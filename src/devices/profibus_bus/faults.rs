@@ -36,7 +36,7 @@ pub(super) struct Traits {
     is_answer: Option<bool>,
     /// Service access point of the station that answers.
     sap: Option<u8>,
-    /// The telegram is a request with a valid frame count bit.
+    /// True if the telegram is a request with a valid frame count bit.
     pub has_frame_count: bool,
 }
 

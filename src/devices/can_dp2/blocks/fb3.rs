@@ -112,7 +112,7 @@ impl FB3 {
         Some(())
     }
 
-    /// Initialises the next motor that has a list; its result is stored after the list number (p. 77, 83).
+    /// Initialises the next motor that has a list. The result is stored after the list number (p. 77, 83).
     fn initialise(
         &mut self,
         data_blocks: &mut DataBlocks,

@@ -44,10 +44,10 @@ pub(in crate::devices::can_dp2) struct Gateway {
     setup: Option<Setup>,
     /// State of the gateway, as in register `can_state`.
     state: u8,
-    /// A data exchange has brought outputs since the configuration. Before the first outputs (p. 30; D-675) and after
-    /// the end of data exchange (D-386) the gateway has no data to send.
+    /// True if a data exchange has brought outputs since the configuration. Before the first outputs (p. 30; D-675) and
+    /// after the end of data exchange (D-386) the gateway has no data to send.
     has_outputs: bool,
-    /// The configuration is good, and data exchange has not ended since.
+    /// True if the configuration is good, and data exchange has not ended since.
     is_configured: bool,
     wake_at: Option<u64>,
     /// Time of the next SYNC object, in us.
@@ -59,13 +59,13 @@ pub(in crate::devices::can_dp2) struct Gateway {
     frames: VecDeque<Frame>,
     /// True if the CAN controller must discard the frames that it has not sent yet.
     is_emptied: bool,
-    /// The settings of the controller have changed.
+    /// True if the settings of the controller have changed.
     is_new: bool,
     /// State of the CAN bus, as in the diagnosis.
     bus: u8,
     irq_lost: u8,
     msg_lost: u8,
-    /// The diagnosis has changed since the DP slave last read it.
+    /// True if the diagnosis has changed since the DP slave last read it.
     has_news: bool,
 }
 

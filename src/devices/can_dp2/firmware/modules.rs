@@ -56,7 +56,7 @@ pub(in crate::devices::can_dp2) enum ModuleFunction {
         /// Identifier of the frames.
         #[serde(with = "crate::can::kept")]
         id: Id,
-        /// A later module has the same identifier.
+        /// True if a later module has the same identifier.
         is_frozen: bool,
     },
     /// Data sent with this identifier, and repeated every `cycle_ms` unless 0.
@@ -89,7 +89,7 @@ pub(in crate::devices::can_dp2) struct Module {
     pub first: usize,
     /// Format byte: the bytes that are swapped.
     pub form: u8,
-    /// A PLC exchanges the module as a whole (p. 33, 72).
+    /// True if a PLC exchanges the module as a whole (p. 33, 72).
     pub is_consistent: bool,
 }
 

@@ -59,7 +59,7 @@ struct Rx {
     length: usize,
     data: [u8; 8],
     count: u8,
-    /// A later entry has the same identifier (p. 35).
+    /// True if a later entry has the same identifier (p. 35).
     is_frozen: bool,
 }
 
@@ -86,9 +86,9 @@ pub(in crate::devices::can_dp2) struct Pages {
 /// Effects of a page on the gateway.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(in crate::devices::can_dp2) struct PageEffect {
-    /// The page was new.
+    /// True if the page was new.
     pub is_new: bool,
-    /// The page has changed the set of identifiers.
+    /// True if the page has changed the set of identifiers.
     pub has_configured: bool,
     /// Frames to send.
     pub frames: Vec<Frame>,

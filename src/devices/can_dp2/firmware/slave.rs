@@ -39,7 +39,7 @@ pub(in crate::devices::can_dp2) struct Slave {
     responder: Responder,
     state: u8,
     master: Option<u8>,
-    /// The master has reserved the slave.
+    /// True if the master has reserved the slave.
     is_locked: bool,
     parameters: Option<Parameters>,
     configuration: Configuration,

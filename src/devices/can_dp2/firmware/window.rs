@@ -45,7 +45,7 @@ pub(in crate::devices::can_dp2) struct Window {
     fifo: VecDeque<Frame>,
     /// Loop counter of the last order.
     counter: u8,
-    /// Command 3 waits for a frame.
+    /// True if command 3 waits for a frame.
     is_reading: bool,
     /// Octets that the DP master reads.
     shown: [u8; WINDOW],

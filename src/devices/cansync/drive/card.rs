@@ -32,7 +32,7 @@ struct ReferenceSlot {
     /// Minimum length of a frame that carries the value, in bytes.
     end: u8,
     target: ParameterSlot,
-    /// A synchronous position reference value, which a drive takes only while it is synchronized (decision D-82).
+    /// True for a synchronous position reference value. A drive takes it only while it is synchronized (decision D-82).
     is_position: bool,
     /// True if the value is used only when its frame also came in the previous interval.
     needs_every: bool,

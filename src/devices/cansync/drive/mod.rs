@@ -109,9 +109,10 @@ pub struct Drive {
     slave_number: u8,
     kbit_s: u16,
     sync: SyncLock,
-    /// The present interval began without a SYNC edge.
+    /// True if the present interval began without a SYNC edge.
     edge_is_missing: bool,
-    /// Card and drive exchange data in the present interval, unless lost reference values have stopped the exchange.
+    /// True if card and drive exchange data in the present interval, unless lost reference values have stopped the
+    /// exchange.
     exchanges: bool,
     /// The settings of the last check for objections.
     objected: Option<Settings>,

@@ -64,7 +64,7 @@ pub(crate) struct VRegler {
     set_point: SetPoint,
     pub(super) store: ParameterStore,
     slots: Slots,
-    /// Bit 15 of the status word, set by the connection.
+    /// Bit 15 of the status word. The connection sets it.
     synchronized: bool,
     /// Number of a communication error that is reported without a reaction; 0 if there is no such error.
     error: u16,

@@ -17,7 +17,7 @@ pub struct ParameterRow {
     pub max: i64,
     /// Value after power-on.
     pub default: u32,
-    /// Only the drive itself writes it.
+    /// True if only the drive itself writes the parameter.
     pub read_only: bool,
     /// Unit of the value; empty if it has none.
     pub unit: &'static str,

@@ -45,7 +45,7 @@ pub struct Slave {
     /// Own actual value frames, built and released for this interval.
     ready: [Option<Payload>; 2],
     interval_is_active: bool,
-    /// The present interval began with its SYNC edge, so own actual value frames can be sent in time.
+    /// True if the present interval began with its SYNC edge. The slave can then send its actual value frames in time.
     has_edge: bool,
     /// Time at which the interval ends if no next edge comes and no loss of an edge is reported.
     interval_ends: u64,

@@ -19,11 +19,11 @@ pub(super) struct Facts {
     pub is_master: bool,
     /// Phase, which selects the valid structure.
     pub live: RegisterPhase,
-    /// The node waits for initialization data, and the PLC has ordered to take them over.
+    /// True if the node waits for initialization data, and the PLC has ordered to take them over.
     pub takes_over_init: bool,
-    /// The node is in set-up mode or active operation.
+    /// True if the node is in set-up mode or active operation.
     pub is_on_bus: bool,
-    /// The node is in active operation.
+    /// True if the node is in active operation.
     pub is_active: bool,
     /// Time at which the deadline of frame 1 or 2 was missed in the present interval, in emulated microseconds, if the
     /// frame was sent in the previous interval.

@@ -50,7 +50,7 @@ impl Wire for Jobs {
 /// The answer to an order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Answer {
-    /// The order was refused, because of its arguments or the state of the device.
+    /// True if the order was refused, because of its arguments or the state of the device.
     pub is_refused: bool,
     /// Results as in `a_RESULT`.
     pub results: [u32; 8],

@@ -14,7 +14,7 @@ const ACTIVE: u8 = 2;
 #[derive(Clone, Debug, Default)]
 pub struct Sdo {
     order: Order,
-    /// The order has finished, and ENABLE was not FALSE since.
+    /// True if the order has finished, and ENABLE was not FALSE since.
     is_finished: bool,
 }
 

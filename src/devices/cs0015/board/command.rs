@@ -10,11 +10,11 @@ use crate::devices::cs0015::registers::values::{loaded, program, s1, state};
 /// Conditions for commands of the programming system.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Readiness {
-    /// S1 is at UNLOCK.
+    /// True if S1 is at UNLOCK.
     pub is_unlocked: bool,
-    /// A program is loaded.
+    /// True if a program is loaded.
     pub has_program: bool,
-    /// The operating system was erased since the last reset.
+    /// True if the operating system was erased since the last reset.
     pub has_been_erased: bool,
     /// Operating state, as in `state` of the front.
     pub state: u32,

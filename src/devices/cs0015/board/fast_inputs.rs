@@ -92,9 +92,9 @@ struct Encoder {
 pub(crate) struct EncoderCount {
     /// COUNTER.
     pub counter: i32,
-    /// UP: the counter has counted up since the last call.
+    /// UP: true if the counter has counted up since the last call.
     pub is_up: bool,
-    /// DOWN: the counter has counted down since the last call.
+    /// DOWN: true if the counter has counted down since the last call.
     pub is_down: bool,
 }
 

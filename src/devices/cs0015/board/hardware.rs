@@ -23,21 +23,21 @@ pub(crate) struct Defects {
     pub short_circuits: u16,
     /// Outputs with a broken wire, bit n for output n.
     pub wire_breaks: u16,
-    /// The supply is too low or too high.
+    /// True if the supply is too low or too high.
     pub has_wrong_voltage: bool,
-    /// The temperature is above 85 degrees.
+    /// True if the temperature is above 85 degrees.
     pub is_hot: bool,
-    /// An error was found after which the device cannot continue.
+    /// True if an error was found after which the device cannot continue.
     pub is_fatal: bool,
-    /// The CAN controller cannot be initialised.
+    /// True if the CAN controller cannot be initialised.
     pub has_no_can: bool,
-    /// The program does not reach the end of a cycle.
+    /// True if the program does not reach the end of a cycle.
     pub is_hanging: bool,
-    /// The supply is off.
+    /// True if the supply is off.
     pub has_dropped: bool,
-    /// The firmware requests to switch the supply off and on.
+    /// True if the firmware requests to switch the supply off and on.
     pub wants_restart: bool,
-    /// The operating system was erased since the last reset.
+    /// True if the operating system was erased since the last reset.
     pub has_been_erased: bool,
 }
 

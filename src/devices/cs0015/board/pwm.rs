@@ -116,11 +116,11 @@ enum Function {
 /// Faults of an initialisation, which takes effect nevertheless.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Misuse {
-    /// `PWM` and `PWM100` are mixed on channels 4 to 7.
+    /// True if `PWM` and `PWM100` are mixed on channels 4 to 7.
     pub is_mixed: bool,
-    /// The frequency differs from the present one of channels 4 to 7.
+    /// True if the frequency differs from the present one of channels 4 to 7.
     pub has_other_frequency: bool,
-    /// The outputs cannot follow the frequency.
+    /// True if the outputs cannot follow the frequency.
     pub is_too_fast: bool,
 }
 

@@ -16,7 +16,7 @@ pub(crate) struct SerialByte {
     pub byte: u8,
     /// AVAILABLE: number of remaining bytes.
     pub available: u16,
-    /// OVERFLOW.
+    /// True if OVERFLOW is set.
     pub has_overflowed: bool,
 }
 

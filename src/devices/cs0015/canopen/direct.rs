@@ -14,7 +14,7 @@ struct Queue {
     #[serde(with = "crate::can::kept")]
     id: StandardId,
     messages: VecDeque<Vec<u8>>,
-    /// At least one message was lost.
+    /// True if at least one message was lost.
     has_overflown: bool,
 }
 
@@ -23,7 +23,7 @@ struct Queue {
 pub(crate) struct ReceivedMessage {
     /// Number of waiting messages, including this one.
     pub available: u8,
-    /// At least one message was lost.
+    /// True if at least one message was lost.
     pub has_overflown: bool,
     /// Data of the oldest message; empty without a message.
     pub data: Vec<u8>,

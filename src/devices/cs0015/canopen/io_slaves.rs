@@ -26,7 +26,7 @@ pub(crate) struct ModuleOutputs {
 pub(crate) struct Slave {
     pub node: u8,
     pub channels: Channels,
-    /// `SLAVE_CRxxxx_WORK` was called with INIT.
+    /// True if `SLAVE_CRxxxx_WORK` was called with INIT.
     pub is_known: bool,
     /// Inputs as last received.
     pub bits: u8,

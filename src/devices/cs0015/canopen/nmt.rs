@@ -43,7 +43,7 @@ pub(crate) struct Emergency {
 pub(crate) struct Nmt {
     pub network: Network,
     pub restart: Restart,
-    /// `PDO_INI_SEND_SYNC_OBJ` was called.
+    /// True if `PDO_INI_SEND_SYNC_OBJ` was called.
     pub has_sync: bool,
     pub emergencies: VecDeque<Emergency>,
     pub sdo: SdoClient,

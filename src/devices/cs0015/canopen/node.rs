@@ -64,13 +64,13 @@ pub(crate) struct Node {
     errors: Errors,
     receive: [Receive; PDOS],
     transmit: [Transmit; PDOS],
-    /// A SYNC object has come since the last cycle of the program.
+    /// True if a SYNC object has come since the last cycle of the program.
     pub has_sync: bool,
     /// True if the filters for received frames must be set again.
     has_moved: bool,
-    /// The device has errors of CAN.
+    /// True if the device has errors of CAN.
     has_can_error: bool,
-    /// The node receives all frames.
+    /// True if the node receives all frames.
     is_open: bool,
     /// Frames to be sent.
     out: Vec<Frame>,

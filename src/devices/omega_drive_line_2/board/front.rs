@@ -30,7 +30,7 @@ pub(super) struct Front {
     is_used: bool,
     /// True if the program was stopped by a request while the switch was at RUN.
     halted: bool,
-    /// The PLC program may run.
+    /// True if the PLC program may run.
     released: bool,
     /// True if a cold or warm start was requested since the last query.
     started: bool,

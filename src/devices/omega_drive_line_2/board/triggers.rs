@@ -24,11 +24,11 @@ const MIN_DIVIDER: u32 = 124;
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Triggers {
     routes: [Option<Source>; TRIGGERS],
-    /// `OPT_INIT` has been run.
+    /// True if `OPT_INIT` has been run.
     routed: bool,
     /// True if `OPT_INIT` must not run again in this start of the program.
     closed: bool,
-    /// The trigger controller was pulsed.
+    /// True if the trigger controller was pulsed.
     pub controller_pulsed: bool,
 }
 

@@ -23,7 +23,7 @@ pub(super) struct ParameterServer {
     entered: Option<ParameterJob>,
     /// Job that the master has changed to. The firmware enters the job when the application confirms with bit 7.
     changed: Option<ParameterJob>,
-    /// The answer now on the wire ends the job.
+    /// True if the answer now on the wire ends the job.
     ends: bool,
 }
 

@@ -53,12 +53,12 @@ pub enum UpDownStep {
     },
     /// MODE 10 or 11: requests six bytes.
     Upload {
-        /// MODE 11: the last block.
+        /// True for the last block (MODE 11).
         last: bool,
     },
     /// MODE 10 or 11: carries six bytes.
     Download {
-        /// MODE 11: the last block. The slave takes the bytes within the announced length.
+        /// True for the last block (MODE 11). The slave takes the bytes within the announced length.
         last: bool,
         /// The bytes.
         data: [u8; BLOCK],
