@@ -139,7 +139,7 @@ fn a_takeover_resets_the_registers_but_keeps_the_ring_counts() {
     assert_eq!(header.events[12].bell.rings(), 1);
 }
 
-/// Clients that still map it rely on another register map.
+/// Clients that still map such an image expect its register map, so it must not change.
 #[test]
 fn a_dead_image_of_another_register_map_is_left_alone() {
     let instance = Instance::new();

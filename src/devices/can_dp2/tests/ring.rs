@@ -17,7 +17,7 @@ use profirust::time::Instant;
 const GATEWAY: u8 = 5;
 const SLAVE: u8 = 9;
 
-/// A program's end of the door.
+/// The connection of a program to a door.
 struct Door {
     number: u8,
     receiver: Arc<Guest>,

@@ -123,7 +123,7 @@ impl TryFrom<String> for Time {
     }
 }
 
-/// The keys of a table, as its reader names them when it is given one that it does not know.
+/// Returns the known keys of a table. The reader lists them in its error about an unknown key.
 #[cfg(feature = "cli")]
 pub(in crate::devices::folder) fn keys(table: &str) -> Vec<String> {
     fn of<T: serde::de::DeserializeOwned>() -> Vec<String> {
