@@ -17,7 +17,7 @@ pub use board::{Board, BoardSetting, BoardState, Power, Program, ProgramState, P
 pub use board_words::{BoardAssignment, BoardAssignmentError, BoardWords};
 pub use events::{EventSlot, Interrupt, InterruptResult, OptInit, OptInitResult, TimerSetup, Trigger};
 pub use initial_flag::{InitialFlag, InitialFlagResult};
-pub use lockstep::{SEAT_ORDERS, Seat, SeatState};
+pub use lockstep::{SEAT_ORDERS, SEAT_WAITS, Seat, SeatState};
 pub use table::{AREAS, AreaEntry, PORTS, PortEntry, TABLE_NAME_LENGTH};
 
 use super::struct_tables::publish;

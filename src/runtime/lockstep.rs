@@ -9,7 +9,7 @@
 //! 5.00005.03a p. 43-44, 73). The emulator gives up a task that dies, leaves or takes too long.
 
 use crate::identity::DeviceIndex;
-use crate::memory::header::{SEAT_ORDERS, Seat, SeatState};
+use crate::memory::header::{SEAT_ORDERS, SEAT_WAITS, Seat, SeatState};
 use crate::memory::{Header, View, bell};
 use crate::plant::Plant;
 use std::time::{Duration, Instant};
@@ -29,6 +29,8 @@ struct Task {
     orders: Option<u32>,
     /// End of the task's present run, in emulated time.
     until: Option<u64>,
+    /// Time of the task's next turn if no event occurs before.
+    wakes: Option<u64>,
 }
 
 impl Task {
@@ -168,7 +170,7 @@ impl Lockstep {
             return;
         };
         note(plant, witness, plc, event, SeatState::Seated);
-        self.tasks.push(Task { plc, seat, event, level, seen, orders, until: None });
+        self.tasks.push(Task { plc, seat, event, level, seen, orders, until: None, wakes: None });
     }
 
     /// Makes the plant stop at the events for which tasks of a PLC wait.
@@ -245,9 +247,10 @@ impl Lockstep {
         ))
     }
 
-    /// Time of the next turn of the running tasks; `u64::MAX` if none runs.
+    /// Time of the next turn of the tasks that run or wait; `u64::MAX` if there is none.
     pub(crate) fn next_turn(&self) -> u64 {
-        self.tasks.iter().filter_map(|task| task.until).fold(u64::MAX, u64::min)
+        let held_up = |task: &Task| task.wakes.filter(|_| !self.is_held_up(task));
+        self.tasks.iter().filter_map(|task| task.until.or_else(|| held_up(task))).fold(u64::MAX, u64::min)
     }
 
     /// Gives turns to all tasks that are ready now. Returns false if stopped or if a turn is still in progress.
@@ -276,7 +279,10 @@ impl Lockstep {
     fn due(&self, now: u64) -> Option<usize> {
         let ready = |task: &Task| match task.until {
             Some(until) => until <= now,
-            None => (self.has_event(task) || self.has_orders(task)) && !self.is_held_up(task),
+            None => {
+                let has_waited = task.wakes.is_some_and(|time| time <= now);
+                (has_waited || self.has_event(task) || self.has_orders(task)) && !self.is_held_up(task)
+            }
         };
         let tasks = self.tasks.iter().enumerate().filter(|(_, task)| ready(task));
         // Of several tasks with the same level, the first.
@@ -306,6 +312,7 @@ impl Lockstep {
         let (now, rings) = (plant.now(), self.rings(&self.tasks[index]));
         let orders = orders_of(&self.headers[self.tasks[index].plc.index()]);
         let task = &mut self.tasks[index];
+        task.wakes = None;
         if task.until.take().is_none() {
             task.seen = rings;
             task.orders = task.orders.map(|_| orders);
@@ -318,7 +325,12 @@ impl Lockstep {
     /// Ends the turn; its task continues to run for the stated time.
     fn claim(&mut self, index: usize, plant: &Plant) {
         let task = &mut self.tasks[index];
-        let run_us = u64::from(task.seat.run_us.load());
+        let stated = task.seat.run_us.load();
+        let run_us = u64::from(stated & !SEAT_WAITS);
+        if stated & SEAT_WAITS != 0 {
+            task.wakes = Some(plant.now() + run_us.max(1));
+            return;
+        }
         if run_us == 0 {
             return;
         }

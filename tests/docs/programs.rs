@@ -130,25 +130,22 @@ fn each_example_is_one_command() {
 /// In stepped mode the emulated time waits for the event tasks: one long step misses no event.
 #[test]
 fn a_stepped_clock_waits_for_event_tasks() {
-    use commram::memory::header::ProgramState;
+    use commram::memory::header::SeatState;
     use commram::memory::{AttachMode, Image};
 
     let emulator = Emulator::stepped();
     let attach = || Image::attach(&emulator.name, "line", AttachMode::ReadWrite, None).unwrap();
     let programs = [
-        ("timer_task", "1ms", "event 2: 1000 ms\nmissed 0, longest run 0 us"),
-        ("baps_timer", "1ms", "the drive has followed timer A to angle"),
-        ("baps_cansync", "20ms", "slaves [1, 2, 3] have reached reference value 5000"),
+        ("timer_task", "event 2: 1000 ms\nmissed 0, longest run 0 us"),
+        ("baps_timer", "the drive has followed timer A to angle"),
+        ("baps_cansync", "slaves [1, 2, 3] have reached reference value 5000"),
     ];
-    for (program, step, wanted) in programs {
+    for (program, wanted) in programs {
         let running = Example::start(program, &emulator, &[]);
         let image = attach();
-        let state = &image.header().unwrap().program.state;
-        // The emulated time does not wait for the start task.
-        assert!(eventually(|| {
-            emulator.step(&[step]);
-            state.load() == ProgramState::Cyclic.code()
-        }));
+        let seats = &image.header().unwrap().lockstep;
+        assert!(eventually(|| seats.iter().any(|seat| seat.state.load() == SeatState::Seated.code())));
+        // The emulated time also waits for the start task.
         emulator.step(&["5s"]);
         let out = running.output();
         assert!(out.contains(wanted), "{out}");

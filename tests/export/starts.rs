@@ -1,6 +1,6 @@
 //! Starts of a program with the exported runner: on every device, and of all kinds.
 
-use crate::common::{Emulator, eventually, finish, run};
+use crate::common::{Emulator, devices, eventually, finish, run};
 use crate::matiec::{Plc, SOURCES};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -94,7 +94,7 @@ fn scans(directory: &Path) -> Option<(i32, i32)> {
 /// declared RETAIN keep their values then (5.00005.03a p. 38; D-630).
 #[test]
 fn a_program_runs_on_every_device_while_there_is_power() {
-    for (device, plc, section) in [
+    let all = [
         ("omega-drive-line-2", "line", "[[plc]]\nname = 'line'\n"),
         ("bm4-plc", "maxx", "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n"),
         ("cs0015", "panel", PANEL),
@@ -104,7 +104,12 @@ fn a_program_runs_on_every_device_while_there_is_power() {
             "[[device]]\nkind = 'cr201x'\nmodule = 'cr2010'\nname = 'inputs'\nnode_id = 1\n",
         ),
         ("can-dp2", "gate", "[[device]]\nkind = 'can-dp2'\nname = 'gate'\n"),
-    ] {
+    ];
+    for device in devices() {
+        let is_known = all.iter().any(|(known, ..)| *known == device);
+        assert!(is_known, "add a plant with the PLC {device} to this list");
+    }
+    for (device, plc, section) in all {
         let directory = tempfile::tempdir().unwrap();
         let directory = directory.path();
         let program = built(directory, device, SCANS, "");
@@ -227,6 +232,103 @@ fn located_flags_overlay_each_other() {
     }
     emulator.run("board", &["power-cycle", "line"]).ok();
     assert_eq!(after_scan(), "16#0210 16#00 16#80", "the supply: RAM loses what it holds, NOVRAM does not");
+    assert_eq!(running.end(), Some(0));
+}
+
+/// A program that initializes the bus of node 2, from which its own event comes, and counts its scans.
+const INITIALIZES: &str = r#"
+#include "POUS.h"
+unsigned long long common_ticktime__ = 1000000ULL;
+static struct {
+  __DECLARE_VAR(INT,PHASE)
+  __DECLARE_LOCATED(WORD,CONTROL) __DECLARE_LOCATED(WORD,STATUS) __DECLARE_LOCATED(BYTE,MODE) __DECLARE_LOCATED(BYTE,AC)
+  __DECLARE_LOCATED(BYTE,AM) __DECLARE_LOCATED(BYTE,BT0) __DECLARE_LOCATED(BYTE,BT1) __DECLARE_LOCATED(BYTE,OUT)
+  __DECLARE_LOCATED(BYTE,CLOCK) __DECLARE_LOCATED(BYTE,PATTERN) __DECLARE_LOCATED(BYTE,SLAVE) __DECLARE_LOCATED(WORD,SCANS)
+} own, *data__ = &own;
+void config_init__(void) {
+  BOOL retain = 0;
+  __INIT_VAR(own.PHASE,0,retain)
+  __INIT_LOCATED(WORD,__MW3_200000,own.CONTROL,retain)
+  __INIT_LOCATED(WORD,__MW3_200002,own.STATUS,retain)
+  __INIT_LOCATED(BYTE,__MB3_200012,own.MODE,retain)
+  __INIT_LOCATED(BYTE,__MB3_200013,own.AC,retain)
+  __INIT_LOCATED(BYTE,__MB3_200014,own.AM,retain)
+  __INIT_LOCATED(BYTE,__MB3_200015,own.BT0,retain)
+  __INIT_LOCATED(BYTE,__MB3_200016,own.BT1,retain)
+  __INIT_LOCATED(BYTE,__MB3_200017,own.OUT,retain)
+  __INIT_LOCATED(BYTE,__MB3_200018,own.CLOCK,retain)
+  __INIT_LOCATED(BYTE,__MB3_200019,own.PATTERN,retain)
+  __INIT_LOCATED(BYTE,__MB3_200021,own.SLAVE,retain)
+  __INIT_LOCATED(WORD,__MW100,own.SCANS,retain)
+  __INIT_LOCATED_VALUE(own.SCANS,0)
+}
+void config_run__(unsigned long tick) {
+  (void)tick;
+  __SET_LOCATED(data__->,SCANS,,__GET_LOCATED(data__->SCANS,) + 1);
+  switch (__GET_VAR(data__->PHASE,)) {
+  case 0:
+    __SET_LOCATED(data__->,CONTROL,,0);
+    if (__GET_LOCATED(data__->STATUS,) == 1) __SET_VAR(data__->,PHASE,,1);
+    break;
+  case 1:
+    __SET_LOCATED(data__->,CONTROL,,1);
+    if (__GET_LOCATED(data__->STATUS,) == 2) {
+      __SET_LOCATED(data__->,MODE,,0);
+      __SET_LOCATED(data__->,AC,,0xFF);
+      __SET_LOCATED(data__->,AM,,0xFF);
+      __SET_LOCATED(data__->,BT0,,0x00);
+      __SET_LOCATED(data__->,BT1,,0x1C);
+      __SET_LOCATED(data__->,OUT,,0xFA);
+      __SET_LOCATED(data__->,CLOCK,,0x07);
+      __SET_LOCATED(data__->,PATTERN,,2);
+      __SET_LOCATED(data__->,SLAVE,,1);
+      __SET_LOCATED(data__->,CONTROL,,2);
+      __SET_VAR(data__->,PHASE,,2);
+    }
+    break;
+  case 2:
+    if (__GET_LOCATED(data__->STATUS,) == 3) {
+      __SET_LOCATED(data__->,CONTROL,,0x20);
+      __SET_VAR(data__->,PHASE,,3);
+    }
+    break;
+  }
+}
+"#;
+const INITIALIZED: &str = "__LOCATED_VAR(WORD,__MW3_200000,M,W,3,200000)\n__LOCATED_VAR(WORD,__MW3_200002,M,W,3,200002)\n\
+                           __LOCATED_VAR(BYTE,__MB3_200012,M,B,3,200012)\n__LOCATED_VAR(BYTE,__MB3_200013,M,B,3,200013)\n\
+                           __LOCATED_VAR(BYTE,__MB3_200014,M,B,3,200014)\n__LOCATED_VAR(BYTE,__MB3_200015,M,B,3,200015)\n\
+                           __LOCATED_VAR(BYTE,__MB3_200016,M,B,3,200016)\n__LOCATED_VAR(BYTE,__MB3_200017,M,B,3,200017)\n\
+                           __LOCATED_VAR(BYTE,__MB3_200018,M,B,3,200018)\n__LOCATED_VAR(BYTE,__MB3_200019,M,B,3,200019)\n\
+                           __LOCATED_VAR(BYTE,__MB3_200021,M,B,3,200021)\n__LOCATED_VAR(WORD,__MW100,M,W,100)\n";
+
+/// Without SYNC no event comes, and without a scan no SYNC. The program starts the bus all the same, and again after a
+/// restart, at which it stops the bus first; then it is scanned at each SYNC edge.
+#[test]
+fn a_program_that_scans_at_sync_starts_its_bus_itself() {
+    let directory = tempfile::tempdir().unwrap();
+    let program = built(directory.path(), "omega-drive-line-2", INITIALIZES, INITIALIZED);
+    let journal = || {
+        let emulator = Emulator::stepped();
+        let running = Plc::start_at(&program, &emulator, "line", &["12", "0"]);
+        assert!(eventually(|| emulator.run("board", &["get"]).ok().contains("cyclic")));
+        for start in ["first", "second"] {
+            emulator.step(&["500ms"]);
+            assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS"]), "16#0043", "{start}");
+            let scans = || u32::from_str_radix(&emulator.peek(&["%MW100"])[3..], 16).unwrap();
+            let before = scans();
+            emulator.step(&["20ms"]);
+            assert_eq!(scans() - before, 10, "{start}: a scan each 2 ms");
+            emulator.run("board", &["set", "line:start=cold"]).ok();
+        }
+        assert_eq!(running.end(), Some(0));
+        emulator.run("trace", &[]).ok().to_owned()
+    };
+    assert_eq!(journal(), journal(), "the same, however fast this computer is");
+    // By the computer's clock.
+    let emulator = Emulator::start(&[]);
+    let running = Plc::start_at(&program, &emulator, "line", &["12", "0"]);
+    assert!(eventually(|| emulator.peek(&["node2.w_OPTION_STATUS"]) == "16#0043"));
     assert_eq!(running.end(), Some(0));
 }
 

@@ -89,6 +89,12 @@ static inline commram_result commram_await_event(commram *ram, uint32_t event, u
  */
 #define COMMRAM_SEAT_ORDERS 0x100u
 
+/*
+ * Added to the run time at the end of a turn: the task is done, and has its next turn after the rest of the value at the latest, also if
+ * no event occurs.
+ */
+#define COMMRAM_SEAT_WAITS 0x80000000u
+
 /* A task that the emulated time waits for (lockstep, stepped mode only). */
 typedef struct commram_task {
     commram *ram;
@@ -161,6 +167,12 @@ static inline void commram_end_turn(commram_task *task, uint32_t run_us)
 static inline void commram_done(commram_task *task)
 {
     commram_end_turn(task, 0);
+}
+
+/* The task is done until its next event, or for `us` of emulated time, not 0, if no event occurs before. */
+static inline void commram_done_for(commram_task *task, uint32_t us)
+{
+    commram_end_turn(task, COMMRAM_SEAT_WAITS | (us < COMMRAM_SEAT_WAITS ? us : COMMRAM_SEAT_WAITS - 1u));
 }
 
 /* Lets `run_us` of emulated time, not 0, pass, as the task's run; then it is its turn again. Store outputs after it. */

@@ -1,6 +1,10 @@
 /* How long the emulator may really take for an answer, and how often a wait looks for signals. */
 #define ANSWER_MS 5000u
 #define SLICE_MS 100u
+/* How long the event of the scans may be missing, in microseconds of emulated time, before scans come without it. */
+#define MISSING_US 100000u
+/* How often a program in real time looks for a missing event. */
+#define LOOK_MS 5u
 /* How long a program is stopped before it says why. */
 #define STOPPED_SECONDS 2
 
@@ -84,6 +88,41 @@ static void say_stopped(const commram_plc *plc)
     }
 }
 
+/* The scans of a program that waits for an event. */
+typedef struct pace {
+    uint64_t period_us; /* of a CPU timer */
+    uint64_t last_us;  /* emulated time of the last scan or start */
+    int is_missing;    /* the last scan came without the event */
+} pace;
+
+/* Interval of the program's task in microseconds, at least 1. */
+static uint64_t interval_us(void)
+{
+    uint64_t us = common_ticktime__ / 1000u;
+    return us ? us : 1;
+}
+
+/* Time from the last scan to one that comes without the event. */
+static uint64_t patience_us(const pace *pace)
+{
+    uint64_t interval = interval_us();
+    if (pace->is_missing)
+        return interval;
+    interval = interval > pace->period_us ? interval : pace->period_us;
+    return 2 * interval > MISSING_US ? 2 * interval : MISSING_US;
+}
+
+/* Whether a scan is due: the event has come, or has been missing for long enough. */
+static int is_due_at(pace *pace, uint64_t now_us, int has_come)
+{
+    int is_late = now_us - pace->last_us >= patience_us(pace);
+    if (!has_come && !is_late)
+        return 0;
+    pace->last_us = now_us;
+    pace->is_missing = !has_come;
+    return 1;
+}
+
 static void scan(commram *ram, unsigned long tick)
 {
     COMMRAM_MATIEC_TIME(ram, __CURRENT_TIME);
@@ -103,8 +142,10 @@ int main(int argc, char **argv)
     commram_result result;
     uint32_t event, seen;
     unsigned long tick = 0;
-    int stepped;
+    int stepped, ran = 0;
+    pace pace = {0, 0, 0};
     event = number ? (uint32_t)strtoul(number, NULL, 0) : 0;
+    pace.period_us = par1 ? 50u * strtoul(par1, NULL, 0) : 0;
     if (argc < 2 || argc > 4 || event >= sizeof ram.header->events / sizeof ram.header->events[0]) {
         fprintf(stderr, "usage: plc IMAGE [EVENT [I_PAR1]]\n");
         return 2;
@@ -142,7 +183,7 @@ int main(int argc, char **argv)
             result = commram_turn(&task, SLICE_MS);
             has_turn = result == COMMRAM_DONE;
         } else if (number) {
-            result = commram_await_event(&ram, event, &seen, SLICE_MS);
+            result = commram_await_event(&ram, event, &seen, plc.runs ? LOOK_MS : SLICE_MS);
         } else {
             sleep_until(&due);
         }
@@ -158,9 +199,20 @@ int main(int argc, char **argv)
             is_due = count != seen;
             seen = count;
         }
+        if (number && (has_turn || !stepped)) {
+            uint64_t now_us = COMMRAM_LOAD(ram.header->virtual_time_us);
+            if (plc.runs != ran) {
+                pace.last_us = now_us;
+                pace.is_missing = 0;
+            }
+            ran = plc.runs;
+            is_due = plc.runs && is_due_at(&pace, now_us, is_due);
+        }
         if (is_due && result == COMMRAM_DONE && plc.runs)
             scan(&ram, tick++);
-        if (has_turn)
+        if (has_turn && plc.runs)
+            commram_done_for(&task, (uint32_t)patience_us(&pace));
+        else if (has_turn)
             commram_done(&task);
         if (result == COMMRAM_DONE)
             say_stopped(&plc);

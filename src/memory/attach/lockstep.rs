@@ -6,7 +6,7 @@
 //! exactly that emulated time, before or after a deadline.
 
 use super::{Attached, LIVENESS};
-use crate::memory::header::{SEAT_ORDERS, SEATS, Seat, SeatState};
+use crate::memory::header::{SEAT_ORDERS, SEAT_WAITS, SEATS, Seat, SeatState};
 use crate::memory::process::ProcessId;
 use crate::memory::{Header, MemoryError, View, bell};
 use core::num::NonZeroU32;
@@ -87,16 +87,21 @@ impl Attached {
         }
     }
 
-    /// Ends the turns of `tasks`, then waits until one of them has its next turn or `condition` is true. The function
+    /// Ends the turns of `tasks`; the first one then has its next turn after `wait_us` of emulated time at the latest, if
+    /// that is given. Then waits until one of them has its next turn or `condition` is true. The function
     /// calls it again whenever the firmware has changed registers. `false`: neither happened within `timeout` of real
     /// time.
     #[cfg_attr(not(feature = "plc"), expect(dead_code, reason = "for the runner of tasks"))]
     pub(crate) fn wait_turns(
         &self,
         tasks: &mut [LockstepTask<'_>],
+        wait_us: Option<u32>,
         timeout: Duration,
         mut condition: impl FnMut() -> bool,
     ) -> Result<bool, MemoryError> {
+        if let Some((first, us)) = tasks.first_mut().zip(wait_us) {
+            first.end_turn(SEAT_WAITS | us.min(SEAT_WAITS - 1));
+        }
         tasks.iter_mut().for_each(|task| task.end_turn(0));
         let (start, answer) = (Instant::now(), &self.header()?.answer);
         loop {

@@ -12,6 +12,10 @@ use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 /// when the board orders a start or stop of the program, and after a reset.
 pub const SEAT_ORDERS: u32 = 0x100;
 
+/// Flag in [`Seat::run_us`]: the task is done, and has its next turn after the rest of the value in microseconds at the
+/// latest, even if no event occurs. Meanwhile it does not occupy the processor of its PLC.
+pub const SEAT_WAITS: u32 = 0x8000_0000;
+
 /// The seat of one task in lockstep.
 #[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
 #[repr(C)]
@@ -32,7 +36,7 @@ pub struct Seat {
     /// Emulated time of the turn in microseconds; written before `turn` rings.
     pub time_us: Cell64,
     /// Request of the task at the end of a turn. 0: the task is done until the next event. Another value: the task gets
-    /// another turn after this emulated run time, in microseconds.
+    /// another turn after this emulated run time, in microseconds; with [`SEAT_WAITS`] after this time at the latest.
     pub run_us: Cell32,
     /// Zero.
     pub reserved_44: Cell32,
