@@ -18,6 +18,8 @@ mod secret;
 mod server;
 mod session;
 mod show;
+mod strand;
+mod transit;
 
 pub(crate) use beside::WebProcess;
 pub(crate) use secret::remove_left_files;
@@ -120,6 +122,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         demo::end_with(parent)?;
     }
     log::to_stderr();
+    strand::stop_at_panics();
     survive_lost_channels().map_err(|reason| CliError::Signals { reason })?;
     // If the limit cannot be raised, there are fewer connections.
     let _ = limits::allow_files(0, connections::WISHED_FILES);

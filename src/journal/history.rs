@@ -11,6 +11,7 @@
 //! they do not change the journal.
 
 use super::changed::{By, ChangeDetails, Changed};
+use super::onlookers::Onlookers;
 use crate::identity::DeviceIndex;
 use crate::layout::{RegisterPhase, Width};
 use serde::{Deserialize, Serialize};
@@ -21,9 +22,9 @@ use std::time::{Duration, Instant};
 pub const MAX_FOLLOWED: usize = 65_536;
 /// Maximum count of changes in the list for onlookers.
 pub const KEPT_CHANGES: usize = 65_536;
-/// Real time without a request for changes after which onlookers count as absent.
-const GONE: Duration = Duration::from_secs(10);
-/// Number of comparisons between two reads of the host's clock.
+/// An onlooker that has asked for no changes for this real time counts as gone.
+pub(super) const GONE: Duration = Duration::from_secs(10);
+/// Count of comparisons between two reads of the host's clock.
 const LOOKS: u32 = 4096;
 
 /// Destination of changes.
@@ -101,6 +102,7 @@ pub(super) struct History {
     changes: VecDeque<Change>,
     /// The number of the next change.
     end: u64,
+    onlookers: Onlookers,
     /// Time of the last request for changes.
     asked: Instant,
     looks: u32,
@@ -114,6 +116,7 @@ impl History {
             followed: Vec::new(),
             changes: VecDeque::new(),
             end: 0,
+            onlookers: Onlookers::default(),
             asked: Instant::now(),
             looks: 0,
             is_searching: false,
@@ -162,9 +165,10 @@ impl History {
         self.followed.is_empty()
     }
 
-    /// Follows a register from now on. Returns `false` if too many registers are followed.
+    /// Follows a register for a client from now on; `false` if too many are.
     pub(super) fn follow(
         &mut self,
+        client: u128,
         plc: DeviceIndex,
         offset: u32,
         width: Width,
@@ -174,7 +178,11 @@ impl History {
         if self.asked.elapsed() > GONE {
             self.forget_onlookers();
         }
-        self.asked = Instant::now();
+        let now = Instant::now();
+        self.asked = now;
+        if keep == Keep::ForOnlookers && !self.has_room_for(client, (plc, offset), now) {
+            return false;
+        }
         let at = match self.find(plc, offset) {
             Ok(at) => at,
             Err(_) if self.followed.len() >= MAX_FOLLOWED => return false,
@@ -191,10 +199,32 @@ impl History {
         if let Some(register) = self.followed.get_mut(at) {
             match keep {
                 Keep::InJournal => register.in_journal = true,
-                Keep::ForOnlookers => register.for_onlookers = true,
+                Keep::ForOnlookers => {
+                    register.for_onlookers = true;
+                    self.onlookers.add(client, (plc, offset), now);
+                }
             }
         }
         true
+    }
+
+    /// Whether a client may follow this register: it has not more registers than are left to the others.
+    fn has_room_for(&mut self, client: u128, place: (DeviceIndex, u32), now: Instant) -> bool {
+        let has_room = |this: &Self| {
+            let left = MAX_FOLLOWED - this.followed.len().min(MAX_FOLLOWED);
+            this.onlookers.contains(client, place) || this.onlookers.count(client) < left
+        };
+        if has_room(self) {
+            return true;
+        }
+        if self.onlookers.release(client, now) {
+            let Self { followed, onlookers, .. } = self;
+            followed.retain_mut(|it| {
+                it.for_onlookers = it.for_onlookers && onlookers.any_follows((it.plc, it.offset));
+                it.in_journal || it.for_onlookers
+            });
+        }
+        has_room(self)
     }
 
     /// Compares all registers with their previous values; changes for the journal go to `note`.
@@ -254,8 +284,9 @@ impl History {
 
     /// At most `max` changes from number `from` on, and the number of the next change. The call also shows that an
     /// onlooker is still present.
-    pub(super) fn read(&mut self, from: u64, max: usize) -> (Vec<Change>, u64) {
+    pub(super) fn read(&mut self, client: u128, from: u64, max: usize) -> (Vec<Change>, u64) {
         self.asked = Instant::now();
+        self.onlookers.ask(client, self.asked);
         let first = self.changes.partition_point(|change| change.seq < from);
         (self.changes.iter().skip(first).take(max).copied().collect(), self.end)
     }
@@ -279,6 +310,7 @@ impl History {
         self.followed.iter_mut().for_each(|register| register.for_onlookers = false);
         self.followed.retain(|register| register.in_journal);
         self.changes = VecDeque::new();
+        self.onlookers = Onlookers::default();
     }
 }
 
@@ -345,7 +377,7 @@ mod tests {
     }
 
     fn kept_changes(history: &mut History) -> Vec<(u32, u32, u32, By)> {
-        let (changes, _) = history.read(0, usize::MAX);
+        let (changes, _) = history.read(0, 0, usize::MAX);
         changes.iter().map(|it| (it.what.offset, it.what.from, it.what.to, it.what.how.by)).collect()
     }
 
@@ -353,8 +385,8 @@ mod tests {
     fn a_change_is_reported_once_with_its_originator() {
         let (rams, mut history) = (Loose::default(), History::new());
         rams.store(4, 9);
-        assert!(history.follow(DeviceIndex(0), 4, Width::Word, Keep::ForOnlookers, &rams));
-        assert!(history.follow(DeviceIndex(0), 2, Width::Byte, Keep::ForOnlookers, &rams));
+        assert!(history.follow(0, DeviceIndex(0), 4, Width::Word, Keep::ForOnlookers, &rams));
+        assert!(history.follow(0, DeviceIndex(0), 2, Width::Byte, Keep::ForOnlookers, &rams));
         rams.store(4, 5);
         rams.store(2, 1);
         rams.store(8, 1);
@@ -366,7 +398,7 @@ mod tests {
     #[test]
     fn a_request_answered_between_two_comparisons_is_reported_with_its_answer() {
         let (rams, mut history) = (Loose::default(), History::new());
-        history.follow(DeviceIndex(0), 12, Width::Byte, Keep::InJournal, &rams);
+        history.follow(0, DeviceIndex(0), 12, Width::Byte, Keep::InJournal, &rams);
         rams.store(12, 4);
         history.compare(1, By::Firmware, &rams, drop);
         let mut noted = Vec::new();
@@ -384,7 +416,7 @@ mod tests {
         for (offset, keep) in
             [(2, Keep::InJournal), (4, Keep::InJournal), (4, Keep::ForOnlookers), (6, Keep::ForOnlookers)]
         {
-            history.follow(DeviceIndex(0), offset, Width::Word, keep, &rams);
+            history.follow(0, DeviceIndex(0), offset, Width::Word, keep, &rams);
         }
         let kept = |history: &History| {
             let copy = |it: &FollowedRegister| FollowedRegister { left: None, for_onlookers: false, ..*it };
@@ -409,7 +441,7 @@ mod tests {
     fn a_forced_register_changes_by_its_force() {
         let mut rams = Loose::default();
         let mut history = History::new();
-        history.follow(DeviceIndex(0), 2, Width::Word, Keep::ForOnlookers, &rams);
+        history.follow(0, DeviceIndex(0), 2, Width::Word, Keep::ForOnlookers, &rams);
         rams.forced = Some(2);
         rams.store(2, 7);
         history.compare(1, By::Firmware, &rams, drop);
@@ -419,23 +451,23 @@ mod tests {
     #[test]
     fn numbers_show_which_changes_are_no_longer_kept() {
         let (rams, mut history) = (Loose::default(), History::new());
-        history.follow(DeviceIndex(0), 2, Width::Dword, Keep::ForOnlookers, &rams);
+        history.follow(0, DeviceIndex(0), 2, Width::Dword, Keep::ForOnlookers, &rams);
         let many = KEPT_CHANGES as u32 + 3;
         for value in 1..=many {
             rams.store(2, value);
             history.compare(value.into(), By::Firmware, &rams, drop);
         }
-        let (changes, end) = history.read(0, 2);
+        let (changes, end) = history.read(0, 0, 2);
         assert_eq!(changes.iter().map(|it| (it.seq, it.what.to)).collect::<Vec<_>>(), [(3, 4), (4, 5)]);
         assert_eq!(end, u64::from(many));
-        assert_eq!(history.read(end, 9).0, []);
+        assert_eq!(history.read(0, end, 9).0, []);
     }
 
     #[test]
     fn absent_onlookers_are_forgotten() {
         let (rams, mut history) = (Loose::default(), History::new());
-        history.follow(DeviceIndex(0), 2, Width::Dword, Keep::ForOnlookers, &rams);
-        history.follow(DeviceIndex(0), 6, Width::Dword, Keep::InJournal, &rams);
+        history.follow(0, DeviceIndex(0), 2, Width::Dword, Keep::ForOnlookers, &rams);
+        history.follow(0, DeviceIndex(0), 6, Width::Dword, Keep::InJournal, &rams);
         let compare =
             |history: &mut History| (0..LOOKS).for_each(|_| history.compare(1, By::Firmware, &rams, drop));
         compare(&mut history);
@@ -443,10 +475,10 @@ mod tests {
         history.asked = Instant::now().checked_sub(GONE + Duration::from_secs(1)).unwrap();
         compare(&mut history);
         assert_eq!(history.followed.iter().map(|it| it.offset).collect::<Vec<_>>(), [6]);
-        // While a stepped clock does not advance, no comparison takes place.
-        history.follow(DeviceIndex(0), 2, Width::Dword, Keep::ForOnlookers, &rams);
+        // A stepped clock may be idle, without a comparison.
+        history.follow(0, DeviceIndex(0), 2, Width::Dword, Keep::ForOnlookers, &rams);
         history.asked = Instant::now().checked_sub(GONE + Duration::from_secs(1)).unwrap();
-        history.follow(DeviceIndex(0), 10, Width::Dword, Keep::ForOnlookers, &rams);
+        history.follow(0, DeviceIndex(0), 10, Width::Dword, Keep::ForOnlookers, &rams);
         assert_eq!(history.followed.iter().map(|it| it.offset).collect::<Vec<_>>(), [6, 10]);
     }
 
@@ -454,9 +486,43 @@ mod tests {
     fn there_is_a_bound() {
         let (rams, mut history) = (Loose::default(), History::new());
         for offset in 0..MAX_FOLLOWED as u32 {
-            assert!(history.follow(DeviceIndex(0), offset, Width::Byte, Keep::ForOnlookers, &rams));
+            assert!(history.follow(0, DeviceIndex(0), offset, Width::Byte, Keep::InJournal, &rams));
         }
-        assert!(history.follow(DeviceIndex(0), 3, Width::Byte, Keep::InJournal, &rams));
-        assert!(!history.follow(DeviceIndex(1), 0, Width::Byte, Keep::InJournal, &rams));
+        assert!(!history.follow(0, DeviceIndex(1), 0, Width::Byte, Keep::ForOnlookers, &rams));
+        assert!(history.follow(0, DeviceIndex(0), 3, Width::Byte, Keep::InJournal, &rams));
+        assert!(!history.follow(0, DeviceIndex(1), 0, Width::Byte, Keep::InJournal, &rams));
+    }
+
+    /// However much a client follows, there is room for others, and for the client itself after a while.
+    #[test]
+    fn a_client_leaves_registers_to_others() {
+        let (rams, mut history) = (Loose::default(), History::new());
+        let follow = |history: &mut History, client: u128, offset: u32| {
+            history.follow(client, DeviceIndex(0), offset, Width::Byte, Keep::ForOnlookers, &rams)
+        };
+        for client in [1, 2, 3] {
+            let most = (MAX_FOLLOWED >> client) as u32;
+            let first = client as u32 * MAX_FOLLOWED as u32;
+            let count = (0..).take_while(|number| follow(&mut history, client, first + number)).count();
+            assert!(count as u32 >= most - 1 && count as u32 <= most, "{client}: {count}");
+            assert!(follow(&mut history, client, first), "a register that it follows already");
+        }
+        // A client that asks for nothing makes room for others.
+        assert!(follow(&mut history, 4, 0) && !follow(&mut history, 1, 1));
+        history.onlookers.age(1, GONE + Duration::from_secs(1));
+        assert!((0..MAX_FOLLOWED as u32 / 4).all(|number| follow(&mut history, 5, number)));
+        assert_eq!(history.onlookers.count(1), 0);
+    }
+
+    #[test]
+    fn a_client_that_browses_keeps_what_it_has_asked_for_again() {
+        let (rams, mut history) = (Loose::default(), History::new());
+        let follow = |history: &mut History, offset: u32| {
+            history.follow(7, DeviceIndex(0), offset, Width::Byte, Keep::ForOnlookers, &rams)
+        };
+        let most = (0..).take_while(|offset| follow(&mut history, *offset)).count() as u32;
+        history.onlookers.age(7, Duration::from_secs(60));
+        assert!(follow(&mut history, 0) && follow(&mut history, most + 1));
+        assert_eq!(history.followed.iter().map(|it| it.offset).collect::<Vec<_>>(), [0, most + 1]);
     }
 }

@@ -37,6 +37,7 @@ mod history;
 pub mod jsonl;
 mod kind;
 mod names;
+mod onlookers;
 pub mod pcapng;
 mod printer;
 mod reader;
@@ -220,13 +221,14 @@ impl Journal {
     /// Follows a register from now on, starting with its present value; `false` if too many are followed.
     pub(crate) fn follow(
         &mut self,
+        client: u128,
         plc: DeviceIndex,
         offset: u32,
         width: Width,
         keep: Keep,
         rams: &impl Rams,
     ) -> bool {
-        self.history.follow(plc, offset, width, keep, rams)
+        self.history.follow(client, plc, offset, width, keep, rams)
     }
 
     /// True if all changes of a register become records.
@@ -258,7 +260,12 @@ impl Journal {
     /// At most `max` changes of registers that are followed for onlookers, from number `from` on, and the number of
     /// the next change.
     pub fn changes(&mut self, from: u64, max: usize) -> (Vec<Change>, u64) {
-        self.history.read(from, max)
+        self.changes_for(0, from, max)
+    }
+
+    /// The same for a client.
+    pub(crate) fn changes_for(&mut self, client: u128, from: u64, max: usize) -> (Vec<Change>, u64) {
+        self.history.read(client, from, max)
     }
 
     /// Records a finding of the access checker.

@@ -17,7 +17,10 @@ pub enum FollowError {
     #[error("no register area covers byte {}", .0.offset)]
     Unmapped(Unmapped),
     /// Too many registers are followed.
-    #[error("{MAX_FOLLOWED} registers are followed, which is the maximum")]
+    #[error(
+        "too many registers are followed: an instance has {MAX_FOLLOWED}, and each client leaves as many to others as it \
+         follows; follow fewer registers or blocks"
+    )]
     TooMany,
 }
 
@@ -40,12 +43,25 @@ impl Plant {
         len: u32,
         keep: Keep,
     ) -> Result<(), FollowError> {
+        self.follow_registers_for(0, plc, offset, len, keep)
+    }
+
+    /// The same for a client, which may follow as many registers as it leaves to others.
+    pub(crate) fn follow_registers_for(
+        &mut self,
+        client: u128,
+        plc: DeviceIndex,
+        offset: u32,
+        len: u32,
+        keep: Keep,
+    ) -> Result<(), FollowError> {
         // Writes before this moment must not be recorded as changes.
         self.keep_changes(By::Program);
         let (widths, ram) = self.ram(plc, offset)?;
         let registers = widths.registers(ram, offset, len)?;
         let (journal, rams) = self.compared();
-        let follows = |&(offset, width): &(u32, Width)| journal.follow(plc, offset, width, keep, &rams);
+        let follows =
+            |&(offset, width): &(u32, Width)| journal.follow(client, plc, offset, width, keep, &rams);
         if registers.iter().all(follows) { Ok(()) } else { Err(FollowError::TooMany) }
     }
 
@@ -53,6 +69,11 @@ impl Plant {
     /// Also returns the number of the next change.
     pub fn changes(&mut self, from: u64, max: usize) -> (Vec<Change>, u64) {
         self.journal.changes(from, max)
+    }
+
+    /// The same for a client that follows registers.
+    pub(crate) fn changes_for(&mut self, client: u128, from: u64, max: usize) -> (Vec<Change>, u64) {
+        self.journal.changes_for(client, from, max)
     }
 
     /// Compares the followed registers; a difference is attributed to `by`.

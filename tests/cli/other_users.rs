@@ -118,6 +118,24 @@ fn an_entry_of_another_user_is_reported_with_its_owner_and_a_remedy() {
     }
 }
 
+/// The directory for tokens has a name that other users can guess, if it is in a directory of all users.
+#[test]
+fn a_token_is_not_written_to_a_directory_of_another_user() {
+    if !can_be_another_user() {
+        return;
+    }
+    let (emulator, runtime) = (Emulator::stepped(), tempfile::tempdir().unwrap());
+    let directory = runtime.path().join("commram");
+    std::fs::create_dir(&directory).unwrap();
+    std::os::unix::fs::chown(&directory, Some(ATTACKER), Some(ATTACKER)).unwrap();
+    let mut command = emulator.command("web", &["--listen", "127.0.0.1:0"]);
+    let outcome = finish(command.env("XDG_RUNTIME_DIR", runtime.path()));
+    let expected = format!("{} belongs to user {ATTACKER}", directory.display());
+    let message = outcome.fails(3);
+    assert!(message.contains(&expected) && message.contains("--token-file"), "{message}");
+    assert_eq!(std::fs::read_dir(&directory).unwrap().count(), 0);
+}
+
 #[test]
 fn a_novram_directory_of_another_user_is_refused() {
     if !can_be_another_user() {

@@ -178,3 +178,55 @@ fn a_generated_client_brings_a_master_into_active_operation() {
     assert_eq!((outcome.code, outcome.out.trim()), (Some(0), "active"), "{}", outcome.err);
     assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS"]), "16#0080");
 }
+
+/// Two sessions bring snapshot files at the same time, part by part.
+#[test]
+fn each_session_brings_its_own_snapshot() {
+    let emulator = Emulator::stepped();
+    let server = Server::of(&emulator, &[]);
+    let json = ("content-type", "application/json");
+    let cookie = || {
+        let body = json!({ "token": server.token }).to_string();
+        let answer = server.request("POST", "/api/v1/session", &[json], &body);
+        answer.header("set-cookie").split("; ").next().unwrap().to_owned()
+    };
+    let cookies = [cookie(), cookie()];
+    let post = |session: usize, operation: &str, fields: &Value| {
+        let headers = [("cookie", cookies[session].as_str()), json];
+        server.request("POST", &server.path(operation), &headers, &fields.to_string())
+    };
+    // Snapshots of two moments.
+    let directory = tempfile::tempdir().unwrap();
+    let files = ["a", "b"].map(|name| {
+        let path = directory.path().join(name);
+        emulator.step(&["1ms"]);
+        emulator.run("snapshot", &[path.to_str().unwrap()]).ok();
+        std::fs::read(path).unwrap()
+    });
+    // A request has at most 1 MiB.
+    let bring = |session: usize, operations: &[Value]| {
+        let headers = [("cookie", cookies[session].as_str()), json];
+        let path = server.path("request");
+        let body = json!({ "operations": operations }).to_string();
+        server.request("POST", &path, &headers, &body).ok();
+    };
+    let parts = files.each_ref().map(|file| {
+        let parts = file.chunks(16).enumerate();
+        parts
+            .map(|(index, part)| json!({"bring_saved": {"at": 16 * index, "part": part}}))
+            .collect::<Vec<_>>()
+    });
+    for chunk in 0..parts[0].len().max(parts[1].len()).div_ceil(100) {
+        for session in [0, 1] {
+            let own = parts[session].iter().skip(100 * chunk).take(100).cloned().collect::<Vec<_>>();
+            if !own.is_empty() {
+                bring(session, &own);
+            }
+        }
+    }
+    for (session, time) in [(0, 1000), (1, 2000)] {
+        assert_eq!(post(session, "restore", &json!({"detached": false})).ok()["time"], time);
+    }
+    let none = post(0, "restore", &json!({"detached": false}));
+    assert_ne!(none.status, 200, "{none:?}");
+}

@@ -137,6 +137,12 @@ impl Guard {
         self.keys_in(headers).any(|key| self.sessions.contains(key))
     }
 
+    /// The session of a request: the key of its cookie. All requests with the token instead are one session, with an empty
+    /// key.
+    pub(super) fn session_of(&self, headers: &HeaderMap) -> String {
+        self.keys_in(headers).find(|key| self.sessions.contains(key)).unwrap_or_default().to_owned()
+    }
+
     /// The keys that a request brings as cookie.
     pub(super) fn keys_in<'a>(&'a self, headers: &'a HeaderMap) -> impl Iterator<Item = &'a str> {
         let cookies = headers.get_all(header::COOKIE).iter().filter_map(|cookie| cookie.to_str().ok());

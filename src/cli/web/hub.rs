@@ -3,6 +3,7 @@
 use super::events::Feed;
 use super::link::Link;
 use super::problem::Problem;
+use super::transit::Transit;
 use crate::cli::error::CliError;
 use crate::cli::session::images_of;
 use std::collections::HashMap;
@@ -23,6 +24,7 @@ pub(super) struct InstanceLinks {
     pub looks: Link,
     pub acts: Link,
     pub feed: Feed,
+    pub transit: Arc<Transit>,
 }
 
 /// The instances and the connections to them.
@@ -61,6 +63,7 @@ impl Hub {
             looks: Link::start(instance)?,
             acts: Link::start(instance)?,
             feed: Feed::new(instance),
+            transit: Arc::default(),
         });
         links.insert(instance.to_owned(), Arc::clone(&new));
         Ok(new)

@@ -1,6 +1,7 @@
 //! A connection to an emulator in a separate thread: requests wait for replies, but the server must not wait.
 
 use super::problem::Problem;
+use super::strand;
 use crate::channel::ClientError;
 use crate::cli::Instance;
 use crate::cli::error::CliError;
@@ -13,7 +14,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, SyncSender};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
-use tokio::sync::oneshot;
+use tokio::sync::{oneshot, watch};
 
 /// Requests that wait for the connection; further ones are refused.
 const WAITING: usize = 64;
@@ -36,12 +37,18 @@ pub(super) struct Connection {
 /// Counts the open connections of this process while it exists.
 struct OpenConnections;
 
+thread_local! {
+    /// Whether this thread has an open connection.
+    static HAS_CONNECTION: Cell<bool> = const { Cell::new(false) };
+}
+
 static OPEN: Mutex<usize> = Mutex::new(0);
 static CLOSED: Condvar = Condvar::new();
 
 impl OpenConnections {
     fn enter() -> Self {
         *OPEN.lock().unwrap_or_else(PoisonError::into_inner) += 1;
+        HAS_CONNECTION.set(true);
         Self
     }
 }
@@ -49,6 +56,7 @@ impl OpenConnections {
 impl Drop for OpenConnections {
     fn drop(&mut self) {
         *OPEN.lock().unwrap_or_else(PoisonError::into_inner) -= 1;
+        HAS_CONNECTION.set(false);
         CLOSED.notify_all();
     }
 }
@@ -82,8 +90,7 @@ impl Connection {
             self.checked.set(Instant::now());
             self.is_damaged.set(self.session.has_shortened_channel());
         }
-        let broken = || ClientError::Broken { instance: self.session.instance().to_owned() }.into();
-        self.is_damaged.get().then(broken)
+        self.is_damaged.get().then(|| broken(self.session.instance()))
     }
 
     /// Closes the connection. A connection through a damaged channel is given up instead: leaving it could end this
@@ -94,6 +101,19 @@ impl Connection {
             core::mem::forget(session);
             drop(open);
         }
+    }
+}
+
+/// The error of a damaged channel.
+pub(super) fn broken(instance: &str) -> CliError {
+    ClientError::Broken { instance: instance.to_owned() }.into()
+}
+
+/// Stops counting the connection of this thread, which will never close it.
+pub(super) fn abandon() {
+    if HAS_CONNECTION.replace(false) {
+        *OPEN.lock().unwrap_or_else(PoisonError::into_inner) -= 1;
+        CLOSED.notify_all();
     }
 }
 
@@ -114,7 +134,12 @@ impl Drop for Waiter {
 
 /// Access to the thread. The thread ends when the last link is dropped.
 #[derive(Clone)]
-pub(super) struct Link(SyncSender<Job>);
+pub(super) struct Link {
+    jobs: SyncSender<Job>,
+    instance: Arc<str>,
+    /// Becomes true if the thread stops at a panic.
+    has_stopped: watch::Receiver<bool>,
+}
 
 impl Link {
     /// Starts a thread, which connects when the first job arrives.
@@ -123,12 +148,20 @@ impl Link {
     /// The system has no thread.
     pub(super) fn start(instance: &str) -> Result<Self, Problem> {
         let (sender, jobs) = mpsc::sync_channel(WAITING);
-        let instance = instance.to_owned();
+        let instance: Arc<str> = instance.into();
+        let (stop, has_stopped) = watch::channel(false);
         let thread = std::thread::Builder::new().name("web-link".to_owned());
-        thread
-            .spawn(move || serve(&instance, &jobs))
-            .map_err(|reason| Problem::from(CliError::Process { reason }))?;
-        Ok(Self(sender))
+        let own = Arc::clone(&instance);
+        let work = move || {
+            strand::at_the_end(move || {
+                abandon();
+                // Fails if no link is left.
+                let _ = stop.send(true);
+            });
+            serve(&own, &jobs);
+        };
+        thread.spawn(work).map_err(|reason| Problem::from(CliError::Process { reason }))?;
+        Ok(Self { jobs: sender, instance, has_stopped })
     }
 
     /// Does `work` in the thread. If the returned future is dropped, because the client has closed its connection, the
@@ -157,8 +190,19 @@ impl Link {
             is_usable
         });
         let busy = || Problem::too_many("too many requests wait for the emulator");
-        self.0.try_send(job).map_err(|_| busy())?;
-        let result = result.await.map_err(|_| busy())?;
+        self.jobs.try_send(job).map_err(|_| busy())?;
+        let mut has_stopped = self.has_stopped.clone();
+        let stopped = async {
+            // The sender exists until the thread ends.
+            if has_stopped.wait_for(|stopped| *stopped).await.is_err() {
+                std::future::pending::<()>().await;
+            }
+        };
+        let result = tokio::select! {
+            biased;
+            result = result => result.map_err(|_| busy())?,
+            () = stopped => Err(broken(&self.instance).into()),
+        };
         drop(waiter);
         result
     }
@@ -177,7 +221,7 @@ pub(super) fn guarded<C, T, E: From<CliError>>(
     if let Some(damage) = connection(user).damage() {
         return Err(damage.into());
     }
-    let result = catch_unwind(AssertUnwindSafe(|| work(user)));
+    let result = strand::guarded(|| catch_unwind(AssertUnwindSafe(|| work(user))));
     match connection(user).damage() {
         Some(damage) => Err(damage.into()),
         None => result.unwrap_or_else(|panic| resume_unwind(panic)),
@@ -189,17 +233,17 @@ fn serve(instance: &str, jobs: &Receiver<Job>) {
     for job in jobs {
         let opened = match connection.take() {
             Some(open) => Ok(open),
-            None => Connection::open(instance).map_err(Problem::from),
+            None => strand::guarded(|| Connection::open(instance)).map_err(Problem::from),
         };
         match opened {
             Ok(mut open) => match job(Ok(&mut open)) {
                 true => connection = Some(open),
-                false => open.close(),
+                false => strand::guarded(|| open.close()),
             },
             Err(problem) => drop(job(Err(problem))),
         }
     }
     if let Some(open) = connection {
-        open.close();
+        strand::guarded(|| open.close());
     }
 }

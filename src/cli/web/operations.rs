@@ -4,12 +4,13 @@ use super::hub::InstanceLinks;
 use super::link::Connection;
 use super::problem::Problem;
 use super::router::repeated;
+use super::transit::Transit;
 use crate::channel::ClientError;
 use crate::cli::error::CliError;
-use crate::request::{Class, MAX_OPS, Op, Operation, Reply, operations};
+use crate::request::{Class, Code, MAX_OPS, Op, Operation, Refused, Reply, WrongReply, operations};
 use axum::http::{Method, StatusCode};
 use serde_json::{Map, Value, json};
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
 static TABLE: LazyLock<Vec<Operation>> = LazyLock::new(operations);
 
@@ -126,31 +127,36 @@ pub(super) fn check_reads_only(op: &Op) -> Result<(), Problem> {
     Err(Problem::new(StatusCode::FORBIDDEN, "read-only", detail))
 }
 
-/// Executes an operation and returns the JSON form of its reply.
+/// Executes an operation of a session and returns the JSON form of its reply.
 ///
 /// # Errors
 /// The operation was refused, or the emulator cannot be reached.
-pub(super) async fn execute(links: &InstanceLinks, op: Op) -> Result<Value, Problem> {
-    let replies = execute_all(links, vec![op]).await?;
-    replies.into_iter().next().ok_or_else(|| CliError::from(crate::request::WrongReply).into())
+pub(super) async fn execute(links: &InstanceLinks, session: String, op: Op) -> Result<Value, Problem> {
+    let replies = execute_all(links, session, vec![op]).await?;
+    replies.into_iter().next().ok_or_else(|| CliError::from(WrongReply).into())
 }
 
-/// Executes operations as one request, and returns the JSON forms of their replies.
+/// Executes operations of a session as one request, and returns the JSON forms of their replies.
 ///
 /// # Errors
 /// An operation was refused: the problem has its `index`, and the `replies` of the operations before it. Or the
 /// emulator cannot be reached.
-pub(super) async fn execute_all(links: &InstanceLinks, ops: Vec<Op>) -> Result<Vec<Value>, Problem> {
+pub(super) async fn execute_all(
+    links: &InstanceLinks,
+    session: String,
+    ops: Vec<Op>,
+) -> Result<Vec<Value>, Problem> {
     let link = if ops.iter().all(|op| op.class() == Class::Looks) { &links.looks } else { &links.acts };
-    link.run(move |connection| request(connection, &ops)).await
+    let transit = Arc::clone(&links.transit);
+    link.run(move |connection| request(connection, &ops, (&transit, &session))).await
 }
 
-fn request(connection: &mut Connection, ops: &[Op]) -> Result<Vec<Value>, Problem> {
+fn request(connection: &mut Connection, ops: &[Op], files: (&Transit, &str)) -> Result<Vec<Value>, Problem> {
     if ops.len() > MAX_OPS {
         return Err(CliError::Client(ClientError::TooManyOperations { count: ops.len() }).into());
     }
     connection.session.expect_to_wait(ops.iter().map(Op::advances_us).sum());
-    let replies = connection.session.replies(ops)?;
+    let replies = replies(connection, ops, files)?;
     let mut forms = Vec::with_capacity(replies.len());
     for (index, reply) in replies.iter().enumerate() {
         if let Reply::Error(refused) = reply {
@@ -164,6 +170,46 @@ fn request(connection: &mut Connection, ops: &[Op]) -> Result<Vec<Value>, Proble
         forms.push(form.map_err(|reason| Problem::wrong_use(reason.to_string()))?);
     }
     Ok(forms)
+}
+
+/// The replies to operations. Parts of snapshot files stay in this process until their session restores the snapshot.
+fn replies(
+    connection: &Connection,
+    ops: &[Op],
+    (transit, session): (&Transit, &str),
+) -> Result<Vec<Reply>, Problem> {
+    let has_file = |op: &Op| matches!(op, Op::BringSaved { .. } | Op::Restore { .. });
+    if !ops.iter().any(has_file) {
+        return Ok(connection.session.replies(ops)?);
+    }
+    let mut all: Vec<Reply> = Vec::with_capacity(ops.len());
+    for op in ops {
+        let reply = match op {
+            _ if all.iter().any(|reply| matches!(reply, Reply::Error(_))) => Reply::NotExecuted,
+            Op::BringSaved { at, part } => match transit.append(session, *at, part.bytes()) {
+                Ok(()) => Reply::Written,
+                Err(end) => {
+                    let text = format!("byte {at} of a snapshot does not come next, byte {end} does");
+                    Reply::Error(Refused::new(Code::SNAPSHOT, text))
+                }
+            },
+            op => {
+                let file = if has_file(op) { transit.take(session) } else { Vec::new() };
+                let parts: Vec<_> = Op::bring(&file).collect();
+                for parts in parts.chunks(MAX_OPS) {
+                    let written = connection.session.request(parts)?;
+                    written.into_iter().try_for_each(|reply| reply.written()).map_err(CliError::from)?;
+                }
+                connection
+                    .session
+                    .replies(core::slice::from_ref(op))?
+                    .pop()
+                    .ok_or(CliError::from(WrongReply))?
+            }
+        };
+        all.push(reply);
+    }
+    Ok(all)
 }
 
 #[cfg(test)]

@@ -104,6 +104,7 @@ async fn operation(
     if !is_right {
         return Err(needs(&method));
     }
+    let session = app.guard.session_of(request.headers());
     let fields = match method {
         Method::GET => operations::fields_of_query(operation, pairs(query)?)?,
         _ => body_of(request).await?,
@@ -111,8 +112,9 @@ async fn operation(
     let op = operations::with_fields(operation, fields)?;
     app.check_writes(&op)?;
     let links = app.hub.find(&instance)?;
-    let reply =
-        operations::execute(&links, op).await.inspect_err(|problem| app.notice(&instance, problem))?;
+    let reply = operations::execute(&links, session, op)
+        .await
+        .inspect_err(|problem| app.notice(&instance, problem))?;
     Ok(json_response(&reply))
 }
 
@@ -122,14 +124,16 @@ async fn request(
     Path(instance): Path<String>,
     request: Request,
 ) -> Result<Response, Problem> {
+    let session = app.guard.session_of(request.headers());
     let mut fields = body_of(request).await?;
     let form = fields.remove("operations").unwrap_or_default();
     let ops: Vec<crate::request::Op> = serde_json::from_value(form)
         .map_err(|reason| Problem::wrong_use(format!("`operations` is no list of operations: {reason}")))?;
     ops.iter().try_for_each(|op| app.check_writes(op))?;
     let links = app.hub.find(&instance)?;
-    let replies =
-        operations::execute_all(&links, ops).await.inspect_err(|problem| app.notice(&instance, problem))?;
+    let replies = operations::execute_all(&links, session, ops)
+        .await
+        .inspect_err(|problem| app.notice(&instance, problem))?;
     Ok(json_response(&json!({ "replies": replies })))
 }
 

@@ -35,7 +35,8 @@ impl Work<'_> {
         keep: Keep,
     ) -> Result<Reply, Refused> {
         let plc = known_plc(self.host, plc)?;
-        let followed = self.host.plant_mut().follow_registers(plc, offset, len, keep);
+        let followed =
+            self.host.plant_mut().follow_registers_for(self.execution.client, plc, offset, len, keep);
         followed.map_err(|error| not_followed(self.host, plc, offset, len, error))?;
         Ok(Reply::Written)
     }
@@ -46,7 +47,8 @@ impl Work<'_> {
     }
 
     pub(super) fn changes(&mut self, from: u64, max: u32) -> Result<Reply, Refused> {
-        let (changes, end) = self.host.plant_mut().changes(from, max.min(MAX_RECORDS) as usize);
+        let (client, max) = (self.execution.client, max.min(MAX_RECORDS) as usize);
+        let (changes, end) = self.host.plant_mut().changes_for(client, from, max);
         Ok(Reply::Changes { changes, end, turn: self.host.plant().journal().history_id() })
     }
 

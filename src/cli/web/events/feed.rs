@@ -4,9 +4,10 @@ use super::round::{Poller, Round};
 use crate::cli::dump::Blocks;
 use crate::cli::error::CliError;
 use crate::cli::peek::ReadTarget;
-use crate::cli::web::link::Connection;
+use crate::cli::web::link::{self, Connection};
 use crate::cli::web::problem::Problem;
 use crate::cli::web::router::{is_on, switch};
+use crate::cli::web::strand;
 use crate::devices;
 use crate::identity::DeviceIndex;
 use crate::journal::Changed;
@@ -99,8 +100,8 @@ impl Wish {
             match (name.as_str(), state) {
                 ("follow", _) => wish.follow(connection, text)?,
                 ("journal", _) if text != "0" && text != "false" => {
-                    let kinds = text.split(',').filter(|kind| !is_on && !kind.is_empty());
-                    let kinds = kinds.map(known_kind).collect::<Result<_, _>>()?;
+                    let kinds = if is_on { Vec::new() } else { parts(name, text)? };
+                    let kinds = kinds.into_iter().map(known_kind).collect::<Result<_, _>>()?;
                     wish.journal = Some(kinds);
                 }
                 ("journal", _) => wish.journal = None,
@@ -118,7 +119,7 @@ impl Wish {
     }
 
     fn follow(&mut self, connection: &Connection, names: &str) -> Result<(), Problem> {
-        for text in names.split(',').filter(|text| !text.is_empty()) {
+        for text in parts("follow", names)? {
             let target = ReadTarget::find(&connection.session, text)?;
             let stretches = target.stretches();
             self.followed.push(Arc::new(Followed { text: text.to_owned(), target, stretches }));
@@ -138,6 +139,20 @@ impl Wish {
         let end = what.offset + what.how.width.bytes();
         stretches.any(|&(of, first, len)| of == what.plc && first < end && what.offset < first + len)
     }
+}
+
+/// The parts of a list with commas; an empty text is an empty list.
+///
+/// # Errors
+/// A part is empty.
+fn parts<'a>(field: &str, text: &'a str) -> Result<Vec<&'a str>, Problem> {
+    let parts: Vec<_> = text.split(',').filter(|_| !text.is_empty()).collect();
+    if parts.iter().all(|part| !part.trim().is_empty()) {
+        return Ok(parts);
+    }
+    let detail =
+        format!("events: `{field}={text}` has an empty name; write names separated by single commas");
+    Err(Problem::wrong_use(detail).with("field", field))
 }
 
 /// Checks the name of a kind of journal record.
@@ -213,7 +228,18 @@ impl Feed {
                 let (shared, thread) =
                     (Arc::clone(&self.0), std::thread::Builder::new().name("web-feed".to_owned()));
                 let own = sender.clone();
-                let started = thread.spawn(move || poll(&shared, &own));
+                let work = move || {
+                    let (stopped, last) = (Arc::clone(&shared), own.clone());
+                    strand::at_the_end(move || {
+                        link::abandon();
+                        // Later readers get another thread.
+                        stopped.state().rounds = None;
+                        let reason = link::broken(&stopped.instance).to_string();
+                        drop(last.send(Arc::new(Round::end(reason))));
+                    });
+                    poll(&shared, &own);
+                };
+                let started = thread.spawn(work);
                 started.map_err(|reason| CliError::Process { reason })?;
                 state.rounds = Some(sender);
                 rounds
@@ -253,10 +279,11 @@ fn poll(shared: &Shared, rounds: &broadcast::Sender<Arc<Round>>) {
         let start = Instant::now();
         let polled = match &mut poller {
             Some(poller) => Poller::poll(poller, &wish),
-            None => Connection::open(&shared.instance).and_then(|connection| {
-                let new = poller.insert(Poller::new(connection)?);
-                new.poll(&wish)
-            }),
+            None => strand::guarded(|| {
+                let connection = Connection::open(&shared.instance)?;
+                Poller::new(connection)
+            })
+            .and_then(|new| poller.insert(new).poll(&wish)),
         };
         match polled {
             // Without a receiver the next turn ends the thread.
@@ -273,6 +300,6 @@ fn poll(shared: &Shared, rounds: &broadcast::Sender<Arc<Round>>) {
         std::thread::sleep(INTERVAL.saturating_sub(start.elapsed()));
     }
     if let Some(poller) = poller {
-        poller.close();
+        strand::guarded(|| poller.close());
     }
 }

@@ -21,6 +21,9 @@ const PARTS: usize = 4;
 const READS: usize = MAX_OPS - 2;
 /// After a longer pause the emulator may have dropped the followed registers.
 const FORGOTTEN: Duration = Duration::from_secs(5);
+/// Pause between two requests to follow the same registers: if one client follows many, the emulator releases those
+/// that it has not asked for again.
+const REFRESH: Duration = Duration::from_secs(10);
 /// Pause between two reads of the buses: the emulator also serves its guests for this operation.
 const BUSES: Duration = Duration::from_secs(1);
 
@@ -66,6 +69,8 @@ impl Round {
 pub(super) struct Poller {
     connection: Connection,
     asked: Instant,
+    /// Time at which it has asked to follow all registers.
+    followed: Option<Instant>,
     asked_for_buses: Option<Instant>,
     buses: Option<Arc<str>>,
     next_change: u64,
@@ -92,6 +97,7 @@ impl Poller {
         Ok(Self {
             connection,
             asked,
+            followed: None,
             asked_for_buses,
             buses,
             next_change,
@@ -120,8 +126,9 @@ impl Poller {
     }
 
     fn round(&mut self, wish: &Wish) -> Result<Round, CliError> {
-        if self.asked.elapsed() > FORGOTTEN {
+        if self.asked.elapsed() > FORGOTTEN || self.followed.is_none_or(|last| last.elapsed() > REFRESH) {
             feed::follow(&self.connection, &wish.followed)?;
+            self.followed = Some(Instant::now());
         }
         let mut round = Round { before: self.sent, ..Round::default() };
         // Before the clock and the values: a round that reports the way back contains nothing older than that.

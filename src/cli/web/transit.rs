@@ -1,0 +1,71 @@
+//! Snapshot files that browsers and programs send in parts.
+//!
+//! All of them are one client of the emulator, which takes one file from each client. The server therefore keeps the file
+//! of each session, and sends it as a whole when the session restores it.
+
+use crate::plant::SnapshotFile;
+use std::collections::VecDeque;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Most files in transit; one more replaces the file that has waited longest.
+const MOST_FILES: usize = 16;
+/// Most bytes of all files in transit.
+const MOST_BYTES: usize = 4 * SnapshotFile::LONGEST as usize;
+
+/// The files of an instance, each with its session; the file with the latest part is the last.
+#[derive(Default)]
+pub(super) struct Transit(Mutex<VecDeque<(String, Vec<u8>)>>);
+
+impl Transit {
+    /// Appends a part from byte `at` on; byte 0 begins a new file. After an error the file is dropped.
+    ///
+    /// # Errors
+    /// The file ends at another byte, which is returned, or becomes too long.
+    pub(super) fn append(&self, session: &str, at: u32, bytes: &[u8]) -> Result<(), usize> {
+        let mut file = self.take(session);
+        if at == 0 {
+            file.clear();
+        }
+        let end = file.len();
+        if at as usize != end || end + bytes.len() > SnapshotFile::LONGEST as usize {
+            return Err(end);
+        }
+        file.extend_from_slice(bytes);
+        let mut files = self.files();
+        files.push_back((session.to_owned(), file));
+        while files.len() > MOST_FILES || files.iter().map(|(_, file)| file.len()).sum::<usize>() > MOST_BYTES
+        {
+            files.pop_front();
+        }
+        Ok(())
+    }
+
+    /// Takes out the file of a session; it is empty if the session has sent none.
+    pub(super) fn take(&self, session: &str) -> Vec<u8> {
+        let mut files = self.files();
+        let index = files.iter().position(|(sender, _)| sender == session);
+        index.and_then(|index| files.remove(index)).map(|(_, file)| file).unwrap_or_default()
+    }
+
+    fn files(&self) -> MutexGuard<'_, VecDeque<(String, Vec<u8>)>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sessions_do_not_mix_their_files() {
+        let transit = Transit::default();
+        for (session, at, part) in [("a", 0, "12"), ("b", 0, "x"), ("a", 2, "34"), ("b", 1, "y")] {
+            assert_eq!(transit.append(session, at, part.as_bytes()), Ok(()));
+        }
+        assert_eq!(transit.append("c", 1, b"z"), Err(0));
+        assert_eq!((transit.take("a"), transit.take("b")), (b"1234".to_vec(), b"xy".to_vec()));
+        assert_eq!(transit.take("a"), b"");
+        (0..20).for_each(|number| transit.append(&number.to_string(), 0, b"1").unwrap());
+        assert_eq!((transit.take("3"), transit.take("4")), (b"".to_vec(), b"1".to_vec()));
+    }
+}

@@ -1,0 +1,97 @@
+//! The clients that follow registers without records in the journal.
+//!
+//! Each client has a share of the followed registers, so that no client takes all of them: it may follow as many as are
+//! left to the others. A client that wants more loses its own registers that it has not asked for again for a while; of
+//! clients that have asked for nothing for a while, all registers are released then.
+
+use super::history::GONE;
+use crate::identity::DeviceIndex;
+use std::collections::HashMap;
+use std::time::{Duration, Instant};
+
+/// A register that its client has not asked for again for this real time may be released.
+const STALE: Duration = Duration::from_secs(30);
+/// Real time between two searches for registers to release.
+const SEARCH: Duration = Duration::from_secs(1);
+
+/// A register: device and offset.
+pub(super) type Place = (DeviceIndex, u32);
+
+/// A client, and the registers that it follows.
+struct Onlooker {
+    client: u128,
+    /// Time of its last request to follow a register, or for changes.
+    asked: Instant,
+    /// The registers with the time at which the client has asked for them last.
+    registers: HashMap<Place, Instant>,
+}
+
+/// All clients that follow registers.
+#[derive(Default)]
+pub(super) struct Onlookers {
+    all: Vec<Onlooker>,
+    searched: Option<Instant>,
+}
+
+impl Onlookers {
+    /// Notes that a client has asked for changes.
+    pub(super) fn ask(&mut self, client: u128, now: Instant) {
+        if let Some(known) = self.all.iter_mut().find(|it| it.client == client) {
+            known.asked = now;
+        }
+    }
+
+    /// Number of registers that a client follows.
+    pub(super) fn count(&self, client: u128) -> usize {
+        self.all.iter().find(|it| it.client == client).map_or(0, |it| it.registers.len())
+    }
+
+    /// Adds a register to those of a client; true if the client has not followed it before.
+    pub(super) fn add(&mut self, client: u128, place: Place, now: Instant) -> bool {
+        let at = self.all.iter().position(|it| it.client == client).unwrap_or_else(|| {
+            self.all.push(Onlooker { client, asked: now, registers: HashMap::new() });
+            self.all.len() - 1
+        });
+        let Some(own) = self.all.get_mut(at) else { return false };
+        own.asked = now;
+        own.registers.insert(place, now).is_none()
+    }
+
+    /// True if the client follows the register.
+    pub(super) fn contains(&self, client: u128, place: Place) -> bool {
+        self.all.iter().any(|it| it.client == client && it.registers.contains_key(&place))
+    }
+
+    /// True if any client follows the register.
+    pub(super) fn any_follows(&self, place: Place) -> bool {
+        self.all.iter().any(|it| it.registers.contains_key(&place))
+    }
+
+    /// Makes room for a client: releases its old registers, and all registers of clients that have asked for nothing for
+    /// a while. Returns whether any was released.
+    pub(super) fn release(&mut self, client: u128, now: Instant) -> bool {
+        if self.searched.is_some_and(|last| now.saturating_duration_since(last) < SEARCH) {
+            return false;
+        }
+        self.searched = Some(now);
+        let is_older = |time: Instant, than: Duration| now.saturating_duration_since(time) > than;
+        let count = |all: &[Onlooker]| all.iter().map(|it| it.registers.len()).sum::<usize>();
+        let before = count(&self.all);
+        self.all.retain(|it| it.client == client || !is_older(it.asked, GONE));
+        if let Some(own) = self.all.iter_mut().find(|it| it.client == client) {
+            own.registers.retain(|_, asked| !is_older(*asked, STALE));
+        }
+        count(&self.all) != before
+    }
+
+    /// Makes everything that a client has asked for older.
+    #[cfg(test)]
+    pub(super) fn age(&mut self, client: u128, by: Duration) {
+        let older = |time: &mut Instant| *time = time.checked_sub(by).unwrap_or(*time);
+        for own in self.all.iter_mut().filter(|it| it.client == client) {
+            older(&mut own.asked);
+            own.registers.values_mut().for_each(older);
+        }
+        self.searched = None;
+    }
+}
