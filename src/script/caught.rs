@@ -16,7 +16,7 @@ impl Caught {
     }
 
     /// The error in one line.
-    fn message(&self) -> String {
+    pub(super) fn message(&self) -> String {
         match &*self.0 {
             ScenarioError::Failed(failure) => failure.what.clone(),
             other => other.to_string(),

@@ -21,7 +21,7 @@ pub(super) fn in_words(message: &str) -> Cow<'_, str> {
 }
 
 /// Names of types in the engine, each with the name for messages.
-const TYPES: [(&str, &str); 14] = [
+const TYPES: [(&str, &str); 19] = [
     (TEXT, "a text"),
     ("string", "a text"),
     ("integer", "an integer"),
@@ -36,6 +36,11 @@ const TYPES: [(&str, &str); 14] = [
     ("()", "nothing"),
     ("Block", "a function block"),
     ("Snapshot", "a snapshot"),
+    ("Error", "an error"),
+    ("blob", "bytes"),
+    ("timestamp", "a time stamp"),
+    ("range", "a range"),
+    ("range=", "a range"),
 ];
 
 /// The name of a type of the engine in messages; other names are unchanged.

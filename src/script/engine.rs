@@ -6,6 +6,7 @@ mod board;
 mod drive;
 mod history;
 mod plot;
+mod shown;
 mod stage;
 mod traffic;
 mod wrong;
@@ -21,6 +22,7 @@ use core::panic::Location;
 use rhai::{Array, Dynamic, Engine, EvalAltResult, FnPtr, INT, Map, NativeCallContext, RhaiNativeFunc};
 use std::rc::Rc;
 
+pub(super) use shown::value_text;
 pub(super) use stage::Stage;
 #[cfg(feature = "cli")]
 pub(crate) use stage::is_plant_text;
@@ -35,6 +37,7 @@ pub(super) fn engine(stage: &Rc<RefCell<Stage>>) -> Engine {
     verbs.all();
     verbs.refuse_others();
     caught::register(&mut verbs.engine);
+    shown::register(&mut verbs.engine);
     name_types(&mut verbs.engine);
     verbs.engine
 }

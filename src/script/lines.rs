@@ -2,7 +2,7 @@
 
 use super::Bench;
 use super::complaint::misread;
-use super::engine::{Stage, engine};
+use super::engine::{Stage, engine, value_text};
 use super::imports::Imports;
 use super::printed::Printed;
 use super::report::Outcome;
@@ -61,7 +61,7 @@ impl Lines {
         let value = self.engine.eval_ast_with_scope::<Dynamic>(&mut self.scope, &known);
         match value {
             Ok(value) if value.is_unit() => Ok(None),
-            Ok(value) => Ok(Some(value.to_string())),
+            Ok(value) => Ok(Some(value_text(&value))),
             Err(error) => Err(Box::new(ended(&error, file, &self.directory, &self.stage, self.limits))),
         }
     }

@@ -2,7 +2,7 @@
 
 use super::caught::Caught;
 use super::complaint::{complaint, cut, in_words, misread};
-use super::engine::{Skipped, Stage, engine};
+use super::engine::{Skipped, Stage, engine, value_text};
 use super::failure::{Failure, FailureKind, ScriptLocation};
 use super::imports::{Imports, module_file};
 use super::printed::Printed;
@@ -224,9 +224,12 @@ pub(super) fn ended(
     match error.unwrap_inner() {
         EvalAltResult::ErrorRuntime(thrown, _) => match thrown.clone().try_cast::<Caught>() {
             Some(Caught(error)) => judge(&error, place, stage),
-            None => {
-                failed(FailureKind::Throw, &in_words(&format!("the script throws {thrown}")), place, stage)
-            }
+            None => failed(
+                FailureKind::Throw,
+                &in_words(&format!("the script throws {}", value_text(thrown))),
+                place,
+                stage,
+            ),
         },
         EvalAltResult::ErrorTerminated(reason, _) if reason.is::<Skipped>() => {
             let Skipped(reason) = reason.clone().cast();

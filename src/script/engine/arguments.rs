@@ -1,5 +1,6 @@
 //! Converts arguments that scripts pass to verbs.
 
+use super::shown::value_text;
 use crate::script::{ScenarioError, Span, Value};
 use rhai::{Dynamic, INT};
 
@@ -64,5 +65,5 @@ pub(crate) fn names(given: &[Dynamic], what: &str) -> Result<Vec<String>, Scenar
 }
 
 fn wrong(given: &Dynamic, right: &str) -> ScenarioError {
-    ScenarioError::argument(&given.to_string(), right)
+    ScenarioError::argument(&value_text(given), right)
 }

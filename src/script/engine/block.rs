@@ -1,6 +1,7 @@
 //! The verbs of function blocks.
 
 use super::arguments::span;
+use super::shown::value_text;
 use super::{Fallible, Verbs, int};
 use crate::devices::{self, Registered};
 use crate::identity::DeviceIndex;
@@ -132,15 +133,22 @@ impl Block {
                 let what = format!("{} at {}: {output} did not become TRUE", self.kind.name, self.place);
                 let mut failure = bench.failure(what, at)?;
                 failure.expected = Some(format!("{output} TRUE within {}", crate::time::short(within_us)));
-                failure.actual = Some(self.outputs());
+                failure.actual = Some(self.pins());
                 return Err(failure.into());
             }
             bench.step(CYCLE_US)?;
         }
     }
 
+    /// The block as text: `NAME at node2: x_EN FALSE, w_ERR 16#0000`.
+    pub(super) fn text(&self) -> String {
+        let Self { kind, place, .. } = self;
+        let at = if place.is_empty() { String::new() } else { format!(" at {place}") };
+        format!("{}{at}: {}", kind.name, self.pins())
+    }
+
     /// Values of all pins that are not arrays: `x_OK FALSE, w_ERR 16#0801`.
-    fn outputs(&self) -> String {
+    fn pins(&self) -> String {
         let mut text = String::new();
         for pin in self.kind.pins.iter().map(|pin| pin.name) {
             let shown = match self.instance.borrow().get(pin) {
@@ -177,7 +185,7 @@ fn given(value: &Dynamic) -> PinValue {
         (Ok(value), _) => PinValue::Bool(value),
         (_, Ok(value)) => PinValue::Int(value),
         // Other values become texts that no pin accepts, so that the error of the pin shows them.
-        _ => PinValue::Text(value.to_string()),
+        _ => PinValue::Text(value_text(value)),
     }
 }
 
