@@ -66,5 +66,6 @@ fn additions_to_a_manual_name_their_decision() {
     assert_eq!(decode("baps.us_PAR_ELEMENT", 7), "value");
     assert_eq!(decode("baps.us_PAR_ELEMENT", 5), "minimum (D-160)");
     // The last of several adjacent bits that follow from one decision names it.
+    assert_eq!(decode("node2.a_CONTROLWORD_SL[1]", 0x0006), "enable voltage, no quick stop (D-87)");
     assert_eq!(decode("baps.w_STATUSWORD", 0x8001), "ready to switch on, quick stop (D-87), synchronized");
 }

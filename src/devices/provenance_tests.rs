@@ -45,7 +45,12 @@ fn check(what: &str, source: Provenance, page: &str) {
         Provenance::Documented(document) => assert!(!document.is_empty(), "{what}"),
         Provenance::Inferred(decision) => {
             let heading = format!("\n### {decision}: ");
-            assert!(DECISIONS.iter().any(|page| page.contains(&heading)), "{what}: {decision} has no entry");
+            assert!(
+                DECISIONS.iter().any(|page| page.contains(&heading)),
+                "{what}: {decision} has no entry in the \
+                 pages of DECISIONS in src/devices/provenance_tests.rs; write it in decisions.md of the device, and add the page of \
+                 a new device to DECISIONS, as docs/internals/architecture.md, section \"A device\", says"
+            );
         }
     }
 }
