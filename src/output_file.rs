@@ -3,7 +3,6 @@
 //! the previous file. If a process is killed before the replacement, the new file remains under its temporary name; the
 //! next write of the same output file removes it.
 
-use crate::input_file;
 use std::ffi::OsStr;
 use std::fs::{self, File, Metadata, TryLockError};
 use std::io::{ErrorKind, Result, Write};
@@ -15,16 +14,11 @@ const TRIES: u32 = 16;
 /// Maximum number of symbolic links in a chain.
 const MOST_LINKS: u32 = 40;
 
-/// Writes like a shell's `>`: follows links, and writes also to pipes and devices. For the name `-`, writes to the
-/// standard output. A file keeps its permissions.
+/// Writes like a shell's `>`: follows links, and writes to pipes and devices. A file keeps its permissions.
 ///
 /// # Errors
 /// If the file cannot be written. Its contents are then unchanged, unless no new file could be created beside it.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    if input_file::is_standard(path) {
-        let mut out = std::io::stdout().lock();
-        return out.write_all(bytes).and_then(|()| out.flush());
-    }
     Prepared::new(path, bytes)?.finish()
 }
 

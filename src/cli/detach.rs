@@ -44,6 +44,10 @@ pub(crate) fn start(instance: &str, reads_input: bool) -> Result<(), CliError> {
         let status = child.wait().map_err(failed)?;
         return Err(super::with::ended_like(status));
     }
+    // Both lines are notes on a start that was successful.
+    if output::is_quiet() {
+        return Ok(());
+    }
     let printed_lines = String::from_utf8_lossy(&printed_lines);
     let pid = child.id();
     let continues_text =

@@ -4,8 +4,8 @@ use super::Instance;
 use super::error::CliError;
 use super::place::NamedLocation;
 use super::session::Session;
-use crate::devices;
 use crate::devices::folder;
+use crate::devices::{self, Registered};
 use crate::layout::{DeviceFit, DeviceLayout, Fit, LayoutError, Role};
 use crate::memory::MemoryError;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -18,7 +18,26 @@ use std::path::Path;
 pub(crate) struct DeviceArg {
     /// Type of the device
     #[arg(long = "device", value_name = "DEVICE", value_parser = known(), default_value = devices::default().layout.name)]
-    pub device: &'static DeviceLayout,
+    device: ChosenDevice,
+}
+
+impl DeviceArg {
+    /// The register map of the device.
+    pub(crate) fn layout(&self) -> &'static DeviceLayout {
+        self.device.layout
+    }
+
+    /// The path of the device's folder as the user has written it, if the device is in a folder.
+    pub(crate) fn folder(&self) -> Option<&str> {
+        self.device.folder.as_deref()
+    }
+}
+
+/// A device, and the path of its folder as the user has written it.
+#[derive(Clone)]
+struct ChosenDevice {
+    layout: &'static DeviceLayout,
+    folder: Option<String>,
 }
 
 /// Accepts the names of the registered devices and offers them for completion, and paths of folders with a device.
@@ -40,20 +59,22 @@ impl DeviceParser {
 }
 
 impl TypedValueParser for DeviceParser {
-    type Value = &'static DeviceLayout;
+    type Value = ChosenDevice;
 
     fn parse_ref(&self, cmd: &Command, arg: Option<&Arg>, value: &OsStr) -> Result<Self::Value, clap::Error> {
         let folder = value
             .to_str()
             .filter(|path| folder::is_path(path))
-            .map(|path| folder::find(Path::new(""), path).and_then(|dir| folder::load(&dir)));
+            .map(|path| folder::find(Path::new(""), path).and_then(|dir| Ok((path, folder::load(&dir)?))));
         match folder {
-            Some(Ok(folder)) => Ok(folder.registered.layout),
+            Some(Ok((path, folder))) => {
+                Ok(ChosenDevice { layout: folder.registered.layout, folder: Some(path.to_owned()) })
+            }
             Some(Err(reason)) => Err(cmd.clone().error(ErrorKind::ValueValidation, reason)),
             None => {
-                let names = Self::names().try_map(|name| {
-                    devices::find(&name).map(|known| known.layout).ok_or("no device of this name")
-                });
+                let chosen = |known: &Registered| ChosenDevice { layout: known.layout, folder: None };
+                let names = Self::names()
+                    .try_map(move |name| devices::find(&name).map(chosen).ok_or("no device of this name"));
                 names.parse_ref(cmd, arg, value)
             }
         }

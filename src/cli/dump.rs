@@ -4,6 +4,7 @@ use super::Instance;
 use super::complete;
 use super::device::on_any_device;
 use super::error::CliError;
+use super::given;
 use super::peek::{RegisterReading, number};
 use super::place::{is_live, meaning_in, status_of, without_twins};
 use super::session::{Read, Session, Snapshot, number_of_plc};
@@ -40,7 +41,7 @@ Examples:
 pub(crate) struct Args {
     /// Blocks, arrays, registers, patterns ('node2.*STATUS*', 'node2.a_STAT_SL[0..3]') or addresses, `retain` for the retain
     /// flags; a PLC with a colon alone means all blocks of that PLC [default: everything]
-    #[arg(add = complete::blocks(), value_name = "BLOCK")]
+    #[arg(add = complete::blocks(), value_name = "BLOCK", value_parser = given::text(given::BLOCK))]
     blocks: Vec<String>,
     /// Also registers that hold their reset value
     #[arg(long = "full", alias = "all")]

@@ -6,12 +6,12 @@ mod fmu;
 
 use super::device::DeviceArg;
 use super::error::CliError;
+use super::given;
 use super::output;
 use super::overwrite::refuse_inputs;
 use crate::devices;
 use crate::door::TrafficKind;
-use crate::export::{self, DissectedBus, Format, StCompiler, StForm};
-use crate::output_file;
+use crate::export::{self, DissectedBus, Format, Scope, StCompiler, StForm};
 use crate::plant::PlantConfig;
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
@@ -75,7 +75,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "NAME")]
     bus: Option<String>,
     /// With `fmu`: only these registers become variables, by name or pattern; can be given several times
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = given::text(given::BLOCK))]
     registers: Vec<String>,
     /// With `fmu`: the shared object libcommram_fmi.so, if it is not in the directory of the program
     #[arg(long, value_name = "FILE")]
@@ -142,10 +142,10 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         FormatArg::Wireshark => of_buses(args)?,
         FormatArg::Fmu => return of_plant(args),
     };
-    let Some(path) = &args.output else {
-        return output::print(&text);
-    };
-    output_file::write(path, text.as_bytes()).map_err(|reason| CliError::File { path: path.clone(), reason })
+    match &args.output {
+        Some(path) => output::write(path, text.as_bytes()),
+        None => output::print(&text),
+    }
 }
 
 fn wrong(text: impl Into<String>, right: impl Into<String>) -> CliError {
@@ -182,7 +182,9 @@ fn of_map(args: &Args, format: Format) -> Result<String, CliError> {
         let right = "only `matiec`, `strucpp` and `openplc` have a program around the compiled one";
         return Err(wrong(format!("{format} --main"), right));
     }
-    Ok(export::export(args.device.device, format, args.block.as_deref())?)
+    let scope = Scope::new(args.device.layout(), args.block.as_deref())?;
+    let folder = args.device.folder().map(str::to_owned);
+    Ok(export::export_scope(Scope { folder, ..scope }, format)?)
 }
 
 /// The compiler that declarations are for.
@@ -203,7 +205,7 @@ fn with_blocks(args: &Args, format: Format) -> Result<String, CliError> {
         let right = "function blocks use the structures of all areas; omit --elementary and --block";
         return Err(wrong("st --blocks", right));
     }
-    let device = args.device.device;
+    let device = args.device.layout();
     let known = devices::all();
     let Some(found) = known.iter().find(|it| it.layout.name == device.name && !it.st.is_empty()) else {
         let with = known.iter().filter(|it| !it.st.is_empty()).map(|it| it.layout.name).collect::<Vec<_>>();

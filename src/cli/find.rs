@@ -2,6 +2,7 @@
 
 use super::device::DeviceArg;
 use super::error::CliError;
+use super::given;
 use super::map::entry::{self, Entry};
 use super::session::Session;
 use super::table::{self, FormatArg};
@@ -24,7 +25,7 @@ Examples:
 Exit code 1 if no register is found.")]
 pub(crate) struct Args {
     /// Words to find
-    #[arg(value_name = "TEXT", required = true)]
+    #[arg(value_name = "TEXT", required = true, value_parser = given::text("write words to find, for example cpu control"))]
     text: Vec<String>,
     /// Also registers that the manual reserves
     #[arg(long = "full", alias = "all")]
@@ -40,7 +41,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let devices = match &args.instance {
-        None => vec![DeviceFit::unknown(args.device.device)],
+        None => vec![DeviceFit::unknown(args.device.layout())],
         Some(instance) => distinct(Session::open_for_reading(&Instance::starting(instance))?.all_fitted()),
     };
     let words = words(args.text.iter().map(String::as_str));

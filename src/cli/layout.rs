@@ -223,7 +223,7 @@ impl Row for LayoutVerdict {
 fn import(args: &ImportArgs) -> Result<(), CliError> {
     let declarations = read(&args.declarations)?;
     let called = NamePairs::new(args.called.iter().cloned());
-    let of_device = || Path::new("layouts").join(args.device.device.name);
+    let of_device = || Path::new("layouts").join(args.device.layout().name);
     let layout = args.layout.clone().unwrap_or_else(of_device);
     let import = Import::plan(&layout, &declarations, args.align.into(), &called)?;
     if !args.check {
@@ -269,7 +269,7 @@ fn report(args: &ImportArgs, declarations: &Declarations, import: &Import) {
         output::note(&format!("the registers of {device} move, too: it uses the same structures"));
     }
     let hash = if args.check { import.hash_before } else { import.hash_after };
-    let built = args.device.device.layout_hash;
+    let built = args.device.layout().layout_hash;
     if hash != built {
         output::note(&format!(
             "the layout has register map 16#{hash:016X}, this commram was built with 16#{built:016X}; \

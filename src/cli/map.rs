@@ -6,6 +6,7 @@ pub(in crate::cli) mod entry;
 use super::complete;
 use super::device::DeviceArg;
 use super::error::CliError;
+use super::given;
 use super::output;
 use super::place::{NamedLocation, without_twins};
 use super::session::Session;
@@ -35,7 +36,7 @@ that name states it. For all other facts the map names the decision (D-nn) on wh
 Names of blocks (node1, node2, ...) were chosen by this project (D-220).")]
 pub(crate) struct Args {
     /// A register, a bit, an array, a pattern ('node2.*STATUS*'), an address or a block [default: everything]
-    #[arg(add = complete::blocks(), value_name = "NAME|ADDRESS|BLOCK")]
+    #[arg(add = complete::blocks(), value_name = "NAME|ADDRESS|BLOCK", value_parser = given::text(given::BLOCK))]
     what: Option<String>,
     /// Also registers that the manual reserves
     #[arg(long = "full", alias = "all")]
@@ -58,7 +59,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             session.fitted(session.plc(plc, if what.is_empty() { "the map" } else { what })?)
         }
         // Only the type of the device is known, not its options.
-        None => DeviceFit::unknown(args.device.device),
+        None => DeviceFit::unknown(args.device.layout()),
     };
     let device = fitted.device();
     let (entries, single) = entries_of(&fitted, what)?;

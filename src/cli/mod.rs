@@ -22,6 +22,7 @@ mod fault;
 mod federate;
 mod find;
 mod force;
+mod given;
 mod instance;
 mod layout;
 mod list;

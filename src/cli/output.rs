@@ -3,9 +3,12 @@
 mod bounded;
 
 use super::{error::CliError, style};
+use crate::input_file;
+use crate::output_file;
 pub(crate) use bounded::give_up_after;
 use serde::Serialize;
 use std::io::{self, IsTerminal, Write};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -16,10 +19,26 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// [`CliError::Output`]: the output cannot be written. [`CliError::Interrupted`]: it is not read, and a signal has arrived
 /// that this process handles.
 pub(crate) fn print(text: &str) -> Result<(), CliError> {
-    match print_while_read(text.as_bytes()) {
+    print_bytes(text.as_bytes())
+}
+
+/// As [`print()`], for any bytes.
+fn print_bytes(bytes: &[u8]) -> Result<(), CliError> {
+    match print_while_read(bytes) {
         Err(CliError::BrokenPipe) => Ok(()),
         other => other,
     }
+}
+
+/// Writes the file that a user has named for the output; `-` is the standard output.
+///
+/// # Errors
+/// [`CliError::File`]: the file cannot be written. For the standard output as [`print()`].
+pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
+    if input_file::is_standard(path) {
+        return print_bytes(bytes);
+    }
+    output_file::write(path, bytes).map_err(|reason| CliError::File { path: path.to_owned(), reason })
 }
 
 /// Writes `bytes` to the standard output and flushes it, for commands that end with their reader.

@@ -13,7 +13,6 @@ use super::{Instance, output};
 use crate::devices;
 use crate::input_file;
 use crate::journal::{Selection, Waves, Window};
-use crate::output_file;
 use crate::plot::{Picture, Plot, Row, address_of};
 use crate::request::Op;
 use file::RecordedRegisters;
@@ -72,8 +71,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         None => of_instance(args)?,
     };
     let bytes = plot.render(picture).map_err(|error| wrong(&args.output, &error))?;
-    output_file::write(&args.output, &bytes)
-        .map_err(|reason| CliError::File { path: args.output.clone(), reason })?;
+    output::write(&args.output, &bytes)?;
     if let Some(to_us) = args.to.filter(|to_us| *to_us > plot.to_us) {
         let (to, last) = (time::short(to_us), time::short(plot.to_us));
         output::note(&format!("--until {to}: the plot ends at {last}, the last known time"));

@@ -61,7 +61,6 @@ pub(crate) fn load(path: &Path) -> Result<SnapshotFile, CliError> {
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::session::Session;
     use super::{output, time};
-    use crate::output_file;
 
     let is_standard = input_file::is_standard(&args.file);
     if !is_standard && std::fs::metadata(&args.file).is_ok_and(|found| !found.is_file()) {
@@ -70,8 +69,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     }
     let session = Session::open(&args.instance, 0)?;
     let bytes = take(&session)?;
-    output_file::write(&args.file, &bytes)
-        .map_err(|reason| CliError::File { path: args.file.clone(), reason })?;
+    output::write(&args.file, &bytes)?;
     let time_us = SnapshotFile::of_bytes(&bytes).map(|file| file.snapshot.time_us()).unwrap_or_default();
     let (file, at) = (args.file.display(), time::seconds(time_us));
     if is_standard {

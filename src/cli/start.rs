@@ -1,6 +1,7 @@
 //! Start of an emulator in this process: the common part of `run` and `with`.
 
 use super::error::CliError;
+use super::given;
 use super::{dump, log, number, output, plant_check, snapshot};
 use crate::devices;
 use crate::identity::DeviceIndex;
@@ -47,7 +48,7 @@ pub(crate) struct Settings {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = number::within::<u8>(1..=64))]
     threads: u8,
     /// Record every change of these registers and blocks in the journal
-    #[arg(long = "record", alias = "watch", value_name = "REG", value_delimiter = ',')]
+    #[arg(long = "record", alias = "watch", value_name = "REG", value_delimiter = ',', value_parser = given::text(LIST))]
     watch: Vec<String>,
     /// Start only if this program was built from the layout in this directory
     #[arg(long, value_name = "DIR")]
@@ -64,6 +65,9 @@ pub(crate) enum InitialState<'a> {
     /// A snapshot, with its plant.
     Snapshot(&'a Path),
 }
+
+/// Right form of `--record`.
+const LIST: &str = "write blocks and registers, separated by commas, for example node2,node1.w_CPU_CONTROL";
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum ClockArg {

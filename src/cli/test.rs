@@ -15,6 +15,7 @@ mod watch;
 
 use super::demo::Interrupts;
 use super::error::CliError;
+use super::given;
 use super::overwrite::refuse_inputs;
 use super::table::{self, Format};
 use super::{output, time};
@@ -73,7 +74,7 @@ pub(crate) struct Args {
     files: Vec<PathBuf>,
     /// Only scenarios whose path contains this text; with * and ? it is a pattern for the whole path or the name;
     /// can be given several times
-    #[arg(long, value_name = "TEXT")]
+    #[arg(long, value_name = "TEXT", value_parser = given::text("write a part of the path of a scenario, for example handshake"))]
     filter: Vec<String>,
     /// Only every Nth scenario, beginning with the Ith, to distribute the work over N machines
     #[arg(long, value_name = "I/N", value_parser = Shard::parse)]
@@ -420,8 +421,7 @@ fn create_directory(file: &Path) -> io::Result<()> {
 }
 
 fn write(path: &Path, text: &str) -> Result<(), CliError> {
-    output_file::write(path, text.as_bytes())
-        .map_err(|reason| CliError::File { path: path.to_owned(), reason })
+    output::write(path, text.as_bytes())
 }
 
 /// Result of the run for the exit code.

@@ -2,6 +2,7 @@
 
 mod follow;
 
+use super::given;
 use super::{Instance, number};
 use clap::ValueEnum;
 
@@ -21,7 +22,7 @@ Examples:
   commram watch node2 --count 1       # until the next change")]
 pub(crate) struct Args {
     /// Blocks, arrays or registers; a PLC with a colon alone means all blocks of that PLC [default: everything]
-    #[arg(add = super::complete::blocks(), value_name = "BLOCK")]
+    #[arg(add = super::complete::blocks(), value_name = "BLOCK", value_parser = given::text(given::BLOCK))]
     blocks: Vec<String>,
     /// End after this number of changes
     #[arg(short_alias = 'n', long, value_name = "N", value_parser = number::positive::<u64>())]

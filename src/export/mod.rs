@@ -185,12 +185,20 @@ pub fn export(
     format: Format,
     block: Option<&str>,
 ) -> Result<String, ExportError> {
-    let mut scope = Scope::new(device, block)?;
-    if matches!(format, Format::Matiec | Format::OpenPlc | Format::StruCpp | Format::St(_) | Format::Svd) {
-        scope = scope.without_front();
-        if let (true, Some(block)) = (scope.areas.is_empty(), scope.block) {
-            return Err(ExportError::NoAddresses { device: device.name, block, format });
-        }
+    export_scope(Scope::new(device, block)?, format)
+}
+
+/// The registers of `scope` in `format`.
+///
+/// # Errors
+/// As [`export()`].
+pub fn export_scope(scope: Scope, format: Format) -> Result<String, ExportError> {
+    let device = scope.device;
+    let is_without_front =
+        matches!(format, Format::Matiec | Format::OpenPlc | Format::StruCpp | Format::St(_) | Format::Svd);
+    let scope = if is_without_front { scope.without_front() } else { scope };
+    if let (true, true, Some(block)) = (is_without_front, scope.areas.is_empty(), scope.block) {
+        return Err(ExportError::NoAddresses { device: device.name, block, format });
     }
     if format == Format::Eds && device.objects.is_empty() {
         return Err(LayoutError::NoObjects { title: device.title }.into());
@@ -222,6 +230,7 @@ pub fn export(
 /// between types and program.
 #[must_use]
 pub fn st_with_blocks(device: &'static DeviceLayout, blocks: &str) -> String {
-    let scope = Scope { device, areas: device.named_areas().collect(), block: None }.without_front();
+    let areas = device.named_areas().collect();
+    let scope = Scope { device, areas, block: None, folder: None }.without_front();
     st::generate(&scope, StForm { elementary: false, compiler: StCompiler::Matiec }, Some(blocks))
 }

@@ -11,6 +11,8 @@ pub struct Scope {
     pub areas: Vec<&'static Area>,
     /// The requested area; `None` for all areas.
     pub block: Option<&'static str>,
+    /// Path of the device's folder for the head of the export; `None`: the device is not in a folder.
+    pub folder: Option<String>,
 }
 
 impl Scope {
@@ -21,7 +23,7 @@ impl Scope {
     pub fn new(device: &'static DeviceLayout, block: Option<&str>) -> Result<Self, LayoutError> {
         let block = block.map(|name| device.area(name)).transpose()?;
         let areas = block.map_or_else(|| device.named_areas().collect(), |area| vec![area]);
-        Ok(Self { device, areas, block: block.map(|area| area.name) })
+        Ok(Self { device, areas, block: block.map(|area| area.name), folder: None })
     }
 
     /// Removes the front, which neither programs nor the processor of the device can access.

@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 pub(crate) fn banner(scope: &Scope, format: &str) -> Vec<String> {
     let device = scope.device;
     let mut banner = vec![
-        format!("Registers of the {} (manual {}).", device.title, device.manual),
+        title(scope),
         format!("Made by commram {} with `{}`; do not edit.", version(), command(scope, format)),
         format!("Layout hash 16#{:016X}.", device.layout_hash),
     ];
@@ -31,6 +31,29 @@ pub(crate) fn banner(scope: &Scope, format: &str) -> Vec<String> {
     banner
 }
 
+/// The device, and the folder that describes it.
+fn title(scope: &Scope) -> String {
+    let DeviceLayout { title, manual, .. } = scope.device;
+    format!("Registers of the {title}{} (manual {manual}).", folder(scope))
+}
+
+/// Suffix with the device's name and folder: `, device counter in the folder ./cards/counter`. Empty without a folder.
+pub(crate) fn folder(scope: &Scope) -> String {
+    path(scope)
+        .map_or_else(String::new, |path| format!(", device {} in the folder {path}", scope.device.name))
+}
+
+/// The path of the device's folder. `?` replaces each character that could end a comment or a word of a shell, for which
+/// a shell then finds the folder.
+fn path(scope: &Scope) -> Option<String> {
+    let plain = |sign: char| match sign {
+        '.' | '/' | '_' | '-' | '+' | '@' | '~' => sign,
+        _ if sign.is_alphanumeric() => sign,
+        _ => '?',
+    };
+    scope.folder.as_ref().map(|path| path.chars().map(plain).collect())
+}
+
 /// Returns a file in C or C++. It is the same for all devices, except for the name of the device in its head. `rest` is
 /// the rest of the first comment.
 pub(crate) fn template(scope: &Scope, format: &str, rest: &str) -> String {
@@ -41,7 +64,8 @@ pub(crate) fn template(scope: &Scope, format: &str, rest: &str) -> String {
 /// The command that generates the export.
 pub(crate) fn command(scope: &Scope, format: &str) -> String {
     let block = scope.block.map_or_else(String::new, |block| format!(" --block {block}"));
-    format!("commram export {format} --device {}{block}", scope.device.name)
+    let device = path(scope).unwrap_or_else(|| scope.device.name.to_owned());
+    format!("commram export {format} --device {device}{block}")
 }
 
 /// The decisions from which names of areas follow; `None` if all names come from the manual.

@@ -86,6 +86,13 @@ impl<Out> Printer<Out> {
     /// Records without a number are printed as well. A caller that will read further parts must not print them, because
     /// they come again with their number.
     pub fn print(&mut self, record: &Record, out: &mut Out) -> u64 {
+        let lost = self.admit(record);
+        self.write(record, lost, out)
+    }
+
+    /// The first half of [`Printer::print`], in the order of the records' numbers: the count of records missing before
+    /// the record, or `None` if the record is not wanted.
+    pub(crate) fn admit(&mut self, record: &Record) -> Option<u64> {
         if !record.is_pending() {
             if self.forgetful.contains(&true) {
                 self.lost += record.seq.saturating_sub(self.next);
@@ -97,11 +104,15 @@ impl<Out> Printer<Out> {
             // Records that are missing here are older than the wanted time.
             self.lost = 0;
         }
-        if !self.selection.takes(record) {
+        self.selection.takes(record).then(|| std::mem::take(&mut self.lost))
+    }
+
+    /// The second half of [`Printer::print`], in the order of the output; `lost` is the result of the first half.
+    pub(crate) fn write(&mut self, record: &Record, lost: Option<u64>, out: &mut Out) -> u64 {
+        let Some(lost) = lost else {
             self.format.skip(record);
             return 0;
-        }
-        let lost = std::mem::take(&mut self.lost);
+        };
         let untold = if lost == 0 || self.format.gap(lost, out) { 0 } else { lost };
         self.format.record(record, out);
         untold

@@ -100,6 +100,8 @@ fn a_dash_is_standard_input_or_output() {
         with_input(commram().args(["run", "-", "--clock", "stepped", "--detach", "-i", &name]), plant);
     assert!(started.ok().contains(&format!("/dev/shm/commram.{name}.p")), "{}", started.out);
     run(&["stop", "-i", &name]).ok();
+    assert_eq!(run(&["run", "--detach", "-q", "-i", &name]).ok(), "");
+    run(&["stop", "-i", &name]).ok();
     let emulator = Emulator::stepped();
     let before = emulator.run("dump", &["--format", "json"]).ok().to_owned();
     let same = with_input(&mut emulator.command("diff", &["-"]), &before);

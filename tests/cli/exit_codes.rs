@@ -69,7 +69,11 @@ fn every_command_exits_with_3_without_its_instance() {
         let needs = run(&[&command, "--help"]).ok().contains("--connect-timeout");
         let known = AT_AN_INSTANCE.iter().any(|args| args[0] == command);
         // A view cannot run without a terminal: tests/cli/viewers.rs.
-        assert!(known || !needs || command == "view", "the list lacks {command}");
+        assert!(
+            known || !needs || command == "view",
+            "add `{command}` with valid arguments to AT_AN_INSTANCE of tests/cli/exit_codes.rs, as \
+             docs/internals/architecture.md, section \"An operation\", says"
+        );
     }
     let outcome = run(&["diff", "no-such-file.json"]);
     assert!(outcome.fails(2).contains("`no-such-file.json`: No such file"), "{}", outcome.err);
@@ -218,6 +222,9 @@ fn operations_are_done_although_their_output_cannot_be_written() {
     full(&["step", "1ms"]);
     let time = run(&["step", "1ms", "-i", &name]);
     assert_eq!(time.ok(), "0.002000 s\n");
+    // A file with the name `-` is the standard output.
+    full(&["snapshot", "-"]);
+    full(&["plot", "node2.w_CPU_CONTROL", "--output", "-"]);
     full(&["stop"]);
     assert!(run(&["peek", "node2.w_CPU_CONTROL", "-i", &name]).fails(3).contains("is not running"));
 }

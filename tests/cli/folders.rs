@@ -76,7 +76,20 @@ fn the_map_and_the_exports_read_a_folder_without_an_emulator() {
     for format in ["c", "python", "csv", "json", "md", "st", "svd", "systemrdl", "matiec"] {
         let export = run(&["export", format, "--device", EXAMPLE]);
         assert!(export.ok().contains("w_COMMAND") || format == "matiec", "{format}: {}", export.out);
+        // The head names the device and the command that makes the export again. An XML comment has no `--`.
+        if ["c", "python", "md", "st", "systemrdl", "matiec"].contains(&format) {
+            let command = format!("commram export {format} --device {EXAMPLE}");
+            assert!(export.out.contains(&command), "{format}");
+        }
+        if !["csv", "json"].contains(&format) {
+            assert!(export.out.contains(&format!("device digital-io in the folder {EXAMPLE}")), "{format}");
+        }
     }
+    let place = Place::new();
+    fs::rename(place.card(), place.card().with_file_name("digital io *)")).unwrap();
+    let export = run(&["export", "c", "--device", &place.path("cards/digital io *)")]);
+    let command = format!("commram export c --device {}", place.path("cards/digital?io??"));
+    assert!(export.ok().contains(&command), "{}", export.out);
     let unknown = run(&["map", "--device", "./no-such-folder"]);
     assert!(unknown.fails(2).contains("name a folder with a device.toml"), "{}", unknown.err);
     let unnamed = run(&["map", "--device", "digital-io"]);

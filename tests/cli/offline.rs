@@ -1,6 +1,7 @@
 //! Commands that need no emulator: `map`, `completions` and help, and the format of errors.
 
 use crate::common::{commram, finish, finish_on_a_full_disk, run};
+use crate::scenarios::Scripts;
 use std::process::{Command, Stdio};
 
 #[test]
@@ -228,8 +229,20 @@ fn a_closed_pipe_is_no_error() {
 
 #[test]
 fn an_output_that_cannot_be_written_has_its_exit_code() {
-    for args in [&["map"][..], &["--version"], &["--help"], &["help"], &["help", "run"], &["peek", "--help"]]
-    {
+    let scenario = Scripts::new(&[("good.rhai", "expect_that(true, \"fine\");")]);
+    let scenario = scenario.0.path().to_str().unwrap();
+    for args in [
+        &["map"][..],
+        &["--version"],
+        &["--help"],
+        &["help"],
+        &["help", "run"],
+        &["peek", "--help"],
+        // A file with the name `-` is the standard output.
+        &["export", "c", "--output", "-"],
+        &["test", scenario, "--junit", "-"],
+        &["test", scenario, "--report", "html=-"],
+    ] {
         let outcome = finish_on_a_full_disk(commram().args(args));
         assert_eq!(outcome.code, Some(4), "{args:?}: {}", outcome.err);
         let message = "commram: cannot write the output: ";

@@ -1,12 +1,10 @@
 //! `commram new`: a project, and the commands that it prints.
 
-use crate::common::{Outcome, commram, finish, finish_on_a_full_disk, is_there, run};
+use crate::common::{Outcome, commram, devices, finish, finish_on_a_full_disk, is_there, run};
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use tempfile::TempDir;
-
-const DEVICES: [&str; 5] = ["omega-drive-line-2", "bm4-plc", "cs0015", "cr201x", "can-dp2"];
 
 /// Creates the project `my press` in the directory. Returns the commands that follow.
 fn new(directory: &Path, args: &[&str]) -> Vec<String> {
@@ -29,7 +27,7 @@ fn follow(directory: &Path, commands: &[String], environment: &[(&str, &str)]) -
 
 #[test]
 fn the_commands_of_a_new_project_pass_on_every_device() {
-    for device in DEVICES {
+    for device in devices() {
         let directory = TempDir::new().unwrap();
         let commands = new(directory.path(), &["--device", device]);
         assert_eq!(
@@ -58,7 +56,7 @@ fn a_soft_plc_in_c_compiles_and_gets_its_answer() {
     if !is_there("make") {
         return;
     }
-    for device in DEVICES {
+    for device in devices() {
         let directory = TempDir::new().unwrap();
         let commands = new(directory.path(), &["--device", device, "--template", "soft-plc-c"]);
         assert_eq!(commands.last().unwrap(), "make run");
@@ -110,7 +108,7 @@ fn a_soft_plc_in_rust_compiles_and_gets_its_answer() {
         format!("[patch.crates-io]\ncommram = {{ path = '{}' }}\n[net]\noffline = true\n", root.display());
     fs::write(directory.path().join(".cargo/config.toml"), patch).unwrap();
     let target = root.join("target/projects");
-    for device in DEVICES {
+    for device in devices() {
         let project = directory.path().join("my press");
         let commands = new(directory.path(), &["--device", device, "--template", "soft-plc-rust"]);
         fs::copy(root.join("Cargo.lock"), project.join("Cargo.lock")).unwrap();

@@ -74,6 +74,21 @@ fn the_text_format_describes_each_event() {
     }
 }
 
+/// A record of repetitions is written after they have ended, and after other events.
+#[test]
+fn lines_for_people_are_in_the_order_of_their_times() {
+    let emulator = in_operation();
+    let times = |args: &[&str]| -> Vec<f64> {
+        let text = emulator.run("trace", args).ok().to_owned();
+        text.lines().map(|line| line.split(" s ").next().unwrap().trim().parse().expect(line)).collect()
+    };
+    let all = times(&[]);
+    assert!(all.is_sorted(), "{all:?}");
+    assert_eq!(times(&["-n", "5"]), all[all.len() - 5..]);
+    let by_number: Vec<_> = jsonl(&emulator, &[]).iter().map(|line| number(line, "time_us")).collect();
+    assert!(!by_number.is_sorted(), "{by_number:?}");
+}
+
 #[test]
 fn jsonl_has_the_documented_fields() {
     let emulator = in_operation();

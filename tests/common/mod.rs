@@ -99,6 +99,11 @@ pub(crate) fn run(args: &[&str]) -> Outcome {
     finish(commram().args(args))
 }
 
+/// The names of all devices of the program, in the order of the registry.
+pub(crate) fn devices() -> impl Iterator<Item = &'static str> {
+    commram::devices::all().iter().map(|device| device.layout.name)
+}
+
 /// Runs a command to its end.
 pub(crate) fn finish(command: &mut Command) -> Outcome {
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();

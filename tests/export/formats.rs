@@ -1,9 +1,9 @@
 //! `commram export`: common properties of all formats, and the formats for data and documents.
 
-use crate::common::run;
+use crate::common::{devices, run};
 use serde_json::Value;
 
-/// All devices of commram.
+/// All devices of commram, in the order of the lists below.
 const DEVICES: [&str; 5] = ["omega-drive-line-2", "bm4-plc", "cs0015", "cr201x", "can-dp2"];
 const FORMATS: [&str; 10] =
     ["c", "matiec", "openplc", "st", "python", "svd", "systemrdl", "json", "csv", "md"];
@@ -17,6 +17,12 @@ fn the_register_references_are_up_to_date() {
         include_str!("../../docs/devices/cs0015/registers-cr201x.md"),
         include_str!("../../docs/devices/can-dp2/registers.md"),
     ];
+    assert!(
+        devices().eq(DEVICES),
+        "add {:?} to DEVICES of tests/export/formats.rs, its page and one of its names to the lists there, as \
+         docs/internals/architecture.md, section \"A device\", says",
+        devices().filter(|device| !DEVICES.contains(device)).collect::<Vec<_>>()
+    );
     for (device, page) in DEVICES.into_iter().zip(pages) {
         let export = run(&["export", "md", "--device", device]);
         assert!(export.ok() == page, "the page of {device} is old; renew it: just registers");

@@ -4,7 +4,7 @@
 //! for the two files of its runtime library that such a program includes. If `COMMRAM_MATIEC` names a directory with
 //! `iec2c` and `lib`, matiec compiles `program.st`, too.
 
-use crate::common::{Emulator, Outcome, eventually, finish, run, skipped, wait_for};
+use crate::common::{Emulator, Outcome, devices, eventually, finish, run, skipped, wait_for};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -260,7 +260,7 @@ fn matiec_compiles_its_exports() {
     let iec2c = |directory: &Path| iec2c(&matiec, directory, &[]);
     // Every block, also as one variable per register.
     let empty = "PROGRAM MAIN\nVAR N : INT; END_VAR\nN := N + 1;\nEND_PROGRAM\n";
-    for device in ["omega-drive-line-2", "bm4-plc", "cs0015", "cr201x", "can-dp2"] {
+    for device in devices() {
         for form in [&[][..], &["--elementary"]] {
             let directory = tempfile::tempdir().unwrap();
             let file = directory.path().join("commram.st");

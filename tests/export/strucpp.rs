@@ -3,7 +3,7 @@
 //! STruC++ is in no package registry. `tests/strucpp` therefore has its output for one program, and stubs of the headers of
 //! its runtime library. If `COMMRAM_STRUCPP` names its directory, the tests follow `docs/guide/openplc-4.md` word by word.
 
-use crate::common::{Emulator, Outcome, eventually, finish, is_there, run, skipped};
+use crate::common::{Emulator, Outcome, devices, eventually, finish, is_there, run, skipped};
 use crate::matiec::Plc;
 use crate::openplc::{ARRIVED, block, type_in};
 use std::fs;
@@ -84,7 +84,7 @@ fn addresses_that_are_no_registers_are_refused_at_the_start() {
 
 #[test]
 fn declarations_for_strucpp_have_each_address_once() {
-    for device in ["omega-drive-line-2", "bm4-plc", "cs0015", "can-dp2"] {
+    for device in devices() {
         let export = run(&["export", "st", "--strucpp", "--device", device]);
         let text = export.ok();
         assert!(!text.contains('{') && text.contains("\nCONFIGURATION Config0\nVAR_GLOBAL\n"), "{device}");

@@ -1,6 +1,6 @@
 //! Exports checked with external tools.
 
-use crate::common::{Outcome, finish, python, run};
+use crate::common::{Outcome, devices, finish, python, run};
 use std::path::Path;
 use svd_parser::svd::{Device, Peripheral, RegisterInfo};
 
@@ -48,7 +48,7 @@ fn check(format: &[&str], file: &str, script: &[&str], packages: &[&str]) -> Opt
 
 #[test]
 fn svd_is_valid_by_the_schemas_of_its_makers() {
-    for device in ["omega-drive-line-2", "bm4-plc", "cs0015", "cr201x", "can-dp2"] {
+    for device in devices() {
         let export = ["svd", "--device", device];
         if let Some(outcome) = check(&export, "registers.svd", &["check_xml.py"], &["xmlschema"]) {
             assert!(outcome.ok().starts_with("valid by "), "{device}: {}", outcome.err);
@@ -204,6 +204,35 @@ fn a_unit_needs_its_shared_object_and_an_output_file() {
     }
     assert!(run(&["export", "c", "plant.toml"]).fails(2).contains("only `fmu` exports a whole plant"));
     assert!(!Path::new(&unit).exists());
+}
+
+/// `cargo install` installs no shared object: it is found in the checkout, which cargo's list of programs names.
+#[test]
+fn an_installed_program_finds_the_shared_object_of_its_checkout() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    std::fs::create_dir_all(at("root/bin")).unwrap();
+    let program = at("root/bin/commram");
+    std::fs::copy(env!("CARGO_BIN_EXE_commram"), &program).unwrap();
+    let list = format!(
+        "[v1]\n\"commram {} (path+file://{})\" = [\"commram\"]\n",
+        env!("CARGO_PKG_VERSION"),
+        at("checkout").display()
+    );
+    std::fs::write(at("root/.crates.toml"), list).unwrap();
+    let export = || {
+        let mut command = std::process::Command::new(&program);
+        command.args(["export", "fmu", "--registers", "node2.w_*", "--output"]).arg(at("plant.fmu"));
+        finish(command.env("COMMRAM_CONFIG", ""))
+    };
+    let missing = export();
+    let command = format!("`cargo build --release -p commram-fmi` in {}", at("checkout").display());
+    assert!(missing.fails(2).contains(&command), "{}", missing.err);
+    std::fs::create_dir_all(at("checkout/target/release")).unwrap();
+    let library = [b"\x7FELF", commram::fmi::MARK.as_bytes()].concat();
+    std::fs::write(at("checkout/target/release/libcommram_fmi.so"), library).unwrap();
+    export().ok();
+    assert!(std::fs::metadata(at("plant.fmu")).unwrap().len() > 1000);
 }
 
 /// The suite in `tests/python`; each of its tests has a separate emulator.

@@ -8,7 +8,6 @@ use crate::cli::error::CliError;
 use crate::cli::output;
 use crate::cli::overwrite::refuse_inputs;
 use crate::input_file;
-use crate::output_file;
 use crate::plural::plural;
 use crate::script::{self, SKIP, junit_text, shard_of_junit};
 use quick_junit::{NonSuccessKind, Report, TestCaseStatus, TestSuite};
@@ -121,10 +120,10 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         }
         (output::json(&lines)?, endings)
     };
-    match &args.output {
+    match args.output.as_deref().filter(|path| !input_file::is_standard(path)) {
         None => output::print(&text)?,
         Some(path) => {
-            output_file::write(path, text.as_bytes()).map_err(|reason| output_of(args, reason))?;
+            output::write(path, text.as_bytes())?;
             output::print(&summary(&endings))?;
         }
     }
@@ -154,8 +153,7 @@ fn write_page(path: &Path, lines: &[Value]) -> Result<(), CliError> {
     });
     let reports = reports.collect::<Result<Vec<_>, CliError>>()?;
     let page = html::page(&reports, &Origin::of_this_run());
-    output_file::write(path, page.as_bytes())
-        .map_err(|reason| CliError::File { path: path.to_owned(), reason })
+    output::write(path, page.as_bytes())
 }
 
 fn wrong(path: &Path, what: impl ToString) -> CliError {

@@ -110,6 +110,8 @@ fn print_as<T: Default + AsRef<[u8]>>(
         out: LineBuffer { lines: VecDeque::new(), keep: args.last, page: is_paged(args).then(Vec::new) },
         counting: Vec::new(),
         turn: None,
+        held: is_ordered(args).then(Vec::new),
+        is_folded: args.is_folded(),
     };
     trace.begin()?;
     if !args.follow {
@@ -126,6 +128,12 @@ fn is_paged(args: &Args) -> bool {
     is_text && !args.follow && std::io::stdout().is_terminal()
 }
 
+/// True if the lines are printed in the order of their times. A record of repetitions gets its number when the
+/// repetitions have ended, so it follows later events. Programs get the records in the order of their numbers.
+fn is_ordered(args: &Args) -> bool {
+    args.format == FormatArg::Text && !args.follow
+}
+
 struct Trace<'a, T> {
     session: &'a Session,
     printer: Printer<T>,
@@ -134,6 +142,10 @@ struct Trace<'a, T> {
     counting: Vec<Record>,
     /// The history that was read last.
     turn: Option<u16>,
+    /// The records up to now, if they are printed in another order: each with the count of records missing before it,
+    /// `None` if it is not wanted.
+    held: Option<Vec<(Record, Option<u64>)>>,
+    is_folded: bool,
 }
 
 impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
@@ -180,6 +192,9 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
             self.counting.clear();
             if self.turn.replace(turn.number).is_some_and(|known| known != turn.number) {
                 self.out.flush()?;
+                if let Some(held) = &mut self.held {
+                    held.retain(|(record, _)| record.seq < turn.begin);
+                }
                 output::note(&format!(
                     "the instance has gone back; another history continues after record {}",
                     turn.begin
@@ -209,8 +224,17 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
     }
 
     fn print(&mut self, record: &Record) {
+        let lost = self.printer.admit(record);
+        match &mut self.held {
+            Some(held) => held.push((record.clone(), lost)),
+            None => self.write(record, lost),
+        }
+    }
+
+    /// Prints a record after `lost` missing ones; `None`: it is not wanted.
+    fn write(&mut self, record: &Record, lost: Option<u64>) {
         let mut line = T::default();
-        let untold = self.printer.print(record, &mut line);
+        let untold = self.printer.write(record, lost, &mut line);
         if untold > 0 {
             output::note(&format!("{untold} records lost before {}", time::seconds(record.time_us)));
         }
@@ -229,6 +253,10 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
         for record in std::mem::take(&mut self.counting) {
             self.print(&record);
         }
+        let mut held = self.held.take().unwrap_or_default();
+        // A folded line shows the time of its first event, any other line that of the last one.
+        held.sort_by_key(|(record, _)| if self.is_folded { record.first_us() } else { record.time_us });
+        held.iter().for_each(|(record, lost)| self.write(record, *lost));
         self.release_folded();
         self.out.flush()?;
         self.out.page.map_or(Ok(()), |text| output::page(&String::from_utf8_lossy(&text)))

@@ -84,7 +84,12 @@ fn every_rule_has_a_case() {
                 && cases(OMEGA_RATES[0].kind).all(|case| case.rule != *rule)
         })
         .collect();
-    assert_eq!(without, Vec::<&Rule>::new());
+    let names: Vec<_> = without.iter().map(|rule| rule.id()).collect();
+    assert!(
+        names.is_empty(),
+        "add a case for {names:?} in tests/device/check/cases/, as docs/internals/architecture.md, section \"A rule of the \
+         checker\", says"
+    );
 }
 
 /// A client that stores through the channel names the register: a write to a firmware register is reported even if its value

@@ -10,7 +10,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 #[command(next_help_heading = "Frames of the log")]
 pub(super) struct Select {
     /// Take only frames of this interface; can be given several times
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = crate::cli::given::text("write an interface of the log, for example can0"))]
     interface: Vec<String>,
     /// Take only these identifiers: `184`, `180:780` (identifier and mask), `!184` (all but this one); hexadecimal, with
     /// eight digits for 29 bits; can be given several times

@@ -158,6 +158,28 @@ fn the_mouse_chooses_panes_and_lines() {
     assert!(user.model.tree.rows().len() > rows, "a second click opens it");
 }
 
+/// From 120 columns on the changes are beside the other panes.
+#[test]
+fn wide_terminals_show_two_panes_side_by_side() {
+    let mut user = User::built_in();
+    user.find("node2.w_CPU_CONTROL");
+    user.press(KeyCode::Char(' '));
+    user.press(KeyCode::Esc);
+    user.poke(&[("node2.w_CPU_CONTROL", 1)], 5_000);
+    let is_beside = |user: &User| {
+        let has_both = |line: &str| line.contains(" blocks ") && line.contains(" changes ");
+        user.screen().lines().any(has_both)
+    };
+    for (width, wanted) in [(80, false), (119, false), (120, true), (135, true), (149, true), (200, true)] {
+        user.terminal.backend_mut().resize(width, 24);
+        user.look();
+        assert_eq!(is_beside(&user), wanted, "{width}: {}", user.screen());
+        if wanted {
+            user.sees("16#0001");
+        }
+    }
+}
+
 #[test]
 fn the_view_waits_for_a_new_emulator_and_keeps_the_pins() {
     let mut user = User::at(TestHost::new(true), false);
