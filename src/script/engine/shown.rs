@@ -116,7 +116,7 @@ mod tests {
         same("let it = #{\"a\": snapshot(\"node2\")}", "#{\"a\": snapshot of node2}");
         same("let it = (); try { peek(\"node2.x\") } catch (error) { it = error }", &{
             let [shown, _] = texts("let it = (); try { peek(\"node2.x\") } catch (error) { it = error }");
-            assert!(shown.contains("node2.x") && !shown.contains("::"), "{shown}");
+            assert!(shown.contains("`node2`") && !shown.contains("::"), "{shown}");
             shown
         });
     }
