@@ -93,7 +93,16 @@ fn pytest_lsp_uses_the_server() {
     let directory = tempfile::tempdir().unwrap();
     let tests = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/editors/test_lsp.py");
     let command: &mut Command = python
-        .args(["-m", "pytest", "-q", "-p", "no:cacheprovider", tests])
+        .args([
+            "-m",
+            "pytest",
+            "-q",
+            "-p",
+            "no:cacheprovider",
+            "-o",
+            "asyncio_default_fixture_loop_scope=function",
+            tests,
+        ])
         .env("COMMRAM", commram().get_program())
         .env("PYTHONDONTWRITEBYTECODE", "1")
         .current_dir(directory.path());

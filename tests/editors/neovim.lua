@@ -41,8 +41,8 @@ expect(mistake.lnum == 0 and mistake.col == 6, "the mistake is at the register")
 expect(mistake.message:find("did you mean"), "the message has the right name")
 
 -- The line is corrected by typing.
-vim.api.nvim_win_set_cursor(0, { 1, 22 })
-vim.api.nvim_buf_set_text(0, 0, 22, 0, 23, { "OL" })
+vim.api.nvim_win_set_cursor(0, { 1, 23 })
+vim.api.nvim_buf_set_text(0, 0, 23, 0, 24, { "OL" })
 expect(vim.wait(20000, function() return #mistakes() == 0 end, 20), "the corrected line has no mistake")
 
 local place = { textDocument = vim.lsp.util.make_text_document_params(), position = { line = 1, character = 12 } }

@@ -176,16 +176,21 @@ impl Judge<'_> {
             });
             found.extend(refused.clone().map(|what| Mistake::error(named.range, what)));
         }
-        let Some(place) = view.register_of(call).and_then(|register| scene.bench.find(register).ok()) else {
-            return found;
+        let is_value = |argument: &usize| {
+            view.argument_kind(call, *argument) == Some(ArgumentKind::Value)
+                && view.parameter(call, *argument) != Some("mask")
         };
-        for argument in 0..call.arguments.len() {
-            let is_value = view.argument_kind(call, argument) == Some(ArgumentKind::Value)
-                && view.parameter(call, argument) != Some("mask");
-            let Some((value, range)) = view.value(call, argument).filter(|_| is_value) else { continue };
-            let refused = check::refused_value(place.place(), &value);
-            found.extend(refused.map(|what| Mistake::error(range, what)));
+        let arguments = (0..call.arguments.len()).filter(is_value);
+        let values: Vec<_> = arguments.filter_map(|argument| view.value(call, argument)).collect();
+        if values.is_empty() {
+            return found;
         }
+        let place = view.register_of(call).and_then(|register| scene.bench.find(register).ok());
+        let refused = |(value, range)| {
+            let what = check::refused_value(place.as_ref()?.place(), &value)?;
+            Some(Mistake::error(range, what))
+        };
+        found.extend(values.into_iter().filter_map(refused));
         found
     }
 }
