@@ -60,7 +60,7 @@ fn serve() -> Result<(), CliError> {
     'messages: while let Some(message) = waiting.take().or_else(|| connection.receiver.recv().ok()) {
         let mut answers: Vec<Message> = Vec::new();
         next = server.take(message, &mut answers);
-        // Fast typing gives several changes in a row; the document is judged after the last one.
+        // Fast typing gives several changes in a row. The document is checked only after the last change.
         waiting = connection.receiver.try_recv().ok();
         if matches!(next, Next::Continue) && waiting.is_none() {
             server.settle(&mut answers);
@@ -77,7 +77,7 @@ fn serve() -> Result<(), CliError> {
     drop(connection);
     match next {
         Next::EndWithoutShutdown => Err(CliError::EditorLeft),
-        // An end of the input without a farewell is the death of the editor.
+        // If the input ends without the message `exit`, the editor has crashed.
         _ => threads.join().map_err(|reason| CliError::Editor { reason }),
     }
 }

@@ -34,14 +34,14 @@ impl Proposal {
         Self { label: label.into(), detail: detail.into(), about: String::new(), kind }
     }
 
-    /// Whether it is a word of a script, not a name in a text.
+    /// True if it is a word of a script, not a name in a text.
     pub(super) fn is_word(&self) -> bool {
         use CompletionItemKind as Item;
         [Item::FUNCTION, Item::VARIABLE, Item::KEYWORD, Item::CONSTANT].contains(&self.kind)
     }
 }
 
-/// The texts that fit at a place, and the bytes that each of them replaces.
+/// Returns the texts that fit at a place, and the bytes that each text replaces.
 pub(super) fn at(
     view: &ScriptView<'_>,
     scene: Option<&mut Scene>,
@@ -104,7 +104,8 @@ fn in_text(
     (found, content)
 }
 
-/// All registers with their addresses and meanings, of an array its first element. An index is completed step by step.
+/// Returns all registers with their addresses and meanings. An array is represented by its first element. Indices are
+/// completed step by step.
 pub(super) fn registers(scope: &PlcScope, typed: &str) -> Vec<Proposal> {
     if typed.contains('[') {
         let found = scope.registers(typed, "").into_iter();
@@ -126,7 +127,7 @@ pub(super) fn registers(scope: &PlcScope, typed: &str) -> Vec<Proposal> {
     found
 }
 
-/// The areas of registers; plain RAM and the front are none.
+/// Returns the areas that have registers. Plain RAM and the front are not included.
 fn areas(scene: &mut Scene) -> Vec<Proposal> {
     let all = scene.scope.areas("", "").into_iter();
     let found = all.filter(|(name, _)| check::argument(&mut scene.bench, ArgumentKind::Area, name).is_ok());
@@ -158,7 +159,7 @@ fn rules() -> Vec<Proposal> {
     rules.map(|rule| Proposal::new(rule.id(), rule.text(), CompletionItemKind::ENUM_MEMBER)).collect()
 }
 
-/// The named values of the register of a call, written by `label`.
+/// Returns the named values of the register of a call. `label` writes them.
 fn values(
     view: &ScriptView<'_>,
     scene: &Scene,

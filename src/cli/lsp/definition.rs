@@ -18,7 +18,7 @@ pub(super) struct Target {
     pub(super) range: lsp_types::Range,
 }
 
-/// The definition of what is at a place.
+/// Returns the definition of the name at a place.
 pub(super) fn at(
     view: &ScriptView<'_>,
     document: &Text,
@@ -66,17 +66,18 @@ fn begin_of(path: PathBuf) -> Option<Target> {
     path.is_file().then(|| Target { path: Some(path), range: lsp_types::Range::default() })
 }
 
-/// The line of a register in the files of its device's folder.
+/// Returns the line that defines a register, in the files of its device's folder.
 fn register(scene: &mut Scene, text: &str) -> Option<Target> {
     let (plc, name) = split_plc(text);
     let found = scene.scope.each(text).into_iter().find_map(|(_, fitted)| fitted.register(name).ok())?;
-    // Without a prefix there is one PLC.
+    // A name without a prefix means the only PLC.
     let plc = plc.map_or_else(|| scene.bench.names().plcs.first().cloned(), |plc| Some(plc.to_owned()))?;
     let inputs = commram_layoutc::read_folder(scene.folders.get(&plc)?).ok()?.inputs;
     in_files(&inputs, &found)
 }
 
-/// The line of a register among the files of a layout: in its structure, else in a structure or block that has the name.
+/// Returns the line that defines a register, in the files of a layout. The register's structure is searched first, then
+/// other structures and blocks with a register of this name.
 pub(super) fn in_files(inputs: &[(PathBuf, String)], register: &RegisterRef) -> Option<Target> {
     let (structure, wanted) = (register.structure().name, register.register.name);
     let entries = inputs.iter().flat_map(|(path, text)| {

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 pub(super) struct Document {
     pub(super) uri: Uri,
     pub(super) path: PathBuf,
-    /// The editor's number of this state of the document.
+    /// The editor's version number of the document.
     pub(super) version: i32,
     pub(super) text: Text,
     /// The parts of a script; empty for other files and for texts that are too long.
@@ -46,7 +46,7 @@ impl Document {
         self.path.extension().is_some_and(|extension| extension == "toml")
     }
 
-    /// Whether the file is longer than commram would read.
+    /// True if the file is longer than commram would read.
     pub(super) fn is_too_long(&self) -> bool {
         let longest = if self.is_script() { input_file::LONGEST_SCRIPT } else { 1 << 20 };
         self.text.as_str().len() as u64 > longest

@@ -9,7 +9,7 @@ use crate::layout::split_plc;
 use crate::script::check::ArgumentKind;
 use core::ops::Range;
 
-/// The description, in Markdown, of what is at a place, with the bytes that it is about.
+/// Returns the description of the name at a place, in Markdown, and the bytes of the name.
 pub(super) fn at(
     view: &ScriptView<'_>,
     scene: Option<&mut Scene>,

@@ -12,7 +12,7 @@ use lsp_types::{Diagnostic, DiagnosticSeverity};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Most errors that are shown for a document.
+/// Maximum number of errors that are shown for a document.
 const MOST: usize = 200;
 
 /// An error at some bytes of a document.
@@ -31,7 +31,7 @@ impl Mistake {
         Self { range, severity: DiagnosticSeverity::WARNING, what: what.into() }
     }
 
-    /// The error as the editor takes it.
+    /// Converts the error to the form of the protocol.
     pub(super) fn shown(self, document: &Document) -> Diagnostic {
         let Self { range, severity, what } = self;
         Diagnostic {
@@ -44,11 +44,11 @@ impl Mistake {
     }
 }
 
-/// The parts of the server that judge a script.
+/// Data for the check of a script.
 pub(super) struct Judge<'a> {
     pub(super) view: &'a ScriptView<'a>,
     pub(super) checker: &'a Checker,
-    /// The plant; `None` if it is not known, or refused.
+    /// The plant; `None` if it is not known or if it was refused.
     pub(super) scene: Option<&'a mut Scene>,
     /// The message of a refused plant.
     pub(super) refusal: Option<String>,
@@ -65,7 +65,7 @@ impl Judge<'_> {
             found.extend(refusal.map(|what| Mistake::error(self.plant_range(document), what)));
         }
         found.extend(self.imports());
-        // Scripts repeat registers and times, so each text is judged once.
+        // Scripts repeat registers and times, so each text is checked only once.
         let mut judged = BTreeMap::new();
         for call in &self.view.outline.calls {
             found.extend(self.call(call));

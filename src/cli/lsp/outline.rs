@@ -14,11 +14,11 @@ const WORDS: [&str; 20] = [
 pub(super) struct Call {
     /// The token of the name.
     pub(super) name: usize,
-    /// The token of the module in front of `::`.
+    /// The token of the module before `::`.
     pub(super) module: Option<usize>,
-    /// Whether it is called as a method, `value.name(...)`.
+    /// True if it is called as a method, `value.name(...)`.
     pub(super) is_method: bool,
-    /// Whether the closing parenthesis exists.
+    /// True if the closing parenthesis exists.
     pub(super) is_closed: bool,
     /// The bytes between the parentheses.
     pub(super) inner: Range<usize>,
@@ -26,7 +26,7 @@ pub(super) struct Call {
     pub(super) arguments: Vec<Range<usize>>,
     /// Bytes of the commas between its arguments.
     pub(super) commas: Vec<usize>,
-    /// Whether it is outside of functions.
+    /// True if it is outside of functions.
     pub(super) is_outside: bool,
 }
 
@@ -69,7 +69,7 @@ impl Outline {
         Outline { calls, functions, imports, variables, tokens }
     }
 
-    /// The token that contains a place; of two that meet there, the word or text.
+    /// Returns the token that contains a place. If two tokens meet there, returns the word or text.
     pub(super) fn token_at(&self, offset: usize) -> Option<usize> {
         let all = &self.tokens.all;
         let after = all.partition_point(|token| token.range.start <= offset);
@@ -82,7 +82,7 @@ impl Outline {
         near.iter().copied().find(|index| !is_sign(index)).or(near.last().copied())
     }
 
-    /// The innermost call whose parentheses contain a place, and the number of the argument there.
+    /// Returns the innermost call with a place between its parentheses, and the number of the argument at the place.
     pub(super) fn call_at(&self, offset: usize) -> Option<(&Call, usize)> {
         let within = self.calls.iter().filter(|call| call.inner.start <= offset && offset <= call.inner.end);
         let call = within.max_by_key(|call| call.inner.start)?;
@@ -98,11 +98,11 @@ impl Outline {
 /// An open bracket on the way through a script.
 struct Open {
     sign: char,
-    /// The call whose parenthesis it is.
+    /// The call to which the parenthesis belongs.
     call: Option<usize>,
     /// The first token of the present argument.
     argument: usize,
-    /// Whether it is the body of a function.
+    /// True if it is the body of a function.
     is_body: bool,
 }
 

@@ -4,7 +4,7 @@ use lsp_types::Uri;
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::{Component, Path, PathBuf};
 
-/// The path of a file; for anything else, such as a new text without a file, its name as a relative path.
+/// Returns the path of a file. For a text without a file, returns its name as a relative path.
 pub(super) fn path_of(uri: &Uri) -> PathBuf {
     let text = uri.as_str();
     let path = match text.strip_prefix("file://") {

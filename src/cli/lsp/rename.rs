@@ -7,7 +7,7 @@ use super::tokens::{Token, TokenKind};
 use core::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Most scripts of the editor's folder that are searched for imports.
+/// Maximum number of scripts of the editor's folder that are searched for imports.
 const MOST_SCRIPTS: usize = 500;
 /// Functions whose argument is the name of a function.
 const TAKE_NAMES: [&str; 4] = ["Fn", "is_def_fn", "after", "at"];
@@ -64,7 +64,7 @@ pub(super) fn places(text: &str, outline: &Outline, name: &str, alias: Option<&s
 /// Checks the new name of a function.
 ///
 /// # Errors
-/// The reason why the script cannot have a function of this name, and a right one.
+/// The reason for which the script cannot have a function of this name, and a valid name.
 pub(super) fn check_name(view: &ScriptView<'_>, name: &str) -> Result<(), String> {
     let is_name = name.starts_with(|first: char| first.is_ascii_alphabetic() || first == '_')
         && name.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '_');

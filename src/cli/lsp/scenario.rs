@@ -11,7 +11,7 @@ use crate::script::{DEFINITIONS, Value, Verb, defined};
 use core::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// What a script is for, which decides the verbs and the plant.
+/// Purpose of a script. It decides which verbs and which plant the script has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ScriptKind {
     Scenario,
@@ -53,7 +53,7 @@ pub(super) struct NamedText {
     pub(super) range: Range<usize>,
 }
 
-/// A script with what it needs to be judged.
+/// A script with the data for its check.
 pub(super) struct ScriptView<'a> {
     pub(super) text: &'a str,
     pub(super) outline: &'a Outline,
@@ -83,7 +83,8 @@ impl<'a> ScriptView<'a> {
         self.verbs.iter().filter(|verb| verb.name == name).collect()
     }
 
-    /// The parameter of the verb at an argument: that of the verb with the right number of arguments, else of any.
+    /// Returns the parameter of the verb for an argument. If several verbs have this name, the verb with the correct
+    /// number of arguments is preferred.
     pub(super) fn parameter(&self, call: &Call, argument: usize) -> Option<&'static str> {
         let verbs = self.verbs_of(call);
         let fits = verbs.iter().find(|verb| verb.parameters.len() == call.arguments.len());
@@ -133,7 +134,7 @@ impl<'a> ScriptView<'a> {
         Some((value, token.range.clone()))
     }
 
-    /// Whether the script only shares functions: nothing outside of them acts on a plant.
+    /// True if the script only shares functions: nothing outside of them acts on a plant.
     pub(super) fn is_part(&self) -> bool {
         let acts =
             |call: &Call| call.is_outside && (call.module.is_some() || !self.verbs_of(call).is_empty());

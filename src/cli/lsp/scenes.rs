@@ -1,4 +1,4 @@
-//! The plants that scenarios name, built as a scenario builds them, and kept until a file of them changes.
+//! The plants that scenarios name. They are built as for a scenario, and kept until one of their files changes.
 
 use crate::cli::complete::PlcScope;
 use crate::devices::folder;
@@ -10,13 +10,13 @@ use std::collections::BTreeMap;
 use std::hash::DefaultHasher;
 use std::path::{Path, PathBuf};
 
-/// Most plants that are kept.
+/// Maximum number of plants that are kept.
 const MOST: usize = 16;
 
 /// The plant of a scenario.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum PlantName {
-    /// The scenario names none.
+    /// The scenario names no plant.
     BuiltIn,
     /// A plant file.
     File(PathBuf),
@@ -26,7 +26,7 @@ pub(super) enum PlantName {
     Device(PathBuf),
 }
 
-/// A plant that no scenario runs on, to ask for names and for refusals.
+/// A plant for questions about names and refusals. No scenario runs on it.
 pub(super) struct Scene {
     pub(super) bench: Bench,
     pub(super) scope: PlcScope,

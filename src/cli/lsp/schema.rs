@@ -185,7 +185,8 @@ impl Schema {
         format!("{kind}{range}{usual}")
     }
 
-    /// The description of a schema, else that of the definition that it refers to.
+    /// Returns the description of a schema. If it has none, returns the description of the definition to which it
+    /// refers.
     fn about(&self, schema: &Value) -> String {
         let own = schema["description"].as_str();
         let of_definition =

@@ -21,13 +21,13 @@ use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
-/// What follows a message.
+/// Action after a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Next {
     Continue,
     /// The editor has ended the server.
     End,
-    /// The same, without the request `shutdown`.
+    /// The editor has ended the server without the request `shutdown`.
     EndWithoutShutdown,
 }
 
@@ -401,7 +401,7 @@ fn open_document<'a>(documents: &'a BTreeMap<String, Document>, path: &Path) -> 
     documents.values().find(|document| document.path == path)
 }
 
-/// The text of a script: as the editor has it, else the file.
+/// Returns the text of a script from the editor. If the editor has not opened it, returns the text of the file.
 fn text_of(documents: &BTreeMap<String, Document>, path: &Path) -> Option<String> {
     let open = open_document(documents, path).map(|document| document.text.as_str().to_owned());
     open.or_else(|| input_file::read(path, input_file::LONGEST_SCRIPT).ok())
@@ -414,7 +414,7 @@ fn ranges(document: &Document, places: &[Range<usize>]) -> Vec<lsp::Range> {
 fn item(proposal: Proposal, range: lsp::Range, place: usize) -> lsp::CompletionItem {
     let Proposal { label, detail, about, kind } = proposal;
     lsp::CompletionItem {
-        // The order of the register map, not of the alphabet.
+        // Registers are sorted as in the register map, and not by their names.
         sort_text: Some(format!("{place:05}")),
         filter_text: Some(label.clone()),
         text_edit: Some(lsp::CompletionTextEdit::Edit(TextEdit { range, new_text: label.clone() })),

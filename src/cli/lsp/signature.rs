@@ -12,7 +12,7 @@ pub(super) fn signature(verb: &Verb) -> String {
     format!("{}({}){result}", verb.name, parameters.join(", "))
 }
 
-/// A parameter with its type; The description of the verb names the types of a parameter with `?`.
+/// A parameter with its type. The description of the verb names the types of a parameter with `?`.
 fn parameter((name, ty): &(&str, &str)) -> String {
     match *ty {
         "?" => (*name).to_owned(),

@@ -1,8 +1,9 @@
-//! A place in a TOML file, also in a half-typed one: the table that it is in, and the key or value there.
+//! A place in a TOML file, which may be incomplete: the table that contains the place, and the key or value at the
+//! place.
 
 use core::ops::Range;
 
-/// What a place in a TOML file can hold.
+/// Possible content of a place in a TOML file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Slot {
     /// A header, `[[plc]]`.
@@ -23,7 +24,8 @@ pub(super) struct TablePlace {
     pub(super) path: Vec<String>,
     /// The bytes of the word at the place: of the header's line, the key, or the value.
     pub(super) word: Range<usize>,
-    /// Keys of the same table that are in front of the place or, in a section, in its other lines.
+    /// Other keys of the same table. In a section, these are the keys of its other lines; in a table in braces, the
+    /// keys before the place.
     pub(super) given: Vec<String>,
     /// The value of the key `kind` in the section.
     pub(super) kind: Option<String>,
@@ -140,13 +142,13 @@ fn header_of(line: &str) -> Option<Vec<String>> {
 struct Scanned {
     path: Vec<String>,
     given: Vec<String>,
-    /// Whether a value is expected.
+    /// True if a value is expected.
     is_value: bool,
     /// The byte of the quote if the place is within a text.
     in_text: Option<usize>,
     is_comment: bool,
     open_brackets: usize,
-    /// Whether the place is in a table in braces.
+    /// True if the place is in a table in braces.
     is_inline: bool,
 }
 

@@ -15,7 +15,7 @@ use lsp_types::CompletionItemKind;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// What a TOML file is for.
+/// Purpose of a TOML file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum TableKind {
     Plant,
@@ -81,7 +81,7 @@ impl TableKind {
     }
 }
 
-/// Whether a text has a section of a plant, or names the schema of plants.
+/// True if a text has a section of a plant, or names the schema of plants.
 fn is_plant(text: &str) -> bool {
     text.lines().any(|line| {
         let line = line.trim_start();

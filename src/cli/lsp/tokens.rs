@@ -77,7 +77,7 @@ impl Tokens {
         tokens
     }
 
-    /// Whether a place is within a comment.
+    /// True if a place is within a comment.
     pub(super) fn is_comment(&self, offset: usize) -> bool {
         self.comments.iter().any(|comment| comment.start < offset && offset <= comment.end)
     }
@@ -89,7 +89,7 @@ impl Token {
         text.get(self.range.clone()).unwrap_or_default()
     }
 
-    /// Whether it is this word or sign.
+    /// True if it is this word or sign.
     pub(super) fn is(&self, text: &str, wanted: &str) -> bool {
         matches!(self.kind, TokenKind::Word | TokenKind::Sign | TokenKind::Path) && self.text(text) == wanted
     }
