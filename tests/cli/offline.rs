@@ -227,6 +227,27 @@ fn a_closed_pipe_is_no_error() {
     }
 }
 
+/// An empty name would stand for everything, or for nothing.
+#[test]
+fn an_empty_name_in_a_list_is_refused_with_the_right_form() {
+    let name = crate::common::unique_name();
+    for args in [
+        &["run", "-i", &name, "--record", ","][..],
+        &["run", "-i", &name, "--record", "node2,"],
+        &["watch", ""],
+        &["dump", " "],
+        &["map", ""],
+        &["find", ""],
+        &["export", "fmu", "--registers", "", "--output", "plant.fmu"],
+        &["test", ".", "--filter", ""],
+        &["bus", "play", "a.log", "--interface", ""],
+    ] {
+        let outcome = run(args);
+        let message = outcome.fails(2);
+        assert!(message.contains("an empty name; write"), "{args:?}: {message}");
+    }
+}
+
 #[test]
 fn an_output_that_cannot_be_written_has_its_exit_code() {
     let scenario = Scripts::new(&[("good.rhai", "expect_that(true, \"fine\");")]);

@@ -100,3 +100,14 @@ fn register_offset(server: &Server) -> Value {
     let answer = server.get(&server.path("show/operations?poke=node2.b_BT_0%3D1")).ok();
     answer["operations"][0]["poke"]["offset"].clone()
 }
+
+#[test]
+fn an_empty_name_in_a_list_is_refused() {
+    let emulator = Emulator::stepped();
+    let server = Server::of(&emulator, &[]);
+    for (field, text) in [("follow", ","), ("follow", "node2.w_CPU_CONTROL,"), ("journal", "frame,,sync")] {
+        let problem = server.get(&server.path(&format!("events?{field}={text}"))).problem(400);
+        let detail = problem["detail"].as_str().unwrap();
+        assert!(detail.contains("has an empty name") && problem["field"] == field, "{problem}");
+    }
+}
