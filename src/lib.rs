@@ -98,6 +98,8 @@ mod output_file;
 pub mod plant;
 #[cfg(feature = "plc")]
 pub mod plc;
+#[cfg(feature = "script")]
+mod plc_spelling;
 #[cfg(feature = "studio")]
 pub mod plot;
 #[cfg(any(feature = "script", feature = "cli"))]

@@ -93,8 +93,9 @@ impl FindingRow {
 }
 
 impl Row for FindingRow {
-    const COLUMNS: &'static [&'static str] =
-        &["severity", "rule", "register", "address", "value", "count", "first_us", "last_us", "late_us"];
+    const COLUMNS: &'static [&'static str] = &[
+        "severity", "rule", "register", "address", "value", "count", "first_us", "last_us", "late_us", "note",
+    ];
 
     fn cells(&self) -> Vec<String> {
         let finding = &self.finding;
@@ -109,6 +110,7 @@ impl Row for FindingRow {
             finding.first_us.to_string(),
             finding.last_us.to_string(),
             or_dash(&finding.late_us.map(|late| late.to_string())),
+            finding.note.clone().unwrap_or_default(),
         ]
     }
 
@@ -118,7 +120,8 @@ impl Row for FindingRow {
         let times = [time::seconds(finding.first_us), time::seconds(finding.last_us)];
         let late = finding.late_us.map(|late| format!("{late} us"));
         let time_cells = times.into_iter().chain([late.unwrap_or_else(|| "-".to_owned())]);
-        cells.truncate(cells.len() - 3);
+        // Notes are printed below the table.
+        cells.truncate(cells.len() - 4);
         cells.extend(time_cells);
         cells
     }
@@ -136,8 +139,19 @@ fn text(rows: &[FindingRow], checked: &InstanceFindings) -> String {
     let broken = |rule: &&&Rule| rows.iter().any(|row| row.finding.rule == rule.id());
     for rule in devices::catalogue().rules.iter().filter(broken) {
         text += &format!("\n{rule} ({})\n  {}\n", rule.source(), rule.text());
+        rows.iter()
+            .filter(|row| row.finding.rule == rule.id())
+            .filter_map(note_line)
+            .for_each(|line| text += &line);
     }
     text
+}
+
+/// The note of a finding as a line, if it has one.
+fn note_line(row: &FindingRow) -> Option<String> {
+    let FindingJson { register, note, .. } = &row.finding;
+    let place = register.as_ref().map_or_else(String::new, |register| format!("{register}: "));
+    note.as_ref().map(|note| format!("  {place}{note}\n"))
 }
 
 /// All rules.

@@ -30,6 +30,8 @@ pub(crate) struct Config {
     color: Option<String>,
     /// Plant file of `run`, `with` and `plant check`.
     plant: Option<PathBuf>,
+    /// Directories with folders of devices.
+    devices: Option<Vec<PathBuf>>,
 }
 
 /// The defaults of this process, and notes about configuration files that were ignored.
@@ -99,8 +101,11 @@ fn read(path: &Path) -> Result<Option<Config>, String> {
         format!("line {line}: {}", error.message().lines().collect::<Vec<_>>().join(", "))
     })?;
     config.check()?;
-    // The path of a plant is relative to the directory of the file.
-    config.plant = config.plant.map(|plant| path.parent().unwrap_or(Path::new("")).join(plant));
+    // Paths are relative to the directory of the file.
+    let directory = path.parent().unwrap_or(Path::new(""));
+    config.plant = config.plant.map(|plant| directory.join(plant));
+    let absolute = |devices: PathBuf| std::path::absolute(directory.join(&devices)).unwrap_or(devices);
+    config.devices = config.devices.map(|all| all.into_iter().map(absolute).collect());
     Ok(Some(config))
 }
 
@@ -112,6 +117,7 @@ impl Config {
             format: self.format.or(other.format),
             color: self.color.or(other.color),
             plant: self.plant.or(other.plant),
+            devices: self.devices.or(other.devices),
         }
     }
 
@@ -131,6 +137,11 @@ impl Config {
             return Err(format!("color = \"{color}\": write one of {}", names(values::<ColourMode>())));
         }
         Ok(())
+    }
+
+    /// Directories with folders of devices, which come before the usual ones.
+    pub(crate) fn devices(&self) -> Vec<PathBuf> {
+        self.devices.clone().unwrap_or_default()
     }
 
     /// When output has colours.
@@ -179,9 +190,18 @@ fn values<T: ValueEnum>() -> Vec<String> {
 
 impl core::fmt::Display for Config {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        let Config { instance, format, color, plant } = self;
+        let Config { instance, format, color, plant, devices } = self;
         let plant = plant.as_ref().map(|plant| plant.display().to_string());
-        let all = [("instance", instance), ("format", format), ("color", color), ("plant", &plant)];
+        let devices = devices
+            .as_ref()
+            .map(|all| all.iter().map(|dir| dir.display().to_string()).collect::<Vec<_>>().join(":"));
+        let all = [
+            ("instance", instance),
+            ("format", format),
+            ("color", color),
+            ("plant", &plant),
+            ("devices", &devices),
+        ];
         let given =
             all.into_iter().filter_map(|(name, value)| Some(format!("{name} = {:?}", value.as_ref()?)));
         let given: Vec<_> = given.collect();

@@ -62,13 +62,21 @@ impl TypedValueParser for DeviceParser {
     type Value = ChosenDevice;
 
     fn parse_ref(&self, cmd: &Command, arg: Option<&Arg>, value: &OsStr) -> Result<Self::Value, clap::Error> {
-        let folder = value
-            .to_str()
-            .filter(|path| folder::is_path(path))
-            .map(|path| folder::find(Path::new(""), path).and_then(|dir| Ok((path, folder::load(&dir)?))));
+        let path = |name: &str| match folder::is_path(name) {
+            true => Some(name.to_owned()),
+            false => {
+                devices::find(name).is_none().then(|| folder::search(name))??.to_str().map(str::to_owned)
+            }
+        };
+        let folder = value.to_str().and_then(path);
+        let read = |path: String| {
+            let dir = folder::find(Path::new(""), &path)?;
+            Ok::<_, folder::FolderError>((path, folder::load(&dir)?))
+        };
+        let folder = folder.map(read);
         match folder {
             Some(Ok((path, folder))) => {
-                Ok(ChosenDevice { layout: folder.registered.layout, folder: Some(path.to_owned()) })
+                Ok(ChosenDevice { layout: folder.registered.layout, folder: Some(path) })
             }
             Some(Err(reason)) => Err(cmd.clone().error(ErrorKind::ValueValidation, reason)),
             None => {

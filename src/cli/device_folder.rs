@@ -91,6 +91,9 @@ fn check(args: &CheckArgs) -> Result<(), CliError> {
     let folder = folder::load(&dir)?;
     let rows: Vec<_> = folder.rows.iter().map(HandshakeRow::of).collect();
     output::note(&summary(folder));
+    for name in folder.unread_files(&dir)? {
+        output::note(&format!("{}: the device does not read this file", args.dir.join(name).display()));
+    }
     table::print(args.format.format, &rows, table::aligned)
 }
 

@@ -2,6 +2,7 @@
 
 use super::instance::instance_name;
 use super::{Cli, advice, config};
+use crate::devices::folder;
 use clap::builder::Resettable;
 use clap::error::ErrorKind;
 use clap::{Arg, Command, CommandFactory, FromArgMatches};
@@ -29,6 +30,7 @@ pub(super) fn command() -> Command {
         .value_name("NAME")
         .value_parser(instance_name)
         .help("Name of the instance, for every command that uses one");
+    folder::search_first(config::get().devices());
     config::get().apply(command.arg(instance)).help_template(template)
 }
 

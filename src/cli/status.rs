@@ -96,6 +96,9 @@ mod by_channel {
         power: String,
         switch: Option<String>,
         program: Option<String>,
+        /// State of its script, if it is a device in a folder with one.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        script: Option<String>,
     }
 
     impl Row for Plc {
@@ -178,15 +181,17 @@ mod by_channel {
             let of_severity =
                 |severity| found.iter().filter(|it| it.last.rule.severity() == severity).count() as u64;
             let boards = session.boards()?;
-            let plcs = DeviceIndex::enumerate(&boards).map(|(number, (name, state))| {
+            let mut plcs = Vec::new();
+            for (number, (name, state)) in DeviceIndex::enumerate(&boards) {
                 let device = session.device(number);
                 let words = state.words(devices::board_of(device));
-                let (plc, device) = (name.clone(), device.name);
-                Plc { plc, device, power: words.power, switch: words.switch, program: words.program }
-            });
+                let (plc, device, power) = (name.clone(), device.name, words.power);
+                let script = script_state(session, number)?;
+                plcs.push(Plc { plc, device, power, switch: words.switch, program: words.program, script });
+            }
             Ok(Self {
                 clock: ClockJson::from(&info),
-                plcs: plcs.collect(),
+                plcs,
                 nodes: nodes(session, &buses)?,
                 buses: buses.iter().map(Bus::of).collect(),
                 drives: drives.into_iter().map(DriveLine::from).collect(),
@@ -216,6 +221,9 @@ mod by_channel {
                 plural(self.faults as u64, "fault"),
                 plural(self.forced as u64, "forced register")
             );
+            for Plc { plc, .. } in self.plcs.iter().filter(|it| it.script.as_deref() == Some("stopped")) {
+                text += &format!("script of {plc}: stopped; `commram check` has the reason\n");
+            }
             let tables = [
                 (self.plcs.is_empty(), table::aligned(&self.plcs)),
                 (self.nodes.is_empty(), table::aligned(&self.nodes)),
@@ -252,6 +260,13 @@ mod by_channel {
                 self.warnings.to_string(),
             ]
         }
+    }
+
+    /// State of the script that the front of a device shows, if it has a script.
+    fn script_state(session: &Session, plc: DeviceIndex) -> Result<Option<String>, CliError> {
+        let front = session.front(plc)?;
+        let word = front.into_iter().find(|(word, _)| word.name == devices::folder::SCRIPT_WORD);
+        Ok(word.map(|(word, state)| word.called(state).to_string()))
     }
 
     /// The nodes of all PLCs with the states that their firmware reports.

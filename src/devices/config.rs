@@ -16,6 +16,7 @@ use core::fmt;
 use std::path::Path;
 use std::sync::Arc;
 use toml::de::{Error, ValueDeserializer};
+use twox_hash::XxHash3_64;
 
 /// A device as the plant file describes it.
 pub trait DeviceConfig: fmt::Debug + Send + Sync {
@@ -85,6 +86,12 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
     /// [`BuildError`]: the image is too small or read-only, or the settings are refused.
     fn build(&self, index: DeviceIndex, segment: Segment)
     -> Result<(Box<dyn Device>, Vec<Plug>), BuildError>;
+}
+
+/// A number that differs between plants with different settings of a device or bus, within one version of commram.
+#[must_use]
+pub fn settings_number(settings: &dyn fmt::Debug) -> u64 {
+    XxHash3_64::oneshot(format!("{settings:?}").as_bytes())
 }
 
 /// A port as the plant file describes it.

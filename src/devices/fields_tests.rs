@@ -14,8 +14,8 @@ const PAGE: &str = include_str!("../../docs/reference/journal.md");
 const ALWAYS: [&str; 4] = ["v", "seq", "time_us", "kind"];
 /// Latency, and words with more meaning than numbers: they depend on the event, not on its kind.
 const NOT_OF_THE_KIND: [&str; 2] = ["latency_us", "text"];
-/// Words with the prefix of their kind that need the octets of a telegram, which are beside the numbers of the event.
-const OF_OCTETS: [(&str, &str); 2] = [("dp_", "service"), ("dp_", "data")];
+/// Words with the prefix of their kind that need octets or a text, which are beside the numbers of the event.
+const OF_OCTETS: [(&str, &str); 3] = [("dp_", "service"), ("dp_", "data"), ("finding", "note")];
 
 /// Row of the table for one kind.
 struct Row {

@@ -2,7 +2,10 @@
 
 use super::program::Starts;
 use super::supply::Supply;
-use super::{Context, Device, DeviceView, Events, Faulty, Front, FrontAction, NovramContents, Power, World};
+use super::{
+    Context, Device, DeviceView, Events, Faulty, FileChanges, Front, FrontAction, NovramContents, Power,
+    World,
+};
 use crate::fault::{Effect, Faults, Hit, Owner, Target};
 use crate::identity::DeviceIndex;
 use crate::layout;
@@ -99,6 +102,11 @@ pub trait Firmware: SnapshotFields + Send + 'static {
 
     /// Events of the device, if it has any.
     fn events(&mut self) -> Option<&mut Events> {
+        None
+    }
+
+    /// Same as [`Device::file_changes`].
+    fn file_changes(&mut self) -> Option<&mut dyn FileChanges> {
         None
     }
 
@@ -285,6 +293,10 @@ impl<F: Firmware> Device for Plain<F> {
         Some(self)
     }
 
+    fn file_changes(&mut self) -> Option<&mut dyn FileChanges> {
+        self.firmware.file_changes()
+    }
+
     fn faults(&mut self) -> Option<&mut dyn Faulty> {
         Some(self)
     }
@@ -322,5 +334,6 @@ mod tests {
         let kept = (none.next_time(), none.novram(), (0..16).find_map(|event| none.event_level(event)));
         assert_eq!(kept, (u64::MAX, (&[][..], 0), None));
         assert_eq!(none.refusal(BoardSetting::Reset), None);
+        assert!(none.file_changes().is_none());
     }
 }

@@ -260,10 +260,9 @@ pub fn attach(
         Some(known) => Ok((attached, known.layout)),
         #[cfg(feature = "emulator")]
         None if !InstanceLock::device_folders(instance).is_empty() => {
-            let folders = InstanceLock::device_folders(instance);
-            let folders: Vec<_> = folders.iter().map(|path| path.display().to_string()).collect();
             let (path, device) = (attached.path().to_owned(), header::name(&header.device));
-            Err(MemoryError::LostFolder { path, device, folders: folders.join(", ") })
+            let changes = folder::differences(instance);
+            Err(MemoryError::LostFolder { path, device, changes })
         }
         None => Err(MemoryError::OtherLayout {
             path: attached.path().to_owned(),

@@ -81,8 +81,10 @@ impl Resources {
             (Content::Snapshot(bytes, Box::new(file.snapshot)), config)
         } else {
             let text = input_file::text(bytes).map_err(failed)?;
-            let config = PlantConfig::parse(&path.display().to_string(), &text)?;
-            (Content::Plant(text), config)
+            let directory = path.parent().unwrap_or(Path::new(""));
+            let config = PlantConfig::parse_from(directory, &path.display().to_string(), &text)?;
+            // With absolute paths of the folders of devices: a simulator unpacks the archive elsewhere.
+            (Content::Plant(config.source().to_owned()), config)
         };
         let (content, config) = content;
         Ok(Self { content, config, registers })

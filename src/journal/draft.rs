@@ -15,7 +15,7 @@ pub(crate) struct DraftedItem {
 #[derive(Clone, Debug)]
 enum DraftEntry {
     Event(Event, Keeping, Option<Arc<[u8]>>),
-    Finding(Finding),
+    Finding(Finding, Option<Arc<str>>),
 }
 
 /// The entries of the draft, and the current reporter.
@@ -35,8 +35,8 @@ impl Draft {
         });
     }
 
-    pub(super) fn finding(&mut self, time_us: u64, finding: Finding) {
-        self.entries.push(DraftedItem { time_us, by: self.by, what: DraftEntry::Finding(finding) });
+    pub(super) fn finding(&mut self, time_us: u64, finding: Finding, note: Option<Arc<str>>) {
+        self.entries.push(DraftedItem { time_us, by: self.by, what: DraftEntry::Finding(finding, note) });
     }
 }
 
@@ -62,7 +62,7 @@ impl Journal {
         for DraftedItem { time_us, what, .. } in entries {
             match what {
                 DraftEntry::Event(event, keeping, octets) => self.keep(time_us, event, keeping, octets),
-                DraftEntry::Finding(finding) => self.find(time_us, finding),
+                DraftEntry::Finding(finding, note) => self.find_noted(time_us, finding, note.as_deref()),
             }
         }
     }

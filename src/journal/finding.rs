@@ -3,6 +3,7 @@
 use super::catalogue::Catalogue;
 use super::event::Source;
 use super::fields::Fields;
+use super::findings::LONGEST_NOTE;
 use super::kind::EventText;
 use super::reader::Reader;
 use super::rule::Rule;
@@ -10,6 +11,12 @@ use crate::event_kinds;
 use crate::identity::{BusIndex, DeviceIndex};
 use crate::layout::{Address, DeviceFit, RegType, RegisterPhase, RegisterRef, Width, format_value};
 use crate::memory::{HEADER_SIZE, header};
+
+/// The text of a note as the journal keeps it.
+pub(super) fn note(text: &str) -> String {
+    let text = &text[..text.floor_char_boundary(LONGEST_NOTE)];
+    text.replace(|letter: char| letter.is_control(), " ")
+}
 
 /// For findings on a bus: number of a participant plus this value, so that numbers of participants differ from numbers
 /// of guests.
@@ -65,6 +72,11 @@ impl From<Finding> for Found {
     }
 }
 
+/// The note of the record. Journals may come from strangers, so control characters are replaced.
+fn note_of(reader: &Reader) -> Option<String> {
+    reader.octets().map(|octets| note(&String::from_utf8_lossy(&octets)))
+}
+
 impl EventText for Found {
     fn is_known(&self, catalogue: &Catalogue) -> bool {
         catalogue.rule(self.rule).is_some()
@@ -77,7 +89,8 @@ impl EventText for Found {
         let late = if self.late_us > 0 { format!(", {} us late", self.late_us) } else { String::new() };
         let (severity, value) = (rule.severity(), finding.value_text(fitted));
         let address = finding.address(fitted).map_or_else(String::new, |address| format!(" ({address})"));
-        format!("{severity} {rule}: {name}{address} {value}{late}")
+        let note = note_of(reader).map_or_else(String::new, |note| format!(": {note}"));
+        format!("{severity} {rule}: {name}{address} {value}{late}{note}")
     }
 
     fn fields(&self, reader: &mut Reader) -> Fields {
@@ -91,6 +104,7 @@ impl EventText for Found {
             .with("value", self.value)
             .with_any("late_us", Some(self.late_us).filter(|late| *late > 0))
             .with("text", rule.text())
+            .with_any("note", note_of(reader))
     }
 }
 

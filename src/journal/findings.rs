@@ -1,14 +1,17 @@
 //! The table of findings: counted by rule and register, bounded.
 
 use super::{Finding, Rule, Severity};
+use std::sync::Arc;
 
 /// Maximum number of pairs of rule and register that are counted separately.
 pub const MAX_ENTRIES: usize = 256;
+/// Longest note of a finding in bytes.
+pub const LONGEST_NOTE: usize = 200;
 /// Maximum number of records in the journal for one entry. A record is written when the value of the finding changes.
 const MAX_RECORDS: u8 = 8;
 
 /// Counters of a rule at a register.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Entry {
     /// The last finding.
     pub last: Finding,
@@ -23,12 +26,21 @@ pub struct Entry {
     pub last_us: u64,
     /// The longest delay of all of them, in microseconds; 0 for rules without a deadline.
     pub latest_us: u32,
+    /// Text about the violation, if the rule alone does not describe it: at most [`LONGEST_NOTE`] bytes without control
+    /// characters. Findings of one rule at one register with different notes have separate entries.
+    pub note: Option<Arc<str>>,
 }
 
 impl Entry {
-    fn new(finding: Finding, time_us: u64, is_single: bool) -> Self {
+    fn new(finding: Finding, note: Option<Arc<str>>, time_us: u64, is_single: bool) -> Self {
         let latest_us = finding.late_us;
-        Entry { last: finding, is_single, count: 1, first_us: time_us, last_us: time_us, latest_us }
+        Entry { last: finding, is_single, count: 1, first_us: time_us, last_us: time_us, latest_us, note }
+    }
+
+    /// Description of the violation: the note, or else the text of the rule.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        self.note.as_deref().unwrap_or(self.last.rule.text())
     }
 
     fn add(&mut self, finding: Finding, time_us: u64) {
@@ -38,9 +50,10 @@ impl Entry {
         self.latest_us = self.latest_us.max(finding.late_us);
     }
 
-    fn is_of(&self, finding: &Finding) -> bool {
+    fn is_of(&self, finding: &Finding, note: Option<&str>) -> bool {
         let Finding { rule, plc, offset, live, .. } = self.last;
         (rule, plc, offset, live) == (finding.rule, finding.plc, finding.offset, finding.live)
+            && self.note.as_deref() == note
     }
 }
 
@@ -57,8 +70,8 @@ pub struct Findings {
 impl Findings {
     /// Counts a finding. Returns whether it becomes a record of the journal: a new rule or register, or another value
     /// than last time. So a program that repeats an error in every interval does not fill the journal.
-    pub fn note(&mut self, time_us: u64, finding: Finding) -> bool {
-        if let Some(index) = self.entries.iter().position(|entry| entry.is_of(&finding)) {
+    pub fn add(&mut self, time_us: u64, finding: Finding, note: Option<&str>) -> bool {
+        if let Some(index) = self.entries.iter().position(|entry| entry.is_of(&finding, note)) {
             let (entry, records) = (&mut self.entries[index], &mut self.records[index]);
             let is_news = entry.last.value != finding.value && *records < MAX_RECORDS;
             *records += u8::from(is_news);
@@ -66,7 +79,7 @@ impl Findings {
             return is_news;
         }
         if self.entries.len() < MAX_ENTRIES {
-            self.entries.push(Entry::new(finding, time_us, true));
+            self.entries.push(Entry::new(finding, note.map(Arc::from), time_us, true));
             self.records.push(1);
             return true;
         }
@@ -76,7 +89,7 @@ impl Findings {
                 false
             }
             None => {
-                self.further.push(Entry::new(finding, time_us, false));
+                self.further.push(Entry::new(finding, None, time_us, false));
                 true
             }
         }
@@ -152,19 +165,29 @@ mod tests {
     fn equal_findings_are_counted_with_first_and_last_time() {
         let mut findings = Findings::default();
         for time in [10, 20, 30] {
-            findings.note(time, finding(&OWNER, 200_002, 7));
+            findings.add(time, finding(&OWNER, 200_002, 7), None);
         }
-        findings.note(40, finding(&OWNER, 200_004, 7));
+        findings.add(40, finding(&OWNER, 200_004, 7), None);
         let [first, second] = findings.iter().collect::<Vec<_>>()[..] else { panic!("{findings:?}") };
         assert_eq!((first.count, first.first_us, first.last_us), (3, 10, 30));
         assert_eq!((second.count, second.first_us, second.last_us), (1, 40, 40));
     }
 
     #[test]
+    fn different_notes_are_different_findings() {
+        let mut findings = Findings::default();
+        for note in [Some("twice"), Some("late"), Some("twice"), None] {
+            findings.add(0, finding(&OWNER, 200_002, 7), note);
+        }
+        let counts: Vec<_> = findings.iter().map(|entry| (entry.text(), entry.count)).collect();
+        assert_eq!(counts, [("twice", 2), ("late", 1), (OWNER.text(), 1)]);
+    }
+
+    #[test]
     fn only_news_is_worth_a_record_and_not_for_ever() {
         let mut findings = Findings::default();
         let records = |findings: &mut Findings, values: &mut dyn Iterator<Item = u32>| {
-            values.filter(|&value| findings.note(0, finding(&OWNER, 200_002, value))).count()
+            values.filter(|&value| findings.add(0, finding(&OWNER, 200_002, value), None)).count()
         };
         assert_eq!(records(&mut findings, &mut [1, 1, 1, 2, 2].into_iter()), 2);
         assert_eq!(records(&mut findings, &mut (0..100)), 6);
@@ -175,9 +198,9 @@ mod tests {
     fn without_room_findings_are_counted_under_their_rule() {
         let mut findings = Findings::default();
         for offset in 0..2 * MAX_ENTRIES as u32 {
-            findings.note(u64::from(offset), finding(&OWNER, offset, 0));
+            findings.add(u64::from(offset), finding(&OWNER, offset, 0), None);
         }
-        findings.note(1000, finding(&ORDER, 0, 0));
+        findings.add(1000, finding(&ORDER, 0, 0), None);
         assert_eq!(findings.len(), MAX_ENTRIES + 2);
         let rest: Vec<_> = findings.iter().filter(|entry| !entry.is_single).collect();
         assert_eq!((rest[0].last.rule, rest[0].count), (&OWNER, MAX_ENTRIES as u64));

@@ -66,7 +66,7 @@ pub use event::{Event, Keeping, Origin, Source};
 pub use fields::Fields;
 pub(crate) use fields::hex;
 pub use finding::{Finding, Found};
-pub use findings::{Entry, Findings, MAX_ENTRIES};
+pub use findings::{Entry, Findings, LONGEST_NOTE, MAX_ENTRIES};
 pub(crate) use history::Rams;
 pub use history::{Change, KEPT_CHANGES, Keep, MAX_FOLLOWED, Stored};
 pub use kind::{ArrivedFrame, EventKind, EventText, Octets, Ring};
@@ -91,6 +91,7 @@ use history::History;
 use requests::Requests;
 use std::sync::Arc;
 use tally::{LONGEST_PERIOD_US, Outcome, Tally};
+use twox_hash::XxHash3_64;
 
 /// Kinds of events that can happen in any device.
 pub static KINDS: &[&EventKind] = &[
@@ -271,13 +272,30 @@ impl Journal {
     /// Records a finding of the access checker.
     #[cold]
     pub fn find(&mut self, time_us: u64, finding: Finding) {
+        self.find_noted(time_us, finding, None);
+    }
+
+    /// Records a finding with a text about the violation. The journal keeps [`LONGEST_NOTE`] bytes of the text, with
+    /// blanks in place of control characters.
+    #[cold]
+    pub fn find_with(&mut self, time_us: u64, finding: Finding, note: &str) {
+        let note = finding::note(note);
+        self.find_noted(time_us, finding, Some(&note));
+    }
+
+    fn find_noted(&mut self, time_us: u64, finding: Finding, note: Option<&str>) {
         if let Some(draft) = &mut self.draft {
-            return draft.finding(time_us, finding);
+            return draft.finding(time_us, finding, note.map(Arc::from));
         }
         let event = Event::from(Found::from(finding));
         self.witness(time_us, event);
-        if self.findings.note(time_us, finding) {
-            self.ring.note(Record::single(time_us, event));
+        if let Some(note) = note {
+            // The words of a finding have no room for the sum of its note.
+            self.fingerprint.add(time_us, [0, XxHash3_64::oneshot(note.as_bytes()), 0]);
+        }
+        if self.findings.add(time_us, finding, note) {
+            let octets = note.map(|note| Arc::from(note.as_bytes()));
+            self.ring.note(Record { octets, ..Record::single(time_us, event) });
         }
     }
 

@@ -1,5 +1,6 @@
 //! The part of the journal in a snapshot: its position, counts and findings, not its records.
 
+use super::finding;
 use super::findings::Findings;
 use super::history::FollowedRegister;
 use super::ring::Rings;
@@ -16,6 +17,9 @@ pub struct HistoryId {
     pub begin: u64,
 }
 
+/// Bit in the number of records of an entry: the entry has a note.
+const HAS_NOTE: u8 = 0x80;
+
 /// An [`Entry`] with its finding in the form of an event.
 #[derive(Serialize, Deserialize)]
 struct KeptEntry {
@@ -29,14 +33,15 @@ struct KeptEntry {
 
 impl KeptEntry {
     fn of(entry: &Entry) -> Self {
-        let Entry { last, is_single, count, first_us, last_us, latest_us } = *entry;
+        // The notes follow the table.
+        let Entry { last, is_single, count, first_us, last_us, latest_us, note: _ } = *entry;
         KeptEntry { last: Found::from(last).words(), is_single, count, first_us, last_us, latest_us }
     }
 
     fn entry(&self, catalogue: &'static Catalogue) -> Option<Entry> {
         let KeptEntry { last, is_single, count, first_us, last_us, latest_us } = *self;
         let last: Finding = catalogue.event(last)?.get::<Found>()?.finding(catalogue)?;
-        Some(Entry { last, is_single, count, first_us, last_us, latest_us })
+        Some(Entry { last, is_single, count, first_us, last_us, latest_us, note: None })
     }
 }
 
@@ -63,7 +68,11 @@ impl Journal {
         requests.save(to);
         let (single, records, further) = findings.parts();
         let kept = |entries: &[Entry]| entries.iter().map(KeptEntry::of).collect::<Vec<_>>();
+        let noted =
+            |(entry, records): (&Entry, &u8)| records | if entry.note.is_some() { HAS_NOTE } else { 0 };
+        let records: Vec<u8> = single.iter().zip(records).map(noted).collect();
         to.value(&(kept(single), records, kept(further)));
+        single.iter().filter_map(|entry| entry.note.as_deref()).for_each(|note| to.value(&note));
         fingerprint.save(to);
         to.value(&history.in_journal().collect::<Vec<&FollowedRegister>>());
     }
@@ -83,11 +92,19 @@ impl Journal {
         self.ring.begin_at(end, goes_back);
         self.tally.restore(from, catalogue)?;
         self.requests.restore(from)?;
-        let (single, records, further): (Vec<KeptEntry>, Vec<u8>, Vec<KeptEntry>) = from.value()?;
+        let (single, mut records, further): (Vec<KeptEntry>, Vec<u8>, Vec<KeptEntry>) = from.value()?;
         let entries =
             |kept: Vec<KeptEntry>| kept.iter().map(|entry| entry.entry(catalogue)).collect::<Option<_>>();
         let findings = entries(single).zip(entries(further));
-        let (single, further) = findings.ok_or_else(|| from.no("finding"))?;
+        let (mut single, further): (Vec<Entry>, _) = findings.ok_or_else(|| from.no("finding"))?;
+        for (entry, records) in single.iter_mut().zip(&mut records) {
+            if *records & HAS_NOTE != 0 {
+                *records &= !HAS_NOTE;
+                let text: String = from.value()?;
+                from.check(finding::note(&text) == text, "note of a finding")?;
+                entry.note = Some(text.into());
+            }
+        }
         self.findings =
             Findings::of_parts(single, records, further).ok_or_else(|| from.no("table of findings"))?;
         self.fingerprint.restore(from)?;

@@ -234,16 +234,16 @@ pub enum MemoryError {
         /// Hash that the caller expects.
         expected: u64,
     },
-    /// The folder that describes the device cannot be read any more, or has changed.
-    #[error("{} holds {device}, whose registers are described by a folder: {folders}; it is gone or has changed since the \
-             emulator started, restore it", .path.display())]
+    /// The folder that describes the device cannot be read any more, or its registers have changed.
+    #[error("{} holds {device}, whose registers are described by a folder, which is gone or has changed since the emulator \
+             started: {changes}; restore the folder, or start the instance again", .path.display())]
     LostFolder {
         /// The refused path.
         path: PathBuf,
         /// Name of the emulated device.
         device: String,
-        /// The folders of the instance.
-        folders: String,
+        /// The error or the change of each folder of the instance.
+        changes: String,
     },
     /// The file ends before the segment does.
     #[error("{} is {size} bytes long, an image has {}; it is damaged, restart the emulator", .path.display(), expected)]

@@ -17,7 +17,7 @@ pub use error::PlantError;
 use crate::can;
 use crate::can::Message;
 use crate::devices;
-use crate::devices::{BusSection, DeviceConfig, PortConfig};
+use crate::devices::{BusSection, DeviceConfig, PortConfig, settings_number};
 use crate::fault::{DeviceSite, Fault, FaultError, FaultSpec, MAX_FAULTS, Refusal, Sites};
 use crate::identity::BusIndex;
 use crate::input_file;
@@ -27,7 +27,6 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 use std::sync::Arc;
-use twox_hash::XxHash3_64;
 
 /// Maximum number of PLCs, and of buses: records of the journal have 16 bits for each number.
 const MOST: usize = u16::MAX as usize;
@@ -107,9 +106,8 @@ impl PlantConfig {
     // has changed, a plant refuses the snapshots of earlier versions.
     pub(super) fn settings(&self) -> Arc<[u64]> {
         let PlantConfig { processor_cycle_us, devices, buses, faults: _, text: _ } = self;
-        let of = |settings: &dyn core::fmt::Debug| XxHash3_64::oneshot(format!("{settings:?}").as_bytes());
-        let devices = devices.iter().map(|device| of(device));
-        let buses = buses.iter().map(|bus| of(bus));
+        let devices = devices.iter().map(|device| settings_number(device));
+        let buses = buses.iter().map(|bus| settings_number(bus));
         [u64::from(*processor_cycle_us)].into_iter().chain(devices).chain(buses).collect()
     }
 

@@ -182,6 +182,31 @@ impl Plant {
         self.buses.iter().map(|bus| bus.next_time()).fold(first, u64::min)
     }
 
+    /// Lets devices take over changes of their files. Returns whether a device has done so: snapshots from before then belong to
+    /// other settings.
+    pub(crate) fn take_over_files(&mut self) -> bool {
+        let Plant { now, devices, journal, settings, .. } = self;
+        let mut has_changed = false;
+        for (index, device) in devices.iter_mut().enumerate() {
+            let Some(files) = device.file_changes() else { continue };
+            let origin = Origin { plc: DeviceIndex::at(index), node: 0 };
+            let number = files.take_over(&mut Context { now: *now, journal, origin, base: 0 });
+            let Some(number) = number else { continue };
+            has_changed = true;
+            let mut all = settings.to_vec();
+            // The settings of devices follow the processor cycle.
+            if let Some(setting) = all.get_mut(index + 1) {
+                *setting = number;
+            }
+            *settings = all.into();
+        }
+        if has_changed {
+            self.has_looked = false;
+            self.find_next_device();
+        }
+        has_changed
+    }
+
     /// Advances the clock to `time`, and handles all events up to `time`, including events at `time` itself. A time in
     /// the past changes nothing.
     pub fn advance_to(&mut self, time: u64) {

@@ -184,11 +184,19 @@ impl Travel {
         self.saved.values_mut().for_each(|saved| saved.is_behind = false);
     }
 
+    /// Devices have taken over changed files, so the plant cannot repeat its history.
+    pub(crate) fn has_other_files(&mut self) {
+        self.is_elsewhere();
+        self.touch();
+    }
+
     /// Reason why the plant cannot go back.
     fn nothing(&self) -> String {
         let why = match (self.most, self.came_from_elsewhere) {
             (0, _) => "--keep-states is 0",
-            (_, true) => "no time has passed since another state was restored, which drops the history",
+            (_, true) => {
+                "no time has passed since another state was restored or a changed script was read, which drops the history"
+            }
             (_, false) => "no time has passed since the start",
         };
         format!("nothing is kept to go back to: {why}")
@@ -211,6 +219,9 @@ pub(super) fn is_about_to_act(host: &mut dyn Host) {
 /// Called before the clock advances in stepped mode. `is_first`: the operation that advances it has just begun.
 pub(super) fn set_out(host: &mut dyn Host, is_first: bool) {
     if host.is_stepped() {
+        if is_first {
+            host.take_over_files();
+        }
         let (plant, travel) = host.plant_and_travel();
         travel.note_start(plant);
         let after_us = if is_first { PAUSE_US } else { STRETCH_US };

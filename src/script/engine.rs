@@ -273,7 +273,7 @@ fn finding_map(bench: &Bench, entry: &Entry) -> Map {
         ("value".into(), INT::from(entry.last.value).into()),
         ("count".into(), int(entry.count).into()),
         ("time".into(), int(entry.first_us).into()),
-        ("text".into(), rule.text().into()),
+        ("text".into(), entry.text().into()),
     ])
 }
 

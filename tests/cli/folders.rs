@@ -208,9 +208,54 @@ fn a_stopped_script_is_visible_in_every_command() {
     assert!(trace.ok().contains("script stopped: firmware.rhai:2: no such output"), "{}", trace.out);
     let json = emulator.run("trace", &["--kind", "stopped", "--format", "jsonl"]);
     assert!(json.ok().contains("\"text\":\"firmware.rhai:2: no such output\""), "{}", json.out);
+    emulator.breaks(&["script-stopped"]);
+    let check = emulator.run("check", &[]);
+    assert_eq!(check.code, Some(1), "{}", check.out);
+    assert!(check.out.contains("front.script: firmware.rhai:2: no such output"), "{}", check.out);
+    let json = emulator.run("check", &["--format", "json"]);
+    assert!(json.out.contains("\"note\": \"firmware.rhai:2: no such output\""), "{}", json.out);
+    let status = emulator.run("status", &[]);
+    assert!(status.ok().contains("script of io: stopped"), "{}", status.out);
+    assert!(emulator.run("status", &["--format", "json"]).out.contains("\"script\": \"stopped\""));
     // The tables of handshakes still work after the error of the script.
     emulator.step(&["20ms"]);
     assert_eq!(emulator.peek(&["data.w_IN"]), "16#0001");
+}
+
+/// A name without a path is searched in the configuration, then in the data directory of the user.
+#[test]
+fn a_folder_is_found_by_its_name_in_the_search_path() {
+    let place = Place::new();
+    let of_user = place.0.path().join("data/commram/devices");
+    fs::create_dir_all(&of_user).unwrap();
+    fs::rename(place.card(), of_user.join("digital-io")).unwrap();
+    place.write("plant.toml", "[[device]]\nname = 'io'\nkind = 'digital-io'\n");
+    place.write("wrong.toml", "[[device]]\nname = 'io'\nkind = 'digital-oi'\n");
+    place.write("commram.toml", "devices = ['cards']\n");
+    let run_at = |config: &str, args: &[&str]| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_commram"));
+        command.args(args).current_dir(place.0.path()).env("COMMRAM_CONFIG", config);
+        let outcome = command.env("XDG_DATA_HOME", place.0.path().join("data")).output().unwrap();
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        (outcome.status.code(), text(&outcome.stdout) + &text(&outcome.stderr))
+    };
+    let found = run_at("", &["plant", "check", "plant.toml"]);
+    assert_eq!(found.0, Some(0), "{}", found.1);
+    let map = run_at("", &["map", "--device", "digital-io", "data.w_OUT"]);
+    assert!(map.0 == Some(0) && map.1.contains("The 16 outputs"), "{}", map.1);
+    let wrong = run_at("", &["plant", "check", "wrong.toml"]);
+    assert!(wrong.0 == Some(2) && wrong.1.contains("digital-io"), "{}", wrong.1);
+    // The configuration comes first.
+    fs::create_dir_all(place.card()).unwrap();
+    for entry in fs::read_dir(of_user.join("digital-io")).unwrap() {
+        let path = entry.unwrap().path();
+        fs::copy(&path, place.card().join(path.file_name().unwrap())).unwrap();
+    }
+    place.edit("IO_DATA.toml", "The 16 outputs", "Outputs of the configuration");
+    let map = run_at("commram.toml", &["map", "--device", "digital-io", "data.w_OUT"]);
+    assert!(map.0 == Some(0) && map.1.contains("Outputs of the configuration"), "{}", map.1);
+    let verbose = run_at("commram.toml", &["-v", "list"]);
+    assert!(verbose.1.contains("devices = ") && verbose.1.contains("/cards"), "{}", verbose.1);
 }
 
 /// Each mistake in a table of handshakes has its line and the correct form.
@@ -231,6 +276,12 @@ fn wrong_handshakes_are_refused_with_their_line() {
         ("to = \"data.w_IN\"", "to = \"control.ud_CYCLES\"", ":41: ", "have other registers"),
         ("to = \"data.w_IN\"", "to = \"control.w_TOGGLE\"", ":41: ", "the program writes control.w_TOGGLE"),
         ("set = 0x0002", "set = 0x0002, value = 1", ":13: ", "either a `value`, or different bits"),
+        (
+            "register = \"control.w_WATCHDOG\"",
+            "register = \"control.w_STATUS\"",
+            ":32: ",
+            "only the device writes control.w_STATUS",
+        ),
         ("bits = 0x0001", "bits = 0x0001\ncolour = 1", ":21: ", "unknown field `colour`"),
         ("answer = 0x04", "answer = 0x04\nthen = 5", ":12: ", "the device would answer itself"),
         ("answer = 0x04", "answer = 0x04\nthen_after = \"1ms\"", ":12: ", "`then_after` needs `then`"),
@@ -250,6 +301,33 @@ fn wrong_handshakes_are_refused_with_their_line() {
             "{to}: {refused}"
         );
     }
+}
+
+/// A file or function that nothing reads or calls because of its name.
+#[test]
+fn misnamed_files_are_refused_and_others_are_named() {
+    for (name, wrong) in [("handshakes.toml", "handshake.toml"), ("handshakes.toml", "Handshakes.toml")] {
+        let place = Place::new();
+        fs::rename(place.card().join(name), place.card().join(wrong)).unwrap();
+        let refused = place.refused();
+        assert!(refused.contains(wrong) && refused.contains("did you mean handshakes.toml?"), "{refused}");
+    }
+    let place = Place::new();
+    fs::write(place.card().join("Firmware.rhai"), "fn poll() {}").unwrap();
+    assert!(place.refused().contains("did you mean firmware.rhai?"), "{}", place.refused());
+    let place = Place::new();
+    fs::write(place.card().join("firmware.rhai"), "import \"helper\" as helper;").unwrap();
+    for name in ["helper.rhai", "other.rhai", "notes.toml", ".hidden.toml", "readme.md"] {
+        fs::write(place.card().join(name), "").unwrap();
+    }
+    let check = run(&["device", "check", &place.path("cards/digital-io")]);
+    assert_eq!(check.code, Some(0), "{}", check.err);
+    let named: Vec<_> = check.err.lines().filter(|line| line.contains("does not read this file")).collect();
+    assert!(
+        named.len() == 2 && named[0].contains("notes.toml") && named[1].contains("other.rhai"),
+        "{}",
+        check.err
+    );
 }
 
 /// A snapshot has the absolute path, and belongs to the files of the folder.
@@ -345,6 +423,93 @@ fn a_lost_folder_of_a_running_instance_is_named() {
         );
     }
     fs::rename(place.0.path().join("moved"), place.card()).unwrap();
+}
+
+/// Clients need the registers only, so other changes of the folder do not concern them.
+#[test]
+fn clients_of_a_running_instance_accept_changes_beside_the_registers() {
+    let place = Place::new();
+    let emulator = Emulator::start(&[&place.path("plant.toml"), "--clock", "stepped"]);
+    place.edit("device.toml", "Digital I/O card", "Card with inputs");
+    place.edit("IO_DATA.toml", "The 16 outputs", "The outputs of the card");
+    place.edit("handshakes.toml", "request = 0x05", "request = five");
+    emulator.poke(&["data.w_OUT=16#55AA"]);
+    assert_eq!(emulator.peek(&["data.w_OUT"]), "16#55AA");
+    assert!(emulator.run("map", &["data.w_OUT"]).ok().contains("The outputs of the card"));
+    place.edit("IO_DATA.toml", "\"w_OUT\"", "\"w_OUTPUTS\"");
+    let refused = emulator.run("peek", &["control.w_COMMAND"]);
+    assert!(refused.fails(3).contains("a register has another name, type or address"), "{}", refused.err);
+    place.edit("device.toml", "names = \"manual\"", "names = manual");
+    let refused = emulator.run("peek", &["control.w_COMMAND"]);
+    assert!(refused.fails(3).contains("device.toml:"), "{}", refused.err);
+    place.edit("device.toml", "names = manual", "names = \"manual\"");
+    place.edit("IO_DATA.toml", "\"w_OUTPUTS\"", "\"w_OUT\"");
+}
+
+/// A stepped instance reads a changed script before its clock advances; a wrong one leaves the old one running.
+#[test]
+fn a_changed_script_is_read_again_in_stepped_mode() {
+    let place = Place::new();
+    let script = |text: &str| fs::write(place.card().join("firmware.rhai"), text).unwrap();
+    script(
+        "fn power_on() { this.sum = 0; }\nfn written(register, old, value) { this.sum += value; output(\"data.w_IN\", this.sum); }",
+    );
+    fs::write(place.card().join("handshakes.toml"), "").unwrap();
+    let emulator = Emulator::start(&[&place.path("plant.toml"), "--clock", "stepped"]);
+    let sum_after = |value: u32| {
+        emulator.poke(&[&format!("io:data.w_OUT={value}")]);
+        emulator.step(&["1ms"]);
+        emulator.peek(&["data.w_IN"])
+    };
+    assert_eq!(sum_after(1), "16#0001");
+    script("fn written(register, old, value) {\n  this.sum += 16#10;\n}");
+    assert_eq!(sum_after(2), "16#0003");
+    let trace = emulator.run("trace", &["--kind", "reload"]);
+    assert!(
+        trace.ok().contains("files not read again: firmware.rhai:2: `16#10`: write 0x10"),
+        "{}",
+        trace.out
+    );
+    // The map `this` stays.
+    script("fn written(register, old, value) { this.sum += 0x10 * value; output(\"data.w_IN\", this.sum); }");
+    assert_eq!(sum_after(3), "16#0033");
+    assert!(emulator.run("trace", &["--kind", "reload"]).ok().contains("script read again"));
+    // The history before the change belongs to another script.
+    emulator.step(&["1ms"]);
+    assert_ne!(emulator.run("step", &["--back", "3ms"]).code, Some(0));
+    emulator.run("step", &["--back", "1ms"]).ok();
+    // A stopped script runs again.
+    emulator.breaks(&["script-stopped"]);
+    script("fn written(register, old, value) { throw \"no\"; }");
+    sum_after(4);
+    assert!(emulator.run("board", &["get"]).ok().contains("script stopped"));
+    script("fn written(register, old, value) { output(\"data.w_IN\", this.sum + 1); }");
+    assert_eq!(sum_after(5), "16#0034");
+    assert!(emulator.run("board", &["get"]).ok().contains("script running"));
+    place.edit("IO_DATA.toml", "The 16 outputs", "The outputs");
+    emulator.step(&["1ms"]);
+    let trace = emulator.run("trace", &["--kind", "reload"]);
+    assert!(trace.ok().contains("a file with registers or handshakes has changed"), "{}", trace.out);
+}
+
+/// A snapshot belongs to the script that ran at its time.
+#[test]
+fn a_snapshot_after_a_changed_script_belongs_to_the_new_files() {
+    let place = Place::new();
+    let script = |text: &str| fs::write(place.card().join("firmware.rhai"), text).unwrap();
+    let saved = place.path("saved.snapshot");
+    script("fn poll() { output(\"data.w_IN\", 1); }");
+    fs::write(place.card().join("handshakes.toml"), "").unwrap();
+    {
+        let emulator = Emulator::start(&[&place.path("plant.toml"), "--clock", "stepped"]);
+        emulator.step(&["1ms"]);
+        script("fn poll() { output(\"data.w_IN\", 2); }");
+        emulator.step(&["1ms"]);
+        emulator.run("snapshot", &[&saved]).ok();
+    }
+    let emulator = Emulator::start(&["--from", &saved, "--clock", "stepped"]);
+    emulator.step(&["1ms"]);
+    assert_eq!(emulator.peek(&["data.w_IN"]), "16#0002");
 }
 
 #[test]

@@ -331,7 +331,7 @@ fn a_taken_number_is_reported_with_its_slot() {
     Text::new(bm4.plant.names(), commram::devices::catalogue()).record(&record, &mut text);
     assert!(text.contains("no station can address slotH"), "{text}");
     let findings = bm4.plant.journal().findings();
-    let [entry] = findings.iter().copied().collect::<Vec<_>>()[..] else { panic!("one finding") };
+    let [entry] = findings.iter().collect::<Vec<_>>()[..] else { panic!("one finding") };
     let name = entry.last.name(bm4.plant.names().fitted(DeviceIndex(0)));
     assert_eq!((entry.last.rule, entry.last.value), (&rules::NUMBER_TAKEN, 7));
     assert_eq!(name.as_deref(), Some("slotH.w_SLAVE_NUMBER"));
@@ -484,7 +484,7 @@ fn a_bus_without_a_master_gives_a_warning_and_a_finding() {
     bm4.step(100_000);
     assert_eq!(bm4.plant.next_sync(DeviceIndex(0), 1), None);
     let findings = bm4.plant.journal().findings();
-    let [found] = findings.iter().copied().collect::<Vec<_>>()[..] else { panic!("one finding") };
+    let [found] = findings.iter().collect::<Vec<_>>()[..] else { panic!("one finding") };
     let name = found.last.name(bm4.plant.names().fitted(DeviceIndex(0)));
     assert_eq!((found.last.rule, name.as_deref()), (&rules::NO_MASTER, Some("slotH.b_MA_SL_MODE")));
 }

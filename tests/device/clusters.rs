@@ -144,7 +144,7 @@ fn a_run_on_several_cores_equals_a_run_on_one() {
             intervals(&mut cluster, 10);
             cluster.plant.set_board(DeviceIndex(12), BoardSetting::PowerCycle);
             intervals(&mut cluster, 30);
-            let findings: Vec<_> = cluster.plant.journal().findings().iter().copied().collect();
+            let findings: Vec<_> = cluster.plant.journal().findings().iter().cloned().collect();
             cluster.plant.clear_findings();
             let plant = &cluster.plant;
             let records: Vec<_> = plant.journal().records().collect();

@@ -1,6 +1,7 @@
 //! Devices in folders with a script: hooks, limits, snapshots.
 
 use commram::devices::folder;
+use commram::fmi::{Resources, Unit, Value, VariableType};
 use commram::script::{Bench, Limits, Outcome, run_file};
 use std::fs;
 use std::path::Path;
@@ -246,6 +247,151 @@ fn a_stop_is_visible_until_the_next_power_on() {
     assert_eq!((bench.peek("front.script").unwrap(), bench.peek("card.w_COUNT").unwrap()), (0, 5));
 }
 
+/// A rule of the device, with its text, in every place where findings are shown.
+#[test]
+fn violations_and_stops_are_findings_with_their_text() {
+    let card = Card::new(
+        "fn written(register, old, value) {
+    if value == 9 { throw \"no page for 9\"; }
+    violation(register, if value == 1 { \"first rule (p. 1)\" } else { \"second\\u0007rule\" });
+}
+",
+    );
+    let mut bench = card.bench();
+    for value in [1, 2, 1, 3] {
+        bench.poke("card.w_DATA", value).unwrap();
+        bench.step("1ms").unwrap();
+    }
+    let texts = |bench: &mut Bench| -> Vec<_> {
+        let found = bench.findings().unwrap();
+        found.iter().map(|it| (it.last.rule.id(), it.text().to_owned(), it.count)).collect()
+    };
+    let own = |text: &str, count| ("own-rule", text.to_owned(), count);
+    assert_eq!(texts(&mut bench), [own("first rule (p. 1)", 2), own("second rule", 2)]);
+    let lines = journal(&mut bench);
+    assert!(lines.iter().any(|line| line.ends_with("16#0001: first rule (p. 1)")), "{lines:#?}");
+    // A snapshot has the texts, too.
+    let saved = bench.save().unwrap();
+    let before = bench.journal_hash();
+    bench.poke("card.w_DATA", 9).unwrap();
+    bench.step("1ms").unwrap();
+    let stop = ("script-stopped", "firmware.rhai:2: no page for 9".to_owned(), 1);
+    assert_eq!(texts(&mut bench).last(), Some(&stop));
+    let refused = bench.expect_no_findings(&["own-rule"]).unwrap_err().to_string();
+    assert!(refused.contains("front.script") && refused.contains("no page for 9"), "{refused}");
+    bench.back_to(saved).unwrap();
+    assert_eq!((texts(&mut bench).len(), bench.journal_hash()), (2, before));
+    assert_eq!(texts(&mut bench)[1], own("second rule", 2));
+}
+
+/// A device declares its own records, and its script writes them.
+#[test]
+fn own_records_are_in_the_journal_with_their_fields() {
+    let tables = "[[record]]\nname = 'limit'\ntext = 'the limit is reached'\nfields = ['count', 'is_high']\npage = '1'\n\
+                  [[record]]\nname = 'idle'\ntext = 'nothing to do'\npage = '2'\n";
+    let card = Card::new(
+        "fn written(register, old, value) {
+    switch value {
+        1 => record(\"limit\", #{ count: -7, is_high: true }),
+        2 => record(\"idle\"),
+        3 => record(\"limit\", #{ count: 1 }),
+        4 => record(\"limit\", #{ count: 1, is_high: 0, other: 1 }),
+        5 => record(\"limit\", #{ count: 0x1_0000_0000, is_high: 0 }),
+    }
+}
+",
+    );
+    card.write("handshakes.toml", tables);
+    let folder = folder::load(card.dir()).unwrap();
+    assert_eq!(folder.records.iter().map(|it| it.name.as_str()).collect::<Vec<_>>(), ["limit", "idle"]);
+    let mut bench = card.bench();
+    for value in [1, 2] {
+        bench.poke("card.w_DATA", value).unwrap();
+        bench.step("1ms").unwrap();
+    }
+    let lines = journal(&mut bench);
+    for line in [
+        "device_record: 0.000500 s  card        limit count=-7 is_high=1: the limit is reached",
+        "idle: nothing to do",
+    ] {
+        assert!(lines.iter().any(|it| it.contains(line)), "{line}: {lines:#?}");
+    }
+    for (value, refused) in
+        [(3, "needs its field `is_high`"), (4, "has no field `other`"), (5, "at most 32 bits")]
+    {
+        bench.power_cycle("").unwrap();
+        bench.step("1ms").unwrap();
+        bench.poke("card.w_DATA", value).unwrap();
+        bench.step("1ms").unwrap();
+        let lines = journal(&mut bench);
+        assert!(
+            lines.iter().any(|it| it.contains(" stopped: ") && it.contains(refused)),
+            "{refused}: {lines:#?}"
+        );
+    }
+    let wrong = Card::new("fn poll() {\n  record(\"limits\");\n}");
+    wrong.write("handshakes.toml", tables);
+    assert!(wrong.refused().contains("firmware.rhai:2: ") && wrong.refused().contains("did you mean limit?"));
+    wrong.write("handshakes.toml", &tables.replace("'idle'", "'limit'"));
+    assert!(wrong.refused().contains("handshakes.toml:6: another [[record]]"), "{}", wrong.refused());
+    wrong.write("handshakes.toml", &tables.replace("'idle'", "'Idle'"));
+    assert!(wrong.refused().contains("handshakes.toml:6: `Idle` is no name"), "{}", wrong.refused());
+}
+
+/// The unit of a plant finds the folders of its devices after a simulator has unpacked it elsewhere.
+#[test]
+fn a_unit_runs_the_script_of_a_folder() {
+    let card = Card::new(
+        "fn written(register, old, value) { after(\"1ms\", \"show\", [value]); }\nfn show(value) { output(\"card.w_COUNT\", value); }\n",
+    );
+    let name = card.dir().file_name().unwrap().to_str().unwrap().to_owned();
+    let parent = tempfile::tempdir_in(card.dir().parent().unwrap()).unwrap();
+    let plant = parent.path().join("plant.toml");
+    fs::write(&plant, format!("[[device]]\nname = 'card'\nkind = '../{name}'\n")).unwrap();
+    let unpacked = tempfile::tempdir().unwrap();
+    for (file, content) in Resources::of_file(&plant, Vec::new()).unwrap().files() {
+        fs::write(unpacked.path().join(file), content).unwrap();
+    }
+    let mut unit = Unit::new(&Resources::of_directory(unpacked.path()).unwrap()).unwrap();
+    let at = |unit: &Unit, name: &str| unit.variables().iter().position(|it| it.name == name).unwrap() as u32;
+    let (data, count) = (at(&unit, "card.w_DATA"), at(&unit, "card.w_COUNT"));
+    unit.begin(0.0).unwrap();
+    unit.set(data, VariableType::U16, Value::Integer(7)).unwrap();
+    unit.step(0.0, 0.001).unwrap();
+    assert_eq!(unit.get(count, VariableType::U16), Ok(Value::Integer(0)));
+    unit.step(0.001, 0.001).unwrap();
+    assert_eq!(unit.get(count, VariableType::U16), Ok(Value::Integer(7)));
+}
+
+/// Each bit of a toggle table has its time, which begins when the firmware sees the bit.
+#[test]
+fn each_toggled_bit_has_its_own_time() {
+    let card = Card::new("");
+    card.write(
+        "handshakes.toml",
+        "[[toggle]]\nregister = 'card.w_DATA'\nacknowledge = 'card.w_COUNT'\nbits = 7\nafter = '5ms'\npage = '1'\nsource = 'manual'\n",
+    );
+    let mut bench = card.bench();
+    bench.poke("card.w_DATA", 1).unwrap();
+    bench.step("3ms").unwrap();
+    bench.poke("card.w_DATA", 7).unwrap();
+    bench.step("1ms").unwrap();
+    // The program takes bit 2 back.
+    bench.poke("card.w_DATA", 3).unwrap();
+    let middle = bench.save().unwrap();
+    for _ in 0..2 {
+        let mut seen = Vec::new();
+        for _ in 0..60 {
+            bench.step("100us").unwrap();
+            seen.push((bench.now().unwrap(), bench.peek("card.w_COUNT").unwrap()));
+        }
+        seen.dedup_by_key(|(_, value)| *value);
+        // 5 ms after the polls at 0.5 ms and 3.5 ms.
+        assert_eq!(seen, [(4_100, 0), (5_500, 1), (8_500, 3)]);
+        bench.back_to(middle).unwrap();
+    }
+}
+
 /// Scripts without an end, and scripts that want all memory or the whole stack: each stops in its line.
 #[test]
 fn a_hostile_script_stops_and_the_emulator_continues() {
@@ -268,7 +414,11 @@ fn a_hostile_script_stops_and_the_emulator_continues() {
         ("fn poll() { let s = []; for n in 0..64 { s = [s]; } this.s = s; }", ":", "16 deep"),
         ("fn poll() { this.s = helper; }\nfn helper() {}", ":", "cannot keep"),
         ("fn poll() { for n in 0..100 { after(\"1s\", \"poll\"); } }", ":1:", "at most 64"),
-        ("fn poll() { write(\"card.\" + \"w_DATA\", 1); }", ":1:", "only the program writes card.w_DATA"),
+        (
+            "fn poll() { let name = \"w_DATA\"; write(\"card.\" + name, 1); }",
+            ":1:",
+            "only the program writes card.w_DATA",
+        ),
         ("fn poll() { write(\"card.i_VALUE\", 40000000); }", ":1:", "does not fit"),
         ("fn poll() { let name = \"w_DATUM\"; read(\"card.\" + name); }", ":1:", "w_DATUM"),
         ("fn poll() { output_all(\"card.a_OUT\", [1]); }", ":1:", "is 4 registers, here are 1 values"),
@@ -314,10 +464,34 @@ fn a_wrong_script_is_refused_with_its_line() {
         ("import \"other\" as other;", "the folder has no script `other` to import"),
         ("import \"/etc/passwd\" as other;", "the folder has no script `/etc/passwd` to import"),
         ("loop {}", "firmware.rhai:1: the script does not end"),
+        (
+            "\nfn writes(register, old, value) { }",
+            "firmware.rhai:2: nothing calls the function `writes`; did you mean written?",
+        ),
+        ("fn poll() { output(\"card.w_DATA\", 1); }", "firmware.rhai:1: only the program writes card.w_DATA"),
+        (
+            "fn poll() {\n output_all(\"card.a_IN\", []); }",
+            "firmware.rhai:2: only the program writes card.a_IN",
+        ),
+        ("fn poll() {\n  write(\"card.w_COUNT\", 16#0001); }", "firmware.rhai:2: `16#0001`: write 0x0001"),
+        ("fn poll() {\n  IF now() > 5 { }\n}", "firmware.rhai:2: `IF`: write"),
+        (
+            "fn poll() {\n  let x = 1;\n  x := 2;\n}",
+            "firmware.rhai:3: `:=`: write `=` for a variable, and write(",
+        ),
+        ("fn poll() {\n  if now() <> 5 { }\n}", "firmware.rhai:2: `<>`: write `!=`"),
+        ("fn poll() {\n  let x = TRUE;\n}", "firmware.rhai:2: `TRUE`: write `true`"),
+        (
+            "fn poll() {\n  write(card.w_COUNT, 1);\n  let y = 5ms;\n}",
+            "firmware.rhai:3: `5ms`: write a time as a text",
+        ),
     ] {
         let refused = Card::new(script).refused();
         assert!(refused.contains(message), "{script}: {refused}");
     }
+    // A function that something calls may have any name.
+    let used = Card::new("fn power_on() { after(1, \"pol\"); }\nfn pol() { powr_on(); }\nfn powr_on() {}");
+    assert!(folder::load(used.dir()).is_ok());
     let deep = format!("fn poll() {{ let x = {}1{}; }}", "(".repeat(200), ")".repeat(200));
     assert!(Card::new(&deep).refused().contains("firmware.rhai:1: "));
     let many = format!("fn poll() {{ read({}); }}", vec!["1"; 17].join(", "));

@@ -62,7 +62,7 @@ proptest! {
         other.advance_to(other.now() + 3_000);
         let journals = [&plant, &other].map(|plant| {
             let journal = plant.journal();
-            let findings: Vec<_> = journal.findings().iter().copied().collect();
+            let findings: Vec<_> = journal.findings().iter().cloned().collect();
             (journal.written(), journal.hash(), records_from(plant, position), journal.pending(), findings)
         });
         prop_assert_eq!(&journals[0], &journals[1]);

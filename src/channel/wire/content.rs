@@ -7,7 +7,7 @@ use super::{Block, forces, serde_types};
 use crate::devices::DriveDetails;
 use crate::door::DoorSpec;
 use crate::fault::FaultStatus;
-use crate::journal::{Change, Entry, HistoryId, Record};
+use crate::journal::{Change, Entry, HistoryId, LONGEST_NOTE, Record};
 use crate::memory::header::BoardState;
 use crate::plant::Forced;
 use crate::request::{BusScene, BusState, Code, DriveEntry, InstanceInfo, Refused, Waited};
@@ -190,12 +190,32 @@ impl Element for FaultStatus {
     }
 }
 
-impl Element for Entry {
-    type Sent = WireEntry;
-
-    fn of(sent: &WireEntry) -> Option<Self> {
-        sent.entry()
+/// The entries, then their notes if there are any: a client of an earlier build does not read them.
+impl Content for Vec<Entry> {
+    fn put(&self, _: &mut Block, data: &mut Vec<u8>) {
+        serde_types::append(&self.iter().map(WireEntry::from).collect::<Vec<_>>(), data);
+        if self.iter().any(|entry| entry.note.is_some()) {
+            serde_types::append(&self.iter().map(|entry| entry.note.as_deref()).collect::<Vec<_>>(), data);
+        }
     }
+
+    fn take(_: &Block, data: &mut &[u8]) -> Option<Self> {
+        let sent: Vec<WireEntry> = serde_types::take(data)?;
+        let mut entries: Self = sent.iter().map(WireEntry::entry).collect::<Option<_>>()?;
+        if !data.is_empty() {
+            let notes: Vec<Option<String>> = serde_types::take(data)?;
+            if notes.len() != entries.len() || !notes.iter().flatten().all(|note| is_note(note)) {
+                return None;
+            }
+            entries.iter_mut().zip(notes).for_each(|(entry, note)| entry.note = note.map(Into::into));
+        }
+        Some(entries)
+    }
+}
+
+/// Whether a server can have sent this note of a finding.
+fn is_note(text: &str) -> bool {
+    text.len() <= LONGEST_NOTE && !text.contains(char::is_control)
 }
 
 /// Decodes a `T` from its bytes at the beginning of the data, and removes them.

@@ -18,7 +18,8 @@ pub(super) struct WireEntry {
 
 impl From<&Entry> for WireEntry {
     fn from(entry: &Entry) -> Self {
-        let Entry { last, is_single, count, first_us, last_us, latest_us } = *entry;
+        // The notes follow the list.
+        let Entry { last, is_single, count, first_us, last_us, latest_us, note: _ } = *entry;
         // An entry counts at least one finding.
         let count = NonZeroU64::new(count).unwrap_or(NonZeroU64::MIN);
         WireEntry { last: Found::from(last).words(), count, first_us, last_us, latest_us, is_single }
@@ -31,7 +32,7 @@ impl WireEntry {
         let WireEntry { last, count, first_us, last_us, latest_us, is_single } = *self;
         let found: Found = devices::catalogue().event(last)?.get()?;
         let last = found.finding(devices::catalogue())?;
-        Some(Entry { last, is_single, count: count.get(), first_us, last_us, latest_us })
+        Some(Entry { last, is_single, count: count.get(), first_us, last_us, latest_us, note: None })
     }
 }
 
@@ -55,7 +56,8 @@ mod tests {
             late_us: u32::MAX,
         };
         for is_single in [true, false] {
-            let entry = Entry { last, is_single, count: 7, first_us: 1, last_us: u64::MAX, latest_us: 5 };
+            let entry =
+                Entry { last, is_single, count: 7, first_us: 1, last_us: u64::MAX, latest_us: 5, note: None };
             let wire = WireEntry::from(&entry);
             let bytes = serde_types::encode(&wire);
             let back: WireEntry = serde_types::decode(&bytes).unwrap();

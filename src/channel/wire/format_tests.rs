@@ -190,7 +190,15 @@ pub(super) fn replies() -> Vec<(&'static str, Reply)> {
         value: 6,
         late_us: 0,
     };
-    let entry = Entry { last: finding, is_single: true, count: 2, first_us: 10, last_us: 20, latest_us: 0 };
+    let entry = Entry {
+        last: finding,
+        is_single: true,
+        count: 2,
+        first_us: 10,
+        last_us: 20,
+        latest_us: 0,
+        note: None,
+    };
     let parameter = ParameterState {
         number: 47,
         name: "Speed".into(),

@@ -1,6 +1,7 @@
 //! Scripts of device folders in a library without feature `script`: a folder with a script is refused (D-800).
 
 use super::FolderError;
+use super::own_records::OwnRecord;
 use super::part::Part;
 use crate::devices::Exercise;
 use crate::layout::DeviceLayout;
@@ -34,7 +35,12 @@ impl Script {
         match *self {}
     }
 
-    pub(super) fn check(&mut self, _: &Path, _: &'static DeviceLayout) -> Result<(), FolderError> {
+    pub(super) fn check(
+        &mut self,
+        _: &Path,
+        _: &'static DeviceLayout,
+        _: &[OwnRecord],
+    ) -> Result<Vec<String>, FolderError> {
         match *self {}
     }
 

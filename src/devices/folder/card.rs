@@ -206,6 +206,21 @@ impl Card {
         }
     }
 
+    /// As [`Card::watch`] for a changed script: registers that were compared before keep their last known value.
+    #[cfg(feature = "script")]
+    pub(super) fn watch_again(&mut self, layout: &'static DeviceLayout, names: Option<&[String]>) {
+        let known = mem::take(&mut self.watched);
+        self.watch(layout, names);
+        for watched in &mut self.watched {
+            let Place { offset, width, .. } = watched.place;
+            let before = known.get(known.partition_point(|it| it.place.offset < offset));
+            watched.last = match before.filter(|it| it.place.offset == offset) {
+                Some(before) => before.last,
+                None => self.segment.load(offset, width).unwrap_or(0),
+            };
+        }
+    }
+
     /// Takes the present values of the watched registers as known, after power-on.
     #[cfg(feature = "script")]
     pub(super) fn forget_changes(&mut self) {

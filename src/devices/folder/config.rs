@@ -5,6 +5,7 @@ use super::card::Card;
 use super::firmware::FolderFirmware;
 use super::handshakes::Handshakes;
 use super::part::Part;
+use super::source::Source;
 use crate::devices::{BuildError, Device, DeviceConfig, Plain, Plug};
 use crate::identity::DeviceIndex;
 use crate::layout::DeviceLayout;
@@ -16,10 +17,11 @@ use std::sync::Arc;
 use toml::de::{Error, ValueDeserializer};
 
 /// A device of a folder in the plant file.
+#[derive(Clone)]
 pub(crate) struct FolderConfig {
     name: String,
-    folder: &'static Folder,
-    dir: PathBuf,
+    pub(super) folder: &'static Folder,
+    pub(super) dir: PathBuf,
 }
 
 /// Keys of the section in the plant file, except `kind`.
@@ -85,7 +87,7 @@ impl DeviceConfig for FolderConfig {
             parts.push(script.firmware(self.layout()));
         }
         parts.push(Box::new(Handshakes::new(&self.folder.rows)));
-        let firmware = FolderFirmware::new(parts, card);
+        let firmware = FolderFirmware::new(parts, card, Source::new(self.clone()));
         let device = Plain::new(index, &self.name, self.layout(), segment, firmware)?;
         Ok((Box::new(device), Vec::new()))
     }

@@ -51,7 +51,15 @@ pub(crate) fn check_handshakes(dir: &Path, text: &str) -> Result<(), FolderError
 /// [`FolderError`] with the line.
 pub(crate) fn check_script(dir: &Path, name: &str, text: &str) -> Result<(), FolderError> {
     match Script::read(dir)? {
-        Some(script) => script.with(name, text).check(dir, layout(dir)?),
+        Some(script) => {
+            let layout = layout(dir)?;
+            let path = dir.join(handshakes::FILE);
+            let tables = commram_layoutc::read_file_of_folder(dir, handshakes::FILE)?;
+            // A mistake in the tables is reported with the tables.
+            let tables = tables.and_then(|text| handshakes::read(&path, &text, layout).ok());
+            let records = tables.unwrap_or_default().records;
+            script.with(name, text).check(dir, layout, &records).map(drop)
+        }
         None => Ok(()),
     }
 }

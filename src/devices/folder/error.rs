@@ -48,6 +48,14 @@ pub enum FolderError {
         /// The folder.
         dir: PathBuf,
     },
+    /// A file has nearly the name of a file that devices read, and the folder does not have that file.
+    #[error("{}: no device reads a file of this name{hint}", path.display())]
+    Misnamed {
+        /// The file.
+        path: PathBuf,
+        /// `; did you mean ...?`
+        hint: String,
+    },
     /// The device exceeds a limit.
     #[error("{}: the device has {count} {what}; a device in a folder has at most {most}", dir.display())]
     TooMuch {

@@ -2,7 +2,9 @@
 
 use super::card::Card;
 use super::part::Part;
-use crate::devices::{Context, Events, Firmware};
+use super::records::Reload;
+use super::source::Source;
+use crate::devices::{Context, Events, FileChanges, Firmware};
 use crate::memory::header::Start;
 use crate::snapshot_fields;
 
@@ -10,13 +12,14 @@ use crate::snapshot_fields;
 pub(super) struct FolderFirmware {
     parts: Vec<Box<dyn Part>>,
     card: Card,
+    source: Source,
 }
 
-snapshot_fields!(FolderFirmware { parts: parts, card });
+snapshot_fields!(FolderFirmware { parts: parts, card; built: source });
 
 impl FolderFirmware {
-    pub(super) fn new(parts: Vec<Box<dyn Part>>, card: Card) -> Self {
-        FolderFirmware { parts, card }
+    pub(super) fn new(parts: Vec<Box<dyn Part>>, card: Card, source: Source) -> Self {
+        FolderFirmware { parts, card, source }
     }
 
     /// Calls each part with the registers.
@@ -65,11 +68,35 @@ impl Firmware for FolderFirmware {
         self.card.events()
     }
 
+    fn file_changes(&mut self) -> Option<&mut dyn FileChanges> {
+        Some(self)
+    }
+
     /// No event occurs while the program is stopped (D-300).
     fn ordered(&mut self, ctx: &mut Context, order: Start) {
         if let Some(events) = self.card.events() {
             events.held = order == Start::Stop;
         }
         self.each(|part, card| part.ordered(ctx, card, order));
+    }
+}
+
+/// A changed script continues with the state and the waiting functions of the previous one (D-807).
+impl FileChanges for FolderFirmware {
+    fn take_over(&mut self, ctx: &mut Context) -> Option<u64> {
+        let read = self.source.read_again();
+        let script = match &read {
+            Ok(None) => return None,
+            Ok(Some(folder)) => folder.script.as_ref(),
+            Err(what) => {
+                Reload::write(ctx.journal, ctx.now, ctx.origin.plc, &format!("files not read again: {what}"));
+                return None;
+            }
+        };
+        if let Some(script) = script {
+            Reload::write(ctx.journal, ctx.now, ctx.origin.plc, "script read again");
+            self.each(|part, card| part.take_over(ctx, card, script));
+        }
+        Some(self.source.settings())
     }
 }

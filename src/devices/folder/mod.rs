@@ -9,13 +9,17 @@ mod config;
 #[cfg(feature = "cli")]
 pub(crate) mod edited;
 mod error;
+mod files;
 mod firmware;
 mod handshakes;
+mod own_records;
 mod part;
 pub mod records;
 pub mod rules;
 #[cfg_attr(not(feature = "script"), path = "absent.rs")]
 mod script;
+mod search;
+mod source;
 mod state_word;
 mod tables;
 mod texts;
@@ -27,7 +31,13 @@ pub use handshakes::{MOST_MIRRORED, MOST_ROWS, Row as Handshake};
 pub(crate) use script::DEFINITIONS;
 #[cfg(feature = "script")]
 pub(crate) use script::stack_position;
+pub use search::{names_in_search_path, search, search_first, search_path};
+#[cfg(feature = "cli")]
+pub(crate) use state_word::WORD as SCRIPT_WORD;
 
+pub use own_records::OwnRecord;
+
+use handshakes::Tables;
 use script::Script;
 
 use super::{Emulation, Registered, registry};
@@ -36,6 +46,7 @@ use crate::memory::InstanceLock;
 use crate::memory::header::{AREAS, DEVICE_LENGTH, TABLE_NAME_LENGTH};
 use commram_layoutc::Layout;
 use commram_layoutc::model::{Device, FieldType};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use twox_hash::XxHash3_64;
@@ -57,9 +68,15 @@ pub struct Folder {
     pub registered: Registered,
     /// Handshakes of the device.
     pub rows: Vec<Handshake>,
+    /// Its own kinds of journal records.
+    pub records: Vec<OwnRecord>,
     script: Option<Script>,
     /// Number that differs between folders with different files.
     fingerprint: u64,
+    /// Number that differs between folders with different handshakes.
+    tables: u64,
+    /// Names of the files that the device has read, except files with fixed names.
+    inputs: BTreeSet<String>,
 }
 
 impl Folder {
@@ -67,6 +84,14 @@ impl Folder {
     #[must_use]
     pub fn hooks(&self) -> Vec<String> {
         self.script.as_ref().map(Script::hooks).unwrap_or_default()
+    }
+
+    /// TOML files and scripts in `dir`, its folder, that the device does not read.
+    ///
+    /// # Errors
+    /// The folder cannot be read.
+    pub fn unread_files(&self, dir: &Path) -> Result<Vec<String>, FolderError> {
+        files::unread(dir, &self.inputs)
     }
 
     /// True if the device has a script.
@@ -81,6 +106,8 @@ struct Loaded {
     /// The tables of layouts, by the fingerprints of their files.
     tables: Vec<(u64, &'static DeviceLayout)>,
     folders: Vec<&'static Folder>,
+    /// Devices of running instances, of which only the registers were read.
+    registers: Vec<&'static Registered>,
     /// Most folders, and most tables.
     most: usize,
 }
@@ -98,7 +125,7 @@ impl Loaded {
 
     /// Checks that another folder can be read.
     fn has_room(&self, dir: &Path) -> Result<(), FolderError> {
-        if self.tables.len().max(self.folders.len()) < self.most {
+        if self.tables.len().max(self.folders.len()).max(self.registers.len()) < self.most {
             return Ok(());
         }
         Err(FolderError::TooManyFolders { dir: dir.to_owned(), most: self.most })
@@ -106,7 +133,7 @@ impl Loaded {
 }
 
 static LOADED: Mutex<Loaded> =
-    Mutex::new(Loaded { tables: Vec::new(), folders: Vec::new(), most: MOST_FOLDERS });
+    Mutex::new(Loaded { tables: Vec::new(), folders: Vec::new(), registers: Vec::new(), most: MOST_FOLDERS });
 
 /// True if `kind` of a plant file, or the name of a device on the command line, is the path of a folder.
 #[must_use]
@@ -120,6 +147,8 @@ pub fn is_path(kind: &str) -> bool {
 /// [`FolderError`]: a file is wrong, with its line; the device exceeds a limit; or its name is taken.
 pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
     let mut read = commram_layoutc::read_folder(dir)?;
+    let mut inputs: BTreeSet<String> = read.inputs.iter().filter_map(|(path, _)| file_name(path)).collect();
+    files::check(dir, &inputs)?;
     let handshakes = commram_layoutc::read_file_of_folder(dir, handshakes::FILE)?;
     read.inputs.iter().try_for_each(|(path, text)| texts::check(path, text))?;
     if let Some(text) = &handshakes {
@@ -142,20 +171,25 @@ pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
     check_names(dir, &read)?;
     loaded.has_room(dir)?;
     let layout = loaded.table(of_layout, &read);
-    let rows = match handshakes {
+    let tables = XxHash3_64::oneshot(handshakes.as_deref().unwrap_or_default().as_bytes());
+    let Tables { rows, records } = match handshakes {
         Some(text) => handshakes::read(&dir.join(handshakes::FILE), &text, layout)?,
-        None => Vec::new(),
+        None => Tables::default(),
     };
     if let Some(script) = &mut script {
-        script.check(dir, layout)?;
+        inputs.extend(script.check(dir, layout, &records)?);
     }
     let exercises = script::read_exercise(dir, layout.name)?;
     let emulation = Emulation { exercises: Vec::leak(Vec::from_iter(exercises)), ..Emulation::NONE };
     let registered = Registered { emulation, ..Registered::new(layout) };
-    let folder = Folder { registered, rows, script, fingerprint };
+    let folder = Folder { registered, rows, records, script, fingerprint, tables, inputs };
     let folder: &'static Folder = Box::leak(Box::new(folder));
     loaded.folders.push(folder);
     Ok(folder)
+}
+
+fn file_name(path: &Path) -> Option<String> {
+    Some(path.file_name()?.to_str()?.to_owned())
 }
 
 /// Checks that the device has a name and a layout hash of its own.
@@ -177,16 +211,58 @@ fn check_names(dir: &Path, read: &Layout) -> Result<(), FolderError> {
 /// addresses.
 pub(super) fn of_hash(hash: u64) -> Option<&'static Registered> {
     let loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
-    let mut registered = loaded.folders.iter().rev().map(|folder| &folder.registered);
+    let folders = loaded.folders.iter().rev().map(|folder| &folder.registered);
+    let mut registered = folders.chain(loaded.registers.iter().rev().copied());
     registered.find(|known| known.layout.layout_hash == hash)
 }
 
-/// Reads the folders of the devices of a running instance, so that their registers have names in this process, too. A
+/// Reads the registers of the device in the folder `dir`. A client of a running device needs nothing else, so its handshakes
+/// and its script may be wrong.
+///
+/// # Errors
+/// As [`load`], for the files with registers.
+fn load_registers(dir: &Path) -> Result<&'static Registered, FolderError> {
+    let mut read = commram_layoutc::read_folder(dir)?;
+    read.inputs.iter().try_for_each(|(path, text)| texts::check(path, text))?;
+    let has_script = dir.join(SCRIPT).symlink_metadata().is_ok();
+    if has_script {
+        state_word::add(dir, &mut read.device)?;
+    }
+    let of_layout = fingerprint(dir, &read, has_script.then_some((SCRIPT, "")).into_iter());
+    let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
+    let known = loaded.tables.iter().find(|(known, _)| *known == of_layout).map(|(_, layout)| *layout);
+    let is_of = |layout: &DeviceLayout| known.is_some_and(|known| core::ptr::eq(layout, known));
+    let folders = loaded.folders.iter().map(|folder| &folder.registered);
+    if let Some(known) = folders.chain(loaded.registers.iter().copied()).find(|it| is_of(it.layout)) {
+        return Ok(known);
+    }
+    check_limits(dir, &read)?;
+    check_names(dir, &read)?;
+    loaded.has_room(dir)?;
+    let layout = loaded.table(of_layout, &read);
+    let registered: &'static Registered = Box::leak(Box::new(Registered::new(layout)));
+    loaded.registers.push(registered);
+    Ok(registered)
+}
+
+/// Reads the registers in the folders of a running instance's devices, so that they have names in this process, too. A
 /// folder that cannot be read is left out; an image of its device is then refused for its unknown layout hash.
 pub(super) fn load_of_instance(instance: &str) {
     for dir in InstanceLock::device_folders(instance) {
-        let _ = load(&dir);
+        let _ = load_registers(&dir);
     }
+}
+
+/// Why none of the folders of an instance has the registers of an image, a text for each folder.
+pub(super) fn differences(instance: &str) -> String {
+    let difference = |dir: PathBuf| match load_registers(&dir) {
+        Err(reason) => reason.to_string(),
+        Ok(_) => format!(
+            "in {} a register has another name, type or address, or the device another name",
+            dir.display()
+        ),
+    };
+    InstanceLock::device_folders(instance).into_iter().map(difference).collect::<Vec<_>>().join("; ")
 }
 
 /// The folder at `path`, named from `base`, as an absolute path without links.

@@ -1,6 +1,7 @@
 //! Parts of the firmware of a device in a folder: its script, and its tables of handshakes.
 
 use super::card::Card;
+use super::script::Script;
 use crate::devices::Context;
 use crate::memory::header::Start;
 use crate::snapshot_fields::SnapshotFields;
@@ -26,6 +27,11 @@ pub(super) trait Part: SnapshotFields + Send {
 
     /// Carries out the actions that are due at `ctx.now`.
     fn due(&mut self, ctx: &mut Context, card: &mut Card);
+
+    /// The script of the device has changed.
+    fn take_over(&mut self, ctx: &mut Context, card: &mut Card, script: &'static Script) {
+        let _ = (ctx, card, script);
+    }
 
     /// Called when the board has requested a start or stop of the program.
     fn ordered(&mut self, ctx: &mut Context, card: &mut Card, order: Start) {

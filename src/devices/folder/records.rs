@@ -1,12 +1,13 @@
 //! Journal records of devices in folders: texts of their scripts. The text is in the octets of the record.
 
+use super::own_records;
 use crate::event_kinds;
 use crate::identity::DeviceIndex;
 use crate::journal::{EventCodec, EventKind, EventText, Fields, Journal, Reader};
 use twox_hash::XxHash3_64;
 
 /// All kinds.
-pub static KINDS: &[&EventKind] = &[Note::KIND, Stopped::KIND];
+pub static KINDS: &[&EventKind] = &[Note::KIND, Stopped::KIND, Reload::KIND, DeviceRecord::KIND];
 
 /// Longest text of a record in bytes.
 pub const LONGEST_NOTE: usize = 200;
@@ -20,6 +21,16 @@ event_kinds! {
     /// A script has stopped after an error; the device does nothing until its next power-on.
     Stopped = 78, "stopped", Rare, at plc {
         /// XXH3 of the text.
+        sum: u64,
+    }
+    /// Files of a device in a folder have changed while it runs.
+    Reload = 79, "reload", Rare, at plc {
+        /// XXH3 of the text.
+        sum: u64,
+    }
+    /// The script of a device has written a record of a kind that the device declares.
+    DeviceRecord = 80, "device_record", Registers, at plc {
+        /// XXH3 of the line.
         sum: u64,
     }
 }
@@ -37,6 +48,35 @@ impl Stopped {
     pub fn write(journal: &mut Journal, now: u64, plc: DeviceIndex, text: &str) {
         let (text, sum) = shortened(text);
         journal.push_octets(now, Stopped { plc, sum }, Some(text.as_bytes()));
+    }
+}
+
+impl Reload {
+    /// As [`Note::write`].
+    pub fn write(journal: &mut Journal, now: u64, plc: DeviceIndex, text: &str) {
+        let (text, sum) = shortened(text);
+        journal.push_octets(now, Reload { plc, sum }, Some(text.as_bytes()));
+    }
+}
+
+impl DeviceRecord {
+    /// Writes a line, as `OwnRecord::line` makes it, at most 255 bytes of it.
+    pub(super) fn write(journal: &mut Journal, now: u64, plc: DeviceIndex, line: &str) {
+        let line = &line[..line.floor_char_boundary(255)];
+        let sum = XxHash3_64::oneshot(line.as_bytes());
+        journal.push_octets(now, DeviceRecord { plc, sum }, Some(line.as_bytes()));
+    }
+}
+
+impl EventText for DeviceRecord {
+    fn text(&self, reader: &mut Reader) -> String {
+        text(reader)
+    }
+
+    fn fields(&self, reader: &mut Reader) -> Fields {
+        let line = text(reader);
+        let (name, values, text) = own_records::parts(&line);
+        Fields::new().with("name", name).with("values", values).with("text", text)
     }
 }
 
@@ -65,6 +105,16 @@ impl EventText for Note {
 impl EventText for Stopped {
     fn text(&self, reader: &mut Reader) -> String {
         format!("script stopped: {}", text(reader))
+    }
+
+    fn fields(&self, reader: &mut Reader) -> Fields {
+        Fields::new().with("text", text(reader))
+    }
+}
+
+impl EventText for Reload {
+    fn text(&self, reader: &mut Reader) -> String {
+        text(reader)
     }
 
     fn fields(&self, reader: &mut Reader) -> Fields {

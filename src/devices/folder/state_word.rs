@@ -4,6 +4,8 @@ use super::FolderError;
 use commram_layoutc::model::{Device, FrontWord, Meaning, Owner, Provenance, Scalar, Value};
 use std::path::Path;
 
+/// Name of the word in the front.
+pub(crate) const WORD: &str = "script";
 /// Name of the word as a register.
 #[cfg(feature = "script")]
 pub(super) const NAME: &str = "front.script";
@@ -21,7 +23,7 @@ fn decision() -> Provenance {
 /// The front has a word of this name, or is full.
 pub(super) fn add(dir: &Path, device: &mut Device) -> Result<(), FolderError> {
     let offset = device.front.last().map_or(0, |word| word.offset + 4);
-    let what = if device.front.iter().any(|word| word.name == "script") {
+    let what = if device.front.iter().any(|word| word.name == WORD) {
         "the front has a word `script`, which shows the state of firmware.rhai"
     } else if offset >= FRONT_BYTES {
         "the front has no room for the word `script`, which shows the state of firmware.rhai"
@@ -35,7 +37,7 @@ pub(super) fn add(dir: &Path, device: &mut Device) -> Result<(), FolderError> {
 
 fn word(offset: u32, meaning: usize) -> FrontWord {
     FrontWord {
-        name: "script".to_owned(),
+        name: WORD.to_owned(),
         scalar: Scalar::Dword,
         offset,
         owner: Owner::Firmware,

@@ -1,7 +1,8 @@
 //! Interface between a plant and a device: an image with its firmware, and the ports that connect the device to buses.
 
 use crate::devices::{
-    AddressWrites, Context, DevicePorts, DeviceView, Drives, Events, Faulty, Front, NovramContents, World,
+    AddressWrites, Context, DevicePorts, DeviceView, Drives, Events, Faulty, FileChanges, Front,
+    NovramContents, World,
 };
 use crate::memory::Width;
 use crate::memory::header::BoardState;
@@ -91,6 +92,11 @@ pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
 
     /// The part that answers writes by address, if the device has such a part.
     fn address_writes(&mut self) -> Option<&mut dyn AddressWrites> {
+        None
+    }
+
+    /// The part that takes over changed files of the device, if it is described by files that may change.
+    fn file_changes(&mut self) -> Option<&mut dyn FileChanges> {
         None
     }
 

@@ -4,7 +4,7 @@
 use super::folders::Folders;
 use super::keys::{self, Section};
 use super::{PlantConfig, PlantError};
-use crate::devices::folder::FolderConfig;
+use crate::devices::folder::{self, FolderConfig};
 use crate::devices::{self, BUS_KINDS, BusSection, DeviceConfig, Read};
 use crate::fault::FaultSpec;
 use serde::Deserialize;
@@ -171,7 +171,9 @@ impl Source<'_> {
         match kinds.iter().find(|(name, _)| *name == kind) {
             Some((_, read)) => Ok((section, *read)),
             None => {
-                let known = kinds.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
+                let names = kinds.iter().map(|(name, _)| (*name).to_owned());
+                let folders = if what == "device" { folder::names_in_search_path() } else { Vec::new() };
+                let known = names.chain(folders).collect::<Vec<_>>().join(", ");
                 let (file, line, kind) = (self.file.to_owned(), self.line_of(place), kind.to_owned());
                 Err(PlantError::Kind { file, line, what, kind, known })
             }

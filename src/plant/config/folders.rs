@@ -2,6 +2,7 @@
 
 use super::PlantError;
 use super::file::{Source, line_of};
+use crate::devices;
 use crate::devices::folder::{self, Folder};
 use core::ops::Range;
 use std::collections::HashMap;
@@ -25,7 +26,8 @@ impl<'a> Folders<'a> {
         Folders { source, base, read: HashMap::new(), places: Vec::new() }
     }
 
-    /// The folder of a device, if `kind` of its section is a path. Removes `kind` from the section.
+    /// The folder of a device, if its section names one by its path or by its name in the search path; takes `kind` out of
+    /// the section. Devices of the program come first.
     ///
     /// # Errors
     /// [`PlantError::Folder`] with the line of the path.
@@ -35,7 +37,11 @@ impl<'a> Folders<'a> {
     ) -> Result<Option<(&'static Folder, PathBuf)>, PlantError> {
         let DeValue::Table(table) = section.get_mut() else { return Ok(None) };
         let path = |kind: &Spanned<DeValue<'_>>| {
-            kind.get_ref().as_str().filter(|kind| folder::is_path(kind)).map(str::to_owned)
+            let kind = kind.get_ref().as_str()?;
+            if folder::is_path(kind) {
+                return Some(PathBuf::from(kind));
+            }
+            devices::find(kind).is_none().then(|| folder::search(kind))?
         };
         let Some(path) = table.get("kind").and_then(path) else { return Ok(None) };
         let Some(kind) = table.remove("kind") else { return Ok(None) };
@@ -45,6 +51,7 @@ impl<'a> Folders<'a> {
             line: line_of(text, kind.span().start),
             source,
         };
+        let path = path.to_string_lossy();
         let dir = folder::find(self.base, &path).map_err(refused)?;
         let known = match self.read.get(&dir) {
             Some(known) => known,

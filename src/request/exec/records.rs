@@ -53,7 +53,7 @@ impl Work<'_> {
     }
 
     pub(super) fn findings(&mut self) -> Result<Reply, Refused> {
-        Ok(Reply::Findings(self.host.plant().journal().findings().iter().copied().collect()))
+        Ok(Reply::Findings(self.host.plant().journal().findings().iter().cloned().collect()))
     }
 
     pub(super) fn clear_findings(&mut self) -> Result<Reply, Refused> {

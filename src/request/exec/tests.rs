@@ -415,7 +415,7 @@ fn pending_records_follow_the_end_of_the_journal() {
 fn findings_are_returned_and_cleared() {
     let mut host = TestHost::new(true);
     host.request(&[set("node2.w_OPTION_STATUS", 3), set("node1.w_OPTION_STATUS", 3)]);
-    let noted: Vec<_> = host.plant.journal().findings().iter().copied().collect();
+    let noted: Vec<_> = host.plant.journal().findings().iter().cloned().collect();
     assert!(!noted.is_empty());
     let got = host.request(&[Op::Findings, Op::ClearFindings, Op::Findings]);
     assert_eq!(got, [Reply::Findings(noted), Reply::Cleared, Reply::Findings(Vec::new())]);

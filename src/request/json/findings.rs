@@ -23,12 +23,15 @@ pub(crate) struct FindingJson {
     pub late_us: Option<u32>,
     pub text: &'static str,
     pub source: &'static str,
+    /// Text about this violation, if the rule alone does not describe it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub note: Option<String>,
 }
 
 impl FindingJson {
     /// Converts `entry`, with these names of PLCs and buses.
     pub(crate) fn new(entry: &Entry, names: &Names) -> Self {
-        let Entry { last, is_single, count, first_us, last_us, latest_us } = *entry;
+        let Entry { last, is_single, count, first_us, last_us, latest_us, ref note } = *entry;
         let (plcs, fitted) = (&names.plcs, names.fitted(last.plc));
         let (plc, prefix) = match last.source() {
             Source::Bus(bus) => {
@@ -50,6 +53,7 @@ impl FindingJson {
             late_us: Some(latest_us).filter(|late| *late > 0),
             text: last.rule.text(),
             source: last.rule.source(),
+            note: note.as_deref().map(str::to_owned),
         }
     }
 }

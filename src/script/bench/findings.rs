@@ -71,16 +71,20 @@ impl Bench {
 
     /// `error: owner: node2.w_OPTION_STATUS (%MW3.200002) := 16#0003, 2 times since 0.001000 s: ...`
     fn finding_text(&self, entry: &Entry) -> String {
-        format!("{}: {}", self.finding_line(entry), entry.last.rule.text())
+        match entry.note {
+            Some(_) => self.finding_line(entry),
+            None => format!("{}: {}", self.finding_line(entry), entry.last.rule.text()),
+        }
     }
 
-    /// The line of a finding, without advice.
+    /// The line of a finding with its note, without advice.
     pub(super) fn finding_line(&self, entry: &Entry) -> String {
-        let Entry { last, count, first_us, .. } = entry;
+        let Entry { last, count, first_us, note, .. } = entry;
+        let note = note.as_ref().map_or_else(String::new, |note| format!(": {note}"));
         let fitted = self.names.fitted(last.plc);
         let address = last.address(fitted).map_or_else(String::new, |address| format!(" ({address})"));
         format!(
-            "{}: {}: {}{address} := {}, {} since {}",
+            "{}: {}: {}{address} := {}, {} since {}{note}",
             last.rule.severity(),
             last.rule.id(),
             self.finding_place(entry),

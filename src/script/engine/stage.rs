@@ -126,7 +126,7 @@ impl Stage {
             rule: entry.last.rule.id().to_owned(),
             register: bench.finding_place(entry),
             count: entry.count,
-            text: entry.last.rule.text().to_owned(),
+            text: entry.text().to_owned(),
             page: entry.last.rule.source().to_owned(),
         };
         found.iter().map(line).collect()

@@ -37,7 +37,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
     model.hot.push((rows, ClickTarget::List(ListId::Findings)));
     if let Some(FindingRow { finding: row, .. }) = found.get(model.finding.chosen) {
         let inner = titled(frame, format!(" {} ", row.rule), theme.head(), rule);
-        let mut text = vec![Line::from(row.text)];
+        let mut text = vec![Line::from(row.note.as_deref().unwrap_or(row.text))];
         text.push(Line::styled(row.source, theme.name()));
         if let Some(late_us) = row.late_us {
             text.push(Line::from(format!("up to {late_us} us late")));

@@ -24,7 +24,7 @@ function draw(root, findings) {
   guard(root);
 }
 
-const USUAL = new Set(["rule", "name", "severity", "page", "text", "plc", "register", "count", "first_us", "last_us", "time_us", "place", "doc"]);
+const USUAL = new Set(["rule", "name", "severity", "page", "text", "plc", "register", "count", "first_us", "last_us", "time_us", "place", "doc", "note"]);
 
 function card(finding) {
   const place = [finding.plc ?? finding.bus, finding.register].filter(Boolean).join(":");
@@ -33,6 +33,7 @@ function card(finding) {
   return h("li", { class: `box pad finding ${finding.severity}` },
     h("div", { class: "line wrap" }, h("span", { class: `tag ${finding.severity === "error" ? "bad" : "warn"}` }, finding.severity), h("b", { class: "mono" }, `${finding.rule} ${finding.name ?? ""}`), place && h("span", { class: "mono" }, place), h("span", { class: "grow" }),
       finding.count > 1 && h("span", { class: "muted" }, `${finding.count} times`)),
+    finding.note && h("p", null, h("b", null, finding.note)),
     h("p", null, finding.text ?? finding.doc),
     h("p", { class: "muted" }, [finding.page && `manual page ${finding.page}`, first !== undefined && `first at ${seconds(first)}`, finding.last_us !== undefined && finding.last_us !== first && `last at ${seconds(finding.last_us)}`, ...more.map(([name, value]) => `${name.replaceAll("_", " ")} ${value}`)].filter(Boolean).join(", ")));
 }

@@ -21,6 +21,8 @@ pub(super) struct File {
     pub(super) watchdog: Vec<Watchdog>,
     #[serde(default)]
     pub(super) mirror: Vec<Mirror>,
+    #[serde(default)]
+    pub(super) record: Vec<Spanned<Record>>,
 }
 
 /// State after power-on.
@@ -98,6 +100,17 @@ pub(super) struct Mirror {
     pub(super) source: Provenance,
 }
 
+/// A kind of journal record that the script writes.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Record {
+    pub(super) name: String,
+    pub(super) text: String,
+    #[serde(default)]
+    pub(super) fields: Vec<String>,
+    pub(super) page: String,
+}
+
 /// A change of a register: a value, or bits to set and to clear.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -140,6 +153,7 @@ pub(in crate::devices::folder) fn keys(table: &str) -> Vec<String> {
         "counter" => of::<Counter>(),
         "watchdog" => of::<Watchdog>(),
         "mirror" => of::<Mirror>(),
+        "record" => of::<Record>(),
         "state" | "recovered" => of::<Change>(),
         _ => Vec::new(),
     }

@@ -20,13 +20,15 @@ pub(crate) struct Handshakes {
 crate::snapshot_fields!(Handshakes { values: steps, has_moved; built: rows });
 
 /// State of a row.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Step {
     /// Time of the next action.
     due: Option<u64>,
     phase: Phase,
     /// Last value that the program wrote into the register of a watchdog.
     seen: u32,
+    /// Bits of a toggle table that wait for their acknowledgement, each with its time.
+    bits: Vec<(u32, u64)>,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -110,7 +112,13 @@ fn poll(rule: &Rule, step: &mut Step, card: &mut Card, ctx: &mut Context) -> boo
             wait(card.load(*at) == u32::from(*request), *after_us);
         }
         Rule::Toggle { from, to, bits, after_us } => {
-            wait((card.load(*from) ^ card.load(*to)) & bits != 0, *after_us);
+            let pending = (card.load(*from) ^ card.load(*to)) & bits;
+            // A bit that the program has taken back gets no acknowledgement.
+            step.bits.retain(|(bit, _)| pending & bit != 0);
+            let known = step.bits.iter().fold(0, |all, (bit, _)| all | bit);
+            let due = ctx.now.saturating_add(*after_us);
+            step.bits.extend(single_bits(pending & !known).map(|bit| (bit, due)));
+            step.due = step.bits.iter().map(|(_, due)| *due).min();
         }
         Rule::Watchdog { at, within_us, recovered, .. } => {
             let value = card.load(*at);
@@ -119,7 +127,7 @@ fn poll(rule: &Rule, step: &mut Step, card: &mut Card, ctx: &mut Context) -> boo
                     apply(recovered, ctx, card);
                 }
                 let due = Some(ctx.now.saturating_add(*within_us));
-                *step = Step { due, phase: Phase::Running, seen: value };
+                *step = Step { due, phase: Phase::Running, seen: value, ..Step::default() };
                 return true;
             }
         }
@@ -165,12 +173,16 @@ fn fire(rule: &Rule, step: &mut Step, card: &mut Card, ctx: &mut Context) {
                     more_answers_follow,
                 });
                 if let Some((_, after_us)) = then.filter(|_| more_answers_follow) {
-                    *step =
-                        Step { due: Some(ctx.now.saturating_add(after_us)), phase: Phase::Second, seen: 0 };
+                    let due = Some(ctx.now.saturating_add(after_us));
+                    *step = Step { due, phase: Phase::Second, ..Step::default() };
                 }
             }
         }
-        Rule::Toggle { from, to, bits, .. } => {
+        Rule::Toggle { from, to, .. } => {
+            let is_due = |(_, due): &&(u32, u64)| *due <= ctx.now;
+            let bits = step.bits.iter().filter(is_due).fold(0, |all, (bit, _)| all | bit);
+            step.bits.retain(|(_, due)| *due > ctx.now);
+            step.due = step.bits.iter().map(|(_, due)| *due).min();
             let wanted = card.load(*from) & bits;
             card.show(ctx, *to, |value| (value & !bits) | wanted);
         }
@@ -184,6 +196,11 @@ fn fire(rule: &Rule, step: &mut Step, card: &mut Card, ctx: &mut Context) {
         }
         Rule::Mirror { .. } => {}
     }
+}
+
+/// The bits of a mask, each as a mask.
+fn single_bits(mask: u32) -> impl Iterator<Item = u32> {
+    (0..u32::BITS).map(|bit| 1 << bit).filter(move |bit| mask & bit != 0)
 }
 
 fn apply(changes: &[Change], ctx: &mut Context, card: &mut Card) {

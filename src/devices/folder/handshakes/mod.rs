@@ -13,6 +13,7 @@ pub(super) use firmware::Handshakes;
 use rule::{Change, Rule};
 
 use super::card::Place;
+use super::own_records::{MOST_KINDS, OwnRecord};
 use super::{FolderError, tables};
 use crate::layout::{DeviceLayout, Owner, Provenance, RegisterRef};
 use crate::time::short;
@@ -47,17 +48,27 @@ pub struct Row {
     rule: Rule,
 }
 
+/// What the file describes.
+#[derive(Debug, Default)]
+pub(super) struct Tables {
+    /// The behaviour of the device.
+    pub(super) rows: Vec<Row>,
+    /// Its own kinds of journal records.
+    pub(super) records: Vec<OwnRecord>,
+}
+
 /// Reads the text of the file for a device with this layout.
 ///
 /// # Errors
 /// [`FolderError::Table`] with the line.
-pub(super) fn read(path: &Path, text: &str, layout: &'static DeviceLayout) -> Result<Vec<Row>, FolderError> {
+pub(super) fn read(path: &Path, text: &str, layout: &'static DeviceLayout) -> Result<Tables, FolderError> {
     let reader = Reader { path, text, layout };
-    let file: File = toml::from_str(text).map_err(|error| {
+    let mut file: File = toml::from_str(text).map_err(|error| {
         let what = error.message().lines().collect::<Vec<_>>().join(", ");
         reader.wrong(error.span().unwrap_or(0..0), what)
     })?;
-    reader.rows(file)
+    let records = reader.records(core::mem::take(&mut file.record))?;
+    Ok(Tables { rows: reader.rows(file)?, records })
 }
 
 /// Offset of the register, and the request, of an answer.
@@ -83,7 +94,7 @@ impl Reader<'_> {
     }
 
     fn rows(&self, file: File) -> Result<Vec<Row>, FolderError> {
-        let File { ready, answer, toggle, counter, watchdog, mirror } = file;
+        let File { ready, answer, toggle, counter, watchdog, mirror, record: _ } = file;
         let mut rows = Vec::new();
         ready.into_iter().try_for_each(|it| self.ready(it).map(|row| rows.push(row)))?;
         for it in answer {
@@ -106,6 +117,24 @@ impl Reader<'_> {
             return Err(self.wrong(0..0, format!("{} tables; a device has at most {MOST_ROWS}", rows.len())));
         }
         Ok(rows)
+    }
+
+    fn records(&self, tables: Vec<Spanned<file::Record>>) -> Result<Vec<OwnRecord>, FolderError> {
+        let mut records: Vec<OwnRecord> = Vec::new();
+        for table in tables {
+            let place = table.span();
+            let file::Record { name, text, fields, page } = table.into_inner();
+            let record = OwnRecord { name, text, fields, page };
+            record.check().map_err(|what| self.wrong(place.clone(), what))?;
+            if records.iter().any(|known| known.name == record.name) {
+                return Err(self.wrong(place, format!("another [[record]] has the name `{}`", record.name)));
+            }
+            records.push(record);
+            if records.len() > MOST_KINDS {
+                return Err(self.wrong(place, format!("a device has at most {MOST_KINDS} kinds of records")));
+            }
+        }
+        Ok(records)
     }
 
     fn ready(&self, it: file::Ready) -> Result<Row, FolderError> {
@@ -191,7 +220,13 @@ impl Reader<'_> {
     }
 
     fn watchdog(&self, it: file::Watchdog) -> Result<Row, FolderError> {
-        let at = self.place(&it.register)?;
+        let register = self.register(it.register.get_ref(), it.register.span())?;
+        if register.register.owner == Owner::Firmware {
+            let what =
+                format!("only the device writes {register}; a watchdog expects changes of the program");
+            return Err(self.wrong(it.register.span(), what));
+        }
+        let at = Place::of(&register);
         let within_us = it.within.get_ref().0;
         if within_us == 0 {
             return Err(self.wrong(it.within.span(), "`within` is more than 0".to_owned()));

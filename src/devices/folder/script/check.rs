@@ -4,9 +4,10 @@ use super::budget::{MOST_OPERATIONS, Meter};
 use super::desk::Desk;
 use super::engine::{MISSING, engine};
 use super::mistake::Mistake;
-use super::verbs::OF_REGISTERS;
+use super::verbs::{CHANGING, OF_REGISTERS, of_the_device};
 use super::{Hooks, MAIN, Script};
-use crate::layout::{DeviceLayout, Owner};
+use crate::devices::folder::own_records::OwnRecord;
+use crate::layout::{DeviceLayout, Owner, did_you_mean};
 use core::cell::RefCell;
 use rhai::{AST, ASTNode, Array, Dynamic, Expr, FnCallExpr, Position, Scope, Stmt};
 use std::collections::BTreeSet;
@@ -17,7 +18,7 @@ use std::rc::Rc;
 const MOST_ARGUMENTS: usize = 16;
 
 /// The hooks, and the names of the registers of the hook `written` if the script selects them.
-type Found = (Hooks, Option<Vec<String>>);
+type Found = (Hooks, Option<Vec<String>>, Vec<String>);
 
 /// A line and the error in it.
 type Wrong = (Position, String);
@@ -25,19 +26,24 @@ type Wrong = (Position, String);
 /// Name of the constant that selects the registers of the hook `written` (D-822).
 const WRITTEN: &str = "WRITTEN";
 
-/// Checks all files, and finds the hooks in the main one, and the registers of the hook `written`.
+/// Checks all files, and finds the hooks in the main one, the registers of the hook `written`, and the names of the files that
+/// they import.
 ///
 /// # Errors
 /// [`Mistake`] with file and line.
 pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Found, Mistake> {
-    let (desk, meter) = (Rc::new(RefCell::new(Desk::new(layout))), Rc::new(Meter::default()));
+    let (desk, meter) =
+        (Rc::new(RefCell::new(Desk::new(layout, &script.records))), Rc::new(Meter::default()));
     let engine = engine(&desk, &meter, &script.files);
-    let (mut hooks, mut written) = (Hooks::default(), None);
+    let (mut hooks, mut written, mut named) = (Hooks::default(), None, Named::default());
     for (file, text) in script.files.iter() {
-        let mut ast = engine.compile(text).map_err(|error| Mistake::misread(file, &error))?;
+        let compiled = engine.compile(text);
+        let mut ast = compiled.map_err(|error| Mistake::misread(file, text, layout, &error))?;
         ast.set_source(file.as_str());
         let at = |(position, what): Wrong| Mistake { file: file.clone(), line: position.line(), what };
-        Calls { layout, functions: functions(&ast) }.check(&ast).map_err(at)?;
+        let records = &script.records;
+        Calls { layout, records, functions: functions(&ast) }.check(&ast).map_err(at)?;
+        named.collect(&ast);
         if file == MAIN {
             hooks = hooks_of(&ast)?;
         }
@@ -53,7 +59,8 @@ pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Fo
             written = Some(written_registers(&scope, layout, hooks)?);
         }
     }
-    Ok((hooks, written))
+    named.check_hooks(script)?;
+    Ok((hooks, written, named.imports))
 }
 
 /// The names in the constant `WRITTEN`.
@@ -102,13 +109,75 @@ fn hooks_of(ast: &AST) -> Result<Hooks, Mistake> {
     Ok(hooks)
 }
 
+/// What the files of a script name.
+#[derive(Default)]
+struct Named {
+    /// Called functions and all texts: a text may be the name of a function for later.
+    used: BTreeSet<String>,
+    /// Functions of the main file.
+    functions: BTreeSet<String>,
+    /// Names of imported files.
+    imports: Vec<String>,
+}
+
+impl Named {
+    fn collect(&mut self, ast: &AST) {
+        if ast.source() == Some(MAIN) {
+            self.functions.extend(functions(ast));
+        }
+        ast.walk(&mut |path: &[ASTNode<'_>]| {
+            match path.last() {
+                Some(ASTNode::Expr(Expr::FnCall(call, _) | Expr::MethodCall(call, _)))
+                | Some(ASTNode::Stmt(Stmt::FnCall(call, _))) => {
+                    self.used.insert(call.name.to_string());
+                    // The walk does not visit all arguments of a call.
+                    let texts = (0..call.args.len()).filter_map(|argument| text(call, argument));
+                    self.used.extend(texts.map(str::to_owned));
+                }
+                Some(ASTNode::Expr(Expr::StringConstant(text, _))) => {
+                    self.used.insert(text.to_string());
+                }
+                Some(ASTNode::Stmt(Stmt::Import(import, _))) => {
+                    if let Expr::StringConstant(name, _) = &import.0 {
+                        self.imports.push(format!("{}.rhai", name.trim_end_matches(".rhai")));
+                    }
+                }
+                _ => {}
+            }
+            true
+        });
+    }
+
+    /// Refuses a function that nothing calls if its name is nearly that of a hook.
+    fn check_hooks(&self, script: &Script) -> Result<(), Mistake> {
+        let hooks = || Hooks::ALL.iter().map(|(name, _)| *name);
+        let is_unused = |name: &str| !self.used.contains(name) && hooks().all(|hook| hook != name);
+        for name in self.functions.iter().filter(|name| is_unused(name)) {
+            let hint = did_you_mean(name, hooks());
+            if !hint.is_empty() {
+                let what = format!("nothing calls the function `{name}`{hint}");
+                return Err(Mistake { line: line_of(script, name), ..Mistake::new(what) });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The line of a function of the main file.
+fn line_of(script: &Script, function: &str) -> Option<usize> {
+    let (_, text) = script.files.first()?;
+    let head = format!("fn {function}(");
+    text.lines().position(|line| line.contains(&head)).map(|index| index + 1)
+}
+
 /// Checks of the calls in a file.
-struct Calls {
+struct Calls<'a> {
     layout: &'static DeviceLayout,
+    records: &'a [OwnRecord],
     functions: BTreeSet<String>,
 }
 
-impl Calls {
+impl Calls<'_> {
     fn check(&self, ast: &AST) -> Result<(), Wrong> {
         let mut wrong = Ok(());
         ast.walk(&mut |path: &[ASTNode<'_>]| {
@@ -117,6 +186,7 @@ impl Calls {
                     self.call(call, *at)
                 }
                 Some(ASTNode::Expr(Expr::MethodCall(call, at))) => any_call(call, *at),
+                Some(ASTNode::Expr(Expr::Variable(variable, _, at))) => spelling(&variable.1, *at),
                 _ => Ok(()),
             };
             wrong = found;
@@ -136,10 +206,19 @@ impl Calls {
             (OF_REGISTERS.iter().find(|(verb, _)| *verb == name), text(call, 0))
         {
             let found = match is_single {
-                true => self.layout.register(register).map(drop),
-                false => self.layout.registers(register).map(drop),
+                true => self.layout.register(register).map(|register| vec![register]),
+                false => self.layout.registers(register),
             };
-            return found.map_err(|error| (at, error.to_string()));
+            let found = found.map_err(|error| (at, error.to_string()))?;
+            if CHANGING.contains(&name) {
+                found.iter().try_for_each(of_the_device).map_err(|what| (at, what))?;
+            }
+            return Ok(());
+        }
+        if name == "record"
+            && let Some(kind) = text(call, 0)
+        {
+            return OwnRecord::find(self.records, kind).map(drop).map_err(|what| (at, what));
         }
         if ["after", "at"].contains(&name)
             && let Some(function) = text(call, 1)
@@ -148,6 +227,15 @@ impl Calls {
             return Err((at, format!("there is no function `{function}` to call later")));
         }
         Ok(())
+    }
+}
+
+/// Refuses a truth value of PLC languages: the engine would miss a variable of that name while the script runs. Other words
+/// of these languages do not parse.
+fn spelling(variable: &str, at: Position) -> Result<(), Wrong> {
+    match variable {
+        "TRUE" | "FALSE" => Err((at, format!("`{variable}`: write `{}`", variable.to_ascii_lowercase()))),
+        _ => Ok(()),
     }
 }
 

@@ -4,12 +4,14 @@ use super::engine::LARGEST_ARRAY;
 use super::timers::Timers;
 use crate::devices::Context;
 use crate::devices::folder::card::{Card, Place};
-use crate::devices::folder::records::Note;
+use crate::devices::folder::own_records::OwnRecord;
+use crate::devices::folder::records::{DeviceRecord, Note};
 use crate::devices::folder::rules;
 use crate::journal::{Finding, Handshake, Origin, Register};
 use crate::layout::{DeviceLayout, RegisterRef};
 use std::collections::HashMap;
 use std::rc::Rc;
+use std::sync::Arc;
 
 /// Maximum number of registers in the names that a thread remembers for a script. Further names are looked up each
 /// time.
@@ -51,7 +53,10 @@ pub(super) enum Report {
     Note(String),
     Changed(Register),
     Answered(Handshake),
-    Violated(Finding),
+    /// A record of the device, as a line.
+    Recorded(String),
+    /// A finding with its text.
+    Violated(Finding, String),
 }
 
 impl Report {
@@ -59,9 +64,10 @@ impl Report {
     pub(super) fn write(self, ctx: &mut Context) {
         match self {
             Report::Note(text) => Note::write(ctx.journal, ctx.now, ctx.origin.plc, &text),
+            Report::Recorded(line) => DeviceRecord::write(ctx.journal, ctx.now, ctx.origin.plc, &line),
             Report::Changed(event) => ctx.report(event),
             Report::Answered(event) => ctx.report(event),
-            Report::Violated(finding) => ctx.journal.find(ctx.now, finding),
+            Report::Violated(finding, text) => ctx.journal.find_with(ctx.now, finding, &text),
         }
     }
 }
@@ -93,17 +99,19 @@ impl Acting {
 
     /// Reports that a program has broken a rule of the device.
     pub(super) fn violation(&mut self, found: Found, text: String) {
-        self.reports.push(Report::Note(text));
         let (plc, offset, live) = (self.origin.plc, found.place.offset, found.register.placed.live);
         let value = self.card.load(found.place);
         let rule = &rules::OWN_RULE;
-        self.reports.push(Report::Violated(Finding { rule, plc, offset, live, value, late_us: 0 }));
+        let finding = Finding { rule, plc, offset, live, value, late_us: 0 };
+        self.reports.push(Report::Violated(finding, text));
     }
 }
 
 /// The verbs' access to the device, if a function runs.
 pub(super) struct Desk {
     pub(super) layout: &'static DeviceLayout,
+    /// Kinds of journal records of the device.
+    pub(super) records: Arc<[OwnRecord]>,
     names: HashMap<String, Rc<[Found]>>,
     blocks: HashMap<String, Block>,
     /// Total number of registers in `names`.
@@ -112,8 +120,10 @@ pub(super) struct Desk {
 }
 
 impl Desk {
-    pub(super) fn new(layout: &'static DeviceLayout) -> Self {
-        Desk { layout, names: HashMap::new(), blocks: HashMap::new(), remembered: 0, acting: None }
+    pub(super) fn new(layout: &'static DeviceLayout, records: &Arc<[OwnRecord]>) -> Self {
+        let records = Arc::clone(records);
+        let (names, blocks) = (HashMap::new(), HashMap::new());
+        Desk { layout, records, names, blocks, remembered: 0, acting: None }
     }
 
     /// The device.

@@ -11,7 +11,8 @@ use crate::devices::Context;
 use crate::devices::folder::card::{Card, Place};
 use crate::devices::folder::part::Part;
 use crate::devices::folder::records::Stopped;
-use crate::devices::folder::state_word;
+use crate::devices::folder::{rules, state_word};
+use crate::journal::Finding;
 use crate::layout::DeviceLayout;
 use crate::memory::header::Start;
 use core::mem;
@@ -86,8 +87,14 @@ impl ScriptFirmware {
     fn halt(&mut self, ctx: &mut Context, card: &mut Card, mistake: &Mistake) {
         self.is_stopped = true;
         self.timers.clear();
-        Stopped::write(ctx.journal, ctx.now, ctx.origin.plc, &mistake.to_string());
+        let what = mistake.to_string();
+        Stopped::write(ctx.journal, ctx.now, ctx.origin.plc, &what);
         self.show_state(card);
+        if let Ok(word) = self.layout.register(state_word::NAME) {
+            let (rule, plc, offset) = (&rules::SCRIPT_STOPPED, ctx.origin.plc, word.offset());
+            let finding = Finding { rule, plc, offset, live: word.placed.live, value: 1, late_us: 0 };
+            ctx.journal.find_with(ctx.now, finding, &what);
+        }
     }
 
     /// Shows in the front of the device whether the script runs.
@@ -153,6 +160,15 @@ impl Part for ScriptFirmware {
 
     fn due(&mut self, ctx: &mut Context, card: &mut Card) {
         self.run_timers(ctx, card);
+    }
+
+    /// The script continues with its state, also after an error.
+    fn take_over(&mut self, _: &mut Context, card: &mut Card, script: &'static Script) {
+        if script.watches() {
+            card.watch_again(self.layout, script.written());
+        }
+        (self.script, self.is_stopped, self.has_moved) = (script, false, true);
+        self.show_state(card);
     }
 
     fn ordered(&mut self, ctx: &mut Context, card: &mut Card, order: Start) {

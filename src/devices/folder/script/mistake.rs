@@ -1,6 +1,8 @@
 //! An error in a script: its place and its description.
 
 use super::budget::{Exceeded, MOST_OPERATIONS};
+use crate::layout::DeviceLayout;
+use crate::plc_spelling::Dialect;
 use core::fmt;
 use rhai::{EvalAltResult, ParseError};
 
@@ -34,12 +36,11 @@ impl Mistake {
     }
 
     /// An error for a text that is not a script.
-    pub(super) fn misread(file: &str, error: &ParseError) -> Self {
-        Mistake {
-            file: file.to_owned(),
-            line: error.position().line(),
-            what: shortened(error.err_type().to_string()),
-        }
+    pub(super) fn misread(file: &str, text: &str, layout: &'static DeviceLayout, error: &ParseError) -> Self {
+        let line = error.position().line();
+        let hint = line.and_then(|line| text.lines().nth(line - 1)).and_then(|line| spelled(line, layout));
+        let what = hint.unwrap_or_else(|| error.err_type().to_string());
+        Mistake { file: file.to_owned(), line, what: shortened(what) }
     }
 
     /// An error of a running script, with the innermost line.
@@ -57,6 +58,14 @@ impl Mistake {
         }
         Mistake { file, line, what: shortened(description(at)) }
     }
+}
+
+/// Names the first spelling of a PLC language in a line, and the right one.
+fn spelled(line: &str, layout: &'static DeviceLayout) -> Option<String> {
+    let is_register = |word: &str| layout.target(word).is_ok();
+    let is_verb = |word: &str| super::verbs::NAMES.contains(&word);
+    let store = "write(\"register\", value)";
+    Dialect { store, is_register: &is_register, is_verb: &is_verb }.mistake(line)
 }
 
 /// The error without its position.

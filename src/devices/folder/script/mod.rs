@@ -23,6 +23,8 @@ mod verbs;
 pub(crate) use budget::stack_position;
 
 use super::FolderError;
+use super::files::EXERCISE;
+use super::own_records::OwnRecord;
 use super::part::Part;
 use crate::devices::Exercise;
 use crate::layout::DeviceLayout;
@@ -34,8 +36,6 @@ use twox_hash::XxHash3_64;
 
 /// File with the hooks.
 const MAIN: &str = super::SCRIPT;
-/// Script in a folder that is not part of the firmware.
-const EXERCISE: &str = "exercise.rhai";
 /// Most files that a script consists of.
 const MOST_FILES: usize = 16;
 /// Most bytes of text in all files of a script.
@@ -57,6 +57,8 @@ pub(super) struct Script {
     hooks: Hooks,
     /// Names of the registers of the hook `written`; `None`: of all that programs write.
     written: Option<Vec<String>>,
+    /// Kinds of journal records that it writes.
+    records: Arc<[OwnRecord]>,
 }
 
 /// Hooks that a script has.
@@ -121,6 +123,7 @@ impl Script {
             files: files.into(),
             hooks: Hooks::default(),
             written: None,
+            records: Arc::default(),
         }))
     }
 
@@ -140,16 +143,25 @@ impl Script {
         &self.files
     }
 
-    /// Compiles the script for this layout, and finds its hooks.
+    /// Compiles the script for this layout, and finds its hooks. Returns the names of the files that it imports.
     ///
     /// # Errors
     /// [`FolderError::Script`] with file and line.
-    pub(super) fn check(&mut self, dir: &Path, layout: &'static DeviceLayout) -> Result<(), FolderError> {
-        (self.hooks, self.written) = check::check(self, layout).map_err(|mistake| {
+    pub(super) fn check(
+        &mut self,
+        dir: &Path,
+        layout: &'static DeviceLayout,
+        records: &[OwnRecord],
+    ) -> Result<Vec<String>, FolderError> {
+        self.records = records.into();
+        // A compiled script knows the records of its device.
+        self.id = XxHash3_64::oneshot_with_seed(self.id, format!("{records:?}").as_bytes());
+        let (hooks, written, imports) = check::check(self, layout).map_err(|mistake| {
             let Mistake { file, line, what } = mistake;
             FolderError::Script { path: dir.join(file), line: line.unwrap_or(1), what }
         })?;
-        Ok(())
+        (self.hooks, self.written) = (hooks, written);
+        Ok(imports)
     }
 
     /// Names of the script's hooks.

@@ -1,11 +1,11 @@
 //! A compiled script of this thread.
 
+use super::Script;
 use super::budget::Meter;
 use super::data::Data;
 use super::desk::{Acting, Desk};
 use super::engine::engine;
 use super::mistake::Mistake;
-use super::{Files, Script};
 use crate::layout::DeviceLayout;
 use core::cell::RefCell;
 use rhai::{AST, CallFnOptions, Dynamic, Engine, Scope};
@@ -51,7 +51,7 @@ impl Program {
         if let Some(known) = known {
             return Ok(known);
         }
-        let program = Rc::new(Program::compile(&script.files, layout)?);
+        let program = Rc::new(Program::compile(script, layout)?);
         COMPILED.with_borrow_mut(|all| all.push((key.0, key.1, Rc::clone(&program))));
         Ok(program)
     }
@@ -60,12 +60,14 @@ impl Program {
     ///
     /// # Errors
     /// The main file is no script.
-    fn compile(files: &Files, layout: &'static DeviceLayout) -> Result<Self, Mistake> {
-        let desk = Rc::new(RefCell::new(Desk::new(layout)));
+    fn compile(script: &Script, layout: &'static DeviceLayout) -> Result<Self, Mistake> {
+        let Script { files, records, .. } = script;
+        let desk = Rc::new(RefCell::new(Desk::new(layout, records)));
         let meter = Rc::new(Meter::default());
         let engine = engine(&desk, &meter, files);
         let text = files.first().map_or("", |(_, text)| text);
-        let ast = engine.compile(text).map_err(|error| Mistake::misread(super::MAIN, &error))?;
+        let ast =
+            engine.compile(text).map_err(|error| Mistake::misread(super::MAIN, text, layout, &error))?;
         let has_statements = !ast.statements().is_empty();
         Ok(Program { engine, ast, text: text.to_owned(), has_statements, desk, meter })
     }

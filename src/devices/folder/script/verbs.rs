@@ -4,18 +4,20 @@ use super::budget::Meter;
 use super::data::Data;
 use super::desk::{Acting, Desk, Found, Report};
 use crate::devices::folder::card::Place;
+use crate::devices::folder::own_records::OwnRecord;
 use crate::devices::folder::records::LONGEST_NOTE;
 use crate::layout::value;
-use crate::layout::{Owner, RegType};
+use crate::layout::{Owner, RegType, RegisterRef};
 use crate::time;
 use core::cell::RefCell;
-use rhai::{Array, Dynamic, Engine, EvalAltResult, FnPtr, INT, ImmutableString, RhaiNativeFunc};
+use rhai::{Array, Dynamic, Engine, EvalAltResult, FnPtr, INT, ImmutableString, Map, RhaiNativeFunc};
 use std::rc::Rc;
+use std::sync::Arc;
 
 type Fallible<T> = Result<T, Box<EvalAltResult>>;
 
 /// Names of the verbs, for suggestions.
-pub(super) const NAMES: [&str; 17] = [
+pub(super) const NAMES: [&str; 18] = [
     "after",
     "at",
     "cancel",
@@ -29,6 +31,7 @@ pub(super) const NAMES: [&str; 17] = [
     "output_all",
     "read",
     "read_all",
+    "record",
     "reset",
     "set_bits",
     "violation",
@@ -49,6 +52,10 @@ pub(super) const OF_REGISTERS: [(&str, bool); 11] = [
     ("violation", true),
     ("write", true),
 ];
+
+/// Verbs that change the registers of their first argument.
+pub(super) const CHANGING: [&str; 6] =
+    ["clear_bits", "exchange", "output", "output_all", "set_bits", "write"];
 
 /// Registers all verbs. They act on the device on the desk.
 pub(super) fn register(engine: &mut Engine, desk: &Rc<RefCell<Desk>>, meter: &Rc<Meter>) {
@@ -253,6 +260,8 @@ impl Verbs<'_> {
                 })
             }
         });
+        self.on("record", |desk| move |name: &str| own_record(&desk, name, &Map::new()));
+        self.on("record", |desk| move |name: &str, fields: Map| own_record(&desk, name, &fields));
         self.on("event", |desk| {
             move |event: INT| {
                 desk.device(|device| {
@@ -272,6 +281,35 @@ impl Verbs<'_> {
     }
 }
 
+/// Writes a record of a kind that the device declares, with a value for each of its fields.
+fn own_record(desk: &Hands, name: &str, fields: &Map) -> Fallible<()> {
+    desk.with(|desk| {
+        let records = Arc::clone(&desk.records);
+        let kind = OwnRecord::find(&records, name)?;
+        if let Some(other) =
+            fields.keys().find(|field| !kind.fields.iter().any(|known| known == field.as_str()))
+        {
+            return Err(format!(
+                "the record `{name}` has no field `{other}`; its fields: {}",
+                kind.fields.join(", ")
+            ));
+        }
+        let value = |field: &str| {
+            let given =
+                fields.get(field).ok_or_else(|| format!("the record `{name}` needs its field `{field}`"))?;
+            let number = given.as_int().or_else(|_| given.as_bool().map(INT::from));
+            let fits = |number: &INT| (INT::from(i32::MIN)..=INT::from(u32::MAX)).contains(number);
+            number
+                .ok()
+                .filter(fits)
+                .ok_or_else(|| format!("the field `{field}` is a number of at most 32 bits, or a bool"))
+        };
+        let line = kind.line(value)?;
+        desk.device()?.reports.push(Report::Recorded(line));
+        Ok(())
+    })
+}
+
 /// Puts a text into the journal.
 fn note(desk: &Hands, text: &str) -> Fallible<()> {
     desk.device(|device| {
@@ -287,12 +325,19 @@ fn noted(text: &str) -> String {
 
 /// Refuses a register that only the program writes.
 fn own(found: Found) -> Result<Found, String> {
-    match found.register.register.owner {
+    of_the_device(&found.register).map(|()| found)
+}
+
+/// Checks that the device may change a register.
+///
+/// # Errors
+/// Only the program writes it.
+pub(super) fn of_the_device(register: &RegisterRef) -> Result<(), String> {
+    match register.register.owner {
         Owner::Plc => Err(format!(
-            "only the program writes {}; the device changes registers of \"firmware\" or \"both\"",
-            found.register
+            "only the program writes {register}; the device changes registers of \"firmware\" or \"both\""
         )),
-        _ => Ok(found),
+        _ => Ok(()),
     }
 }
 

@@ -1,0 +1,60 @@
+//! Files of a folder that the device does not read: probably misnamed ones.
+
+use super::{FolderError, SCRIPT, handshakes};
+use crate::layout::did_you_mean;
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// File of a folder with the exercise of the device, which is no part of its firmware.
+pub(super) const EXERCISE: &str = "exercise.rhai";
+/// Files with fixed names.
+pub(super) const FIXED: [&str; 4] = ["device.toml", handshakes::FILE, SCRIPT, EXERCISE];
+/// Files that commram itself looks for in a directory: a plant with the device, and a configuration.
+const OF_COMMANDS: [&str; 2] = ["plant.toml", "commram.toml"];
+/// Most entries of a folder that are compared.
+const MOST_ENTRIES: usize = 4096;
+
+/// Names of the TOML files and scripts in the folder itself. Editors and tools may have hidden files there.
+///
+/// # Errors
+/// The folder cannot be read.
+fn names(dir: &Path) -> Result<BTreeSet<String>, FolderError> {
+    let missing = |reason| FolderError::Missing { dir: dir.to_owned(), reason };
+    let entries = std::fs::read_dir(dir).map_err(missing)?.take(MOST_ENTRIES);
+    let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    let is_named = |name: &String| {
+        !name.starts_with('.')
+            && [".toml", ".rhai"].iter().any(|end| name.to_ascii_lowercase().ends_with(end))
+    };
+    Ok(names.filter(is_named).collect())
+}
+
+/// Refuses a folder in which a file with a fixed name is missing, and another file has a similar name.
+///
+/// # Errors
+/// [`FolderError::Misnamed`]
+pub(super) fn check(dir: &Path, inputs: &BTreeSet<String>) -> Result<(), FolderError> {
+    let names = names(dir)?;
+    // Without `device.toml` there is no device, and without `firmware.rhai` no other script is read.
+    let missing: Vec<_> =
+        [handshakes::FILE, SCRIPT].into_iter().filter(|name| !names.contains(*name)).collect();
+    let is_read = |name: &str| inputs.contains(name) || FIXED.contains(&name);
+    for name in names.iter().filter(|name| !is_read(name)) {
+        let hint = did_you_mean(name, missing.iter().copied());
+        if !hint.is_empty() {
+            return Err(FolderError::Misnamed { path: dir.join(name), hint });
+        }
+    }
+    Ok(())
+}
+
+/// Files that the device does not read, beside the files `inputs`.
+///
+/// # Errors
+/// The folder cannot be read.
+pub(super) fn unread(dir: &Path, inputs: &BTreeSet<String>) -> Result<Vec<String>, FolderError> {
+    let is_read = |name: &String| {
+        inputs.contains(name) || FIXED.iter().chain(&OF_COMMANDS).any(|known| name.as_str() == *known)
+    };
+    Ok(names(dir)?.into_iter().filter(|name| !is_read(name)).collect())
+}

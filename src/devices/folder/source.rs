@@ -1,0 +1,63 @@
+//! The files of a running device in a folder: whether they have changed since they were read.
+
+use super::config::FolderConfig;
+use super::{Folder, files, load};
+use crate::devices::settings_number;
+use std::os::unix::fs::MetadataExt;
+use std::path::PathBuf;
+
+/// State of a file as the system reports it: times of changes, length and number.
+type FileState = Option<(i64, i64, i64, i64, u64, u64)>;
+
+/// The folder that a device was read from.
+pub(super) struct Source {
+    config: FolderConfig,
+    stamp: Vec<FileState>,
+}
+
+impl Source {
+    pub(super) fn new(config: FolderConfig) -> Self {
+        let stamp = stamp(&config);
+        Source { config, stamp }
+    }
+
+    /// Reads the folder again if a file has changed. `None` if the device has the same files as before.
+    ///
+    /// # Errors
+    /// Why the device cannot take over the files, in a line.
+    pub(super) fn read_again(&mut self) -> Result<Option<&'static Folder>, String> {
+        let stamp = stamp(&self.config);
+        if stamp == self.stamp {
+            return Ok(None);
+        }
+        self.stamp = stamp;
+        let FolderConfig { dir, folder, .. } = &self.config;
+        let new = load(dir).map_err(|error| error.to_string().replace(&format!("{}/", dir.display()), ""))?;
+        if core::ptr::eq(new, *folder) {
+            return Ok(None);
+        }
+        if !core::ptr::eq(new.registered.layout, folder.registered.layout) || new.tables != folder.tables {
+            return Err(
+                "a file with registers or handshakes has changed; start the instance again".to_owned()
+            );
+        }
+        self.config.folder = new;
+        Ok(Some(new))
+    }
+
+    /// The number for the settings of the device with its present files.
+    pub(super) fn settings(&self) -> u64 {
+        settings_number(&self.config)
+    }
+}
+
+/// State of the folder, which changes with new names, and of each file that the device has read.
+fn stamp(config: &FolderConfig) -> Vec<FileState> {
+    let FolderConfig { dir, folder, .. } = config;
+    let state = |path: PathBuf| {
+        let file = std::fs::symlink_metadata(path).ok()?;
+        Some((file.mtime(), file.mtime_nsec(), file.ctime(), file.ctime_nsec(), file.len(), file.ino()))
+    };
+    let named = folder.inputs.iter().map(String::as_str).chain(files::FIXED);
+    [state(dir.clone())].into_iter().chain(named.map(|name| state(dir.join(name)))).collect()
+}
