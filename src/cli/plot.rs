@@ -151,7 +151,7 @@ pub(crate) fn of_session(
     let rows = places.iter().zip(held).zip(recorded).map(|(((plc, place), held), is_recorded)| {
         let name = format!("{}{}", session.prefix(*plc), place.name(place.last_phase()));
         let address = address_of(place);
-        let row = Row::of(name, place, &waves.part(*plc, address.offset(), address.width()));
+        let row = Row::of(name, place, &waves.register(*plc, address.offset(), address.width()));
         let mut word = [0; 4];
         word.iter_mut().zip(held).for_each(|(to, from)| *to = from);
         row.or_holds(&place.format(place.last_phase(), u32::from_le_bytes(word)), is_recorded)

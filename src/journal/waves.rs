@@ -1,9 +1,8 @@
 //! The journal as signals over time: content of every waveform format and of plots.
 //!
-//! Each bus is a scope with its SYNC edges, as events, and its frames. Each PLC is a scope that contains a scope for
-//! each area, with the registers. If the values of a register have a meaning, a second signal shows it as text. Other
-//! events are text in a signal with the name of their kind. A signal has no value before its first record in the
-//! journal.
+//! A scope for each bus has its SYNC edges as events and its frames; a scope for each PLC has a scope for each area
+//! with its registers. A register with a meaning has it as text beside its value. Other events are text under the
+//! name of their kind. A signal has no value until the journal contains one.
 
 use super::reader::RegisterLocation;
 use super::window::Window;
@@ -33,7 +32,7 @@ pub struct Waves {
 pub struct Past {
     /// Times in microseconds, ascending, each with the value from then on.
     pub values: Vec<(u64, u32)>,
-    /// True if `values` contains all values since the start of the journal.
+    /// Whether the values are complete from the start of the journal on.
     pub is_recorded: bool,
 }
 
@@ -68,7 +67,7 @@ pub(super) enum Shape {
 /// The value of a signal.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Content {
-    /// A number: width in bits, value, and a mask of the known bits.
+    /// Width in bits, their values, and a mask of the known bits.
     Bits { width: u32, value: u64, known: u64 },
     /// A text, a single word.
     Text(String),
@@ -81,7 +80,7 @@ impl Content {
         Content::Bits { width, value, known: u64::MAX }
     }
 
-    /// The data of a frame, with the first byte in the highest bits. Bytes that the frame does not have are unknown.
+    /// The data of a frame, its first byte on top; bytes that it does not have are not known.
     fn data(frame: &Frame) -> Self {
         let payload = frame.payload();
         let data = if frame.arbitration().is_remote() { &[][..] } else { payload.data() };
@@ -120,7 +119,7 @@ pub(super) struct Change {
 }
 
 impl Waves {
-    /// The signals of the wanted records. Other records are only used to determine the phases of ports.
+    /// The signals of the wanted records; the other records only update the state.
     pub fn of(records: &[Record], wanted: &Selection, names: Names, catalogue: &'static Catalogue) -> Self {
         Self::within(Window::ALL, records, wanted, names, catalogue)
     }
@@ -152,46 +151,46 @@ impl Waves {
             }
         }
         let mut waves = taking.waves;
-        // A counted record is written when its count ends, so times are not in order here.
+        // A counted record comes when its count ends.
         waves.changes.sort_by_key(|change| change.time_us);
         waves.drop_repetitions();
         waves
     }
 
-    /// The values of a register according to the journal.
-    pub fn register(&self, plc: DeviceIndex, offset: u32) -> Past {
-        let number = |change: &Change| match change.content {
-            // Registers have 32 bits at most.
-            Content::Bits { value, .. } => Some((change.time_us, value as u32)),
-            _ => None,
+    /// The values of a register of this width according to the journal. The register may be a part of a recorded one.
+    pub fn register(&self, plc: DeviceIndex, offset: u32, width: Width) -> Past {
+        // A register at the same place comes first, then a wider one that contains it. Another width at the same place
+        // belongs to another structure, or to an access of a program.
+        let places = [offset, offset & !1, offset & !3].map(|at| (at, SignalSubject::Register(plc, at)));
+        let containers = places.iter().flat_map(|(at, subject)| {
+            [width, Width::Word, Width::Dword].map(|container| (*at, *subject, container))
+        });
+        let contains = |(at, subject, container): &(u32, SignalSubject, Width)| {
+            let shape = Shape::Bits(8 * container.bytes());
+            let is_exact = *at == offset && *container == width;
+            offset + width.bytes() <= at + container.bytes()
+                && (is_exact || self.is_recorded(plc, *at))
+                && self.signals.iter().any(|signal| signal.of == *subject && signal.shape == shape)
         };
-        let mut values: Vec<_> =
-            self.changes_of(SignalSubject::Register(plc, offset)).filter_map(number).collect();
-        // A change is stored for each register at this place, so values may repeat.
-        values.dedup();
-        Past { values, is_recorded: self.is_recorded(plc, offset) }
-    }
-
-    /// Returns the values like [`Waves::register`], but for a register of this width. It can be a part of the recorded
-    /// register.
-    pub fn part(&self, plc: DeviceIndex, offset: u32, width: Width) -> Past {
-        let has_width = |it: &Signal, at: u32| match it.shape {
-            Shape::Bits(bits) => offset + width.bytes() <= at + bits / 8,
-            _ => false,
+        let Some((at, subject, container)) = { containers }.find(contains) else {
+            return Past { values: Vec::new(), is_recorded: self.is_recorded(plc, offset) };
         };
-        let signals = |at: u32| {
-            self.signals.iter().any(|it| it.of == SignalSubject::Register(plc, at) && has_width(it, at))
-        };
-        let wider = [offset & !1, offset & !3].into_iter().filter(|at| *at != offset);
-        let Some(at) = wider.into_iter().find(|at| self.is_recorded(plc, *at) && signals(*at)) else {
-            return self.register(plc, offset);
-        };
-        let mut past = self.register(plc, at);
-        for (_, value) in &mut past.values {
-            *value = *value >> (8 * (offset - at)) & width.max_value();
-        }
-        past.values.dedup_by_key(|(_, value)| *value);
-        past
+        let shape = Shape::Bits(8 * container.bytes());
+        let changes = self.changes.iter().filter(|change| {
+            self.signals.get(change.signal).is_some_and(|it| it.of == subject && it.shape == shape)
+        });
+        let mut values: Vec<_> = changes
+            .filter_map(|change| match change.content {
+                // Registers have 32 bits at most.
+                Content::Bits { value, .. } => {
+                    Some((change.time_us, value as u32 >> (8 * (offset - at)) & width.max_value()))
+                }
+                _ => None,
+            })
+            .collect();
+        // Each register at this place has the change, and a wider register also changes in its other bytes.
+        values.dedup_by_key(|(_, value)| *value);
+        Past { values, is_recorded: self.is_recorded(plc, at) }
     }
 
     fn is_recorded(&self, plc: DeviceIndex, offset: u32) -> bool {
@@ -226,7 +225,7 @@ impl Waves {
         self.changes.iter().filter(is_it)
     }
 
-    /// Drops values that equal the previous value of the signal. Keeps all events.
+    /// Drops a value that equals the one before; events are kept each time.
     fn drop_repetitions(&mut self) {
         let mut shown: HashMap<usize, Content> = HashMap::new();
         self.changes.retain(|Change { signal, content, .. }| {
@@ -239,7 +238,7 @@ struct WaveCollector {
     window: Window,
     reader: Reader,
     waves: Waves,
-    /// For each place with a value, the registers at this place: different registers if structures overlay each other.
+    /// The registers at each place with a value: structures that overlay each other have different ones.
     overlaid: HashMap<(DeviceIndex, u32), Vec<OverlaidRegister>>,
 }
 
@@ -252,7 +251,7 @@ struct OverlaidRegister {
     has_meaning: bool,
 }
 
-/// Text of a register's meaning while its memory contains the value of another register.
+/// Text beside a register while its memory has a value of another register.
 const NOT_LIVE: &str = "not_live";
 
 impl WaveCollector {
@@ -318,7 +317,7 @@ impl WaveCollector {
         let subject = SignalSubject::Register(plc, offset);
         let content = Content::number(8 * width.bytes(), value.into());
         let text = |name: &str| format!("{name}_text");
-        // Registers of other structures at this place share the memory, so they change as well.
+        // The registers of other structures at this place have the same memory, so they change as well.
         let mut here = self.overlaid.remove(&(plc, offset)).unwrap_or_default();
         for other in here.iter().filter(|it| it.width == width && (it.name != name || it.scopes != scopes)) {
             self.note(record, &other.scopes, &other.name, subject, content.clone());
@@ -361,7 +360,7 @@ impl WaveCollector {
     }
 }
 
-/// Converts names and texts for waveforms: replaces blanks, and brackets, which would mean bits.
+/// Names and texts in the form for waveforms: without blanks, and without brackets, which would mean bits.
 fn word(text: &str) -> String {
     let allowed = text.trim().replace("][", "_").replace(']', "").replace('[', "_");
     let allowed = allowed.replace(|c: char| c.is_control() && !c.is_whitespace(), "_");

@@ -348,6 +348,7 @@ class Check:
         self.page.until("document.querySelector('.now').textContent.startsWith('16#0002')")
         self.page.click(".detail button", "Expect this value")
         self.passes(0, "w_OPTION_STATUS")
+        self.copied()
         self.page.enter(".detail input[name=expected]", "16#0003")
         self.page.click(".detail button", "Expect this value")
         # The expectation does not hold now, so the page must not report success.
@@ -368,6 +369,22 @@ class Check:
         self.page.click("button.record")
         self.page.until("document.querySelector('dialog .code')?.textContent.includes('w_CPU_CONTROL')")
         self.page.key("Escape")
+
+    def copied(self):
+        """The button "Copy" selects the text if the browser denies the clipboard, and a small screen has room while a recording runs."""
+        self.page.click(".tools button", "Scenario")
+        script = self.page.until("document.querySelector('dialog .code')?.textContent.includes('w_OPTION_STATUS') && document.querySelector('dialog .code').textContent")
+        self.page.value("(window.copied = null, Object.defineProperty(navigator, 'clipboard', { configurable: true, value: { writeText: (text) => Promise.resolve(copied = text) } }), 0)")
+        self.page.click("dialog button", "Copy")
+        self.page.until(f"copied === {json.dumps(script)}")
+        self.page.value("(Object.defineProperty(navigator, 'clipboard', { configurable: true, value: undefined }), 0)")
+        self.page.click("dialog button", "Copy")
+        self.page.until(f"getSelection().toString().trim() === {json.dumps(script.strip())}")
+        self.page.key("Escape")
+        self.page.size(390, 844)
+        self.page.until("document.querySelector('.tools').getBoundingClientRect().top >= document.querySelector('.instance').getBoundingClientRect().bottom")
+        self.page.until("document.documentElement.scrollWidth <= 390")
+        self.page.size(1280, 800)
 
     def undone(self):
         """Going back to a condition removes the undone actions, and the next wait has only its own condition."""

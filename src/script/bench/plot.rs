@@ -35,7 +35,7 @@ impl Bench {
         let mut rows = Vec::with_capacity(found.len());
         for register in &found {
             let address = address_of(register.place());
-            let past = waves.part(register.plc(), address.offset(), address.width());
+            let past = waves.register(register.plc(), address.offset(), address.width());
             let row = Row::of(register.name(register.place().last_phase()), register.place(), &past);
             let held = self.load(register.spot)?;
             let (plc, offset) = (register.plc(), address_of(register.place()).offset());

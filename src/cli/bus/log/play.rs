@@ -244,16 +244,27 @@ impl<'a> Player<'a> {
             then_us += us;
             ops.extend(sends);
         }
-        for (op, reply) in ops.iter().zip(self.session.replies(&ops)?) {
+        let advanced = |op: &Op, _: &Reply| match op {
+            Op::Advance { us } => *now_us += us,
+            _ => {}
+        };
+        Ok(!self.request(&ops, advanced)?)
+    }
+
+    /// Sends operations in one request, and counts the frames that the buses have accepted. `executed` gets each other
+    /// operation with its reply. Returns false if there is no room for the next frame; the operations after it are
+    /// not executed.
+    fn request(&mut self, ops: &[Op], mut executed: impl FnMut(&Op, &Reply)) -> Result<bool, CliError> {
+        for (op, reply) in ops.iter().zip(self.session.replies(ops)?) {
             match (op, reply) {
-                (_, Reply::Error(refused)) if refused.code == Code::QUEUE_FULL => return Ok(true),
+                (_, Reply::Error(refused)) if refused.code == Code::QUEUE_FULL => return Ok(false),
                 (_, Reply::Error(refused)) => return Err(ClientError::Refused(refused).into()),
-                (Op::Advance { us }, _) => *now_us += us,
                 (Op::TelegramSend { is_last: false, .. }, _) => {}
-                _ => self.accepted += 1,
+                (Op::BusSend { .. } | Op::TelegramSend { .. }, _) => self.accepted += 1,
+                (op, reply) => executed(op, &reply),
             }
         }
-        Ok(false)
+        Ok(true)
     }
 
     fn advance(&mut self) -> Result<(), CliError> {
@@ -266,31 +277,25 @@ impl<'a> Player<'a> {
         let interrupts = Interrupts::catch()?;
         let begin_us = self.session.ask(Op::Time)?.time()?;
         let mut timing = Timing { took_us: 0, latest_us: 0 };
-        for it in self.log {
-            let due_us = begin_us + it.time_us.saturating_sub(self.start_us);
-            let mut now_us = loop {
-                let now_us = self.session.ask(Op::Time)?.time()?;
-                let left_us = due_us.saturating_sub(now_us);
-                if left_us == 0 {
-                    break now_us;
-                }
+        let mut now_us = begin_us;
+        while let Some(next) = self.log.get(self.accepted) {
+            let left_us = self.due_us(next, begin_us).saturating_sub(now_us);
+            if left_us > 0 {
                 self.count_at(now_us)?;
                 // Emulated time can run faster or slower than real time, so at most 10 ms are slept before the next
                 // query.
                 pause(&interrupts, Duration::from_micros(left_us.min(10_000)))?;
-            };
-            while let Some(refused) = self.send(it)? {
-                if refused.code != Code::QUEUE_FULL {
-                    return Err(ClientError::Refused(refused).into());
-                }
+                now_us = self.session.ask(Op::Time)?.time()?;
+                continue;
+            }
+            let has_room = self.send_due(begin_us, &mut now_us, &mut timing)?;
+            self.count_at(now_us)?;
+            if !has_room {
                 self.note_wait(PAUSE)?;
                 pause(&interrupts, PAUSE)?;
-                now_us = self.session.ask(Op::Time)?.time()?;
+            } else if interrupts.any() {
+                return Err(CliError::Interrupted);
             }
-            self.accepted += 1;
-            self.count_at(now_us)?;
-            timing.took_us = now_us.saturating_sub(begin_us);
-            timing.latest_us = timing.latest_us.max(now_us.saturating_sub(due_us));
         }
         while !self.all_have_left()? {
             self.note_wait(PAUSE)?;
@@ -299,13 +304,43 @@ impl<'a> Player<'a> {
         Ok(timing)
     }
 
-    /// Sends a frame; returns the refusal, if any.
-    fn send(&self, it: &AddressedMessage) -> Result<Option<Refused>, CliError> {
-        let replies = self.session.replies(&sends(it))?;
-        Ok(replies.into_iter().find_map(|reply| match reply {
-            Reply::Error(refused) => Some(refused),
-            _ => None,
-        }))
+    /// The emulated time at which a frame is to be sent.
+    fn due_us(&self, it: &AddressedMessage, begin_us: u64) -> u64 {
+        begin_us + it.time_us.saturating_sub(self.start_us)
+    }
+
+    /// Sends the frames that are due at `now_us`, as many as one request may have, and reads the clock. Returns false if
+    /// there is no room for the next frame.
+    fn send_due(
+        &mut self,
+        begin_us: u64,
+        now_us: &mut u64,
+        timing: &mut Timing,
+    ) -> Result<bool, CliError> {
+        let due = self.log[self.accepted..].iter().take_while(|it| self.due_us(it, begin_us) <= *now_us);
+        // The last operation of the request reads the clock.
+        let mut ops = Vec::with_capacity(MAX_OPS);
+        for sends in due.map(sends) {
+            if ops.len() + sends.len() >= MAX_OPS {
+                break;
+            }
+            ops.extend(sends);
+        }
+        ops.push(Op::Time);
+        let before = self.accepted;
+        let has_room = self.request(&ops, |_, reply| {
+            if let Reply::Time(time_us) = reply {
+                *now_us = *time_us;
+            }
+        })?;
+        if !has_room {
+            *now_us = self.session.ask(Op::Time)?.time()?;
+        }
+        for it in &self.log[before..self.accepted] {
+            timing.latest_us = timing.latest_us.max(now_us.saturating_sub(self.due_us(it, begin_us)));
+            timing.took_us = now_us.saturating_sub(begin_us);
+        }
+        Ok(has_room)
     }
 
     /// Whether all frames have ended on their buses.

@@ -184,14 +184,15 @@ export function showRecord() {
       const foreign = foreignText(recorder.foreign);
       fill(text, foreign && `// ${foreign}\n`, scenario);
       error.textContent = "";
-      save.disabled = false;
+      save.disabled = copy.disabled = false;
     } catch (problem) {
       const at = groups().findIndex(({ end }) => problem.document?.index < end);
       error.textContent = problem.message.replace(/^action \d+/, `Action ${at + 1}`);
-      save.disabled = true;
+      save.disabled = copy.disabled = true;
     }
   };
   const save = h("button", { class: "primary", disabled: true, onclick: () => make().then(() => save.disabled || download(`${name.value}.rhai`, text.textContent)) }, "Download");
+  const copy = h("button", { disabled: true, onclick: () => make().then(() => copy.disabled || copyText(text)) }, "Copy");
   const error = h("p", { class: "error", role: "alert" });
   // Buttons of a row: up, down, delete. The focus stays at the button, in the row of the same action.
   const edit = (work, at, button) => () => {
@@ -216,8 +217,18 @@ export function showRecord() {
   plant.addEventListener("change", make);
   openDialog("Recorded scenario", h("div", { class: "stack" },
     h("p", null, "Run the file with ", h("code", null, "commram test FILE"), "."), list,
-    h("div", { class: "line" }, h("label", null, "Name ", name), !feed.isStepped && h("label", null, "Plant file ", plant), save), error, text), { isWide: true });
+    h("div", { class: "line" }, h("label", null, "Name ", name), !feed.isStepped && h("label", null, "Plant file ", plant), save, copy), error, text), { isWide: true });
   draw();
+}
+
+/** Puts the text of `element` into the clipboard. Browsers allow this only at HTTPS and loopback addresses; elsewhere the text is selected. */
+function copyText(element) {
+  const selectText = () => {
+    getSelection().selectAllChildren(element);
+    showNote("The browser does not allow this page to use the clipboard. The text is selected: copy it with Ctrl+C.");
+  };
+  if (!navigator.clipboard) return selectText();
+  return navigator.clipboard.writeText(element.textContent).then(() => showNote("The scenario is in the clipboard"), selectText);
 }
 
 function download(name, text) {

@@ -223,7 +223,7 @@ class Registers {
       setText(parts.meaning, [number, value?.meaning].filter((text, at) => text && (at === 0 || text !== number)).join("  "));
     }
     row.classList.toggle("forced", Boolean(value?.forced));
-    setText(parts.age, value?.changedUs !== undefined ? short(Math.max(0, feed.timeUs - value.changedUs)) : "");
+    setText(parts.age, value?.changedUs !== undefined ? age(Math.max(0, feed.timeUs - value.changedUs)) : "");
   }
 
   fillFacts(row, item) {
@@ -259,6 +259,11 @@ const elements = (entry) =>
 
 /** The row of a register or an element by its name. */
 const rowOf = (entry, name) => (entry.ranges.length && elements(entry).find((item) => item.name === name)) || { key: keyOf(entry, name), entry, name };
+
+const AGE_STEP_US = 100_000;
+
+/** Age of a value. In real time it is rounded: digits that differ in each frame cannot be read, and cost the browser a layout for each row. */
+const age = (us) => (feed.isStepped ? short(us) : us < AGE_STEP_US ? `<${short(AGE_STEP_US)}` : short(us - (us % AGE_STEP_US)));
 
 /** Shows a change; a value that changes all the time does not flash. */
 function flash(row) {
