@@ -56,7 +56,14 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let fitted = match &args.instance {
         Some(instance) => {
             let session = Session::open_for_reading(&Instance::starting(instance))?;
-            session.fitted(session.plc(plc, if what.is_empty() { "the map" } else { what })?)
+            session.fitted(session.plc(plc, what).map_err(|error| match error {
+                CliError::WhichPlc { instance, plcs, example, .. } if what.is_empty() => {
+                    let right =
+                        format!("it has several PLCs ({plcs}); write for example `commram map {example}:`");
+                    CliError::Argument { text: instance, right }
+                }
+                other => other,
+            })?)
         }
         // Only the type of the device is known, not its options.
         None => DeviceFit::unknown(args.device.layout()),

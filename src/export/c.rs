@@ -22,10 +22,10 @@ const EPILOGUE: &str = include_str!("c/epilogue.h");
 /// fields of the header page can have such names.
 const KEYWORDS: &str = "alignas alignof and and_eq asm assert auto bitand bitor bool break case catch char char8_t char16_t \
     char32_t class co_await co_return co_yield compl concept const const_cast consteval constexpr constinit continue \
-    decltype default delete do double dynamic_cast else enum errno explicit export extern false float for friend goto if \
+    decltype default delete do double dynamic_cast else enum EOF errno explicit export extern false float for friend goto if \
     inline int linux long mutable namespace new noexcept not not_eq nullptr NULL offsetof operator or or_eq private \
     protected public register reinterpret_cast requires restrict return short signed sizeof static static_assert \
-    static_cast struct switch template this thread_local throw true try typedef typeid typename typeof typeof_unqual \
+    static_cast stderr stdin stdout struct switch template this thread_local throw true try typedef typeid typename typeof typeof_unqual \
     union unix unsigned using virtual void volatile wchar_t while xor xor_eq";
 
 pub(crate) fn generate(scope: &Scope) -> String {
@@ -143,7 +143,7 @@ fn structure(
     members: &[Member],
     start: u32,
 ) {
-    let name = &format!("{prefix}{name}");
+    let name = &free_name(&format!("{prefix}{name}"));
     let _ = writeln!(out, "\n/* {remark} */\ntypedef struct {name} {{");
     let mut asserts = String::new();
     for member in members {
@@ -157,7 +157,8 @@ fn structure(
             Member::Group(group) => {
                 let dims = text::bounds(group.dims());
                 let name = field_name(group.member_name());
-                (format!("{prefix}{} {name}{dims};", group.type_name()), name, group.offset())
+                let of = free_name(&format!("{prefix}{}", group.type_name()));
+                (format!("{of} {name}{dims};"), name, group.offset())
             }
             Member::Padding { offset, bytes } => {
                 let _ = writeln!(out, "    uint8_t padding_{offset}[{bytes}];");
@@ -198,25 +199,26 @@ pub(crate) fn register_expression(device: &'static DeviceLayout, name: &str) -> 
 
 /// Returns the name of the function that returns a structure in an image.
 fn accessor(placed: &AreaStructure) -> String {
-    format!("commram{}", placed.variable)
+    free_name(&format!("commram{}", placed.variable))
 }
 
 /// Generates the places of the structures, and functions that return the structures of an image.
 fn places(out: &mut String, prefix: &str, scope: &Scope) {
     out.push_str("\n/* The areas, their first bytes in an image, and the structures. */\n\n");
     for area in &scope.areas {
-        let name = constants::upper(area.name);
-        let _ = writeln!(out, "#define COMMRAM_{name} {}u /* {} */", area.first, area.doc);
-        let _ = writeln!(out, "#define COMMRAM_{name}_BYTES {}u", area.bytes);
+        let name = free_name(&format!("COMMRAM_{}", constants::upper(area.name)));
+        let _ = writeln!(out, "#define {name} {}u /* {} */", area.first, area.doc);
+        let _ = writeln!(out, "#define {name}_BYTES {}u", area.bytes);
     }
     for (area, placed) in scope.placed() {
-        let Structure { name, doc, .. } = placed.structure;
+        let doc = placed.structure.doc;
+        let name = free_name(&format!("{prefix}{}", placed.structure.name));
         let phase = area.phase_facts(placed.live);
         let live = phase.map_or_else(String::new, |phase| format!(", {}", phase.doc));
         let _ = writeln!(
             out,
-            "\n/* {doc}{live}. */\nstatic inline {prefix}{name} *{}(const commram *ram)\n{{\n    \
-             return ({prefix}{name} *)(ram->base + {}u);\n}}",
+            "\n/* {doc}{live}. */\nstatic inline {name} *{}(const commram *ram)\n{{\n    \
+             return ({name} *)(ram->base + {}u);\n}}",
             accessor(placed),
             area.first
         );
@@ -240,6 +242,15 @@ fn field_name(name: &str) -> String {
     if KEYWORDS.split_whitespace().any(|word| word == name) { format!("{name}_") } else { name.to_owned() }
 }
 
+/// The name of a type, a function or a macro, with `_` appended if C, C++ or the header itself has another use of it.
+fn free_name(name: &str) -> String {
+    let is_part = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let is_used = [PROLOGUE, ATTACH, TASKS, EPILOGUE]
+        .iter()
+        .any(|text| text.split(|c| !is_part(c)).any(|word| word == name));
+    if is_used { format!("{name}_") } else { field_name(name) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -252,6 +263,13 @@ mod tests {
     #[test]
     fn names_that_c_needs_itself_get_an_underscore() {
         assert_eq!(["int", "NULL", "w_INT", "xor_eq"].map(field_name), ["int_", "NULL_", "w_INT", "xor_eq_"]);
+    }
+
+    #[test]
+    fn names_of_the_header_itself_get_an_underscore() {
+        let names = ["uint8_t", "commram", "commram_attach", "COMMRAM_LOAD", "commram_card", "CARD"];
+        let free = ["uint8_t_", "commram_", "commram_attach_", "COMMRAM_LOAD_", "commram_card", "CARD"];
+        assert_eq!(names.map(free_name), free);
     }
 
     #[test]

@@ -109,7 +109,7 @@ fn structures(scope: &Scope, form: StForm) -> String {
     let mut out = String::new();
     let mut spellings = Spellings::default();
     for (area, placed) in scope.placed() {
-        let (variable, structure) = (placed.variable, placed.structure.name);
+        let (variable, structure) = (placed.variable, identifier(placed.structure.name));
         let remark = text::made_up(placed).map(|made_up| format!(" (* {made_up} *)")).unwrap_or_default();
         let begin = area.begin();
         let address = if form.is_matiec() { spellings.next(begin, form.compiler) } else { begin };
@@ -178,6 +178,21 @@ fn variable(register: &RegisterRef) -> String {
     let name = register.name();
     let words = name.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
     words.collect::<Vec<_>>().join("_")
+}
+
+/// Words of IEC 61131-3 that cannot be names.
+const KEYWORDS: &str = "action and any array at bool by byte case configuration constant date date_and_time dint do dt dword else \
+    elsif en end_action end_case end_configuration end_for end_function end_function_block end_if end_program end_repeat \
+    end_resource end_step end_struct end_transition end_type end_var end_while eno exit f_edge false for from function \
+    function_block if initial_step int lint lreal lword mod not of on or priority program r_edge read_only read_write real \
+    repeat resource retain return sint step string struct task then time time_of_day to tod transition true type udint uint \
+    ulint until usint var var_access var_config var_external var_global var_in_out var_input var_output var_temp while with \
+    word wstring xor";
+
+/// A name of a structure or of its member: with `r_` in front if it is a word of the language, in which case does not matter.
+fn identifier(name: &str) -> String {
+    let is_keyword = KEYWORDS.split_whitespace().any(|word| word.eq_ignore_ascii_case(name));
+    if is_keyword { format!("r_{name}") } else { name.to_owned() }
 }
 
 /// A named array type. The vendor's compilers require one. The manual names types with one dimension by a pattern:
@@ -250,17 +265,18 @@ impl Arrays {
 
 fn record(out: &mut String, arrays: &mut Arrays, name: &str, doc: &str, members: &[Member]) {
     let counts = |dims: &[Dim]| dims.iter().map(|dim| u32::from(dim.count)).collect::<Vec<_>>();
+    let name = identifier(name);
     let _ = writeln!(out, "TYPE\n    {name} : (* {doc} *)\n    STRUCT");
     for member in members {
         let (field, of_records, element, counts, named, remark) = match member {
             Member::Register(register) => {
                 let remark = format!(" (* {} *)", text::remark(register));
                 let counts = counts(members::own_dims(register));
-                (register.name.to_owned(), false, register.ty.name(), counts, register.array_type, remark)
+                (identifier(register.name), false, register.ty.name(), counts, register.array_type, remark)
             }
             Member::Group(group) => {
                 let counts = counts(group.dims());
-                (group.member_name().to_owned(), true, group.type_name(), counts, "", String::new())
+                (identifier(group.member_name()), true, group.type_name(), counts, "", String::new())
             }
             Member::Padding { offset, bytes } => {
                 let counts = if *bytes == 1 { vec![] } else { vec![*bytes] };
@@ -279,6 +295,11 @@ mod tests {
     use crate::devices::samples::tables::NODES as DEVICE;
 
     /// Identifiers do not distinguish upper and lower case and have no `__`.
+    #[test]
+    fn words_of_the_language_get_a_prefix() {
+        assert_eq!(["AT", "type", "w_TYPE", "level"].map(identifier), ["r_AT", "r_type", "w_TYPE", "level"]);
+    }
+
     #[test]
     fn elementary_variables_have_names_of_their_own() {
         let text = elementary(&Scope::new(&DEVICE, None).unwrap(), StCompiler::Any);

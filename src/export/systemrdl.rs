@@ -8,6 +8,18 @@ use super::text;
 use crate::layout::{Area, AreaStructure, BitField, Meaning, Owner, Register, Role, ValueMeaning};
 use std::fmt::Write;
 
+/// Words that SystemRDL 2.0 uses or reserves (section 4.4). A backslash makes a name of such a word (section 4.3).
+const KEYWORDS: &str = "abstract accesstype addressingtype addrmap alias all alternate bit boolean bothedge byte compact component \
+    componentwidth constraint default encode enum external false field fullalign hw inside int internal level longint mem na \
+    negedge nonsticky number onreadtype onwritetype posedge precedencetype property r rclr real ref reg regalign regfile rset \
+    ruser rw rw1 shortint shortreal signal signed string struct sw this true type unsigned w w1 wclr within with woclr woset \
+    wot wr wset wuser wzc wzs wzt";
+
+/// A name in SystemRDL.
+fn identifier(name: &str) -> String {
+    if KEYWORDS.split_whitespace().any(|word| word == name) { format!("\\{name}") } else { name.to_owned() }
+}
+
 pub(crate) fn generate(scope: &Scope) -> String {
     let mut out: String =
         text::banner(scope, "systemrdl").iter().map(|line| format!("// {line}\n")).collect();
@@ -18,12 +30,13 @@ pub(crate) fn generate(scope: &Scope) -> String {
         self::group(&mut out, &group);
     }
     for of in scope.structures() {
-        let _ = writeln!(out, "\nregfile {} {{\n    desc = {:?};", of.name, text::about(of));
+        let _ = writeln!(out, "\nregfile {} {{\n    desc = {:?};", identifier(of.name), text::about(of));
         for member in members::of(of) {
             match member {
                 Member::Register(of) => register(&mut out, of, 0),
                 Member::Group(of) => {
-                    let (ty, name, offset) = (of.type_name(), of.member_name(), of.offset());
+                    let (ty, name, offset) =
+                        (identifier(of.type_name()), identifier(of.member_name()), of.offset());
                     let _ = writeln!(out, "    {ty} {name}{} @ 0x{offset:X};", text::bounds(of.dims()));
                 }
                 Member::Padding { .. } => {}
@@ -69,6 +82,11 @@ fn map(out: &mut String, scope: &Scope, phase: Option<&str>, role: Option<Role>)
         let _ = write!(name, "_{role}");
         let _ = write!(of, " of every {role}");
     }
+    // Types share one space of names.
+    if scope.structures().iter().any(|of| of.name == name) {
+        name.push_str("_map");
+    }
+    let name = identifier(&name);
     let _ = writeln!(
         out,
         "\naddrmap {name} {{\n    desc = \"Image of the {}{of}\";\n    \
@@ -79,7 +97,13 @@ fn map(out: &mut String, scope: &Scope, phase: Option<&str>, role: Option<Role>)
         let AreaStructure { structure, variable, .. } = placed;
         let is_fitted = placed.role.is_none() || placed.role == role;
         if is_fitted && [phase, Some("always")].contains(&Some(rows::live(area, placed))) {
-            let _ = writeln!(out, "    {} {variable} @ {};", structure.name, area.first);
+            let _ = writeln!(
+                out,
+                "    {} {} @ {};",
+                identifier(structure.name),
+                identifier(variable),
+                area.first
+            );
         }
     }
     for area in scope.areas.iter().filter(|area| area.structures.is_empty()) {
@@ -91,6 +115,7 @@ fn map(out: &mut String, scope: &Scope, phase: Option<&str>, role: Option<Role>)
 /// An area without registers.
 fn plain(out: &mut String, area: &Area) {
     let Area { name, first, bytes, doc, .. } = area;
+    let name = identifier(name);
     let entries = bytes / 4;
     let _ = writeln!(
         out,
@@ -99,7 +124,7 @@ fn plain(out: &mut String, area: &Area) {
 }
 
 fn group(out: &mut String, group: &Group) {
-    let _ = writeln!(out, "\nregfile {} {{\n    desc = {:?};", group.type_name(), group.about());
+    let _ = writeln!(out, "\nregfile {} {{\n    desc = {:?};", identifier(group.type_name()), group.about());
     for member in group.members() {
         if let Member::Register(of) = member {
             register(out, of, group.offset());
@@ -141,6 +166,7 @@ fn register(out: &mut String, of: &'static Register, start: u32) {
         }
     }
     let array = text::bounds(members::own_dims(of));
+    let name = identifier(name);
     let _ = writeln!(out, "    }} {name}{array} @ 0x{:X};", offset - start);
 }
 

@@ -32,8 +32,8 @@ const COLUMNS: [(&str, bool); 6] = [
     ("Real", true),
 ];
 
-/// Names of the outcomes, for the filter.
-const OUTCOMES: [&str; 6] = ["passed", "failed", "broken", "died", "not run", "skipped"];
+/// Names of the outcomes of scenarios.
+pub(super) const OUTCOMES: [&str; 6] = ["passed", "failed", "broken", "died", "not run", "skipped"];
 
 /// Makes the page.
 pub(crate) fn page(reports: &[Report], origin: &Origin) -> String {

@@ -137,6 +137,9 @@ fn output_of(args: &Args, reason: io::Error) -> CliError {
     }
 }
 
+/// Maximum number of missing shards that a message lists.
+const MAX_LISTED: usize = 20;
+
 /// The reports that have the data of a page.
 const PAGE_DATA: &str = "`commram test --shard I/N --report json=FILE` writes reports with this data";
 
@@ -163,10 +166,10 @@ fn wrong(path: &Path, what: impl ToString) -> CliError {
 fn of_junit(path: &Path, text: &str) -> Result<Part<TestSuite>, CliError> {
     let report = Report::deserialize_from_str(text).map_err(|error| wrong(path, error))?;
     let name = report.name.as_ref().map(|name| name.to_string()).unwrap_or_default();
-    let shard = shard_of_junit(&name).and_then(|shard| Shard::parse(shard).ok());
-    let shard = shard.ok_or_else(|| {
+    let shard = shard_of_junit(&name).ok_or_else(|| {
         wrong(path, "it does not name its shard; `commram test --shard I/N --junit FILE` writes such reports")
     })?;
+    let shard = Shard::parse(shard).map_err(|right| wrong(path, format!("shard {shard}: {right}")))?;
     let scenarios = report.test_suites.into_iter().map(|suite| {
         let file = suite.extra.get("file").map_or_else(|| suite.name.to_string(), |file| file.to_string());
         let status = suite.test_cases.first().map(|case| &case.status);
@@ -198,16 +201,21 @@ fn of_json(path: &Path, text: &str) -> Result<Part<Value>, CliError> {
         let (Some(file), Some(outcome)) = (text("file"), text("outcome")) else {
             return Err(wrong(path, none));
         };
-        let shard = text("shard").and_then(|shard| Shard::parse(&shard).ok());
-        let Some(shard) = shard.filter(|shard| part.shard.is_none_or(|known| known == *shard)) else {
-            return Err(wrong(
-                path,
-                "it does not name its shard; `commram test --shard I/N` writes such reports",
-            ));
-        };
+        let shard = text("shard").ok_or_else(|| {
+            wrong(path, "it does not name its shard; `commram test --shard I/N` writes such reports")
+        })?;
+        let shard = Shard::parse(&shard).map_err(|right| wrong(path, format!("shard {shard}: {right}")))?;
+        if let Some(other) = part.shard.filter(|other| *other != shard) {
+            return Err(wrong(path, format!("it has scenarios of shard {other} and of shard {shard}")));
+        }
         part.shard = Some(shard);
         if let Some(line) = line.as_object_mut() {
             line.remove("shard");
+        }
+        if !html::OUTCOMES.contains(&outcome.as_str()) {
+            let right =
+                format!("{file} has the outcome {outcome}; outcomes are {}", html::OUTCOMES.join(", "));
+            return Err(wrong(path, right));
         }
         let ending = match outcome.as_str() {
             "passed" => EndResult::Passed,
@@ -256,9 +264,15 @@ fn in_order<T>(parts: Vec<Part<T>>) -> Result<Vec<Scenario<T>>, CliError> {
     }
     let missing = places.iter().enumerate().filter(|(_, place)| place.is_none());
     let missing: Vec<_> = missing.map(|(index, _)| format!("{}/{count}", index + 1)).collect();
-    if !missing.is_empty() {
+    let (listed, others) = missing.split_at(missing.len().min(MAX_LISTED));
+    if !listed.is_empty() {
+        let others = match others.len() {
+            0 => String::new(),
+            count => format!(" and {count} more"),
+        };
         let right = "the reports of these shards are needed".to_owned();
-        return Err(CliError::Argument { text: format!("missing: shard {}", missing.join(", ")), right });
+        let text = format!("missing: shard {}{others}", listed.join(", "));
+        return Err(CliError::Argument { text, right });
     }
     let parts: Vec<_> = places.into_iter().flatten().collect();
     let total: usize = parts.iter().map(|part| part.scenarios.len()).sum();

@@ -16,6 +16,9 @@ pub(crate) struct Shard {
     count: NonZero<usize>,
 }
 
+/// Maximum number of shards of a run: reports of other machines may name any number.
+const MAX_SHARDS: usize = 10_000;
+
 impl Shard {
     /// Parses `2/3`.
     ///
@@ -25,6 +28,9 @@ impl Shard {
         let number = |text: &str| text.parse::<usize>().ok();
         let numbers = text.split_once('/').and_then(|(index, count)| Some((number(index)?, number(count)?)));
         match numbers.map(|(index, count)| (index, NonZero::new(count))) {
+            Some((_, Some(count))) if count.get() > MAX_SHARDS => {
+                Err(format!("a run has at most {MAX_SHARDS} shards"))
+            }
             Some((index, Some(count))) if (1..=count.get()).contains(&index) => Ok(Self { index, count }),
             Some((_, Some(count))) => Err(format!("shards are counted from 1 up to {count}")),
             Some((_, None)) => Err("there is at least one shard, 1/1".to_owned()),

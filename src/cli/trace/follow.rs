@@ -196,7 +196,7 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
                     held.retain(|(record, _)| record.seq < turn.begin);
                 }
                 output::note(&format!(
-                    "the instance has gone back; another history continues after record {}",
+                    "the instance has gone back; another history begins with record {}",
                     turn.begin
                 ));
                 self.printer.turn_to(turn.begin.min(from));

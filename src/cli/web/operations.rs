@@ -77,6 +77,7 @@ fn check(schema: &Value, value: &Value) -> Result<(), String> {
             Err(format!("not an integer from {} to {}", schema["minimum"], schema["maximum"]))
         }
         (false, Some("boolean")) => Err("not true or false".to_owned()),
+        (false, Some("string")) => Err("not a string; GET /api/v1/openapi.json describes it".to_owned()),
         (false, kind) => {
             Err(format!("not an {}; GET /api/v1/openapi.json describes it", kind.unwrap_or("object")))
         }

@@ -55,8 +55,14 @@ fn of_a_register_that_is_recorded_only_the_changes_count() {
         record(2, 7, changed(1, 5, 4)),
         record(3, 8, write(2, 3)),
     ]);
-    assert_eq!(waves.register(DeviceIndex(0), 1, Width::Byte), Past { values: vec![(6, 5), (7, 4)], is_recorded: true });
-    assert_eq!(waves.register(DeviceIndex(0), 2, Width::Byte), Past { values: vec![(8, 3)], is_recorded: false });
+    assert_eq!(
+        waves.register(DeviceIndex(0), 1, Width::Byte),
+        Past { values: vec![(6, 5), (7, 4)], is_recorded: true }
+    );
+    assert_eq!(
+        waves.register(DeviceIndex(0), 2, Width::Byte),
+        Past { values: vec![(8, 3)], is_recorded: false }
+    );
     assert_eq!(waves.register(DeviceIndex(1), 1, Width::Byte), Past::default());
 }
 
@@ -84,7 +90,8 @@ fn a_part_of_a_recorded_register_has_its_changes() {
 #[test]
 fn an_access_of_another_width_at_the_same_place_is_not_mixed_in() {
     let write = |width, value| ChannelWrite { plc: DeviceIndex(0), offset: 4, width, value };
-    let waves = waves(&[record(0, 5, write(2, 7)), record(1, 6, write(4, 0x0001_0009)), record(2, 7, write(2, 8))]);
+    let waves =
+        waves(&[record(0, 5, write(2, 7)), record(1, 6, write(4, 0x0001_0009)), record(2, 7, write(2, 8))]);
     let values = |width| waves.register(DeviceIndex(0), 4, width).values;
     assert_eq!(values(Width::Word), [(5, 7), (7, 8)]);
     assert_eq!(values(Width::Dword), [(6, 0x0001_0009)]);

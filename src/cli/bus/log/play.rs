@@ -311,12 +311,7 @@ impl<'a> Player<'a> {
 
     /// Sends the frames that are due at `now_us`, as many as one request may have, and reads the clock. Returns false if
     /// there is no room for the next frame.
-    fn send_due(
-        &mut self,
-        begin_us: u64,
-        now_us: &mut u64,
-        timing: &mut Timing,
-    ) -> Result<bool, CliError> {
+    fn send_due(&mut self, begin_us: u64, now_us: &mut u64, timing: &mut Timing) -> Result<bool, CliError> {
         let due = self.log[self.accepted..].iter().take_while(|it| self.due_us(it, begin_us) <= *now_us);
         // The last operation of the request reads the clock.
         let mut ops = Vec::with_capacity(MAX_OPS);

@@ -58,6 +58,20 @@ fn missing_duplicate_and_foreign_reports_are_refused() {
 }
 
 #[test]
+fn large_numbers_of_shards_and_unknown_outcomes_are_refused() {
+    let json = |shard: &str, outcome: &str| {
+        let text = format!(r#"[{{"file": "a.rhai", "outcome": "{outcome}", "shard": "{shard}"}}]"#);
+        of_json(Path::new("r.json"), &text).err().map(|error| error.to_string()).unwrap_or_default()
+    };
+    assert_eq!(json("1/2", "passed"), "");
+    let huge = "`r.json`: shard 1/18446744073709551615: a run has at most 10000 shards";
+    assert_eq!(json("1/18446744073709551615", "passed"), huge);
+    assert!(json("1/2", "great").contains("a.rhai has the outcome great"));
+    let many = refused(vec![part(Some("1/10000"), &["a"])]);
+    assert!(many.contains("20/10000, 21/10000 and 9979 more"), "{many}");
+}
+
+#[test]
 fn the_exit_code_equals_the_exit_code_of_one_run() {
     let of = |endings: &[EndResult]| verdict(&endings.iter().map(|it| (*it, true)).collect::<Vec<_>>());
     assert!(of(&[]).is_ok() && of(&[EndResult::Passed]).is_ok());

@@ -1,6 +1,7 @@
 //! Register maps, devices and object dictionaries of an instance.
 
 use super::{Fields, Shown, named};
+use crate::cli::error::CliError;
 use crate::cli::map::entries_of;
 use crate::cli::map::entry::{self, Entry};
 use crate::cli::web::link::Connection;
@@ -38,10 +39,22 @@ impl PlacedEntry {
     }
 }
 
+/// The PLC that the field `plc` names, or the only one.
+fn plc_of(connection: &Connection, fields: &Fields<'_>, what: &str) -> Result<DeviceIndex, Problem> {
+    connection.session.plc(fields.text("plc"), what).map_err(|error| match error {
+        CliError::WhichPlc { instance, plcs, .. } => {
+            let detail =
+                format!("instance '{instance}' has several PLCs ({plcs}); the field `plc` names one");
+            Problem::wrong_use(detail).with("field", "plc")
+        }
+        other => other.into(),
+    })
+}
+
 /// All registers of a PLC, or those of a block, an array or a pattern.
 pub(super) fn show(connection: &mut Connection, fields: &Fields<'_>) -> Result<Shown, Problem> {
     let what = fields.text("what").unwrap_or_default();
-    let plc = connection.session.plc(fields.text("plc"), if what.is_empty() { "the map" } else { what })?;
+    let plc = plc_of(connection, fields, what)?;
     let fitted = connection.session.fitted(plc);
     if !what.is_empty() {
         return named("entries", entries_of(&fitted, what)?.0);
@@ -93,7 +106,7 @@ fn front_word(word: &FrontWord) -> Value {
 
 /// The object dictionary of a PLC's device.
 pub(super) fn objects(connection: &mut Connection, fields: &Fields<'_>) -> Result<Shown, Problem> {
-    let plc = connection.session.plc(fields.text("plc"), "the object dictionary")?;
+    let plc = plc_of(connection, fields, "")?;
     let object = |object: &crate::layout::object::Object| {
         json!({
             "index": object.index, "sub": object.sub, "name": object.name, "type": object.ty.map(|ty| ty.name()),
