@@ -2,7 +2,7 @@
 
 use super::Instance;
 use super::change::{self, RegisterValue, RegisterValues};
-use super::device::on_any_device;
+use super::device::{answer_of_instance, on_any_device};
 use super::dump::{self, Blocks, see};
 use super::error::CliError;
 use super::output;
@@ -92,7 +92,11 @@ fn now(
     before: &[RegisterValue],
     known: &RegisterValues,
 ) -> Result<(Vec<RegisterValue>, Option<&'static str>), CliError> {
-    before.iter().try_for_each(|held| on_any_device(|fitted| area(fitted.device(), held).map(drop)))?;
+    let refused = |held| on_any_device(|fitted| area(fitted.device(), held).map(drop)).err();
+    if let Some(refusal) = before.iter().find_map(refused) {
+        // The device can be in a folder, which only the instance knows.
+        answer_of_instance(instance, refusal, |_| Ok(()), |_| Ok(()))?;
+    }
     let session = Session::open_for_reading(instance)?;
     let first = |held: &RegisterValue| {
         let plc = session.plcs().iter().position(|plc| *plc == held.plc).unwrap_or_default();

@@ -2,7 +2,7 @@
 
 use super::Instance;
 use super::complete;
-use super::device::on_any_device;
+use super::device::{answer_of_instance, on_any_device};
 use super::error::CliError;
 use super::given;
 use super::peek::{RegisterReading, number};
@@ -81,7 +81,7 @@ pub(crate) fn show(instance: &Instance, blocks: &[String]) -> Result<(), CliErro
 }
 
 fn print(instance: &Instance, blocks: &[String], all: bool, format: Format) -> Result<(), CliError> {
-    check(blocks)?;
+    blocks.iter().try_for_each(|name| check(instance, name))?;
     let session = Session::open_for_reading(instance)?;
     let dump = Blocks::find(&session, blocks)?.read(&session)?;
     let wanted = dump.rows.into_iter().filter(|row| all || row.differs || row.holding.forced);
@@ -114,23 +114,16 @@ pub(crate) struct DumpRow {
     pub differs: bool,
 }
 
-/// Checks names as far as possible without an instance.
+/// Checks the name of a block: on the devices of the program, else on those of the instance, if it runs.
 ///
 /// # Errors
 /// No device has such a block or register.
-pub(crate) fn check(names: &[String]) -> Result<(), CliError> {
-    names
-        .iter()
-        .map(|name| split_plc(name).1)
-        .try_for_each(|name| on_any_device(|fitted| select(fitted, name).map(drop)))
-}
-
-/// Does the same check as [`check`] for a single device.
-///
-/// # Errors
-/// The device has no such block or register.
-pub(crate) fn check_on(fitted: &DeviceFit, name: &str) -> Result<(), LayoutError> {
-    select(fitted, name).map(drop)
+pub(crate) fn check(instance: &Instance, name: &str) -> Result<(), CliError> {
+    let look_up = |fitted: &DeviceFit| select(fitted, split_plc(name).1).map(drop);
+    on_any_device(look_up).or_else(|refusal| {
+        let find = |session: &Session| Blocks::find(session, &[name.to_owned()]).map(drop);
+        answer_of_instance(instance, refusal, find, look_up)
+    })
 }
 
 impl Blocks {

@@ -1,7 +1,7 @@
 //! `commram peek`: values of registers.
 
 use super::complete;
-use super::device::{answer_of_instance, of_any_device_or_instance};
+use super::device::of_any_device_or_instance;
 use super::dump::{self, Blocks};
 use super::error::CliError;
 use super::place::NamedLocation;
@@ -90,10 +90,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let check = of_any_device_or_instance(&args.instance);
     for text in &args.registers {
         if is_pattern(text) {
-            dump::check(core::slice::from_ref(text)).or_else(|refusal| {
-                let find = |session: &Session| ReadTarget::find(session, text).map(drop);
-                answer_of_instance(&args.instance, refusal, find, |fitted| dump::check_on(fitted, text))
-            })?;
+            dump::check(&args.instance, text)?;
         } else {
             check(text)?;
         }

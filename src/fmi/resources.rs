@@ -81,9 +81,9 @@ impl Resources {
             (Content::Snapshot(bytes, Box::new(file.snapshot)), config)
         } else {
             let text = input_file::text(bytes).map_err(failed)?;
-            let directory = path.parent().unwrap_or(Path::new(""));
-            let config = PlantConfig::parse_from(directory, &path.display().to_string(), &text)?;
-            // With absolute paths of the folders of devices: a simulator unpacks the archive elsewhere.
+            let base = path.parent().unwrap_or(Path::new(""));
+            let config = PlantConfig::parse_from(base, &path.display().to_string(), &text)?;
+            // The paths of folders in it are absolute: an unpacked unit is in another directory.
             (Content::Plant(config.source().to_owned()), config)
         };
         let (content, config) = content;

@@ -22,6 +22,29 @@ fn names(registers: &[&str]) -> Vec<String> {
 }
 
 #[test]
+fn a_folder_is_found_from_the_directory_of_the_plant_file_and_of_an_unpacked_unit() {
+    let place = std::env::temp_dir().join(format!("commram-fmi-folder-{}", std::process::id()));
+    let (card, unpacked) = (place.join("digital-io"), place.join("unpacked"));
+    std::fs::create_dir_all(&card).unwrap();
+    std::fs::create_dir_all(&unpacked).unwrap();
+    let example = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/devices/digital-io");
+    for entry in std::fs::read_dir(example).unwrap().map(Result::unwrap) {
+        if entry.path().is_file() {
+            std::fs::copy(entry.path(), card.join(entry.file_name())).unwrap();
+        }
+    }
+    let plant = place.join("plant.toml");
+    std::fs::write(&plant, "[[device]]\nkind = \"./digital-io\"\nname = \"io\"\n").unwrap();
+    let resources = Resources::of_file(&plant, vec!["data.w_OUT".to_owned()]).unwrap();
+    for (name, content) in resources.files() {
+        std::fs::write(unpacked.join(name), content).unwrap();
+    }
+    let unit = Unit::new(&Resources::of_directory(&unpacked).unwrap()).unwrap();
+    std::fs::remove_dir_all(&place).unwrap();
+    assert_eq!(unit.variables()[0].name, "data.w_OUT");
+}
+
+#[test]
 fn steps_end_at_the_next_microsecond_and_errors_do_not_add_up() {
     let mut unit = unit(&["node2.w_*"]);
     unit.begin(7.0).unwrap();

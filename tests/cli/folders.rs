@@ -58,6 +58,19 @@ fn a_folder_is_a_device_in_every_command() {
     let dump = emulator.run("dump", &[]);
     assert!(dump.ok().contains("data.w_OUT") && dump.out.contains("%MW3.16"), "{}", dump.out);
     assert!(emulator.run("status", &[]).ok().contains("digital-io"));
+
+    // Names that no device of the program has.
+    for block in ["data", "io:data", "data.*", "%MW3.16"] {
+        assert!(emulator.run("dump", &[block]).ok().contains("data.w_OUT"), "{block}");
+    }
+    assert!(emulator.run("dump", &["date"]).fails(2).contains("did you mean data?"));
+    place.write("before.json", emulator.run("dump", &["--full", "--format", "json"]).ok());
+    assert_eq!(emulator.run("diff", &[&place.path("before.json")]).ok(), "no differences\n");
+    emulator.poke(&["data.w_OUT=16#4321"]);
+    let changed = emulator.run("diff", &[&place.path("before.json")]);
+    assert!(changed.code == Some(1) && changed.out.contains("16#4321"), "{}", changed.out);
+    emulator.poke(&["data.w_OUT=16#1234"]);
+
     let found = run(&["find", "toggle", "--device", &place.path("cards/digital-io")]);
     assert!(found.ok().contains("w_TOGGLE_ACK"), "{}", found.out);
 

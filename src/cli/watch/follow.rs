@@ -34,7 +34,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 }
 
 fn show(args: &Args) -> Result<(), CliError> {
-    dump::check(&args.blocks)?;
+    args.blocks.iter().try_for_each(|name| dump::check(&args.instance, name))?;
     let session = Session::open(&args.instance, 0)?;
     let blocks = Blocks::find(&session, &args.blocks)?;
     let mut pause = Pause::new()?;
