@@ -23,7 +23,8 @@ fn names(registers: &[&str]) -> Vec<String> {
 
 #[test]
 fn a_folder_is_found_from_the_directory_of_the_plant_file_and_of_an_unpacked_unit() {
-    let place = std::env::temp_dir().join(format!("commram-fmi-folder-{}", std::process::id()));
+    let directory = tempfile::tempdir().unwrap();
+    let place = directory.path();
     let (card, unpacked) = (place.join("digital-io"), place.join("unpacked"));
     std::fs::create_dir_all(&card).unwrap();
     std::fs::create_dir_all(&unpacked).unwrap();
@@ -40,7 +41,6 @@ fn a_folder_is_found_from_the_directory_of_the_plant_file_and_of_an_unpacked_uni
         std::fs::write(unpacked.join(name), content).unwrap();
     }
     let unit = Unit::new(&Resources::of_directory(&unpacked).unwrap()).unwrap();
-    std::fs::remove_dir_all(&place).unwrap();
     assert_eq!(unit.variables()[0].name, "data.w_OUT");
 }
 
