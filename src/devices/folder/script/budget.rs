@@ -1,12 +1,20 @@
-//! Limits the steps and the stack of a script.
+//! Limits the steps, the processor time and the stack of a script.
 
 use core::cell::Cell;
+use core::time::Duration;
+use rustix::time::{ClockId, clock_gettime};
 use serde::{Deserialize, Serialize};
 
 /// Steps of a script within a millisecond of emulated time (D-801).
 pub(super) const MOST_OPERATIONS: u64 = 200_000;
 /// Steps that each call of a hook counts, so that calls of empty hooks are limited, too.
 const CALL: u64 = 20;
+/// Processor time of this thread that a script may use within a millisecond of emulated time. A step can be long: it may sort
+/// an array. Without this limit a script within its steps could keep the emulator from each request for minutes. Only a
+/// script that is too slow for any use reaches it, so journals do not depend on the speed of the machine (D-801).
+pub(super) const LONGEST: Duration = Duration::from_secs(1);
+/// Steps between two reads of the processor time.
+const STEPS_PER_LOOK: u64 = 64;
 /// Stack in bytes that a hook may take, from the call on.
 const MOST_STACK: usize = 1 << 20;
 
@@ -40,21 +48,41 @@ pub(super) struct Meter {
     operations: Cell<u64>,
     allowed: Cell<u64>,
     bottom: Cell<usize>,
+    /// The millisecond of emulated time of the last call, and the processor time of all its calls.
+    millisecond: Cell<u64>,
+    used: Cell<Duration>,
+    /// Processor time of the thread when the call began.
+    begun: Cell<Duration>,
 }
 
 /// Limit that a call has exceeded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Exceeded {
     Operations,
+    Time,
     Stack,
 }
 
 impl Meter {
-    /// Begins a call, which may take `allowed` steps.
-    pub(super) fn begin(&self, allowed: u64) {
+    /// Begins a call at the emulated time `now`, in microseconds. The call may take `allowed` steps.
+    pub(super) fn begin(&self, allowed: u64, now: u64) {
+        if self.millisecond.replace(now / 1000) != now / 1000 {
+            self.used.set(Duration::ZERO);
+        }
+        self.begun.set(processor_time());
         self.operations.set(0);
         self.allowed.set(allowed);
         self.bottom.set(stack_position());
+    }
+
+    /// Ends the call.
+    pub(super) fn end(&self) {
+        self.used.set(self.time());
+    }
+
+    /// Processor time of all calls in this millisecond.
+    fn time(&self) -> Duration {
+        self.used.get() + processor_time().saturating_sub(self.begun.get())
     }
 
     /// Steps of the call so far.
@@ -73,8 +101,16 @@ impl Meter {
         if self.operations.get() > self.allowed.get() {
             return Some(Exceeded::Operations);
         }
+        if self.operations.get().is_multiple_of(STEPS_PER_LOOK) && self.time() > LONGEST {
+            return Some(Exceeded::Time);
+        }
         (self.bottom.get().abs_diff(stack_position()) > MOST_STACK).then_some(Exceeded::Stack)
     }
+}
+
+/// Processor time of this thread. The clock of the thread does not count the time in which other programs run.
+fn processor_time() -> Duration {
+    Duration::try_from(clock_gettime(ClockId::ThreadCPUTime)).unwrap_or_default()
 }
 
 /// An address in the stack of this thread.
@@ -100,8 +136,26 @@ mod tests {
     #[test]
     fn a_call_ends_after_its_steps() {
         let meter = Meter::default();
-        meter.begin(2);
+        meter.begin(2, 0);
         assert_eq!([meter.step(), meter.step(), meter.step()], [None, None, Some(Exceeded::Operations)]);
         assert_eq!(meter.operations(), 3);
+    }
+
+    #[test]
+    fn calls_of_a_millisecond_share_its_processor_time() {
+        let meter = Meter::default();
+        meter.begin(u64::MAX, 1000);
+        let mut steps = 0_u64;
+        while meter.step() != Some(Exceeded::Time) {
+            steps += 1;
+            std::hint::black_box((0..10_000).map(std::hint::black_box).sum::<u64>());
+        }
+        meter.end();
+        assert!(steps > STEPS_PER_LOOK, "the first read finds little time");
+        let first_look = |now| {
+            meter.begin(u64::MAX, now);
+            (0..STEPS_PER_LOOK).find_map(|_| meter.step())
+        };
+        assert_eq!((first_look(1999), first_look(2000)), (Some(Exceeded::Time), None));
     }
 }

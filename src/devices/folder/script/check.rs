@@ -48,7 +48,7 @@ pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Fo
             hooks = hooks_of(&ast)?;
         }
         // Runs the statements outside of functions. They may be constants and imports; verbs are refused here.
-        meter.begin(MOST_OPERATIONS);
+        meter.begin(MOST_OPERATIONS, 0);
         let mut scope = Scope::new();
         engine.run_ast_with_scope(&mut scope, &ast).map_err(|error| {
             let mistake = Mistake::ran(&error);

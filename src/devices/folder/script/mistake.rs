@@ -1,6 +1,6 @@
 //! An error in a script: its place and its description.
 
-use super::budget::{Exceeded, MOST_OPERATIONS};
+use super::budget::{Exceeded, LONGEST_TIME, MOST_OPERATIONS};
 use crate::layout::DeviceLayout;
 use crate::plc_spelling::Dialect;
 use core::fmt;
@@ -73,6 +73,10 @@ fn description(error: &EvalAltResult) -> String {
     match error {
         EvalAltResult::ErrorTerminated(reason, _) => match reason.clone().try_cast::<Exceeded>() {
             Some(Exceeded::Stack) => "calls are nested too deep here".to_owned(),
+            Some(Exceeded::Time) => format!(
+                "the script is too slow: it takes more than {} s of processor time within a millisecond",
+                LONGEST_TIME.as_secs()
+            ),
             _ => format!("the script does not end: it takes more than {} steps", MOST_OPERATIONS),
         },
         EvalAltResult::ErrorRuntime(thrown, _) => thrown.to_string(),

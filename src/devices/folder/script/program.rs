@@ -82,12 +82,14 @@ impl Program {
         arguments: Vec<Dynamic>,
     ) -> Outcome {
         let mut this = state.value();
+        let now = acting.now;
         self.desk.borrow_mut().acting = Some(acting);
-        self.meter.begin(allowed);
+        self.meter.begin(allowed, now);
         let options = CallFnOptions::new().eval_ast(self.has_statements).bind_this_ptr(&mut this);
         let mut scope = Scope::new();
         let result =
             self.engine.call_fn_with_options::<Dynamic>(options, &mut scope, &self.ast, function, arguments);
+        self.meter.end();
         let acting = self.desk.borrow_mut().acting.take();
         let state = match result {
             Ok(_) => Data::of(&this).map_err(|what| {
