@@ -7,7 +7,7 @@ use super::scope::Scope;
 use super::text;
 #[cfg(feature = "cli")]
 use crate::layout::DeviceLayout;
-use crate::layout::{AreaStructure, RegType, Structure, format_value};
+use crate::layout::{AreaStructure, RegType, format_value};
 use crate::memory::HEADER_SIZE;
 use crate::memory::contract::{self, FieldKind, HeaderStruct};
 use crate::memory::header::{ABI_VERSION, MAGIC};

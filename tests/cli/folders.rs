@@ -273,6 +273,18 @@ fn a_folder_is_found_by_its_name_in_the_search_path() {
 
 /// Each mistake in a table of handshakes has its line and the correct form.
 #[test]
+fn a_script_that_is_too_slow_stops_and_the_emulator_answers() {
+    let place = Place::new();
+    let script = "fn poll() {\n    let a = [];\n    for i in 0..2000 { a.push((i * 7919) % 2003); }\n    \
+                  for j in 0..9000 { let b = a; b.sort(); }\n}\n";
+    fs::write(place.card().join("firmware.rhai"), script).unwrap();
+    let emulator = Emulator::start(&[&place.path("plant.toml"), "--clock", "stepped"]);
+    emulator.step(&["50ms"]);
+    let trace = emulator.run("trace", &["--kind", "stopped"]);
+    assert!(trace.ok().contains("firmware.rhai:4: the script is too slow"), "{}", trace.out);
+}
+
+#[test]
 fn wrong_handshakes_are_refused_with_their_line() {
     let wrong = [
         ("after = \"1ms\"", "after = \"soon\"", ":12: ", "`soon` is no time"),
