@@ -9,7 +9,7 @@ use super::select::Select;
 use super::{AddressedMessage, Buses, nothing, read};
 use crate::channel::ClientError;
 use crate::plural::plural;
-use crate::request::{Code, FilePart, MAX_ADVANCE_US, MAX_OPS, Op, Refused, Reply, read_journal};
+use crate::request::{Code, FilePart, MAX_ADVANCE_US, MAX_OPS, Op, Reply, read_journal};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 

@@ -12,7 +12,7 @@ const CALL: u64 = 20;
 /// Processor time of this thread that a script may use within a millisecond of emulated time. A step can be long: it may sort
 /// an array. Without this limit a script within its steps could keep the emulator from each request for minutes. Only a
 /// script that is too slow for any use reaches it, so journals do not depend on the speed of the machine (D-801).
-pub(super) const LONGEST: Duration = Duration::from_secs(1);
+pub(super) const LONGEST_TIME: Duration = Duration::from_secs(1);
 /// Steps between two reads of the processor time.
 const STEPS_PER_LOOK: u64 = 64;
 /// Stack in bytes that a hook may take, from the call on.
@@ -101,7 +101,7 @@ impl Meter {
         if self.operations.get() > self.allowed.get() {
             return Some(Exceeded::Operations);
         }
-        if self.operations.get().is_multiple_of(STEPS_PER_LOOK) && self.time() > LONGEST {
+        if self.operations.get().is_multiple_of(STEPS_PER_LOOK) && self.time() > LONGEST_TIME {
             return Some(Exceeded::Time);
         }
         (self.bottom.get().abs_diff(stack_position()) > MOST_STACK).then_some(Exceeded::Stack)
