@@ -24,7 +24,7 @@ type Found = (Hooks, Option<Vec<String>>, Vec<String>);
 type Wrong = (Position, String);
 
 /// Name of the constant that selects the registers of the hook `written` (D-822).
-const WRITTEN: &str = "WRITTEN";
+pub(super) const WRITTEN: &str = "WRITTEN";
 
 /// Checks all files, and finds the hooks in the main one, the registers of the hook `written`, and the names of the files that
 /// they import.

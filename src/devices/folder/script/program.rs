@@ -2,18 +2,24 @@
 
 use super::Script;
 use super::budget::Meter;
+use super::check::WRITTEN;
 use super::data::Data;
 use super::desk::{Acting, Desk};
 use super::engine::engine;
 use super::mistake::Mistake;
 use crate::layout::DeviceLayout;
 use core::cell::RefCell;
-use rhai::{AST, CallFnOptions, Dynamic, Engine, Scope};
+use rhai::{AST, CallFnOptions, Dynamic, Engine, Scope, Stmt};
 use std::rc::Rc;
 
 thread_local! {
     /// The scripts that this thread has compiled, by their numbers and layouts. A process has few different ones.
     static COMPILED: RefCell<Vec<(u64, *const DeviceLayout, Rc<Program>)>> = const { RefCell::new(Vec::new()) };
+}
+
+/// True for the constant `WRITTEN`, which functions need only as `global::WRITTEN`.
+fn is_selection(statement: &Stmt) -> bool {
+    matches!(statement, Stmt::Var(variable, ..) if variable.0.name.as_str() == WRITTEN)
 }
 
 /// A compiled script with its engine.
@@ -22,7 +28,7 @@ pub(super) struct Program {
     ast: AST,
     /// Text of the main file.
     text: String,
-    /// True if the script has constants or imports outside of functions.
+    /// True if the script has constants or imports outside of functions, except `WRITTEN`.
     has_statements: bool,
     desk: Rc<RefCell<Desk>>,
     meter: Rc<Meter>,
@@ -68,7 +74,8 @@ impl Program {
         let text = files.first().map_or("", |(_, text)| text);
         let ast =
             engine.compile(text).map_err(|error| Mistake::misread(super::MAIN, text, layout, &error))?;
-        let has_statements = !ast.statements().is_empty();
+        let has_statements =
+            !ast.statements().iter().all(is_selection) || text.contains(&format!("global::{WRITTEN}"));
         Ok(Program { engine, ast, text: text.to_owned(), has_statements, desk, meter })
     }
 
