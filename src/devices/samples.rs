@@ -8,5 +8,9 @@ pub(crate) mod master;
 mod station;
 pub(crate) mod tables;
 
+/// A function block of the built-in plant's device, which has an input `us_BAUDRATE`.
+#[cfg(feature = "cli")]
+pub(crate) const BLOCK: &str = "CANsync_INIT";
+
 #[cfg(feature = "channel")]
 pub(crate) use events::{event, event_at};

@@ -1,6 +1,7 @@
 //! The server as an editor uses it: messages in, messages out.
 
 use super::server::{Next, Server, position};
+use crate::devices::samples::BLOCK;
 use lsp_server::{Message, Notification, Request, RequestId, Response};
 use proptest::prelude::*;
 use serde_json::{Value, json};
@@ -108,7 +109,7 @@ fn a_right_scenario_has_no_errors() {
     let text = r#"
         section("start");
         fn start(us) { step(us); }
-        let init = block("CANsync_INIT", "node2");
+        let init = block("BLOCK", "node2");
         init.us_BAUDRATE = 5;
         poke("node2.w_CPU_CONTROL", "handshake");
         let us = wait("node2.w_OPTION_STATUS", "16#0002", "1ms");
@@ -119,7 +120,7 @@ fn a_right_scenario_has_no_errors() {
         try { expect("node2.a_RD_BMARRAY[3][0]", 0xFFFF) } catch (error) { print(error.kind) }
         wait_until(|| drive("drive1").state == "ready", "1ms");
     "#;
-    assert_eq!(errors(text), [""; 0]);
+    assert_eq!(errors(&text.replace("BLOCK", BLOCK)), [""; 0]);
 }
 
 #[test]
@@ -204,7 +205,7 @@ fn registers_values_faults_and_verbs_are_completed() {
         ("snapshot(\"¦\")", "node2"),
         ("send_frame(\"¦\")", "drives"),
         ("drive(\"¦\")", "drive1"),
-        ("block(\"¦\")", "CANsync_INIT"),
+        ("block(\"¦\")", BLOCK),
         ("expect_no_findings([\"¦\"])", "reserved-value"),
         ("exp¦", "expect_near"),
         ("fn own() {} ow¦", "own"),
@@ -479,7 +480,7 @@ fn keys_and_values_of_plants_come_from_the_schema() {
         ("[[plc]]\n¦", "retain_bytes"),
         ("[[plc]]\nproject = ¦", "\"boot\""),
         ("[[device]]\nkind = \"can-dp2\"\ns¦", "switches"),
-        ("[[device]]\nkind = ¦", "\"cs0015\""),
+        ("[[device]]\nkind = ¦", "\"can-dp2\""),
         ("[[¦", "[[bus.drive]]"),
         ("[[fault]]\nkind = \"lose_frame\"\n¦", "slot"),
         ("[plc.drive.monitoring.sync]\nreaction = ¦", "\"quick_stop\""),
