@@ -566,7 +566,8 @@ fn events_are_written_with_their_documented_keys() {
         let mut keys: Vec<_> =
             event.as_object().unwrap().keys().filter(|key| *key != "event").cloned().collect();
         let mut documented = documented_keys(name);
-        (keys.sort(), documented.sort());
+        keys.sort();
+        documented.sort();
         assert_eq!(keys, documented, "{name}");
     }
     assert_eq!((&events[3]["name"], &events[3]["time_us"]), (&"two".into(), &1000.into()));

@@ -244,9 +244,10 @@ impl<'a> Player<'a> {
             then_us += us;
             ops.extend(sends);
         }
-        let advanced = |op: &Op, _: &Reply| match op {
-            Op::Advance { us } => *now_us += us,
-            _ => {}
+        let advanced = |op: &Op, _: &Reply| {
+            if let Op::Advance { us } = op {
+                *now_us += us;
+            }
         };
         Ok(!self.request(&ops, advanced)?)
     }
