@@ -138,11 +138,11 @@ fn errors_have_the_messages_of_the_engine_and_their_place() {
             "wait(\"node2.w_OPTION_STATUS\", 2);",
             "0:0 `wait`: 2 arguments are given; write wait(register, value, within)",
         ),
-        ("peek(\"node2.w_CPU_CONTRL\");", "0:6 `node2` has no register `w_CPU_CONTRL`"),
+        ("peek(\"node2.w_CPU_CONTRL\");", "0:6 area `node2` has no register `w_CPU_CONTRL`"),
         ("peek(\"w_CPU_CONTRL\");", "0:6 "),
         (
             "expect_changes(snapshot(\"node2\"), [\"node2.b_BT_1\", \"node2.x\"]);",
-            "0:51 `node2` has no register `x`",
+            "0:51 area `node2` has no register `x`",
         ),
         ("snapshot(\"node9\");", "0:10 there is no area 'node9'; there are: "),
         (
