@@ -72,9 +72,22 @@ mod tests {
         }
     }
 
-    /// Without the guard this ends the process of the test.
+    /// Name of the variable that is set in the process of the stopped thread.
+    const CHILD: &str = "COMMRAM_TEST_STRAND";
+    /// Exit code of that process.
+    const STOPPED: i32 = 47;
+
+    /// The thread stops within the panic hook, which it keeps from the test harness. Its test therefore runs in another
+    /// process. Without the guard, the second panic ends that process.
     #[test]
     fn a_second_panic_during_the_first_one_ends_only_the_thread() {
+        if std::env::var_os(CHILD).is_none() {
+            let name = "cli::web::strand::tests::a_second_panic_during_the_first_one_ends_only_the_thread";
+            let mut child = std::process::Command::new(std::env::current_exe().unwrap());
+            let status = child.args(["--exact", name]).env(CHILD, "1").status().unwrap();
+            assert_eq!(status.code(), Some(STOPPED), "{status}");
+            return;
+        }
         stop_at_panics();
         let (end, ended) = mpsc::channel();
         let thread = thread::spawn(move || {
@@ -88,6 +101,7 @@ mod tests {
         });
         assert_eq!(ended.recv(), Ok("the owner is notified"));
         assert!(!thread.is_finished());
+        std::process::exit(STOPPED);
     }
 
     /// Other panics unwind as usual.
