@@ -281,7 +281,7 @@ fn a_script_that_is_too_slow_stops_and_the_emulator_answers() {
     let emulator = Emulator::start(&[&place.path("plant.toml"), "--clock", "stepped"]);
     emulator.step(&["50ms"]);
     let trace = emulator.run("trace", &["--kind", "stopped"]);
-    assert!(trace.ok().contains("firmware.rhai:4: the script is too slow"), "{}", trace.out);
+    assert!(trace.ok().contains("firmware.rhai:1: the script is too slow"), "{}", trace.out);
 }
 
 #[test]
