@@ -9,6 +9,7 @@ use std::io::{Error, ErrorKind, Read, Result};
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::Path;
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Maximum length of a dump or log, in bytes. A log of this length contains the frames of five minutes on a CAN bus
 /// without idle time.
@@ -19,6 +20,15 @@ pub const LONGEST_PLANT: u64 = 8 << 20;
 /// line runs. A long script would take long, because the compiler compares each pair of names in a map or of cases in a
 /// `switch`.
 pub const LONGEST_SCRIPT: u64 = 64 << 10;
+
+/// True if the process reads its commands from the standard input, so that it cannot be an input file.
+static IS_TAKEN: AtomicBool = AtomicBool::new(false);
+
+/// Refuses the standard input as a file from now on.
+#[cfg(feature = "cli")]
+pub(crate) fn take_standard_input() {
+    IS_TAKEN.store(true, Ordering::Relaxed);
+}
 
 /// Reads the text of a file or pipe.
 ///
@@ -43,6 +53,10 @@ pub fn text(bytes: Vec<u8>) -> Result<String> {
 /// If the file cannot be read, is neither file nor pipe, or is longer than `longest` bytes.
 pub fn read_bytes(path: &Path, longest: u64) -> Result<Vec<u8>> {
     static STANDARD: OnceLock<Vec<u8>> = OnceLock::new();
+    if is_standard(path) && IS_TAKEN.load(Ordering::Relaxed) {
+        let what = "the shell reads its commands from the standard input; write the name of a file";
+        return Err(Error::new(ErrorKind::InvalidInput, what));
+    }
     if is_standard(path)
         && let Some(bytes) = STANDARD.get().filter(|bytes| bytes.len() as u64 <= longest)
     {

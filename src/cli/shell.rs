@@ -8,7 +8,7 @@ use super::error::CliError;
 use super::exit::Exit;
 use super::session::Session;
 use super::{Cli, Command, Instance, advice, output, parse};
-use crate::input_file::LONGEST_SCRIPT;
+use crate::input_file::{self, LONGEST_SCRIPT};
 use crate::request::Op;
 use crate::script::{Bench, Lines, Outcome, STACK};
 use clap::builder::Resettable;
@@ -80,6 +80,7 @@ enum LineResult {
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     // Checks that the instance is running.
     drop(Session::open(&args.instance, 0)?);
+    input_file::take_standard_input();
     let read = || {
         let mut shell = Shell { instance: args.instance.clone(), lines: None };
         if io::stdin().is_terminal() { shell.read_terminal() } else { shell.read_pipe() }

@@ -147,6 +147,21 @@ fn the_shell_refuses_a_line_that_is_no_text_and_goes_on() {
 
 /// Nested `eval` does not count as a nested call.
 #[test]
+fn the_shell_refuses_its_own_input_as_a_file() {
+    let emulator = Emulator::stepped();
+    for command in ["test -", "diff -", "plant check -", "bus play -", "restore -"] {
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        writeln!(file, "{command}").unwrap();
+        let outcome = crate::common::finish(emulator.command("shell", &[]).stdin(file.reopen().unwrap()));
+        assert!(
+            outcome.err.contains("the shell reads its commands from the standard input"),
+            "{}",
+            outcome.err
+        );
+    }
+}
+
+#[test]
 fn the_shell_survives_a_text_that_evaluates_itself() {
     let emulator = Emulator::stepped();
     let mut file = tempfile::NamedTempFile::new().unwrap();

@@ -55,8 +55,8 @@ use twox_hash::XxHash3_64;
 pub const MOST_REGISTERS: usize = 65_536;
 /// Largest image of such a device in bytes.
 pub const LARGEST_IMAGE: u64 = 16 << 20;
-/// Most different folders that a process reads: their tables are never freed.
-pub const MOST_FOLDERS: usize = 64;
+/// Most different folders that a process reads, each edited script counted: their tables are never freed.
+pub const MOST_FOLDERS: usize = 128;
 
 /// File with the script of a device.
 const SCRIPT: &str = "firmware.rhai";
