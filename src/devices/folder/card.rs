@@ -56,7 +56,6 @@ impl Place {
 /// A register that programs write, with the last known value.
 #[derive(Clone, Debug)]
 struct Watched {
-    #[cfg_attr(not(feature = "script"), expect(dead_code, reason = "only scripts ask for it"))]
     register: RegisterRef,
     place: Place,
     last: u32,

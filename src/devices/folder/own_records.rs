@@ -57,6 +57,7 @@ impl OwnRecord {
     ///
     /// # Errors
     /// There is none.
+    #[cfg_attr(not(any(test, feature = "script")), expect(dead_code, reason = "only scripts write records"))]
     pub(super) fn find<'a>(kinds: &'a [Self], name: &str) -> Result<&'a Self, String> {
         kinds.iter().find(|kind| kind.name == name).ok_or_else(|| {
             let near = did_you_mean(name, kinds.iter().map(|kind| kind.name.as_str()));
@@ -69,6 +70,7 @@ impl OwnRecord {
     ///
     /// # Errors
     /// The error of `value`.
+    #[cfg_attr(not(any(test, feature = "script")), expect(dead_code, reason = "only scripts write records"))]
     pub(super) fn line(&self, value: impl Fn(&str) -> Result<i64, String>) -> Result<String, String> {
         let mut line = self.name.clone();
         for field in &self.fields {
