@@ -61,7 +61,7 @@ impl Rate {
         self.0
     }
 
-    /// Rate in bit/s. If the code means several rates, the first one in [`RATES`].
+    /// Rate in bit/s. If the code means several rates, the first one in `RATES`.
     #[must_use]
     pub fn bit_s(self) -> u32 {
         RATES.iter().find(|(code, _)| *code == self.0).map_or(0, |(_, bit_s)| *bit_s)
