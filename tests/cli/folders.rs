@@ -279,6 +279,7 @@ fn a_script_that_is_too_slow_stops_and_the_emulator_answers() {
                   for j in 0..9000 { let b = a; b.sort(); }\n}\n";
     fs::write(place.card().join("firmware.rhai"), script).unwrap();
     let emulator = Emulator::start(&[&place.path("plant.toml"), "--clock", "stepped"]);
+    emulator.breaks(&["script-stopped"]);
     emulator.step(&["50ms"]);
     let trace = emulator.run("trace", &["--kind", "stopped"]);
     assert!(trace.ok().contains("firmware.rhai:1: the script is too slow"), "{}", trace.out);

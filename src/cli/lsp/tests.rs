@@ -142,7 +142,7 @@ fn errors_have_the_messages_of_the_engine_and_their_place() {
         ("peek(\"w_CPU_CONTRL\");", "0:6 "),
         (
             "expect_changes(snapshot(\"node2\"), [\"node2.b_BT_1\", \"node2.x\"]);",
-            "0:51 area `node2` has no register `x`",
+            "0:52 area `node2` has no register `x`",
         ),
         ("snapshot(\"node9\");", "0:10 there is no area 'node9'; there are: "),
         (
