@@ -136,7 +136,8 @@ fn a_stepped_clock_waits_for_event_tasks() {
     let emulator = Emulator::stepped();
     let attach = || Image::attach(&emulator.name, "line", AttachMode::ReadWrite, None).unwrap();
     let programs = [
-        ("timer_task", "event 2: 1000 ms\nmissed 0, longest run 0 us"),
+        // The program ends one event after the thousandth.
+        ("timer_task", "event 2: 1001 ms\nmissed 0, longest run 0 us"),
         ("baps_timer", "the drive has followed timer A to angle"),
         ("baps_cansync", "slaves [1, 2, 3] have reached reference value 5000"),
     ];
