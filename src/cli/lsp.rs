@@ -22,7 +22,7 @@ mod tokens;
 
 use super::error::CliError;
 use crate::devices::folder::edited::allow_many_folders;
-use crate::script::STACK;
+use crate::script::with_stack;
 use lsp_server::{Connection, Message};
 use server::{Next, Server};
 
@@ -44,11 +44,7 @@ pub(crate) struct Args {
 /// Serves the editor until it ends the connection.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let Args { stdio: _ } = args;
-    std::thread::scope(|scope| {
-        let thread = std::thread::Builder::new().stack_size(STACK).spawn_scoped(scope, serve);
-        let thread = thread.map_err(|reason| CliError::Process { reason })?;
-        thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-    })
+    with_stack(serve).map_err(|reason| CliError::Process { reason })?
 }
 
 fn serve() -> Result<(), CliError> {

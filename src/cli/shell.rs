@@ -10,7 +10,7 @@ use super::session::Session;
 use super::{Cli, Command, Instance, advice, output, parse};
 use crate::input_file::{self, LONGEST_SCRIPT};
 use crate::request::Op;
-use crate::script::{Bench, Lines, Outcome, STACK};
+use crate::script::{Bench, Lines, Outcome, with_stack};
 use clap::builder::Resettable;
 use clap::{ArgAction, FromArgMatches};
 use edit::{InputLine, LineReader};
@@ -85,11 +85,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         let mut shell = Shell { instance: args.instance.clone(), lines: None };
         if io::stdin().is_terminal() { shell.read_terminal() } else { shell.read_pipe() }
     };
-    std::thread::scope(|scope| {
-        let thread = std::thread::Builder::new().stack_size(STACK).spawn_scoped(scope, read);
-        let thread = thread.map_err(|reason| CliError::Process { reason })?;
-        thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-    })
+    with_stack(read).map_err(|reason| CliError::Process { reason })?
 }
 
 /// Ends the shell with this exit code.

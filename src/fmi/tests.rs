@@ -2,6 +2,7 @@
 
 use super::unit::FORMAT;
 use super::*;
+use crate::devices::samples::copy_folder;
 use crate::format_samples::{sample, samples, with_header};
 use crate::snapshot_fields::{seal, unseal};
 use core::f64::consts::TAU;
@@ -26,14 +27,8 @@ fn a_folder_is_found_from_the_directory_of_the_plant_file_and_of_an_unpacked_uni
     let directory = tempfile::tempdir().unwrap();
     let place = directory.path();
     let (card, unpacked) = (place.join("digital-io"), place.join("unpacked"));
-    std::fs::create_dir_all(&card).unwrap();
+    copy_folder("digital-io", &card);
     std::fs::create_dir_all(&unpacked).unwrap();
-    let example = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/devices/digital-io");
-    for entry in std::fs::read_dir(example).unwrap().map(Result::unwrap) {
-        if entry.path().is_file() {
-            std::fs::copy(entry.path(), card.join(entry.file_name())).unwrap();
-        }
-    }
     let plant = place.join("plant.toml");
     std::fs::write(&plant, "[[device]]\nkind = \"./digital-io\"\nname = \"io\"\n").unwrap();
     let resources = Resources::of_file(&plant, vec!["data.w_OUT".to_owned()]).unwrap();

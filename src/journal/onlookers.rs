@@ -46,15 +46,15 @@ impl Onlookers {
         self.all.iter().find(|it| it.client == client).map_or(0, |it| it.registers.len())
     }
 
-    /// Adds a register to those of a client; true if the client has not followed it before.
-    pub(super) fn add(&mut self, client: u128, place: Place, now: Instant) -> bool {
+    /// Adds a register to those of a client.
+    pub(super) fn add(&mut self, client: u128, place: Place, now: Instant) {
         let at = self.all.iter().position(|it| it.client == client).unwrap_or_else(|| {
             self.all.push(Onlooker { client, asked: now, registers: HashMap::new() });
             self.all.len() - 1
         });
-        let Some(own) = self.all.get_mut(at) else { return false };
+        let Some(own) = self.all.get_mut(at) else { return };
         own.asked = now;
-        own.registers.insert(place, now).is_none()
+        own.registers.insert(place, now);
     }
 
     /// True if the client follows the register.

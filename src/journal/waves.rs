@@ -159,38 +159,32 @@ impl Waves {
 
     /// The values of a register of this width according to the journal. The register may be a part of a recorded one.
     pub fn register(&self, plc: DeviceIndex, offset: u32, width: Width) -> Past {
-        // A register at the same place comes first, then a wider one that contains it. Another width at the same place
-        // belongs to another structure, or to an access of a program.
-        let places = [offset, offset & !1, offset & !3].map(|at| (at, SignalSubject::Register(plc, at)));
-        let containers = places.iter().flat_map(|(at, subject)| {
-            [width, Width::Word, Width::Dword].map(|container| (*at, *subject, container))
-        });
-        let contains = |(at, subject, container): &(u32, SignalSubject, Width)| {
-            let shape = Shape::Bits(8 * container.bytes());
-            let is_exact = *at == offset && *container == width;
-            offset + width.bytes() <= at + container.bytes()
-                && (is_exact || self.is_recorded(plc, *at))
-                && self.signals.iter().any(|signal| signal.of == *subject && signal.shape == shape)
+        // A signal of this width at the same place comes first, then a recorded one that contains the register. Another
+        // width at the same place belongs to another structure, or to an access of a program.
+        let wider = [offset, offset & !1, offset & !3].into_iter().filter(|at| self.is_recorded(plc, *at));
+        let wider = wider.flat_map(|at| [(at, Width::Word), (at, Width::Dword)]);
+        let contains = |(at, container): &(u32, Width)| offset + width.bytes() <= at + container.bytes();
+        let mut candidates = core::iter::once((offset, width)).chain(wider.filter(contains));
+        let is_signal = |signal: &Signal, (at, container): (u32, Width)| {
+            signal.of == SignalSubject::Register(plc, at)
+                && signal.shape == Shape::Bits(8 * container.bytes())
         };
-        let Some((at, subject, container)) = { containers }.find(contains) else {
+        let Some(found) = candidates.find(|it| self.signals.iter().any(|signal| is_signal(signal, *it)))
+        else {
             return Past { values: Vec::new(), is_recorded: self.is_recorded(plc, offset) };
         };
-        let shape = Shape::Bits(8 * container.bytes());
-        let changes = self.changes.iter().filter(|change| {
-            self.signals.get(change.signal).is_some_and(|it| it.of == subject && it.shape == shape)
-        });
-        let mut values: Vec<_> = changes
-            .filter_map(|change| match change.content {
+        let number = |change: &Change| match change.content {
+            Content::Bits { value, .. } => {
                 // Registers have 32 bits at most.
-                Content::Bits { value, .. } => {
-                    Some((change.time_us, value as u32 >> (8 * (offset - at)) & width.max_value()))
-                }
-                _ => None,
-            })
-            .collect();
+                Some((change.time_us, value as u32 >> (8 * (offset - found.0)) & width.max_value()))
+            }
+            _ => None,
+        };
+        let mut values: Vec<_> =
+            self.changes_of(|signal| is_signal(signal, found)).filter_map(number).collect();
         // Each register at this place has the change, and a wider register also changes in its other bytes.
         values.dedup_by_key(|(_, value)| *value);
-        Past { values, is_recorded: self.is_recorded(plc, at) }
+        Past { values, is_recorded: self.is_recorded(plc, found.0) }
     }
 
     fn is_recorded(&self, plc: DeviceIndex, offset: u32) -> bool {
@@ -199,7 +193,8 @@ impl Waves {
 
     /// The times of the SYNC edges on all buses, in microseconds, in their order.
     pub fn edges(&self) -> Vec<u64> {
-        let mut edges: Vec<_> = self.changes_of(SignalSubject::Edge).map(|change| change.time_us).collect();
+        let mut edges: Vec<_> =
+            self.changes_of(|signal| signal.of == SignalSubject::Edge).map(|change| change.time_us).collect();
         edges.dedup();
         edges
     }
@@ -220,9 +215,9 @@ impl Waves {
         steps
     }
 
-    fn changes_of(&self, what: SignalSubject) -> impl Iterator<Item = &Change> {
-        let is_it = move |change: &&Change| self.signals.get(change.signal).is_some_and(|it| it.of == what);
-        self.changes.iter().filter(is_it)
+    fn changes_of(&self, is_it: impl Fn(&Signal) -> bool) -> impl Iterator<Item = &Change> {
+        let of_it = move |change: &&Change| self.signals.get(change.signal).is_some_and(&is_it);
+        self.changes.iter().filter(of_it)
     }
 
     /// Drops a value that equals the one before; events are kept each time.

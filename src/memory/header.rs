@@ -281,10 +281,8 @@ impl Header {
         if epoch_ns == 0 || self.real_epoch_ns.load() != epoch_ns {
             return last_us;
         }
-        let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
-        let now_ns = now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64;
         // The epoch of a slow clock may be before the begin of `CLOCK_MONOTONIC`.
-        let passed = u64::try_from(now_ns.wrapping_sub(epoch_ns) as i64).unwrap_or(0);
+        let passed = u64::try_from(monotonic_ns().wrapping_sub(epoch_ns) as i64).unwrap_or(0);
         let us = u128::from(passed) * u128::from(permille) / 1_000_000;
         u64::try_from(us).unwrap_or(u64::MAX).max(last_us)
     }
@@ -325,6 +323,12 @@ pub fn set_name<const N: usize>(field: &[Cell8; N], text: &str) {
     for (i, cell) in field.iter().enumerate() {
         cell.store(text.get(i).copied().unwrap_or(0));
     }
+}
+
+/// Value of `CLOCK_MONOTONIC` in nanoseconds.
+pub(crate) fn monotonic_ns() -> u64 {
+    let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
+    now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use super::RuntimeError;
 use crate::memory::ClockMode;
-use rustix::time::{ClockId, clock_gettime};
+use crate::memory::header::monotonic_ns;
 use std::time::{Duration, Instant};
 
 /// The clock of an emulator.
@@ -76,9 +76,7 @@ impl WallClock {
 
     /// A clock that has emulated time `from_us` now, and continues with speed `speed`.
     pub(super) fn at(from_us: u64, speed: f64) -> Self {
-        let now = clock_gettime(ClockId::Monotonic);
-        let since_ns = now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64;
-        WallClock { since: Instant::now(), since_ns, from_us, speed }
+        WallClock { since: Instant::now(), since_ns: monotonic_ns(), from_us, speed }
     }
 
     /// Value of `CLOCK_MONOTONIC` at emulated time 0, in ns, extrapolated. The value is modulo 2^64: for a slow clock,

@@ -41,7 +41,7 @@ pub(crate) struct Misreading {
     pub what: String,
 }
 
-/// The engine of scenarios, which compiles scripts and runs none. A thread needs a stack of [`super::STACK`] for it.
+/// The engine of scenarios, which compiles scripts and runs none. Only [`super::with_stack`] gives a thread enough stack for it.
 pub(crate) struct Checker {
     engine: Engine,
     functions: BTreeSet<String>,

@@ -42,7 +42,7 @@ pub use part::{is_part, needs};
 pub use report::{FoundLine, Mistake, Outcome, PlotFile, Report, Step};
 pub use run::{Limits, run_file, run_file_for};
 #[cfg(feature = "cli")]
-pub(crate) use run::{STACK, run_observed};
+pub(crate) use run::{run_observed, with_stack};
 pub use value::{Span, Value};
 #[cfg(feature = "cli")]
 pub(crate) use verb::defined;

@@ -27,10 +27,22 @@ const DEEPEST_EXPRESSION: usize = 64;
 
 /// Stack size, in bytes, of a thread that runs scripts. It is enough for calls and expressions of this depth.
 #[cfg(any(test, feature = "cli"))]
-pub(crate) const STACK: usize = 16 << 20;
+const STACK: usize = 16 << 20;
 /// Stack, in bytes, that a script may use, for example by nested `eval`, which does not count as a call. The rest of
 /// the stack is for a single step, such as a compilation.
 const MOST_STACK: usize = 12 << 20;
+
+/// Runs `work` in a thread with the stack that scripts need. A panic in `work` continues in the caller.
+///
+/// # Errors
+/// The system refuses another thread.
+#[cfg(any(test, feature = "cli"))]
+pub(crate) fn with_stack<T: Send>(work: impl FnOnce() -> T + Send) -> std::io::Result<T> {
+    std::thread::scope(|scope| {
+        let thread = std::thread::Builder::new().stack_size(STACK).spawn_scoped(scope, work)?;
+        Ok(thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+    })
+}
 
 /// Maximum length of a message, in characters. Only messages that contain text of a script can be longer.
 const LONGEST_TEXT: usize = 2000;
@@ -341,11 +353,7 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let file = directory.path().join("own.rhai");
         std::fs::write(&file, bytes).unwrap();
-        let run = || run_file(&file, None, limits, |_| {}).outcome;
-        std::thread::scope(|scope| {
-            let thread = std::thread::Builder::new().stack_size(STACK).spawn_scoped(scope, run).unwrap();
-            thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-        })
+        with_stack(|| run_file(&file, None, limits, |_| {}).outcome).unwrap()
     }
 
     #[test]

@@ -10,7 +10,7 @@ use crate::script::check::{self, ArgumentKind, Checker};
 use core::ops::Range;
 use lsp_types::{Diagnostic, DiagnosticSeverity};
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Maximum number of errors that are shown for a document.
 const MOST: usize = 200;
@@ -67,8 +67,9 @@ impl Judge<'_> {
         found.extend(self.imports());
         // Scripts repeat registers and times, so each text is checked only once.
         let mut judged = BTreeMap::new();
+        let mut modules = BTreeMap::new();
         for call in &self.view.outline.calls {
-            found.extend(self.call(call));
+            found.extend(self.call(call, &mut modules));
             found.extend(self.arguments(call, &mut judged));
             if found.len() >= MOST {
                 break;
@@ -120,8 +121,9 @@ impl Judge<'_> {
         self.view.outline.imports.iter().filter_map(missing).collect()
     }
 
-    /// The error in the name of a call, or in the number of its arguments.
-    fn call(&self, call: &Call) -> Option<Mistake> {
+    /// The error in the name of a call, or in the number of its arguments. `modules` keeps the imported scripts that were
+    /// read for earlier calls.
+    fn call(&self, call: &Call, modules: &mut BTreeMap<PathBuf, Option<Outline>>) -> Option<Mistake> {
         let view = self.view;
         let name = view.name(call);
         let at = view.outline.tokens.all.get(call.name)?.range.clone();
@@ -130,7 +132,8 @@ impl Judge<'_> {
         }
         if call.module.is_some() {
             let file = view.module_file(call)?;
-            let outline = Outline::of(&(self.read)(&file)?);
+            let read = || (self.read)(&file).map(|text| Outline::of(&text));
+            let outline = modules.entry(file.clone()).or_insert_with(read).as_ref()?;
             if outline.function(name).is_some() {
                 return None;
             }

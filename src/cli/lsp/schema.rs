@@ -5,20 +5,25 @@ use super::table::{Slot, TablePlace};
 use core::ops::Range;
 use lsp_types::CompletionItemKind;
 use serde_json::Value;
+use std::sync::LazyLock;
 
 /// Deepest chain of references in a schema.
 const DEEPEST: usize = 16;
 
+static OF_PLANTS: LazyLock<Value> = LazyLock::new(crate::plant::schema);
+static OF_LAYOUTS: LazyLock<Value> =
+    LazyLock::new(|| serde_json::from_str(commram_layoutc::SCHEMA).unwrap_or_default());
+
 /// A schema, and the part of it that describes a file.
 pub(super) struct Schema {
-    root: Value,
+    root: &'static Value,
     /// Names of definitions that together describe the file; none for the root itself.
     parts: Vec<&'static str>,
 }
 
 impl Schema {
     pub(super) fn of_plants() -> Self {
-        Self { root: crate::plant::schema(), parts: Vec::new() }
+        Self { root: &OF_PLANTS, parts: Vec::new() }
     }
 
     /// The schema of a file of a layout.
@@ -36,7 +41,7 @@ impl Schema {
             _ if text.lines().any(|line| line.starts_with("[[")) => vec!["parts"],
             _ => vec!["structure", "parts"],
         };
-        Self { root: serde_json::from_str(commram_layoutc::SCHEMA).unwrap_or_default(), parts }
+        Self { root: &OF_LAYOUTS, parts }
     }
 
     /// The keys or values that fit at a place.
@@ -85,7 +90,7 @@ impl Schema {
     /// The schemas of the table or value at the place; several if the kind of the section is not given.
     fn tables(&self, place: &TablePlace) -> Vec<&Value> {
         let mut found: Vec<&Value> = match self.parts.as_slice() {
-            [] => vec![&self.root],
+            [] => vec![self.root],
             parts => parts.iter().map(|part| &self.root["definitions"][*part]).collect(),
         };
         for (depth, key) in place.path.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! The server as an editor uses it: messages in, messages out.
 
 use super::server::{Next, Server, position};
-use crate::devices::samples::BLOCK;
+use crate::devices::samples::{BLOCK, copy_folder};
 use lsp_server::{Message, Notification, Request, RequestId, Response};
 use proptest::prelude::*;
 use serde_json::{Value, json};
@@ -435,21 +435,14 @@ proptest! {
             assert_eq!(editor.errors(), [""; 0]);
         };
         // Scripts are compiled in a thread with the stack that they need, as in the program.
-        let thread = std::thread::Builder::new().stack_size(crate::script::STACK);
-        std::thread::scope(|scope| thread.spawn_scoped(scope, run).unwrap().join())
-            .unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        crate::script::with_stack(run).unwrap();
     }
 }
 
 /// A copy of a device's folder of the project.
 fn folder(name: &str) -> tempfile::TempDir {
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/devices").join(name);
     let copy = tempfile::tempdir().unwrap();
-    for entry in
-        std::fs::read_dir(source).unwrap().map(Result::unwrap).filter(|it| it.file_type().unwrap().is_file())
-    {
-        std::fs::copy(entry.path(), copy.path().join(entry.file_name())).unwrap();
-    }
+    copy_folder(name, copy.path());
     copy
 }
 

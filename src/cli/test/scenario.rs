@@ -8,7 +8,7 @@ use crate::cli::error::CliError;
 use crate::cli::output;
 use crate::devices::folder;
 use crate::plant::PlantConfig;
-use crate::script::{Bench, Limits, Outcome, Report, STACK, run_observed};
+use crate::script::{Bench, Limits, Outcome, Report, run_observed, with_stack};
 use rustix::process::{Resource, Rlimit};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -55,11 +55,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     // Failures are reported; core dumps are useless here.
     limit(Resource::Core, 0)?;
     limit(Resource::Data, args.limits.max_memory << 20)?;
-    std::thread::scope(|scope| {
-        let thread = std::thread::Builder::new().stack_size(STACK).spawn_scoped(scope, || play(args));
-        let thread = thread.map_err(|reason| CliError::Process { reason })?;
-        thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-    })
+    with_stack(|| play(args)).map_err(|reason| CliError::Process { reason })?
 }
 
 fn play(args: &Args) -> Result<(), CliError> {

@@ -2,7 +2,7 @@
 
 use crate::cli::error::CliError;
 use crate::input_file;
-use crate::script::{STACK, is_part, needs};
+use crate::script::{is_part, needs, with_stack};
 use core::fmt;
 use core::num::NonZero;
 use std::collections::HashSet;
@@ -162,16 +162,12 @@ fn parts(files: &[PathBuf]) -> Result<HashSet<PathBuf>, CliError> {
     if candidates.is_empty() {
         return Ok(HashSet::new());
     }
-    std::thread::scope(|scope| {
-        let look = move || {
-            let text = |file: &Path| input_file::read(file, input_file::LONGEST_SCRIPT).unwrap_or_default();
-            candidates.retain(|file| is_part(&text(file)));
-            candidates.into_iter().cloned().collect()
-        };
-        let thread = std::thread::Builder::new().stack_size(STACK).spawn_scoped(scope, look);
-        let thread = thread.map_err(|reason| CliError::Process { reason })?;
-        Ok(thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
-    })
+    let look = move || {
+        let text = |file: &Path| input_file::read(file, input_file::LONGEST_SCRIPT).unwrap_or_default();
+        candidates.retain(|file| is_part(&text(file)));
+        candidates.into_iter().cloned().collect()
+    };
+    with_stack(look).map_err(|reason| CliError::Process { reason })
 }
 
 /// True if the path contains the text; if the text has `*` or `?`, true if the whole path or the file name without
