@@ -67,7 +67,7 @@ fn an_unread_server_ends_at_the_first_signal() {
     assert_eq!(content(files.path()), NOTHING);
 }
 
-/// Nobody reads the line that the emulator prints at its start.
+/// No program reads the line that the emulator prints at its start.
 #[test]
 fn an_unread_emulator_serves_and_ends_in_good_order() {
     for (end, code) in [(Some("-INT"), 130), (Some("-TERM"), 0), (Some("-HUP"), 0), (None, 0)] {

@@ -67,7 +67,7 @@ pub(crate) fn with_header(bytes: &[u8], format: u16, version: &str) -> Vec<u8> {
     seal(to.into_bytes())
 }
 
-/// Returns all samples whose names begin like this, with their names.
+/// Returns the names and contents of all samples with a name that begins with `begin`.
 pub(crate) fn samples(begin: &str) -> Vec<(String, Vec<u8>)> {
     let entries = fs::read_dir(path("")).unwrap().map(|entry| entry.unwrap());
     let named = entries.map(|entry| (entry.file_name().into_string().unwrap(), entry.path()));
