@@ -8,11 +8,11 @@ use clap::ValueEnum;
 
 /// Show changes of registers, until the emulator ends or Ctrl-C.
 ///
-/// The emulator itself records the changes, each time its firmware polls and each time it has written. A request
-/// and its answer are therefore two changes, however quickly they follow each other. Each change is shown with its
-/// emulated time and its writer: the firmware, a program on the mapped RAM, the channel, a force. If a program
-/// writes several times between two polls of the firmware, only the last value is seen. Watching does not change
-/// the behaviour of the plant or its journal.
+/// The emulator itself records the changes, each time its firmware polls and each time it has written. A request and
+/// its answer are therefore two changes, however quickly they follow each other. Each change is shown with its emulated
+/// time and its writer: the firmware, a program on the mapped RAM, the channel, a force. If a program writes several
+/// times between two polls of the firmware, only the last value is recorded. Watching does not change the behaviour of
+/// the plant or its journal.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:

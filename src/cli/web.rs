@@ -82,28 +82,28 @@ pub(crate) struct Args {
 /// Address at which the server listens if no other one is given.
 pub(crate) const USUAL_ADDRESS: &str = "127.0.0.1:8080";
 
-/// Longest wait for the connections to emulators at the end.
+/// Time limit for closing the connections to emulators at the end of the server.
 const LEAVE: Duration = Duration::from_secs(2);
 
 /// State of the server.
 struct App {
     hub: Hub,
     guard: Guard,
-    /// Places for event streams.
+    /// Limits the number of event streams.
     streams: Arc<Semaphore>,
     read_only: bool,
 }
 
 impl App {
-    /// Refuses an operation that changes something, if this server only reads.
+    /// Refuses an operation that changes something if the server is read-only.
     ///
     /// # Errors
-    /// The operation changes something, and this server only reads.
+    /// The operation changes something, and the server is read-only.
     fn check_writes(&self, op: &Op) -> Result<(), Problem> {
         if self.read_only { operations::check_reads_only(op) } else { Ok(()) }
     }
 
-    /// Closes the connections to an instance if the problem shows that its emulator has gone.
+    /// Closes the connections to an instance if the problem shows that its emulator has ended.
     fn notice(&self, instance: &str, problem: &Problem) {
         if problem.is_gone() {
             self.hub.forget(instance);
@@ -111,7 +111,7 @@ impl App {
     }
 }
 
-/// Serves until the emulator ends or a signal arrives.
+/// Serves until the emulator ends or the process receives a signal.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if !args.listen.ip().is_loopback() && !args.allow_network {
         let right = "other machines could reach this address, without encryption; choose 127.0.0.1, or add \
@@ -124,7 +124,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     log::to_stderr();
     strand::stop_at_panics();
     survive_lost_channels().map_err(|reason| CliError::Signals { reason })?;
-    // If the limit cannot be raised, there are fewer connections.
+    // If the limit cannot be raised, the server accepts fewer connections.
     let _ = limits::allow_files(0, connections::WISHED_FILES);
     let served = if args.all { Served::All } else { Served::One(args.instance.name().to_owned()) };
     let ending = ending::Ending::watch(&served, &args.instance)?;
@@ -135,7 +135,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let token = random()?;
     let name = match &served {
         Served::One(name) => format!("{name}-{}", address.port()),
-        // No instance has this name.
+        // No instance can have this name.
         Served::All => format!("+all-{}", address.port()),
     };
     let file = match &args.token_file {
@@ -157,7 +157,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     served?;
     drop(file);
     match printed {
-        // The output was not read until the end.
+        // The reader of the output closed it early.
         Err(CliError::Interrupted) => {}
         printed => printed?,
     }
@@ -167,13 +167,14 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 /// Parses an address to listen at.
 ///
 /// # Errors
-/// It is not an IP address with a port.
+/// The text is not an IP address with a port.
 pub(crate) fn listen_address(text: &str) -> Result<SocketAddr, String> {
     text.parse()
         .map_err(|_| format!("write an IP address and a port, for example {USUAL_ADDRESS} or [::1]:8080"))
 }
 
-/// `commram: page of instance 'default': http://127.0.0.1:8080/#token=...`, and a line for each further address.
+/// Formats the first line of the output, `commram: page of instance 'default': http://127.0.0.1:8080/#token=...`, and a
+/// line for each further address.
 fn first_lines(args: &Args, served: &Served, mut address: SocketAddr, token: &Secret) -> String {
     if address.ip().is_unspecified() {
         address.set_ip(Ipv4Addr::LOCALHOST.into());

@@ -44,7 +44,7 @@ impl Pane {
         }
     }
 
-    /// Description of the pane.
+    /// A sentence about the content of the pane, for the help.
     fn what(self) -> &'static str {
         match self {
             Self::Plant => "the plant: PLCs with their ports, buses with their drives",
@@ -213,7 +213,7 @@ pub(super) static KEYS: &[Binding] = &[
     looks(&[(KeyCode::Char('c'), CTRL)], Action::Interrupt, "quit with exit code 130", ""),
 ];
 
-/// Returns the action of a key; digits select panes.
+/// Returns the action of a key. The digits select the panes.
 pub(super) fn action_of(key: KeyEvent) -> Option<Action> {
     let pressed = (key.code, key.modifiers - KeyModifiers::SHIFT);
     if let KeyCode::Char(digit) = key.code

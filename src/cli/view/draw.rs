@@ -11,12 +11,12 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Clear, Paragraph, Wrap};
 
-/// Smallest usable number of columns and rows.
+/// Smallest usable size of the terminal: columns and rows.
 const LEAST: (u16, u16) = (40, 10);
 
-/// Number of columns from which two panes are side by side.
+/// From this number of columns on, the view shows two panes side by side.
 const WIDE: u16 = 120;
-/// Number of columns from which the line of keys has room for all of them.
+/// Minimum number of columns for a line of keys that includes the SYNC key.
 const ROOM_FOR_SYNC: u16 = 90;
 
 /// Draws the screen.
@@ -54,7 +54,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme) {
     }
 }
 
-/// Instance, clock and connection.
+/// Line at the top: instance, clock and connection.
 fn head_line(model: &Model, theme: Theme, width: usize) -> Line<'static> {
     let mut left = format!(" commram view  {}", model.instance);
     if let Some(info) = &model.info {
@@ -95,8 +95,8 @@ fn draw_tabs(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
     }
 }
 
-/// The current message in as many lines as it needs, up to a quarter of the screen; without a message the most
-/// important keys.
+/// Lines at the bottom. A message takes as many lines as it needs, up to a quarter of the screen; without a message the
+/// line shows the most important keys.
 fn foot_lines(model: &Model, theme: Theme, area: Rect) -> Vec<Line<'static>> {
     let (text, style) = match (&model.connection, &model.message) {
         (Connection::Absent(why), _) => (why, theme.bad()),

@@ -18,14 +18,14 @@ pub(super) struct ChartedDrive {
 /// All drives.
 #[derive(Default)]
 pub(super) struct Drives {
-    /// In the order of the buses, followed by the drives that contain a PLC.
+    /// The drives in the order of the buses, then the drives that contain a PLC.
     pub all: Vec<ChartedDrive>,
-    /// The chosen drive.
+    /// Position of the selection in the list of drives.
     pub list: List,
 }
 
 impl Drives {
-    /// Adds the state of the drives at an emulated time.
+    /// Adds the state of each drive at the emulated time `now_us`, in microseconds.
     pub(super) fn take(&mut self, drives: Vec<DriveEntry>, now_us: u64) {
         let mut known = core::mem::take(&mut self.all);
         for entry in drives {
@@ -34,7 +34,7 @@ impl Drives {
             let place = known.iter().position(same);
             let mut points = place.map(|place| known.swap_remove(place).points).unwrap_or_default();
             let at = now_us as f64 / 1e6;
-            // If the clock did not advance or went back, the new point replaces points that are not earlier.
+            // The clock may have stopped or gone back: the new point replaces all points at or after its own time.
             points.retain(|(time, ..)| *time < at);
             points.push_back((at, entry.state.speed_reference.into(), entry.state.speed_actual.into()));
             let surplus = points.len().saturating_sub(KEPT);

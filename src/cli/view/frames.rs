@@ -14,12 +14,13 @@ use std::collections::VecDeque;
 const KEPT: usize = 8_192;
 /// Number of SYNC edges that are kept for each bus.
 const EDGES: usize = 2_048;
-/// Factor for both limits while an interval is held: the displayed frames must not be dropped.
+/// Both limits are multiplied by this factor while the user holds an interval, so that the displayed frames are not
+/// dropped.
 const HELD: usize = 2;
 /// Length of the time windows of a bus without SYNC, in microseconds.
 const PART_US: u64 = 10_000;
 
-/// A frame, or an entry for a missing frame.
+/// A frame on a bus, or an entry for a frame that the bus expected and that was not sent.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct BusFrame {
     /// Number of the bus.
@@ -36,7 +37,7 @@ pub(crate) struct BusFrame {
 }
 
 impl BusFrame {
-    /// Returns the same frame with another time.
+    /// Returns a copy of the frame that ends at another time.
     fn at(&self, until_us: u64) -> Self {
         let from_us = until_us.saturating_sub(self.until_us - self.from_us);
         Self { from_us, until_us, ..self.clone() }
@@ -66,11 +67,11 @@ pub(crate) struct WindowFrames {
     frames: Vec<BusFrame>,
 }
 
-/// Frames and SYNC edges of all buses.
+/// Frames and SYNC edges of all buses, and the selection of the user.
 #[derive(Default)]
 pub(crate) struct Frames {
     wires: VecDeque<BusFrame>,
-    /// Records that are still being counted, each with its last frame.
+    /// Records whose count can still grow, each with the last frame that it counts.
     counting: Vec<(Record, BusFrame)>,
     /// SYNC edges of each bus, the oldest first.
     edges: Vec<VecDeque<u64>>,
@@ -79,14 +80,14 @@ pub(crate) struct Frames {
     pub(super) bus: BusIndex,
     /// Start of the held window, in microseconds; `None` if the latest window is displayed.
     held: Option<u64>,
-    /// True if new records were dropped because the memory was full while a window was held.
+    /// True if new records were dropped while the user held a window: the memory was full.
     has_dropped_records: bool,
     /// The chosen frame.
     pub(super) list: List,
 }
 
 impl Frames {
-    /// Adds new records of the journal and the records that are still being counted.
+    /// Adds new journal records, and the records whose count can still grow.
     pub(crate) fn take(&mut self, records: &[Record], pending: &[Record], names: &Names, scene: &[BusScene]) {
         self.edges.resize_with(names.buses.len(), VecDeque::new);
         if self.held.is_some() && self.is_full() {
@@ -162,7 +163,7 @@ impl Frames {
             Some((begin, next)) => {
                 let interval = scene.get(self.bus.index()).and_then(|bus| bus.interval.as_ref());
                 let usual = interval.map_or(PART_US, |interval| u64::from(interval.us));
-                // A lost edge must not make the interval longer.
+                // If an edge is lost, the interval still has its usual length.
                 let us = next.map_or(usual, |next| next - begin).clamp(1, usual.max(1) * 2);
                 Window { begin_us: *begin, us, is_interval: true }
             }
@@ -182,20 +183,20 @@ impl Frames {
         }
     }
 
-    /// Index of the edge that begins the latest complete interval. With a running clock this is an interval that
-    /// was over when the time was read: the journal is read later and contains newer, incomplete intervals.
+    /// Index of the edge that begins the latest complete interval. If the clock runs, the interval must have ended
+    /// before the time was read: the journal is read later and already contains newer, incomplete intervals.
     fn latest(&self, info: &InstanceInfo) -> Option<usize> {
         let edges = self.edges.get(self.bus.index())?;
         let come = edges.partition_point(|edge| *edge <= info.time_us);
         come.checked_sub(1 + usize::from(!info.is_stepped))
     }
 
-    /// The frames of the displayed bus in the window.
+    /// The frames of the displayed bus that are in the window.
     pub(super) fn within(&self, window: Window) -> Vec<BusFrame> {
         let of_bus = self.wires.iter().filter(|wire| wire.bus == self.bus);
         let mut found: Vec<_> = of_bus.filter(|wire| wire.is_in(window)).cloned().collect();
         for (record, last) in self.counting.iter().filter(|(_, last)| last.bus == self.bus) {
-            // Filters the times first: a counted record can contain hundreds of frames.
+            // Compares the times before it formats texts: a counted record can contain hundreds of frames.
             let end_us = window.begin_us + window.us + (last.until_us - last.from_us);
             let times = record.times().filter(|time| (window.begin_us..end_us).contains(time));
             found.extend(times.map(|time| last.at(time)).filter(|wire| wire.is_in(window)));
@@ -204,9 +205,9 @@ impl Frames {
         found
     }
 
-    /// Moves to the previous or next interval and holds it, unless it is the latest one.
+    /// Moves to the previous or next interval. The interval stays displayed, unless it is the latest one.
     pub(super) fn turn(&mut self, is_back: bool, info: &InstanceInfo, scene: &[BusScene]) {
-        // The pane has not received any records yet.
+        // The pane has no text formatter before it receives its first records.
         if self.text.is_none() {
             return;
         }
@@ -251,7 +252,7 @@ impl Frames {
         windows
     }
 
-    /// Displays the latest window from now on.
+    /// Displays the latest window, and each later one when it is complete.
     pub(super) fn follow(&mut self) {
         self.held = None;
         if core::mem::take(&mut self.has_dropped_records) {
@@ -261,7 +262,7 @@ impl Frames {
     }
 }
 
-/// The last frame of a record, or its missing frame; `None` for records of other kinds.
+/// The last frame of a record, or the entry for a missing frame; `None` for records of other kinds.
 fn last_of(record: &Record, text: &mut Text, names: &Names, scene: &[BusScene]) -> Option<BusFrame> {
     let (event, source) = (record.event, record.event.source());
     let is_bad = event.kind().ring() == Ring::Missed;
@@ -269,7 +270,7 @@ fn last_of(record: &Record, text: &mut Text, names: &Names, scene: &[BusScene]) 
         text.skip(record);
         return None;
     }
-    // A record with a single frame, to format the text of one frame.
+    // The text formatter gets a record with one frame, because the text must describe a single frame.
     let single = Record { seq: 0, count: 1, period_us: 0, ..record.clone() };
     let mut line = String::new();
     text.record(&single, &mut line);

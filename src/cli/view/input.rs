@@ -47,7 +47,7 @@ impl Model {
                 let was_chosen = list.chosen;
                 list.stays = false;
                 list.choose(line, len);
-                // A second click on the chosen line.
+                // The second click on a line opens it.
                 if line == was_chosen && which == ListId::Tree {
                     self.act(Action::Toggle);
                 }
@@ -224,7 +224,7 @@ impl Model {
         (self.quits, self.is_interrupted) = (true, true);
     }
 
-    /// Opens a prompt for a text. It contains the last input, which typing replaces.
+    /// Opens a prompt for a text. The prompt contains the last input; typing replaces it.
     fn ask(&mut self, purpose: InputPurpose, head: &str, last: String) {
         self.prompt = Some(Prompt::Text(TextInput::new(purpose, head.to_owned(), last)));
     }
@@ -269,7 +269,7 @@ impl Model {
         self.is_stepped()
     }
 
-    /// The port for the SYNC: the port of the chosen register, else the first master.
+    /// The port whose SYNC is awaited: the port of the chosen register, otherwise the first master.
     fn sync_port(&self) -> Option<(DeviceIndex, u8)> {
         let names = self.names();
         let first = DeviceIndex::enumerate(&names.devices)
@@ -308,7 +308,7 @@ impl Model {
                             asked.text = only.split("  ").next().unwrap_or_default().to_owned();
                         }
                     }
-                    // Moving the cursor keeps the text for editing.
+                    // A cursor key keeps the text, so that the user can edit it.
                     KeyCode::Left | KeyCode::Right | KeyCode::Home | KeyCode::End => {
                         asked.is_selected = false
                     }

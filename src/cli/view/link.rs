@@ -81,7 +81,7 @@ pub(super) struct TaskQueue {
 }
 
 impl TaskQueue {
-    /// Waits for a command at most for `pause` and takes all commands; returns false if the channel is closed.
+    /// Waits at most `pause` for a command, then takes all pending commands. Returns false if the channel is closed.
     fn wait(&mut self, commands: &Receiver<LinkCommand>, pause: Duration) -> bool {
         let pause = if self.tasks.is_empty() { pause } else { Duration::ZERO };
         match commands.recv_timeout(pause) {
@@ -102,7 +102,7 @@ impl TaskQueue {
         }
     }
 
-    /// Executes a part of the first task, and polls.
+    /// Executes a part of the first task, then polls.
     pub(super) fn turn(&mut self, source: &mut dyn Source, poller: &mut Poller) -> Vec<LinkReport> {
         let mut reports = Vec::new();
         reports.extend(self.cancelled.take().map(|task| LinkReport::Done(task.cancelled())));
@@ -125,7 +125,7 @@ impl TaskQueue {
         reports
     }
 
-    /// Returns the report of a failed request, and drops the tasks if the emulator has gone.
+    /// Returns the report of a failed request. Drops all tasks if the emulator has ended.
     fn report_of(&mut self, trouble: RequestError) -> LinkReport {
         match trouble {
             RequestError::Busy => LinkReport::Busy,

@@ -7,31 +7,31 @@ pub(super) struct List {
     pub chosen: usize,
     /// The topmost line on the screen.
     pub top: usize,
-    /// Number of visible lines at the last drawing.
+    /// Number of lines that were visible when the list was last drawn.
     pub height: usize,
-    /// True if the last line stays chosen when lines are added.
+    /// True if the selection moves to the new last line when lines are added.
     pub stays: bool,
 }
 
 impl List {
-    /// Moves the choice in a list of `len` lines.
+    /// Moves the selection by a number of lines in a list of `len` lines.
     pub(super) fn go(&mut self, by: isize, len: usize) {
         self.stays = false;
         self.choose(self.chosen.saturating_add_signed(by), len);
     }
 
-    /// Moves the choice a page up (-1) or down (1).
+    /// Moves the selection a page up (-1) or down (1).
     pub(super) fn page(&mut self, pages: isize, len: usize) {
         let lines = self.height.saturating_sub(1).max(1) as isize;
         self.go(pages * lines, len);
     }
 
-    /// Chooses a line, or the last line.
+    /// Selects a line; a number that is too large selects the last line.
     pub(super) fn choose(&mut self, line: usize, len: usize) {
         self.chosen = line.min(len.saturating_sub(1));
     }
 
-    /// Chooses the last line and stays at the end.
+    /// Selects the last line, and keeps the selection at the end of the list.
     pub(super) fn last(&mut self, len: usize) {
         self.choose(usize::MAX, len);
         self.stays = true;
@@ -50,7 +50,7 @@ impl List {
         self.top..(self.top + height).min(len)
     }
 
-    /// The range of lines that were visible last.
+    /// The range of lines that were visible when the list was last drawn.
     pub(super) fn seen(&self, len: usize) -> core::ops::Range<usize> {
         let end = (self.top + self.height).min(len);
         self.top.min(end)..end

@@ -37,7 +37,7 @@ pub(super) enum Connection {
 pub(super) enum ClickTarget {
     /// Shows a pane.
     Tab(Pane),
-    /// Chooses a line of this list; the area begins with its first visible line.
+    /// Selects a line of this list. The clickable area begins with the first visible line of the list.
     List(ListId),
 }
 
@@ -68,9 +68,9 @@ pub(super) struct Model {
     pub connection: Connection,
     pub info: Option<InstanceInfo>,
     pub pane: Pane,
-    /// True if the screen has room for two panes, since the last drawing.
+    /// True if the screen had room for two panes when it was last drawn.
     pub is_wide: bool,
-    /// True if the keys control the list of pins instead of the tree.
+    /// True if the keys control the list of pinned registers, false if they control the tree.
     pub on_pins: bool,
     pub tree: Tree,
     pub pins: Pins,
@@ -85,25 +85,25 @@ pub(super) struct Model {
     pub buses: Vec<BusState>,
     pub plant: List,
     pub board: List,
-    /// The switch in each line of the fronts, since the last drawing.
+    /// The switch in each line of the pane of fronts, as last drawn.
     pub knobs: Vec<Option<BoardSwitch>>,
     pub prompt: Option<Prompt>,
     pub message: Option<Message>,
     pub help: bool,
-    /// Clickable areas of the screen, since the last drawing.
+    /// Clickable areas of the screen, as last drawn.
     pub hot: Vec<(Rect, ClickTarget)>,
-    /// Commands for the link thread.
+    /// Commands that wait to be sent to the link thread.
     pub orders: Vec<LinkCommand>,
     pub quits: bool,
     /// True if Ctrl-C was pressed.
     pub is_interrupted: bool,
-    /// The last input of each prompt.
+    /// Last input of the prompt for a step, offered again next time.
     pub step: String,
     pub until: String,
 }
 
 impl Model {
-    /// A model without data of the instance.
+    /// Creates a model that has no data of the instance yet.
     pub(super) fn new(instance: &str, read_only: bool) -> Self {
         Self {
             instance: instance.to_owned(),
@@ -212,7 +212,7 @@ impl Model {
         self.tree.set_phases(phases);
     }
 
-    /// Resets the data: another emulator has replaced the previous one.
+    /// Resets the data, because another emulator has replaced the previous one.
     fn begin_anew(&mut self, info: &InstanceInfo) {
         let old = self.names().clone();
         self.tree = Tree::of(info.names.clone());
@@ -233,7 +233,7 @@ impl Model {
         self.show_message("another emulator of this name has started");
     }
 
-    /// The panes on the screen: the active one, and on a wide screen the changes or the registers beside it.
+    /// The panes on the screen: the active pane and, on a wide screen, the changes or the registers beside it.
     pub(super) fn shown(&self) -> (Pane, Option<Pane>) {
         match self.pane {
             pane if !self.is_wide => (pane, None),
@@ -242,7 +242,7 @@ impl Model {
         }
     }
 
-    /// The data that the panes on the screen need.
+    /// Returns the data that the visible panes need.
     pub(super) fn query(&self) -> Query {
         let mut registers: Vec<MemoryLocation> = self.pins.all.iter().map(|pin| pin.location()).collect();
         let places = self.pins.all.iter().filter_map(|pin| Some((pin.plc, pin.place.status()?)));
@@ -283,7 +283,7 @@ impl Model {
         }
     }
 
-    /// The status registers of all ports, with the numbers of their PLCs.
+    /// The status registers of all ports, each with the index of its PLC.
     fn ports(&self) -> impl Iterator<Item = (DeviceIndex, RegisterRef)> {
         let devices = self.info.iter().flat_map(|info| DeviceIndex::enumerate(&info.names.devices));
         devices.flat_map(|(plc, fitted)| {
@@ -315,7 +315,7 @@ impl Model {
         self.forces.iter().any(|forced| (forced.plc, forced.offset) == (location.plc, location.offset))
     }
 
-    /// The live one of the structures that overlay each other, from the value of their status register.
+    /// The overlaid structure that the area currently contains, derived from the value of the status register.
     pub(super) fn live(&self, plc: DeviceIndex, area: &'static Area) -> RegisterPhase {
         let status = status_of(area);
         area.phase(status.and_then(|status| self.value(MemoryLocation::register(plc, &status))))
@@ -373,7 +373,7 @@ impl Model {
                 let len = self.pins.shown().len();
                 (&mut self.pins.history, len)
             }
-            // Only the drawing code knows the number of frames.
+            // The number of frames depends on the window, which only the drawing code computes.
             ListId::Frames => (&mut self.frames.list, usize::MAX),
             ListId::Board => (&mut self.board, self.knobs.len()),
             ListId::Drives => (&mut self.drives.list, self.drives.all.len()),

@@ -1,4 +1,4 @@
-//! The panes of the view, one file each.
+//! The panes of the view; each has its own file.
 
 mod board;
 mod changes;
@@ -17,7 +17,7 @@ use ratatui::style::Style;
 use ratatui::text::Line;
 use ratatui::widgets::{Block, Borders, Paragraph};
 
-/// Draws the active pane, and on a wide screen another one beside it.
+/// Draws the active pane and, on a wide screen, a second pane beside it.
 pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
     let (left, right) = model.shown();
     let Some(right) = right else { return draw_one(frame, model, theme, left, area) };

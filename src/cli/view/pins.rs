@@ -1,4 +1,4 @@
-//! The pinned registers: value, age of the value, rate of change.
+//! The pinned registers with their values, the ages of the values, and the rates of change.
 
 use super::list::List;
 use super::poll::MemoryLocation;
@@ -7,7 +7,7 @@ use crate::journal::{Change, Names};
 use crate::layout::{NamedLocation, plc_prefix};
 use std::collections::VecDeque;
 
-/// Window for the rate of changes, in microseconds of emulated time.
+/// Length of the window in which changes are counted for the rate, in microseconds of emulated time.
 const WINDOW_US: u64 = 1_000_000;
 /// Number of changes that are kept for the screen.
 const KEPT: usize = 10_000;
@@ -18,28 +18,28 @@ pub(super) struct Pin {
     pub plc: DeviceIndex,
     /// The register or address.
     pub place: NamedLocation,
-    /// Time of the last change.
+    /// Time of the last change, in microseconds.
     pub last_us: Option<u64>,
-    /// Times of the changes within the window.
+    /// Times of the changes within the window, in microseconds.
     times: VecDeque<u64>,
 }
 
 /// All pinned registers.
 #[derive(Default)]
 pub(super) struct Pins {
-    /// The chosen line.
+    /// Position of the selection in the list of pinned registers.
     pub list: List,
-    /// In the order of pinning.
+    /// The registers in the order in which they were pinned.
     pub all: Vec<Pin>,
-    /// Changes since the registers were pinned, the oldest first.
+    /// Changes of the pinned registers since they were pinned, the oldest first.
     changes: VecDeque<Change>,
-    /// Changes of recorded registers from the journal, pinned or not, the oldest first.
+    /// Changes from the journal, of pinned and other registers, the oldest first.
     recorded: VecDeque<Change>,
-    /// The displayed changes from both lists, the oldest first.
+    /// The displayed changes, merged from both lists; the oldest first.
     shown: Vec<Change>,
-    /// The chosen change.
+    /// Position of the selection in the list of changes.
     pub history: List,
-    /// Number of changes that the emulator did not keep.
+    /// Number of changes that are lost because the emulator did not keep them.
     pub lost: u64,
 }
 
@@ -61,14 +61,14 @@ impl Pin {
         (what.from ^ what.to) >> bit.min(31) & 1 != 0
     }
 
-    /// Number of changes in the last second of emulated time, counted from the time of pinning at the earliest.
+    /// Number of changes in the last second of emulated time. Changes from before the pinning are not counted.
     pub(super) fn rate(&self, now_us: u64) -> usize {
         self.times.iter().filter(|time| time.saturating_add(WINDOW_US) > now_us).count()
     }
 }
 
 impl Pins {
-    /// Pins a place, or unpins it. Returns true if it is pinned now.
+    /// Pins a register or address, or removes the pin. Returns true if it is pinned now.
     pub(super) fn toggle(&mut self, plc: DeviceIndex, place: NamedLocation) -> bool {
         let same = |pin: &Pin| pin.plc == plc && pin.place.address() == place.address();
         let before = self.all.len();
@@ -86,8 +86,8 @@ impl Pins {
         is_new
     }
 
-    /// Adds changes since the last poll, and changes of recorded registers from the journal. Changes of registers
-    /// that only other clients follow are left out.
+    /// Adds the changes since the last poll (`changes`), and changes from the journal (`recorded`). Leaves out changes
+    /// of registers that only other clients follow.
     pub(super) fn take(&mut self, changes: &[Change], recorded: &[Change], now_us: u64) {
         let mut is_news = !recorded.is_empty();
         for change in changes {
@@ -114,8 +114,8 @@ impl Pins {
         }
     }
 
-    /// The displayed changes, the oldest first: of the pinned registers, or of all recorded registers if none is
-    /// pinned.
+    /// The displayed changes, the oldest first: changes of the pinned registers or, if none is pinned, of all registers
+    /// that the journal records.
     pub(super) fn shown(&self) -> &[Change] {
         &self.shown
     }
@@ -142,7 +142,7 @@ impl Pins {
         shown.drain(..surplus);
         let growth = shown.len().saturating_sub(self.shown.len());
         let is_older = |first: &Change| self.shown.first().is_some_and(|known| first.time_us < known.time_us);
-        // Changes inserted before the chosen line move it.
+        // The selection moves by the number of changes that are inserted before it.
         let moved = if shown.first().is_some_and(is_older) { growth } else { 0 };
         self.history.choose((self.history.chosen + moved).saturating_sub(surplus), shown.len());
         self.shown = shown;
@@ -151,7 +151,7 @@ impl Pins {
         }
     }
 
-    /// Deletes all changes: they belong to another emulator.
+    /// Deletes all changes, because they belong to another emulator.
     pub(super) fn forget(&mut self) {
         self.changes.clear();
         self.recorded.clear();
@@ -169,7 +169,7 @@ impl Pins {
         self.join();
     }
 
-    /// Prefix of the register name of a pin.
+    /// Prefix in front of the register name of a pin: the PLC, if the instance has several.
     pub(super) fn prefix(names: &Names, plc: DeviceIndex) -> String {
         plc_prefix(&names.plcs, plc)
     }

@@ -14,16 +14,16 @@ use crate::request::{
 use std::collections::HashSet;
 use std::time::{Duration, Instant};
 
-/// Maximum number of parts of changes, and of the journal, in one poll.
+/// Maximum number of requests for changes in one poll, and of requests for journal records.
 const PARTS: usize = 4;
-/// Number of journal records that are read at the start: one part less than a poll reads, since new records arrive
-/// meanwhile.
+/// Number of past journal records that are read at the start. They fill one request less than a poll makes, since new
+/// records arrive meanwhile.
 const BACK: u64 = (PARTS as u64 - 1) * MAX_RECORDS as u64;
-/// Maximum number of journal parts in one poll that are searched for changes of recorded registers.
+/// Maximum number of requests in one poll that search the journal for changes of recorded registers.
 const PAST_PARTS: usize = 16;
-/// After a longer pause the emulator may have dropped the followed registers.
+/// After a pause longer than this, the registers are followed again: the emulator may have dropped them.
 const FORGOTTEN: Duration = Duration::from_secs(5);
-/// Pause between two reads of the buses: the emulator also serves its guests for this operation.
+/// Minimum pause between two reads of the buses: the emulator must also serve its guests for this operation.
 const BUSES: Duration = Duration::from_secs(1);
 
 /// A memory location in the RAM of a PLC.
@@ -38,12 +38,12 @@ pub(super) struct MemoryLocation {
 }
 
 impl MemoryLocation {
-    /// Location of a register.
+    /// Creates the location of a register.
     pub(super) fn register(plc: DeviceIndex, register: &RegisterRef) -> Self {
         Self { plc, offset: register.offset(), width: Width::of(register.ty()) }
     }
 
-    /// Location of a place.
+    /// Creates the location of a named register or an address.
     pub(super) fn place(plc: DeviceIndex, place: &NamedLocation) -> Self {
         Self { plc, offset: place.offset(), width: place.width() }
     }
@@ -54,34 +54,34 @@ impl MemoryLocation {
 pub(super) struct Query {
     /// Registers to read.
     pub registers: Vec<MemoryLocation>,
-    /// Registers to follow: their changes are read.
+    /// Registers to follow: the poll also reads their changes.
     pub follow: Vec<MemoryLocation>,
-    /// Read the fronts of the boards.
+    /// True to read the fronts of the boards.
     pub fronts: bool,
-    /// Read the findings of the access checker.
+    /// True to read the findings of the access checker.
     pub findings: bool,
-    /// Read the traffic on the buses, and the drives.
+    /// True to read the traffic on the buses, and the drives.
     pub scene: bool,
-    /// Read the doors of the buses, and their stations.
+    /// True to read the buses with their doors and stations.
     pub buses: bool,
-    /// Read new records of the journal.
+    /// True to read new records of the journal.
     pub journal: bool,
-    /// Read the changes of all recorded registers.
+    /// True to read the changes of all registers that the journal records.
     pub recorded: bool,
 }
 
 /// The front of a device.
 #[derive(Clone, Debug)]
 pub(super) struct DeviceFront {
-    /// The fields in the header page of every device.
+    /// The values that the header page of every device has.
     pub board: BoardState,
     /// Switches and displays that only this device type has.
     pub front: Vec<(&'static FrontWord, u32)>,
-    /// The modules by the names of their ports, if the device is modular.
+    /// The modules, each with the name of its port. Empty if the device is not modular.
     pub modules: Vec<(&'static str, ModuleFront)>,
 }
 
-/// The result of a poll. Data that was not requested is empty, or `None`.
+/// The result of a poll. A field is empty or `None` if the query did not request its data.
 #[derive(Clone, Debug)]
 pub(super) struct PollData {
     pub info: InstanceInfo,
@@ -92,11 +92,11 @@ pub(super) struct PollData {
     pub changes: Vec<Change>,
     /// Number of changes that the emulator no longer had.
     pub lost: u64,
-    /// Changes of recorded registers from the journal, since the last poll.
+    /// Changes from the journal since the last poll.
     pub recorded: Vec<Change>,
     /// Records of the journal since the last poll.
     pub records: Vec<Record>,
-    /// Records that are still being counted.
+    /// Records whose count can still grow.
     pub pending: Vec<Record>,
     /// The fronts of the PLCs.
     pub faces: Option<Vec<DeviceFront>>,
@@ -113,15 +113,15 @@ pub(super) struct PollData {
 #[derive(Debug, Default)]
 pub(super) struct Poller {
     followed: HashSet<MemoryLocation>,
-    /// Registers that cannot be read.
+    /// Registers that the emulator refused to read.
     refused: HashSet<MemoryLocation>,
     asked: Option<Instant>,
     asked_for_buses: Option<Instant>,
     next_change: Option<u64>,
     next_record: Option<Cursor>,
-    /// Position of the search for changes of recorded registers.
+    /// Position in the journal up to which the poller has searched for changes of recorded registers.
     past: Cursor,
-    /// Number of the next record at the time when a register was last followed.
+    /// Number of the next journal record at the time when the set of followed registers last changed.
     followed_from: u64,
     plcs: usize,
 }
@@ -129,7 +129,7 @@ pub(super) struct Poller {
 /// A position in the journal.
 #[derive(Debug, Default)]
 struct Cursor {
-    /// The history that was read last.
+    /// The history that was read last. A plant that goes back in time begins a new history.
     turn: Option<HistoryId>,
     /// Number of the next record.
     next: u64,
@@ -140,7 +140,8 @@ impl Cursor {
         Cursor { turn: None, next }
     }
 
-    /// Reads a part; `None` if the plant has gone back: then reading continues where the histories diverge.
+    /// Reads a part of the journal. Returns `None` if the plant has gone back in time; the next call then continues at
+    /// the record where the histories diverge.
     fn read(&mut self, source: &mut dyn Source) -> Result<Option<JournalPart>, RequestError> {
         let part = part(source, self.next, MAX_RECORDS)?;
         let known = self.turn.replace(part.turn);
@@ -157,7 +158,7 @@ impl Poller {
     /// Polls the emulator.
     ///
     /// # Errors
-    /// There is no reply, or an unexpected one.
+    /// The emulator does not reply, or sends an unexpected reply.
     pub(super) fn poll(&mut self, source: &mut dyn Source, query: &Query) -> Result<PollData, RequestError> {
         self.follow(source, &query.follow)?;
         let boards = if query.fronts { self.plcs } else { 0 };
@@ -228,13 +229,14 @@ impl Poller {
                 Reply::Error(_) => {
                     self.refused.insert(*location);
                 }
-                // An operation after a refused one; the next poll omits the refused register.
+                // After a refusal the emulator executes no further operation of the request. The next poll omits the
+                // refused register.
                 _ => {}
             }
         }
     }
 
-    /// Asks the emulator to record the changes of registers that are not followed yet.
+    /// Requests the emulator to record the changes of registers that are not followed yet.
     fn follow(&mut self, source: &mut dyn Source, wanted: &[MemoryLocation]) -> Result<(), RequestError> {
         if self.asked.is_some_and(|asked| asked.elapsed() > FORGOTTEN) {
             self.followed.clear();
@@ -267,7 +269,7 @@ impl Poller {
         for _ in 0..PARTS {
             let op = Op::Changes { from: *next, max: MAX_RECORDS };
             let (changes, end) = fits(one(source, op)?.changes())?;
-            // Changes are numbered continuously, unless the emulator was restarted.
+            // The numbers of changes are continuous until the emulator is restarted.
             let begin = changes.first().map_or(end, |first| first.seq);
             lost += begin.saturating_sub(*next);
             *next = changes.last().map_or(end, |last| last.seq + 1);
@@ -280,7 +282,7 @@ impl Poller {
         Ok((all, lost))
     }
 
-    /// Records since the last poll, and the records that are still being counted.
+    /// Reads the journal records since the last poll, and the records whose count can still grow.
     fn journal(&mut self, source: &mut dyn Source) -> Result<(Vec<Record>, Vec<Record>), RequestError> {
         let (mut all, mut pending) = (Vec::new(), Vec::new());
         let mut cursor = match self.next_record.take() {
@@ -304,8 +306,8 @@ impl Poller {
         Ok((all, pending))
     }
 
-    /// Changes of recorded registers from the journal: the changes before the registers were followed, and with
-    /// `is_live` also later ones.
+    /// Reads changes of recorded registers from the journal: the changes from before the registers were followed and,
+    /// with `is_live`, also later ones.
     fn recorded(&mut self, source: &mut dyn Source, is_live: bool) -> Result<Vec<Change>, RequestError> {
         let mut all = Vec::new();
         for _ in 0..PAST_PARTS {
@@ -360,7 +362,7 @@ fn one(source: &mut dyn Source, op: Op) -> Result<Reply, RequestError> {
     next(&mut replies)
 }
 
-/// The next reply; an error if it is a refusal.
+/// Returns the next reply, or an error if the emulator refused the operation.
 fn next(replies: &mut impl Iterator<Item = Reply>) -> Result<Reply, RequestError> {
     match replies.next() {
         Some(Reply::Error(refused)) => Err(RequestError::Refused(refused.to_string())),

@@ -25,19 +25,19 @@ pub(super) enum Prompt {
 /// A text input.
 #[derive(Clone, Debug)]
 pub(super) struct TextInput {
-    /// Use of the text.
+    /// The task for which the text is used.
     pub purpose: InputPurpose,
     /// The label before the text.
     pub head: String,
     /// The current text.
     pub text: String,
-    /// True if typing replaces the text.
+    /// True if the next typed character replaces the whole text.
     pub is_selected: bool,
-    /// The error in the text.
+    /// The text is invalid; the error is the reason.
     pub wrong: Option<String>,
 }
 
-/// Use of a text input.
+/// The task for which the input text is used.
 #[derive(Clone, Debug)]
 pub(super) enum InputPurpose {
     /// Value to write to a register of a PLC.
@@ -68,7 +68,7 @@ pub(super) struct BoardSwitch {
 }
 
 impl TextInput {
-    /// A text input, which can contain an initial text.
+    /// Creates a text input with an initial text, which can be empty.
     pub(super) fn new(purpose: InputPurpose, head: String, text: String) -> Self {
         let is_selected = !text.is_empty();
         Self { purpose, head, text, is_selected, wrong: None }
@@ -97,7 +97,7 @@ impl Model {
     /// Handles the completed input; returns the confirmation that follows, if any.
     ///
     /// # Errors
-    /// The error in the text.
+    /// The text is invalid; the error is the reason.
     pub(super) fn given(&mut self, asked: &TextInput) -> Result<Option<Prompt>, String> {
         let text = asked.text.trim();
         match &asked.purpose {

@@ -10,40 +10,41 @@ use crate::memory::{AttachMode, Attached, Header};
 use crate::request::{Code, Op, Reply};
 use std::time::Duration;
 
-/// Time limit for the reply to a poll: a busy emulator is polled again soon.
+/// Time limit for the reply to a poll. It is short, because the view polls a busy emulator again soon.
 const LOOK: Duration = Duration::from_millis(500);
-/// Time limit for a task that advances the clock: the emulator drops the task when its client gives up.
+/// Time limit for the reply to a task that advances the clock. If the client stops waiting, the emulator cancels the
+/// task.
 const WORK: Duration = Duration::from_secs(10);
 
-/// The reason for a missing reply.
+/// The reason why a reply is missing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum RequestError {
-    /// No reply this time: another client advances the clock.
+    /// The emulator did not reply in time: it advances the clock for another client.
     Busy,
-    /// The emulator has gone, with the reason.
+    /// The emulator has ended; the text is the reason.
     Gone(String),
-    /// The request was refused, with the reason.
+    /// The emulator refused the request; the text is the reason.
     Refused(String),
 }
 
-/// How long to wait for a reply.
+/// Kind of a request, which decides how long the client waits for the reply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum RequestKind {
-    /// A poll: it is repeated soon.
+    /// A poll, which is repeated soon.
     Poll,
-    /// A task: it must be completed.
+    /// A task, which must be completed.
     Task,
 }
 
 /// A data source of the view.
 pub(super) trait Source {
-    /// Sends operations as one request: a reply for each.
+    /// Sends operations as one request. Returns a reply for each operation.
     ///
     /// # Errors
-    /// There is no answer.
+    /// The emulator does not reply, or it refuses the request.
     fn request(&mut self, ops: &[Op], kind: RequestKind) -> Result<Vec<Reply>, RequestError>;
 
-    /// A copy of the header page of PLC number `plc`.
+    /// A copy of the header page of the PLC with index `plc`.
     fn header(&mut self, plc: DeviceIndex) -> Option<Box<Header>>;
 }
 

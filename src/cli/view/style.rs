@@ -22,7 +22,7 @@ impl Theme {
         Style::new().add_modifier(Modifier::BOLD)
     }
 
-    /// Less important text.
+    /// Style of less important text.
     pub(super) fn dim(self) -> Style {
         self.of(Color::DarkGray)
     }
@@ -47,18 +47,18 @@ impl Theme {
         self.of(Color::Yellow)
     }
 
-    /// The chosen line of the list that has the keyboard focus.
+    /// Style of the selected line in the list that has the keyboard focus.
     pub(super) fn chosen(self) -> Style {
         Style::new().add_modifier(Modifier::REVERSED)
     }
 
-    /// The chosen line of another list.
+    /// Style of the selected line in any other list.
     pub(super) fn also_chosen(self) -> Style {
         Style::new().add_modifier(Modifier::UNDERLINED)
     }
 }
 
-/// Cuts a text to a width; the last character then marks the cut.
+/// Cuts a text to a width. The last character of a text that was cut is a mark.
 pub(super) fn cut(text: &str, width: usize) -> String {
     if text.chars().count() <= width {
         return text.to_owned();
@@ -79,8 +79,8 @@ pub(super) fn at_right(text: &str, width: usize) -> String {
     format!("{text:>width$}")
 }
 
-/// Fits a name into a width. A long name is cut in its middle, since the index and the field at its end distinguish
-/// registers.
+/// Fits a name into a width. A long name is cut in its middle: registers often differ only in the index or the field at
+/// the end.
 pub(super) fn cut_name(name: &str, width: usize) -> String {
     let letters: Vec<char> = name.chars().collect();
     if letters.len() <= width {
@@ -107,7 +107,7 @@ pub(super) fn wrapped(text: &str, width: usize, most: usize) -> Vec<String> {
         let (front, end) = (room / 2, (room / 2).saturating_sub(1));
         let part = |from: usize, len: usize| text.chars().skip(from).take(len).collect::<String>();
         text = format!("{}\u{2026}{}", part(0, front), part(letters.saturating_sub(end), end));
-        // Lines that end between words are not full.
+        // Leaves room for unused columns: a line that is wrapped between words is not full.
         room -= (width / 4).clamp(1, room);
     }
 }

@@ -1,4 +1,4 @@
-//! The terminal: set up, drawn, and always restored.
+//! The terminal: preparation, drawing, and restoration in all cases.
 
 use super::draw;
 use super::link::{self, LinkCommand, LinkReport};
@@ -29,11 +29,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, TryRecvError};
 use std::time::Duration;
 
-/// Longest wait for a key before other work is done.
+/// Longest wait for a key; then the loop does its other work.
 const KEYS: Duration = Duration::from_millis(30);
-/// Time for the thread to disconnect from the channel.
+/// Time limit for the link thread to disconnect from the channel at the end.
 const FAREWELL: Duration = Duration::from_millis(300);
-/// Most columns and rows that are drawn; the memory for the view grows with their product.
+/// Largest number of columns and rows that are drawn. The memory for the view grows with their product.
 const LARGEST: u16 = 1000;
 
 /// The alternate screen of the terminal; dropping this value restores the terminal.
@@ -60,7 +60,7 @@ impl Drop for Screen {
     }
 }
 
-/// Restores the terminal. Errors are ignored: the terminal may be closed.
+/// Restores the terminal. Errors are ignored, because the terminal may already be closed.
 fn give_back() {
     use ratatui::crossterm::cursor::Show;
     let _ = execute!(io::stdout(), DisableMouseCapture, LeaveAlternateScreen, Show);
@@ -74,7 +74,7 @@ fn give_back() {
 pub(super) fn run(mut model: Model, instance: &str) -> Result<(), CliError> {
     let ended = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM, SIGHUP] {
-        // A second signal ends the process at once, even if the view hangs.
+        // A second signal ends the process at once, in case the view hangs.
         let code = Exit::Interrupted.code().into();
         signal_hook::flag::register_conditional_shutdown(signal, code, Arc::clone(&ended))
             .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&ended)))
@@ -98,7 +98,7 @@ pub(super) fn run(mut model: Model, instance: &str) -> Result<(), CliError> {
         panic::resume_unwind(panicked);
     }
     match outcome {
-        // The terminal was closed while it was drawn or read.
+        // The terminal was closed while the view drew or read.
         Err(reason)
             if reason.raw_os_error() == Some(Errno::IO.raw_os_error())
                 || is_closed(Duration::ZERO).unwrap_or(true) =>
@@ -114,26 +114,25 @@ pub(super) fn run(mut model: Model, instance: &str) -> Result<(), CliError> {
     }
 }
 
-/// Waits at most `longest` for the keyboard; returns true if the terminal is closed. On a closed terminal, crossterm
-/// would never stop reading.
+/// Waits at most `longest` for a key. Returns true if the terminal is closed: crossterm would then read without an end.
 fn is_closed(longest: Duration) -> io::Result<bool> {
     let stdin = io::stdin();
     let mut keyboard = [PollFd::new(&stdin, PollFlags::IN)];
     let longest = Timespec::try_from(longest).map_err(io::Error::other)?;
     match poll(&mut keyboard, Some(&longest)) {
-        // A signal, for example a change of the terminal size.
+        // A signal interrupted the wait, for example because the terminal has another size.
         Err(Errno::INTR) => Ok(false),
         Err(errno) => Err(errno.into()),
         Ok(_) => Ok(keyboard[0].revents().intersects(PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL)),
     }
 }
 
-/// The drawn part of a terminal of this size.
+/// The part of a terminal of this size in which the view draws.
 fn area_to_draw(size: Size) -> Rect {
     Rect::new(0, 0, size.width.min(LARGEST), size.height.min(LARGEST))
 }
 
-/// Draws on this area of the terminal.
+/// Creates a terminal that draws in this area.
 fn terminal_of(area: Rect) -> io::Result<Terminal<CrosstermBackend<io::Stdout>>> {
     let options = TerminalOptions { viewport: Viewport::Fixed(area) };
     Terminal::with_options(CrosstermBackend::new(io::stdout()), options)
@@ -148,15 +147,15 @@ fn show(
 ) -> io::Result<()> {
     let _screen = Screen::take()?;
     let mut area = Rect::default();
-    // Never dropped with a hidden cursor: it would print an error if the terminal is closed, which panics. `Screen` shows
-    // the cursor again.
+    // The terminal is never dropped with a hidden cursor. Its destructor would print an error if the terminal is closed,
+    // and printing would panic. `Screen` shows the cursor again.
     let mut terminal = ManuallyDrop::new(terminal_of(area)?);
     let (mut query, mut is_new) = (None, true);
     while !model.quits && !ended.load(Ordering::Relaxed) {
         if core::mem::take(&mut is_new) {
             let present = area_to_draw(terminal.size()?);
             if core::mem::replace(&mut area, present) != present {
-                // `Terminal::resize` would clear each cell of a limited area with two system calls.
+                // `Terminal::resize` would clear a limited area cell by cell, with two system calls for each cell.
                 execute!(io::stdout(), Clear(ClearType::All))?;
                 terminal.show_cursor()?;
                 *terminal = terminal_of(area)?;
@@ -169,7 +168,7 @@ fn show(
             model.orders.insert(0, LinkCommand::Show(wanted));
         }
         for order in model.orders.drain(..) {
-            // If the thread has ended, there are no reports either.
+            // Sending fails only if the thread has ended. The loop then notices that the reports have ended, too.
             let _ = orders.send(order);
         }
         if is_closed(KEYS)? {

@@ -79,7 +79,7 @@ impl User {
 
     /// Draws, polls, and draws the result, until all tasks are done.
     fn look(&mut self) {
-        // The data to read depends on the available space, and the space on the data that was read.
+        // Several rounds: the available space decides what is read, and the data that was read decides the space.
         for _ in 0..3 {
             self.draw();
             self.queue.take(super::link::LinkCommand::Show(self.model.query()));
@@ -139,14 +139,14 @@ impl User {
         assert!(self.screen().contains(text), "no {text:?} in\n{}", self.screen());
     }
 
-    /// Finds a register and chooses it.
+    /// Searches for a register and selects it.
     fn find(&mut self, name: &str) {
         self.type_in("/");
         self.type_in(name);
         self.type_in("\n");
     }
 
-    /// Pokes registers as a client of the channel does, and advances the clock.
+    /// Pokes registers like a client of the channel, then advances the clock.
     fn poke(&mut self, writes: &[(&str, u32)], then_us: u64) {
         let fitted = self.host.plant.names().fitted(DeviceIndex(0));
         for (name, value) in writes {
@@ -158,8 +158,8 @@ impl User {
         self.host.run_to(self.host.plant.now() + then_us);
     }
 
-    /// The master of the built-in plant goes into active operation (manual 5.00005.03a p. 149-150), with reference and
-    /// actual values of slave 1.
+    /// Brings the master of the built-in plant into active operation (manual 5.00005.03a p. 149-150), with reference
+    /// and actual values of slave 1.
     fn activate(&mut self) {
         self.poke(&[("node2.w_CPU_CONTROL", 0)], 1_000);
         self.poke(&[("node2.w_CPU_CONTROL", 1)], 5_000);
@@ -200,7 +200,7 @@ fn renews() -> bool {
     std::env::var_os("COMMRAM_UPDATE_SCREENS").is_some()
 }
 
-/// Compares a file with the expected text, or updates it.
+/// Compares a file with the expected text, or updates the file.
 #[track_caller]
 fn held(name: &str, wanted: &str) {
     if renews() {
@@ -213,7 +213,7 @@ fn held(name: &str, wanted: &str) {
     );
 }
 
-/// Compares the part of a file after `head`, up to an empty line, with the expected text, or updates it.
+/// Compares the part of a file from `head` to the next empty line with the expected text, or updates the file.
 #[track_caller]
 pub(super) fn held_part(name: &str, head: &str, wanted: &str) {
     let text = std::fs::read_to_string(path(name)).unwrap_or_default();

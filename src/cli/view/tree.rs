@@ -1,4 +1,5 @@
-//! The blocks of all PLCs with their registers, as lines that open and close, or the result of a search.
+//! The blocks of all PLCs with their registers. The lines open and close like a tree. During a search they are the
+//! result of the search.
 
 use super::list::List;
 use crate::cli::find;
@@ -24,24 +25,24 @@ pub(super) enum Row {
     Register(DeviceIndex, RegisterRef),
 }
 
-/// Key of an open line: PLC, first byte of the block, name of the array.
+/// Key of an open line: the PLC, the first byte of its block, the name of its array.
 type BranchKey = (DeviceIndex, Option<u32>, Option<&'static str>);
 
-/// The live structures of open blocks with overlaid structures.
+/// For each open block with overlaid structures: the PLC, the block, and the structure that it contains now.
 type RegisterPhases = Vec<(DeviceIndex, u32, RegisterPhase)>;
 
 /// The lines of the tree.
 #[derive(Default)]
 pub(super) struct Tree {
-    /// The chosen line.
+    /// Position of the selection.
     pub list: List,
-    /// The search text, if a search is active.
+    /// The search text; `None` if no search is active.
     pub sought: Option<String>,
     names: Names,
     open: HashSet<BranchKey>,
     phases: RegisterPhases,
     rows: Vec<Row>,
-    /// All registers with their descriptions, each array once; created at the first search.
+    /// All registers with their descriptions, each array once. The index is created at the first search.
     index: Vec<(DeviceIndex, RegisterRef, entry::Entry)>,
 }
 
@@ -146,7 +147,8 @@ impl Tree {
         }
     }
 
-    /// Opens or closes the chosen line; `None` toggles it. Closing a line that is not open closes its parent.
+    /// Opens or closes the selected line; `None` toggles it. A request to close a line that is not open closes its
+    /// parent.
     pub(super) fn open(&mut self, open: Option<bool>) {
         let Some(row) = self.chosen().cloned() else { return };
         let branch = match (row.branch(), open) {
@@ -200,7 +202,7 @@ impl Tree {
         }
     }
 
-    /// Sets which structures are live.
+    /// Sets which of the overlaid structures each block contains now.
     pub(super) fn set_phases(&mut self, phases: RegisterPhases) {
         if phases != self.phases {
             self.phases = phases;
@@ -208,7 +210,7 @@ impl Tree {
         }
     }
 
-    /// Rebuilds the lines and keeps the choice.
+    /// Rebuilds the lines and keeps the selection.
     fn rebuild(&mut self) {
         let chosen = self.chosen().cloned();
         self.rows = match self.sought.clone() {
@@ -261,8 +263,8 @@ impl Tree {
         }
     }
 
-    /// The result of a search: registers matching a name, pattern, index or address, else registers whose
-    /// description contains the words.
+    /// Returns the result of a search: registers that match a name, pattern, index or address. If there are none,
+    /// returns registers whose description contains the words.
     fn found(&mut self, text: &str) -> Vec<Row> {
         let text = text.trim();
         if text.is_empty() {
@@ -311,7 +313,7 @@ impl Tree {
                 let address = fitted.device().address(name);
                 let mut found =
                     address.and_then(|address| fitted.registers_at(address, None)).unwrap_or_default();
-                // Structures that overlay each other share some registers.
+                // The overlaid structures have some registers in common, which are listed once.
                 let mut labels = HashSet::new();
                 found.retain(|register| labels.insert(register.to_string()));
                 found
@@ -336,14 +338,14 @@ fn is_element(register: &RegisterRef) -> bool {
     register.register.dims.iter().map(|dim| usize::from(dim.count)).product::<usize>() > 1
 }
 
-/// The used elements of an array.
+/// The elements of an array, without reserved ones.
 fn elements(plc: DeviceIndex, first: &RegisterRef) -> Vec<Row> {
     let all = first.area.registers_of(first.placed).map(|it| RegisterRef { role: first.role, ..it });
     let own = all.filter(|it| core::ptr::eq(it.register, first.register) && !it.is_reserved());
     own.map(|register| Row::Register(plc, register)).collect()
 }
 
-/// The blocks of a device that have registers with its options.
+/// The blocks that have registers, with the options of this device.
 fn blocks(fitted: &DeviceFit) -> impl Iterator<Item = &'static Area> + use<> {
     let fitted = *fitted;
     let areas = fitted.device().named_areas();

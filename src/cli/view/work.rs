@@ -29,14 +29,14 @@ pub(super) enum Work {
     Until { conditions: Vec<Op>, us: u64, left_us: u64 },
 }
 
-/// Result of a part of a task.
+/// Result of one part of a task.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Outcome {
-    /// The task is not finished.
+    /// The task is not finished; the value is the remaining work.
     More(Task),
-    /// The task is done, with its description.
+    /// The task is done; the text describes it.
     Done(String),
-    /// The task was refused, with the reason.
+    /// The task was refused; the text is the reason.
     Refused(String),
 }
 
@@ -44,7 +44,7 @@ impl Task {
     /// Executes a part of the task.
     ///
     /// # Errors
-    /// There is no reply.
+    /// The emulator does not reply.
     pub(super) fn go(self, source: &mut dyn Source) -> Result<Outcome, RequestError> {
         if let Work::Bit { plc, access, state, is_forced } = self.work {
             return self.write_bit(plc, access, state, is_forced, source);
@@ -86,7 +86,7 @@ impl Task {
         })
     }
 
-    /// Reads the register of a bit, and writes or forces it with the bit's new state. The write is repeated if another
+    /// Reads the register of a bit, then writes or forces it with the new state of the bit. Repeats both if another
     /// program has written the register in between.
     fn write_bit(
         self,
@@ -146,7 +146,7 @@ impl Task {
     }
 }
 
-/// Progress of a time: `12.3 s of 60 s`.
+/// Progress of a time, for example `12.3 s of 60 s`.
 fn of(us: u64, left_us: u64) -> String {
     let done_us = us.saturating_sub(left_us);
     let done = match us {

@@ -24,7 +24,7 @@ pub(crate) struct ReportedChange {
     time_us: u64,
     #[serde(flatten)]
     change: Change,
-    /// The writer.
+    /// Name of the writer.
     by: &'static str,
 }
 
@@ -68,8 +68,8 @@ fn show(args: &Args) -> Result<(), CliError> {
     }
 }
 
-/// The change, or the part of it that concerns a watched register; `None` if it concerns none: other clients may watch
-/// other registers.
+/// The change, or the part of it that concerns a watched register. `None` if it concerns no watched register: the
+/// emulator also records registers that other clients watch.
 fn watched(stretches: &[(DeviceIndex, u32, u32)], what: &journal::Changed) -> Option<journal::Changed> {
     let of = |&(plc, first, len): &(DeviceIndex, u32, u32)| {
         let has_begin = plc == what.plc && (first..first + len).contains(&what.offset);
@@ -79,7 +79,7 @@ fn watched(stretches: &[(DeviceIndex, u32, u32)], what: &journal::Changed) -> Op
     stretches.iter().find_map(of)
 }
 
-/// Reads all changes from number `from` on, and moves `from` to the number after the last one.
+/// Reads all changes from number `from` on. Sets `from` to the number after the last one.
 fn read(session: &Session, from: &mut u64, turn: &mut u16) -> Result<Vec<journal::Change>, CliError> {
     let mut all = Vec::new();
     loop {
@@ -114,7 +114,8 @@ fn print(format: FormatArg, session: &Session, changes: &[journal::Change]) -> R
     output::print_while_read(lines.as_bytes())
 }
 
-/// `0.001000 s  node2.w_OPTION_STATUS  %MW3.200002  16#0001 -> 16#0002  firmware  waiting for ...`
+/// Formats changes as lines: `0.001000 s  node2.w_OPTION_STATUS  %MW3.200002  16#0001 -> 16#0002  firmware  waiting for
+/// ...`
 fn text(reported: &[ReportedChange]) -> String {
     let cells = |ReportedChange { change, by, .. }: &ReportedChange| {
         let values = change::values(change);
@@ -127,7 +128,7 @@ fn text(reported: &[ReportedChange]) -> String {
     reported.iter().zip(columns.lines()).map(line).collect()
 }
 
-/// The texts of a change; the register has the name that was valid at that time.
+/// Creates the texts of a change. The register has the name that was valid at the time of the change.
 pub(crate) fn report(
     session: &Session,
     &journal::Change { time_us, what, .. }: &journal::Change,

@@ -1,4 +1,4 @@
-//! The files of the page, inside the program.
+//! The files of the page, built into the program.
 
 use super::problem::Problem;
 use axum::body::Body;
@@ -8,7 +8,7 @@ use std::borrow::Cow;
 use std::sync::LazyLock;
 use twox_hash::XxHash3_64;
 
-/// A file: its name in the address, and its content.
+/// A file of the page: its name in the address, and its content.
 type Asset = (&'static str, &'static [u8]);
 
 macro_rules! assets {
@@ -56,7 +56,8 @@ const ASSETS: &[Asset] = assets! {
     "values.js"
 };
 
-/// Directory of files that replace those in the program, so that a page can be edited without a new build.
+/// Environment variable with a directory. Its files replace those in the program, so that a page can be edited without
+/// a new build.
 #[cfg(debug_assertions)]
 const DIRECTORY: &str = "COMMRAM_WEB_ASSETS";
 
@@ -64,7 +65,7 @@ const DIRECTORY: &str = "COMMRAM_WEB_ASSETS";
 struct ServedFile {
     name: &'static str,
     content: Cow<'static, [u8]>,
-    /// The tag by which a browser recognizes a version.
+    /// Tag of the content (ETag). A browser compares it to recognize a version of the file.
     tag: HeaderValue,
 }
 
@@ -77,7 +78,7 @@ static SERVED: LazyLock<Vec<ServedFile>> = LazyLock::new(|| {
     ASSETS.iter().map(served).collect()
 });
 
-/// A file without its lines of comments: a browser must load all files before the page is complete.
+/// Removes the comment lines of a file: a browser must load all files before the page is complete.
 fn without_comments(name: &str, content: &'static [u8]) -> Cow<'static, [u8]> {
     let (true, Ok(text)) = (name.ends_with(".js") || name.ends_with(".css"), str::from_utf8(content)) else {
         return Cow::Borrowed(content);
@@ -98,7 +99,7 @@ fn tag(content: &[u8]) -> HeaderValue {
     HeaderValue::from_str(&text).unwrap_or(HeaderValue::from_static("\"\""))
 }
 
-/// The file at a path of the address.
+/// Returns the file at this path of the address.
 pub(super) fn answer(path: &str, request: &HeaderMap) -> Response {
     let name = path.strip_prefix('/').filter(|name| !name.is_empty()).unwrap_or("index.html");
     let Some(ServedFile { name, content, tag }) = SERVED.iter().find(|known| known.name == name) else {
@@ -120,13 +121,13 @@ pub(super) fn answer(path: &str, request: &HeaderMap) -> Response {
     response
 }
 
-/// The file in the directory of edited files.
+/// Returns a file from the directory of edited files, if it exists.
 #[cfg(debug_assertions)]
 fn edited(name: &str) -> Option<Vec<u8>> {
     std::fs::read(std::path::PathBuf::from(std::env::var_os(DIRECTORY)?).join(name)).ok()
 }
 
-/// A released program uses only the files in it.
+/// A release build uses only the files in the program.
 #[cfg(not(debug_assertions))]
 fn edited(_: &str) -> Option<Vec<u8>> {
     None
@@ -147,7 +148,7 @@ fn media_type(name: &str) -> &'static str {
 mod tests {
     use super::*;
 
-    /// The first page must appear quickly, and the program must stay small.
+    /// The page must appear quickly, and the program must stay small.
     #[test]
     fn the_files_are_small_and_of_a_known_type() {
         assert!(SERVED.iter().map(|file| file.content.len()).sum::<usize>() <= 200 * 1024);

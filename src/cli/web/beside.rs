@@ -1,4 +1,4 @@
-//! The server beside an emulator: `commram run --web`.
+//! The server process that `commram run --web` starts beside the emulator.
 
 use crate::cli::error::CliError;
 use crate::cli::start::in_thread;
@@ -11,22 +11,22 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Longest wait for the end of the server, which has nothing to save, before it is killed.
+/// Time limit for the server to end before it is killed. The server has nothing to save.
 const PATIENCE: Duration = Duration::from_secs(3);
-/// Pause between two checks whether a server without outputs has ended.
+/// Pause between two checks whether a server that has closed its outputs has ended.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// The process of the server. It ends when this value is dropped.
+/// The process of the server. Dropping this value ends the process.
 pub(crate) struct WebProcess {
     child: Arc<Mutex<Child>>,
     has_failed: Arc<AtomicBool>,
-    /// True from the end of the emulator on.
+    /// Set when the emulator begins to end.
     is_ending: Arc<AtomicBool>,
 }
 
 impl WebProcess {
-    /// Starts the server of an instance that is about to serve. When the server is ready or has failed, `then` gets
-    /// the line with its address, or `None`.
+    /// Starts the server for an instance that begins to serve soon. When the server is ready, `then` gets the line with
+    /// its address; if the server fails, `then` gets `None`.
     ///
     /// # Errors
     /// The process cannot be started.
@@ -37,7 +37,7 @@ impl WebProcess {
     ) -> Result<Self, CliError> {
         let mut command = demo::command("web")?;
         command.args(["-i", instance, "--listen", &listen.to_string()]);
-        // The server waits for a starting emulator.
+        // The user's connect timeout is not inherited: the server waits for an emulator that is still starting.
         command.env_remove("COMMRAM_CONNECT_TIMEOUT").stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().map_err(|reason| CliError::Process { reason })?;
         let outputs = child.stdout.take().zip(child.stderr.take());
@@ -57,7 +57,7 @@ impl WebProcess {
     /// Ends the server.
     ///
     /// # Errors
-    /// It had not started; its exit code is passed on.
+    /// The server could not start; the error has its exit code.
     pub(crate) fn end(self) -> Result<(), CliError> {
         let failed = |reason| CliError::Process { reason };
         self.is_ending.store(true, Ordering::Relaxed);
@@ -71,7 +71,7 @@ impl WebProcess {
 impl Drop for WebProcess {
     fn drop(&mut self) {
         self.is_ending.store(true, Ordering::Relaxed);
-        // It also ends with the emulator, by itself.
+        // The result is ignored: the server also ends without the signal when the emulator ends.
         let _ = demo::terminate(&mut locked(&self.child), PATIENCE);
     }
 }
@@ -80,8 +80,9 @@ fn locked(child: &Mutex<Child>) -> MutexGuard<'_, Child> {
     child.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Reports the end of a server that has closed its outputs while the emulator continues. A server that has seen the end
-/// of its emulator ends with code 0. The child is locked only briefly, because the end of the emulator needs it, too.
+/// Reports that the server has ended while the emulator continues. A server that sees the end of its emulator exits
+/// with code 0, which is not reported. The child is locked only briefly, because the function that ends the server
+/// needs it, too.
 fn report_end(child: &Mutex<Child>, is_ending: &AtomicBool) {
     while !is_ending.load(Ordering::Relaxed) {
         match locked(child).try_wait() {
@@ -98,7 +99,7 @@ fn report_end(child: &Mutex<Child>, is_ending: &AtomicBool) {
     }
 }
 
-/// Passes on the address and the errors of the server.
+/// Forwards the address and the error messages of the server.
 fn pass_on(out: ChildStdout, err: ChildStderr, has_failed: &AtomicBool, then: impl FnOnce(Option<String>)) {
     let mut line = String::new();
     let serves = BufReader::new(out).read_line(&mut line).is_ok_and(|length| length > 0);

@@ -1,5 +1,5 @@
-//! The open connections. Any user of the machine can open some, so their number is limited, and a connection that has
-//! not shown a token makes room for a new one.
+//! The open connections of clients. Any user of the machine can open connections, so their number is limited. If the
+//! limit is reached, the oldest connection that has not shown a token is closed.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -8,32 +8,32 @@ use tokio::sync::Notify;
 
 /// Maximum number of open connections.
 const MAX_OPEN: usize = 256;
-/// File descriptors that the server needs besides its connections.
+/// Number of file descriptors that the server needs in addition to those of its connections.
 const OTHER_FILES: u64 = 64;
-/// Open files that the server asks for: for all connections, and for several instances.
+/// Limit of open files that the server requests: enough for all connections, and for several instances.
 pub(super) const WISHED_FILES: u64 = MAX_OPEN as u64 + 16 * OTHER_FILES;
-/// Minimum number of connections, regardless of the limit of descriptors.
+/// Minimum number of connections, even if the limit of descriptors is lower.
 const LEAST_OPEN: usize = 8;
 
-/// Maximum number of connections with the process's limit of open files: an accepted connection must not take the
-/// descriptors that a connection to an emulator needs.
+/// Maximum number of connections with the process's limit of open files. The remaining descriptors are for connections
+/// to emulators.
 pub(super) fn max_open() -> usize {
     let limit = rustix::process::getrlimit(rustix::process::Resource::Nofile).current.unwrap_or(u64::MAX);
     let room = usize::try_from(limit.saturating_sub(OTHER_FILES)).unwrap_or(MAX_OPEN);
     room.clamp(LEAST_OPEN, MAX_OPEN)
 }
 
-/// The other end of a connection.
+/// The client at the other end of a connection.
 #[derive(Default)]
 pub(super) struct Peer {
     /// True if one of its requests had a valid token or cookie.
     is_trusted: AtomicBool,
-    /// Closes the connection.
+    /// Notified when the connection has to be closed.
     close: Notify,
 }
 
 impl Peer {
-    /// From now on the connection does not make room for others.
+    /// Marks the connection as trusted: from now on the server does not close it for the benefit of others.
     pub(super) fn trust(&self) {
         self.is_trusted.store(true, Ordering::Relaxed);
     }
@@ -52,7 +52,7 @@ pub(super) struct Connections {
 }
 
 impl Connections {
-    /// Room for `max` connections.
+    /// Creates a list with room for `max` connections.
     pub(super) fn new(max: usize) -> Self {
         Self { open: Arc::default(), max }
     }
@@ -61,8 +61,8 @@ impl Connections {
         self.open.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds a new connection, and closes the oldest one without a token if there are too many. `None` if all existing
-    /// connections have shown a token.
+    /// Adds a new connection. If there are too many, closes the oldest one without a token. Returns `None` if all
+    /// existing connections have shown a token.
     pub(super) fn enter(&self) -> Option<OpenConnection> {
         let mut open = self.open();
         if open.len() >= self.max {
@@ -75,7 +75,7 @@ impl Connections {
     }
 }
 
-/// A connection, counted until it is dropped.
+/// A connection that is counted until this value is dropped.
 pub(super) struct OpenConnection {
     pub peer: Arc<Peer>,
     all: Connections,

@@ -1,10 +1,10 @@
-//! JSON in which no object has a name twice: the last value would win without a message.
+//! JSON in which no object may contain a name twice. Without this check serde would silently use the last value.
 
 use serde::de::{Deserialize, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Value};
 use std::fmt;
 
-/// A value without repeated names.
+/// A JSON value in which no object contains a name twice.
 pub(super) struct Distinct(pub Value);
 
 impl<'de> Deserialize<'de> for Distinct {

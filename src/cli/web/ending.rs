@@ -19,14 +19,14 @@ use tokio::sync::watch;
 /// Longest pause between two checks whether the emulator still runs.
 const ALIVE_CHECK: Duration = Duration::from_millis(200);
 
-/// Notices the end.
+/// Detects the end of the emulator, and signals.
 pub(super) struct Ending {
     ends: watch::Receiver<bool>,
     by_signal: Arc<AtomicBool>,
 }
 
 impl Ending {
-    /// Watches for signals, and for the end of the emulator of a single instance.
+    /// Starts to watch for signals and, if a single instance is served, for the end of its emulator.
     ///
     /// # Errors
     /// The instance is not running, or signals cannot be caught.
@@ -35,22 +35,22 @@ impl Ending {
         let (sender, by_signal) = (Arc::new(sender), Arc::new(AtomicBool::new(false)));
         watch_signals(Arc::clone(&sender), Arc::clone(&by_signal))?;
         if let Served::One(name) = served {
-            // Fails with the reason if the emulator cannot be reached.
+            // This line fails with the reason if the emulator cannot be reached.
             drop(Session::open(instance, 0)?);
             watch_emulator(name, sender)?;
         }
         Ok(Self { ends, by_signal })
     }
 
-    /// Becomes true at the end.
+    /// Returns a receiver whose value becomes true when the server has to end.
     pub(super) fn receiver(&self) -> watch::Receiver<bool> {
         self.ends.clone()
     }
 
-    /// The result of the command.
+    /// Returns the result of the command.
     ///
     /// # Errors
-    /// The user has interrupted it.
+    /// The user has interrupted the server.
     pub(super) fn result(&self) -> Result<(), CliError> {
         match self.by_signal.load(Ordering::Relaxed) {
             true => Err(CliError::Ended(Exit::Interrupted.code())),
@@ -59,8 +59,8 @@ impl Ending {
     }
 }
 
-/// The first signal ends the server in an orderly way, the second Ctrl-C at once. Other signals may be repeated: a
-/// killed emulator sends one for each of its threads.
+/// Handles signals. The first signal ends the server in an orderly way; a second Ctrl-C ends it at once. Other signals
+/// may arrive repeatedly: a killed emulator sends one for each of its threads.
 fn watch_signals(sender: Arc<watch::Sender<bool>>, by_signal: Arc<AtomicBool>) -> Result<(), CliError> {
     let refused = |reason: io::Error| CliError::Signals { reason };
     end_at_second_ctrl_c()?;

@@ -1,7 +1,8 @@
 //! Server-sent events: values, changes, records and states of an instance.
 //!
-//! One thread for each instance polls the emulator for all readers, and puts each round into a ring. A reader that is
-//! slower than the ring loses rounds and gets their number; it delays neither the emulator nor other readers.
+//! One thread for each instance polls the emulator for all readers, and puts the result of each poll, a round, into a
+//! ring buffer. A reader that is too slow loses rounds and receives their number. It delays neither the emulator nor
+//! other readers.
 
 mod feed;
 mod reader;
@@ -30,20 +31,20 @@ use tokio::sync::{OwnedSemaphorePermit, mpsc};
 
 /// Maximum number of event streams.
 pub(super) const MAX_STREAMS: usize = 64;
-/// Fields of the query.
+/// Names of the fields that the query may have.
 pub(super) const FIELDS: [&str; 10] =
     ["follow", "journal", "clock", "boards", "buses", "drives", "faults", "findings", "forces", "scene"];
-/// Parts of a stream that wait for the connection.
+/// Number of parts of a stream that are buffered for the connection.
 const WAITING: usize = 4;
-/// Longest wait for the first poll; a busy emulator answers later.
+/// Longest wait for the first poll. If the emulator is busy, the stream begins without it.
 const FIRST: Duration = Duration::from_secs(5);
-/// Pause after which a comment shows that the stream still lives.
+/// After this pause the server sends a comment, so that the client sees that the stream is alive.
 const ALIVE: Duration = Duration::from_secs(10);
 
 /// Starts a stream of events.
 ///
 /// # Errors
-/// The query is not valid, the instance is not there, or there are too many streams.
+/// The query is not valid, the instance does not exist, or there are too many streams.
 pub(super) async fn answer(
     State(app): State<Arc<App>>,
     Path(instance): Path<String>,
@@ -59,9 +60,9 @@ pub(super) async fn answer(
     let mut reader = Reader::new(wish.clone());
     let mut subscription = links.feed.subscribe(wish)?;
     let (sender, body) = mpsc::channel(WAITING);
-    // From the start of the answer on, errors are events.
+    // When the response has begun, errors can only be sent as events.
     if let Ok(Ok(round)) = tokio::time::timeout(FIRST, subscription.rounds.recv()).await {
-        // There is room for the first part.
+        // The buffer is empty, so it has room for the first part.
         let _ = sender.try_send(reader.events(&round).into());
     }
     tokio::spawn(send(subscription, reader, sender, permit));
@@ -70,7 +71,7 @@ pub(super) async fn answer(
     Ok(response)
 }
 
-/// Sends events until the reader or the emulator has gone.
+/// Sends events until the reader disconnects or the emulator ends.
 async fn send(
     mut subscription: Subscription,
     mut reader: Reader,
@@ -90,14 +91,14 @@ async fn send(
                 Err(_) => ":\n\n".to_owned(),
             },
         };
-        // The reader has gone.
+        // Sending fails if the reader has disconnected.
         if !text.is_empty() && sender.send(text.into()).await.is_err() {
             return;
         }
     }
 }
 
-/// The body of the response: parts as they arrive.
+/// The body of the response; each part is sent as soon as it exists.
 struct EventBody(mpsc::Receiver<Bytes>);
 
 impl hyper::body::Body for EventBody {

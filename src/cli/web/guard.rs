@@ -1,4 +1,5 @@
-//! Checks of the host, the origin and the token before a request is handled; and the headers of every response.
+//! Checks the host, the origin and the token of a request before its handler runs. Also adds the headers that every
+//! response has.
 
 use super::connections::Peer;
 use super::problem::Problem;
@@ -8,7 +9,7 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Request, StatusCode
 use std::net::IpAddr;
 use std::sync::Arc;
 
-/// Headers of every response. The page has no inline code, loads nothing from other hosts, and cannot be in a frame.
+/// Headers of every response. They forbid inline code, content from other hosts, and display in a frame.
 const HEADERS: [(HeaderName, &str); 6] = [
     (
         header::CONTENT_SECURITY_POLICY,
@@ -26,7 +27,7 @@ const HEADERS: [(HeaderName, &str); 6] = [
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Origin {
     text: String,
-    /// Host with the port, as in a Host header.
+    /// Host with the port, as in a `Host` header.
     authority: String,
 }
 
@@ -34,7 +35,7 @@ impl Origin {
     /// Parses the argument of `--origin`.
     ///
     /// # Errors
-    /// It has another form.
+    /// The text does not have the form `http://HOST:PORT` or `https://HOST`.
     pub(super) fn parse(text: &str) -> Result<Self, &'static str> {
         const RIGHT: &str = "write http://HOST:PORT or https://HOST, without a path";
         let uri: Uri = text.trim_end_matches('/').parse().map_err(|_| RIGHT)?;
@@ -59,22 +60,23 @@ impl Origin {
     }
 }
 
-/// Requirements for requests.
+/// The requirements that every request must meet.
 pub(super) struct Guard {
-    /// Token for programs, and for getting the cookie.
+    /// The token: programs send it with each request, and browsers exchange it for a cookie.
     pub token: Secret,
     /// Keys of the browsers that are signed in.
     pub sessions: Sessions,
-    /// Name of the cookie: a browser sends the cookies of all ports of a host.
+    /// Name of the cookie. The name is different for each server, because a browser sends the cookies of all ports of a
+    /// host.
     pub cookie: String,
     pub origins: Vec<Origin>,
 }
 
 impl Guard {
-    /// Checks a request before its handler.
+    /// Checks a request before its handler runs.
     ///
     /// # Errors
-    /// The problem to answer.
+    /// The request does not meet a requirement; the error is the response.
     pub(super) fn check<B>(&self, request: &Request<B>) -> Result<(), Problem> {
         let headers = request.headers();
         let host = self.check_host(headers)?;
@@ -94,8 +96,8 @@ impl Guard {
         Err(Problem::new(StatusCode::UNAUTHORIZED, "unauthorized", detail))
     }
 
-    /// Refuses a host that another site can point to this server (DNS rebinding): only addresses, `localhost` and the
-    /// hosts of `--origin` are accepted.
+    /// Refuses other host names than `localhost` and the hosts of `--origin`; accepts all addresses. Another site could
+    /// point its own host name to this server (DNS rebinding).
     fn check_host<'a>(&self, headers: &'a HeaderMap) -> Result<&'a str, Problem> {
         let mut hosts = headers.get_all(header::HOST).iter();
         let host = match (hosts.next().and_then(|host| host.to_str().ok()), hosts.next()) {
@@ -110,7 +112,7 @@ impl Guard {
         Err(Problem::new(StatusCode::MISDIRECTED_REQUEST, "host", detail))
     }
 
-    /// Refuses requests that a page of another site has caused.
+    /// Refuses requests that a page of another site has sent.
     fn check_origin(&self, headers: &HeaderMap, host: &str) -> Result<(), Problem> {
         let is_own = |origin: &HeaderValue| {
             let origin = origin.to_str().unwrap_or_default();
@@ -137,13 +139,13 @@ impl Guard {
         self.keys_in(headers).any(|key| self.sessions.contains(key))
     }
 
-    /// The session of a request: the key of its cookie. All requests with the token instead are one session, with an empty
-    /// key.
+    /// Returns the session of a request: the key in its cookie. All requests with the token instead of a cookie share one
+    /// session, whose key is empty.
     pub(super) fn session_of(&self, headers: &HeaderMap) -> String {
         self.keys_in(headers).find(|key| self.sessions.contains(key)).unwrap_or_default().to_owned()
     }
 
-    /// The keys that a request brings as cookie.
+    /// The keys in the cookies of a request.
     pub(super) fn keys_in<'a>(&'a self, headers: &'a HeaderMap) -> impl Iterator<Item = &'a str> {
         let cookies = headers.get_all(header::COOKIE).iter().filter_map(|cookie| cookie.to_str().ok());
         let pairs = cookies.flat_map(|all| all.split(';')).filter_map(|cookie| cookie.trim().split_once('='));
@@ -151,7 +153,8 @@ impl Guard {
     }
 }
 
-/// A form of another site can send a POST with other content types without a preceding request.
+/// Refuses a POST without JSON: an HTML form of another site can send a POST with other content types, without a
+/// preflight request.
 fn check_content_type(method: &Method, headers: &HeaderMap) -> Result<(), Problem> {
     if *method != Method::POST {
         return Ok(());

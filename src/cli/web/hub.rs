@@ -9,17 +9,17 @@ use crate::cli::session::images_of;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Which instances are served.
+/// The instances that are served.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Served {
-    /// This one.
+    /// Only the instance of this name.
     One(String),
     /// All running instances of this user.
     All,
 }
 
-/// The connections to an instance. Operations that change nothing have a separate connection, so that they are answered
-/// while another operation advances the clock.
+/// The connections to an instance. Operations that change nothing use a separate connection, so that the emulator
+/// answers them while another operation advances the clock.
 pub(super) struct InstanceLinks {
     pub looks: Link,
     pub acts: Link,
@@ -46,10 +46,10 @@ impl Hub {
         }
     }
 
-    /// The connections to an instance.
+    /// Returns the connections to an instance.
     ///
     /// # Errors
-    /// The instance is not served, or not running.
+    /// The server does not serve the instance, or the instance is not running.
     pub(super) fn find(&self, instance: &str) -> Result<Arc<InstanceLinks>, Problem> {
         if !self.serves(instance) {
             return Err(Problem::not_found(format!("this server does not serve an instance '{instance}'")));
@@ -69,7 +69,7 @@ impl Hub {
         Ok(new)
     }
 
-    /// Closes the connections to an instance that has ended; its threads end when their last job is done.
+    /// Closes the connections to an instance that has ended. Their threads end after their last jobs.
     pub(super) fn forget(&self, instance: &str) {
         self.links.lock().unwrap_or_else(PoisonError::into_inner).remove(instance);
     }

@@ -1,4 +1,5 @@
-//! A connection to an emulator in a separate thread: requests wait for replies, but the server must not wait.
+//! A connection to an emulator in a separate thread. Requests wait for their replies in this thread, because the server
+//! must not block.
 
 use super::problem::Problem;
 use super::strand;
@@ -16,10 +17,10 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::{oneshot, watch};
 
-/// Requests that wait for the connection; further ones are refused.
+/// Number of requests that may wait for the connection; further requests are refused.
 const WAITING: usize = 64;
 
-/// Real time between two checks whether a channel is shortened.
+/// Minimum time between two checks whether another program has shortened the channel.
 const CHECK: Duration = Duration::from_millis(20);
 
 /// An open connection.
@@ -27,18 +28,18 @@ pub(super) struct Connection {
     pub session: Session,
     /// Names of PLCs and buses.
     pub names: Names,
-    /// Time of the last check whether the channel is shortened.
+    /// Time of the last check whether another program has shortened the channel.
     checked: Cell<Instant>,
     is_damaged: Cell<bool>,
-    // After the session: the connection is closed when this is dropped.
+    // Declared after the session: dropping this field reports that the connection is closed.
     open: OpenConnections,
 }
 
-/// Counts the open connections of this process while it exists.
+/// Counts an open connection of this process until it is dropped.
 struct OpenConnections;
 
 thread_local! {
-    /// Whether this thread has an open connection.
+    /// True if this thread has an open connection.
     static HAS_CONNECTION: Cell<bool> = const { Cell::new(false) };
 }
 
@@ -61,8 +62,8 @@ impl Drop for OpenConnections {
     }
 }
 
-/// Waits until all connections are closed, for at most `limit`. If the process ended earlier, it would not leave the
-/// channels, and its files would stay.
+/// Waits at most `limit` until all connections are closed. A process that ends earlier does not disconnect from the
+/// channels, and its files stay.
 pub(super) fn wait_until_closed(limit: Duration) {
     let open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
     drop(CLOSED.wait_timeout_while(open, limit, |open| *open > 0));
@@ -72,7 +73,7 @@ impl Connection {
     /// Connects to a running instance.
     ///
     /// # Errors
-    /// It is not running, or its channel cannot be used.
+    /// The instance is not running, or its channel cannot be used.
     pub(super) fn open(instance: &str) -> Result<Self, CliError> {
         let session = Session::open(&Instance::running(instance), 0)?;
         let open = OpenConnections::enter();
@@ -80,8 +81,8 @@ impl Connection {
         Ok(Self { session, names, checked: Cell::new(Instant::now()), is_damaged: Cell::default(), open })
     }
 
-    /// The reason why this connection is of no use, if another program has shortened the channel: this thread has read zeros
-    /// instead of the missing part, or would do so.
+    /// Returns the error if another program has shortened the channel: the connection has read zeros in place of the missing
+    /// part, or would read them.
     fn damage(&self) -> Option<CliError> {
         if take_gap_of_thread() {
             self.is_damaged.set(true);
@@ -93,7 +94,7 @@ impl Connection {
         self.is_damaged.get().then(|| broken(self.session.instance()))
     }
 
-    /// Closes the connection. A connection through a damaged channel is given up instead: leaving it could end this
+    /// Closes the connection. A connection through a damaged channel is abandoned instead: closing it could end this
     /// process, which serves other instances.
     pub(super) fn close(self) {
         if self.damage().is_some() || self.session.has_shortened_channel() {
@@ -104,12 +105,12 @@ impl Connection {
     }
 }
 
-/// The error of a damaged channel.
+/// Returns the error for a damaged channel.
 pub(super) fn broken(instance: &str) -> CliError {
     ClientError::Broken { instance: instance.to_owned() }.into()
 }
 
-/// Stops counting the connection of this thread, which will never close it.
+/// Stops counting the connection of this thread, because the thread will never close it.
 pub(super) fn abandon() {
     if HAS_CONNECTION.replace(false) {
         *OPEN.lock().unwrap_or_else(PoisonError::into_inner) -= 1;
@@ -117,10 +118,11 @@ pub(super) fn abandon() {
     }
 }
 
-/// Work with the connection, or with the reason why there is none. Returns whether the connection can be used again.
+/// Work for the thread. Receives the connection, or the reason why there is none. Returns true if the connection can be
+/// used again.
 type Job = Box<dyn FnOnce(Result<&mut Connection, Problem>) -> bool + Send>;
 
-/// A client that waits for the result of a job. When this value is dropped, the client has gone.
+/// A client that waits for the result of a job. Dropping this value means that the client has disconnected.
 #[derive(Default)]
 struct Waiter {
     has_gone: Arc<AtomicBool>,
@@ -132,20 +134,20 @@ impl Drop for Waiter {
     }
 }
 
-/// Access to the thread. The thread ends when the last link is dropped.
+/// Handle for the thread. The thread ends when its last handle is dropped.
 #[derive(Clone)]
 pub(super) struct Link {
     jobs: SyncSender<Job>,
     instance: Arc<str>,
-    /// Becomes true if the thread stops at a panic.
+    /// Becomes true if the thread stops because of a panic.
     has_stopped: watch::Receiver<bool>,
 }
 
 impl Link {
-    /// Starts a thread, which connects when the first job arrives.
+    /// Starts a thread. The thread connects when its first job arrives.
     ///
     /// # Errors
-    /// The system has no thread.
+    /// The system cannot start a thread.
     pub(super) fn start(instance: &str) -> Result<Self, Problem> {
         let (sender, jobs) = mpsc::sync_channel(WAITING);
         let instance: Arc<str> = instance.into();
@@ -155,7 +157,7 @@ impl Link {
         let work = move || {
             strand::at_the_end(move || {
                 abandon();
-                // Fails if no link is left.
+                // Sending fails if no handle is left.
                 let _ = stop.send(true);
             });
             serve(&own, &jobs);
@@ -164,11 +166,11 @@ impl Link {
         Ok(Self { jobs: sender, instance, has_stopped })
     }
 
-    /// Does `work` in the thread. If the returned future is dropped, because the client has closed its connection, the
-    /// request to the emulator is withdrawn.
+    /// Executes `work` in the thread. If the client closes its connection, the returned future is dropped, and the
+    /// request to the emulator is cancelled.
     ///
     /// # Errors
-    /// The errors of `work`; the emulator cannot be reached; or too many jobs wait.
+    /// `work` fails, the emulator cannot be reached, or too many jobs wait.
     pub(super) async fn run<T: Send + 'static>(
         &self,
         work: impl FnOnce(&mut Connection) -> Result<T, Problem> + Send + 'static,
@@ -185,7 +187,7 @@ impl Link {
                 guarded(connection, |it| it, work)
             });
             let is_usable = !matches!(&result, Err(problem) if problem.is_gone());
-            // Fails if the client has gone.
+            // Sending fails if the client has disconnected.
             let _ = answer.send(result);
             is_usable
         });
@@ -193,7 +195,7 @@ impl Link {
         self.jobs.try_send(job).map_err(|_| busy())?;
         let mut has_stopped = self.has_stopped.clone();
         let stopped = async {
-            // The sender exists until the thread ends.
+            // The sender of this value exists until the thread ends.
             if has_stopped.wait_for(|stopped| *stopped).await.is_err() {
                 std::future::pending::<()>().await;
             }
@@ -208,11 +210,11 @@ impl Link {
     }
 }
 
-/// Does `work` with a value that has a connection. Fails if the channel is damaged before or during the work: the data
-/// read may then be wrong, and iceoryx2 can panic.
+/// Executes `work` with a value that contains a connection. Fails if another program damages the channel before or
+/// during the work: the data may then be wrong, and iceoryx2 can panic.
 ///
 /// # Errors
-/// The errors of `work`, or [`ClientError::Broken`].
+/// `work` fails, or [`ClientError::Broken`].
 pub(super) fn guarded<C, T, E: From<CliError>>(
     user: &mut C,
     connection: impl Fn(&C) -> &Connection,

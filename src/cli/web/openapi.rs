@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 
 static DOCUMENT: LazyLock<Value> = LazyLock::new(document);
 
-/// The description.
+/// Returns the description.
 pub(super) async fn answer() -> Response {
     json_response(&*DOCUMENT)
 }
@@ -39,7 +39,7 @@ fn document() -> Value {
     })
 }
 
-/// An operation of the table.
+/// Describes an operation of the table.
 fn path_item(operation: &Operation) -> Value {
     let is_get = operations::method(operation) == "GET";
     let mut parameters = vec![instance()];
@@ -70,7 +70,7 @@ fn path_item(operation: &Operation) -> Value {
     item
 }
 
-/// The first sentence.
+/// Returns the first sentence of a text.
 fn summary(text: &str) -> &str {
     text.split_once(". ").map_or(text, |(first, _)| first).trim_end_matches('.')
 }
@@ -81,7 +81,7 @@ fn described(schema: &Value, text: &str) -> Value {
     schema
 }
 
-/// True for a field that may be null: it may be left out.
+/// True if the field may be null, so that a request may omit it.
 fn is_optional(schema: &Value) -> bool {
     schema["type"].as_array().is_some_and(|types| types.contains(&json!("null")))
 }
@@ -111,7 +111,7 @@ fn responses_of(media_type: &str, schema: Value) -> Value {
     })
 }
 
-/// The paths that are not operations of the table.
+/// The paths that do not belong to operations of the table.
 fn fixed_paths() -> Map<String, Value> {
     let of_instance = |rest: &str| format!("/api/v1/instances/{{instance}}/{rest}");
     let mut paths = Map::new();
@@ -143,7 +143,7 @@ fn fixed_paths() -> Map<String, Value> {
     paths
 }
 
-/// A field of a query that may be left out or repeated.
+/// A field of a query. It may be omitted or repeated.
 fn query_field(name: &str) -> Value {
     json!({"name": name, "in": "query", "schema": {"type": "array", "items": {"type": "string"}}})
 }
@@ -220,7 +220,7 @@ fn schemas() -> Map<String, Value> {
     schemas
 }
 
-/// The JSON form of a reply: its name alone, or an object with its name and its content.
+/// The JSON form of a reply: only its name, or an object with its name and its content.
 fn reply(answer: &Answer) -> Value {
     let content = match &answer.value {
         Some(value) => value.clone(),

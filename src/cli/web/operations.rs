@@ -1,4 +1,4 @@
-//! Operations of the table by HTTP; this module does not know any particular operation.
+//! Operations of the table by HTTP. This module does not depend on any particular operation.
 
 use super::hub::InstanceLinks;
 use super::link::Connection;
@@ -14,17 +14,17 @@ use std::sync::{Arc, LazyLock};
 
 static TABLE: LazyLock<Vec<Operation>> = LazyLock::new(operations);
 
-/// The operation of this name.
+/// Returns the operation of this name.
 pub(super) fn find(name: &str) -> Option<&'static Operation> {
     TABLE.iter().find(|operation| operation.name == name)
 }
 
-/// The method by which an operation is requested: GET changes nothing.
+/// The HTTP method of an operation: GET if the operation changes nothing, otherwise POST.
 pub(super) fn method(operation: &Operation) -> Method {
     if operation.class == Class::Looks { Method::GET } else { Method::POST }
 }
 
-/// The operation with these fields.
+/// Builds the operation from its fields.
 ///
 /// # Errors
 /// A field is missing, unknown or out of its range.
@@ -55,7 +55,8 @@ fn unknown_field(operation: &Operation, name: &str) -> String {
     }
 }
 
-/// Checks a value against the type and range of its schema, as far as the message of serde would not name the field.
+/// Checks a value against the type and range in its schema. Only checks cases in which the message of serde would not
+/// name the field.
 fn check(schema: &Value, value: &Value) -> Result<(), String> {
     if let Some(known) = schema["enum"].as_array() {
         return match known.contains(value) {
@@ -92,7 +93,7 @@ fn is_within(schema: &Value, value: &Value) -> bool {
         .is_some_and(|it| least.is_none_or(|least| it >= least) && most.is_none_or(|most| it <= most))
 }
 
-/// The fields of a query string; numbers and booleans get their types from the table.
+/// Parses the fields of a query string. The table decides whether a text becomes a number or a boolean.
 ///
 /// # Errors
 /// A field occurs twice.
@@ -116,7 +117,7 @@ pub(super) fn fields_of_query(
     Ok(query.into_iter().map(|(name, text)| (name.clone(), typed(&name, text))).collect())
 }
 
-/// Refuses an operation that changes something on a server that only reads.
+/// Refuses an operation that changes something on a read-only server.
 ///
 /// # Errors
 /// The operation changes something.
@@ -131,7 +132,7 @@ pub(super) fn check_reads_only(op: &Op) -> Result<(), Problem> {
 /// Executes an operation of a session and returns the JSON form of its reply.
 ///
 /// # Errors
-/// The operation was refused, or the emulator cannot be reached.
+/// The emulator refused the operation, or cannot be reached.
 pub(super) async fn execute(links: &InstanceLinks, session: String, op: Op) -> Result<Value, Problem> {
     let replies = execute_all(links, session, vec![op]).await?;
     replies.into_iter().next().ok_or_else(|| CliError::from(WrongReply).into())
@@ -140,8 +141,8 @@ pub(super) async fn execute(links: &InstanceLinks, session: String, op: Op) -> R
 /// Executes operations of a session as one request, and returns the JSON forms of their replies.
 ///
 /// # Errors
-/// An operation was refused: the problem has its `index`, and the `replies` of the operations before it. Or the
-/// emulator cannot be reached.
+/// The emulator refused an operation: the problem contains its `index`, and the `replies` to the operations before it.
+/// Or the emulator cannot be reached.
 pub(super) async fn execute_all(
     links: &InstanceLinks,
     session: String,
@@ -173,7 +174,8 @@ fn request(connection: &mut Connection, ops: &[Op], files: (&Transit, &str)) -> 
     Ok(forms)
 }
 
-/// The replies to operations. Parts of snapshot files stay in this process until their session restores the snapshot.
+/// Executes operations and returns their replies. Parts of a snapshot file stay in this process until their session
+/// restores the snapshot.
 fn replies(
     connection: &Connection,
     ops: &[Op],

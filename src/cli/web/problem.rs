@@ -14,22 +14,22 @@ const MEDIA_TYPE: HeaderValue = HeaderValue::from_static("application/problem+js
 /// First part of the types of problems.
 const TYPE: &str = "urn:commram:problem:";
 
-/// An error that a client of the HTTP interface gets.
+/// An error, as a client of the HTTP interface receives it.
 #[derive(Clone, Debug)]
 pub(super) struct Problem {
     status: StatusCode,
-    /// Last part of its type.
+    /// Last part of the problem's type.
     kind: &'static str,
     title: &'static str,
     detail: String,
-    /// Further members.
+    /// Further members of the document.
     members: Map<String, Value>,
-    /// True if the emulator has gone, so that a connection to it is useless.
+    /// True if the emulator has ended, so that its connection is useless.
     is_gone: bool,
 }
 
 impl Problem {
-    /// A problem of the request itself, which has not reached an emulator.
+    /// Creates a problem of the request itself; no emulator has received the request.
     pub(super) fn new(status: StatusCode, kind: &'static str, detail: impl Into<String>) -> Self {
         let title = status.canonical_reason().unwrap_or("error");
         Self { status, kind, title, detail: detail.into(), members: Map::new(), is_gone: false }
@@ -40,12 +40,12 @@ impl Problem {
         Self::new(StatusCode::BAD_REQUEST, "wrong-use", detail).with("exit_code", Exit::WrongUse.code())
     }
 
-    /// The server does not have the requested thing.
+    /// The server does not have the requested object.
     pub(super) fn not_found(detail: impl Into<String>) -> Self {
         Self::new(StatusCode::NOT_FOUND, "not-found", detail)
     }
 
-    /// A limit of the server is reached.
+    /// The request would exceed a limit of the server.
     pub(super) fn too_many(detail: impl Into<String>) -> Self {
         Self::new(StatusCode::SERVICE_UNAVAILABLE, "too-many", detail)
             .with("exit_code", Exit::NotThere.code())
@@ -57,7 +57,7 @@ impl Problem {
         self
     }
 
-    /// The refusal of an operation by the emulator.
+    /// The emulator refused an operation.
     pub(super) fn refused(refused: &Refused) -> Self {
         let error = CliError::Client(ClientError::Refused(refused.clone()));
         let mut problem = Self::of(&error, "refused").with("code", refused.code.0);
@@ -73,7 +73,7 @@ impl Problem {
         code.and_then(|code| u16::try_from(code).ok()).map(Code)
     }
 
-    /// The document.
+    /// Formats the document.
     pub(super) fn text(&self) -> String {
         let mut members = self.members.clone();
         members.insert("type".to_owned(), format!("{TYPE}{}", self.kind).into());
@@ -83,12 +83,12 @@ impl Problem {
         Value::Object(members).to_string()
     }
 
-    /// True if the emulator has gone.
+    /// True if the emulator has ended.
     pub(super) fn is_gone(&self) -> bool {
         self.is_gone
     }
 
-    /// The text for people.
+    /// The explanation for users.
     #[cfg(test)]
     pub(super) fn detail(&self) -> &str {
         &self.detail

@@ -24,7 +24,7 @@ const MAX_BODY: usize = 1 << 20;
 /// Maximum time to receive a body.
 const BODY_TIME: Duration = Duration::from_secs(10);
 
-/// Fields of a query string, in their order.
+/// Fields of a query string, in their original order.
 pub(super) type Pairs = Vec<(String, String)>;
 
 /// All paths.
@@ -56,7 +56,7 @@ async fn check(State(app): State<Arc<App>>, request: Request, next: Next) -> Res
     response
 }
 
-/// True for an error of axum itself, such as a name in a path that is not UTF-8.
+/// True if axum itself produced the error, for example for a path that is not UTF-8.
 fn is_plain_error(response: &Response) -> bool {
     let kind = response.headers().get(header::CONTENT_TYPE).map(HeaderValue::as_bytes).unwrap_or_default();
     (response.status().is_client_error() || response.status().is_server_error())
@@ -90,7 +90,7 @@ fn needs(method: &Method) -> Problem {
     Problem::new(StatusCode::METHOD_NOT_ALLOWED, "method", detail).with("allow", method.as_str())
 }
 
-/// An operation of the table: its fields are the query, or the body of a POST.
+/// Handles an operation of the table. Its fields are in the query, or in the body of a POST.
 async fn operation(
     State(app): State<Arc<App>>,
     Path((instance, name)): Path<(String, String)>,
@@ -118,7 +118,7 @@ async fn operation(
     Ok(json_response(&reply))
 }
 
-/// Several operations as one request.
+/// Handles several operations as one request.
 async fn request(
     State(app): State<Arc<App>>,
     Path(instance): Path<String>,
@@ -137,15 +137,15 @@ async fn request(
     Ok(json_response(&json!({ "replies": replies })))
 }
 
-/// True if the text of a field in a query switches something on; a name without a text does.
+/// True if the text of a query field switches it on. A field without a text is on.
 pub(super) fn is_on(text: &str) -> bool {
     matches!(text, "" | "1" | "true")
 }
 
-/// Parses a field of `what` that is only a switch.
+/// Parses a field that is only a switch. `what` is the name of the request, for the error.
 ///
 /// # Errors
-/// The text is something else than on or off.
+/// The text is neither on nor off.
 pub(super) fn switch(what: &str, field: &str, text: &str) -> Result<bool, Problem> {
     if is_on(text) || matches!(text, "0" | "false") {
         return Ok(is_on(text));
@@ -153,21 +153,21 @@ pub(super) fn switch(what: &str, field: &str, text: &str) -> Result<bool, Proble
     Err(Problem::wrong_use(format!("{what}: field `{field}` is `{text}`, not 1 or 0")).with("field", field))
 }
 
-/// The first name that occurs twice.
+/// Returns the first name that occurs twice.
 pub(super) fn repeated<'a>(mut names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let mut seen = HashSet::new();
     names.find(|name| !seen.insert(*name))
 }
 
-/// The fields of a query string.
+/// Returns the fields of a query string.
 ///
 /// # Errors
-/// It has another form.
+/// The query string is malformed.
 pub(super) fn pairs(query: Result<Query<Pairs>, QueryRejection>) -> Result<Pairs, Problem> {
     query.map(|Query(pairs)| pairs).map_err(|reason| Problem::wrong_use(reason.to_string()))
 }
 
-/// The JSON object in the body of a request; no body is an empty one.
+/// Returns the JSON object in the body of a request. A missing body counts as an empty object.
 ///
 /// # Errors
 /// The body is too large, arrives too slowly, or is not a JSON object.
@@ -203,7 +203,7 @@ pub(super) async fn body_within(mut request: Request, max: usize) -> Result<Map<
     json_of(&bytes)
 }
 
-/// The object of a text in JSON, in which no name occurs twice.
+/// Parses a text in JSON as an object in which no name occurs twice.
 fn json_of(bytes: &[u8]) -> Result<Map<String, Value>, Problem> {
     let wrong =
         |reason: serde_json::Error| Problem::wrong_use(format!("the body is no JSON object: {reason}"));
@@ -213,7 +213,7 @@ fn json_of(bytes: &[u8]) -> Result<Map<String, Value>, Problem> {
     }
 }
 
-/// A response with a value as JSON.
+/// Creates a response with a value in JSON.
 pub(super) fn json_response(value: &impl Serialize) -> Response {
     match serde_json::to_string(value) {
         Ok(text) => json_text(text),
@@ -221,7 +221,7 @@ pub(super) fn json_response(value: &impl Serialize) -> Response {
     }
 }
 
-/// A response with JSON.
+/// Creates a response from a text in JSON.
 pub(super) fn json_text(text: String) -> Response {
     let mut response = Response::new(Body::from(text));
     response.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static("application/json"));

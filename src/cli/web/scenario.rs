@@ -23,12 +23,12 @@ const MAX_ACTIONS: usize = 10_000;
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Recording {
-    /// The plant file that the scenario names; without it the scenario contains the plant.
+    /// The plant file that the scenario names. Without it, the scenario contains the plant itself.
     plant: Option<String>,
-    /// A comment for the first line.
+    /// A comment for the first line of the scenario.
     #[serde(default)]
     name: String,
-    /// In the order in which they were done.
+    /// The actions in the order in which they were done.
     actions: Vec<Action>,
 }
 
@@ -38,15 +38,16 @@ struct Recording {
 struct Action {
     /// Emulated time of its start, in microseconds.
     time_us: u64,
-    /// Emulated time of its end, if the action advanced the clock or went back.
+    /// Emulated time of its end in microseconds, if the action advanced the clock or went back.
     end_us: Option<u64>,
     /// The operation, in its JSON form.
     operation: Option<Op>,
-    /// Name of the operation's register, if it differs from the name in the last phase.
+    /// Name of the operation's register, if it differs from the name that the register has in the last phase of its
+    /// overlaid structures.
     register: Option<String>,
-    /// An expectation.
+    /// An expectation that the scenario checks.
     expect: Option<Expectation>,
-    /// Begins a part of the scenario.
+    /// Title of a part of the scenario, which begins with this action.
     section: Option<String>,
 }
 
@@ -61,7 +62,7 @@ enum Expectation {
 /// Turns recorded actions into a scenario.
 ///
 /// # Errors
-/// An action cannot be repeated by a scenario; the problem has its `index`.
+/// A scenario cannot repeat an action; the problem contains the `index` of the action.
 pub(super) async fn answer(
     State(app): State<Arc<App>>,
     Path(instance): Path<String>,
@@ -74,7 +75,7 @@ pub(super) async fn answer(
         return Err(Problem::wrong_use(format!("a recording has at most {MAX_ACTIONS} actions")));
     }
     let links = app.hub.find(&instance)?;
-    // A snapshot contains the plant; taking one changes nothing in it.
+    // The plant is read from a snapshot; taking a snapshot changes nothing in the plant.
     let text = links.acts.run(move |connection| scenario(connection, &recording)).await;
     let text = text.inspect_err(|problem| app.notice(&instance, problem))?;
     Ok(json_response(&json!({ "scenario": text })))
@@ -97,7 +98,7 @@ fn scenario(connection: &mut Connection, recording: &Recording) -> Result<String
     Ok(text)
 }
 
-/// The line that builds the plant; none for the built-in plant.
+/// Returns the line that builds the plant. The built-in plant needs no line.
 fn plant(connection: &Connection, recording: &Recording) -> Result<String, Problem> {
     if let Some(file) = &recording.plant {
         return Ok(format!("plant({});\n", lines::quoted(file)));

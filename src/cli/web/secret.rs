@@ -1,4 +1,5 @@
-//! The token and the key of the cookie: random, compared in constant time, kept in a file of this user only.
+//! The token and the keys of the cookies. Both are random and are compared in constant time; the token is stored in a
+//! file that only its owner can read.
 
 use crate::cli::error::CliError;
 use crate::memory::MemoryError;
@@ -14,14 +15,15 @@ use subtle::ConstantTimeEq;
 /// Length of a secret in bytes.
 const BYTES: usize = 32;
 
-/// 256 random bits as hexadecimal digits. The type has no `Debug`, so that no message can contain a secret.
+/// A secret of 256 random bits, as hexadecimal digits. The type has no `Debug`, so that no message can contain a
+/// secret.
 pub(super) struct Secret(String);
 
 impl Secret {
     /// Creates a secret.
     ///
     /// # Errors
-    /// The kernel has no random numbers.
+    /// The kernel cannot provide random numbers.
     pub(super) fn random() -> io::Result<Self> {
         let mut bytes = [0; BYTES];
         let mut filled = 0;
@@ -36,22 +38,22 @@ impl Secret {
         Ok(Self(digits))
     }
 
-    /// Compares in a time that depends only on the length of `text`.
+    /// Compares a text with the secret in a time that depends only on the length of `text`.
     pub(super) fn is(&self, text: &[u8]) -> bool {
         self.0.as_bytes().ct_eq(text).into()
     }
 
-    /// The digits.
+    /// The hexadecimal digits.
     pub(super) fn digits(&self) -> &str {
         &self.0
     }
 }
 
-/// The file with the token. Dropping it removes the file, unless another process has replaced it.
+/// The file with the token. Dropping this value removes the file, unless another process has replaced it.
 pub(super) struct TokenFile {
     path: PathBuf,
     file: File,
-    /// The directory for tokens, if the file is there.
+    /// The directory for tokens, if the file is in it.
     directory: Option<PrivateDir>,
 }
 
@@ -64,15 +66,16 @@ impl TokenFile {
         let failed = |reason| CliError::File { path: path.to_owned(), reason };
         let mut options = OpenOptions::new();
         let mut file = options.write(true).create_new(true).mode(0o600).open(path).map_err(failed)?;
-        // A file of a living server is locked; an empty one is being written.
+        // The lock protects the file from cleanup, which removes neither locked files nor empty ones: the server that
+        // creates an empty file is still writing it.
         file.lock().map_err(failed)?;
         let this = Self { path: path.to_owned(), file: file.try_clone().map_err(failed)?, directory: None };
         file.write_all(format!("{}\n", token.digits()).as_bytes()).map_err(failed)?;
         Ok(this)
     }
 
-    /// Writes the token to the file `name` of the user's directory for tokens. Files that killed servers have left there
-    /// are removed.
+    /// Writes the token to the file `name` in the user's directory for tokens. Removes files that killed servers have
+    /// left there.
     ///
     /// # Errors
     /// The directory does not belong to this user, or the file cannot be written.
@@ -119,7 +122,7 @@ impl Drop for TokenFile {
     }
 }
 
-/// Removes the files with tokens that killed servers have left.
+/// Removes the token files that killed servers have left.
 ///
 /// # Errors
 /// The directory for tokens does not belong to this user, or cannot be read.
@@ -127,7 +130,7 @@ pub(crate) fn remove_left_files() -> Result<(), CliError> {
     let path = directory();
     let directory = match PrivateDir::open(&path) {
         Ok(Some(directory)) => directory,
-        // Nothing in a directory of another user is ours.
+        // A directory of another user contains no file of this user.
         Ok(None) | Err(MemoryError::ForeignDirectory { .. }) => return Ok(()),
         Err(error) => return Err(error.into()),
     };
@@ -145,7 +148,8 @@ pub(crate) fn remove_left_files() -> Result<(), CliError> {
     Ok(())
 }
 
-/// The directory for tokens: of the session manager, or of this user in the file system of the images.
+/// Returns the directory for tokens: the one of the session manager, otherwise a directory of this user in the file
+/// system of the images.
 fn directory() -> PathBuf {
     let runtime = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from).filter(|path| path.is_absolute());
     match runtime {

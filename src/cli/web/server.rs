@@ -17,23 +17,23 @@ use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 
-/// Maximum time to receive the head of a request, and between two requests of a connection.
+/// Maximum time to receive the head of a request. Also the longest pause between two requests of a connection.
 const HEAD_TIME: Duration = Duration::from_secs(30);
-/// Time in milliseconds after which a connection is closed if its peer receives none of the sent data.
+/// If the client acknowledges no sent data for this time, in milliseconds, the connection is closed.
 const UNREAD_MS: u32 = 30_000;
-/// Sent bytes that the system buffers for a connection until its peer receives them.
+/// Number of bytes that the system buffers for a connection until the client receives them.
 const SEND_BUFFER: usize = 256 << 10;
 /// Maximum size of the head of a request, in bytes.
 const MAX_HEAD: usize = 16 << 10;
 /// Maximum number of headers of a request.
 const MAX_HEADERS: usize = 64;
-/// Pause after an error of accept: all file descriptors are in use.
+/// Pause after an error of `accept`, which occurs when all file descriptors are in use.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
-/// Maximum number of connections that are refused at the same time; further ones are closed without an answer.
+/// Maximum number of connections that receive a refusal at the same time; further ones are closed without an answer.
 const MAX_REFUSALS: usize = 32;
-/// Maximum time to refuse a connection.
+/// Maximum time for sending a refusal.
 const REFUSAL_TIME: Duration = Duration::from_secs(1);
-/// Time in which connections can send their last data at the end of the server.
+/// Time in which connections can send their last data when the server ends.
 const LAST_WORDS: Duration = Duration::from_millis(300);
 
 /// Serves until `end` becomes true.
@@ -53,13 +53,13 @@ pub(super) fn serve(
         let router = router(app);
         tokio::select! {
             () = accept(&listener, &router) => {}
-            // An error means that there is no sender any more; this also ends the server.
+            // An error means that the sender was dropped; this also ends the server.
             _ = end.wait_for(|ends| *ends) => {}
         }
         tokio::time::sleep(LAST_WORDS).await;
         Ok::<(), CliError>(())
     })?;
-    // Threads that wait for an emulator end with the process.
+    // Threads that wait for an emulator do not block the end of the server: they end with the process.
     runtime.shutdown_background();
     Ok(())
 }
@@ -81,8 +81,8 @@ async fn accept(listener: &TcpListener, router: &Router) {
     }
 }
 
-/// Answers a connection for which there is no room. The answer waits for the request: closing a connection with unread
-/// data would discard it.
+/// Sends a refusal on a connection for which there is no room. The answer follows the request: the system discards an
+/// answer if the connection is closed with unread data.
 async fn refuse(stream: TcpStream, _permit: OwnedSemaphorePermit) {
     let problem = Problem::too_many("all connections of this server are in use by clients with a token");
     let body = problem.text();
@@ -93,14 +93,15 @@ async fn refuse(stream: TcpStream, _permit: OwnedSemaphorePermit) {
     );
     let _ = tokio::time::timeout(REFUSAL_TIME, stream.readable()).await;
     let _ = stream.try_read(&mut [0; MAX_HEAD]);
-    // The empty buffer of a new connection takes the whole response.
+    // The buffer of a new connection is empty, so it takes the whole response.
     let _ = stream.try_write(response.as_bytes());
     let _ = rustix::net::shutdown(&stream, rustix::net::Shutdown::Write);
 }
 
-/// Serves a connection until one of its ends closes it.
+/// Serves a connection until the client or the server closes it.
 async fn converse(stream: TcpStream, connection: OpenConnection, router: Router) {
-    // Without these options a connection only lasts longer, uses more memory, or has late answers.
+    // Errors are ignored: without these options a connection only stays open longer, uses more memory, or answers
+    // later.
     let _ = rustix::net::sockopt::set_tcp_user_timeout(&stream, UNREAD_MS);
     let _ = rustix::net::sockopt::set_socket_send_buffer_size(&stream, SEND_BUFFER);
     let _ = stream.set_nodelay(true);
@@ -117,7 +118,7 @@ async fn converse(stream: TcpStream, connection: OpenConnection, router: Router)
         .max_headers(MAX_HEADERS);
     let served = http.serve_connection(TokioIo::new(stream), service);
     tokio::select! {
-        // The client has closed the connection, or does not use HTTP.
+        // The client has closed the connection, or does not speak HTTP.
         _ = served => {}
         () = connection.peer.closed() => {}
     }

@@ -17,7 +17,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// Maximum number of browsers that are signed in; one more signs out the oldest.
 const MAX_SESSIONS: usize = 64;
 
-/// Maximum size of the body with the token, in bytes: clients that have shown none yet can send it.
+/// Maximum size of the body with the token, in bytes. It is small, because any client can send this request.
 const MAX_TOKEN_BODY: usize = 1 << 10;
 
 /// The keys of the cookies of all browsers that are signed in, the oldest first.
@@ -55,10 +55,10 @@ impl Sessions {
     }
 }
 
-/// Its path.
+/// Path of the session in the HTTP interface.
 pub(super) const PATH: &str = "/api/v1/session";
 
-/// Confirms that the client is signed in; the request of another client was refused before.
+/// Confirms that the client is signed in. The requests of other clients are refused before this function is called.
 pub(super) async fn check(State(app): State<Arc<App>>) -> Response {
     json_response(&json!({"read_only": app.read_only}))
 }
@@ -66,7 +66,7 @@ pub(super) async fn check(State(app): State<Arc<App>>) -> Response {
 /// Sets the cookie if the token is correct.
 ///
 /// # Errors
-/// The body is not an object with the token, or the kernel has no random numbers.
+/// The body is not an object with the token, or the kernel cannot provide random numbers.
 pub(super) async fn open(State(app): State<Arc<App>>, request: Request<Body>) -> Result<Response, Problem> {
     let origin = request.headers().get(header::ORIGIN).map(HeaderValue::as_bytes).unwrap_or_default();
     let is_secure = origin.starts_with(b"https://");
@@ -83,7 +83,7 @@ pub(super) async fn open(State(app): State<Arc<App>>, request: Request<Body>) ->
     Ok(with_cookie(&format!("{}={key}; Path=/; HttpOnly; SameSite=Strict{secure}", app.guard.cookie)))
 }
 
-/// Signs out: the cookie is deleted, and its key is no longer valid.
+/// Signs a browser out: deletes its cookie and invalidates its key.
 pub(super) async fn close(State(app): State<Arc<App>>, headers: HeaderMap) -> Response {
     app.guard.keys_in(&headers).for_each(|key| app.guard.sessions.close(key));
     with_cookie(&format!("{}=; Path=/; HttpOnly; SameSite=Strict; Max-Age=0", app.guard.cookie))
@@ -91,7 +91,7 @@ pub(super) async fn close(State(app): State<Arc<App>>, headers: HeaderMap) -> Re
 
 fn with_cookie(cookie: &str) -> Response {
     let mut response = StatusCode::NO_CONTENT.into_response();
-    // Names of instances and hexadecimal digits are valid in a header.
+    // The conversion cannot fail: names of instances and hexadecimal digits are valid in a header.
     if let Ok(value) = HeaderValue::from_str(cookie) {
         response.headers_mut().insert(header::SET_COOKIE, value);
     }

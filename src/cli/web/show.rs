@@ -1,4 +1,4 @@
-//! Data for the pages: what the commands print with `--format json`, made by the same functions.
+//! Data for the pages: the same data that commands print with `--format json`.
 
 mod map;
 mod words;
@@ -28,7 +28,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
 
-/// Number of records of the journal from which frames are shown.
+/// Number of journal records that are searched for frames.
 const FRAME_RECORDS: u64 = 4 * MAX_RECORDS as u64;
 /// Maximum number of intervals in an answer.
 const MAX_INTERVALS: usize = 64;
@@ -50,7 +50,7 @@ const REPEATABLE: [&str; 8] = ["name", "poke", "force", "unforce", "condition", 
 /// The content of an answer.
 enum Shown {
     Json(Value),
-    /// A picture.
+    /// A picture in SVG.
     Svg(Vec<u8>),
 }
 
@@ -81,7 +81,7 @@ impl Fields<'_> {
         self.text(name).map_or(Ok(false), |text| switch(self.what, name, text))
     }
 
-    /// Refuses other fields than these, and repeated ones that have one value.
+    /// Refuses unknown fields, and repeated fields that may occur only once.
     fn check(&self, known: &[&str]) -> Result<(), Problem> {
         let names = self.pairs.iter().map(|(name, _)| name.as_str());
         if let Some(name) = repeated(names.filter(|name| !REPEATABLE.contains(name))) {
@@ -100,7 +100,7 @@ impl Fields<'_> {
 
 type Show = fn(&mut Connection, &Fields<'_>) -> Result<Shown, Problem>;
 
-/// Data that can be shown: name, fields, description, function.
+/// The data that can be shown: name, fields, description, function of each.
 const SHOWN: &[(&str, &[&str], &str, Show)] = &[
     ("status", &[], "The plant, as `commram status` shows it.", status),
     (
@@ -140,7 +140,7 @@ pub(super) fn described() -> impl Iterator<Item = (&'static str, &'static [&'sta
 /// Answers a request for data.
 ///
 /// # Errors
-/// There is nothing of this name, a field is wrong, or the emulator has gone.
+/// No data has this name, a field is wrong, or the emulator has ended.
 pub(super) async fn answer(
     State(app): State<Arc<App>>,
     Path((instance, what)): Path<(String, String)>,

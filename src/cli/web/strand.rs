@@ -1,16 +1,17 @@
-//! Panics in calls of iceoryx2 that do not end the server.
+//! Keeps a panic in iceoryx2 from ending the server.
 //!
-//! Another program can shorten a part of the channel at any moment. iceoryx2 then reads zeros and may panic, and panic
-//! again while the first panic unwinds: this would end the process, with the connections to all other instances. A
-//! thread with a connection therefore stops for good at the first panic, before it unwinds. Its memory and its connection
-//! stay until the server ends; its owner is notified and starts another thread when it needs one.
+//! Another program can shorten a part of the channel at any moment. iceoryx2 then reads zeros and may panic. While this
+//! panic unwinds, a destructor may panic again, which would end the process and the connections to all other instances.
+//! Therefore a thread with a connection stops forever at its first panic, before the stack unwinds. The memory and the
+//! connection of the thread stay until the server ends. The owner of the thread is notified, and starts another one when
+//! needed.
 
 use std::cell::{Cell, RefCell};
 use std::panic;
 use std::sync::Once;
 use std::thread;
 
-/// What a thread that stops has to do.
+/// The last action of a thread that stops.
 type LastAct = Box<dyn Fn()>;
 
 thread_local! {
@@ -18,10 +19,11 @@ thread_local! {
     static LAST_ACT: RefCell<Option<LastAct>> = const { RefCell::new(None) };
 }
 
-/// The thread of the library in which it connects and disconnects. Its callers wait with a limit.
+/// Name of the thread in which the library connects and disconnects. Its callers wait with a time limit.
 const LIBRARY: &str = "channel";
 
-/// Makes guarded threads stop at a panic, after the message about it. The first call of the process counts.
+/// Installs a panic hook that stops guarded threads after the panic message. Further calls in the same process do
+/// nothing.
 pub(super) fn stop_at_panics() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
@@ -40,14 +42,14 @@ pub(super) fn stop_at_panics() {
     });
 }
 
-/// Defines the last act of this thread, if it stops at a panic.
+/// Sets the last action of this thread, for the case that the thread stops.
 pub(super) fn at_the_end(act: impl Fn() + 'static) {
     LAST_ACT.set(Some(Box::new(act)));
 }
 
-/// Does `work`; if it panics, this thread does its last act and stops.
+/// Executes `work`. If it panics, this thread executes its last action and stops.
 pub(super) fn guarded<T>(work: impl FnOnce() -> T) -> T {
-    /// Ends the guarded part, also if `work` unwinds in a process without the hook.
+    /// Ends the guarded part when it is dropped, also if `work` unwinds in a process without the hook.
     struct End(bool);
     impl Drop for End {
         fn drop(&mut self) {
@@ -63,7 +65,7 @@ mod tests {
     use super::*;
     use std::sync::mpsc;
 
-    /// As a connection of iceoryx2 does when its part of the channel is missing.
+    /// Panics while it is dropped, like a connection of iceoryx2 whose part of the channel is missing.
     struct PanicsAgain;
 
     impl Drop for PanicsAgain {
@@ -72,12 +74,12 @@ mod tests {
         }
     }
 
-    /// Name of the variable that is set in the process of the stopped thread.
+    /// Environment variable that is set in the process in which the thread stops.
     const CHILD: &str = "COMMRAM_TEST_STRAND";
     /// Exit code of that process.
     const STOPPED: i32 = 47;
 
-    /// The thread stops within the panic hook, which it keeps from the test harness. Its test therefore runs in another
+    /// The thread stops inside the panic hook and blocks it for the test harness. Therefore the test runs in a separate
     /// process. Without the guard, the second panic ends that process.
     #[test]
     fn a_second_panic_during_the_first_one_ends_only_the_thread() {

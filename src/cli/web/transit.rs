@@ -1,26 +1,26 @@
 //! Snapshot files that browsers and programs send in parts.
 //!
-//! All of them are one client of the emulator, which takes one file from each client. The server therefore keeps the file
-//! of each session, and sends it as a whole when the session restores it.
+//! For the emulator, the server is one client, and the emulator takes one file from each client. The server therefore
+//! stores the file of each session, and sends it as a whole when the session restores it.
 
 use crate::plant::SnapshotFile;
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Most files in transit; one more replaces the file that has waited longest.
+/// Maximum number of files in transit. A further file replaces the one that has waited longest.
 const MOST_FILES: usize = 16;
-/// Most bytes of all files in transit.
+/// Maximum number of bytes of all files in transit.
 const MOST_BYTES: usize = 4 * SnapshotFile::LONGEST as usize;
 
-/// The files of an instance, each with its session; the file with the latest part is the last.
+/// The files of an instance, each with its session. The file that was extended last is the last one.
 #[derive(Default)]
 pub(super) struct Transit(Mutex<VecDeque<(String, Vec<u8>)>>);
 
 impl Transit {
-    /// Appends a part from byte `at` on; byte 0 begins a new file. After an error the file is dropped.
+    /// Appends a part of a file at byte `at`; byte 0 begins a new file. If the function fails, the file is dropped.
     ///
     /// # Errors
-    /// The file ends at another byte, which is returned, or becomes too long.
+    /// The part does not begin at the end of the file, which is returned, or the file becomes too long.
     pub(super) fn append(&self, session: &str, at: u32, bytes: &[u8]) -> Result<(), usize> {
         let mut file = self.take(session);
         if at == 0 {
@@ -40,7 +40,7 @@ impl Transit {
         Ok(())
     }
 
-    /// Takes out the file of a session; it is empty if the session has sent none.
+    /// Removes and returns the file of a session. The file is empty if the session has sent none.
     pub(super) fn take(&self, session: &str) -> Vec<u8> {
         let mut files = self.files();
         let index = files.iter().position(|(sender, _)| sender == session);

@@ -1,4 +1,4 @@
-//! The fronts of the PLCs as they look: display, LEDs, switches.
+//! The fronts of the PLCs, drawn like the real devices: display, LEDs, switches.
 
 use super::{lines, marked, titled};
 use crate::cli::view::model::{ClickTarget, ListId, Model};
@@ -14,12 +14,13 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
-/// Columns for names.
+/// Width of the column with the names.
 const NAMES: usize = 12;
 /// Number of switches of the DIP switch.
 const DIP: u32 = 5;
 
-/// A line, and its switch, if any: the name in `commram board set`, and the possible positions.
+/// A line of the pane. If it has a switch, the second part is the name of the switch in `commram board set` and its
+/// possible positions.
 type FrontLine = (Line<'static>, Option<(String, Vec<String>)>);
 
 pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
@@ -109,7 +110,7 @@ fn front_lines(face: &DeviceFront, has: &'static [&'static str], theme: Theme) -
     all
 }
 
-/// The five switches and their number.
+/// The five DIP switches, and the number that their positions form.
 fn dip_spans(dip: u32, latched: Option<u32>, theme: Theme) -> Vec<Span<'static>> {
     let one = |bit: u32| {
         let on = dip >> bit & 1 != 0;

@@ -1,4 +1,4 @@
-//! Every change of the pinned registers that the emulator has recorded, in order.
+//! Every recorded change of the pinned registers, in order of time.
 
 use super::{lines, marked, titled};
 use crate::cli::change;
@@ -33,7 +33,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
         return lines(frame, vec![Line::styled(text, theme.dim())], inner);
     }
     let width = usize::from(inner.width);
-    // Times of a plant that has run for a long time are longer.
+    // The times of a plant that has run for a long time need a wider column.
     let times = model.pins.shown().last().map_or(0, |last| time::seconds(last.time_us).len()).max(TIMES);
     let head = ["time", "after", "register", "from", "to", "by", "meaning"].map(str::to_owned);
     let head = columns(width, times, head);
@@ -54,12 +54,12 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
     model.hot.push((rows, ClickTarget::List(ListId::Changes)));
 }
 
-/// Minimum width for the column with the previous value.
+/// From this number of columns on, a column shows the previous value.
 const WIDE: usize = 110;
-/// Minimum number of columns for a time.
+/// Minimum width of the column of times.
 const TIMES: usize = 12;
 
-/// Time, interval, register, old and new value, writer, meaning.
+/// Columns of a line: time, interval, register, old and new value, writer, meaning.
 fn columns(
     width: usize,
     times: usize,

@@ -37,7 +37,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
     }
 }
 
-/// Name, bus and number, state, synchronization, speeds, fault.
+/// Columns of a line: name, bus and number, state, synchronization, speeds, fault.
 fn columns(width: usize, cells: [String; 7]) -> [String; 7] {
     let names = width.saturating_sub(1 + 11 + 22 + 6 + 11 + 11 + 7).clamp(8, 24);
     let [name, at, state, sync, reference, actual, fault] = cells;
@@ -90,7 +90,7 @@ fn draw_chart(frame: &mut Frame, shown: &ChartedDrive, theme: Theme, area: Rect)
     let actual: Vec<_> = shown.points.iter().map(|(time, _, actual)| (*time, *actual)).collect();
     let values = || reference.iter().chain(&actual).map(|(_, value)| *value);
     let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
-    // A constant value is drawn in the middle.
+    // A constant value has no range: this range puts its line in the middle.
     let (low, high) = if low < high { (low, high) } else { (low - 1.0, high + 1.0) };
     let begin = reference.first().map_or(0.0, |(time, _)| *time);
     let end = reference.last().map_or(1.0, |(time, _)| *time).max(begin + 1e-6);

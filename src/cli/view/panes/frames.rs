@@ -10,7 +10,7 @@ use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
-/// Lines above the list: times, slots, frames, current time, and a heading.
+/// Number of lines above the list of frames: times, slots, frames, current time, and a heading.
 const ABOVE: u16 = 5;
 
 pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
@@ -78,7 +78,7 @@ fn ruler(window: Window, width: usize) -> String {
     text.into_iter().collect()
 }
 
-/// The names of the slots where they begin.
+/// The names of the slots, each at the column where its slot begins.
 fn slot_line(slots: &[Slot], window: Window, width: usize) -> String {
     let mut text = vec![' '; width + 1];
     for slot in slots {

@@ -15,7 +15,7 @@ use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
-/// Columns for names.
+/// Width of the column with the names.
 const NAMES: usize = 18;
 
 pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
@@ -29,7 +29,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
         let drives: Vec<_> = model.drives.all.iter().filter(own).collect();
         bus_lines(bus, &drives, model.buses.get(number), theme, &mut all);
     }
-    // This pane has no chosen line: the keys scroll it.
+    // This pane has no selected line: the keys scroll its text.
     let most = all.len().saturating_sub(usize::from(inner.height));
     model.plant.chosen = model.plant.chosen.min(most);
     model.plant.height = usize::from(inner.height);

@@ -14,9 +14,9 @@ use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::text::{Line, Span};
 
-/// From this width on both lists are side by side.
+/// From this number of columns on, both lists are side by side.
 const WIDE: u16 = 150;
-/// Columns for `16#0000_0000` and a mark.
+/// Width of the column of values: `16#0000_0000` and a mark.
 const VALUE: usize = 12;
 
 pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
@@ -151,7 +151,7 @@ fn draw_pins(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
     model.hot.push((rows, ClickTarget::List(ListId::Pins)));
 }
 
-/// Name, value, age, rate, meaning.
+/// Columns of a line: name, value, age, rate, meaning.
 fn columns(width: usize, [name, value, age, rate, meaning]: [String; 5]) -> [String; 5] {
     const AGE: usize = 9;
     let names = (width * 7 / 20).clamp(20, 44);

@@ -1,4 +1,4 @@
-//! A screen as a picture.
+//! Draws a screen of the view as an SVG picture.
 
 use ratatui::buffer::{Buffer, Cell};
 use ratatui::style::{Color, Modifier};

@@ -1,4 +1,4 @@
-//! Whole screens, compared with reviewed files.
+//! Whole screens of the view, compared with stored files.
 
 use super::picture::svg;
 use super::{User, held};

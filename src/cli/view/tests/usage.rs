@@ -12,7 +12,7 @@ use crate::request::testing::TestHost;
 use crate::request::{Op, Reply};
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
-/// The value of a register of the first PLC.
+/// Returns the value of a register of the first PLC.
 fn holds(user: &User, name: &str) -> u32 {
     let place = NamedLocation::parse(&user.host.plant.names().fitted(DeviceIndex(0)), name).unwrap();
     let device = &user.host.plant.devices()[0];
@@ -50,7 +50,7 @@ fn a_forced_register_is_marked_and_can_be_unforced() {
     user.sees("is not forced");
 }
 
-/// Bits are pinned by their names; the other bits of the register keep their values.
+/// The name of a bit pins only this bit; the other bits of the register keep their values.
 #[test]
 fn a_single_bit_is_poked_and_forced() {
     let mut user = User::built_in();
@@ -158,7 +158,7 @@ fn the_mouse_chooses_panes_and_lines() {
     assert!(user.model.tree.rows().len() > rows, "a second click opens it");
 }
 
-/// From 120 columns on the changes are beside the other panes.
+/// From 120 columns on, the pane of changes is beside the other panes.
 #[test]
 fn wide_terminals_show_two_panes_side_by_side() {
     let mut user = User::built_in();
@@ -331,7 +331,8 @@ fn with_a_running_clock_the_last_complete_interval_is_shown_with_pending_records
     let mut user = User::at(TestHost::of(&PlantConfig::built_in().unwrap(), false), false);
     user.activate();
     user.type_in("4");
-    // In the middle of intervals, and long enough that all repeated records are being counted.
+    // These times are in the middle of an interval. They are long enough that each repeated record is still being
+    // counted.
     for passes in [10_300, 30_700, 1_100, 1_900] {
         user.host.run_to(user.host.plant.now() + passes);
         user.look();
@@ -384,12 +385,12 @@ fn quitting_and_interrupting_have_different_exit_codes() {
     assert!(user.model.quits && !user.model.is_interrupted);
 }
 
-/// Lines of the screen that name a register of the master.
+/// Lines of the screen that contain the name of a register of the master.
 fn changes_of(user: &User, name: &str) -> Vec<String> {
     user.screen().lines().filter(|line| line.contains(name)).map(str::to_owned).collect()
 }
 
-/// Changes before the view was opened are shown as far as the journal contains them, each change once.
+/// The view shows changes from before it was opened as far as the journal contains them, and each change once.
 #[test]
 fn changes_that_were_recorded_before_the_view_was_opened_are_shown() {
     let mut before = User::built_in();

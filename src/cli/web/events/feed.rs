@@ -19,12 +19,12 @@ use tokio::sync::broadcast;
 
 /// Real time between two polls.
 const INTERVAL: Duration = Duration::from_millis(33);
-/// Maximum number of rounds by which a reader can be late without a loss.
+/// Number of rounds that are kept. A reader that falls further behind loses rounds.
 const KEPT: usize = 16;
-/// Maximum number of followed names, and of their registers, for each reader.
+/// Maximum number of followed names for each reader, and of the registers that they name.
 const MAX_FOLLOWED: usize = 256;
 
-/// A state of the instance as a reply of an operation, or as a command prints it.
+/// A state of the instance, as an operation replies it or as a command prints it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum StateKind {
     Boards,
@@ -40,7 +40,7 @@ impl StateKind {
     const ALL: [Self; 7] =
         [Self::Boards, Self::Buses, Self::Drives, Self::Faults, Self::Findings, Self::Forces, Self::Scene];
 
-    /// Its name, as a field of the query and as an event.
+    /// Name of the state, as a field of the query and as an event.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Boards => "boards",
@@ -53,7 +53,7 @@ impl StateKind {
         }
     }
 
-    /// The operation that returns it; the fronts of the boards need more than one.
+    /// The operation that returns the state. `None` for the fronts of the boards, which need several operations.
     pub(super) fn op(self) -> Option<Op> {
         Some(match self {
             Self::Boards => return None,
@@ -67,12 +67,12 @@ impl StateKind {
     }
 }
 
-/// Followed registers.
+/// Registers that a reader follows under one name.
 pub(super) struct Followed {
-    /// Their name, as the reader wrote it.
+    /// The name as the reader wrote it.
     pub text: String,
     pub target: ReadTarget,
-    /// Number of the PLC, first byte in the image, number of bytes.
+    /// Memory ranges of the registers: index of the PLC, first byte in the image, number of bytes.
     pub stretches: Vec<(DeviceIndex, u32, u32)>,
 }
 
@@ -82,15 +82,15 @@ pub(super) struct Wish {
     pub followed: Vec<Arc<Followed>>,
     pub states: BTreeSet<StateKind>,
     pub clock: bool,
-    /// Kinds of records of the journal; an empty set means all kinds.
+    /// Kinds of journal records. An empty set means all kinds, `None` means no records.
     pub journal: Option<BTreeSet<String>>,
 }
 
 impl Wish {
-    /// Reads a query, and lets the emulator record the changes of the followed registers.
+    /// Parses a query. Requests the emulator to record the changes of the followed registers.
     ///
     /// # Errors
-    /// A field or a register is unknown, or too many are followed.
+    /// The query contains an unknown field or register, or follows too many registers.
     pub(super) fn of_query(connection: &mut Connection, query: &[(String, String)]) -> Result<Self, Problem> {
         let mut wish = Self::default();
         for (name, text) in query {
@@ -133,7 +133,7 @@ impl Wish {
         Ok(())
     }
 
-    /// True if this reader follows a byte of the changed register.
+    /// True if the reader follows at least one byte of the changed register.
     pub(super) fn follows(&self, what: &Changed) -> bool {
         let mut stretches = self.followed.iter().flat_map(|followed| &followed.stretches);
         let end = what.offset + what.how.width.bytes();
@@ -141,10 +141,10 @@ impl Wish {
     }
 }
 
-/// The parts of a list with commas; an empty text is an empty list.
+/// Splits a list at its commas; an empty text is an empty list.
 ///
 /// # Errors
-/// A part is empty.
+/// A part of the list is empty.
 fn parts<'a>(field: &str, text: &'a str) -> Result<Vec<&'a str>, Problem> {
     let parts: Vec<_> = text.split(',').filter(|_| !text.is_empty()).collect();
     if parts.iter().all(|part| !part.trim().is_empty()) {
@@ -155,7 +155,7 @@ fn parts<'a>(field: &str, text: &'a str) -> Result<Vec<&'a str>, Problem> {
     Err(Problem::wrong_use(detail).with("field", field))
 }
 
-/// Checks the name of a kind of journal record.
+/// Checks that a kind of journal record has this name.
 fn known_kind(name: &str) -> Result<String, Problem> {
     let kinds = &devices::catalogue().kinds;
     if kinds.iter().any(|kind| kind.name() == name) {
@@ -166,16 +166,16 @@ fn known_kind(name: &str) -> Result<String, Problem> {
     Err(Problem::wrong_use(text).with("field", "journal"))
 }
 
-/// Lets the emulator record changes of these registers.
+/// Requests the emulator to record the changes of these registers.
 ///
 /// # Errors
-/// The emulator refuses or has gone.
+/// The emulator refuses the request, or has ended.
 pub(super) fn follow(connection: &Connection, followed: &[Arc<Followed>]) -> Result<(), CliError> {
     let stretches: Vec<_> = followed.iter().flat_map(|followed| followed.stretches.iter().copied()).collect();
     Blocks::follow_stretches(&connection.session, &stretches)
 }
 
-/// The events of an instance.
+/// The events of an instance, for any number of readers.
 pub(in crate::cli::web) struct Feed(Arc<Shared>);
 
 struct Shared {
@@ -186,7 +186,7 @@ struct Shared {
 struct State {
     wishes: BTreeMap<u64, Wish>,
     next: u64,
-    /// Where the thread puts its rounds; `None` if no thread runs.
+    /// Channel to which the thread sends its rounds; `None` if no thread runs.
     rounds: Option<broadcast::Sender<Arc<Round>>>,
 }
 
@@ -196,7 +196,7 @@ impl Shared {
     }
 }
 
-/// The events for one reader, as long as it exists.
+/// Events for one reader. Dropping this value unsubscribes the reader.
 pub(super) struct Subscription {
     pub rounds: broadcast::Receiver<Arc<Round>>,
     number: u64,
@@ -215,10 +215,10 @@ impl Feed {
         Self(Arc::new(Shared { instance: instance.to_owned(), state }))
     }
 
-    /// Adds a reader, and starts the thread for the first one.
+    /// Adds a reader. The first reader starts the thread.
     ///
     /// # Errors
-    /// The system has no thread.
+    /// The system cannot start a thread.
     pub(super) fn subscribe(&self, wish: Wish) -> Result<Subscription, Problem> {
         let mut state = self.0.state();
         let rounds = match &state.rounds {
@@ -232,7 +232,7 @@ impl Feed {
                     let (stopped, last) = (Arc::clone(&shared), own.clone());
                     strand::at_the_end(move || {
                         link::abandon();
-                        // Later readers get another thread.
+                        // The next reader starts another thread.
                         stopped.state().rounds = None;
                         let reason = link::broken(&stopped.instance).to_string();
                         drop(last.send(Arc::new(Round::end(reason))));
@@ -252,7 +252,7 @@ impl Feed {
     }
 }
 
-/// All wishes together; `None` if there is none, which ends the thread.
+/// Combines the wishes of all readers; `None` if no reader is left, so that the thread ends.
 fn wishes(shared: &Shared) -> Option<Wish> {
     let mut state = shared.state();
     if state.wishes.is_empty() {
@@ -272,7 +272,7 @@ fn wishes(shared: &Shared) -> Option<Wish> {
     Some(all)
 }
 
-/// Polls until no reader is left, or the emulator has gone.
+/// Polls until no reader is left, or the emulator has ended.
 fn poll(shared: &Shared, rounds: &broadcast::Sender<Arc<Round>>) {
     let mut poller = None;
     while let Some(wish) = wishes(shared) {
@@ -286,12 +286,12 @@ fn poll(shared: &Shared, rounds: &broadcast::Sender<Arc<Round>>) {
             .and_then(|new| poller.insert(new).poll(&wish)),
         };
         match polled {
-            // Without a receiver the next turn ends the thread.
+            // Sending fails without a reader; the loop then ends in its next turn.
             Ok(Some(round)) => drop(rounds.send(Arc::new(round))),
-            // The emulator is busy with another client.
+            // The emulator is busy with another client, so there is no round this time.
             Ok(None) => {}
             Err(error) => {
-                // Later readers get another thread.
+                // The next reader starts another thread.
                 shared.state().rounds = None;
                 drop(rounds.send(Arc::new(Round::end(error.to_string()))));
                 break;

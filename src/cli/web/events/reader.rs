@@ -8,20 +8,20 @@ use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-/// The data that a reader has already, so that it gets only new data.
+/// The data that a reader already has. The reader receives only new data.
 pub(super) struct Reader {
     wish: Wish,
     clock: String,
     states: BTreeMap<StateKind, Arc<str>>,
     values: HashMap<String, Vec<Shown>>,
-    /// Number of changes and records that it has received or that were not for it.
+    /// Number of changes and records that the reader has received, or that it did not request.
     seen: Option<Counts>,
-    /// Rounds that it has missed since the last event.
+    /// Number of rounds that the reader has missed since its last event.
     missed: u64,
     is_at_end: bool,
 }
 
-/// The parts of a reading that a page shows.
+/// The parts of a register's value that a page shows.
 type Shown = (String, String, String, bool);
 
 fn shown(reading: &RegisterReading) -> Shown {
@@ -34,7 +34,7 @@ impl Reader {
         Self { wish, clock, states, values, seen: None, missed: 0, is_at_end: false }
     }
 
-    /// The reader was too slow for this number of rounds.
+    /// Notes that the reader was too slow and has missed this number of rounds.
     pub(super) fn miss(&mut self, rounds: u64) {
         self.missed += rounds;
     }
@@ -44,7 +44,7 @@ impl Reader {
         self.is_at_end
     }
 
-    /// The events of a round, in the format of server-sent events.
+    /// Formats the events of a round as server-sent events.
     pub(super) fn events(&mut self, round: &Round) -> String {
         let mut text = String::new();
         if let Some(reason) = &round.end {
@@ -116,7 +116,7 @@ impl Reader {
     }
 }
 
-/// Adds an event; its data are one line of JSON.
+/// Adds an event. `data` is one line of JSON.
 fn add(text: &mut String, event: &str, data: &str) {
     // Writing to a string cannot fail.
     let _ = write!(text, "event: {event}\ndata: {data}\n\n");

@@ -1,4 +1,4 @@
-//! A poll of an instance for all readers.
+//! One poll of an instance on behalf of all readers.
 
 use super::feed::{self, Followed, StateKind, Wish};
 use crate::channel::ClientError;
@@ -15,16 +15,16 @@ use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Maximum number of parts of changes, and of the journal, in one round.
+/// Maximum number of requests for changes in one round, and of requests for journal records.
 const PARTS: usize = 4;
-/// Read operations of one request, beside those for the time and the forces.
+/// Number of read operations in one request. The request also reads the time and the forces.
 const READS: usize = MAX_OPS - 2;
-/// After a longer pause the emulator may have dropped the followed registers.
+/// After a pause longer than this, the registers are followed again: the emulator may have dropped them.
 const FORGOTTEN: Duration = Duration::from_secs(5);
-/// Pause between two requests to follow the same registers: if one client follows many, the emulator releases those
-/// that it has not asked for again.
+/// Pause between two requests to follow the same registers. If one client follows many registers, the emulator drops
+/// those that were not requested again.
 const REFRESH: Duration = Duration::from_secs(10);
-/// Pause between two reads of the buses: the emulator also serves its guests for this operation.
+/// Minimum pause between two reads of the buses: the emulator must also serve its guests for this operation.
 const BUSES: Duration = Duration::from_secs(1);
 
 /// The result of a poll.
@@ -41,13 +41,13 @@ pub(super) struct Round {
     pub changes: Vec<(Change, String)>,
     /// Records of the journal, each with its kind and its JSON.
     pub records: Vec<(&'static str, String)>,
-    /// Number of changes and records that all rounds before this one had.
+    /// Number of changes and records in all earlier rounds.
     pub before: Counts,
-    /// Number of changes and records that the emulator no longer had.
+    /// Number of changes and records that are lost because the emulator no longer had them.
     pub lost: Counts,
     /// True if the plant has gone back in time.
     pub is_turned: bool,
-    /// Why this is the last round.
+    /// The reason why this round is the last one, if it is.
     pub end: Option<String>,
 }
 
@@ -59,34 +59,35 @@ pub(super) struct Counts {
 }
 
 impl Round {
-    /// The last round.
+    /// Creates the last round.
     pub(super) fn end(reason: String) -> Self {
         Self { end: Some(reason), ..Self::default() }
     }
 }
 
-/// Polls an instance and keeps the positions.
+/// Polls an instance, and remembers how far it has read.
 pub(super) struct Poller {
     connection: Connection,
     asked: Instant,
-    /// Time at which it has asked to follow all registers.
+    /// Time of the last request to follow all registers.
     followed: Option<Instant>,
     asked_for_buses: Option<Instant>,
     buses: Option<Arc<str>>,
     next_change: u64,
     next_record: u64,
-    /// Writes records; names of overlaid registers follow from the states in the records before.
+    /// Writes records as JSON lines. The names of overlaid registers depend on states in earlier records, so one writer
+    /// handles all records.
     lines: Jsonl,
-    /// Number of the history that was read last.
+    /// Number of the history that was read last. A plant that goes back in time begins a new history.
     turn: u16,
     sent: Counts,
 }
 
 impl Poller {
-    /// Begins at the present end of changes and journal.
+    /// Creates a poller that begins at the present end of the changes and of the journal.
     ///
     /// # Errors
-    /// The emulator has gone.
+    /// The emulator has ended.
     pub(super) fn new(connection: Connection) -> Result<Self, CliError> {
         let (_, next_change, turn) =
             connection.session.ask(Op::Changes { from: 0, max: 0 })?.turned_changes()?;
@@ -108,10 +109,10 @@ impl Poller {
         })
     }
 
-    /// Polls; `None` if the emulator does not answer this time.
+    /// Polls once. Returns `None` if the emulator does not answer in time.
     ///
     /// # Errors
-    /// The emulator has gone.
+    /// The emulator has ended.
     pub(super) fn poll(&mut self, wish: &Wish) -> Result<Option<Round>, CliError> {
         match guarded(self, |it| &it.connection, |it| it.round(wish)) {
             Ok(round) => Ok(Some(round)),
@@ -131,7 +132,8 @@ impl Poller {
             self.followed = Some(Instant::now());
         }
         let mut round = Round { before: self.sent, ..Round::default() };
-        // Before the clock and the values: a round that reports the way back contains nothing older than that.
+        // The changes are read before the clock and the values. Thus, a round that reports that the plant went back
+        // contains no data from before.
         self.changes(&mut round)?;
         if wish.journal.is_some() {
             self.journal(&mut round)?;
@@ -144,7 +146,7 @@ impl Poller {
         Ok(round)
     }
 
-    /// Reads the clock and all states but the buses in one request.
+    /// Reads the clock and all states except the buses, in one request.
     fn states(&mut self, wish: &Wish, round: &mut Round) -> Result<(), CliError> {
         let kinds = wish.states.iter().filter(|kind| **kind != StateKind::Buses);
         let kinds: Vec<_> = kinds.filter_map(|kind| Some((*kind, kind.op()?))).collect();
@@ -227,7 +229,7 @@ impl Poller {
                 round.is_turned = true;
             }
             if round.is_turned && self.next_record > part.turn.begin {
-                // Records of the other history follow this one.
+                // The records of the new history follow the record where the histories diverge.
                 self.next_record = part.turn.begin;
                 if !part.is_last() || part.next() > part.turn.begin {
                     continue;

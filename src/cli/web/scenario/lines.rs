@@ -12,11 +12,11 @@ pub(super) struct Line {
     text: String,
     begin_us: u64,
     end_us: u64,
-    /// True if the line itself advances the clock to its end.
+    /// True if the line advances the clock to its end time by itself.
     advances: bool,
 }
 
-/// The text of a Rhai string literal.
+/// Formats a text as a string literal of Rhai.
 pub(super) fn quoted(text: &str) -> String {
     let mut quoted = String::from("\"");
     for sign in text.chars() {
@@ -58,7 +58,7 @@ pub(super) fn text(lines: &[Line]) -> String {
     text
 }
 
-/// Adds a step from one time to another, if it is later; returns the time after it.
+/// Adds a step from one time to a later one, if it is later. Returns the time after the step.
 fn step(text: &mut String, now: u64, until: u64) -> u64 {
     if until > now {
         // Writing to a string cannot fail.
@@ -67,7 +67,7 @@ fn step(text: &mut String, now: u64, until: u64) -> u64 {
     now.max(until)
 }
 
-/// A condition for the wait that follows it.
+/// A condition for the wait that follows.
 pub(super) struct Condition {
     /// The register as a string literal.
     name: String,
@@ -76,12 +76,12 @@ pub(super) struct Condition {
 }
 
 impl Condition {
-    /// The mask, if it does not select all bits.
+    /// The mask of the condition, if the mask does not select all bits.
     fn mask(&self) -> Option<u32> {
         (self.test.mask != self.width.max_value()).then_some(self.test.mask)
     }
 
-    /// An expression of Rhai; `None` for a signed part of a register.
+    /// Formats the condition as an expression of Rhai. Returns `None` for a signed part of a register.
     fn expression(&self) -> Option<String> {
         let Test { compare, is_signed, value, .. } = self.test;
         let sign = match compare {
@@ -102,8 +102,8 @@ impl Condition {
     }
 }
 
-/// The verb for a wait with these conditions; `None` if there is no such verb, so the scenario only waits for the same
-/// time.
+/// Returns the verb that waits for these conditions. `None` if there is no such verb; the scenario then waits for the
+/// recorded duration.
 fn wait_for(conditions: &[Condition], any: bool, within_us: u64) -> Option<String> {
     if let [one] = conditions
         && one.test.compare == Compare::Equal
@@ -119,10 +119,11 @@ fn wait_for(conditions: &[Condition], any: bool, within_us: u64) -> Option<Strin
     (!all.is_empty()).then(|| format!("wait_until(|| {joined}, \"{within_us}us\");"))
 }
 
-/// Adds the lines of an action. `conditions` are those of earlier actions that no wait and no way back has used yet.
+/// Adds the lines of an action. `conditions` contains the conditions of earlier actions that no wait and no return to
+/// the past has used yet.
 ///
 /// # Errors
-/// Why a scenario cannot repeat it.
+/// A scenario cannot repeat the action; the error is the reason.
 pub(super) fn add(
     lines: &mut Vec<Line>,
     conditions: &mut Vec<Condition>,
@@ -191,11 +192,11 @@ pub(super) fn add(
     Ok(())
 }
 
-/// Removes the actions after this moment, to which the plant has gone back.
+/// Removes the actions after the time `to_us`, because the plant has gone back to it.
 fn go_back(lines: &mut Vec<Line>, to_us: u64) {
     lines.retain(|line| line.begin_us <= to_us);
     for line in lines.iter_mut().filter(|line| line.end_us > to_us) {
-        // The wait did not end in this history; only its time passes.
+        // The wait ended only in the history that the plant has left. In this history only time passes.
         line.text.clear();
         (line.end_us, line.advances) = (to_us, false);
     }
@@ -223,14 +224,14 @@ fn expected(connection: &Connection, expectation: &Expectation) -> Result<String
     }
 }
 
-/// Equivalent of an operation in a scenario.
+/// How a scenario repeats an operation.
 enum Verb {
-    /// The operation changes nothing, or concerns something outside the plant.
+    /// Nothing to repeat: the operation changes nothing, or concerns something outside the plant.
     Nothing,
     Call(String),
     /// A verb that advances the clock.
     Advance(String),
-    /// The clock advances without a verb of this kind.
+    /// The clock advances, but scenarios have no verb for this operation.
     Step,
 }
 
@@ -288,7 +289,8 @@ fn verb(connection: &Connection, op: &Op, register: Option<&str>) -> Result<Verb
     }))
 }
 
-/// The name of a register, with the PLC if the instance has several; the given one if it is the same register.
+/// The name of a register, with the PLC if the instance has several. Returns the given name if it denotes the same
+/// register.
 fn register_of(
     connection: &Connection,
     given: Option<&str>,
@@ -331,7 +333,7 @@ fn board(
     })
 }
 
-/// A frame, sent by a separate station.
+/// Formats the line that sends a frame from a separate station.
 fn send(bus: &str, frame: crate::can::Frame) -> String {
     let (id, length, data) = frame.numbers();
     let extended = if id >> 31 == 1 { ", extended" } else { "" };

@@ -19,10 +19,10 @@ struct PlacedEntry {
     entry: Entry,
     /// Number of the PLC.
     plc: DeviceIndex,
-    /// Offset of the (first) register in the image, in bytes.
+    /// Offset in the image of the register, or of the first element of an array, in bytes.
     offset: u32,
     width: Width,
-    /// Dimensions of an array: number of elements, and bytes from element to element.
+    /// Dimensions of an array: for each, the number of elements and the distance between elements in bytes.
     dims: Vec<[u32; 2]>,
 }
 
@@ -33,13 +33,13 @@ impl PlacedEntry {
         Self { entry: entry::of_array(register), plc, offset: register.offset(), width, dims }
     }
 
-    /// Plain RAM.
+    /// Creates the entry of an area of plain RAM.
     fn plain(plc: DeviceIndex, area: &'static Area, entry: Entry) -> Self {
         Self { entry, plc, offset: area.first, width: Width::Byte, dims: vec![[area.bytes, 1]] }
     }
 }
 
-/// The PLC that the field `plc` names, or the only one.
+/// The PLC that the field `plc` names. Without the field, the only PLC of the instance.
 fn plc_of(connection: &Connection, fields: &Fields<'_>, what: &str) -> Result<DeviceIndex, Problem> {
     connection.session.plc(fields.text("plc"), what).map_err(|error| match error {
         CliError::WhichPlc { instance, plcs, .. } => {
@@ -51,7 +51,7 @@ fn plc_of(connection: &Connection, fields: &Fields<'_>, what: &str) -> Result<De
     })
 }
 
-/// All registers of a PLC, or those of a block, an array or a pattern.
+/// Returns all registers of a PLC, or those of a block, an array or a pattern.
 pub(super) fn show(connection: &mut Connection, fields: &Fields<'_>) -> Result<Shown, Problem> {
     let what = fields.text("what").unwrap_or_default();
     let plc = plc_of(connection, fields, what)?;

@@ -10,7 +10,7 @@ use crate::fault::FaultSpec;
 use crate::memory::header::BoardAssignment;
 use crate::request::Op;
 
-/// The operations for all fields, in their order.
+/// Returns the operations for all fields, in the order of the fields.
 pub(super) fn show(connection: &mut Connection, fields: &Fields<'_>) -> Result<Shown, Problem> {
     let mut ops = Vec::new();
     for (name, text) in fields.pairs {
