@@ -4,7 +4,7 @@ use crate::devices;
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, Error};
 
-/// A command, an invalid word after it, and the correct command line.
+/// A command, an invalid word that users write after it, and the correct command line.
 const WORDS: &[(&str, &str, &str)] = &[
     ("", "back", "commram step --back TIME"),
     ("", "undo", "commram step --back TIME"),
@@ -32,7 +32,7 @@ const WORDS: &[(&str, &str, &str)] = &[
     ("drive", "get", "commram drive show NAME"),
 ];
 
-/// An option of another program, an option by which the affected commands are recognized, and the correct option.
+/// An option of another program; an option that only the affected commands have; and the correct option.
 const OPTIONS: &[(&str, &str, &str)] = &[
     ("--json", "format", "--format json"),
     ("--jsonl", "format", "--format jsonl"),
@@ -48,8 +48,8 @@ const OPTIONS: &[(&str, &str, &str)] = &[
     ("--realtime", "clock", "--clock realtime"),
 ];
 
-/// An option of another program that is not needed here, an option by which the affected commands are recognized, and
-/// the reason.
+/// An option of another program that is not needed here; an option that only the affected commands have; and the
+/// reason.
 const NEEDLESS: &[(&str, &str, &str)] = &[
     ("--retries", "shard", SAME_RESULT),
     ("--reruns", "shard", SAME_RESULT),
@@ -58,8 +58,8 @@ const NEEDLESS: &[(&str, &str, &str)] = &[
 
 const SAME_RESULT: &str = "omit it: a scenario gives the same result in every run";
 
-/// Replaces the suggestions of the parser, which recommends passing unknown options as values and suggests words that
-/// are not similar.
+/// Replaces the suggestions of the parser. The parser recommends passing unknown options as values, and suggests words
+/// that are not similar.
 pub(super) fn improve(mut error: Error, commands: &clap::Command) -> Error {
     let text = |kind| match error.get(kind) {
         Some(ContextValue::String(text)) => Some(text.clone()),
@@ -125,7 +125,7 @@ fn of_option(
     table.iter().find(|(known, needed, _)| *known == option && has(needed)).map(|(.., right)| *right)
 }
 
-/// The options that are possible in place of a missing argument.
+/// The options that the user can give in place of a missing argument.
 fn missing(error: &Error, path: &str) -> Option<String> {
     if error.kind() != clap::error::ErrorKind::MissingRequiredArgument {
         return None;

@@ -109,7 +109,7 @@ struct Front(Vec<(&'static FrontWord, u32)>);
 impl Serialize for Front {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_map(self.words().map(|(word, value)| {
-            // A value without a name is shown as a number.
+            // The value has no name: its number is shown.
             let called = word.called(*value);
             let value = if called == value.to_string() { Value::from(*value) } else { called.into() };
             (word.name, value)
@@ -292,7 +292,7 @@ fn get(plc: Option<&str>, format: &FormatArg, instance: &Instance) -> Result<(),
 /// The boards of all PLCs, or of PLC `plc`.
 ///
 /// # Errors
-/// There is no such PLC, or the emulator has ended.
+/// The instance has no such PLC, or the emulator has ended.
 pub(crate) fn entries(session: &super::session::Session, plc: Option<&str>) -> Result<Vec<Entry>, CliError> {
     let only = plc.map(|plc| session.plc(Some(plc), plc)).transpose()?;
     let boards = session.boards()?;
@@ -315,7 +315,7 @@ fn set(instance: &Instance, words: &[BoardAssignment<'_>]) -> Result<(), CliErro
     let session = Session::open(instance, 0)?;
     // Checks all settings before the first one is set.
     let ops = words.iter().map(|word| operation(&session, word)).collect::<Result<Vec<_>, CliError>>()?;
-    // A setting can depend on an earlier one, so the emulator may refuse it after earlier settings took effect.
+    // A setting can depend on an earlier one. Therefore the emulator may refuse it after earlier settings took effect.
     for (done, reply) in session.replies(&ops)?.into_iter().enumerate() {
         let Reply::Error(refused) = reply else { continue };
         if done > 0 {
@@ -341,7 +341,7 @@ pub(crate) fn operation(
     Ok(crate::request::Op::SetBoard { plc, setting })
 }
 
-/// Refuses a switch that the PLC, or the module in the slot, does not have.
+/// Refuses a switch that the PLC does not have, or that the module in the slot does not have.
 fn has_switch(
     session: &super::session::Session,
     plc: DeviceIndex,

@@ -1,4 +1,4 @@
-//! `commram bus`: the buses of an instance, doors (interfaces for other programs) to them, logs of their frames.
+//! `commram bus`: the buses of an instance, their doors (interfaces for other programs), and logs of their frames.
 
 mod log;
 
@@ -88,7 +88,7 @@ struct Close {
     /// Name of the bus
     #[arg(add = super::complete::buses())]
     bus: String,
-    /// The door, as `list` prints it; without it all doors of the bus
+    /// Door to close, as `list` prints it; if omitted, all doors of the bus
     door: Option<DoorSpec>,
     #[command(flatten)]
     instance: Instance,
@@ -144,8 +144,8 @@ mod by_channel {
         }
     }
 
-    /// Text of a station that has an address, `gw:dp (5, data_exchange)`, or has counted errors, `panel:can
-    /// (bus_off, 256+0)`.
+    /// Text of a station that has an address, such as `gw:dp (5, data_exchange)`, or of a station with errors, such as
+    /// `panel:can (bus_off, 256+0)`. `None` for all other stations.
     fn noteworthy(station: &Station) -> Option<String> {
         let Station { name, address, state, transmit_errors, receive_errors } = station;
         if let Some(address) = address {

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
-/// Returns the register of a reported change, with the name valid at that time; `None` if no register of this width
-/// begins there.
+/// Returns the register of a reported change, with the name that was valid at the time of the change. `None` if no
+/// register of this width begins at the address.
 pub(super) fn register(fitted: &DeviceFit, what: &Changed) -> Option<RegisterRef> {
     let address = fitted.device().at(what.how.width, what.offset);
     let found = fitted.registers_at(address, Some(what.how.live)).ok()?;
@@ -99,7 +99,7 @@ impl RegisterValues {
         self.0.contains_key(&(held.plc.clone(), held.register.clone()))
     }
 
-    /// Returns the registers of `after` that are new or have another value, in their order.
+    /// Returns the registers of `after` that are new or have another value, in the order of `after`.
     pub(crate) fn changed<'a>(&self, after: impl IntoIterator<Item = &'a RegisterValue>) -> Vec<Change> {
         let change = |now: &RegisterValue| {
             let before = self.0.get(&(now.plc.clone(), now.register.clone()));
@@ -116,7 +116,7 @@ impl RegisterValues {
         after.into_iter().filter_map(change).collect()
     }
 
-    /// Returns the registers of `before` that these values do not contain, in their order.
+    /// Returns the registers of `before` that these values do not contain, in the order of `before`.
     pub(crate) fn missing(&self, before: &[RegisterValue]) -> Vec<Change> {
         let change = |held: &RegisterValue| Change {
             plc: held.plc.clone(),
@@ -136,7 +136,7 @@ struct DumpEntry {
     plc: String,
     register: String,
     address: String,
-    /// The number; a dump that another program has written may omit it.
+    /// The value as a number. `None` if another program has written the dump and omitted the number.
     value: Option<i64>,
     hex: String,
     meaning: String,
@@ -146,7 +146,7 @@ impl DumpEntry {
     /// Converts the entry.
     ///
     /// # Errors
-    /// The bit pattern is malformed, or is not that of `value`.
+    /// The bit pattern is malformed, or differs from `value`.
     fn checked(self) -> Result<RegisterValue, String> {
         let DumpEntry { plc, register, address, value, hex, meaning } = self;
         let digits = hex.strip_prefix("16#").filter(|digits| [2, 4, 8].contains(&digits.len()));
@@ -154,7 +154,7 @@ impl DumpEntry {
         let Some((width, bits)) = bits.filter(|(_, bits)| *bits >= 0) else {
             return Err(format!("{register}: hex `{hex}`: write 16# and 2, 4 or 8 digits, such as 16#0043"));
         };
-        // A signed register with its highest bit set has a negative number.
+        // If the highest bit of a signed register is set, its number is negative.
         if value.is_some_and(|value| value != bits && value != bits - (1 << width)) {
             let value = value.unwrap_or_default();
             return Err(format!("{register}: value {value} and hex {hex} are different values"));

@@ -15,8 +15,8 @@ const VARIABLE: &str = "COMMRAM_COMPLETE";
 
 /// Print a script that makes a shell complete commands, options and values.
 ///
-/// The shell asks this program for completions. It knows registers and the names of their values, running instances
-/// with their PLCs and buses, kinds of faults and their fields, and finds scenarios and plant files.
+/// The shell asks this program for completions. The program completes registers and the names of their values, running
+/// instances with their PLCs and buses, kinds of faults and their fields, scenarios and plant files.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -91,7 +91,7 @@ fn script(shell: Shell) -> Result<String, CliError> {
     })
 }
 
-/// The bash completer: bash splits words at `=` and `:`, replaces only the part after the separator, and reads the
+/// The completer for bash. Bash splits words at `=` and `:`, replaces only the part after the separator, and reads the
 /// replacement like typed text.
 struct WholeWords;
 
@@ -140,7 +140,7 @@ impl EnvCompleter for WholeWords {
     }
 }
 
-/// Answers a shell that asks for completions and exits; returns if no shell asks.
+/// If a shell asks for completions, answers and exits. Otherwise returns.
 pub(crate) fn answer() {
     let shells = Shells(&[&WholeWords, &Elvish, &Fish, &Zsh]);
     CompleteEnv::with_factory(parse::command).var(VARIABLE).shells(shells).complete();

@@ -24,7 +24,7 @@ const LONGEST: u64 = 64 << 10;
 pub(crate) struct Config {
     /// Instance of commands without `-i`.
     pub(crate) instance: Option<String>,
-    /// Output format of tables, where the command has it.
+    /// Output format of tables, for commands with an option for it.
     format: Option<String>,
     /// When output has colours.
     color: Option<String>,
@@ -34,7 +34,7 @@ pub(crate) struct Config {
     devices: Option<Vec<PathBuf>>,
 }
 
-/// The defaults of this process, and notes about configuration files that were ignored.
+/// The defaults of this process, and the notes about configuration files that were ignored.
 static LOADED: OnceLock<(Config, Vec<String>)> = OnceLock::new();
 
 /// The defaults of this process.
@@ -42,7 +42,7 @@ pub(crate) fn get() -> &'static Config {
     &load().0
 }
 
-/// Errors in the configuration files.
+/// Notes about configuration files that were ignored because of an error.
 pub(crate) fn notes() -> &'static [String] {
     &load().1
 }
@@ -76,9 +76,10 @@ fn places() -> Vec<PathBuf> {
     }
 }
 
-/// Reads a file; `None` if it does not exist. A file of another user is refused: it could name an instance of that user.
+/// Reads a configuration file. Returns `None` if the file does not exist. A file of another user is refused, because it
+/// could name an instance of that user.
 fn read(path: &Path) -> Result<Option<Config>, String> {
-    // The open must not wait: another user could put a pipe into the working directory.
+    // The call must not block: another user could put a pipe into the working directory.
     let file = match input_file::open_without_waiting(path) {
         Ok(file) => file,
         Err(reason) if matches!(reason.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
@@ -110,7 +111,7 @@ fn read(path: &Path) -> Result<Option<Config>, String> {
 }
 
 impl Config {
-    /// These defaults; where a default is missing, that of `other`.
+    /// Returns these defaults; each missing default is taken from `other`.
     fn or(self, other: Self) -> Self {
         Self {
             instance: self.instance.or(other.instance),
@@ -139,7 +140,7 @@ impl Config {
         Ok(())
     }
 
-    /// Directories with folders of devices, which come before the usual ones.
+    /// Directories with folders of devices. They are searched before the usual directories.
     pub(crate) fn devices(&self) -> Vec<PathBuf> {
         self.devices.clone().unwrap_or_default()
     }

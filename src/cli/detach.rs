@@ -1,8 +1,8 @@
 //! `commram run --detach`: an emulator in the background.
 //!
-//! This program starts itself again as a child, passes on the output of the child until the child is ready, and ends.
-//! The child leaves terminal and session. When it is ready, it closes its outputs, so that this program and other
-//! readers of the outputs need not wait for its end.
+//! This program starts itself again as a child, forwards the output of the child until the child is ready, and exits.
+//! The child leaves the terminal and the session. When the child is ready, it closes its outputs, so that readers of
+//! the outputs need not wait until the child ends.
 
 use super::demo::Interrupts;
 use super::error::CliError;
@@ -22,11 +22,11 @@ use std::time::Duration;
 /// Pause between two checks for an interrupt.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// Starts this command again in the background and returns when that process is ready. `reads_input`: the process reads
+/// Starts this command again in the background. Returns when the new process is ready. `reads_input`: the process reads
 /// its plant from the standard input.
 ///
 /// # Errors
-/// The child did not get ready. It has printed the reason, and its exit code is passed on.
+/// The child did not become ready. The child has printed the reason, and the error has its exit code.
 pub(crate) fn start(instance: &str, reads_input: bool) -> Result<(), CliError> {
     let failed = |reason| CliError::Process { reason };
     let interrupts = Interrupts::catch()?;
@@ -44,7 +44,7 @@ pub(crate) fn start(instance: &str, reads_input: bool) -> Result<(), CliError> {
         let status = child.wait().map_err(failed)?;
         return Err(super::with::ended_like(status));
     }
-    // Both lines are notes on a start that was successful.
+    // Both lines are notes about a successful start, so `--quiet` suppresses them.
     if output::is_quiet() {
         return Ok(());
     }
@@ -62,7 +62,7 @@ pub(crate) fn start(instance: &str, reads_input: bool) -> Result<(), CliError> {
 /// Reads a stream up to its end in a thread.
 ///
 /// # Errors
-/// The operating system refuses a thread.
+/// The operating system cannot start a thread.
 fn collect(stream: Option<impl Read + Send + 'static>) -> Result<Receiver<Vec<u8>>, CliError> {
     let (send, receive) = mpsc::channel();
     in_thread(move || {
@@ -76,7 +76,7 @@ fn collect(stream: Option<impl Read + Send + 'static>) -> Result<Receiver<Vec<u8
     Ok(receive)
 }
 
-/// Waits for the end of a stream. On an interrupt the process gets SIGTERM, which ends its streams.
+/// Waits for the end of a stream. If the user interrupts the wait, the process gets SIGTERM, which ends its streams.
 fn until_end(
     stream: &Receiver<Vec<u8>>,
     child: &mut Child,
@@ -99,17 +99,17 @@ fn until_end(
     }
 }
 
-/// This process in the background.
+/// This process, started in the background.
 pub(crate) struct Detached {
     nothing: File,
     log: Option<File>,
 }
 
 impl Detached {
-    /// Leaves terminal and session. After [`Detached::let_go`] messages go to `log`.
+    /// Leaves the terminal and the session. After [`Detached::let_go`], messages go to `log`.
     ///
     /// # Errors
-    /// The log cannot be written or is an output of this process, or the system refuses.
+    /// The log cannot be written or is an output of this process, or the operating system refuses the request.
     pub(crate) fn begin(log: Option<&Path>) -> Result<Self, CliError> {
         let failed = |path: &Path| {
             let path = path.to_owned();
@@ -143,7 +143,7 @@ impl Detached {
 /// # Errors
 /// The log is an output of this process.
 fn refuse_own_output(log: &Path) -> Result<(), CliError> {
-    // A file that does not exist is created later.
+    // If the file does not exist, it is created later.
     let Ok(found) = rustix::fs::stat(log) else { return Ok(()) };
     let is = |output: Result<Stat, Errno>| {
         output.is_ok_and(|output| (output.st_dev, output.st_ino) == (found.st_dev, found.st_ino))
@@ -156,7 +156,7 @@ fn refuse_own_output(log: &Path) -> Result<(), CliError> {
     Err(CliError::Argument { text: format!("--log {}", log.display()), right: right.to_owned() })
 }
 
-/// Replaces an output by a file.
+/// Redirects an output to a file.
 fn put(file: &File, output: i32) -> Result<(), CliError> {
     // SAFETY: a plain system call on open descriptors; no object in this process owns the replaced descriptor.
     match unsafe { libc::dup2(file.as_raw_fd(), output) } {

@@ -27,7 +27,7 @@ impl DeviceArg {
         self.device.layout
     }
 
-    /// The path of the device's folder as the user has written it, if the device is in a folder.
+    /// The path of the device's folder, as the user has written it. `None` if the device is not in a folder.
     pub(crate) fn folder(&self) -> Option<&str> {
         self.device.folder.as_deref()
     }
@@ -98,8 +98,8 @@ impl TypedValueParser for DeviceParser {
 /// Looks up a name or an address on all devices, with any options. If this fails, no instance can have such a register.
 ///
 /// # Errors
-/// The error of the closest device: the one that has such an area or such addresses. [`CliError::NoDeviceHas`] if
-/// no device has such addresses.
+/// The error of the device that matches best: the device that has such an area or such addresses.
+/// [`CliError::NoDeviceHas`] if no device has such addresses.
 pub(crate) fn on_any_device<T>(
     look_up: impl Fn(&DeviceFit) -> Result<T, LayoutError>,
 ) -> Result<T, CliError> {
@@ -120,10 +120,11 @@ pub(crate) fn on_any_device<T>(
     }
 }
 
-/// Distance if the device does not have the area or name at all.
+/// Distance if the device has neither the area nor the name.
 const UNKNOWN: u8 = 2;
 
-/// Distance between an error and the register that the user probably means. A smaller number is closer.
+/// Distance between a name or address and this device, derived from the error of the device. A smaller number means
+/// that the user more probably means this device.
 fn distance(refusal: &LayoutError) -> u8 {
     match refusal {
         LayoutError::UnknownArea { .. } | LayoutError::UnknownName { .. } => UNKNOWN,
@@ -171,13 +172,13 @@ fn on_any_fit<T>(
 /// Parses a register or address of any device. [`Session::place`] later resolves it for an instance.
 ///
 /// # Errors
-/// See [`on_any_device`].
+/// The errors of [`on_any_device`].
 pub(crate) fn of_any_device(text: &str) -> Result<NamedLocation, CliError> {
     on_any_device(|fitted| NamedLocation::parse(fitted, text))
 }
 
 /// Does the same as [`of_any_device`]. If no device has the register or address and `instance` runs, the error message
-/// comes from the device of the instance's PLC.
+/// comes from the device of that instance.
 pub(crate) fn of_any_device_or_instance(
     instance: &Instance,
 ) -> impl Fn(&str) -> Result<NamedLocation, CliError> {
@@ -189,9 +190,9 @@ pub(crate) fn of_any_device_or_instance(
     }
 }
 
-/// If `refusal` concerns a name or an address and the instance runs, returns the result of `ask`, because the instance
-/// knows the devices of its PLCs and their options. `look_up` makes the same search on one device. It is used if the
-/// instance has several PLCs and the user has not named a PLC.
+/// If `refusal` concerns a name or an address and the instance runs, returns the result of `ask`: only the instance has
+/// the types and options of its PLCs. `look_up` makes the same search on one device. The function calls `look_up` if
+/// the instance has several PLCs and the user has not named a PLC.
 ///
 /// # Errors
 /// The error of `ask`, or `refusal`.
@@ -210,7 +211,7 @@ pub(crate) fn answer_of_instance<T>(
         Err(_) => return Err(refusal),
     };
     ask(&session).map_err(|failure| match failure {
-        // A mistake that all PLCs report is shown instead of the message that the PLC is missing.
+        // If all PLCs report the same mistake, it is shown instead of the message that the PLC is missing.
         CliError::WhichPlc { .. } => match common_refusal(session.all_fitted(), look_up) {
             Some(common) => common.into(),
             None => failure,
@@ -219,8 +220,8 @@ pub(crate) fn answer_of_instance<T>(
     })
 }
 
-/// The common error of these devices for a name or an address. It exists if all devices refuse the text, and the
-/// devices with such an area or such addresses return the same message.
+/// The error that all these devices report for a name or an address. It exists if all devices refuse the text, and if
+/// the devices with such an area or such addresses return the same message.
 fn common_refusal<T>(
     devices: &[DeviceFit],
     look_up: impl Fn(&DeviceFit) -> Result<T, LayoutError>,

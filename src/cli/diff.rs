@@ -46,7 +46,7 @@ pub(crate) struct Args {
     instance: Instance,
 }
 
-/// Prints what differs.
+/// Prints the differences.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let before = read(&args.before)?;
     let known = RegisterValues::new(before.iter().cloned());
@@ -85,8 +85,8 @@ fn read(path: &Path) -> Result<Vec<RegisterValue>, CliError> {
     change::parse(&name, &text)
 }
 
-/// Reads the registers of the blocks in `before`: registers that `before` contains, and registers that differ from
-/// their reset value. Also returns the register that shows which registers are live.
+/// Reads the registers of the blocks in `before`: those that `before` contains, and those that differ from their reset
+/// values. Also returns the register that shows which structure is valid.
 fn now(
     instance: &Instance,
     before: &[RegisterValue],
@@ -94,7 +94,7 @@ fn now(
 ) -> Result<(Vec<RegisterValue>, Option<&'static str>), CliError> {
     let refused = |held| on_any_device(|fitted| area(fitted.device(), held).map(drop)).err();
     if let Some(refusal) = before.iter().find_map(refused) {
-        // The device can be in a folder, which only the instance knows.
+        // The device may be in a folder; then only the instance has its registers.
         answer_of_instance(instance, refusal, |_| Ok(()), |_| Ok(()))?;
     }
     let session = Session::open_for_reading(instance)?;
@@ -121,8 +121,8 @@ fn now(
     Ok((registers, phase_register))
 }
 
-/// Names of the plain RAM that `before` contains, because a dump of all blocks has no plain RAM. If a dump of a whole
-/// area contains the addresses of `before`, the area is read, otherwise only these addresses.
+/// Returns the names of the plain RAM in `before`: a dump of all blocks contains no plain RAM. If the addresses of
+/// `before` come from a dump of a whole area, the area is read; otherwise only these addresses are read.
 fn plain_ram(session: &Session, before: &[RegisterValue]) -> Result<Vec<String>, CliError> {
     let mut areas = BTreeMap::<_, (&Area, Vec<&RegisterValue>, bool)>::new();
     for held in before {

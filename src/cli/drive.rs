@@ -161,7 +161,7 @@ mod by_channel {
         })
     }
 
-    /// Finds the drive with this name: its number and its entry.
+    /// Finds the drive of this name. Returns its number and its entry.
     fn find(session: &Session, name: &str, instance: &Instance) -> Result<(u16, DriveEntry), CliError> {
         let mut drives = session.ask(Op::Drives)?.drives()?;
         match drives.iter().position(|drive| drive.name == name) {

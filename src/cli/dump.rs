@@ -55,9 +55,9 @@ pub(crate) struct Args {
 /// The part of an area in a dump.
 struct Selection {
     area: &'static Area,
-    /// Only these registers; `None` selects all registers.
+    /// Selected registers; `None` selects all registers of the area.
     registers: Option<Vec<RegisterRef>>,
-    /// In plain RAM, only this address; `None` selects all addresses.
+    /// Selected address in plain RAM; `None` selects all addresses.
     place: Option<Address>,
 }
 
@@ -114,7 +114,8 @@ pub(crate) struct DumpRow {
     pub differs: bool,
 }
 
-/// Checks the name of a block: on the devices of the program, else on those of the instance, if it runs.
+/// Checks the name of a block on the devices of the program. If none of them has the block, checks it on the devices of
+/// the instance, if it runs.
 ///
 /// # Errors
 /// No device has such a block or register.
@@ -127,7 +128,7 @@ pub(crate) fn check(instance: &Instance, name: &str) -> Result<(), CliError> {
 }
 
 impl Blocks {
-    /// Finds the blocks of an instance; without names all areas with registers of all PLCs.
+    /// Finds the blocks of an instance. Without names, returns all areas with registers of all PLCs.
     ///
     /// # Errors
     /// No PLC, block or register has this name.
@@ -157,7 +158,7 @@ impl Blocks {
         Ok(Blocks(parts))
     }
 
-    /// Asks the emulator to record changes from now on. Returns the number of the first change and the number of
+    /// Requests the emulator to record changes from now on. Returns the number of the first change and the number of
     /// the history that contains it.
     ///
     /// # Errors
@@ -170,11 +171,11 @@ impl Blocks {
         Ok((end, turn.number))
     }
 
-    /// Asks the emulator to record changes of these bytes from now on: number of the PLC, first byte in the image,
-    /// number of bytes.
+    /// Requests the emulator to record changes of these bytes from now on. Each range consists of the index of the PLC,
+    /// the first byte in the image, and the number of bytes.
     ///
     /// # Errors
-    /// See [`Blocks::follow`].
+    /// The errors of [`Blocks::follow`].
     pub(crate) fn follow_stretches(
         session: &Session,
         stretches: &[(DeviceIndex, u32, u32)],
@@ -195,7 +196,8 @@ impl Blocks {
         Ok(())
     }
 
-    /// The selected bytes: number of the PLC, first byte in the image, number of bytes.
+    /// The selected bytes. Each range consists of the index of the PLC, the first byte in the image, and the number of
+    /// bytes.
     pub(crate) fn stretches(&self) -> Vec<(DeviceIndex, u32, u32)> {
         let of_plc = |part: &Part| {
             let plc = part.plc;
@@ -225,7 +227,7 @@ impl Blocks {
         self.0.iter().flat_map(Part::reads).collect()
     }
 
-    /// The values of the registers, live or not; `data` are their bytes in `snapshot`.
+    /// The values of the registers, live or not. `data` contains the bytes of the registers in `snapshot`.
     pub(crate) fn holdings(
         &self,
         session: &Session,
@@ -271,8 +273,8 @@ fn select(fitted: &DeviceFit, name: &str) -> Result<Vec<Selection>, LayoutError>
     Ok(vec![selection])
 }
 
-/// The bytes that a name selects in a plant before it runs: number of the PLC, first byte in the image, number of
-/// bytes.
+/// The bytes that a name selects in a plant that does not run yet. Each range consists of the index of the PLC, the
+/// first byte in the image, and the number of bytes.
 ///
 /// # Errors
 /// No PLC, block or register has this name.
@@ -304,7 +306,7 @@ struct Part {
 }
 
 impl Selection {
-    /// The bytes to read: for plain RAM the whole area, otherwise the range that has registers.
+    /// The range to read: the whole area of plain RAM, otherwise the part of the area that has registers.
     fn bytes(&self, session: &Session, plc: DeviceIndex) -> Result<Range<u32>, CliError> {
         let area = self.area;
         if let Some(place) = self.place {
@@ -321,7 +323,7 @@ impl Selection {
 }
 
 impl Part {
-    /// The selected bytes as offsets and lengths: single registers, or the whole range.
+    /// The selected bytes as offsets and lengths: one pair for each register, or one for the whole range.
     fn stretches(&self) -> Vec<(u32, u32)> {
         match &self.selection.registers {
             Some(registers) => registers.iter().map(|it| (it.offset(), it.width())).collect(),
@@ -382,7 +384,7 @@ impl View<'_> {
         self.selection.area
     }
 
-    /// The value of the register or memory of `len` bytes at `offset` of the image.
+    /// The value of the register, or of the memory, of `len` bytes at `offset` of the image.
     fn value(&self, offset: u32, len: u32) -> u32 {
         let start = (offset - self.first) as usize;
         number(self.bytes.get(start..start + len as usize).unwrap_or_default())
@@ -413,7 +415,7 @@ impl View<'_> {
         self.registers().iter().map(|register| self.row(register)).collect()
     }
 
-    /// The rows of live registers. If none of the selected registers is live, the rows of all selected registers.
+    /// The rows of the live registers. If no selected register is live, the rows of all selected registers.
     fn rows_or_dead_ones(&self) -> Vec<DumpRow> {
         match (self.rows(), &self.selection.registers) {
             (rows, Some(registers)) if rows.is_empty() => registers.iter().map(|it| self.row(it)).collect(),
@@ -440,7 +442,7 @@ impl View<'_> {
         }
     }
 
-    /// Rows of plain RAM: one for each doubleword, or one for a single address.
+    /// Rows of plain RAM: one row for each doubleword, or a single row for an address.
     fn plain(&self) -> Vec<DumpRow> {
         let width = self.selection.place.map_or(PLAIN_WIDTH, Address::width);
         let ty = width.bits();
@@ -459,7 +461,7 @@ impl View<'_> {
                 meaning: format!("plain RAM of {}", self.area().name),
                 forced: self.forced(offset, width.bytes()),
             };
-            // An address that was given explicitly is shown with any value.
+            // An address that the user named is shown even if its value is 0.
             DumpRow { holding, differs: value != 0 || self.selection.place.is_some() }
         };
         offsets.take(self.bytes.len() / width.bytes() as usize).map(row).collect()
@@ -471,7 +473,8 @@ pub(crate) fn is_row_of_plain_ram(area: &Area, address: Address) -> bool {
     address.width() == PLAIN_WIDTH && (address.offset() - area.first).is_multiple_of(PLAIN_WIDTH.bytes())
 }
 
-/// The end of a message about registers that are not live. It names the register that shows which structure is valid.
+/// Returns the end of a message about registers that are not live: the name of the register that shows which structure
+/// is valid.
 pub(crate) fn see(phase_register: Option<&str>) -> String {
     phase_register.map_or_else(String::new, |register| format!(", see {register}"))
 }

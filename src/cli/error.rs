@@ -116,7 +116,7 @@ errors! {
         /// All buses of the instance.
         buses: String,
     } => Exit::WrongUse,
-    /// The editor sent something that is no message, or the connection failed.
+    /// The editor sent data that is not a message, or the connection failed.
     #[error("the connection to the editor: {reason}")]
     Editor { reason: io::Error } => Exit::WrongUse,
     /// The editor ended the language server without the request `shutdown`.
@@ -129,7 +129,7 @@ errors! {
         /// Text with the names of the running instances.
         running: String,
     } => Exit::NotThere,
-    /// An instance to be ended is not running.
+    /// The user wants to end an instance that is not running.
     #[error("instance '{instance}' is not running, so there is nothing to end{running}")]
     NothingToEnd {
         instance: String,
@@ -143,7 +143,7 @@ errors! {
     )]
     NoImages {
         instance: String,
-        /// The emulator's process, if it can be seen.
+        /// Process id of the emulator, if the process is visible.
         pid: Option<u32>,
     } => Exit::NotThere,
     /// An emulator runs without a channel.
@@ -154,13 +154,14 @@ errors! {
     )]
     NoChannel {
         instance: String,
-        /// The emulator's process, if it can be seen.
+        /// Process id of the emulator, if the process is visible.
         pid: Option<u32>,
     } => Exit::NotThere,
-    /// Other users can write to the directory of an instance to be ended, and no held lock shows an emulator.
+    /// Other users can write to the directory of an instance that is to be ended, and no held lock belongs to an
+    /// emulator.
     #[error("{0}")]
     OpenDirectory(MemoryError) => Exit::Failed,
-    /// Only the files of a killed emulator are left.
+    /// The emulator was killed, and only its files are left.
     #[error(
         "instance '{instance}' is dead, its emulator (process {pid}) was killed; start it again with \
          `commram run -i {instance}` or remove its files with `commram stop --clean -i {instance}`"
@@ -217,14 +218,14 @@ errors! {
         /// The task or guest for which the clock waits, if any.
         waits_for: Option<String>,
     } => Exit::NotThere,
-    /// The emulator did not end although it was asked to.
+    /// The emulator was requested to end and has not ended.
     #[error(
         "instance '{instance}'{} has not ended within {seconds} s; kill it and remove its files with \
          `commram stop --clean -i {instance}`", .pid.map_or_else(String::new, |pid| format!(" (process {pid})"))
     )]
     StillThere {
         instance: String,
-        /// The process id of the emulator, if it is visible.
+        /// Process id of the emulator, if the process is visible.
         pid: Option<u32>,
         /// How long the command waited, in real seconds.
         seconds: u64,
@@ -276,13 +277,13 @@ errors! {
     /// The user has interrupted the command.
     #[error("interrupted")]
     Interrupted => Exit::Interrupted,
-    /// The error has been printed already.
+    /// An error that has already been printed.
     #[error("see above")]
     Reported => Exit::Failed,
-    /// The result of another process, or a signal, decides the exit code; nothing is printed.
+    /// Another process or a signal determines the exit code; nothing is printed.
     #[error("see above")]
     Ended(u8) as code => *code,
-    /// Wrong use that has been reported already.
+    /// Wrong use that has already been reported.
     #[error("see above")]
     ReportedWrongUse => Exit::WrongUse,
     /// An invalid text of a fault.

@@ -111,7 +111,7 @@ mod tests {
     use super::*;
     use crate::cli::error::CliError;
 
-    /// The help is generated from the list. The documentation page must have the same list.
+    /// The help is generated from this list; the documentation page must have the same list.
     #[test]
     fn the_documentation_repeats_the_list_of_exit_codes() {
         let page = include_str!("../../docs/reference/command-line.md");

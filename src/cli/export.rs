@@ -187,7 +187,7 @@ fn of_map(args: &Args, format: Format) -> Result<String, CliError> {
     Ok(export::export_scope(Scope { folder, ..scope }, format)?)
 }
 
-/// The compiler that declarations are for.
+/// The compiler for which the declarations are written.
 fn compiler(args: &Args) -> StCompiler {
     match (args.for_matiec, args.for_strucpp) {
         (true, _) => StCompiler::Matiec,
@@ -248,7 +248,7 @@ fn plant_of<'a>(args: &'a Args, format: &str, noun: &str) -> Result<(&'a Path, P
     Ok((path, PlantConfig::load(path)?))
 }
 
-/// Returns the wanted bus of the plant; `None` if no name is given.
+/// Returns the bus of this name; `None` if the user gave no name.
 fn wanted<'a>(args: &'a Args, plant: &PlantConfig) -> Result<Option<&'a str>, CliError> {
     let Some(name) = args.bus.as_deref() else { return Ok(None) };
     let buses = plant.buses.iter().map(|bus| bus.name()).collect::<Vec<_>>();

@@ -72,8 +72,8 @@ Examples, one of each kind:"
     text
 }
 
-/// Accepts any text. Shells complete the existing kinds. An unknown kind is refused later, when the fields are checked,
-/// too.
+/// Accepts any text: an unknown kind is refused when the fields are checked. The parser exists so that shells can
+/// complete the existing kinds.
 #[derive(Clone)]
 struct KindParser;
 

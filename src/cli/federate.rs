@@ -58,7 +58,7 @@ impl FederateArgs {
     /// Refuses options that are not possible on several hosts.
     ///
     /// # Errors
-    /// The option, and the correct form.
+    /// The error contains the option and its correct form.
     pub(crate) fn check(&self, clock: Clock, keeps_novram: bool) -> Result<(), CliError> {
         let refuse = |text: &str, right: &str| {
             Err(CliError::Argument { text: text.to_owned(), right: right.to_owned() })
@@ -81,10 +81,10 @@ impl FederateArgs {
         }
     }
 
-    /// Refuses a plant with doors. Each door is given with the name of its bus.
+    /// Refuses a plant with doors if the emulator shares its plant. Each door is given with the name of its bus.
     ///
     /// # Errors
-    /// The first door, if the emulator shares its plant.
+    /// The emulator shares its plant; the error names the first door.
     pub(crate) fn check_doors<'a>(
         &self,
         mut doors: impl Iterator<Item = (&'a str, DoorSpec)>,

@@ -11,8 +11,7 @@ use crate::layout::{DeviceFit, Fit, did_you_mean};
 
 /// Find registers by name, meaning, values, bits or address.
 ///
-/// With several words, an entry must contain all of them in any place. Case is ignored. Matches in the name come
-/// first.
+/// With several words, an entry must contain all of them anywhere. Case is ignored. Matches in the name come first.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -49,7 +48,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if found.is_empty() {
         let searched = devices.iter().flat_map(entries).filter(|entry| args.all || !entry.reserved);
         let names: Vec<_> = searched.map(|entry| entry.name).collect();
-        // The comparison ignores area and indices, which are rarely misspelt.
+        // The comparison ignores area and indices, because users rarely misspell them.
         let bare = |name: &String| {
             let name = name.split('[').next().unwrap_or_default();
             name.split_once('.').map_or(name, |(_, register)| register).to_owned()
@@ -74,12 +73,12 @@ pub(crate) fn distinct(devices: &[DeviceFit]) -> Vec<DeviceFit> {
     all
 }
 
-/// The words to find, folded: in lower case, with blanks in place of hyphens and underscores.
+/// The words to search for, in lower case, with blanks in place of hyphens and underscores.
 pub(crate) fn words<'a>(texts: impl IntoIterator<Item = &'a str>) -> Vec<String> {
     texts.into_iter().flat_map(str::split_whitespace).map(folded).collect()
 }
 
-/// The entries that contain all words, the best match first; `all`: also reserved registers.
+/// The entries that contain all words, the best match first. `all`: includes reserved registers.
 pub(crate) fn entries_with(devices: &[DeviceFit], words: &[String], all: bool) -> Vec<Entry> {
     let candidates = devices.iter().flat_map(entries).filter(|entry| all || !entry.reserved);
     let mut found: Vec<_> = candidates.filter_map(|entry| Some((rank(&entry, words)?, entry))).collect();
@@ -94,13 +93,13 @@ fn entries(fitted: &DeviceFit) -> impl Iterator<Item = Entry> + use<> {
     areas.flat_map(move |area| entry::of_area(&fitted, area))
 }
 
-/// Replaces hyphens and underscores by blanks and folds case.
+/// Converts to lower case, and replaces hyphens and underscores by blanks.
 pub(crate) fn folded(text: &str) -> String {
     text.to_lowercase().replace(['-', '_'], " ")
 }
 
-/// Rank of the match, smaller is better: words in the name, words in name and meaning, words in values and bits.
-/// `None` if a word is missing.
+/// Rank of the match; a smaller rank is better. The ranks are: all words in the name; in name and meaning; in values
+/// and bits too. `None` if a word is missing.
 pub(crate) fn rank(entry: &Entry, words: &[String]) -> Option<u8> {
     let name = folded(&format!("{} {} {} {}", entry.name, entry.address, entry.structure, entry.variable));
     let meaning = format!("{name} {}", folded(entry.meaning));

@@ -88,7 +88,7 @@ fn list(args: &Args) -> Result<(), CliError> {
         NamedLocation::parse(&fitted, &address.to_string())
     };
     let places = forces.iter().map(place).collect::<Result<Vec<_>, _>>()?;
-    // Reads the registers that show which structure is valid, where structures overlay each other.
+    // Reads the registers that show which structure is valid, for structures that overlay each other.
     let statuses = forces
         .iter()
         .zip(&places)

@@ -1,6 +1,6 @@
-//! Names and texts as arguments that must not be empty: an empty name would stand for everything.
+//! Parsers of names and texts that must not be empty: an empty name would select everything.
 
-/// Returns a parser of texts that are not empty; `right` says what to write.
+/// Returns a parser of texts that are not empty. `right` is the correct form, for the error message.
 pub(crate) fn text(
     right: &'static str,
 ) -> impl Fn(&str) -> Result<String, String> + Clone + Send + Sync + 'static {
@@ -10,7 +10,7 @@ pub(crate) fn text(
     }
 }
 
-/// Right form of the name of a block, array or register.
+/// Correct form of the name of a block, array or register.
 pub(crate) const BLOCK: &str = "write a block or a register, for example node2 or node2.w_CPU_CONTROL";
 
 #[cfg(test)]

@@ -67,7 +67,7 @@ pub(crate) struct Instance {
 }
 
 impl Instance {
-    /// An instance without a waiting time.
+    /// An instance that is expected to run: the command does not wait for its start.
     pub(crate) fn running(name: &str) -> Self {
         Self { named: InstanceName { name: name.to_owned() }, connect_timeout: 0 }
     }
@@ -82,11 +82,11 @@ impl Instance {
         &self.named.name
     }
 
-    /// Repeats an attempt to reach the instance until it succeeds, or until the waiting time is over. An error that a
-    /// starting emulator cannot cause ends the attempts.
+    /// Repeats `attempt` until it succeeds or the waiting time is over. An error that a starting emulator cannot cause
+    /// ends the attempts.
     ///
     /// # Errors
-    /// The errors of the last attempt.
+    /// The error of the last attempt.
     pub(crate) fn reach<T>(&self, attempt: impl Fn() -> Result<T, CliError>) -> Result<T, CliError> {
         let patience = Duration::from_micros(self.connect_timeout);
         let start = Instant::now();
@@ -118,7 +118,7 @@ impl Instance {
     /// True if another emulator is taking over the files of a killed emulator.
     ///
     /// # Errors
-    /// See [`InstanceLock::holder`].
+    /// The errors of [`InstanceLock::holder`].
     pub(crate) fn is_being_taken_over(&self) -> Result<bool, CliError> {
         Ok(self.connect_timeout > 0 && InstanceLock::holder(self.name())?.is_some())
     }

@@ -63,11 +63,10 @@ struct CheckArgs {
 
 /// Import offsets from declarations of IEC 61131-3 that were exported from the vendor's library.
 ///
-/// Structures are identified by their names, registers by their names and the names of the sub-structures that
-/// contain them. The type names of sub-structures are ignored. Several files are read as one: each can use types and
-/// constants of the others. Programs, function blocks and variables in the files are skipped. A structure stays unchanged if one of its registers
-/// is missing or has another width or other array bounds. Bytes of members that the layout does not contain become
-/// padding. Afterwards commram must be rebuilt.
+/// Structures are identified by their names, registers by their names and the names of the sub-structures that contain them. The type names of
+/// sub-structures are ignored. Several files are read as one file: each can use types and constants of the others. Programs, function blocks and
+/// variables in the files are skipped. A structure stays unchanged if one of its registers is missing or has another width or other array bounds.
+/// Bytes of members that the layout does not contain become padding. Afterwards commram must be rebuilt.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -245,14 +244,14 @@ fn import(args: &ImportArgs) -> Result<(), CliError> {
 fn read(paths: &[PathBuf]) -> Result<Declarations, ImportError> {
     let mut declarations = Declarations::default();
     for path in paths {
-        // One byte more than allowed shows that the file is too long.
+        // Reads one byte more than allowed, to detect a file that is too long.
         declarations.add(path, input_file::read_bytes(path, MAX_BYTES + 1))?;
     }
     declarations.notes().iter().for_each(|note| output::note(note));
     Ok(declarations)
 }
 
-/// Reports the changed files, and whether this program still has the same register map.
+/// Reports the changed files, and whether the register map of this program is still up to date.
 fn report(args: &ImportArgs, declarations: &Declarations, import: &Import) {
     if import.is_own_export {
         let file = declarations.title();

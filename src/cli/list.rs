@@ -29,7 +29,7 @@ pub(crate) struct Entry {
     clock: Option<String>,
     time_us: Option<u64>,
     state: &'static str,
-    /// Reason why the instance cannot be used.
+    /// Reason why the instance cannot be used, if there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     reason: Option<String>,
 }
@@ -90,8 +90,8 @@ fn text(entries: &[Entry]) -> String {
     table::aligned(entries) + &entries.iter().filter_map(reason).collect::<String>()
 }
 
-/// One entry for each emulator. If an emulator was restarted with fewer PLCs, images of the earlier emulator may be
-/// left.
+/// Returns one entry for each emulator. If an emulator was restarted with fewer PLCs, images of the earlier emulator
+/// may still exist.
 fn entries(images: Vec<ImageInfo>) -> Vec<Entry> {
     let mut entries: Vec<Entry> = Vec::new();
     for image in images {

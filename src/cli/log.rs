@@ -16,13 +16,13 @@ use tracing::span::{Attributes, Id, Record};
 use tracing::subscriber::set_global_default;
 use tracing::{Event, Level, Metadata, Subscriber};
 
-/// Longest wait for a full output, in nanoseconds. After a lost message there is no wait until the output accepts a message
-/// again.
+/// Longest wait for a full output, in nanoseconds. After a lost message the threads do not wait until the output accepts a
+/// message again.
 const PATIENCE_NS: i64 = 20_000_000;
 /// Number of bytes that an output accepts without blocking if it reports that it is ready: `PIPE_BUF` of Linux.
 const PART: usize = 4096;
 
-/// Prints warnings and errors from now on, with `--verbose` all messages, and the messages of panics. A panic in a damaged
+/// From now on prints warnings and errors, all messages with `--verbose`, and the messages of panics. A panic in a damaged
 /// channel does not end the process.
 pub(super) fn to_stderr() {
     let most = if output::is_verbose() { Level::DEBUG } else { Level::WARN };
@@ -44,7 +44,7 @@ pub(super) fn to_stderr() {
 /// Number of messages that were lost since the standard error output last accepted a message.
 static LOST: AtomicUsize = AtomicUsize::new(0);
 
-/// Prints events. There are no spans in this program.
+/// Prints events. This program does not use spans.
 struct Log {
     most: Level,
 }
@@ -87,7 +87,7 @@ fn write_counting(output: &impl AsFd, text: &str, lost: &AtomicUsize) {
         _ => format!(" WARN {before} messages before this one were lost: the output was not read\n{text}"),
     };
     let mut parts = whole.as_bytes().chunks(PART);
-    // The write does not use the lock of the standard error output, because a blocked thread may hold it.
+    // Writes without the lock of the standard error output, because a blocked thread may hold the lock.
     let is_written = parts.all(|part| takes(output, patience_ns) && rustix::io::write(output, part).is_ok());
     match is_written {
         true => lost.fetch_sub(before, Ordering::Relaxed),

@@ -56,7 +56,7 @@ fn serve() -> Result<(), CliError> {
     'messages: while let Some(message) = waiting.take().or_else(|| connection.receiver.recv().ok()) {
         let mut answers: Vec<Message> = Vec::new();
         next = server.take(message, &mut answers);
-        // Fast typing gives several changes in a row. The document is checked only after the last change.
+        // Fast typing sends several changes in a row. The document is checked only after the last of them.
         waiting = connection.receiver.try_recv().ok();
         if matches!(next, Next::Continue) && waiting.is_none() {
             server.settle(&mut answers);

@@ -47,7 +47,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Keeps `man` from filling the lines of the help that begin with spaces: examples and tables.
+/// Keeps `man` from joining lines of the help that begin with spaces, such as examples and tables.
 fn with_tables(page: &str) -> String {
     let mut text = String::with_capacity(page.len());
     let mut is_table = false;

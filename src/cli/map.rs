@@ -65,7 +65,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
                 other => other,
             })?)
         }
-        // Only the type of the device is known, not its options.
+        // Without an instance only the type of the device is known, and not its options.
         None => DeviceFit::unknown(args.device.layout()),
     };
     let device = fitted.device();
@@ -79,8 +79,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     table::print(args.format.format, &entries, text)
 }
 
-/// The entries that the text names, or all entries for an empty text. Also returns true if the text names a single
-/// register, address or bit.
+/// Returns the entries that the text names; an empty text names all entries. Also returns true if the text names a
+/// single register, address or bit.
 ///
 /// # Errors
 /// The device has no such register, block or address.
@@ -100,7 +100,7 @@ pub(crate) fn entries_of(fitted: &DeviceFit, what: &str) -> Result<(Vec<Entry>, 
             }
             AreaOrRegisters::Registers(registers) => {
                 let entries = entry::of_registers(&registers);
-                // A reserved register is shown if it is named explicitly.
+                // A reserved register is shown only if the text names exactly this register.
                 let single = entries.len() == 1;
                 (entries, single)
             }
@@ -126,7 +126,7 @@ fn at_address(fitted: &DeviceFit, address: Address) -> Result<Vec<Entry>, CliErr
     Ok(registers.iter().map(entry::of_register).collect())
 }
 
-/// A heading per block, then its registers in columns.
+/// Formats each block as a heading, with its registers in columns below.
 fn text(entries: &[Entry]) -> String {
     let lines: Vec<_> = entries.iter().map(Entry::text_cells).collect();
     let rows = table::rows(&lines);
@@ -142,7 +142,7 @@ fn text(entries: &[Entry]) -> String {
             text.push('\n');
             last = Some(block);
         }
-        // Plain RAM has no registers: its heading contains everything.
+        // Plain RAM has no registers: its heading contains all information.
         if !entry.structure.is_empty() {
             text.push_str(line);
             text.push('\n');
@@ -164,7 +164,7 @@ fn head(area: &Area, structure: &str) -> String {
     format!("{name}  {}-{}  {doc}. {content} (p. {page})", area.begin(), area.numbers().end())
 }
 
-/// The role that uses a structure, if another role uses another structure at the same place.
+/// Returns the role that uses a structure, if another role uses another structure at the same addresses.
 fn role(area: &Area, placed: &AreaStructure) -> Option<Role> {
     let has =
         |role| area.structures.iter().any(|it| it.structure.name == placed.structure.name && it.role == role);

@@ -176,8 +176,8 @@ enum Command {
     Man(man::Args),
 }
 
-/// Parses the command line, runs the command and returns the exit code of the process. A program with own devices
-/// calls [`devices::register`](crate::devices::register) first, then this function.
+/// Parses the command line, runs the command and returns the exit code of the process. A program with devices of its
+/// own calls [`devices::register`](crate::devices::register) before this function.
 pub fn main() -> ExitCode {
     let allowed = limits::allow_stack().and_then(|()| limits::allow_memory(limits::OF_A_COMMAND));
     match allowed {
@@ -258,8 +258,9 @@ impl Command {
     }
 }
 
-/// Makes writes beyond the limit of `ulimit -f` return an error, instead of ending this process by SIGXFSZ. The signal
-/// is caught instead of ignored, because the command of `commram with` would inherit an ignored signal.
+/// Makes writes beyond the limit of `ulimit -f` return an error. Without this function, the signal SIGXFSZ would end
+/// the process. The signal is caught instead of ignored, because the command of `commram with` would inherit an ignored
+/// signal.
 fn survive_file_size_limit() -> std::io::Result<()> {
     signal_hook::flag::register(libc::SIGXFSZ, std::sync::Arc::default()).map(drop)
 }
@@ -302,8 +303,8 @@ mod tests {
         parse::command().debug_assert();
     }
 
-    /// On a narrow terminal clap wraps long lines. Line breaks inside a paragraph would then give lines of very
-    /// different lengths.
+    /// On a narrow terminal clap wraps long lines. A manual line break inside a paragraph would then leave a very short
+    /// line.
     #[test]
     fn no_paragraph_below_the_help_is_broken_by_hand() {
         let mut commands = vec![parse::command()];

@@ -36,7 +36,7 @@ pub(crate) struct Args {
     /// Type of the device
     #[arg(long, value_name = "DEVICE", value_parser = with_template(), default_value = devices::default().layout.name)]
     device: Device,
-    /// Program or test in the project, beside plant and scenario
+    /// Program or test in the project, in addition to the plant and the scenario
     #[arg(long, value_enum, value_name = "TEMPLATE", default_value_t = Template::Minimal)]
     template: Template,
 }
@@ -145,7 +145,7 @@ fn exists(path: &Path) -> CliError {
     }
 }
 
-/// Files and directories that this command has created. They are removed when this value is dropped.
+/// Files and directories that this command has created. Dropping this value removes them.
 #[derive(Default)]
 struct Made {
     paths: Vec<PathBuf>,
@@ -169,7 +169,7 @@ impl Made {
 impl Drop for Made {
     fn drop(&mut self) {
         for path in self.paths.iter().rev() {
-            // A directory into which another program has written stays.
+            // The function does not remove a directory into which another program has written.
             let _ = if path.is_dir() { fs::remove_dir(path) } else { fs::remove_file(path) };
         }
     }

@@ -14,8 +14,8 @@ pub(crate) enum NumberError {
     Within(u64, u64),
 }
 
-/// Returns a parser of whole numbers in a range. If the range ends at the largest number of 64 bits, messages name no
-/// upper limit.
+/// Returns a parser of whole numbers in a range. If the range ends at the largest number of 64 bits, the messages do
+/// not mention an upper limit.
 pub(crate) fn within<N: TryFrom<u64>>(
     range: RangeInclusive<u64>,
 ) -> impl Fn(&str) -> Result<N, NumberError> + Clone + Send + Sync + 'static {

@@ -1,4 +1,5 @@
-//! Each operation has a verb, a command and a method in Python, or a reason in `docs/reference/channel.md` why not.
+//! Each operation has a verb, a command and a method in Python. If one of them is missing, `docs/reference/channel.md`
+//! has the reason.
 
 use super::Cli;
 use crate::request::ops::ops;
@@ -26,7 +27,7 @@ fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// All sources in a folder.
+/// The source texts of all files in a folder.
 fn sources(folder: &Path) -> String {
     let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let text = |path: PathBuf| match path.is_dir() {
@@ -36,13 +37,13 @@ fn sources(folder: &Path) -> String {
     entries.map(text).collect()
 }
 
-/// The name in a cell that is only a name; `None` for a reason.
+/// The name in a cell of the table; `None` if the cell contains a reason.
 fn only_name(cell: &str) -> Option<&str> {
     let name = cell.strip_prefix('`')?.strip_suffix('`')?;
     (!name.contains(['`', ' '])).then_some(name)
 }
 
-/// Checks that a cell has a name that is known, or a reason.
+/// Checks that a cell contains a known name, or a reason.
 fn check(operation: &str, cell: &str, is_known: impl Fn(&str) -> bool) {
     match only_name(cell) {
         Some(name) => assert!(is_known(name), "{operation}: there is no `{name}`"),

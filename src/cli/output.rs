@@ -16,13 +16,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// command continues: its exit code does not depend on the reader.
 ///
 /// # Errors
-/// [`CliError::Output`]: the output cannot be written. [`CliError::Interrupted`]: it is not read, and a signal has arrived
-/// that this process handles.
+/// [`CliError::Output`]: the output cannot be written. [`CliError::Interrupted`]: the output is not read, and a signal
+/// that this process handles has arrived.
 pub(crate) fn print(text: &str) -> Result<(), CliError> {
     print_bytes(text.as_bytes())
 }
 
-/// As [`print()`], for any bytes.
+/// Does the same as [`print()`], for any bytes.
 fn print_bytes(bytes: &[u8]) -> Result<(), CliError> {
     match print_while_read(bytes) {
         Err(CliError::BrokenPipe) => Ok(()),
@@ -30,10 +30,10 @@ fn print_bytes(bytes: &[u8]) -> Result<(), CliError> {
     }
 }
 
-/// Writes the file that a user has named for the output; `-` is the standard output.
+/// Writes the output to the file that the user has named; `-` is the standard output.
 ///
 /// # Errors
-/// [`CliError::File`]: the file cannot be written. For the standard output as [`print()`].
+/// [`CliError::File`]: the file cannot be written. For the standard output, the errors of [`print()`].
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
     if input_file::is_standard(path) {
         return print_bytes(bytes);
@@ -41,10 +41,10 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
     output_file::write(path, bytes).map_err(|reason| CliError::File { path: path.to_owned(), reason })
 }
 
-/// Writes `bytes` to the standard output and flushes it, for commands that end with their reader.
+/// Writes `bytes` to the standard output and flushes it. For commands that end when the reader closes the output.
 ///
 /// # Errors
-/// [`CliError::BrokenPipe`] if the reader has closed the output, otherwise as [`print()`].
+/// [`CliError::BrokenPipe`]: the reader has closed the output. Otherwise the errors of [`print()`].
 pub(crate) fn print_while_read(bytes: &[u8]) -> Result<(), CliError> {
     bounded::write(|| io::stdout().lock(), bytes).map_err(|reason| match reason.kind() {
         io::ErrorKind::BrokenPipe => CliError::BrokenPipe,
@@ -61,7 +61,7 @@ pub(crate) fn is_closed_terminal() -> bool {
 /// Formats a value as JSON in several lines. Characters that a terminal interprets are escaped.
 ///
 /// # Errors
-/// [`CliError::Output`]: the value has no form in JSON.
+/// [`CliError::Output`]: JSON cannot represent the value.
 pub(crate) fn json(value: &impl Serialize) -> Result<String, CliError> {
     let text =
         serde_json::to_string_pretty(value).map_err(|error| CliError::Output { reason: error.into() })?;
@@ -71,19 +71,20 @@ pub(crate) fn json(value: &impl Serialize) -> Result<String, CliError> {
 /// Formats a value as JSON in one line, with its line end.
 ///
 /// # Errors
-/// See [`json()`].
+/// The errors of [`json()`].
 pub(crate) fn json_line(value: &impl Serialize) -> Result<String, CliError> {
     let text = serde_json::to_string(value).map_err(|error| CliError::Output { reason: error.into() })?;
     Ok(json_escaped(&text) + "\n")
 }
 
-/// JSON text with the same meaning in which a terminal interprets no character. Outside strings, JSON contains no
-/// control characters except line ends.
+/// Escapes all characters in a JSON text that a terminal interprets; the meaning of the text stays the same. Outside of
+/// strings, JSON contains no control characters except line ends.
 fn json_escaped(text: &str) -> String {
     escaped(text, &['\n'], |sign| format!("\\u{:04x}", u32::from(sign)))
 }
 
-/// XML with the same meaning in which a terminal interprets no character. For XML without comments and CDATA sections.
+/// Escapes all characters in an XML text that a terminal interprets; the meaning of the text stays the same. The text
+/// must not have comments or CDATA sections.
 pub(crate) fn xml_escaped(text: &str) -> String {
     escaped(text, &['\n', '\t'], |sign| format!("&#x{:x};", u32::from(sign)))
 }
@@ -126,7 +127,7 @@ pub(crate) fn relay(text: &[u8]) {
     let _ = bounded::write(|| io::stderr().lock(), text);
 }
 
-/// Writes a note, which is not an error, to the standard error output, unless the user wants none.
+/// Writes a note, which is not an error, to the standard error output, unless the user gave `--quiet`.
 pub(crate) fn note(text: &str) {
     if !is_quiet() {
         complain(&format!("note: {text}"));
@@ -142,21 +143,21 @@ pub(crate) fn set_verbosity(is_quiet: bool, is_verbose: bool) {
     VERBOSE.store(is_verbose, Ordering::Relaxed);
 }
 
-/// True if the user wants no notes and no progress.
+/// True if the user gave `--quiet`: no notes and no progress.
 pub(crate) fn is_quiet() -> bool {
     QUIET.load(Ordering::Relaxed)
 }
 
-/// True if the user wants all messages.
+/// True if the user gave `--verbose`: all messages.
 pub(crate) fn is_verbose() -> bool {
     VERBOSE.load(Ordering::Relaxed)
 }
 
-/// Prints a text that may be long. On a terminal with fewer lines the user's pager shows it: the program of the
-/// variable `PAGER`, `less` without it; none if the variable is empty.
+/// Prints a text that may be long. If the terminal has fewer lines, a pager shows the text: the program in the variable
+/// `PAGER`, or `less` if the variable is not set. If the variable is empty, no pager is used.
 ///
 /// # Errors
-/// See [`print()`].
+/// The errors of [`print()`].
 pub(crate) fn page(text: &str) -> Result<(), CliError> {
     let rows = rustix::termios::tcgetwinsize(io::stdout()).map_or(0, |size| usize::from(size.ws_row));
     if !io::stdout().is_terminal() || rows == 0 || text.lines().count() < rows {
@@ -172,11 +173,11 @@ pub(crate) fn page(text: &str) -> Result<(), CliError> {
         // Options of `less`: show colours, end at once if the text is short, leave the text on the screen.
         command.env("LESS", "FRX");
     }
-    // While the pager runs, Ctrl-C concerns only the pager.
+    // While the pager runs, this process ignores Ctrl-C.
     let _ = signal_hook::flag::register(signal_hook::consts::SIGINT, std::sync::Arc::default());
     let Ok(mut child) = command.spawn() else { return print(text) };
     if let Some(mut input) = child.stdin.take() {
-        // A user may leave the pager before the end of the text.
+        // Writing fails if the user leaves the pager before the end of the text.
         let _ = input.write_all(text.as_bytes());
     }
     match child.wait() {
@@ -204,7 +205,7 @@ pub(crate) fn harmless(text: &str) -> String {
     escaped(text, &['\n', '\t'], |sign| sign.escape_default().to_string())
 }
 
-/// If the text is longer than `most`, keeps its beginning and its end and names its length.
+/// If the text is longer than `most`, keeps its beginning and its end, and inserts its length.
 fn cut(text: &str, most: usize) -> String {
     let count = text.chars().count();
     if count <= most {

@@ -1,4 +1,4 @@
-//! Refuses output files that are input files of the same command: the output would destroy the input.
+//! Refuses an output file that is an input file of the same command, because the output would destroy the input.
 
 use super::error::CliError;
 use crate::input_file;
@@ -8,7 +8,7 @@ use std::path::Path;
 /// Checks that an output file is not an input file, even under another name.
 ///
 /// # Errors
-/// The output is an input. Standard input and output are different files.
+/// The output file is an input file. The standard input and the standard output count as different files.
 pub(super) fn refuse_inputs<'a>(
     output: Option<&Path>,
     inputs: impl IntoIterator<Item = &'a Path>,

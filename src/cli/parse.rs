@@ -1,4 +1,4 @@
-//! The command line of this program: its commands in groups, and where options may be given.
+//! The command line of this program: its commands in groups, and the positions where options are allowed.
 
 use super::instance::instance_name;
 use super::{Cli, advice, config};
@@ -56,7 +56,7 @@ fn template(command: &Command) -> String {
 /// Parses the words of a command line. The first word is the name of the program.
 ///
 /// # Errors
-/// Wrong use, or a request for help, with hints for frequent mistakes.
+/// Wrong use, or a request for help. The error contains hints for frequent mistakes.
 pub(super) fn parse(words: impl Iterator<Item = OsString>) -> Result<Cli, clap::Error> {
     let commands = command();
     let words = with_options_after_command(words.collect(), 1, &commands);
@@ -65,8 +65,8 @@ pub(super) fn parse(words: impl Iterator<Item = OsString>) -> Result<Cli, clap::
     parsed.map_err(|error| advice::improve(without_environment_values(error, &words), &commands))
 }
 
-/// Moves options before a command to the place after the command: `-i NAME` is an option of the command, the others are allowed in
-/// both places. The words of the command begin at index `begin`.
+/// Moves options before a command behind the command. `-i NAME` is an option of the command; the other options are allowed in both
+/// positions. The words of the command begin at index `begin`.
 pub(super) fn with_options_after_command(
     words: Vec<OsString>,
     begin: usize,
@@ -111,7 +111,7 @@ fn without_environment_values(error: clap::Error, words: &[OsString]) -> clap::E
     if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         return error;
     }
-    // If the mistake is in an environment variable, this second attempt succeeds, and the original error is returned.
+    // If the mistake is in an environment variable, this second attempt succeeds. The original error is returned then.
     let other = bare(command()).try_get_matches_from(words).err();
     other.filter(|other| other.kind() == error.kind()).unwrap_or(error)
 }

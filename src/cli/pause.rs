@@ -17,22 +17,22 @@ use std::time::Duration;
 
 /// Real time between two polls.
 const INTERVAL: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
-/// Longest real time between a signal and the end of the process: the process may be blocked by an unread output, or
-/// wait for the emulator.
+/// Longest real time between a signal and the end of the process. The process may be blocked by an unread output, or
+/// may wait for the emulator.
 const LONGEST_END: Duration = Duration::from_secs(1);
 
 /// Result of a poll.
 pub(crate) enum PollResult<T> {
     /// The emulator has answered.
     Answered(T),
-    /// There is no answer now, because another client advances the stepped clock. The emulator answers later.
+    /// The emulator does not answer now, because another client advances the stepped clock.
     Later,
     /// The emulator has ended.
     Ended,
 }
 
 impl<T> PollResult<T> {
-    /// Converts a result, and notifies the user if the emulator of `instance` has ended.
+    /// Converts a result. Prints a note if the emulator of `instance` has ended.
     ///
     /// # Errors
     /// Any other error.
@@ -59,7 +59,7 @@ impl<T> PollResult<T> {
 pub(crate) enum PauseEnd {
     /// The interval has elapsed.
     Time,
-    /// A signal asks the process to end, or its terminal was closed.
+    /// A signal requests the process to end, or the terminal was closed.
     Signal,
     /// The reader has closed the standard output.
     OutputClosed,
@@ -72,7 +72,7 @@ pub(crate) struct Pause {
 }
 
 impl Pause {
-    /// Catches signals: the first signal ends a pause, and after [`LONGEST_END`] the process. The second signal ends
+    /// Catches signals. The first signal ends a pause and, after [`LONGEST_END`], the process. The second signal ends
     /// the process at once.
     pub(crate) fn new() -> Result<Self, CliError> {
         Self::on_signals().map_err(|reason| CliError::Signals { reason })
@@ -93,10 +93,10 @@ impl Pause {
 
     pub(crate) fn wait(&mut self) -> Result<PauseEnd, CliError> {
         let out = io::stdout();
-        // No event is requested for the output, because poll always reports that its reader has closed it.
+        // No event is requested for the output: `poll` always reports that the reader has closed the output.
         let mut files = [PollFd::new(&self.signals, PollFlags::IN), PollFd::new(&out, PollFlags::empty())];
         match poll(&mut files, Some(&INTERVAL)) {
-            // The signal handler has written its byte; the next call reads it.
+            // A signal interrupted the call. The signal handler has written its byte, which the next call reads.
             Err(Errno::INTR) | Ok(0) => Ok(PauseEnd::Time),
             Err(reason) => Err(CliError::Output { reason: reason.into() }),
             Ok(_) if !files[0].revents().is_empty() => Ok(PauseEnd::Signal),
@@ -106,18 +106,18 @@ impl Pause {
     }
 }
 
-/// Waits for a signal, and then ends the process unless the process ends by itself.
+/// Waits for a signal. Then ends the process, unless the process ends by itself in time.
 fn end_after_signal(signals: &UnixStream) {
     while poll(&mut [PollFd::new(signals, PollFlags::IN)], None) == Err(Errno::INTR) {}
     thread::sleep(LONGEST_END);
     signal_hook::low_level::exit(Exit::Interrupted.code().into());
 }
 
-/// Runs a command that follows an instance. If its terminal is closed, the command ends as after a signal, even if it
-/// first detects this by a failed write.
+/// Runs a command that follows an instance. If the terminal is closed, the command ends as after a signal, even if a
+/// failed write is the first sign of it.
 ///
 /// # Errors
-/// See `follow`.
+/// The errors of `follow`.
 pub(crate) fn following(follow: impl FnOnce() -> Result<(), CliError>) -> Result<(), CliError> {
     follow().map_err(|error| match error {
         CliError::Output { .. } if output::is_closed_terminal() => CliError::Ended(Exit::Interrupted.code()),

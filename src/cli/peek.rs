@@ -44,7 +44,7 @@ pub(crate) struct RegisterReading {
     /// Emulated time, in microseconds.
     pub time_us: u64,
     pub plc: String,
-    /// Name of the register, with the PLC if the instance has several; the address if there is no register.
+    /// Name of the register, with the PLC if the instance has several; the address if no register is at this place.
     pub register: String,
     pub address: String,
     #[serde(rename = "type")]
@@ -127,7 +127,8 @@ impl ReadTarget {
         Ok(Self::One(session.plc_of(&place)?, place))
     }
 
-    /// The bytes of the registers, each range as number of the PLC, first byte in the image, number of bytes.
+    /// The ranges of bytes of the registers. Each range consists of the index of the PLC, the first byte in the image,
+    /// and the number of bytes.
     pub(crate) fn stretches(&self) -> Vec<(DeviceIndex, u32, u32)> {
         match self {
             Self::One(plc, place) => vec![(*plc, place.offset(), place.width().bytes())],
@@ -138,8 +139,8 @@ impl ReadTarget {
     /// The read operations for the registers.
     pub(crate) fn reads(&self) -> Vec<Read> {
         match self {
-            // If two structures overlay each other, a status register shows which one is valid. It is read at the same
-            // moment.
+            // If two structures overlay each other, a status register shows which one is valid. The request reads both
+            // registers at the same moment.
             Self::One(plc, place) => {
                 let status = place.status().map(|status| Read::register(*plc, &status));
                 [Read::place(*plc, place)].into_iter().chain(status).collect()
@@ -168,7 +169,7 @@ impl ReadTarget {
 /// Reads registers at one moment.
 ///
 /// # Errors
-/// A PLC is missing, or the emulator has ended.
+/// A name needs its PLC, or the emulator has ended.
 pub(crate) fn read(session: &Session, wanted: &[ReadTarget]) -> Result<Vec<RegisterReading>, CliError> {
     let each = read_each(session, &wanted.iter().collect::<Vec<_>>())?;
     Ok(each.into_iter().flatten().collect())
@@ -177,7 +178,7 @@ pub(crate) fn read(session: &Session, wanted: &[ReadTarget]) -> Result<Vec<Regis
 /// Reads registers at one moment, and returns the readings of each argument.
 ///
 /// # Errors
-/// See [`read`].
+/// The errors of [`read`].
 pub(crate) fn read_each(
     session: &Session,
     wanted: &[&ReadTarget],
@@ -194,7 +195,8 @@ pub(crate) fn read_each(
     Ok(holdings)
 }
 
-/// Describes the value of `place` in PLC `plc`, in phase `live`, at an emulated time.
+/// Describes the value of `place` in the PLC with index `plc`, at an emulated time. `live` is the phase of overlaid
+/// structures.
 pub(crate) fn holding(
     session: &Session,
     place: &NamedLocation,

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 /// Name of the schema file in the directory of the plants.
 pub(super) const SCHEMA: &str = "plant.schema.json";
 
-/// Name of the plant file that `check` takes by itself.
+/// Name of the plant file that `check` reads if the user names none.
 const HERE: &str = "plant.toml";
 
 /// Check a plant file, or print the schema of plant files.
@@ -67,7 +67,7 @@ pub(super) fn schema() -> String {
     format!("{:#}\n", crate::plant::schema())
 }
 
-/// The plant with the name of its schema in the first line. Editors with a TOML language server then complete keys and
+/// Adds a first line with the name of the schema to a plant. Editors with a TOML language server then complete keys and
 /// underline mistakes.
 pub(super) fn with_schema(plant: &str) -> String {
     format!("#:schema ./{SCHEMA}\n{plant}")

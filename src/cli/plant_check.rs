@@ -14,7 +14,7 @@ use std::path::Path;
 struct PlantVerdict {
     file: String,
     fine: bool,
-    /// Line of the error, if it has one.
+    /// Line of the error, if the error has one.
     line: Option<usize>,
     message: Option<String>,
     /// Entries that are allowed but probably not intended.
@@ -36,7 +36,7 @@ impl Warning {
         doubts.map(|(line, doubt)| Self { line, message: doubt.text }).collect()
     }
 
-    /// `plant.toml: line 7: warning: ...`
+    /// Formats the result: `plant.toml: line 7: warning: ...`.
     fn text(&self, file: &str) -> String {
         let line = self.line.map_or_else(String::new, |line| format!("line {line}: "));
         format!("{file}: {line}warning: {}", self.message)
@@ -90,8 +90,8 @@ impl Row for PlantVerdict {
 /// Checks the file, or the built-in plant, and calls `then` with an accepted plant.
 ///
 /// # Errors
-/// The plant is refused, or `then` fails. If the printed table already contains the error, it is
-/// [`CliError::Reported`].
+/// The plant is refused, or `then` fails. The error is [`CliError::Reported`] if the printed table already contains the
+/// message.
 pub(crate) fn run(
     path: Option<&Path>,
     format: Format,
@@ -123,7 +123,7 @@ fn called(path: Option<&Path>) -> String {
     path.map_or_else(|| "built-in plant".to_owned(), |path| path.display().to_string())
 }
 
-/// The text of the file, to find line numbers.
+/// The text of the file, in which line numbers are searched.
 fn written(path: Option<&Path>) -> String {
     match path {
         Some(path) => input_file::read(path, input_file::LONGEST_PLANT).unwrap_or_default(),
@@ -131,7 +131,7 @@ fn written(path: Option<&Path>) -> String {
     }
 }
 
-/// `plant.toml: fine: 2 devices, 2 buses with 3 drives, 1 fault`
+/// Formats the results: `plant.toml: fine: 2 devices, 2 buses with 3 drives, 1 fault`.
 fn text(rows: &[PlantVerdict]) -> String {
     let line = |judged: &PlantVerdict| {
         let drives: usize = judged.buses.iter().map(|bus| bus.drives.len()).sum();

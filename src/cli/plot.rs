@@ -59,7 +59,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         text: text.display().to_string(),
         right: right.to_string(),
     };
-    // On the standard output, the picture has a text format: SVG.
+    // On the standard output, the picture has the format SVG, because SVG is a text format.
     let name: &Path =
         if input_file::is_standard(&args.output) { Path::new("plot.svg") } else { &args.output };
     let picture =
@@ -85,7 +85,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Refuses too many registers, and a window without a length.
+/// Refuses too many registers, and a window whose end is not later than its begin.
 fn check(registers: usize, from: u64, to: Option<u64>) -> Result<(), CliError> {
     if registers > MOST {
         let right = format!("a plot has at most {MOST} registers");
@@ -98,8 +98,8 @@ fn check(registers: usize, from: u64, to: Option<u64>) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Returns the end of the window in microseconds: `to`, or the last known time if this is earlier. After the last known
-/// time there is nothing to draw.
+/// Returns the end of the window in microseconds: `to`, or the last known time if that is earlier. No values are known
+/// after it.
 ///
 /// # Errors
 /// The window begins after the last known time.
@@ -122,8 +122,8 @@ fn of_instance(args: &Args) -> Result<Plot, CliError> {
 /// up to the present.
 ///
 /// # Errors
-/// A register cannot be drawn, the window has no length or begins later than now, or the emulator has gone. An end later
-/// than now is no error: the plot ends now.
+/// A register cannot be drawn, the window has no length or begins later than now, or the emulator has ended. An end
+/// later than now is no error: the plot then ends now.
 pub(crate) fn of_session(
     session: &Session,
     registers: &[String],

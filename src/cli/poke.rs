@@ -67,7 +67,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let writes = args.writes.iter().map(parse).collect::<Result<Vec<_>, _>>()?;
     let stores = RegisterWrite::of(&session, &writes)?;
     let mut ops: Vec<_> = stores.iter().map(RegisterWrite::store).collect();
-    // The request with the writes also reads the registers that the notes need. This saves a second request.
+    // The request with the writes also reads the registers that the notes need, which saves a second request.
     let statuses =
         writes.iter().map(|(place, _)| peek_status(&session, place)).collect::<Result<Vec<_>, _>>()?;
     ops.extend(statuses.iter().flatten());
@@ -89,7 +89,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     Ok(())
 }
 
-/// The operation that reads the register that shows which structure is valid at the place. `None` if structures do not
+/// Returns the operation that reads the status register of overlaid structures at this place. `None` if no structures
 /// overlay each other there.
 fn peek_status(session: &Session, place: &NamedLocation) -> Result<Option<Op>, CliError> {
     let Some(status) = place.status() else { return Ok(None) };
@@ -97,7 +97,7 @@ fn peek_status(session: &Session, place: &NamedLocation) -> Result<Option<Op>, C
     Ok(Some(Op::Peek { plc: session.plc_of(place)?, offset: address.offset(), width: address.width() }))
 }
 
-/// Prints a note if only the firmware writes a register.
+/// Prints a note if only the firmware writes the register.
 fn note_if_firmwares(place: &NamedLocation, status: Option<u32>) {
     use crate::layout::Owner;
 
@@ -112,7 +112,7 @@ fn note_if_firmwares(place: &NamedLocation, status: Option<u32>) {
     }
 }
 
-/// Prints a note if a write does not match one register.
+/// Prints a note if the write does not cover exactly one register.
 fn note_if_not_whole(place: &NamedLocation) {
     if place.bit().is_none() && !place.is_whole() {
         let (address, what) = (place.address(), place.meaning(place.last_phase(), 0));

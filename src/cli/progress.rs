@@ -13,8 +13,8 @@ const INTERVAL: Duration = Duration::from_secs(1);
 /// Returns to the start of the line and clears it.
 const CLEAR: &str = "\r\x1b[K";
 
-/// Does `work`. If this takes long and the standard error output is a terminal, shows real and emulated time there.
-/// `plc` is a PLC of the instance. `advance_us` is the time by which `work` advances the clock, if it is known.
+/// Executes `work`. If it takes long and the standard error output is a terminal, shows real and emulated time there.
+/// `plc` is a PLC of the instance. `advance_us` is the time by which `work` advances the clock, if known.
 pub(crate) fn shown<R>(instance: &str, plc: &str, advance_us: Option<u64>, work: impl FnOnce() -> R) -> R {
     if !io::stderr().is_terminal() || output::is_quiet() {
         return work();
@@ -48,11 +48,11 @@ pub(crate) fn shown<R>(instance: &str, plc: &str, advance_us: Option<u64>, work:
 struct Passed {
     begin: u64,
     now: u64,
-    /// Time from the beginning to the end, if it is known.
+    /// Time by which the work advances the clock, if known.
     advance: Option<u64>,
 }
 
-/// Formats the elapsed real time, and if it is known the emulated time, its target and its rate.
+/// Formats the elapsed real time. If the emulated time is known, adds the emulated time, its target and its rate.
 fn line(real: Duration, passed: Option<Passed>) -> String {
     let emulated = |Passed { begin, now, advance }: Passed| {
         let target =

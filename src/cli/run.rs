@@ -22,7 +22,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::time::Duration;
 
-/// Longest wait, at the end of the emulator, for the output of the line about its start.
+/// Longest wait, when the emulator ends, for the output of the line that reports its start.
 const LONGEST_PRINT: Duration = Duration::from_millis(500);
 
 /// Run an emulator until it is stopped.
@@ -111,7 +111,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let detached = args.detached.then(|| Detached::begin(args.log.as_deref())).transpose()?;
     let clock = args.settings.clock()?;
     args.federate.check(clock, args.settings.keeps_novram())?;
-    // From here on a signal ends the emulator in an orderly way, unless its start hangs.
+    // From here on a signal ends the emulator in an orderly way, unless the start hangs.
     let signals = TerminationSignals::take()?;
     end_at_second_ctrl_c()?;
     if let Some(parent) = args.parent {
@@ -127,7 +127,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             let (stop, instance) = (emulator.stop_handle(), name.clone());
             let then = move |address: Option<String>| {
                 match address {
-                    // The exit code of a detached process has no reader.
+                    // A detached process has no parent that reads its exit code, so errors are dropped.
                     Some(address) => drop(announce(&instance, &(ready + &address))),
                     None => stop.stop(),
                 }
@@ -138,7 +138,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         None => {
             let instance = name.clone();
             let (send, printed) = mpsc::channel();
-            // An emulator with unread output serves its clients.
+            // Prints in a thread: the emulator serves its clients even if its output is not read.
             in_thread(move || drop(send.send(announce(&instance, &ready).and(let_go()))))?;
             (None, Some(printed))
         }
@@ -164,7 +164,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     }
 }
 
-/// Checks the other options with a plant, as far as it is possible without a start.
+/// Checks the other options with a plant, as far as this is possible without a start.
 ///
 /// # Errors
 /// An option has a value with which the emulator would not start.
@@ -175,7 +175,7 @@ fn check_options(args: &Args, config: &PlantConfig) -> Result<(), CliError> {
         let doors = bus.doors().iter();
         doors.map(|door| (bus.name(), *door))
     }))?;
-    // A large plant takes long to build.
+    // Skips the check if no option needs it, because a large plant takes long to build.
     if !args.settings.has_recorded() && !args.federate.has_exchange() {
         return Ok(());
     }
@@ -186,7 +186,7 @@ fn check_options(args: &Args, config: &PlantConfig) -> Result<(), CliError> {
     })
 }
 
-/// Prints the line of a ready emulator. If the reader has gone or the output is full, the emulator continues.
+/// Prints the line that reports a ready emulator. If the output is closed or full, the emulator continues.
 fn announce(instance: &str, line: &str) -> Result<(), CliError> {
     output::print(line).inspect_err(|error| {
         if !error.is_reported() && !matches!(error, CliError::Interrupted) {

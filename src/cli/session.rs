@@ -1,4 +1,5 @@
-//! Access to an instance: through the channel while its emulator runs, otherwise to the images that it has left.
+//! Access to an instance: through the channel while its emulator runs, otherwise through the images that the emulator
+//! has left.
 
 mod by_channel;
 
@@ -58,9 +59,9 @@ impl Read {
 pub(crate) struct Snapshot {
     /// Emulated time of the read, in microseconds.
     pub time_us: u64,
-    /// The bytes, one item per read; registers in little-endian order.
+    /// The bytes, one item per read. Registers are in little-endian order.
     pub data: Vec<Vec<u8>>,
-    /// The forced registers at that moment; empty if the emulator is dead.
+    /// The registers that were forced at that moment; empty if the emulator is dead.
     pub forces: Vec<Forced>,
 }
 
@@ -80,21 +81,21 @@ pub(crate) struct Session {
     /// Device and options of each PLC.
     fitted: Vec<DeviceFit>,
     door: Access,
-    /// Ratio of real time to emulated time.
+    /// Seconds of real time for a second of emulated time.
     slowed: f64,
 }
 
 enum Access {
     Channel(Box<crate::channel::Client>),
-    /// In the order of `plcs`.
+    /// The images in the order of `plcs`.
     Images(Vec<Attached>),
 }
 
 impl Session {
-    /// Opens an instance for reading, with a running or a dead emulator.
+    /// Opens an instance for reading, even if its emulator is dead.
     ///
     /// # Errors
-    /// There is no instance of this name, or it cannot be used.
+    /// No instance has this name, or the instance cannot be used.
     pub(crate) fn open_for_reading(instance: &Instance) -> Result<Self, CliError> {
         instance.reach(|| Self::try_to_read(instance))
     }
@@ -140,19 +141,19 @@ impl Session {
         &self.instance
     }
 
-    /// The names of its PLCs.
+    /// The names of the PLCs of the instance.
     pub(crate) fn plcs(&self) -> &[String] {
         &self.plcs
     }
 
-    /// Number of the PLC `plc`, which the user wrote before `text`.
+    /// Returns the index of the PLC `plc`, which the user wrote before `text`.
     ///
     /// # Errors
-    /// There is no such PLC, or no PLC is named and the instance has several.
+    /// The instance has no such PLC, or it has several and the user named none.
     pub(crate) fn plc(&self, plc: Option<&str>, text: &str) -> Result<DeviceIndex, CliError> {
         number_of_plc(&self.instance, &self.plcs, plc, text).map_err(|error| match error {
             CliError::WhichPlc { text, instance, plcs, example } => {
-                // The example names a PLC that has the register or address.
+                // The example in the message names a PLC that has the register or address.
                 let fits = self.fitted.iter().map(|fitted| NamedLocation::parse(fitted, &text).is_ok());
                 let first = self.plcs.iter().zip(fits).find_map(|(plc, fits)| fits.then(|| plc.clone()));
                 CliError::WhichPlc { text, instance, plcs, example: first.unwrap_or(example) }
@@ -180,16 +181,16 @@ impl Session {
     /// Finds the register or address in `text`.
     ///
     /// # Errors
-    /// The errors of [`Session::plc`], or the device has no such register or address.
+    /// The errors of [`Session::plc`]. Also fails if the device has no such register or address.
     pub(crate) fn place(&self, text: &str) -> Result<NamedLocation, CliError> {
         let (plc, name) = split_plc(text);
         Ok(NamedLocation::parse(&self.fitted(self.plc(plc, name)?), text)?)
     }
 
-    /// Finds the number of the PLC and of the port in `text`; without a name the first master.
+    /// Finds the indices of the PLC and of the port in `text`. Without a name, returns the first master.
     ///
     /// # Errors
-    /// The errors of [`Session::plc`], or the device has no such port.
+    /// The errors of [`Session::plc`]. Also fails if the device has no such port.
     pub(crate) fn port(&self, text: &str) -> Result<(DeviceIndex, u8), CliError> {
         let (plc, name) = split_plc(text);
         let first = || self.fitted(DeviceIndex(0)).first_master().map_or("", |port| port.name);
@@ -198,7 +199,7 @@ impl Session {
         Ok((plc, self.device(plc).port_named(name)?.number))
     }
 
-    /// Number of the PLC of `place`.
+    /// Returns the index of the PLC of `place`.
     ///
     /// # Errors
     /// The errors of [`Session::plc`].
@@ -214,15 +215,15 @@ impl Session {
     /// Size of the retain flags of PLC `plc`, in bytes.
     ///
     /// # Errors
-    /// The emulator has gone.
+    /// The emulator has ended.
     pub(crate) fn retain_bytes(&self, plc: DeviceIndex) -> Result<u32, CliError> {
         Ok(self.header(plc)?.retain_size.load())
     }
 
-    /// The modules of PLC `plc` by the names of their ports; `None` if it is not modular.
+    /// The modules of the PLC with index `plc`, each with the name of its port; `None` if the PLC is not modular.
     ///
     /// # Errors
-    /// The emulator has gone.
+    /// The emulator has ended.
     pub(crate) fn modules(
         &self,
         plc: DeviceIndex,
@@ -233,7 +234,7 @@ impl Session {
     /// Switches and displays that only the device type of PLC `plc` has.
     ///
     /// # Errors
-    /// The emulator has gone.
+    /// The emulator has ended.
     pub(crate) fn front(&self, plc: DeviceIndex) -> Result<Vec<(&'static FrontWord, u32)>, CliError> {
         Ok(self.header(plc)?.front_words(self.device(plc)).collect())
     }
@@ -254,7 +255,7 @@ impl Session {
     /// Reads all values in one request.
     ///
     /// # Errors
-    /// The emulator has gone or refuses.
+    /// The emulator has ended, or refuses the request.
     pub(crate) fn read(&self, reads: &[Read]) -> Result<Snapshot, CliError> {
         match &self.door {
             Access::Channel(_) => self.read_by_channel(reads),
@@ -265,7 +266,7 @@ impl Session {
     /// The boards of all PLCs with the names of the PLCs.
     ///
     /// # Errors
-    /// The emulator has gone.
+    /// The emulator has ended.
     pub(crate) fn boards(&self) -> Result<Vec<(String, BoardState)>, CliError> {
         let states: Vec<BoardState> = match &self.door {
             Access::Channel(_) => self.boards_by_channel()?,
@@ -276,7 +277,7 @@ impl Session {
 
     /// Opens the images of an instance without the channel.
     fn map(instance: &str, images: &[ImageInfo]) -> Result<Self, CliError> {
-        // After a restart with fewer PLCs, images of the previous emulator can be left.
+        // After a restart with fewer PLCs, images of the previous emulator may still exist.
         let any_alive = images.iter().any(is_alive);
         let images: Vec<_> = images.iter().filter(|image| !any_alive || is_alive(image)).collect();
         let attach = |image: &ImageInfo| devices::attach(instance, &image.plc, AttachMode::ReadOnly);
@@ -288,10 +289,10 @@ impl Session {
     }
 }
 
-/// Number of the PLC `plc` of an instance, which the user wrote before `text`.
+/// Returns the index of the PLC `plc` of an instance. The user wrote the name before `text`.
 ///
 /// # Errors
-/// There is no such PLC, or no PLC is named and the instance has several.
+/// The instance has no such PLC, or it has several and the user named none.
 pub(crate) fn number_of_plc(
     instance: &str,
     plcs: &[String],
@@ -318,10 +319,10 @@ pub(crate) fn number_of_plc(
     })
 }
 
-/// Number of the bus `bus` of an instance with these buses.
+/// Returns the index of the bus `bus` of an instance with these buses.
 ///
 /// # Errors
-/// There is no such bus.
+/// The instance has no such bus.
 pub(crate) fn number_of_bus(instance: &str, buses: &[String], bus: &str) -> Result<BusIndex, CliError> {
     let number = buses.iter().position(|name| name == bus);
     number.map(BusIndex::at).ok_or_else(|| CliError::UnknownBus {
@@ -331,10 +332,10 @@ pub(crate) fn number_of_bus(instance: &str, buses: &[String], bus: &str) -> Resu
     })
 }
 
-/// The images of an instance; at least one, and all of them usable. Ignores files of other users.
+/// Returns the images of an instance: at least one, and all of them usable. Ignores files of other users.
 ///
 /// # Errors
-/// There is no image of this user, or one cannot be used.
+/// This user has no image of the instance, or one of the images cannot be used.
 pub(crate) fn images_of(instance: &str) -> Result<Vec<ImageInfo>, CliError> {
     let all = crate::memory::list()?;
     let (own, others): (Vec<_>, Vec<_>) = all.into_iter().partition(|image| image.instance == instance);
@@ -400,7 +401,7 @@ fn read_images(images: &[Attached], reads: &[Read]) -> Result<Snapshot, CliError
     let mut data = Vec::with_capacity(reads.len());
     for read in reads {
         let (Read::Register { plc, .. } | Read::Block { plc, .. }) = *read;
-        // The PLC number comes from this session, so the image exists.
+        // The index comes from this session, so the image exists.
         let Some(image) = images.get(plc.index()) else { continue };
         data.push(match *read {
             Read::Register { offset, width, .. } => {

@@ -68,7 +68,7 @@ fn help(commands: &clap::Command) -> String {
 
 /// Result of a line.
 enum LineResult {
-    /// The shell continues.
+    /// The shell continues with the next line.
     On,
     /// The user ends the shell with this exit code.
     Enough(u8),
@@ -95,7 +95,7 @@ fn ended(code: u8) -> Result<(), CliError> {
 
 struct Shell {
     instance: Instance,
-    /// Created when the first verb is used.
+    /// Executes pieces of scenarios; created when the first verb is used.
     lines: Option<Lines>,
 }
 
@@ -150,7 +150,7 @@ impl Shell {
         }
     }
 
-    /// The emulated time, in microseconds, if the emulator answers.
+    /// The emulated time in microseconds; `None` if the emulator does not answer.
     fn now(&self) -> Option<u64> {
         let session = Session::open(&Instance::running(self.instance.name()), 0).ok()?;
         session.ask(Op::Info).ok()?.info().ok().map(|info| info.time_us)
@@ -243,7 +243,7 @@ impl Shell {
             },
         };
         output::complain(&why);
-        // The emulator may have been replaced; variables are lost with the connection.
+        // If another emulator has replaced this one, the connection and the variables of the shell are lost.
         if Session::open(&Instance::running(self.instance.name()), 0).is_err() {
             self.lines = None;
         }
@@ -256,7 +256,7 @@ impl Shell {
             None => {
                 let client = Session::open(&self.instance, LONGEST_US)?.into_client()?;
                 Lines::new(Bench::attach(client)?, Path::new("."), |line| {
-                    // If the output has no reader, the next print reports it.
+                    // An error is ignored: if the output has no reader, the next print reports it.
                     let _ = output::print(&output::harmless(line));
                 })
             }

@@ -27,9 +27,8 @@ pub(crate) struct Args {
 
 /// Return to the state in a file written by `commram snapshot`.
 ///
-/// The instance must have the same plant. Its journal starts again from there. The command is refused while a task
-/// in lockstep, a program that has mapped the registers or a guest at a door takes part, because these cannot go
-/// back.
+/// The instance must have the same plant. Its journal continues from that state. The command is refused while a task in
+/// lockstep, a program that has mapped the registers or a guest at a door takes part, because these cannot go back.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -81,7 +80,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 /// Takes a snapshot, as the bytes of a file.
 ///
 /// # Errors
-/// The clock is not stepped, or the emulator has gone.
+/// The clock is not stepped, or the emulator has ended.
 pub(crate) fn take(session: &super::session::Session) -> Result<Vec<u8>, CliError> {
     use crate::request::{MAX_RANGE, Op};
 

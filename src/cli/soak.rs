@@ -129,7 +129,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         .collect::<Result<_, CliError>>()?;
     rows.push(Row::of(kills::NAME, String::new()));
     let failure = play(args, seed, &judge, &interrupts, &mut rows)?;
-    // Not every exercise has a row.
+    // The last row belongs to the rounds with kills. It is removed if no such round was played.
     let _ = rows.pop_if(|row| row.is_empty());
     if args.format.format == Format::Text {
         rows.extend(Row::sums(&rows));
@@ -140,7 +140,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             output::complain(&text);
             Err(CliError::Reported)
         }
-        // Without a limit, Ctrl-C is the normal end.
+        // Without a limit, Ctrl-C is the normal way to end.
         None if interrupts.any() && (args.hours.is_some() || args.rounds.is_some()) => {
             Err(CliError::Interrupted)
         }
@@ -206,7 +206,7 @@ fn play(
     failure.into_inner().unwrap_or_else(PoisonError::into_inner).transpose()
 }
 
-/// Ends all rounds; the first result is reported.
+/// Stops all rounds; `result` is reported unless an earlier result exists.
 fn end_with(
     first: &Mutex<Option<Result<String, CliError>>>,
     over: &AtomicBool,
@@ -233,7 +233,7 @@ fn list(format: Format, exercises: &[&'static Exercise]) -> Result<(), CliError>
     table::print(format, &rows, table::aligned)
 }
 
-/// A seed that differs from run to run, and is short enough to type.
+/// Returns a seed that differs from run to run and is short enough to type.
 fn any_seed() -> u64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(1, |time| time.as_secs() % 1_000_000)
 }

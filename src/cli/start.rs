@@ -21,7 +21,7 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Longest wait of a signal during the start for the end of the start. After that the process ends at once.
+/// Time that a signal during the start waits for the end of the start. After that the process ends at once.
 const START_PATIENCE: Duration = Duration::from_secs(1);
 
 /// Options of the emulator.
@@ -73,7 +73,7 @@ const LIST: &str = "write blocks and registers, separated by commas, for example
 enum ClockArg {
     /// The wall clock
     Realtime,
-    /// `commram step`, `commram wait` and other clients of the channel; in between the time does not advance
+    /// The clock advances only by `commram step`, `commram wait` and other clients of the channel
     Stepped,
 }
 
@@ -83,10 +83,10 @@ fn speed(text: &str) -> Result<f64, &'static str> {
 }
 
 impl Settings {
-    /// The clock of these options.
+    /// Returns the clock that these options select.
     ///
     /// # Errors
-    /// A speed is given with a stepped clock.
+    /// The options contain a speed and a stepped clock.
     pub(crate) fn clock(&self) -> Result<Clock, CliError> {
         match self.clock {
             ClockArg::Stepped if self.speed != 1.0 => {
@@ -98,8 +98,8 @@ impl Settings {
         }
     }
 
-    /// Starts an emulator with this plant and prints notes about files it took over. From here on `signals` handles
-    /// the termination signals.
+    /// Starts an emulator with this plant, and prints notes about files that it took over. From here on `signals`
+    /// handles the termination signals.
     ///
     /// # Errors
     /// The emulator does not start.
@@ -144,7 +144,7 @@ impl Settings {
         }
         let names = emulator.plant().names();
         self.record(instance, &names, |plc, offset, len| emulator.keep_changes(plc, offset, len))?;
-        // With a mistyped name, flags and parameters would start with their defaults.
+        // A note, because the name may be mistyped: flags and parameters would then start with their defaults.
         if let Some(new) = new.filter(|directory| directory.exists()) {
             super::output::note(&format!(
                 "NOVRAM directory {} did not exist; it was created empty",
@@ -157,7 +157,7 @@ impl Settings {
 }
 
 impl Settings {
-    /// True if NOVRAM is kept after the end of the emulator.
+    /// True if NOVRAM is kept when the emulator ends.
     pub(crate) fn keeps_novram(&self) -> bool {
         self.novram.is_some()
     }
@@ -167,7 +167,7 @@ impl Settings {
         !self.watch.is_empty()
     }
 
-    /// Checks options that do not depend on the plant, without a start. Returns the clock.
+    /// Checks the options that do not depend on the plant, without a start. Returns the clock.
     ///
     /// # Errors
     /// An emulator with these options would not start.
@@ -180,10 +180,11 @@ impl Settings {
         Ok(clock)
     }
 
-    /// Passes the bytes of the --record registers to `keep`: number of the PLC, first byte in the image, number of bytes.
+    /// Passes the registers of `--record` to `keep`: the index of the PLC, the first byte in the image, and the number of
+    /// bytes.
     ///
     /// # Errors
-    /// The plant has no such register, or `keep` refuses it.
+    /// The plant has no such register, or `keep` fails.
     pub(crate) fn record(
         &self,
         instance: &str,
@@ -203,7 +204,7 @@ impl Settings {
 }
 
 impl<'a> InitialState<'a> {
-    /// The file of the initial state, if there is one.
+    /// Returns the file of the initial state, if the state comes from a file.
     fn path(self) -> Option<&'a Path> {
         match self {
             InitialState::BuiltIn => None,
@@ -212,7 +213,8 @@ impl<'a> InitialState<'a> {
     }
 }
 
-/// A snapshot contains its plant, so the other setting of a device with a folder comes from a changed file.
+/// Adds the cause to the error of a snapshot with other settings. A snapshot contains its plant. If the plant has a device
+/// in a folder, the cause is a changed file of that folder.
 fn explain_snapshot(begin: InitialState<'_>, config: &PlantConfig, error: RuntimeError) -> RuntimeError {
     let folders = config.devices.iter().filter_map(|device| Some(device.folder()?.display().to_string()));
     let folders = folders.collect::<Vec<_>>().join(", ");
@@ -226,10 +228,10 @@ fn explain_snapshot(begin: InitialState<'_>, config: &PlantConfig, error: Runtim
     }
 }
 
-/// Does `work` in a thread.
+/// Runs `work` in a thread.
 ///
 /// # Errors
-/// The system has no thread for it.
+/// The operating system cannot start a thread.
 pub(crate) fn in_thread<T: Send + 'static>(
     work: impl FnOnce() -> T + Send + 'static,
 ) -> Result<JoinHandle<T>, CliError> {
@@ -237,18 +239,18 @@ pub(crate) fn in_thread<T: Send + 'static>(
     thread.map_err(|reason| RuntimeError::Thread { reason }.into())
 }
 
-/// A signal that asks this process to end.
+/// A signal that requests this process to end.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TerminationSignal {
     pub(crate) number: i32,
-    /// True if `commram stop` has sent the signal, which concerns the emulator only.
+    /// True if `commram stop` has sent the signal; the signal then concerns only the emulator.
     pub(crate) is_from_stop: bool,
-    /// Number of the process that has sent the signal; `None` for the kernel, or for a process that is not visible.
+    /// Process id of the sender; `None` if the kernel has sent the signal, or a process that is not visible.
     sender: Option<u32>,
 }
 
 impl TerminationSignal {
-    /// The reason for the end of the emulator, as clients get it. `parent` is the process with which it ends.
+    /// Returns the reason for the end of the emulator, which clients receive. If `parent` ends, this process ends, too.
     pub(crate) fn reason(&self, parent: Option<u32>) -> String {
         let has_parent = |number| {
             rustix::process::getppid()
@@ -273,7 +275,7 @@ impl TerminationSignal {
 /// Handler of a signal.
 pub(crate) type OnSignal = Box<dyn FnMut(TerminationSignal) + Send>;
 
-/// The termination signals, which no longer end this process.
+/// The termination signals. While this value exists, they do not end the process by themselves.
 pub(crate) struct TerminationSignals {
     signals: SignalsInfo<WithRawSiginfo>,
     /// Set by the first signal.
@@ -281,10 +283,10 @@ pub(crate) struct TerminationSignals {
 }
 
 impl TerminationSignals {
-    /// Catches the termination signals. The first one ends writes to outputs that are not read.
+    /// Catches the termination signals. After the first signal, writes to outputs that are not read end.
     ///
     /// # Errors
-    /// The operating system refuses the operation.
+    /// The operating system refuses the request.
     pub(crate) fn take() -> Result<Self, CliError> {
         let signals = SignalsInfo::new([SIGINT, SIGTERM, SIGHUP]);
         let signals = signals.map_err(|reason| CliError::Signals { reason })?;
@@ -293,8 +295,8 @@ impl TerminationSignals {
         Ok(Self { signals, has_any })
     }
 
-    /// Sends signals to the handler that the started emulator provides. A signal that arrives earlier waits for the
-    /// end of the start, unless the start hangs.
+    /// Passes signals to the handler of the started emulator. A signal that arrives earlier waits until the start has
+    /// ended, unless the start hangs.
     fn pass_on(mut self, starting: &Receiver<OnSignal>) {
         let mut pending = self.signals.forever().map(|signal| TerminationSignal {
             number: signal.si_signo,
@@ -309,21 +311,21 @@ impl TerminationSignals {
                 pending.for_each(act);
             }
             Err(RecvTimeoutError::Timeout) => end_by(first.number),
-            // The start has failed, and the process is about to end.
+            // The start has failed, and the process ends soon.
             Err(RecvTimeoutError::Disconnected) => {}
         }
     }
 }
 
-/// Lets the second Ctrl-C end this process at once. Only the terminal can do this: a SIGINT from another process,
-/// for example from several `commram stop` or a parent, never interrupts an orderly end.
+/// Makes the second Ctrl-C end this process at once. Only the terminal can send Ctrl-C. A SIGINT from another process,
+/// such as `commram stop` or a parent, never interrupts an orderly end, even if it is sent several times.
 ///
 /// # Errors
-/// The operating system refuses the operation.
+/// The operating system refuses the request.
 pub(crate) fn end_at_second_ctrl_c() -> Result<(), CliError> {
     let was_pressed = AtomicBool::new(false);
     let act = move |signal: &libc::siginfo_t| {
-        // Another process cannot send a signal with this code.
+        // Only the kernel can send a signal with this code.
         if signal.si_code == libc::SI_KERNEL && was_pressed.swap(true, Ordering::Relaxed) {
             end_by(SIGINT);
         }

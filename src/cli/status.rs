@@ -56,7 +56,7 @@ mod by_channel {
         time_us: u64,
         pid: u32,
         version: String,
-        /// The task or guest for which the clock waits.
+        /// The task or guest for which the clock waits, if any.
         waits_for: Option<String>,
     }
 
@@ -96,7 +96,7 @@ mod by_channel {
         power: String,
         switch: Option<String>,
         program: Option<String>,
-        /// State of its script, if it is a device in a folder with one.
+        /// State of the script, if the PLC is a device in a folder with a script.
         #[serde(skip_serializing_if = "Option::is_none")]
         script: Option<String>,
     }
@@ -115,7 +115,7 @@ mod by_channel {
     struct Node {
         node: String,
         bus: Option<String>,
-        /// State that the firmware reports, if it has a register for the state.
+        /// State that the firmware reports, if the firmware has a register for the state.
         state: Option<u32>,
         text: Option<String>,
         #[serde(skip)]
@@ -168,7 +168,7 @@ mod by_channel {
         /// Reads all data from the instance in one message.
         ///
         /// # Errors
-        /// The emulator has gone.
+        /// The emulator has ended.
         pub(crate) fn of(session: &Session) -> Result<Self, CliError> {
             let ops = [Op::Info, Op::Buses, Op::Drives, Op::FaultList, Op::Forces, Op::Findings];
             let mut replies = session.request(&ops)?.into_iter();
@@ -262,7 +262,7 @@ mod by_channel {
         }
     }
 
-    /// State of the script that the front of a device shows, if it has a script.
+    /// Returns the state of the script, which the front of the device shows; `None` if the device has no script.
     fn script_state(session: &Session, plc: DeviceIndex) -> Result<Option<String>, CliError> {
         let front = session.front(plc)?;
         let word = front.into_iter().find(|(word, _)| word.name == devices::folder::SCRIPT_WORD);

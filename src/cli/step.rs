@@ -9,10 +9,10 @@ use crate::request::MAX_ADVANCE_US;
 /// Advance the emulated time, or go back (stepped mode only).
 ///
 /// Prints the new emulated time. Going back restores the plant as it was then, and later events are lost. A stepped
-/// instance keeps earlier states as long as there is memory for them (`commram run --keep-states`). What clients did
-/// at the moment where it ends is kept; `--back-to-start` also undoes what they did at the start. Going back is
-/// refused while a task in lockstep, a program that has mapped the registers or a guest at a door takes part,
-/// because these cannot go back.
+/// instance keeps earlier states as long as there is memory for them (`commram run --keep-states`). The actions of
+/// clients at the moment to which the plant returns are kept; `--back-to-start` also undoes their actions at the start.
+/// Going back is refused while a task in lockstep, a program that has mapped the registers or a guest at a door takes
+/// part, because these cannot go back.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -34,8 +34,8 @@ pub(crate) struct Args {
     /// Go back by this time (us, ms, s, min, h)
     #[arg(long, value_name = "TIME", value_parser = time::parse, conflicts_with_all = ["time", "to_sync"])]
     back: Option<u64>,
-    /// Go back to the last moment before now at which this became true: REG==VALUE, as the conditions of `commram
-    /// wait`; with several conditions all must be true
+    /// Go back to the last moment before now at which a condition became true: REG==VALUE, as for `commram wait`; with
+    /// several conditions all must be true
     #[arg(add = super::complete::conditions(), long, value_name = "CONDITION", conflicts_with_all = ["time", "to_sync", "back"])]
     back_to: Vec<String>,
     /// Go back to the start of the plant, before all actions of clients

@@ -32,16 +32,16 @@ pub(crate) struct Args {
 
 /// Time limit for the end of an emulator.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// Time limit for the system to remove a process that has died.
+/// Time limit for the system to remove a process that has been killed.
 const DYING: Duration = Duration::from_secs(1);
-/// Longest wait for an emulator that has confirmed its end, before it also gets a signal: another program may have
-/// written the confirmation in the header page.
+/// Longest wait for an emulator that has confirmed its end; after it the emulator also gets a signal. The confirmation
+/// in the header page may come from another program.
 const DOUBT: Duration = Duration::from_secs(1);
 /// Pause between two checks for the end.
 const LOOK: Duration = Duration::from_millis(2);
 /// Time limit for connecting to the channel, and for the answer, before the emulator gets a signal.
 const ANSWER: Duration = Duration::from_millis(500);
-/// Maximum number of attempts to remove files while emulators of this name start and end.
+/// Maximum number of attempts to remove files while other emulators of this name start and end.
 const CLEANING_TRIES: u32 = 5;
 
 /// Ends the emulator, or all of them.
@@ -51,7 +51,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         super::web::remove_left_files()?;
     }
     if args.all {
-        // An explicit name cannot be distinguished from the default if both are equal.
+        // If the user names the default instance explicitly, it cannot be distinguished from an omitted name.
         if *name != InstanceName::usual() {
             let right = "ends all instances; leave out either this or --all".to_owned();
             return Err(CliError::Argument { text: format!("--all -i {name}"), right });
@@ -64,7 +64,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     })
 }
 
-/// Ends all instances; if one cannot be ended, the others are still ended.
+/// Ends all instances. An error at one instance does not prevent the end of the others.
 fn end_all(clean: bool) -> Result<(), CliError> {
     let mut failed = None;
     let mut any = false;
@@ -77,7 +77,7 @@ fn end_all(clean: bool) -> Result<(), CliError> {
         };
         let is_running = match find(&name) {
             Ok(running) => running.is_some(),
-            // Another user has taken this name.
+            // Another user owns the directory of this name, so no instance of this user has it.
             Err(CliError::Memory(MemoryError::ForeignDirectory { .. })) => false,
             Err(error) => {
                 note_failure(error);
@@ -96,7 +96,7 @@ fn end_all(clean: bool) -> Result<(), CliError> {
             continue;
         }
         match end(&name, clean) {
-            // The instance has ended by itself.
+            // The instance may have ended by itself in the meantime.
             Ok(()) | Err(CliError::NotRunning { .. }) => any = true,
             Err(CliError::Dead { .. }) => {
                 any = true;
@@ -124,7 +124,8 @@ fn is_own(directory: &Path) -> bool {
 /// Finds the emulator of an instance.
 ///
 /// # Errors
-/// As [`RunningInstance::find`]. [`CliError::OpenDirectory`]: an emulator may run, but no held lock shows it.
+/// The errors of [`RunningInstance::find`]. [`CliError::OpenDirectory`]: an emulator may run, but it holds no lock that
+/// proves it.
 fn find(name: &str) -> Result<Option<RunningInstance>, CliError> {
     RunningInstance::find(name).map_err(|error| match error {
         MemoryError::OpenDirectory { .. } => CliError::OpenDirectory(error),
@@ -148,11 +149,12 @@ fn end(name: &str, clean: bool) -> Result<(), CliError> {
     }
 }
 
-/// Removes the files of a killed emulator and returns the message about it; `None` if there were none. A new emulator
-/// of this name that has started meanwhile has replaced these files, and is left alone.
+/// Removes the files of a killed emulator and returns the message about it. Returns `None` if there were no such files.
+/// If a new emulator of this name has started in the meantime, it has replaced these files, and the function does
+/// nothing.
 ///
 /// # Errors
-/// The errors of [`remove_remains`], except for a new emulator.
+/// The errors of [`remove_remains`], except the error about a new emulator.
 fn clean_up(name: &str) -> Result<Option<String>, CliError> {
     let mut tries = 0;
     loop {
@@ -172,7 +174,7 @@ fn clean_up(name: &str) -> Result<Option<String>, CliError> {
                  left alone\n"
             )));
         }
-        // The new emulator has ended already.
+        // The new emulator has already ended, so its files may need to be removed.
         tries += 1;
         if tries == CLEANING_TRIES {
             return Err(taken.into());
@@ -190,8 +192,9 @@ fn why_not(name: &str) -> CliError {
     }
 }
 
-/// Returns the process that was killed and left images. A process that has released its locks and is not removed yet
-/// was just killed, and the system gets time to remove it. `None` if there is no image, or if a new emulator runs.
+/// Returns the process id of a killed emulator that has left images. If a process has released its locks and still
+/// exists, it was just killed; the function gives the system time to remove it. Returns `None` if no image exists, or
+/// if a new emulator runs.
 fn killed(name: &str) -> Result<Option<u32>, CliError> {
     let start = Instant::now();
     loop {
@@ -210,11 +213,11 @@ fn killed(name: &str) -> Result<Option<u32>, CliError> {
     }
 }
 
-/// Removes the files of a killed emulator. No other emulator can start meanwhile. Returns whether there were any
-/// files.
+/// Removes the files of a killed emulator. No other emulator of this name can start during this time. Returns true if
+/// files existed.
 ///
 /// # Errors
-/// An emulator is running, its files cannot be removed, or the system refuses.
+/// An emulator is running, its files cannot be removed, or the operating system refuses the request.
 pub(crate) fn remove_remains(instance: &str) -> Result<bool, CliError> {
     let directory = channel_root(instance)?.symlink_metadata().is_ok();
     let lock = InstanceLock::take_to_clean(instance)?;
@@ -230,13 +233,14 @@ pub(crate) fn remove_remains(instance: &str) -> Result<bool, CliError> {
     Err(CliError::Remains { instance: instance.to_owned(), directory, entries })
 }
 
-/// Asks the emulator through its channel to end. An emulator that does not answer, because it has no channel or its
-/// clock waits for a client, gets a signal. A stopped process is continued, even if it was stopped meanwhile.
+/// Requests the emulator to end, through its channel. An emulator that does not answer gets a signal: it may have no
+/// channel, or its clock may wait for a client. A process that is stopped is continued, also if it is stopped during
+/// this function.
 fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     let process = running.process();
     let mut let_go_on = go_on(name, process);
     let_go_on()?;
-    // Each image contains the final status of the emulator, also after the files are removed.
+    // Each attached image shows the final status of the emulator, even after its file has been removed.
     let seen = |image: ImageInfo| Image::attach(name, &image.plc, AttachMode::ReadOnly, None).ok();
     let image = images_of(name).into_iter().flatten().filter(is_alive).find_map(seen);
     let pid = process.map(EmulatorProcess::pid).or_else(|| alive(&images_of(name).ok()?));
@@ -251,7 +255,7 @@ fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     if refused.is_some() {
         terminate()?;
     }
-    // An invisible emulator gets no signal; usually it has just died.
+    // An emulator that is not visible gets no signal. Usually it has just ended.
     let unseen = refused.filter(|_| process.is_none());
     let patience = if unseen.is_some() { DYING } else { PATIENCE };
     let start = Instant::now();
@@ -265,7 +269,8 @@ fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
         if start.elapsed() > DOUBT {
             terminate()?;
         }
-        // The stop signal may have been sent after the first check, and takes effect only when the process runs.
+        // The stop signal may have arrived after the first check. The termination signal takes effect only when the
+        // process runs.
         let_go_on()?;
         running.wait(LOOK);
     }
@@ -279,7 +284,7 @@ fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     }
 }
 
-/// Continues the emulator's process whenever it is stopped, and prints a note once.
+/// Continues the process of the emulator each time it is stopped. Prints a note the first time.
 fn go_on<'a>(
     name: &'a str,
     process: Option<&'a EmulatorProcess>,
@@ -299,7 +304,7 @@ fn go_on<'a>(
     }
 }
 
-/// Asks the emulator to end, unless another emulator of this name has replaced it.
+/// Requests the emulator to end, unless another emulator of this name has replaced it.
 fn ask(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     use crate::channel::client::Patience;
     use crate::channel::{Client, ClientError, HeaderBells};
@@ -314,9 +319,10 @@ fn ask(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     };
     let bells = Box::new(HeaderBells::of_client(attached)?);
     let patience = Patience { enter_limit: ANSWER, reply: ANSWER, ..Patience::default() };
-    // The client is dropped at the end of this function, so that the emulator can remove its channel.
+    // The client is dropped at the end of this function: the emulator can remove its channel only without clients.
     let client = Client::connect(name, &channel_root(name)?, bells, patience)?;
-    // The next emulator opens its channel only after this one has released its locks.
+    // The next emulator opens its channel only after this one has released its locks. If this one still holds them, the
+    // connected channel is its own.
     if running.has_ended() {
         return Ok(());
     }

@@ -31,7 +31,7 @@ pub(crate) trait Row: Serialize {
     /// Column names for CSV and JSON; the text format shows them without the unit.
     const COLUMNS: &'static [&'static str];
 
-    /// One text per column.
+    /// The cells of the row, one text per column.
     fn cells(&self) -> Vec<String>;
 
     /// The cells for the text format, which can omit the last columns.
@@ -43,7 +43,7 @@ pub(crate) trait Row: Serialize {
 /// Prints the rows; `text` produces the text format.
 ///
 /// # Errors
-/// See [`output::print`].
+/// The errors of [`output::print`].
 pub(crate) fn print<R: Row>(
     format: Format,
     rows: &[R],
@@ -58,7 +58,7 @@ pub(crate) fn print<R: Row>(
 /// The rows in a format; `text` produces the text format.
 ///
 /// # Errors
-/// See [`output::json`].
+/// The errors of [`output::json`].
 pub(crate) fn formatted<R: Row>(
     format: Format,
     rows: &[R],
@@ -94,12 +94,12 @@ pub(crate) fn columns(lines: &[Vec<String>]) -> String {
     rows(lines).into_iter().map(|row| row + "\n").collect()
 }
 
-/// The same, row by row. On a terminal a long row continues in further lines.
+/// Aligns cells as [`columns`] does, and returns one text per row. On a terminal a long row continues in further lines.
 pub(crate) fn rows(lines: &[Vec<String>]) -> Vec<String> {
     within(lines, style::width())
 }
 
-/// Minimum width of the last column if it is wrapped inside the column.
+/// Minimum width of the last column, if its text is wrapped inside the column.
 const NARROW: usize = 24;
 /// Indentation of the further lines of a row.
 const INDENT: usize = 4;
@@ -132,7 +132,7 @@ fn within(lines: &[Vec<String>], most: Option<usize>) -> Vec<String> {
         };
         return lines.iter().map(row).collect();
     }
-    // As many columns as fit; the remaining cells go into the lines below.
+    // Finds how many columns fit. The remaining cells go into the lines below.
     let fitting = (1..=widths.len()).rev().find(|count| end_of(*count) <= most).unwrap_or(1);
     let row = |line: &Vec<String>| {
         let (front, rest) = line.split_at(fitting.min(line.len()));
@@ -144,7 +144,7 @@ fn within(lines: &[Vec<String>], most: Option<usize>) -> Vec<String> {
     lines.iter().map(row).collect()
 }
 
-/// Wraps a text into lines of at most this many characters, or one word.
+/// Wraps a text into lines of at most `most` characters. A longer word is a line of its own.
 fn wrapped(text: &str, most: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
@@ -167,7 +167,7 @@ fn markdown<R: Row>(rows: &[R]) -> String {
     md_table(R::COLUMNS, rows.iter().map(|row| harmless(&row.cells())))
 }
 
-/// Cells without characters that a terminal interprets: the same for text, CSV and Markdown.
+/// Escapes characters that a terminal interprets. Text, CSV and Markdown use the same cells.
 fn harmless(cells: &[String]) -> Vec<String> {
     cells.iter().map(|cell| output::harmless(cell)).collect()
 }

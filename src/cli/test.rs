@@ -95,19 +95,19 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
     /// Write a report into this file: html, a self-contained page for people (commram-report.html), or json
-    /// (commram-report.json), also for `commram test merge`; can be given once for each
+    /// (commram-report.json), which `commram test merge` can read; can be given once for each kind
     #[arg(long, value_name = "KIND[=FILE]", value_parser = ReportFile::parse, conflicts_with_all = ["list", "watch"])]
     report: Vec<ReportFile>,
     /// Number of scenarios that run at the same time [default: one per processor]
     #[arg(long, value_name = "N", value_parser = super::number::jobs)]
     jobs: Option<NonZero<usize>>,
-    /// Then run scenarios again when their scripts, imports or plant files change, until Ctrl-C
+    /// After the first run, run scenarios again when their scripts, imports or plant files change, until Ctrl-C
     #[arg(long, conflicts_with = "junit")]
     watch: bool,
     /// Run on this running instance, one scenario after the other, instead of on separate plants
     #[arg(long, value_name = "NAME", conflicts_with = "jobs", value_parser = super::instance_name)]
     attach: Option<String>,
-    /// Only write the definitions of the verbs into this directory, for editors that know Rhai
+    /// Write only the definitions of the verbs into this directory, for editors that know Rhai
     #[arg(
         long,
         value_name = "DIR",
@@ -181,7 +181,7 @@ pub(crate) struct LimitArgs {
     max_memory: u64,
 }
 
-/// Runs scenarios of the device in the folder `dir`: those that name no plant get a plant with this device alone.
+/// Runs scenarios of the device in the folder `dir`. Scenarios that name no plant get a plant with only this device.
 pub(crate) fn run_for_device(
     dir: &Path,
     files: &[PathBuf],
@@ -234,18 +234,18 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         }
     };
     check_outputs(args, reports.iter().flat_map(|report| &report.reads))?;
-    // These reports are written even after other errors.
+    // The reports are written even after other errors.
     let written = args.junit.as_ref().map_or(Ok(()), |path| write_junit(path, args.shard(), &reports));
     let others =
         args.report.iter().map(|file| write_report(&file.path, &file.content(&reports, args.shard())?));
     let others: Vec<_> = others.collect();
-    // A reader that has gone does not change the verdict.
+    // The verdict does not depend on whether the output has a reader.
     let shown =
         shown.or_else(|error| if matches!(error, CliError::BrokenPipe) { Ok(()) } else { Err(error) });
     first_of(ending, [shown, written].into_iter().chain(others))
 }
 
-/// Returns the first error, and prints the others: a missing report does not hide the verdict.
+/// Returns the first error, and prints the others, so that a missing report does not hide the verdict.
 fn first_of(
     ending: Result<(), CliError>,
     others: impl IntoIterator<Item = Result<(), CliError>>,
@@ -259,7 +259,8 @@ fn first_of(
     })
 }
 
-/// Reads a scenario from the standard input, for its process. Refuses to wait for changes of the standard input.
+/// Reads the standard input if it is a scenario, for the process of the scenario. Refuses `--watch` with the standard
+/// input.
 fn check_input(args: &Args, files: &[PathBuf]) -> Result<(), CliError> {
     let Some(file) = files.iter().find(|file| input_file::is_standard(file)) else { return Ok(()) };
     let wrong = |right: String| CliError::Argument { text: "-".to_owned(), right };
@@ -270,20 +271,20 @@ fn check_input(args: &Args, files: &[PathBuf]) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Refuses a report in the file of a scenario, of an import or of a plant.
+/// Refuses a report whose file is a scenario, an import or a plant.
 fn check_outputs<'a>(args: &Args, inputs: impl Iterator<Item = &'a PathBuf> + Clone) -> Result<(), CliError> {
     let mut outputs = args.junit.iter().chain(args.report.iter().map(|file| &file.path));
     outputs.try_for_each(|output| refuse_inputs(Some(output), inputs.clone().map(PathBuf::as_path)))
 }
 
-/// Creates the missing directories of the reports. Refuses two reports in one file: the second one would replace the
-/// first one.
+/// Creates the missing directories of the reports. Refuses two reports in one file: the second would replace the first.
 fn check_reports(args: &Args) -> Result<(), CliError> {
     let junit = args.junit.iter().map(|path| (format!("--junit {}", path.display()), path));
     let others = args.report.iter().map(|file| (format!("--report {file}"), &file.path));
     let reports: Vec<_> = junit.chain(others).collect();
     for (_, path) in &reports {
-        // Paths are compared in existing directories. The write of the report reports the error.
+        // The comparison of paths needs existing directories. If the directory cannot be created, writing the report
+        // fails, and that error is printed.
         let _ = create_directory(path);
     }
     for (place, (option, path)) in reports.iter().enumerate() {
@@ -315,8 +316,8 @@ fn list(format: Format, files: &[PathBuf]) -> Result<(), CliError> {
     table::print(format, &rows, |_| lines())
 }
 
-/// Runs these scenarios once and shows their results. The second result is the error of the output:
-/// [`CliError::BrokenPipe`] if it has no reader.
+/// Runs these scenarios once and shows their results. The second value is the error of the output:
+/// [`CliError::BrokenPipe`] if the output has no reader.
 fn play(
     args: &Args,
     files: &[PathBuf],
@@ -335,7 +336,7 @@ fn play(
     play_round(&round, files, (args.format.table(), args.shard()), interrupts)
 }
 
-/// Runs the scenarios of a round, and shows their results; without a format their events.
+/// Runs the scenarios of a round. Shows their results, or their events if the format is not a table.
 fn play_round(
     round: &Round,
     files: &[PathBuf],
@@ -385,7 +386,7 @@ fn watch(args: &Args, mut files: Vec<PathBuf>, interrupts: &Interrupts) -> Resul
             return Err(CliError::Interrupted);
         }
         std::thread::sleep(watch::PAUSE);
-        // A directory, like its files, may be missing for a moment.
+        // The directory and its files may be missing for a moment.
         files = selection::scenarios(&args.files, &args.filter, args.shard()).unwrap_or(files);
     }
 }
@@ -406,7 +407,7 @@ fn write_junit(path: &Path, shard: Option<Shard>, reports: &[Report]) -> Result<
     write_report(path, &text.map_err(failed)?)
 }
 
-/// Writes a report, in a directory that a scenario may have removed.
+/// Writes a report. Creates its directory again if a scenario has removed it.
 fn write_report(path: &Path, text: &str) -> Result<(), CliError> {
     create_directory(path).map_err(|reason| CliError::File { path: path.to_owned(), reason })?;
     write(path, text)
@@ -424,7 +425,7 @@ fn write(path: &Path, text: &str) -> Result<(), CliError> {
     output::write(path, text.as_bytes())
 }
 
-/// Result of the run for the exit code.
+/// Converts the results of the run to the result of the command, which determines the exit code.
 fn verdict(reports: &[Report]) -> Result<(), CliError> {
     let any = |is: fn(&Outcome) -> bool| reports.iter().any(|report| is(&report.outcome));
     if any(|outcome| matches!(outcome, Outcome::Broken(_))) {

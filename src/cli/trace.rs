@@ -56,13 +56,13 @@ pub(crate) struct Args {
     /// Only events on this bus; can be given several times
     #[arg(add = super::complete::buses(), long, value_name = "NAME")]
     bus: Vec<String>,
-    /// Only events of this PLC and its nodes; can be given several times, with --bus both are shown
+    /// Only events of this PLC and its nodes; can be given several times, with --bus, events of both are shown
     #[arg(add = super::complete::plcs(), long, value_name = "NAME")]
     plc: Vec<String>,
     /// Only at or after this emulated time
     #[arg(long, value_name = "TIME", value_parser = time::parse, default_value = "0s", hide_default_value = true)]
     since: u64,
-    /// Only from this record on, a number as in the field `seq` of jsonl, to continue an earlier output
+    /// Only records from this number on (field `seq` of jsonl), to continue an earlier output
     #[arg(long = "from-seq", alias = "from", value_name = "NUMBER", default_value = "0", hide_default_value = true, value_parser = number::any::<u64>())]
     from: u64,
     /// Only the last N existing records; with --follow also 0, to see only new records
@@ -76,7 +76,8 @@ pub(crate) struct Args {
 }
 
 impl Args {
-    /// True if the output counts cyclic traffic: on a terminal, unless the user has chosen records.
+    /// True if the output counts cyclic traffic instead of showing each record: on a terminal, unless the user has
+    /// selected records.
     fn is_folded(&self) -> bool {
         use std::io::IsTerminal;
         let has_choice = !self.kind.is_empty() || self.last.is_some() || self.from != 0;
@@ -115,7 +116,7 @@ impl FormatArg {
         matches!(self, FormatArg::Pcapng | FormatArg::Fst)
     }
 
-    /// True if the output begins with a list of all its signals.
+    /// True if the output begins with a list of all its signals, so that the whole journal must be read first.
     fn is_waveform(self) -> bool {
         matches!(self, FormatArg::Vcd | FormatArg::Fst)
     }

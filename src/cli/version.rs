@@ -4,8 +4,8 @@ use crate::devices;
 use crate::memory::header::ABI_VERSION;
 use std::env::consts::{ARCH, OS};
 
-/// Commit of the sources, which `tools/package` sets. A build of a checkout does not ask git: each commit would compile the
-/// library again.
+/// Commit of the sources, which `tools/package` sets. A build in a checkout does not use git, because the library would
+/// then be compiled again after each commit.
 const COMMIT: Option<&str> = option_env!("COMMRAM_COMMIT");
 
 /// Features of the library in this build.

@@ -25,7 +25,7 @@ Examples:
 
 Exit code 1 if the conditions do not become true in time; the message shows the values of the registers.")]
 pub(crate) struct Args {
-    /// REG==VALUE, or REG&MASK==VALUE if only some bits matter; also !=, <, <=, >, >=
+    /// REG==VALUE, or REG&MASK==VALUE to compare only some bits; also !=, <, <=, >, >=
     #[arg(add = complete::conditions(), value_name = "CONDITION", required = true)]
     conditions: Vec<String>,
     /// One of the conditions is enough
@@ -47,11 +47,11 @@ pub(crate) struct UnmetCondition {
     pub wanted: String,
     /// The value of the register at the end, with its meaning.
     pub found: String,
-    /// True if this condition is true.
+    /// True if this condition was true at the end.
     pub holds: bool,
 }
 
-/// Parses a condition; `place` looks up its register.
+/// Parses a condition. `place` finds its register.
 fn parse(text: &str, place: impl Fn(&str) -> Result<NamedLocation, CliError>) -> Result<Condition, CliError> {
     Condition::parse(text, place).map_err(|error| match error {
         ConditionError::Register(error) => error,
@@ -82,7 +82,7 @@ fn op_of(session: &Session, condition: &Condition) -> Result<Op, CliError> {
     Ok(Op::Condition { plc: session.plc_of(place)?, offset, width, test: *test })
 }
 
-/// Waits and prints the registers with a true condition.
+/// Waits. Prints the registers whose conditions are true.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::output;
     use super::peek::{self, ReadTarget, RegisterReading};

@@ -21,7 +21,7 @@ use std::sync::mpsc;
 const CANNOT_RUN: u8 = 126;
 /// Exit code if the command does not exist, as in shells.
 const NO_SUCH_COMMAND: u8 = 127;
-/// The exit code is this number plus the number of the signal that ended the process, as in shells.
+/// If a signal ended the process, the exit code is this number plus the number of the signal, as in shells.
 const BY_SIGNAL: i32 = 128;
 
 /// Run a command with a separate emulator.
@@ -68,7 +68,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let stop = emulator.stop_handle();
     let is_done = Arc::new(AtomicBool::new(false));
     let (done, (give, child)) = (Arc::clone(&is_done), mpsc::channel::<io::Result<Child>>());
-    // The emulator runs as long as the child; if the child cannot be started, the emulator ends at once.
+    // The emulator runs until the child ends. If the child cannot be started, the emulator ends at once.
     let ended = in_thread(move || {
         let ended = child.recv().unwrap_or_else(|_| Err(io::ErrorKind::Other.into()));
         let ended = ended.and_then(|mut child| child.wait());
@@ -81,7 +81,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if let Ok(Ok(pass_on)) = passed {
         let _ = started.send(pass_on);
     }
-    // The thread receives it.
+    // The thread still waits for the value, so sending cannot fail.
     let _ = give.send(child);
     let outcome = emulator.run();
     drop(emulator);
@@ -104,7 +104,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     Err(ended)
 }
 
-/// Ends this process in the same way as another process has ended.
+/// Ends this process in the same way in which another process has ended.
 pub(crate) fn ended_like(status: ExitStatus) -> CliError {
     let code = status.code().or_else(|| Some(BY_SIGNAL + status.signal()?));
     CliError::Ended(code.and_then(|code| u8::try_from(code).ok()).unwrap_or(u8::MAX))

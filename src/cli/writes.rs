@@ -14,15 +14,15 @@ pub(crate) struct RegisterWrite {
     offset: u32,
     width: Width,
     value: u32,
-    /// For a bit: its place, its new state, and the register before the write.
+    /// For a single bit: its location, its new state, and the value of the register before the write.
     bit: Option<(BitAccess, u32, u32)>,
 }
 
 impl RegisterWrite {
-    /// Prepares writes. Reads the registers of single bits.
+    /// Prepares writes. Reads the registers that contain single bits to write.
     ///
     /// # Errors
-    /// There is no such PLC, or the emulator has gone.
+    /// The instance has no such PLC, or the emulator has ended.
     pub(crate) fn of(session: &Session, writes: &[(NamedLocation, u32)]) -> Result<Vec<Self>, CliError> {
         let mut registers = Vec::new();
         for (place, _) in writes {
@@ -35,7 +35,7 @@ impl RegisterWrite {
             replies.extend(session.request(part)?);
         }
         let mut replies = replies.into_iter();
-        // An earlier write of the same register changes the value that a later write finds.
+        // An earlier write to the same register changes the value from which a later write starts.
         let mut known: HashMap<(DeviceIndex, u32), u32> = HashMap::new();
         let mut prepared = Vec::with_capacity(writes.len());
         for (place, value) in writes {
@@ -55,7 +55,8 @@ impl RegisterWrite {
         Ok(prepared)
     }
 
-    /// The operation that stores the value. A bit is only stored if its register has not changed meanwhile.
+    /// Returns the operation that stores the value. For a bit, the operation has no effect if the register has changed
+    /// in the meantime.
     pub(crate) fn store(&self) -> Op {
         let Self { plc, offset, width, value, bit } = *self;
         match bit {
@@ -64,16 +65,16 @@ impl RegisterWrite {
         }
     }
 
-    /// The operation that makes the register keep the value.
+    /// Returns the operation that forces the register to the value.
     pub(crate) fn force(&self) -> Op {
         let Self { plc, offset, width, value, .. } = *self;
         Op::Force { plc, offset, width, value }
     }
 
-    /// Repeats the store of a bit until no other write of its register comes between.
+    /// Repeats the store of a bit until no other program writes the register in between.
     ///
     /// # Errors
-    /// The emulator has gone or refuses.
+    /// The emulator has ended, or refuses the request.
     pub(crate) fn complete(&self, session: &Session, mut reply: Reply) -> Result<(), CliError> {
         let Self { plc, offset, width, bit: Some((access, state, _)), .. } = *self else { return Ok(()) };
         while let Reply::Exchanged { ok: false, found: current } = reply {

@@ -271,7 +271,7 @@ impl Visit {
     }
 }
 
-/// True if the guest has gone while it was accepted. Such an error does not affect other guests.
+/// True if the guest has disconnected while it was accepted. Such an error does not affect other guests.
 fn is_of_the_guest(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::Interrupted | ErrorKind::ConnectionAborted | ErrorKind::ConnectionReset)
 }

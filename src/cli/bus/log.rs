@@ -35,7 +35,7 @@ struct Log {
     unit: &'static str,
 }
 
-/// A message of the log, with the number of its bus.
+/// A message of the log, with the index of its bus.
 struct AddressedMessage {
     at: usize,
     time_us: u64,
@@ -119,8 +119,8 @@ impl Log {
         Ok(aimed)
     }
 
-    /// Removes and returns the messages in the order of the log. The caller gets the interface, whether the message is
-    /// selected, its position, its time, and the message.
+    /// Removes the messages and returns them in the order of the log. Each item consists of the interface, whether the
+    /// message is selected, its position, its time, and the message.
     fn take_messages(&mut self, select: &Select) -> Vec<(String, bool, usize, u64, Message)> {
         let frames = core::mem::take(&mut self.recording.frames).into_iter().map(|it| {
             let Logged { at, time_us, interface, direction, frame } = it;
@@ -158,13 +158,13 @@ impl Log {
     }
 }
 
-/// Counts of skipped messages.
+/// Numbers of messages that no bus can play, by reason.
 #[derive(Default)]
 struct PassedOver {
     not_selected: u64,
     /// Number of messages without a bus, by interface.
     without_bus: BTreeMap<String, u64>,
-    /// Number of messages that their bus cannot carry, by bus.
+    /// Number of messages that the bus cannot carry, by bus.
     of_other_kind: BTreeMap<String, u64>,
 }
 

@@ -1,4 +1,4 @@
-//! The words of the command line before the completed word.
+//! The words of the command line that precede the word to complete.
 //!
 //! The words come from the arguments of this process, because a shell calls it as `commram -- WORDS`. Bash splits words
 //! at `:` and `=`, other shells do not. [`whole`] joins the parts again.
@@ -6,7 +6,7 @@
 use core::cell::RefCell;
 use std::ffi::{OsStr, OsString};
 
-/// True if bash splits at this word.
+/// True if the word is a character at which bash splits.
 fn is_sign(word: &OsStr) -> bool {
     word.to_str().is_some_and(|word| !word.is_empty() && word.bytes().all(|byte| matches!(byte, b'=' | b':')))
 }
@@ -37,8 +37,8 @@ pub(crate) fn front_of_last(words: &[OsString]) -> OsString {
 }
 
 thread_local! {
-    /// The words of a line that this program has read itself, for example in its shell. The last word is being
-    /// completed.
+    /// The words of a line that this program has read itself, for example in its shell. The last word is the one to
+    /// complete.
     static LINE: RefCell<Option<Vec<String>>> = const { RefCell::new(None) };
 }
 
@@ -78,7 +78,7 @@ pub(super) fn option(names: &[&str]) -> Option<String> {
     None
 }
 
-/// The instance that the command line names, else the default one.
+/// Returns the instance that the command line names, otherwise the default instance.
 pub(super) fn instance() -> String {
     option(&["-i", "--instance"]).unwrap_or_else(crate::cli::InstanceName::usual)
 }

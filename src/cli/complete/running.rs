@@ -1,4 +1,4 @@
-//! Completions from a running emulator. There are none if it does not run or does not answer.
+//! Completions from a running emulator. The lists are empty if it does not run or does not answer.
 
 use super::line::instance;
 use crate::cli::{Instance, error::CliError, session::Session};

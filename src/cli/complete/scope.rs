@@ -1,4 +1,4 @@
-//! The PLCs that register names can refer to, and the names that fit what is typed: for shells and for editors.
+//! The PLCs that register names can refer to, and the names that match the typed text, for shells and for editors.
 
 use super::line::{instance, option};
 use crate::cli::session::Session;
@@ -26,7 +26,7 @@ pub(in crate::cli) struct NamedValue {
 }
 
 impl PlcScope {
-    /// The PLCs of the instance on the command line, else its device.
+    /// Returns the PLCs of the instance on the command line. If no instance runs, returns the default device.
     pub(super) fn load() -> Self {
         if let Some(session) = Session::glance(&instance()) {
             let plcs = DeviceIndex::enumerate(session.plcs())
@@ -49,7 +49,7 @@ impl PlcScope {
         self.plcs.iter().map(|(name, fitted)| (name.as_str(), fitted))
     }
 
-    /// Prefixes of register names: empty for a single PLC, else one for each PLC.
+    /// Prefixes of register names: an empty one for a single PLC, otherwise one for each PLC.
     pub(super) fn prefixes(&self, current: &str) -> Vec<String> {
         match self.plcs.as_slice() {
             [(name, _)] => vec![if current.contains(':') { format!("{name}:") } else { String::new() }],
@@ -133,8 +133,8 @@ impl PlcScope {
         named.map(|(name, bits)| NamedValue { name, bits, meaning: found.decode(bits) }).collect()
     }
 
-    /// The fields that the kind of fault among `words` has and that are not given yet, as `NAME=`; after `=` the values
-    /// of the field. Each has a description, which may be empty.
+    /// Returns the fields that belong to the kind of fault among `words` and are not given yet, as `NAME=`. After `=`,
+    /// returns the values of the field. Each candidate has a description, which may be empty.
     pub(in crate::cli) fn fault_fields(
         &self,
         current: &str,
@@ -159,7 +159,7 @@ impl PlcScope {
         left.map(|field| (format!("{}=", field.name()), field.about().to_owned())).collect()
     }
 
-    /// The values of a field, if they are names.
+    /// Returns the values of a field, if the values have names.
     fn field_values(&self, field: &Field, buses: impl Fn() -> Vec<String>) -> Vec<String> {
         match field.form() {
             Form::Word(words) => words.iter().map(|word| (*word).to_owned()).collect(),

@@ -11,7 +11,7 @@ pub(super) fn quoted(text: &str) -> Option<String> {
     while let Some((at, sign)) = rest.next() {
         let is_read = match sign {
             '~' | '#' => at == 0,
-            // The operator of a condition.
+            // `!` is part of the operator `!=` of a condition.
             '!' => !rest.as_str().starts_with('='),
             _ => " \\'\"`$&;|<>(){}*?^".contains(sign),
         };
@@ -23,7 +23,7 @@ pub(super) fn quoted(text: &str) -> Option<String> {
     Some(out)
 }
 
-/// Returns the text of a word that begins a completion: without backslashes and without the quote at its beginning.
+/// Returns the text of an incomplete word, without backslashes and without the quote at its beginning.
 pub(super) fn unquoted(word: &str) -> String {
     let mut out = String::with_capacity(word.len());
     let mut signs = word.strip_prefix(['"', '\'']).unwrap_or(word).chars();

@@ -16,7 +16,7 @@ pub(crate) struct Args {
     instance: String,
     /// Name of the PLC
     plc: String,
-    /// End when this process does
+    /// End when the process with this id ends
     #[arg(long, value_name = "PID", hide = true)]
     parent: Option<u32>,
 }

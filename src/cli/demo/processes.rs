@@ -1,4 +1,4 @@
-//! The processes of the demonstration. All of them end with it, even after an error.
+//! The processes of the demonstration. They end when the demonstration ends, even after an error.
 
 use crate::cli::error::CliError;
 use crate::cli::start::in_thread;
@@ -22,7 +22,7 @@ const PATIENCE: Duration = Duration::from_secs(20);
 pub(crate) struct Interrupts(Arc<AtomicBool>);
 
 impl Interrupts {
-    /// Catches the termination signals. After the first signal, writes to outputs that are not read end. The second
+    /// Catches the termination signals. After the first signal, a write to an output that is not read ends. The second
     /// signal ends the process immediately.
     ///
     /// # Errors
@@ -30,7 +30,7 @@ impl Interrupts {
     pub(crate) fn catch() -> Result<Self, CliError> {
         let flag = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM, SIGHUP] {
-            // The order matters: the second signal must find the flag set.
+            // The second signal must find the flag set, so the conditional handler is registered first.
             signal_hook::flag::register_conditional_default(signal, Arc::clone(&flag))
                 .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&flag)))
                 .map_err(|reason| CliError::Signals { reason })?;
@@ -45,8 +45,8 @@ impl Interrupts {
     }
 }
 
-/// Builds a command that starts this program with a subcommand. The child ends when this process does. It does not
-/// receive Ctrl-C from the terminal: this process ends it in an orderly way.
+/// Builds a command that starts this program with a subcommand. The child ends when this process ends. The child does
+/// not receive Ctrl-C from the terminal, because this process ends it in an orderly way.
 ///
 /// # Errors
 /// The path of this program is unknown.
@@ -63,10 +63,10 @@ fn process_error(reason: io::Error) -> CliError {
     CliError::Process { reason }
 }
 
-/// Makes this process end when its parent ends, which must be `parent`.
+/// Makes this process end when its parent ends. The parent must be the process `parent`.
 ///
 /// # Errors
-/// The system refuses, or the parent has ended already.
+/// The operating system refuses the request, or the parent has already ended.
 pub(crate) fn end_with(parent: u32) -> Result<(), CliError> {
     rustix::process::set_parent_process_death_signal(Some(Signal::TERM))
         .map_err(|errno| process_error(errno.into()))?;
@@ -83,7 +83,7 @@ impl Emulator {
     /// Starts the emulator with this plant file, or with the built-in plant, and waits until it is ready.
     ///
     /// # Errors
-    /// The emulator does not get ready, or the user interrupts the start.
+    /// The emulator does not become ready, or the user interrupts the start.
     pub(crate) fn start(
         instance: &str,
         plant: Option<&'static str>,
@@ -119,7 +119,7 @@ impl Emulator {
                     return Err(CliError::Demo(format!("the emulator is not ready after {PATIENCE:?}")));
                 }
                 Err(RecvTimeoutError::Disconnected) => {
-                    // The emulator has printed the reason.
+                    // The emulator has already printed the reason.
                     let _ = this.child.wait();
                     return Err(CliError::Reported);
                 }
@@ -155,7 +155,7 @@ impl Emulator {
 
 impl Drop for Emulator {
     fn drop(&mut self) {
-        // This is only needed after an error, which the caller reports.
+        // The child is still running only after an error, which the caller reports.
         let _ = terminate(&mut self.child, PATIENCE);
         let _ = stop::remove_remains(&self.instance);
     }

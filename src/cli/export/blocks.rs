@@ -1,11 +1,11 @@
-//! Removes function blocks from `commram export st --blocks`. This is needed if a program has a variable with the name
-//! of a block, because matiec does not accept this.
+//! Removes function blocks from `commram export st --blocks`. A program needs this if it has a variable with the name
+//! of a block: matiec does not accept both.
 
 use super::{CliError, wrong};
 
 const BLOCK: &str = "FUNCTION_BLOCK ";
 
-/// Removes the named function blocks from a text of Structured Text. No other block may use them.
+/// Removes the named function blocks from a text in Structured Text. The remaining blocks must not use them.
 pub(super) fn without(mut blocks: String, names: &[String]) -> Result<String, CliError> {
     for name in names {
         let refused = |right: String| wrong(format!("st --blocks --without {name}"), right);

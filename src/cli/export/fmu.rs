@@ -44,8 +44,8 @@ pub(super) fn run(
     output::write(to, &bytes)
 }
 
-/// Finds the shared object: in the directory of the program, where packages install it, or in the checkout from which
-/// `cargo install --path .` has installed the program.
+/// Finds the shared object. Packages install it in the directory of the program. After `cargo install --path .` it is
+/// in the checkout.
 fn found() -> Result<PathBuf, CliError> {
     let name = format!("lib{LIBRARY}.so");
     let program = std::env::current_exe().and_then(fs::canonicalize);
@@ -75,7 +75,7 @@ fn checkout(text: &str) -> Option<PathBuf> {
     Some(PathBuf::from(decoded(address)?))
 }
 
-/// The path of a file URL.
+/// Returns the path in a file URL.
 fn decoded(address: &str) -> Option<OsString> {
     let mut bytes = Vec::new();
     let mut rest = address.as_bytes();

@@ -19,7 +19,7 @@ const WORDS: [&str; 20] = [
     "private", "return", "switch", "throw", "true", "try", "while",
 ];
 
-/// A possible text at the cursor.
+/// A text that the editor proposes at the cursor.
 pub(super) struct Proposal {
     pub(super) label: String,
     /// Short description beside the label.
@@ -34,14 +34,14 @@ impl Proposal {
         Self { label: label.into(), detail: detail.into(), about: String::new(), kind }
     }
 
-    /// True if it is a word of a script, not a name in a text.
+    /// True if the proposal is a word of the language, false if it is a name inside a text.
     pub(super) fn is_word(&self) -> bool {
         use CompletionItemKind as Item;
         [Item::FUNCTION, Item::VARIABLE, Item::KEYWORD, Item::CONSTANT].contains(&self.kind)
     }
 }
 
-/// Returns the texts that fit at a place, and the bytes that each text replaces.
+/// Returns the texts that fit at a position, and the range of bytes that each text replaces.
 pub(super) fn at(
     view: &ScriptView<'_>,
     scene: Option<&mut Scene>,
@@ -159,7 +159,7 @@ fn rules() -> Vec<Proposal> {
     rules.map(|rule| Proposal::new(rule.id(), rule.text(), CompletionItemKind::ENUM_MEMBER)).collect()
 }
 
-/// Returns the named values of the register of a call. `label` writes them.
+/// Returns the named values of the register of a call. `label` formats each value.
 fn values(
     view: &ScriptView<'_>,
     scene: &Scene,
@@ -175,7 +175,8 @@ fn values(
     found
 }
 
-/// The words of a fault: kinds first, then fields and their values. A proposal replaces the word under the cursor.
+/// Proposes the words of a fault: first the kinds, then the fields and their values. A proposal replaces the word under
+/// the cursor.
 fn fault(scene: &Scene, text: &str, content: Range<usize>, offset: usize) -> (Vec<Proposal>, Range<usize>) {
     let whole = text.get(content.clone()).unwrap_or_default();
     let at = offset - content.start;

@@ -1,4 +1,4 @@
-//! The place where a name is defined: a line of a device's folder, an imported script, a function.
+//! The definition of a name: a line in a device's folder, an imported script, or a function.
 
 use super::outline::Outline;
 use super::place::without_dots;
@@ -11,14 +11,14 @@ use core::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::de::{DeTable, DeValue};
 
-/// A place in a file.
+/// A range in a file.
 pub(super) struct Target {
-    /// `None` for the script itself.
+    /// Path of the file; `None` for the script itself.
     pub(super) path: Option<PathBuf>,
     pub(super) range: lsp_types::Range,
 }
 
-/// Returns the definition of the name at a place.
+/// Returns the definition of the name at a position.
 pub(super) fn at(
     view: &ScriptView<'_>,
     document: &Text,
@@ -70,7 +70,7 @@ fn begin_of(path: PathBuf) -> Option<Target> {
 fn register(scene: &mut Scene, text: &str) -> Option<Target> {
     let (plc, name) = split_plc(text);
     let found = scene.scope.each(text).into_iter().find_map(|(_, fitted)| fitted.register(name).ok())?;
-    // A name without a prefix means the only PLC.
+    // A name without a prefix refers to the only PLC.
     let plc = plc.map_or_else(|| scene.bench.names().plcs.first().cloned(), |plc| Some(plc.to_owned()))?;
     let inputs = commram_layoutc::read_folder(scene.folders.get(&plc)?).ok()?.inputs;
     in_files(&inputs, &found)
@@ -90,7 +90,7 @@ pub(super) fn in_files(inputs: &[(PathBuf, String)], register: &RegisterRef) -> 
     Some(Target { path: Some(path.clone()), range: Text::new(text.clone()).range(&range) })
 }
 
-/// The names of all registers in a file: the structure, the name, and its bytes.
+/// The names of all registers in a file: for each, the structure, the name, and the range of bytes.
 fn names_of(table: &DeTable<'_>) -> Vec<(String, String, Range<usize>)> {
     let text_at = |table: &DeTable<'_>, key: &str| {
         table.get(key).and_then(|it| it.get_ref().as_str().map(str::to_owned))

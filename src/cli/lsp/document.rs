@@ -26,7 +26,7 @@ impl Document {
         document
     }
 
-    /// Applies changes in their order.
+    /// Applies the changes of the editor in their order.
     pub(super) fn change(&mut self, version: i32, changes: Vec<TextDocumentContentChangeEvent>) {
         self.version = version;
         changes.into_iter().for_each(|change| self.text.apply(change));
@@ -46,7 +46,7 @@ impl Document {
         self.path.extension().is_some_and(|extension| extension == "toml")
     }
 
-    /// True if the file is longer than commram would read.
+    /// True if the file is longer than the limit of commram.
     pub(super) fn is_too_long(&self) -> bool {
         let longest = if self.is_script() { input_file::LONGEST_SCRIPT } else { 1 << 20 };
         self.text.as_str().len() as u64 > longest

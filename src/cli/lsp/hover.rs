@@ -1,4 +1,4 @@
-//! The description of the name under the pointer.
+//! Describes the name under the pointer.
 
 use super::scenario::ScriptView;
 use super::scenes::Scene;
@@ -9,7 +9,7 @@ use crate::layout::split_plc;
 use crate::script::check::ArgumentKind;
 use core::ops::Range;
 
-/// Returns the description of the name at a place, in Markdown, and the bytes of the name.
+/// Returns the description of the name at a position in Markdown, and the range of the name.
 pub(super) fn at(
     view: &ScriptView<'_>,
     scene: Option<&mut Scene>,
@@ -40,7 +40,7 @@ pub(super) fn at(
     }
 }
 
-/// The page of `commram map` about a register.
+/// Returns the page that `commram map` prints for a register.
 pub(super) fn register(scene: &mut Scene, text: &str) -> Option<String> {
     let (_, name) = split_plc(text);
     let pages = scene.scope.each(text).into_iter().filter_map(|(_, fitted)| {
@@ -51,7 +51,7 @@ pub(super) fn register(scene: &mut Scene, text: &str) -> Option<String> {
     pages.into_iter().next()
 }
 
-/// The description of the kind of fault or of the field at a byte of the words, with the bytes of the word.
+/// Returns the description of the kind of fault or of the field at a byte of the text, and the range of the word.
 fn fault(text: &str, at: usize) -> Option<(String, Range<usize>)> {
     let start = text[..at.min(text.len())].rfind(char::is_whitespace).map_or(0, |blank| blank + 1);
     let word = text[start..].split_whitespace().next()?;

@@ -1,4 +1,4 @@
-//! The errors in a script, with the messages of the engine and the verbs.
+//! Finds the errors in a script. The messages are those of the engine and of the verbs.
 
 use super::document::Document;
 use super::outline::{Call, Outline};
@@ -31,7 +31,7 @@ impl Mistake {
         Self { range, severity: DiagnosticSeverity::WARNING, what: what.into() }
     }
 
-    /// Converts the error to the form of the protocol.
+    /// Converts the error to a diagnostic of the Language Server Protocol.
     pub(super) fn shown(self, document: &Document) -> Diagnostic {
         let Self { range, severity, what } = self;
         Diagnostic {
@@ -48,16 +48,16 @@ impl Mistake {
 pub(super) struct Judge<'a> {
     pub(super) view: &'a ScriptView<'a>,
     pub(super) checker: &'a Checker,
-    /// The plant; `None` if it is not known or if it was refused.
+    /// The plant of the script; `None` if the plant is not known or was refused.
     pub(super) scene: Option<&'a mut Scene>,
-    /// The message of a refused plant.
+    /// The error message, if the plant was refused.
     pub(super) refusal: Option<String>,
-    /// The text of another script.
+    /// Function that returns the text of another script.
     pub(super) read: &'a dyn Fn(&Path) -> Option<String>,
 }
 
 impl Judge<'_> {
-    /// All errors, in no particular order.
+    /// Returns all errors, in no particular order.
     pub(super) fn mistakes(&mut self, document: &Document) -> Vec<Mistake> {
         let mut found: Vec<_> = self.misreading(document).into_iter().collect();
         if self.view.kind != ScriptKind::Firmware {
@@ -98,12 +98,12 @@ impl Judge<'_> {
         Some(Mistake::error(range.unwrap_or(whole), what))
     }
 
-    /// The argument of the verb `plant`, else the first line.
+    /// The range where an error of the plant is shown: the argument of the verb `plant`, otherwise the first line.
     fn plant_range(&self, document: &Document) -> Range<usize> {
         let mut calls = self.view.outline.calls.iter();
         let call = calls.find(|call| self.view.name(call) == "plant" && !self.view.verbs_of(call).is_empty());
         let token = call.and_then(|call| self.view.outline.tokens.all.get(call.arguments.first()?.start));
-        // Only the first line of a plant in the script.
+        // If the plant is written in the script, only its first line is marked.
         let first = token.map(|token| {
             let length = token.text(self.view.text).lines().next().unwrap_or_default().len();
             token.range.start..token.range.start + length
@@ -121,8 +121,7 @@ impl Judge<'_> {
         self.view.outline.imports.iter().filter_map(missing).collect()
     }
 
-    /// The error in the name of a call, or in the number of its arguments. `modules` keeps the imported scripts that were
-    /// read for earlier calls.
+    /// Returns the error in the name of a call, or in the number of its arguments. `modules` caches imported scripts.
     fn call(&self, call: &Call, modules: &mut BTreeMap<PathBuf, Option<Outline>>) -> Option<Mistake> {
         let view = self.view;
         let name = view.name(call);
@@ -149,7 +148,7 @@ impl Judge<'_> {
             return Some(Mistake::error(at, what));
         }
         let is_own = view.outline.function(name).is_some() || view.outline.variables.contains(name);
-        // The engine of firmware has other verbs; the names of the language are the same.
+        // The engine for firmware has other verbs; the keywords of the language are the same.
         let is_known = match view.kind {
             ScriptKind::Firmware => self.checker.knows(name) && !is_verb_of_scenarios(name),
             _ => self.checker.knows(name),
@@ -202,7 +201,7 @@ fn is_verb_of_scenarios(name: &str) -> bool {
     crate::script::verbs().iter().any(|verb| verb.name == name)
 }
 
-/// The error of a file that is too long to be judged.
+/// Returns the error for a file that is too long to be checked.
 pub(super) fn too_long(document: &Document) -> Mistake {
     let most = input_file::LONGEST_SCRIPT >> 10;
     let what = match document.is_script() {

@@ -1,10 +1,10 @@
-//! The parts of a script that the language server knows: calls, functions, imports, variables.
+//! The parts of a script that the language server uses: calls, functions, imports, variables.
 
 use super::tokens::{Token, TokenKind, Tokens};
 use core::ops::Range;
 use std::collections::BTreeSet;
 
-/// Words of the language that a parenthesis may follow.
+/// Keywords of the language that a parenthesis may follow.
 const WORDS: [&str; 20] = [
     "as", "catch", "const", "do", "else", "export", "fn", "for", "if", "import", "in", "let", "loop",
     "private", "return", "switch", "this", "throw", "until", "while",
@@ -12,11 +12,11 @@ const WORDS: [&str; 20] = [
 
 /// A call `name(...)` in a script; the closing parenthesis may be missing.
 pub(super) struct Call {
-    /// The token of the name.
+    /// Index of the token with the name.
     pub(super) name: usize,
-    /// The token of the module before `::`.
+    /// Index of the token with the module before `::`.
     pub(super) module: Option<usize>,
-    /// True if it is called as a method, `value.name(...)`.
+    /// True if the call has the form of a method, `value.name(...)`.
     pub(super) is_method: bool,
     /// True if the closing parenthesis exists.
     pub(super) is_closed: bool,
@@ -24,25 +24,25 @@ pub(super) struct Call {
     pub(super) inner: Range<usize>,
     /// The tokens of each argument.
     pub(super) arguments: Vec<Range<usize>>,
-    /// Bytes of the commas between its arguments.
+    /// Positions of the commas between the arguments, in bytes.
     pub(super) commas: Vec<usize>,
-    /// True if it is outside of functions.
+    /// True if the call is outside of functions.
     pub(super) is_outside: bool,
 }
 
 /// A function of the script.
 pub(super) struct Function {
     pub(super) name: String,
-    /// The bytes of its name.
+    /// Range of the name, in bytes.
     pub(super) at: Range<usize>,
     pub(super) parameters: Vec<String>,
-    /// The comment above it.
+    /// The comment above the function.
     pub(super) about: String,
 }
 
 /// `import "path" as name`.
 pub(super) struct Import {
-    /// The bytes of the path.
+    /// Range of the path, in bytes.
     pub(super) path: Range<usize>,
     pub(super) alias: Option<String>,
 }
@@ -58,7 +58,7 @@ pub(super) struct Outline {
 }
 
 impl Outline {
-    /// Reads the parts of any text.
+    /// Parses the parts of any text, even of an invalid script.
     pub(super) fn of(text: &str) -> Self {
         let tokens = Tokens::of(text);
         let all = &tokens.all;
@@ -69,7 +69,7 @@ impl Outline {
         Outline { calls, functions, imports, variables, tokens }
     }
 
-    /// Returns the token that contains a place. If two tokens meet there, returns the word or text.
+    /// Returns the index of the token at a position. If two tokens meet there, prefers a word or a text.
     pub(super) fn token_at(&self, offset: usize) -> Option<usize> {
         let all = &self.tokens.all;
         let after = all.partition_point(|token| token.range.start <= offset);
@@ -82,7 +82,7 @@ impl Outline {
         near.iter().copied().find(|index| !is_sign(index)).or(near.last().copied())
     }
 
-    /// Returns the innermost call with a place between its parentheses, and the number of the argument at the place.
+    /// Returns the innermost call whose parentheses enclose a position, and the index of the argument at the position.
     pub(super) fn call_at(&self, offset: usize) -> Option<(&Call, usize)> {
         let within = self.calls.iter().filter(|call| call.inner.start <= offset && offset <= call.inner.end);
         let call = within.max_by_key(|call| call.inner.start)?;
@@ -95,21 +95,21 @@ impl Outline {
     }
 }
 
-/// An open bracket on the way through a script.
+/// A bracket that is open at the present position of the parser.
 struct Open {
     sign: char,
-    /// The call to which the parenthesis belongs.
+    /// Index of the call to which the parenthesis belongs.
     call: Option<usize>,
-    /// The first token of the present argument.
+    /// Index of the first token of the present argument.
     argument: usize,
-    /// True if it is the body of a function.
+    /// True if the bracket opens the body of a function.
     is_body: bool,
 }
 
 fn calls(text: &str, tokens: &[Token]) -> Vec<Call> {
     let mut calls: Vec<Call> = Vec::new();
     let mut open: Vec<Open> = Vec::new();
-    // Whether the next brace begins the body of a function.
+    // True if the next brace begins the body of a function.
     let mut body = false;
     for (index, token) in tokens.iter().enumerate() {
         if token.kind == TokenKind::Word && token.text(text) == "fn" {
@@ -154,7 +154,7 @@ fn calls(text: &str, tokens: &[Token]) -> Vec<Call> {
                 }
             }
             ')' | ']' | '}' => close(&mut calls, &mut open, partner(sign), index, token, true),
-            // A statement ends here, so an open parenthesis has lost its partner.
+            // A statement ends at this token, so an open parenthesis will not be closed any more.
             ';' => {
                 while let Some(top) = open.last().filter(|top| top.sign != '{') {
                     let sign = top.sign;
@@ -172,7 +172,7 @@ fn calls(text: &str, tokens: &[Token]) -> Vec<Call> {
     calls
 }
 
-/// Closes the innermost bracket of this sign, and those within it, at a token.
+/// Closes the innermost bracket of this kind, and those inside it, at a token.
 fn close(calls: &mut [Call], open: &mut Vec<Open>, sign: char, index: usize, token: &Token, is_closed: bool) {
     let Some(depth) = open.iter().rposition(|open| open.sign == sign) else { return };
     for (at, bracket) in open.drain(depth..).enumerate() {
@@ -193,7 +193,7 @@ fn partner(sign: char) -> char {
     }
 }
 
-/// The module and kind of a call whose parenthesis is at `index`; `None` if no call begins there.
+/// Returns the module token and the kind of the call whose parenthesis is at `index`; `None` if no call begins there.
 fn called(text: &str, tokens: &[Token], index: usize) -> Option<(Option<usize>, bool)> {
     let name = index.checked_sub(1)?;
     let token = tokens.get(name).filter(|token| token.kind == TokenKind::Word)?;
@@ -205,7 +205,7 @@ fn called(text: &str, tokens: &[Token], index: usize) -> Option<(Option<usize>, 
         Some((_, before)) if before.is(text, "fn") => None,
         Some((_, path)) if path.kind == TokenKind::Path => Some((before(2).map(|(at, _)| at), false)),
         Some((at, dot)) if dot.is(text, ".") => {
-            // `0..f(x)` is a range.
+            // `0..f(x)` is a range, and `f` is not a method.
             let is_range = at.checked_sub(1).is_some_and(|at| tokens[at].is(text, "."));
             Some((None, !is_range))
         }
@@ -233,7 +233,7 @@ fn functions(text: &str, tokens: &[Token]) -> Vec<Function> {
     named.map(function).collect()
 }
 
-/// The comment in the lines directly above a place.
+/// Returns the comment in the lines directly above a position.
 fn comment_above(text: &str, at: usize) -> String {
     let before = text[..at].rfind('\n').map_or("", |end| &text[..end]);
     let lines = before.lines().rev().map(str::trim).take_while(|line| line.starts_with("//"));
@@ -259,7 +259,7 @@ fn variables(text: &str, tokens: &[Token]) -> BTreeSet<String> {
             && pair[1].kind == TokenKind::Word
     });
     let mut names: BTreeSet<_> = declared.map(|pair| pair[1].text(text).to_owned()).collect();
-    // `for (item, index) in`, `catch (error)` and the parameters of closures, `|a, b|`.
+    // Variables of `for (item, index) in` and `catch (error)`, and parameters of closures, `|a, b|`.
     let mut bars = false;
     for (index, token) in tokens.iter().enumerate() {
         bars ^= token.is(text, "|");

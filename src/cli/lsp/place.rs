@@ -4,18 +4,18 @@ use lsp_types::Uri;
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::{Component, Path, PathBuf};
 
-/// Returns the path of a file. For a text without a file, returns its name as a relative path.
+/// Returns the path of a file URI. Any other URI is returned as a relative path.
 pub(super) fn path_of(uri: &Uri) -> PathBuf {
     let text = uri.as_str();
     let path = match text.strip_prefix("file://") {
-        // A host may be in front of the path.
+        // The URI may have a host before the path.
         Some(rest) => rest.find('/').map_or(rest, |start| &rest[start..]),
         None => text,
     };
     PathBuf::from(std::ffi::OsString::from_vec(decoded(path)))
 }
 
-/// The name of a file; `None` for a path that is not absolute.
+/// Returns the URI of a file; `None` for a path that is not absolute.
 pub(super) fn uri_of(path: &Path) -> Option<Uri> {
     if !path.is_absolute() {
         return None;
@@ -32,7 +32,7 @@ pub(super) fn uri_of(path: &Path) -> Option<Uri> {
     text.parse().ok()
 }
 
-/// The path without `.` and `..`, as editors name files.
+/// Removes `.` and `..` from a path, because editors send paths without them.
 pub(super) fn without_dots(path: &Path) -> PathBuf {
     let mut plain = PathBuf::new();
     for part in path.components() {
@@ -45,7 +45,7 @@ pub(super) fn without_dots(path: &Path) -> PathBuf {
     plain
 }
 
-/// The bytes with each `%41` decoded.
+/// Decodes each percent-encoded byte, such as `%41`.
 fn decoded(text: &str) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(text.len());
     let mut rest = text.as_bytes();

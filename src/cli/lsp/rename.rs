@@ -1,4 +1,4 @@
-//! The places of a function in scripts: its definition, its calls, and the scripts that import it.
+//! All occurrences of a function in scripts: its definition, its calls, and the calls in scripts that import it.
 
 use super::document::Document;
 use super::outline::Outline;
@@ -7,18 +7,18 @@ use super::tokens::{Token, TokenKind};
 use core::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Maximum number of scripts of the editor's folder that are searched for imports.
+/// Maximum number of scripts in the editor's folder that are searched for imports.
 const MOST_SCRIPTS: usize = 500;
-/// Functions whose argument is the name of a function.
+/// Built-in functions whose argument is the name of another function.
 const TAKE_NAMES: [&str; 4] = ["Fn", "is_def_fn", "after", "at"];
-/// Words that no function can have as its name.
+/// Words that cannot be the name of a function.
 const RESERVED: [&str; 34] = [
     "Fn", "as", "async", "await", "break", "call", "case", "catch", "const", "continue", "curry", "do",
     "else", "eval", "export", "false", "fn", "for", "go", "if", "import", "in", "let", "loop", "private",
     "return", "switch", "this", "throw", "true", "try", "until", "while", "with",
 ];
 
-/// The own function at a place: its name and the bytes of the name there.
+/// Returns the function of this script at a position: its name, and the range of the name.
 pub(super) fn function_at(view: &ScriptView<'_>, offset: usize) -> Option<(String, Range<usize>)> {
     let index = view.outline.token_at(offset)?;
     let token = &view.outline.tokens.all[index];
@@ -31,7 +31,7 @@ pub(super) fn function_at(view: &ScriptView<'_>, offset: usize) -> Option<(Strin
     places(view.text, view.outline, name, None).contains(&range).then(|| (name.to_owned(), range))
 }
 
-/// All places of the function `name` in its own script, or in one that imports it under `alias`.
+/// All occurrences of the function `name` in its own script, or in a script that imports it under `alias`.
 pub(super) fn places(text: &str, outline: &Outline, name: &str, alias: Option<&str>) -> Vec<Range<usize>> {
     let all = &outline.tokens.all;
     let is = |index: Option<usize>, wanted: &str| {
@@ -41,7 +41,7 @@ pub(super) fn places(text: &str, outline: &Outline, name: &str, alias: Option<&s
         (TokenKind::Word, None) if token.text(text) == name => {
             let before = index.checked_sub(1);
             let is_call = is(Some(index + 1), "(") && !is(before, "::");
-            // After `let` it is a variable.
+            // A name after `let` is a variable.
             (is_call || is(before, "fn")).then(|| token.range.clone())
         }
         (TokenKind::Word, Some(alias)) if token.text(text) == name => {
@@ -64,7 +64,7 @@ pub(super) fn places(text: &str, outline: &Outline, name: &str, alias: Option<&s
 /// Checks the new name of a function.
 ///
 /// # Errors
-/// The reason for which the script cannot have a function of this name, and a valid name.
+/// The script cannot have a function of this name; the error has the reason and a valid name.
 pub(super) fn check_name(view: &ScriptView<'_>, name: &str) -> Result<(), String> {
     let is_name = name.starts_with(|first: char| first.is_ascii_alphabetic() || first == '_')
         && name.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '_');
@@ -82,7 +82,7 @@ pub(super) fn check_name(view: &ScriptView<'_>, name: &str) -> Result<(), String
     Ok(())
 }
 
-/// The scripts below a folder, except hidden ones.
+/// Returns the scripts below a folder, except hidden ones.
 pub(super) fn scripts_below(root: &Path) -> Vec<PathBuf> {
     let (mut found, mut next) = (Vec::new(), vec![root.to_owned()]);
     let mut looked_at = 0;
@@ -106,7 +106,7 @@ pub(super) fn scripts_below(root: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// The places of a function of the script `defined` in another script that imports it.
+/// Returns all occurrences of a function of the script `defined` in another script that imports it.
 pub(super) fn places_of_import(other: &Document, defined: &Path, name: &str) -> Vec<Range<usize>> {
     let view = ScriptView::of(other);
     let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());

@@ -1,4 +1,4 @@
-//! What a script means: its plant, and the meaning of its texts.
+//! The meaning of a script: the purpose of the script, its plant, and what its texts name.
 
 use super::document::Document;
 use super::outline::{Call, Outline};
@@ -11,7 +11,7 @@ use crate::script::{DEFINITIONS, Value, Verb, defined};
 use core::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Purpose of a script. It decides which verbs and which plant the script has.
+/// Purpose of a script. The purpose determines which verbs and which plant the script has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ScriptKind {
     Scenario,
@@ -22,7 +22,7 @@ pub(super) enum ScriptKind {
 }
 
 impl ScriptKind {
-    /// The kind of the script in a file.
+    /// Determines the kind of a script from its path.
     pub(super) fn of(path: &Path) -> Self {
         let name = path.file_name().unwrap_or_default();
         let is_beside_device = path.parent().is_some_and(|directory| directory.join("device.toml").is_file());
@@ -33,7 +33,7 @@ impl ScriptKind {
         }
     }
 
-    /// The verbs that such a script can call.
+    /// Returns the verbs that such a script can call.
     pub(super) fn verbs(self) -> Vec<Verb> {
         match self {
             Self::Scenario => defined(DEFINITIONS),
@@ -43,11 +43,11 @@ impl ScriptKind {
     }
 }
 
-/// The verb that `commram soak` adds.
+/// The declaration of the verb that `commram soak` adds.
 const PASS: &str =
     "/// Advances the clock by a number of microseconds, perhaps in several steps.\nfn pass(us: int);";
 
-/// A text of a script that names something, with the bytes between its quotes.
+/// A text of a script that names an object of the plant, with the range between its quotes.
 pub(super) struct NamedText {
     pub(super) kind: ArgumentKind,
     pub(super) range: Range<usize>,
@@ -69,12 +69,12 @@ impl<'a> ScriptView<'a> {
         Self { text, outline, kind, verbs: kind.verbs(), path }
     }
 
-    /// The name of a call.
+    /// Returns the name of a call.
     pub(super) fn name(&self, call: &Call) -> &'a str {
         self.outline.tokens.all.get(call.name).map_or("", |token| token.text(self.text))
     }
 
-    /// The verbs that a call may mean: none for functions of modules and of the script itself.
+    /// Returns the verbs that a call may mean. Functions of modules and of the script itself are not verbs.
     pub(super) fn verbs_of(&self, call: &Call) -> Vec<&Verb> {
         let name = self.name(call);
         if call.module.is_some() || call.is_method || self.outline.function(name).is_some() {
@@ -92,12 +92,12 @@ impl<'a> ScriptView<'a> {
         verb.parameters.get(argument).map(|(name, _)| *name)
     }
 
-    /// What an argument names.
+    /// Returns the kind of object that an argument names.
     pub(super) fn argument_kind(&self, call: &Call, argument: usize) -> Option<ArgumentKind> {
         ArgumentKind::of(self.name(call), self.parameter(call, argument)?)
     }
 
-    /// All texts in the arguments of verbs that name something, also the elements of arrays.
+    /// Returns all texts in the arguments of a verb that name an object, including the elements of arrays.
     pub(super) fn named_texts(&self, call: &Call) -> Vec<NamedText> {
         let texts = (0..).zip(&call.arguments).filter_map(|(argument, tokens)| {
             let kind = self.argument_kind(call, argument)?;
@@ -116,13 +116,13 @@ impl<'a> ScriptView<'a> {
         texts.flatten().collect()
     }
 
-    /// The text of the call's register, if it is written there.
+    /// Returns the register of the call, if the script contains it as a literal text.
     pub(super) fn register_of(&self, call: &Call) -> Option<&'a str> {
         let found = self.named_texts(call).into_iter().find(|named| named.kind == ArgumentKind::Register);
         found.and_then(|named| self.text.get(named.range))
     }
 
-    /// The value that an argument is, with its bytes, if it is a number or text.
+    /// Returns the value of an argument with its range, if the argument is a literal number or text.
     pub(super) fn value(&self, call: &Call, argument: usize) -> Option<(Value, Range<usize>)> {
         let tokens = self.outline.tokens.all.get(call.arguments.get(argument)?.clone())?;
         let [token] = tokens else { return None };
@@ -134,19 +134,20 @@ impl<'a> ScriptView<'a> {
         Some((value, token.range.clone()))
     }
 
-    /// True if the script only shares functions: nothing outside of them acts on a plant.
+    /// True if the script only defines functions for other scripts: no statement outside of them acts on a plant.
     pub(super) fn is_part(&self) -> bool {
         let acts =
             |call: &Call| call.is_outside && (call.module.is_some() || !self.verbs_of(call).is_empty());
         !self.outline.functions.is_empty() && !self.outline.calls.iter().any(acts)
     }
 
-    /// The plant that the script names; `None` if it shares functions with scripts that name one.
+    /// Returns the plant that the script names; `None` if the script only defines functions for scripts that name a
+    /// plant.
     pub(super) fn plant(&self) -> Option<PlantName> {
         let mut calls = self.outline.calls.iter();
         let named = calls.find(|call| self.name(call) == "plant" && !self.verbs_of(call).is_empty());
         if let Some(call) = named {
-            // A name that the script computes is not known here.
+            // If the script computes the name of the plant, the server cannot determine it.
             let token = self.outline.tokens.all.get(call.arguments.first()?.start)?;
             return self.plant_named(self.text.get(token.content(self.text)?)?);
         }
@@ -163,24 +164,24 @@ impl<'a> ScriptView<'a> {
         (!text.is_empty()).then(|| PlantName::File(without_dots(&self.directory().join(text))))
     }
 
-    /// The folder and the name of a script of a device's firmware.
+    /// If the script belongs to the firmware of a device, returns the folder of the device and the name of the script.
     pub(super) fn part_of_firmware(&self) -> Option<(&'a Path, &'a str)> {
         let is_firmware = self.kind == ScriptKind::Firmware;
         Some((self.path.parent()?, self.path.file_name()?.to_str()?)).filter(|_| is_firmware)
     }
 
-    /// The directory from which the script names files.
+    /// Returns the directory to which paths in the script are relative.
     pub(super) fn directory(&self) -> PathBuf {
         self.path.parent().unwrap_or(Path::new("")).to_owned()
     }
 
-    /// The file that an import names.
+    /// Returns the path of the imported script.
     pub(super) fn imported(&self, path: &Range<usize>) -> PathBuf {
         let path = self.directory().join(self.text.get(path.clone()).unwrap_or_default());
         without_dots(&path).with_extension("rhai")
     }
 
-    /// The file of the module of a call `module::name(...)`.
+    /// Returns the file of the module in a call `module::name(...)`.
     pub(super) fn module_file(&self, call: &Call) -> Option<PathBuf> {
         let alias = self.outline.tokens.all.get(call.module?)?.text(self.text);
         let import = self.outline.imports.iter().find(|import| import.alias.as_deref() == Some(alias))?;
@@ -188,7 +189,7 @@ impl<'a> ScriptView<'a> {
     }
 }
 
-/// A number of the language.
+/// Parses a number in the syntax of the language.
 fn number(text: &str) -> Option<i64> {
     let digits = text.replace('_', "");
     let radix = |prefix: &str, radix| {

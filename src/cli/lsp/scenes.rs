@@ -1,4 +1,5 @@
-//! The plants that scenarios name. They are built as for a scenario, and kept until one of their files changes.
+//! The plants that scenarios name. A plant is built in the same way as for a scenario, and kept until one of its files
+//! changes.
 
 use crate::cli::complete::PlcScope;
 use crate::devices::folder;
@@ -22,37 +23,37 @@ pub(super) enum PlantName {
     File(PathBuf),
     /// The text of a plant file, in a scenario in this directory.
     Text(String),
-    /// The device in this folder alone.
+    /// A plant that contains only the device in this folder.
     Device(PathBuf),
 }
 
-/// A plant for questions about names and refusals. No scenario runs on it.
+/// A plant that answers questions about names and refusals. No scenario runs on it.
 pub(super) struct Scene {
     pub(super) bench: Bench,
     pub(super) scope: PlcScope,
-    /// The folders of its devices, by the names of the devices in the plant.
+    /// The folders of the devices in the plant, by the names of the devices.
     pub(super) folders: BTreeMap<String, PathBuf>,
     /// The drives with their descriptions.
     pub(super) drives: Vec<String>,
 }
 
-/// A plant, or the reason why there is none, with a number that changes with its files.
+/// A plant, or the reason why it could not be built, with a number that changes when its files change.
 struct Known {
     stamp: u64,
     scene: Result<Scene, String>,
 }
 
-/// All plants that were named.
+/// All plants that scripts have named.
 #[derive(Default)]
 pub(super) struct Scenes {
     known: BTreeMap<PlantName, Known>,
 }
 
 impl Scenes {
-    /// The plant of this name. `open` returns the text of a file that the editor has open.
+    /// Returns the plant of this name. `open` returns the text of a file that the editor has open.
     ///
     /// # Errors
-    /// The message of the refused plant.
+    /// The plant is refused; the error is the message.
     pub(super) fn get(
         &mut self,
         name: &PlantName,
@@ -69,7 +70,7 @@ impl Scenes {
         let folders: Vec<_> =
             folders.map(|scene| scene.folders.values().cloned().collect()).unwrap_or_default();
         let now = stamp(&text, &folders);
-        // The files of a refused device are not known, so a refused plant is built again.
+        // If a device is refused, its files are unknown; a refused plant is therefore built again each time.
         let is_known = self.known.get(name).is_some_and(|known| known.stamp == now && known.scene.is_ok());
         if !is_known {
             if self.known.len() >= MOST {
@@ -118,7 +119,7 @@ fn build(name: &PlantName, text: &str) -> Result<Scene, String> {
     Ok(Scene { scope: PlcScope::of(bench.names()), folders: folders.collect(), bench, drives })
 }
 
-/// A number that changes with the text and with the files of the folders.
+/// Computes a number that changes when the text or the files in the folders change.
 fn stamp(text: &std::io::Result<String>, folders: &[PathBuf]) -> u64 {
     let mut hasher = DefaultHasher::new();
     text.as_ref().ok().hash(&mut hasher);
@@ -133,7 +134,7 @@ fn stamp(text: &std::io::Result<String>, folders: &[PathBuf]) -> u64 {
     hasher.finish()
 }
 
-/// The folder of the device that contains a file: its directory, or the directory above `tests`.
+/// Returns the folder of the device that contains a file: the directory of the file, or the directory above `tests`.
 pub(super) fn folder_of(file: &Path) -> Option<PathBuf> {
     let directory = file.parent()?;
     let is_device = |directory: &Path| directory.join("device.toml").is_file();

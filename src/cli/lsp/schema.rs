@@ -17,7 +17,7 @@ static OF_LAYOUTS: LazyLock<Value> =
 /// A schema, and the part of it that describes a file.
 pub(super) struct Schema {
     root: &'static Value,
-    /// Names of definitions that together describe the file; none for the root itself.
+    /// Names of the definitions that together describe the file; empty for the root of the schema.
     parts: Vec<&'static str>,
 }
 
@@ -26,12 +26,12 @@ impl Schema {
         Self { root: &OF_PLANTS, parts: Vec::new() }
     }
 
-    /// The schema of a file of a layout.
+    /// Returns the schema for a file of a layout.
     pub(super) fn of_layout(name: &str, text: &str) -> Self {
         let parts = match name {
             "device.toml" => vec!["device"],
             "family.toml" => vec!["family"],
-            // A structure has its registers in the file itself.
+            // A file of a structure contains the registers themselves.
             _ if text
                 .lines()
                 .any(|line| line.starts_with("register") || line.starts_with("[[register]]")) =>
@@ -44,7 +44,7 @@ impl Schema {
         Self { root: &OF_LAYOUTS, parts }
     }
 
-    /// The keys or values that fit at a place.
+    /// Returns the keys or values that fit at a position.
     pub(super) fn proposals(&self, place: &TablePlace) -> Vec<Proposal> {
         match place.slot {
             Slot::Nothing => Vec::new(),
@@ -76,7 +76,7 @@ impl Schema {
         }
     }
 
-    /// The description of the key at a place.
+    /// Returns the description of the key at a position.
     pub(super) fn description(&self, place: &TablePlace, text: &str) -> Option<(String, Range<usize>)> {
         let key = text.get(place.word.clone())?;
         if place.slot != Slot::Key || key.is_empty() {
@@ -87,7 +87,8 @@ impl Schema {
         Some((format!("`{key}`: {form}  \n{about}"), place.word.clone()))
     }
 
-    /// The schemas of the table or value at the place; several if the kind of the section is not given.
+    /// Returns the schemas of the table or value at the position. There are several if the section does not contain its
+    /// kind.
     fn tables(&self, place: &TablePlace) -> Vec<&Value> {
         let mut found: Vec<&Value> = match self.parts.as_slice() {
             [] => vec![self.root],
@@ -104,7 +105,7 @@ impl Schema {
         found.into_iter().flat_map(|table| self.alternatives(table, DEEPEST)).collect()
     }
 
-    /// The schema without references, arrays and alternatives around it.
+    /// Resolves references, arrays and alternatives around a schema.
     fn alternatives<'a>(&'a self, schema: &'a Value, depth: usize) -> Vec<&'a Value> {
         let Some(depth) = depth.checked_sub(1) else { return Vec::new() };
         if let Some(name) = schema["$ref"].as_str() {
@@ -122,7 +123,7 @@ impl Schema {
         }
     }
 
-    /// All headers: of sections, and of tables in them.
+    /// Proposes all headers: those of sections, and those of tables in sections.
     fn headers(&self) -> Vec<Proposal> {
         let place =
             TablePlace { slot: Slot::Key, path: Vec::new(), word: 0..0, given: Vec::new(), kind: None };
@@ -159,7 +160,7 @@ impl Schema {
         }
     }
 
-    /// The values that a schema lists, as they are written.
+    /// Returns the values that a schema lists, in TOML syntax.
     fn values(&self, schema: &Value) -> Vec<String> {
         if let Some(listed) = schema["enum"].as_array() {
             return listed.iter().map(Value::to_string).collect();
@@ -172,7 +173,7 @@ impl Schema {
         }
     }
 
-    /// `integer, 0 to 31, default 0`
+    /// Formats the type of a value: `integer, 0 to 31, default 0`.
     fn form(&self, schema: &Value) -> String {
         let found = self.alternatives(schema, DEEPEST);
         let Some(schema) = found.first() else { return String::new() };

@@ -1,4 +1,4 @@
-//! The language server: documents, and the answer to each message of the editor.
+//! The language server: the open documents, and the answer to each message of the editor.
 
 use super::complete::{self, Proposal};
 use super::document::Document;
@@ -21,7 +21,7 @@ use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
-/// Action after a message.
+/// What the caller does after a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Next {
     Continue,
@@ -34,13 +34,13 @@ pub(super) enum Next {
 /// A refused request: the code of the protocol, and the reason.
 type Refusal = (ErrorCode, String);
 
-/// Places in a file.
+/// Ranges in a file.
 type Places = (Uri, Vec<lsp::Range>);
 
-/// The documents of an editor, and what they name.
+/// The documents that the editor has open, and the plants and scripts that they name.
 pub(super) struct Server {
     documents: BTreeMap<String, Document>,
-    /// Documents that have changed since they were judged.
+    /// Documents that have changed since they were last checked.
     changed: BTreeSet<String>,
     scenes: Scenes,
     checker: Checker,
@@ -63,7 +63,7 @@ impl Server {
         }
     }
 
-    /// Acts on a message; the answer to a request is added to `answers`.
+    /// Handles a message. Adds the answer to a request to `answers`.
     pub(super) fn take(&mut self, message: Message, answers: &mut Vec<Message>) -> Next {
         match message {
             Message::Request(request) => {
@@ -72,12 +72,12 @@ impl Server {
                 Next::Continue
             }
             Message::Notification(notification) => self.note(notification, answers),
-            // The server sends no requests.
+            // The server sends no requests, so a response has no meaning.
             Message::Response(_) => Next::Continue,
         }
     }
 
-    /// Judges the documents that have changed, and adds their errors to `answers`.
+    /// Checks the documents that have changed, and adds their errors to `answers`.
     pub(super) fn settle(&mut self, answers: &mut Vec<Message>) {
         for uri in core::mem::take(&mut self.changed) {
             let Some(document) = self.documents.get(&uri) else { continue };
@@ -170,13 +170,13 @@ impl Server {
                     document.change(text_document.version, content_changes);
                     let is_script = document.is_script();
                     self.changed.insert(text_document.uri.as_str().to_owned());
-                    // Scenarios depend on their plants.
+                    // Scenarios depend on plant files: a change of another file can change the errors of scenarios.
                     if !is_script {
                         self.judge_all();
                     }
                 }
             }
-            // A saved file may be a part of the folder of a device.
+            // A saved file may belong to the folder of a device.
             "textDocument/didSave" | "workspace/didChangeWatchedFiles" => self.judge_all(),
             "textDocument/didClose" => {
                 if let Ok(lsp::DidCloseTextDocumentParams {
@@ -224,13 +224,13 @@ impl Server {
         let mut judge = Judge { view: &view, checker, scene, refusal, read: &read };
         let mut mistakes = judge.mistakes(document);
         if let Some((dir, name)) = view.part_of_firmware() {
-            // Their messages replace those for scenarios.
+            // For scripts of a device, these messages replace those for scenarios.
             mistakes = tables::of_folder(document, edited::check_script(dir, name, view.text));
         }
         mistakes.into_iter().map(|mistake| mistake.shown(document)).collect()
     }
 
-    /// Calls `act` with the script at a position, its plant, and the byte of the position.
+    /// Calls `act` with the script at a position, the plant of the script, and the position in bytes.
     fn at<T>(
         &mut self,
         place: &TextDocumentPositionParams,
@@ -248,7 +248,7 @@ impl Server {
             return None;
         }
         let view = ScriptView::of(document);
-        // A script that only shares functions is completed for the built-in plant.
+        // A script that only defines functions gets the completions of the built-in plant.
         let scene = match view.plant() {
             Some(_) => scene_of(&view, documents, scenes).and_then(Result::ok),
             None => scenes.get(&PlantName::BuiltIn, |_| None).ok(),
@@ -257,7 +257,7 @@ impl Server {
         act(document, &view, scene, &read, document.text.offset(place.position))
     }
 
-    /// Calls `act` with the TOML file at a position, and the byte of the position.
+    /// Calls `act` with the TOML file at a position, and the position in bytes.
     fn at_table<T>(
         &self,
         place: &TextDocumentPositionParams,
@@ -281,7 +281,7 @@ impl Server {
             Some((proposals, document.text.range(&range)))
         });
         let (proposals, range) = found.or(in_table)?;
-        // A blank or a sign asks for the names in a text, not for every verb.
+        // After a blank or a sign, the editor requests names in a text; the verbs would be too many.
         let by_sign = params
             .context
             .as_ref()
@@ -289,7 +289,7 @@ impl Server {
         let proposals =
             if by_sign { proposals.into_iter().filter(|it| !it.is_word()).collect() } else { proposals };
         let items = (0..).zip(proposals).map(|(place, proposal)| item(proposal, range, place)).collect();
-        // The texts in quotes depend on the typed part: an index follows an array.
+        // The proposals in a text depend on the typed part: an index, for example, follows only an array.
         Some(lsp::CompletionList { is_incomplete: true, items })
     }
 
@@ -343,14 +343,15 @@ impl Server {
         checked.unwrap_or(Ok(())).map_err(|reason| (ErrorCode::RequestFailed, reason))?;
         let Some(places) = self.places(place) else { return Ok(None) };
         let edit = |range| TextEdit { range, new_text: params.new_name.clone() };
-        // The protocol defines a map with names of files as keys.
+        // The protocol requires a map with URIs as keys.
         #[allow(clippy::mutable_key_type, reason = "nothing changes the keys")]
         let changes: HashMap<_, _> =
             places.into_iter().map(|(uri, ranges)| (uri, ranges.into_iter().map(edit).collect())).collect();
         Ok(Some(lsp::WorkspaceEdit { changes: Some(changes), ..lsp::WorkspaceEdit::default() }))
     }
 
-    /// All places of the own function at a position: in its script, and in the scripts that import it.
+    /// Returns all occurrences of the function of this script at a position: in its own script, and in scripts that
+    /// import it.
     fn places(&mut self, place: &TextDocumentPositionParams) -> Option<Vec<Places>> {
         let (name, own) = self.at(place, |document, view, _, _, offset| {
             let (name, _) = rename::function_at(view, offset)?;
@@ -380,7 +381,8 @@ impl Server {
     }
 }
 
-/// The plant of a script, or the reason why it is refused; `None` if the script does not decide its plant.
+/// Returns the plant of a script, or the reason why the plant is refused; `None` if the script does not determine its
+/// plant.
 fn scene_of<'a>(
     view: &ScriptView<'_>,
     documents: &BTreeMap<String, Document>,
@@ -390,7 +392,7 @@ fn scene_of<'a>(
     Some(scenes.get(&view.plant()?, open))
 }
 
-/// The open files of a folder, with their texts.
+/// Returns the open files of a folder, with their texts.
 fn texts_below(documents: &BTreeMap<String, Document>, dir: &Path) -> BTreeMap<PathBuf, String> {
     let tables =
         documents.values().filter(|document| document.is_table() && document.path.parent() == Some(dir));
@@ -414,7 +416,7 @@ fn ranges(document: &Document, places: &[Range<usize>]) -> Vec<lsp::Range> {
 fn item(proposal: Proposal, range: lsp::Range, place: usize) -> lsp::CompletionItem {
     let Proposal { label, detail, about, kind } = proposal;
     lsp::CompletionItem {
-        // Registers are sorted as in the register map, and not by their names.
+        // Sorts registers by their position in the register map, instead of by their names.
         sort_text: Some(format!("{place:05}")),
         filter_text: Some(label.clone()),
         text_edit: Some(lsp::CompletionTextEdit::Edit(TextEdit { range, new_text: label.clone() })),
@@ -427,7 +429,7 @@ fn item(proposal: Proposal, range: lsp::Range, place: usize) -> lsp::CompletionI
 }
 
 fn publish(answers: &mut Vec<Message>, params: lsp::PublishDiagnosticsParams) {
-    // The parameters are data without maps, which are always JSON.
+    // The conversion cannot fail: the parameters contain no maps.
     let params = serde_json::to_value(params).unwrap_or_default();
     answers.push(Notification { method: "textDocument/publishDiagnostics".to_owned(), params }.into());
 }
@@ -440,7 +442,7 @@ fn response(id: RequestId, result: Result<Value, Refusal>) -> Response {
 }
 
 /// # Errors
-/// The parameters are not those of the request.
+/// The parameters do not have the form that the request needs.
 fn parsed<T: DeserializeOwned>(params: Value) -> Result<T, Refusal> {
     serde_json::from_value(params).map_err(|error| (ErrorCode::InvalidParams, error.to_string()))
 }
@@ -449,7 +451,7 @@ fn shown(result: &impl Serialize) -> Result<Value, Refusal> {
     serde_json::to_value(result).map_err(|error| (ErrorCode::InternalError, error.to_string()))
 }
 
-/// The position of a place, for tests.
+/// Converts a position in bytes to a position of the protocol, for tests.
 #[cfg(test)]
 pub(super) fn position(text: &str, offset: usize) -> lsp::Position {
     super::text::Text::new(text.to_owned()).position(offset)

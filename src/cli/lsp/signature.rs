@@ -1,18 +1,20 @@
-//! Descriptions of verbs and functions: for the cursor in a call, and for the pointer on a name.
+//! Descriptions of verbs and functions: for a call at the cursor, and for a name under the pointer.
 
 use super::outline::Function;
 use super::scenario::ScriptView;
 use crate::script::Verb;
 use lsp_types::{Documentation, ParameterInformation, ParameterLabel, SignatureHelp, SignatureInformation};
 
-/// `wait(register: String, value: ?, within: ?) -> int`, with the words of the reference for the types.
+/// Formats the signature of a verb: `wait(register: String, value: ?, within: ?) -> int`. The types have the names of
+/// the reference.
 pub(super) fn signature(verb: &Verb) -> String {
     let parameters: Vec<_> = verb.parameters.iter().map(parameter).collect();
     let result = verb.result.map(|result| format!(" -> {result}")).unwrap_or_default();
     format!("{}({}){result}", verb.name, parameters.join(", "))
 }
 
-/// A parameter with its type. The description of the verb names the types of a parameter with `?`.
+/// Formats a parameter with its type. For a parameter with the type `?`, the description of the verb names the possible
+/// types.
 fn parameter((name, ty): &(&str, &str)) -> String {
     match *ty {
         "?" => (*name).to_owned(),
@@ -24,7 +26,7 @@ fn of_function(function: &Function) -> String {
     format!("{}({})", function.name, function.parameters.join(", "))
 }
 
-/// The description of a verb or of an own function of this name, in Markdown.
+/// Returns the description of a verb, or of a function of this script, in Markdown.
 pub(super) fn description(view: &ScriptView<'_>, name: &str) -> Option<String> {
     let block = |signature: &str, about: &str| format!("```rhai\n{signature}\n```\n{about}");
     if let Some(function) = view.outline.function(name) {
@@ -35,7 +37,7 @@ pub(super) fn description(view: &ScriptView<'_>, name: &str) -> Option<String> {
     (!texts.is_empty()).then(|| texts.join("\n\n"))
 }
 
-/// The signatures for the call at a place.
+/// Returns the signatures for the call at a position.
 pub(super) fn help(view: &ScriptView<'_>, offset: usize) -> Option<SignatureHelp> {
     let (call, argument) = view.outline.call_at(offset)?;
     let active = u32::try_from(argument).ok();

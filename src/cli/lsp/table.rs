@@ -1,9 +1,9 @@
-//! A place in a TOML file, which may be incomplete: the table that contains the place, and the key or value at the
-//! place.
+//! A position in a TOML file, which may be incomplete: the table that contains the position, and the key or value
+//! there.
 
 use core::ops::Range;
 
-/// Possible content of a place in a TOML file.
+/// What the file can contain at a position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Slot {
     /// A header, `[[plc]]`.
@@ -12,36 +12,36 @@ pub(super) enum Slot {
     Key,
     /// The value of the last key of the path.
     Value,
-    /// Nothing that has names: a comment.
+    /// No name: the position is in a comment.
     Nothing,
 }
 
-/// A place in a TOML file.
+/// A position in a TOML file, with its context.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct TablePlace {
     pub(super) slot: Slot,
-    /// Keys from the root to the table of a key, or to the value.
+    /// Keys from the root of the file to the table or value at the position.
     pub(super) path: Vec<String>,
-    /// The bytes of the word at the place: of the header's line, the key, or the value.
+    /// Range of the word at the position, in bytes: the line of a header, a key, or a value.
     pub(super) word: Range<usize>,
-    /// Other keys of the same table. In a section, these are the keys of its other lines; in a table in braces, the
-    /// keys before the place.
+    /// Other keys of the same table. In a section, these are the keys of all its other lines. In a table in braces,
+    /// these are the keys before the position.
     pub(super) given: Vec<String>,
     /// The value of the key `kind` in the section.
     pub(super) kind: Option<String>,
 }
 
-/// An open table or array on the way to the place.
+/// A table or array that is open at the position.
 struct Open {
     sign: char,
-    /// Length of the path outside of it.
+    /// Length of the path at the beginning of the table or array.
     depth: usize,
-    /// Keys of the table outside of it.
+    /// Keys that the enclosing table has so far.
     given: Vec<String>,
 }
 
 impl TablePlace {
-    /// The place at a byte of the text.
+    /// Determines the context of a byte of the text.
     pub(super) fn at(text: &str, offset: usize) -> Self {
         let line_start = text[..offset].rfind('\n').map_or(0, |end| end + 1);
         let line_end = text[offset..].find('\n').map_or(text.len(), |end| offset + end);
@@ -49,7 +49,7 @@ impl TablePlace {
         let (section_start, section_end, header) = section(text, line_start);
         let nothing =
             |slot| Self { slot, path: Vec::new(), word: offset..offset, given: Vec::new(), kind: None };
-        // A line with a bracket at its beginning is a header, unless it continues an array.
+        // A line that begins with a bracket is a header, unless it continues an array.
         if line.trim_start().starts_with('[') && header_of(line).is_none_or(|_| line_start >= section_start) {
             let is_continued = scan(text, section_start, line_start, &[]).open_brackets > 0;
             if !is_continued {
@@ -90,7 +90,7 @@ impl TablePlace {
         if is_value {
             return Self { slot: Slot::Value, path, word, given, kind };
         }
-        // Dotted keys are tables, too.
+        // A dotted key also names tables.
         let before = text[line_start..word.start].rsplit([',', '{']).next().unwrap_or_default();
         path.extend(
             before
@@ -107,7 +107,7 @@ impl TablePlace {
     }
 }
 
-/// The section of a line: its first byte after the header, its end, and the names in the header.
+/// Returns the section of a line: the first byte after the header, the end, and the names in the header.
 fn section(text: &str, line_start: usize) -> (usize, usize, Vec<String>) {
     let (mut start, mut header, mut at) = (0, Vec::new(), 0);
     for line in text.split_inclusive('\n') {
@@ -124,7 +124,7 @@ fn section(text: &str, line_start: usize) -> (usize, usize, Vec<String>) {
     (start.min(text.len()), text.len(), header)
 }
 
-/// The names in a complete header, `[plc.drive]` or `[[bus]]`.
+/// Returns the names in a complete header, such as `[plc.drive]` or `[[bus]]`.
 fn header_of(line: &str) -> Option<Vec<String>> {
     let line = line.split('#').next().unwrap_or_default().trim();
     let inner = line.strip_prefix('[')?;
@@ -138,21 +138,21 @@ fn header_of(line: &str) -> Option<Vec<String>> {
     names.iter().all(|name| is_name(name)).then_some(names)
 }
 
-/// The state of a reader at a place.
+/// State of the parser at a position.
 struct Scanned {
     path: Vec<String>,
     given: Vec<String>,
-    /// True if a value is expected.
+    /// True if a value is expected at the position.
     is_value: bool,
-    /// The byte of the quote if the place is within a text.
+    /// Position of the opening quote, if the position is inside a text.
     in_text: Option<usize>,
     is_comment: bool,
     open_brackets: usize,
-    /// True if the place is in a table in braces.
+    /// True if the position is in a table in braces.
     is_inline: bool,
 }
 
-/// Reads from the beginning of a section up to a place.
+/// Parses a section from its beginning up to a position.
 fn scan(text: &str, start: usize, offset: usize, header: &[String]) -> Scanned {
     let mut path = header.to_vec();
     let mut given: Vec<String> = Vec::new();
@@ -202,7 +202,7 @@ fn scan(text: &str, start: usize, offset: usize, header: &[String]) -> Scanned {
                     Some(top) => (top.depth, top.sign == '['),
                     None => (header.len(), false),
                 };
-                // A line end within an array or a table in braces is a blank.
+                // Inside an array or a table in braces, the end of a line counts as a blank.
                 if letter == ',' || open.is_empty() {
                     if !in_array {
                         path.truncate(depth);

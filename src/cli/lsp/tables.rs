@@ -1,4 +1,4 @@
-//! TOML files that commram reads: plants, and the files of a device's folder.
+//! The TOML files that the language server checks: plant files, and the files in the folder of a device.
 
 use super::complete::Proposal;
 use super::document::Document;
@@ -26,7 +26,7 @@ pub(super) enum TableKind {
 }
 
 impl TableKind {
-    /// The kind of a file; `None` for files of other programs (D-840).
+    /// Determines the kind of a file; `None` for files of other programs (D-840).
     pub(super) fn of(document: &Document) -> Option<Self> {
         let name = document.path.file_name()?.to_str()?;
         let directory = document.path.parent()?;
@@ -41,7 +41,7 @@ impl TableKind {
         (name == "plant.toml" || is_plant(document.text.as_str())).then_some(Self::Plant)
     }
 
-    /// The errors in the file.
+    /// Returns the errors in the file.
     pub(super) fn mistakes(
         &self,
         document: &Document,
@@ -55,7 +55,7 @@ impl TableKind {
         }
     }
 
-    /// The keys and values that fit at a place, and the bytes that they replace.
+    /// Returns the keys and values that fit at a position, and the range that each of them replaces.
     pub(super) fn proposals(&self, document: &Document, offset: usize) -> (Vec<Proposal>, Range<usize>) {
         let place = TablePlace::at(document.text.as_str(), offset);
         let found = match self {
@@ -65,7 +65,7 @@ impl TableKind {
         (found, place.word)
     }
 
-    /// The description of the key at a place, and its bytes.
+    /// Returns the description of the key at a position, and the range of the key.
     pub(super) fn description(&self, document: &Document, offset: usize) -> Option<(String, Range<usize>)> {
         let text = document.text.as_str();
         self.schema(document)?.description(&TablePlace::at(text, offset), text)
@@ -81,7 +81,7 @@ impl TableKind {
     }
 }
 
-/// True if a text has a section of a plant, or names the schema of plants.
+/// True if the text has a section of a plant, or names the schema of plant files.
 fn is_plant(text: &str) -> bool {
     text.lines().any(|line| {
         let line = line.trim_start();
@@ -90,7 +90,7 @@ fn is_plant(text: &str) -> bool {
     })
 }
 
-/// The error of a plant file, or its warnings.
+/// Returns the error of a plant file, or its warnings.
 fn plant(document: &Document) -> Vec<Mistake> {
     let (text, path) = (document.text.as_str(), &document.path);
     let directory = path.parent().unwrap_or(Path::new(""));
@@ -103,14 +103,14 @@ fn plant(document: &Document) -> Vec<Mistake> {
     }
 }
 
-/// The error of a folder, if it is in this file; an error in another file is at the first line.
+/// Returns the error of a folder. An error in another file of the folder is shown at the first line.
 pub(super) fn of_folder(document: &Document, checked: Result<(), FolderError>) -> Vec<Mistake> {
     let Err(error) = checked else { return Vec::new() };
     let (path, range, what) = match &error {
         FolderError::Layout(error) => {
             let at = document.text.byte_at(error.at.line, error.at.column);
             let rest = document.text.as_str()[at..].lines().next().unwrap_or_default();
-            // From the place of the error to the end of the value or line.
+            // Marks the text from the error to the end of the value or line.
             let end = rest.find([',', '}', '#']).unwrap_or(rest.len());
             let range = at..at + rest[..end].trim_end().len();
             let range = if range.is_empty() { document.text.line(Some(error.at.line)) } else { range };
@@ -129,7 +129,7 @@ pub(super) fn of_folder(document: &Document, checked: Result<(), FolderError>) -
     }]
 }
 
-/// Keys of the tables of `handshakes.toml`, and registers of the saved layout.
+/// Proposes keys for the tables of `handshakes.toml`, and the registers of the saved layout.
 fn handshake_proposals(dir: &Path, place: &TablePlace) -> Vec<Proposal> {
     let key = place.path.last().map_or("", String::as_str);
     match place.slot {

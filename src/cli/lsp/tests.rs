@@ -1,4 +1,4 @@
-//! The server as an editor uses it: messages in, messages out.
+//! Tests the server with messages, in the way in which an editor uses it.
 
 use super::server::{Next, Server, position};
 use crate::devices::samples::{BLOCK, copy_folder};
@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// An editor with one document at a time. `¦` in its text is the cursor.
+/// An editor with one open document. `¦` in the text of the document marks the cursor.
 struct Editor {
     server: Server,
     answers: Vec<Message>,
@@ -58,12 +58,12 @@ impl Editor {
         self.response(method, params).response_result.unwrap_or_else(|error| panic!("{method}: {error:?}"))
     }
 
-    /// The parameters of a request at the cursor.
+    /// Returns the parameters of a request for the position of the cursor.
     fn place(&self) -> Value {
         json!({ "textDocument": { "uri": self.uri }, "position": position(&self.text, self.cursor) })
     }
 
-    /// Errors of the document: `LINE:COLUMN MESSAGE`.
+    /// Returns the errors of the document as `LINE:COLUMN MESSAGE`.
     fn errors(&mut self) -> Vec<String> {
         self.server.settle(&mut self.answers);
         let mut found = Vec::new();
@@ -98,7 +98,7 @@ fn errors(text: &str) -> Vec<String> {
     Editor::with(text).errors()
 }
 
-/// The only error of a text begins like this.
+/// Asserts that the text has exactly one error, and that its message begins with `expected`.
 fn assert_error(text: &str, expected: &str) {
     let found = errors(text);
     assert!(found.len() == 1 && found[0].starts_with(expected), "{text}: {found:?}, not {expected}");
@@ -183,7 +183,7 @@ fn the_plant_of_the_scenario_decides_on_the_registers() {
     assert!(found[0].contains("the plant has several PLCs (a, b)"), "{found:?}");
     editor.open(&at("two.rhai"), "plant(\"two.toml\"); peek(\"b:¦\");");
     assert!(editor.completions().contains(&"b:node1.w_CPU_CONTROL".to_owned()));
-    // The editor has a newer text of the plant.
+    // The editor has a newer text of the plant than the file.
     editor.open(&at("two.toml"), &plant.replace("\"b\"", "\"c\""));
     editor.open(&at("one.rhai"), "plant(\"two.toml\"); peek(\"b:node2.w_CPU_CONTROL\");");
     assert!(editor.errors()[0].contains("there is no PLC 'b'; there are: a, c"));
@@ -354,7 +354,7 @@ fn a_script_that_is_too_long_is_not_judged() {
     assert_eq!(found, ["0:0 a script has at most 64 KiB; import a part of it"]);
 }
 
-/// A piece of text that editors send: parts of scripts, signs, line ends, characters of all lengths.
+/// Generates a piece of text: parts of scripts, signs, line ends, characters of all lengths.
 fn piece() -> impl Strategy<Value = String> {
     let parts = prop::sample::select(vec![
         "poke(\"node2.w_CPU_CONTROL\", 0x0001);",
@@ -400,8 +400,8 @@ fn piece() -> impl Strategy<Value = String> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 48, ..crate::property_tests() })]
 
-    /// Random edits, at positions inside and outside of the text, never end the server, and both ways to send them give
-    /// the same text.
+    /// Random edits, at positions inside and outside of the text, never end the server. Changes of ranges and changes
+    /// of the whole text give the same document.
     #[test]
     fn random_edits_never_end_the_server(
         edits in prop::collection::vec((piece(), 0..12_u32, 0..40_u32, 0..3_u32, 0..20_u32, any::<bool>()), 1..24)
@@ -429,17 +429,17 @@ proptest! {
                 editor.ask("textDocument/references", references);
                 editor.errors();
             }
-            // The server still answers, and forgets the errors of a closed document.
+            // The server still answers requests, and removes the errors of a closed document.
             let document = json!({ "textDocument": { "uri": editor.uri } });
             editor.note("textDocument/didClose", document);
             assert_eq!(editor.errors(), [""; 0]);
         };
-        // Scripts are compiled in a thread with the stack that they need, as in the program.
+        // Compiles scripts in a thread with a large stack, as the program does.
         crate::script::with_stack(run).unwrap();
     }
 }
 
-/// A copy of a device's folder of the project.
+/// Copies the folder of a device of this project.
 fn folder(name: &str) -> tempfile::TempDir {
     let copy = tempfile::tempdir().unwrap();
     copy_folder(name, copy.path());
@@ -462,7 +462,7 @@ fn plants_have_the_messages_of_the_program_with_their_line() {
     assert!(errors("[[plc]\nname = \"a\"\n")[0].starts_with("0:0 "));
     let warned = errors("[[plc]]\nname = \"a\"\nnode1 = \"x\"\n[[bus]]\nname = \"x\"\n");
     assert!(warned[0].contains("has no master"), "{warned:?}");
-    // Files of other programs are left alone.
+    // The server reports no errors in files of other programs.
     editor.open(Path::new("/nonexistent/Cargo.toml"), "[package]\nname = 1\n");
     assert_eq!(editor.errors(), [""; 0]);
 }
@@ -482,7 +482,7 @@ fn keys_and_values_of_plants_come_from_the_schema() {
         editor.open(Path::new("/nonexistent/plant.toml"), text);
         let found = editor.completions();
         assert!(found.iter().any(|label| label == expected), "{text}: {found:?}");
-        // A key of another kind of device is not proposed.
+        // The server does not propose a key that only another kind of device has.
         assert!(!text.contains("can-dp2") || !found.contains(&"retain_bytes".to_owned()), "{found:?}");
     }
     let mut editor = Editor::new();

@@ -1,12 +1,12 @@
-//! The text of an open document, and places in it: bytes here, lines and UTF-16 units in the protocol.
+//! The text of an open document. Positions are bytes in this program, but lines and UTF-16 units in the protocol.
 
 use core::ops::Range;
 use lsp_types::{Position, TextDocumentContentChangeEvent};
 
-/// The text of a document, with the places of its lines.
+/// The text of a document, with the positions of its lines.
 pub(super) struct Text {
     text: String,
-    /// Byte at which each line begins. A line ends with `\n`, `\r\n` or `\r`.
+    /// Position of each line's first byte. A line ends with `\n`, `\r\n` or `\r`.
     starts: Vec<usize>,
 }
 
@@ -20,7 +20,7 @@ impl Text {
         &self.text
     }
 
-    /// Applies a change of the editor: a new text, or a new text of a range.
+    /// Applies a change of the editor, which replaces the whole text or a range of it.
     pub(super) fn apply(&mut self, change: TextDocumentContentChangeEvent) {
         match change.range {
             None => self.text = change.text,
@@ -32,8 +32,9 @@ impl Text {
         self.starts = starts(&self.text);
     }
 
-    /// The byte of a position. A position beyond its line is the end of the line, one beyond the text its end; one within a
-    /// surrogate pair is the beginning of the character.
+    /// Converts a position of the protocol to a byte. A position beyond the end of its line means the end of the line, and
+    /// a line beyond the text means the end of the text. A position within a surrogate pair means the beginning of the
+    /// character.
     pub(super) fn offset(&self, position: Position) -> usize {
         let Some(start) = self.starts.get(position.line as usize).copied() else { return self.text.len() };
         let line = self.text[start..self.end_of(position.line as usize)].trim_end_matches(['\r', '\n']);
@@ -47,7 +48,8 @@ impl Text {
         start + line.len()
     }
 
-    /// The position of a byte, which is the beginning of a character or the end of the text.
+    /// Converts a byte to a position of the protocol. The byte must be the beginning of a character or the end of the
+    /// text.
     pub(super) fn position(&self, offset: usize) -> Position {
         let line = self.starts.partition_point(|start| *start <= offset).saturating_sub(1);
         let before = self.text.get(self.starts[line]..offset).unwrap_or_default();
@@ -59,8 +61,8 @@ impl Text {
         lsp_types::Range::new(self.position(range.start), self.position(range.end))
     }
 
-    /// The bytes of a line as our own readers count them, from 1 and by `\n` alone, without blanks around it. `None`, or a
-    /// line that does not exist, is the last line with a text.
+    /// Returns the range of a line, without blanks at its ends. Lines are counted from 1 and end only at `\n`, as in the
+    /// error messages of commram. `None`, or a line that does not exist, means the last line that is not empty.
     pub(super) fn line(&self, number: Option<usize>) -> Range<usize> {
         let lines = || {
             self.text.split_inclusive('\n').scan(0, |at, line| {
@@ -76,7 +78,7 @@ impl Text {
         front..front + line.trim().len()
     }
 
-    /// The byte at a line, from 1, and a column in characters, from 1.
+    /// Returns the byte at a line and a column. Both count from 1, and columns count characters.
     pub(super) fn byte_at(&self, line: usize, column: usize) -> usize {
         let start = match line.checked_sub(2) {
             None => 0,
@@ -114,7 +116,7 @@ mod tests {
     #[test]
     fn positions_count_units_of_utf_16() {
         let text = Text::new("a\u{1F980}b\r\nü\rx\n".to_owned());
-        // The crab has four bytes and two units.
+        // The crab emoji has four bytes in UTF-8 and two units in UTF-16.
         for (position, offset) in
             [((0, 0), 0), ((0, 1), 1), ((0, 3), 5), ((1, 1), 10), ((2, 1), 12), ((3, 0), 13)]
         {
@@ -132,7 +134,7 @@ mod tests {
         text.apply(change((0, 3), (1, 0), " "));
         text.apply(change((0, 4), (0, 7), "2"));
         assert_eq!(text.as_str(), "one 2\r\nthree");
-        // The ends of a range may be swapped or lie outside.
+        // The ends of a range may be swapped, or lie outside of the text.
         text.apply(change((9, 9), (1, 0), "3"));
         assert_eq!(text.as_str(), "one 2\r\n3");
         text.apply(TextDocumentContentChangeEvent {

@@ -1,21 +1,21 @@
-//! The words of a script, also of a half-typed one: Rhai's own tokenizer stops at the first error.
+//! Splits a script into tokens, even if it is incomplete: Rhai's own tokenizer stops at the first error.
 
 use core::ops::Range;
 
-/// A word, number, text or sign of a script. Comments and blanks are no tokens.
+/// A word, number, text or sign of a script. Comments and blanks are not tokens.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Token {
     pub(super) kind: TokenKind,
-    /// Its bytes.
+    /// Range of the token, in bytes.
     pub(super) range: Range<usize>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum TokenKind {
-    /// A name or a word of the language.
+    /// A name, or a keyword of the language.
     Word,
     Number,
-    /// A text in double quotes. It ends at the end of the line if its second quote is missing.
+    /// A text in double quotes. If the closing quote is missing, the text ends at the end of the line.
     Text,
     /// A text in backticks, or a raw text.
     Template,
@@ -23,7 +23,7 @@ pub(super) enum TokenKind {
     Letter,
     /// `::`.
     Path,
-    /// Any other sign, one for each character.
+    /// Any other character; each is a separate token.
     Sign,
 }
 
@@ -35,10 +35,10 @@ pub(super) struct Tokens {
 }
 
 impl Tokens {
-    /// Reads the tokens of any text.
+    /// Splits any text into tokens.
     pub(super) fn of(text: &str) -> Self {
         let mut tokens = Tokens::default();
-        // The first line may be for the system.
+        // The first line may be an interpreter line, `#!`.
         let mut at = if text.starts_with("#!") { line_end(text, 0) } else { 0 };
         while let Some(letter) = text[at..].chars().next() {
             let rest = &text[at..];
@@ -77,24 +77,25 @@ impl Tokens {
         tokens
     }
 
-    /// True if a place is within a comment.
+    /// True if a position is inside a comment.
     pub(super) fn is_comment(&self, offset: usize) -> bool {
         self.comments.iter().any(|comment| comment.start < offset && offset <= comment.end)
     }
 }
 
 impl Token {
-    /// Its text.
+    /// Returns the text of the token.
     pub(super) fn text<'a>(&self, text: &'a str) -> &'a str {
         text.get(self.range.clone()).unwrap_or_default()
     }
 
-    /// True if it is this word or sign.
+    /// True if the token is this word or sign.
     pub(super) fn is(&self, text: &str, wanted: &str) -> bool {
         matches!(self.kind, TokenKind::Word | TokenKind::Sign | TokenKind::Path) && self.text(text) == wanted
     }
 
-    /// The bytes between the quotes of a text; `None` for other tokens, and for texts with escapes or interpolations.
+    /// Returns the range between the quotes of a text. `None` for other tokens, and for texts with escapes or
+    /// interpolations.
     pub(super) fn content(&self, text: &str) -> Option<Range<usize>> {
         let whole = self.text(text);
         let quote = match self.kind {
@@ -121,7 +122,7 @@ fn word_length(rest: &str) -> usize {
     rest.find(|letter: char| !letter.is_ascii_alphanumeric() && letter != '_').unwrap_or(rest.len())
 }
 
-/// The end of a comment, in which others may be nested.
+/// Returns the end of a block comment. Block comments can be nested.
 fn block_comment_end(text: &str, at: usize) -> usize {
     let (mut depth, mut end) = (0, at);
     while end < text.len() {
@@ -142,7 +143,7 @@ fn block_comment_end(text: &str, at: usize) -> usize {
     text.len()
 }
 
-/// The end of a text in double quotes: its quote, or the end of the line.
+/// Returns the end of a text in double quotes: the closing quote, or the end of the line.
 fn text_end(text: &str, at: usize) -> usize {
     let mut letters = text[at..].char_indices().skip(1);
     while let Some((place, letter)) = letters.next() {
@@ -157,7 +158,7 @@ fn text_end(text: &str, at: usize) -> usize {
     text.len()
 }
 
-/// The end of a text in backticks: its second backtick outside of `${...}`.
+/// Returns the end of a text in backticks: the first closing backtick outside of `${...}`.
 fn template_end(text: &str, at: usize) -> usize {
     let mut end = at + 1;
     while let Some(letter) = text[end..].chars().next() {
@@ -169,7 +170,7 @@ fn template_end(text: &str, at: usize) -> usize {
     text.len()
 }
 
-/// The end of a block in braces within a text in backticks.
+/// Returns the end of a block in braces inside a text in backticks.
 fn braces_end(text: &str, at: usize) -> usize {
     let (mut depth, mut end) = (0_usize, at);
     while let Some(letter) = text[end..].chars().next() {
@@ -181,7 +182,7 @@ fn braces_end(text: &str, at: usize) -> usize {
                 end = text_end(text, end);
                 continue;
             }
-            // A nested text in backticks ends the block: such scripts are rare, and the depth stays bounded.
+            // A nested text in backticks ends the block. Scripts rarely have one, and this limit bounds the recursion.
             '`' => return end,
             _ => {}
         }
@@ -190,7 +191,7 @@ fn braces_end(text: &str, at: usize) -> usize {
     text.len()
 }
 
-/// The end of a raw text, `#"..."#` with any number of `#`.
+/// Returns the end of a raw text, `#"..."#` with any number of `#`.
 fn raw_end(text: &str, at: usize) -> usize {
     let signs = text[at..].bytes().take_while(|byte| *byte == b'#').count();
     let close = format!("\"{}", "#".repeat(signs));
@@ -198,7 +199,7 @@ fn raw_end(text: &str, at: usize) -> usize {
     text[inner..].find(&close).map_or(text.len(), |end| inner + end + close.len())
 }
 
-/// The end of a character, `'x'` or `'\n'`.
+/// Returns the end of a character literal, `'x'` or `'\n'`.
 fn letter_end(text: &str, at: usize) -> Option<usize> {
     let rest = &text[at + 1..];
     let length = if rest.starts_with('\\') { 12 } else { 1 };
@@ -206,7 +207,7 @@ fn letter_end(text: &str, at: usize) -> Option<usize> {
     end.map(|(end, _)| at + 1 + end + 1)
 }
 
-/// The end of a number. Two dots after it are a range.
+/// Returns the end of a number. Two dots after a number belong to a range.
 fn number_end(text: &str, at: usize) -> usize {
     let whole = at + word_length(&text[at..]);
     let rest = &text[whole..];

@@ -51,10 +51,10 @@ pub(crate) struct Entry {
 pub(crate) struct Sources {
     #[serde(flatten)]
     facts: BTreeMap<&'static str, String>,
-    /// All sources in display order.
+    /// The source of each fact, in display order.
     #[serde(skip)]
     ordered: Vec<(&'static str, String)>,
-    /// Only the inferred facts.
+    /// The sources of the inferred facts only.
     #[serde(skip)]
     short: String,
 }
@@ -66,7 +66,7 @@ pub(crate) struct Value {
     pub first: u32,
     /// The last value.
     pub last: u32,
-    /// In IEC notation.
+    /// The values in IEC notation.
     pub hex: String,
     /// The meaning; n is a placeholder for the value.
     pub meaning: String,
@@ -246,7 +246,7 @@ pub(crate) fn of_array(first: &RegisterRef) -> Entry {
 }
 
 fn plain(area: &'static Area) -> Entry {
-    // The address of plain RAM is documented, its content is not.
+    // The manual documents the address of plain RAM, but not its content.
     let ours = Provenance::Inferred("D-330");
     let facts = [("offset", Provenance::Manual), ("type", ours), ("owner", ours), ("reset", ours)];
     let named: Vec<_> = [("area", area.name_from)].into_iter().chain(facts).collect();

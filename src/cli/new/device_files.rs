@@ -8,7 +8,7 @@ use crate::devices::folder;
 use crate::script::DEFINITIONS;
 use std::path::Path;
 
-/// Files with `@device@` in place of the name of the device.
+/// Files of the project, in which `@device@` is replaced by the name of the device.
 const FILES: &[(&str, &str)] = &[
     ("device.toml", include_str!("templates/device/device.toml")),
     ("CARD.toml", include_str!("templates/device/CARD.toml")),
@@ -19,7 +19,7 @@ const FILES: &[(&str, &str)] = &[
     ("Makefile", include_str!("templates/device/Makefile")),
 ];
 
-/// Name of the device if the directory has no name that fits.
+/// Name of the device if the name of the directory is not a valid name.
 const NAME: &str = "card";
 /// Longest name of a device in bytes.
 const LONGEST_NAME: usize = 40;
@@ -27,7 +27,7 @@ const LONGEST_NAME: usize = 40;
 /// Returns the paths of the files in the directory, and their texts.
 ///
 /// # Errors
-/// The name of the directory belongs to a device of commram.
+/// The directory has the name of a device of commram.
 pub(super) fn files(directory: &Path) -> Result<Vec<(&'static str, String)>, CliError> {
     let name = name_of(directory);
     if devices::find(&name).is_some() {
@@ -44,7 +44,7 @@ pub(super) fn files(directory: &Path) -> Result<Vec<(&'static str, String)>, Cli
     Ok(own.into_iter().chain(rendered).collect())
 }
 
-/// The next commands for a user, a line each.
+/// The next commands for the user, one per line.
 pub(super) fn commands(directory: &Path) -> String {
     let to = format!("cd {}", quoted(&directory.display().to_string()));
     [&to, "commram device check ./", "commram device test ./", "make run"]

@@ -7,7 +7,7 @@ use crate::cli::plant;
 use crate::script::DEFINITIONS;
 use std::path::Path;
 
-/// Files of every project. The files for CI servers are in `tools/ci` for other repositories too.
+/// Files of every project. The files for CI servers come from `tools/ci`, which other repositories can also use.
 const COMMON: &[(&str, &str)] = &[
     ("scenarios/start.rhai", include_str!("templates/minimal/start.rhai")),
     (".gitignore", include_str!("templates/minimal/gitignore")),
@@ -32,7 +32,7 @@ struct Extra {
 /// Additions of a template to the files for CI servers.
 #[derive(Default)]
 struct Ci {
-    /// Comment on further variables of the repository.
+    /// Comment that lists further variables of the repository.
     variables: &'static str,
     /// Steps of the workflow for GitHub before the action.
     github_before: &'static str,
@@ -95,9 +95,9 @@ impl Template {
 }
 
 impl Ci {
-    /// The text of a file in which these additions replace their names.
+    /// Replaces the names in a text with these additions.
     fn completed(&self, text: String) -> String {
-        // The scenarios run even if steps before the action fail.
+        // With this condition the scenarios run even if steps before the action fail.
         let condition = if self.github_before.is_empty() { "" } else { "        if: ${{ !cancelled() }}\n" };
         [
             ("@ci_variables@\n", self.variables),
@@ -146,7 +146,7 @@ impl Project {
         }
     }
 
-    /// The next commands for a user, one line each.
+    /// The next commands for the user, one per line.
     pub(super) fn commands(&self, directory: &Path) -> String {
         let to = format!("cd {}", quoted(&directory.display().to_string()));
         let all = [to.as_str(), "commram plant check plant.toml", "commram test scenarios"];

@@ -5,7 +5,7 @@ use crate::cli::error::CliError;
 use crate::export;
 use crate::plant::PlantConfig;
 
-/// Names of templates, without their `@`, and texts.
+/// Names in templates, without their `@`, and the texts that replace them.
 pub(super) struct Words(Vec<(&'static str, String)>);
 
 impl Words {
@@ -51,7 +51,7 @@ impl Words {
         ]))
     }
 
-    /// The text in which the words replace their names.
+    /// Returns the text with all names replaced.
     pub(super) fn replaced(&self, text: &str) -> String {
         self.0.iter().fold(text.to_owned(), |text, (name, word)| text.replace(&format!("@{name}@"), word))
     }

@@ -1,4 +1,4 @@
-//! Writes to the outputs of this process. After a termination signal a write ends, even if the output is not read.
+//! Writes to the outputs of this process. After a termination signal, a write returns even if the output is not read.
 
 use std::io::{self, ErrorKind, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,14 +11,14 @@ use std::time::Duration;
 const PATIENCE: Duration = Duration::from_millis(400);
 /// Real time between two checks for a termination signal.
 const INTERVAL: Duration = Duration::from_millis(20);
-/// Number of bytes of one write. A terminal or pipe that accepts such a part is being read.
+/// Number of bytes of one write. If a terminal or pipe accepts such a part, a reader is reading it.
 const PART: usize = 4096;
 
 /// Flag that a termination signal sets. `None` if signals end this process, or do not concern its outputs.
 static HAS_TO_END: OnceLock<Arc<AtomicBool>> = OnceLock::new();
 
-/// As soon as `has_to_end` is set, this process no longer waits for outputs that are not read. Only the first call in a
-/// process has an effect.
+/// Makes writes return early: when `has_to_end` is set, this process no longer waits for outputs that are not read.
+/// Only the first call in a process has an effect.
 pub(crate) fn give_up_after(has_to_end: Arc<AtomicBool>) {
     let _ = HAS_TO_END.set(has_to_end);
 }
@@ -52,7 +52,7 @@ pub(super) fn write<W: Write + 'static>(output: fn() -> W, bytes: &[u8]) -> io::
     }
 }
 
-/// Writes all bytes, and calls `took` after each part.
+/// Writes all bytes, and calls `took` after each part that was written.
 fn write_parts<W: Write>(output: fn() -> W, bytes: &[u8], mut took: impl FnMut(())) -> io::Result<()> {
     let mut output = output();
     bytes

@@ -10,10 +10,11 @@ use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Maximum number of events of counted records in a plot, without the first and last event of each record.
+/// Maximum number of events of counted records in a plot. The first and last event of each record are not included in
+/// this number.
 const MOST_COUNTED: u64 = 1_000_000;
 
-/// Why a text is not a readable journal.
+/// The reason why a text is not a readable journal.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 enum JournalFileError {
     /// The text has no lines.
@@ -39,12 +40,12 @@ enum JournalFileError {
         /// Format of the record.
         found: u64,
     },
-    /// No register can have this value.
+    /// A value that no register can have.
     #[error("line {line}: {value} is no value of a register; registers have 1, 2 or 4 bytes")]
     NoValue {
         /// Number of the line, from 1.
         line: usize,
-        /// The value as it is in the file.
+        /// The value as the file contains it.
         value: serde_json::Value,
     },
     /// A value has more bytes than its register.
@@ -75,20 +76,20 @@ pub(super) struct RecordedRegisters {
     pub end_us: u64,
     /// SYNC edges.
     edges: Vec<Run>,
-    /// History of each register by PLC and address.
+    /// History of each register. The keys are the PLC and the address.
     registers: BTreeMap<(String, String), Vec<Run>>,
-    /// Number of events of counted records that may still be drawn.
+    /// Number of further events of counted records that the plot may contain.
     spare: Cell<u64>,
 }
 
-/// The events of one line.
+/// The events that one line records.
 struct Run {
     /// Number of the line, from 1.
     line: usize,
     /// Time of the last event in microseconds.
     last_us: u64,
     count: u64,
-    /// Distance of the events in microseconds; 0 for a single event.
+    /// Interval between the events in microseconds; 0 for a single event.
     period_us: u64,
     /// Value of the register.
     value: u32,
@@ -96,7 +97,7 @@ struct Run {
     is_recorded: bool,
 }
 
-/// The fields of a line that plots use; records of other kinds have further fields.
+/// The fields of a line that plots use. Records of other kinds have further fields.
 #[derive(Deserialize)]
 struct Line {
     v: u64,
@@ -112,14 +113,14 @@ struct Line {
     answer: Option<serde_json::Value>,
 }
 
-/// Fields of the lines in all versions.
+/// Fields that the lines have in all versions.
 #[derive(Deserialize)]
 struct Versioned {
     v: u64,
 }
 
 impl Line {
-    /// Reads a line.
+    /// Parses a line.
     fn parse(line: usize, text: &str) -> Result<Self, JournalFileError> {
         let read = serde_json::from_str::<Self>(text);
         // Lines of another version may have other fields.
@@ -133,7 +134,7 @@ impl Line {
         }
     }
 
-    /// The new value of the register, and whether every change of this register is recorded.
+    /// Returns the new value of the register, and true if the journal records every change of this register.
     fn value(&self, line: usize) -> Result<Option<(u32, bool)>, JournalFileError> {
         let (value, is_recorded) = match self.kind.as_str() {
             "changed" => (&self.to, true),
@@ -192,7 +193,7 @@ impl RecordedRegisters {
         Ok(journal_data)
     }
 
-    /// Returns the events of these lines in the window, sorted by time. The lines are not sorted, because a counted
+    /// Returns the events of these lines in the window, sorted by time. The lines themselves are not sorted: a counted
     /// record is written at the end of its count.
     fn unfold<'a>(
         &self,
@@ -202,7 +203,7 @@ impl RecordedRegisters {
         let mut events = Vec::new();
         for run in runs {
             let times = window.times(run.last_us, run.count, run.period_us);
-            // The first and the last event of a line do not count.
+            // The first and the last event of a line do not count towards the limit.
             let more = (times.size_hint().0 as u64).saturating_sub(2);
             let spare = self.spare.get().checked_sub(more);
             self.spare.set(spare.ok_or_else(|| self.wrong(&JournalFileError::TooMany { line: run.line }))?);
@@ -249,8 +250,8 @@ impl RecordedRegisters {
     /// Returns the history of a register; it is empty if the file does not mention the register.
     ///
     /// # Errors
-    /// Registers of several PLCs have this address but no PLC was named, a value does not fit into the register, or the
-    /// counted records have too many events.
+    /// The journal contains this address for several PLCs and the user named none, a value does not fit into the
+    /// register, or the counted records have too many events.
     pub(super) fn register(
         &self,
         plc: Option<&str>,
@@ -288,7 +289,7 @@ mod tests {
 {"v":1,"seq":901,"time_us":4100,"kind":"changed","plc":"other","address":"%MB3.6","from":0,"to":9}
 "#;
 
-    /// If fields that the reader uses change, the format gets a new version. The sample of the previous version is
+    /// If fields that this reader uses change, the format gets a new version, and the sample of the previous version is
     /// kept.
     #[test]
     fn a_sample_of_the_format_can_be_read() {

@@ -15,11 +15,11 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// Most registers that a request reads, beside the time and the forces.
+/// Maximum number of registers that a request can read, in addition to the time and the forces.
 const MAX_READS: usize = MAX_OPS - 2;
 
 impl Session {
-    /// Opens a running instance. `waits_us` is the longest emulated time that the next request can wait.
+    /// Opens a running instance. `waits_us` is the longest emulated time that the next request can take.
     ///
     /// # Errors
     /// No instance of this name is running, or its channel cannot be used.
@@ -44,8 +44,8 @@ impl Session {
     fn connect_to(instance: &str, images: &[ImageInfo], waits_us: u64) -> Result<Self, CliError> {
         let (attached, layout) = attach_live(instance, images)?;
         let slowed = slowdown(&attached);
-        // The header page of the only PLC has the names too, which saves an exchange. If a successor is taking over the
-        // image of a killed emulator, only the exchange shows that the old channel has no server.
+        // If the instance has a single PLC, its header page also has the names, which saves a request. If a new
+        // emulator is taking over the image of a killed one, only a request shows that the old channel has no server.
         let only = match images {
             [image] if taken_from(instance, images).is_none() => {
                 Some((vec![image.plc.clone()], vec![attached.header_snapshot().fitted(layout)]))
@@ -77,7 +77,7 @@ impl Session {
         }
     }
 
-    /// Withdraws requests from now on when `cancel` becomes true.
+    /// From now on cancels requests when `cancel` becomes true.
     pub(crate) fn set_cancel(&mut self, cancel: Arc<AtomicBool>) {
         if let Access::Channel(client) = &mut self.door {
             client.set_cancel(cancel);
@@ -93,7 +93,7 @@ impl Session {
     /// Returns the client connection.
     ///
     /// # Errors
-    /// There is no connection.
+    /// The instance was opened without a connection.
     pub(crate) fn into_client(self) -> Result<Client, CliError> {
         match self.door {
             Access::Channel(client) => Ok(*client),
@@ -101,10 +101,10 @@ impl Session {
         }
     }
 
-    /// Sends the operations as one request. Without an error all operations were done.
+    /// Sends the operations as one request. If the function returns no error, the emulator has executed all of them.
     ///
     /// # Errors
-    /// The first operation that was refused, or no reply.
+    /// The error of the first operation that was refused, or of a missing reply.
     pub(crate) fn request(&self, ops: &[Op]) -> Result<Vec<Reply>, CliError> {
         let replies = self.replies(ops)?;
         match replies.iter().find(|reply| matches!(reply, Reply::Error(_))) {
@@ -116,7 +116,7 @@ impl Session {
     /// Sends operations and returns their replies in order: [`Reply::Error`] for a refused operation, if any.
     ///
     /// # Errors
-    /// The whole request got no replies.
+    /// The emulator did not reply to the request.
     pub(crate) fn replies(&self, ops: &[Op]) -> Result<Vec<Reply>, CliError> {
         let Access::Channel(client) = &self.door else {
             return Err(no_channel(&self.instance));
@@ -126,7 +126,7 @@ impl Session {
         replies.map_err(|error| self.explain(error, client, ops))
     }
 
-    /// Explains a missing reply: an emulator that is busy with another client reports what it is doing.
+    /// Explains a missing reply. An emulator that is busy with another client reports what it is doing.
     fn explain(&self, error: ClientError, client: &Client, ops: &[Op]) -> CliError {
         let ClientError::Timeout { after, .. } = error else { return error.into() };
         let is_busy = ops.iter().any(|op| !op.only_looks());
@@ -142,7 +142,7 @@ impl Session {
     /// Sends one operation as a separate request.
     ///
     /// # Errors
-    /// The operation was refused, or there was no reply.
+    /// The emulator refused the operation, or did not reply.
     pub(crate) fn ask(&self, op: Op) -> Result<Reply, CliError> {
         Ok(self.request(&[op])?.pop().ok_or(WrongReply)?)
     }
@@ -150,7 +150,7 @@ impl Session {
     /// Information about the instance.
     ///
     /// # Errors
-    /// The emulator has gone.
+    /// The emulator has ended.
     pub(crate) fn info(&self) -> Result<InstanceInfo, CliError> {
         Ok(self.ask(Op::Info)?.info()?)
     }
@@ -158,16 +158,16 @@ impl Session {
     /// Number of the next record of the journal.
     ///
     /// # Errors
-    /// The emulator has gone.
+    /// The emulator has ended.
     pub(crate) fn journal_end(&self) -> Result<u64, CliError> {
         Ok(self.ask(Op::Journal { from: u64::MAX, max: 0 })?.journal_part()?.end)
     }
 
-    /// The journal from record number `from` on; records that are still being counted come last. Prints a note
+    /// Returns the journal from record number `from` on. Records whose count can still grow come last. Prints a note
     /// about lost records.
     ///
     /// # Errors
-    /// The emulator has gone.
+    /// The emulator has ended.
     pub(crate) fn records(&self, from: u64) -> Result<Vec<Record>, CliError> {
         let mut part = read_journal(from, |op| self.ask(op))?;
         let begin = part.begins_at(from);
@@ -188,7 +188,8 @@ impl Session {
         self.request(&ops)?.into_iter().map(|reply| Ok(reply.board()?)).collect()
     }
 
-    /// Reads in as many requests as necessary. Prints a note if the clock has advanced between them.
+    /// Reads the registers in as many requests as necessary. Prints a note if the clock has advanced between the
+    /// requests.
     pub(super) fn read_by_channel(&self, reads: &[Read]) -> Result<Snapshot, CliError> {
         let (first, rest) = reads.split_at(reads.len().min(MAX_READS));
         let mut snapshot = self.read_in_one_request(first)?;
@@ -228,12 +229,12 @@ impl Session {
     }
 }
 
-/// Note that the records before number `begin` are not in the journal.
+/// Note that the journal does not contain the records before number `begin`.
 pub(crate) fn continues(begin: u64) -> String {
     format!("the instance continues from a snapshot; its journal begins with record {begin}")
 }
 
-/// Attaches to the first image; returns its layout, too.
+/// Attaches to the first image. Also returns its layout.
 fn attach_live(instance: &str, images: &[ImageInfo]) -> Result<(Attached, &'static DeviceLayout), CliError> {
     let Some(image) = images.iter().find(|image| is_alive(image)) else {
         return Err(no_channel(instance));
@@ -241,8 +242,8 @@ fn attach_live(instance: &str, images: &[ImageInfo]) -> Result<(Attached, &'stat
     Ok(devices::attach(instance, &image.plc, AttachMode::HeaderOnly)?)
 }
 
-/// Process id of a killed emulator, if another emulator is taking over its images. Between locking the images and writing its own
-/// process id into them, the images look as if the killed emulator were running.
+/// Process id of a killed emulator whose images another emulator is taking over. The new emulator first locks the images, and
+/// later writes its own process id. In between, the killed emulator seems to run.
 fn taken_from(instance: &str, images: &[ImageInfo]) -> Option<u32> {
     let owner = images.iter().find_map(|image| match &image.condition {
         Condition::Alive(summary) => Some(summary.pid),
@@ -258,7 +259,8 @@ fn no_channel(instance: &str) -> CliError {
     without_channel(instance).unwrap_or_else(not_running)
 }
 
-/// The error of a command that finds no channel, if an emulator of this instance is ready: it opens its channel first.
+/// Returns the error of a command that finds no channel although an emulator of this instance is ready: an emulator
+/// opens its channel before it is ready.
 fn without_channel(instance: &str) -> Option<CliError> {
     let is_ready = |image: &ImageInfo| matches!(&image.condition, Condition::Alive(summary) if summary.state == Some(State::Ready));
     let images = images_of(instance).ok()?;
@@ -273,7 +275,7 @@ fn patience(waits_us: u64, slowed: f64) -> Duration {
     Duration::from_secs(10).saturating_add(Duration::from_micros(waits_us).mul_f64(slowed))
 }
 
-/// Ratio of real time to emulated time.
+/// Seconds of real time for a second of emulated time.
 fn slowdown(attached: &Attached) -> f64 {
     match attached.header_snapshot().speed.load() {
         0 => 1.0,
@@ -281,7 +283,7 @@ fn slowdown(attached: &Attached) -> f64 {
     }
 }
 
-/// The time by which operations advance the clock, if it is known.
+/// The time by which the operations advance the clock, if it is known in advance.
 fn advance(ops: &[Op]) -> Option<u64> {
     ops.iter().find_map(|op| match op {
         Op::Advance { us } => Some(*us),

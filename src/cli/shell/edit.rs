@@ -19,7 +19,7 @@ use std::io;
 use std::path::PathBuf;
 
 pub(super) enum InputLine {
-    /// A line, or several lines that form one piece.
+    /// A line, or several lines that together form a piece of a scenario.
     Line(String),
     /// The user discarded the line.
     Nothing,
@@ -35,7 +35,7 @@ pub(super) struct LineReader {
 }
 
 impl LineReader {
-    /// Makes a reader for an instance; `command` is the command line used for completion.
+    /// Creates a reader for an instance. `command` is the command line that Tab completes.
     pub(super) fn new(instance: &str, command: clap::Command) -> Result<Self, CliError> {
         let config = Config::builder().completion_type(CompletionType::List).auto_add_history(false).build();
         let mut editor = Editor::with_config(config).map_err(failed)?;
@@ -48,7 +48,7 @@ impl LineReader {
         Ok(Self { editor, instance: instance.to_owned(), history })
     }
 
-    /// Reads the next line. The prompt names the emulated time, if it is known.
+    /// Reads the next line. The prompt shows the emulated time, if it is known.
     pub(super) fn next(&mut self, time_us: Option<u64>) -> Result<InputLine, CliError> {
         let time = time_us.map_or_else(String::new, |us| format!(" {}", seconds(us)));
         match self.editor.readline(&format!("{}{time}> ", self.instance)) {
@@ -64,7 +64,7 @@ impl LineReader {
             Err(ReadlineError::Interrupted) => Ok(InputLine::Nothing),
             Err(ReadlineError::Eof) => Ok(InputLine::End),
             Err(ReadlineError::Io(reason)) if reason.kind() == io::ErrorKind::InvalidData => {
-                // The rest of the line must not be executed as a line.
+                // The rest of the line must not be read as another line.
                 let _ = rustix::termios::tcflush(io::stdin(), rustix::termios::QueueSelector::IFlush);
                 output::complain("this line is no text in UTF-8; it was not executed");
                 Ok(InputLine::Nothing)
@@ -110,7 +110,7 @@ impl Completer for LineHelper {
     }
 }
 
-/// Candidates for the end of a line, and the position where the completed word begins.
+/// Returns the candidates for the end of a line, and the position where the word to complete begins.
 fn completed(before: &str, instance: &str, command: &clap::Command) -> (usize, Vec<String>) {
     let about = |mut words: Vec<String>| {
         words.splice(0..0, ["commram", "-i", instance].map(str::to_owned));

@@ -3,8 +3,9 @@
 use crate::layout::did_you_mean;
 use crate::script;
 
-/// Splits a line into words if it is a command: its first word is the name of a command, and it does not continue
-/// like a call or an assignment. An error if a quote is open, or if the line begins with the name of this program.
+/// If a line is a command, splits it into words. A line is a command if its first word is the name of a command and it
+/// does not continue like a call or an assignment. Returns an error if a quote is open, or if the line begins with the
+/// name of this program.
 pub(super) fn of_command(line: &str, commands: &clap::Command) -> Option<Result<Vec<String>, &'static str>> {
     if let Some((_, rest)) = after_first_word(line, "commram")
         && is_command(rest, commands)
@@ -26,7 +27,7 @@ pub(super) fn is_command(line: &str, commands: &clap::Command) -> bool {
         && (first == "help" || commands.find_subcommand(first).is_some())
 }
 
-/// If the line asks for help, returns its subject; it is empty if the line has none.
+/// If the line asks for help, returns the subject, which may be empty.
 pub(super) fn of_help(line: &str) -> Option<&str> {
     let (first, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
     match first.strip_prefix('?') {
@@ -62,7 +63,7 @@ const STATEMENTS: [&str; 18] = [
     "private", "return", "switch", "throw", "try", "while",
 ];
 
-/// Error for a line which is neither a command nor valid in a scenario, if it looks like a command: two words
+/// Returns the error for a line that is neither a command nor valid in a scenario but looks like a command: two words
 /// without an operator between them.
 pub(super) fn no_command(line: &str, commands: &clap::Command) -> Option<String> {
     let (first, rest) = line.split_once(char::is_whitespace)?;
@@ -84,8 +85,8 @@ fn is_word(first: &str) -> bool {
         && !STATEMENTS.contains(&first)
 }
 
-/// Suggestion of a command for a line that is neither a command nor valid in a scenario; empty if the line does not
-/// look like a command.
+/// Suggests a command for a line that is neither a command nor valid in a scenario. Returns an empty text if the line
+/// does not look like a command.
 pub(super) fn meant(line: &str, commands: &clap::Command) -> String {
     let (first, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
     if !is_word(first) || rest.trim_start().starts_with(['=', '(']) {
@@ -95,8 +96,8 @@ pub(super) fn meant(line: &str, commands: &clap::Command) -> String {
     did_you_mean(first, names.map(clap::Command::get_name).chain(ENOUGH))
 }
 
-/// Splits a line at blanks; quotes hold words together, as in a shell. A word that begins with `#`, and the word `//`,
-/// begin a comment. `None` if a quote is open.
+/// Splits a line at blanks. Quotes keep words together, as in a shell. A word that begins with `#`, or the word `//`,
+/// begins a comment. Returns `None` if a quote is open.
 pub(super) fn split(line: &str) -> Option<Vec<String>> {
     let (mut words, mut word, mut quote) = (Vec::new(), None::<String>, None);
     for (at, sign) in line.char_indices() {
@@ -123,7 +124,7 @@ pub(super) fn split(line: &str) -> Option<Vec<String>> {
     quote.is_none().then_some(words)
 }
 
-/// True if a piece of a scenario continues in the next line: a bracket is open.
+/// True if a piece of a scenario continues in the next line because a bracket is open.
 pub(super) fn is_open(text: &str) -> bool {
     let (mut depth, mut quote, mut signs) = (0_i32, None, text.chars().peekable());
     while let Some(sign) = signs.next() {
@@ -147,7 +148,7 @@ pub(super) fn is_open(text: &str) -> bool {
     depth > 0
 }
 
-/// Start of the open text at the end of a piece.
+/// Returns the position where an unclosed text at the end of a piece begins.
 pub(super) fn open_text(piece: &str) -> Option<usize> {
     let mut begin = None;
     for (at, sign) in piece.char_indices().filter(|(_, sign)| *sign == '"') {

@@ -1,5 +1,5 @@
-//! Emulators that end or are killed at any moment, one after the other. Each one must start with the values that
-//! were saved last, old or new.
+//! Rounds in which emulators of one instance are ended or killed at any moment, one after the other. Each emulator must
+//! start with values that its predecessors have saved.
 
 use crate::cli::demo::command;
 use crate::cli::stop::remove_remains;
@@ -17,13 +17,13 @@ use std::time::{Duration, Instant};
 
 /// Name of these rounds among the exercises.
 pub(super) const NAME: &str = "novram";
-/// Number of emulators in a round.
+/// Number of emulators in a round, one after the other.
 const LIVES: usize = 6;
-/// Time limit for a start or an end; after that the emulator counts as hanging.
+/// Time limit for the start or the end of an emulator. A slower emulator counts as hanging.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// Longest run of a killed emulator. Retain flags are written once a second.
 const LONGEST_LIFE_US: u64 = 1_200_000;
-/// Longest time before the kill after the request to end: within it the emulator writes NOVRAM and ends.
+/// Longest time between the request to end and the kill. Within this time the emulator writes NOVRAM and ends.
 const LONGEST_END_US: u64 = 15_000;
 
 /// Retain flags of a device as words; most of them contain the same number.
@@ -31,7 +31,7 @@ struct RetainFlags {
     device: String,
     first: u32,
     words: u32,
-    /// The number certainly saved, and the number stored last.
+    /// The number that is certainly saved, and the number that was stored last.
     kept: u16,
     stored: u16,
 }
@@ -71,7 +71,7 @@ impl RetainFlags {
     }
 }
 
-/// An emulator process; killed when this value is dropped.
+/// An emulator process. Dropping this value kills the process.
 struct EmulatorChild(Child);
 
 impl EmulatorChild {
@@ -89,7 +89,7 @@ impl EmulatorChild {
             let mut line = String::new();
             let mut out = out.map(BufReader::new);
             let _ended = out.as_mut().map(|out| out.read_line(&mut line));
-            // If nothing receives the line, the start has timed out.
+            // Sending fails if the start has timed out.
             let _ = send.send(line);
             // Reads further output, so that the emulator never blocks on it.
             let _ = out.map(|mut out| std::io::copy(&mut out, &mut std::io::sink()));
@@ -129,7 +129,7 @@ impl Drop for EmulatorChild {
     }
 }
 
-/// Name of an instance; its shared memory files are removed when it is dropped.
+/// Name of an instance. Dropping this value removes the shared memory files of the instance.
 struct InstanceCleanup(String);
 
 impl Drop for InstanceCleanup {
@@ -139,10 +139,10 @@ impl Drop for InstanceCleanup {
     }
 }
 
-/// Plays a round in this directory, under this instance name, until `stop` returns true.
+/// Plays a round in this directory and under this instance name. Ends early when `stop` returns true.
 ///
 /// # Errors
-/// Description of the wrong behaviour.
+/// The emulator behaved wrongly; the error is a description.
 pub(super) fn play(
     round: &Round,
     home: &Path,
@@ -185,7 +185,7 @@ fn live(flags: &mut [RetainFlags], rng: &mut Rng, instance: &str, home: &Path) -
     if asked {
         emulator.signal(Signal::TERM)?;
     }
-    // Some of the emulators that are asked to end get all the time they need.
+    // Some emulators are not killed after the request to end, and get all the time they need.
     if !asked || rng.bool() {
         let longest = if asked { LONGEST_END_US } else { LONGEST_LIFE_US };
         std::thread::sleep(Duration::from_micros(rng.u64(..longest)));

@@ -17,7 +17,7 @@ pub(super) struct Row {
 }
 
 impl Row {
-    /// A row without rounds, for an exercise with these kinds of buses.
+    /// Creates a row without rounds, for an exercise with these kinds of buses.
     pub(super) fn of(exercise: &'static str, buses: String) -> Self {
         Self { exercise, buses, rounds: 0, failed: 0, emulated_us: 0, real_us: 0 }
     }
@@ -40,7 +40,7 @@ impl Row {
         self.real_us += u64::try_from(judged.took.as_micros()).unwrap_or_default();
     }
 
-    /// The sums for each kind of bus, if several rows have the same kind, and the sum of all rows.
+    /// Returns the sum for each kind of bus that several rows have, and the sum of all rows.
     pub(super) fn sums(rows: &[Self]) -> Vec<Self> {
         let mut kinds: Vec<&str> = rows.iter().map(|row| row.buses.as_str()).collect();
         kinds.sort_unstable();
@@ -68,7 +68,7 @@ impl Row {
         })
     }
 
-    /// Ratio of emulated time to real time; both runs of a round count as one.
+    /// Ratio of emulated time to real time. The emulated time of a round counts once, although the round runs twice.
     fn speed(&self) -> u64 {
         self.emulated_us / self.real_us.max(1)
     }
@@ -79,7 +79,7 @@ impl Row {
         hundredths as f64 / 100.0
     }
 
-    /// Summary: `12 rounds, 340 s emulated, 40 times real time on each processor`
+    /// Formats a summary: `12 rounds, 340 s emulated, 40 times real time on each processor`.
     pub(super) fn sentence(&self) -> String {
         format!(
             "{} rounds, {} emulated, {} times real time on each processor",

@@ -12,10 +12,10 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-/// Maximum number of runs to shorten a failing round.
+/// Maximum number of runs for shortening a failing round.
 const TRIES: usize = 200;
 
-/// Runs rounds. Its files are removed when it is dropped.
+/// Runs rounds. Dropping this value removes the files of the rounds.
 pub(super) struct RoundRunner {
     exercises: Vec<&'static Exercise>,
     keep: PathBuf,
@@ -60,7 +60,7 @@ impl RoundRunner {
     /// Runs the round of this seed, unless `stop` returns true.
     ///
     /// # Errors
-    /// The round cannot be generated.
+    /// The generator cannot create the round.
     pub(super) fn round(&self, seed: u64, stop: impl Fn() -> bool) -> Result<RoundResult, CliError> {
         let begun = Instant::now();
         let round = Round::draw(seed, &self.exercises)?;
@@ -74,7 +74,7 @@ impl RoundRunner {
             _ => (round.exercise.name, self.run(&round, &stop)),
         };
         let took = begun.elapsed();
-        // A stopped round has not failed.
+        // A round that was stopped counts as passed.
         let failure = why.filter(|_| !stop()).map(|why| (round, why));
         Ok(RoundResult { exercise, emulated_us, took, failure })
     }
@@ -105,10 +105,10 @@ impl RoundRunner {
         report
     }
 
-    /// Shortens a failing round and writes it, if it is a scenario; returns the report.
+    /// Shortens a failing round. If the round is a scenario, writes it to a file. Returns the report.
     pub(super) fn keep(&self, (round, why): &(Round, String), stop: &impl Fn() -> bool) -> String {
         if round.kind == RoundKind::Killed {
-            // The result depends on the exact moment, so shortening is not possible.
+            // The failure depends on the exact moment, so the round cannot be shortened.
             return format!(
                 "seed {}, {}: {why}; try `commram soak` with this seed again",
                 round.seed,
@@ -143,7 +143,7 @@ impl Drop for RoundRunner {
     }
 }
 
-/// The failure text of a scenario that has not passed.
+/// Returns the text of the failure if the scenario has not passed.
 fn wrong(report: &Report) -> Option<String> {
     match &report.outcome {
         Outcome::Passed | Outcome::Skipped(_) => None,

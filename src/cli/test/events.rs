@@ -12,19 +12,19 @@ use std::sync::{Mutex, PoisonError};
 /// Version of the events. A new event or field does not change it.
 const VERSION: u32 = 1;
 
-/// A moment of a scenario.
+/// Something that happens in a scenario.
 pub(crate) enum Moment<'a> {
-    /// Its process starts.
+    /// The process of the scenario starts.
     Begins,
     /// A section begins at an emulated time, in microseconds.
     Section { name: &'a str, time_us: u64 },
-    /// It prints lines.
+    /// The scenario prints lines.
     Prints(&'a str),
-    /// It has ended.
+    /// The scenario has ended.
     Ends(&'a Report),
 }
 
-/// An event as it is written.
+/// An event, in the form in which it is written.
 #[derive(Serialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
 enum Event<'a> {
@@ -37,21 +37,21 @@ enum Event<'a> {
     Summary { passed: usize, failed: usize, broken: usize, died: usize, skipped: usize, not_run: usize },
 }
 
-/// Writes events; several scenarios run at the same time.
+/// Writes events. Several scenarios can report events at the same time.
 #[derive(Default)]
 pub(crate) struct Events {
-    /// The first error of the output.
+    /// The first error of the output, if any.
     failed: Mutex<Option<CliError>>,
 }
 
 impl Events {
-    /// The beginning of a run with these scenarios.
+    /// Reports the beginning of a run with these scenarios.
     pub(crate) fn start(&self, files: &[PathBuf]) {
         let scenarios = files.iter().map(|file| ScenarioRow::of(file)).collect();
         self.write(&Event::Start { v: VERSION, version: env!("CARGO_PKG_VERSION"), scenarios });
     }
 
-    /// A moment of the scenario in a file.
+    /// Reports something that happens in the scenario in the file `path`.
     pub(crate) fn moment(&self, path: &Path, moment: &Moment<'_>) {
         let file = path.display().to_string();
         match moment {
@@ -72,7 +72,7 @@ impl Events {
         }
     }
 
-    /// The end of the run.
+    /// Reports the end of the run.
     ///
     /// # Errors
     /// An event could not be written.
@@ -84,7 +84,7 @@ impl Events {
         self.failed.lock().unwrap_or_else(PoisonError::into_inner).take().map_or(Ok(()), Err)
     }
 
-    /// Writes an event, unless the output has failed before.
+    /// Writes an event, unless an earlier write has failed.
     fn write(&self, event: &Event<'_>) {
         let mut failed = self.failed.lock().unwrap_or_else(PoisonError::into_inner);
         if failed.is_none() {

@@ -60,7 +60,7 @@ pub(crate) fn page(reports: &[Report], origin: &Origin) -> String {
     )
 }
 
-/// Host, commit and time of the run.
+/// Returns host, commit and time of the run.
 fn facts(reports: &[Report], origin: &Origin) -> String {
     let started = reports.iter().map(|report| report.started).min();
     let started = started.map(|time| DateTime::<Utc>::from(time).to_rfc3339_opts(SecondsFormat::Secs, true));
@@ -82,13 +82,13 @@ fn filter() -> String {
     )
 }
 
-/// The head of a column, which sorts by it.
+/// The head of a column. A click on it sorts the table by the column.
 fn head((name, is_number): (&str, bool)) -> String {
     let class = if is_number { " class=\"n\"" } else { "" };
     format!("<th{class} aria-sort=\"none\"><button>{name}</button></th>")
 }
 
-/// Text with escaped markup.
+/// A text whose markup is escaped when it is formatted.
 struct EscapedText<T>(T);
 
 impl<T: Display> Display for EscapedText<T> {
@@ -101,7 +101,7 @@ impl<T: Display> Display for EscapedText<T> {
                 '"' => f.write_str("&quot;")?,
                 '\'' => f.write_str("&#39;")?,
                 '\n' | '\t' => write!(f, "{letter}")?,
-                // Characters that are not allowed in a page, or that change the direction of the text.
+                // Characters that a page must not contain, and characters that change the direction of the text.
                 sign if output::is_interpreted(sign) || !xml_text::is_allowed(sign) => {
                     f.write_str("\u{FFFD}")?
                 }
@@ -124,7 +124,7 @@ fn badge(outcome: &Outcome) -> String {
     format!("<span class=\"badge {}\">{}</span>", class(outcome), outcome.name())
 }
 
-/// The row of a scenario in the table.
+/// Returns the table row of a scenario.
 fn row(number: usize, report: &Report) -> String {
     let emulated = report.emulated_us.map(seconds).unwrap_or_default();
     format!(
@@ -142,7 +142,7 @@ fn row(number: usize, report: &Report) -> String {
     )
 }
 
-/// All details of a scenario; the section of a passed scenario is collapsed.
+/// Returns all details of a scenario. The section of a passed scenario is collapsed.
 fn scenario(number: usize, report: &Report) -> String {
     let is_open = if report.outcome.is_passed() && report.plots.is_empty() { "" } else { " open" };
     let started = DateTime::<Utc>::from(report.started).to_rfc3339_opts(SecondsFormat::Secs, true);
@@ -205,7 +205,7 @@ fn place(place: &ScriptLocation) -> String {
     format!("<p>{}{line}</p>\n<pre>{}</pre>\n", EscapedText(&place.file), EscapedText(source))
 }
 
-/// The sections of a scenario; if it has not passed, the last section is where it ended.
+/// Returns the sections of a scenario. If the scenario has not passed, it ended in the last section.
 fn steps(report: &Report) -> String {
     let last = report.steps.len().saturating_sub(1);
     let step = |(number, step): (usize, &Step)| {
@@ -253,7 +253,7 @@ fn findings(findings: &[FoundLine]) -> String {
     )
 }
 
-/// A plot as an embedded image: its content cannot affect the page.
+/// Returns a plot as an embedded image, so that its content cannot affect the page.
 fn plot(plot: &PlotFile) -> String {
     format!(
         "<figure><img alt=\"plot {0}\" src=\"data:image/svg+xml,{1}\"><figcaption>{0}</figcaption></figure>\n",
@@ -287,7 +287,7 @@ mod tests {
 
     const HOSTILE: &str = "<script>alert('1')</script><img src=x onerror=\"x()\">&\u{202E}\u{1}";
 
-    /// The page without its own script.
+    /// Returns the page without its own script.
     fn page_of(reports: &[Report]) -> String {
         let origin = Origin { host: hostile(), commit: Some(hostile()) };
         let page = page(reports, &origin);
@@ -379,7 +379,7 @@ mod tests {
         }
     }
 
-    /// A browser compares the script with the hash in the policy.
+    /// A browser runs the script only if its hash is in the policy.
     #[test]
     fn the_policy_has_the_hash_of_the_script() {
         use std::io::Write;

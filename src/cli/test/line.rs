@@ -1,4 +1,4 @@
-//! Printed results of scenarios.
+//! Formats the results of scenarios for the output.
 
 use super::selection::Shard;
 use crate::cli::table::Row;
@@ -58,7 +58,7 @@ pub(crate) struct Line {
     /// The shard that contained the scenario.
     #[serde(skip_serializing_if = "Option::is_none")]
     shard: Option<String>,
-    /// The whole report, for `commram test merge --report html`.
+    /// The whole report, which `commram test merge --report html` needs.
     #[serde(skip_serializing_if = "Option::is_none")]
     page: Option<Value>,
 }
@@ -66,7 +66,7 @@ pub(crate) struct Line {
 /// Location of an error.
 #[derive(Serialize)]
 struct Location {
-    /// The script, which can be imported by the scenario.
+    /// Path of the script, which can be a script that the scenario imports.
     script: String,
     line: Option<u32>,
     source: Option<String>,
@@ -102,7 +102,7 @@ struct Details {
 }
 
 impl Line {
-    /// The row of a scenario.
+    /// Creates the row of a scenario.
     pub(crate) fn of(report: &Report, shard: Option<Shard>) -> Self {
         let (message, location, failure) = match &report.outcome {
             Outcome::Passed => (None, None, None),
@@ -134,7 +134,7 @@ impl Line {
         }
     }
 
-    /// The row of a scenario in a report file.
+    /// Creates the row of a scenario for a report file.
     pub(crate) fn with_page(report: &Report, shard: Option<Shard>) -> serde_json::Result<Self> {
         Ok(Self { page: Some(serde_json::to_value(report)?), ..Self::of(report, shard) })
     }
@@ -180,7 +180,7 @@ impl Row for Line {
     }
 }
 
-/// One line for a scenario; below it the reason why it did not pass, and its output.
+/// Formats a scenario as one line. If it did not pass, adds the reason and its output below.
 pub(crate) fn text(report: &Report) -> String {
     let emulated = report.emulated_us.map(|us| format!("{} emulated ", seconds(us))).unwrap_or_default();
     if let Outcome::NotRun(why) = &report.outcome {
@@ -199,12 +199,12 @@ pub(crate) fn text(report: &Report) -> String {
         // Writing to a String cannot fail.
         let _ = writeln!(text, "  {line}");
     }
-    // Output of a script must not control the terminal.
+    // The output of a script must not control the terminal, so it is escaped.
     name + &output::harmless(&text)
 }
 
-/// Summary: `12 passed, 1 failed, 0 broken; 3.250000 s emulated in 41 ms`, with the numbers of crashed and skipped
-/// scenarios, if any.
+/// Formats a summary: `12 passed, 1 failed, 0 broken; 3.250000 s emulated in 41 ms`. Adds the numbers of crashed and
+/// skipped scenarios, if there are any.
 pub(crate) fn summary(reports: &[Report]) -> String {
     let count = |name: &str| reports.iter().filter(|report| report.outcome.name() == name).count();
     let emulated = reports.iter().filter_map(|report| report.emulated_us).sum();

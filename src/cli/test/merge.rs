@@ -52,15 +52,15 @@ fn page_file(text: &str) -> Result<PathBuf, String> {
     }
 }
 
-/// Result of a scenario, as far as it determines the exit code.
+/// Result of a scenario, reduced to the cases that determine the exit code.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum EndResult {
     Passed,
-    /// It failed, crashed or was not run.
+    /// The scenario failed, crashed or was not run.
     NotPassed,
     /// The script has an error.
     Broken,
-    /// It has skipped itself.
+    /// The scenario skipped itself.
     Skipped,
 }
 
@@ -75,7 +75,7 @@ struct Scenario<T> {
 /// The report of a shard.
 struct Part<T> {
     path: PathBuf,
-    /// `None` for a report in JSON without scenarios.
+    /// The shard of the report; `None` for a JSON report without scenarios.
     shard: Option<Shard>,
     scenarios: Vec<Scenario<T>>,
 }
@@ -140,7 +140,7 @@ fn output_of(args: &Args, reason: io::Error) -> CliError {
 /// Maximum number of missing shards that a message lists.
 const MAX_LISTED: usize = 20;
 
-/// The reports that have the data of a page.
+/// Advice in the error message about a report without data for a page.
 const PAGE_DATA: &str = "`commram test --shard I/N --report json=FILE` writes reports with this data";
 
 /// Writes the page about these scenarios.
@@ -228,11 +228,11 @@ fn of_json(path: &Path, text: &str) -> Result<Part<Value>, CliError> {
     Ok(part)
 }
 
-/// The scenarios of all shards in the order of a single run: each shard has every N-th scenario.
+/// Returns the scenarios of all shards in the order of a single run. Each shard has every N-th scenario.
 fn in_order<T>(parts: Vec<Part<T>>) -> Result<Vec<Scenario<T>>, CliError> {
     let (known, empty): (Vec<_>, Vec<_>) = parts.into_iter().partition(|part| part.shard.is_some());
     let Some(count) = known.first().and_then(|part| part.shard).map(Shard::count) else {
-        // All reports in JSON are empty: a missing report cannot be detected.
+        // All JSON reports are empty, so the number of shards is unknown, and a missing report cannot be detected.
         return Ok(Vec::new());
     };
     let mut places: Vec<Option<Part<T>>> = (0..count).map(|_| None).collect();
@@ -251,7 +251,7 @@ fn in_order<T>(parts: Vec<Part<T>>) -> Result<Vec<Scenario<T>>, CliError> {
         }
         *place = Some(part);
     }
-    // Reports without a shard number have no scenarios: only the last shards can be empty.
+    // Only the last shards can be empty, so the reports without a shard number belong to them.
     let mut empty = empty.into_iter();
     for place in places.iter_mut().rev().take_while(|place| place.is_none()) {
         *place = empty.next();

@@ -2,14 +2,14 @@
 
 use std::process::{Command, Stdio};
 
-/// Variables of CI servers with the commit that they test: GitHub and servers like it, GitLab, Jenkins.
+/// Environment variables of CI servers that contain the tested commit: GitHub and compatible servers, GitLab, Jenkins.
 const COMMITS: [&str; 3] = ["GITHUB_SHA", "CI_COMMIT_SHA", "GIT_COMMIT"];
 
 /// Origin of a report.
 pub(super) struct Origin {
     /// Name of the host, with its number of processors and its kernel.
     pub host: String,
-    /// Commit of the working directory; none outside a repository.
+    /// Commit of the working directory; `None` outside a repository.
     pub commit: Option<String>,
 }
 
@@ -29,7 +29,7 @@ impl Origin {
     }
 }
 
-/// The commit that the CI server names, or else the commit of the working directory.
+/// Returns the commit that the CI server names, otherwise the commit of the working directory.
 fn commit() -> Option<String> {
     let named = COMMITS.iter().find_map(|name| std::env::var(name).ok().filter(|commit| !commit.is_empty()));
     named.or_else(|| {

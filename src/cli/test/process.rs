@@ -17,8 +17,8 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 
-/// Extra real time of a process beyond its limit: it must start, and it checks the limit only between two steps of
-/// its script.
+/// Additional real time for a process after its limit. The process must start, and it checks the limit only between two
+/// steps of its script.
 const GRACE: Duration = Duration::from_secs(10);
 /// Pause between two checks for an interrupt.
 const POLL: Duration = Duration::from_millis(20);
@@ -29,9 +29,9 @@ const COMPLAINTS: usize = 4096;
 
 /// Options for running scenarios.
 pub(crate) struct RunOptions {
-    /// The instance to run on.
+    /// The instance to run on; `None` for a separate plant.
     pub attach: Option<String>,
-    /// Folder of the device that scenarios without a plant get. With `None`, they get the built-in plant.
+    /// Folder of the device for scenarios that name no plant. `None`: they get the built-in plant.
     pub device: Option<PathBuf>,
     /// Limits of each scenario.
     pub limits: LimitArgs,
@@ -39,7 +39,8 @@ pub(crate) struct RunOptions {
     pub allow_empty: bool,
 }
 
-/// Makes sure that scenarios can have as much memory as an emulator: their processes have the limits of this one.
+/// Raises the memory limit of this process, so that scenarios can have as much memory as an emulator. Their processes
+/// inherit the limit.
 ///
 /// # Errors
 /// The limit is too low.
@@ -47,7 +48,8 @@ pub(crate) fn allow_memory() -> Result<(), CliError> {
     limits::allow_memory(runtime::MEMORY).map_err(|limit| CliError::LimitedMemory { limit })
 }
 
-/// Runs a scenario in a separate process, until `stop` returns true. Passes its sections and its output to `heard`.
+/// Runs a scenario in a separate process. Ends it early when `stop` returns true. Passes its sections and its output to
+/// `heard`.
 pub(crate) fn run(
     file: &Path,
     setting: &RunOptions,
@@ -64,19 +66,19 @@ pub(crate) fn run(
     report
 }
 
-/// The report of a scenario without a result from its process.
+/// Creates the report of a scenario whose process sent no result.
 pub(crate) fn died(file: &Path, why: &str) -> Report {
     Report::bare(file.to_owned(), Outcome::Died(format!("{}: {why}", file.display())))
 }
 
-/// A running process. It is killed when this value is dropped.
+/// A running process. Dropping this value kills the process.
 struct Scenario {
     child: Child,
     began: SystemTime,
     started: Instant,
     messages: Receiver<Message<'static>>,
     complaints: Option<JoinHandle<String>>,
-    /// Memory that it may have, in MiB.
+    /// Memory that the process may use, in MiB.
     max_memory: u64,
 }
 
@@ -108,7 +110,8 @@ impl Scenario {
         let child = command.spawn().map_err(failed)?;
         let mut this = Self { child, began, started, messages, complaints: None, max_memory };
         if let Some(mut input) = this.child.stdin.take() {
-            // The longest script fits the buffer of a pipe. A process that has ended is reported later.
+            // The pipe's buffer is larger than the longest script, so this write does not block. If the process has
+            // ended, a later step reports it.
             let _ = input.write_all(&script);
         }
         let (out, err) = (this.child.stdout.take(), this.child.stderr.take());
@@ -126,7 +129,7 @@ impl Scenario {
         Ok(this)
     }
 
-    /// Receives messages until the process has ended or must end.
+    /// Receives messages until the process has ended or must be ended.
     fn watch(
         mut self,
         file: &Path,
@@ -184,7 +187,7 @@ impl Scenario {
         self.child.wait()
     }
 
-    /// The error output of the process, which must have ended.
+    /// Returns the error output of the process. The process must have ended.
     fn complaints(&mut self) -> String {
         // The thread does not panic.
         self.complaints.take().and_then(|thread| thread.join().ok()).unwrap_or_default()
@@ -199,14 +202,14 @@ impl Drop for Scenario {
     }
 }
 
-/// Explains why a process sent no result of its scenario.
+/// Explains why a process sent no result.
 fn died_of(status: &io::Result<ExitStatus>, complaints: &str, max_memory: u64) -> String {
     let status = match status {
         Ok(status) => status.to_string(),
         Err(reason) => reason.to_string(),
     };
     let mut lines: String = complaints.lines().map(|line| format!("\n  {line}")).collect();
-    // The standard library prints this before it ends the process.
+    // The standard library prints this text before it ends the process.
     if complaints.starts_with("memory allocation of ") {
         let other = limits::describe_space_limit();
         lines +=
@@ -215,7 +218,7 @@ fn died_of(status: &io::Result<ExitStatus>, complaints: &str, max_memory: u64) -
     format!("its process ended before the scenario was finished ({status}){lines}")
 }
 
-/// Messages of a process, until it ends or sends an invalid line.
+/// Reads messages of a process, until the process ends or sends an invalid line.
 fn read_messages(out: impl Read) -> impl Iterator<Item = Message<'static>> {
     let mut out = BufReader::new(out);
     std::iter::from_fn(move || {
@@ -225,8 +228,8 @@ fn read_messages(out: impl Read) -> impl Iterator<Item = Message<'static>> {
     })
 }
 
-/// The beginning of the error output of a process; the rest is read, so that the process does not block, and
-/// discarded.
+/// Returns the beginning of the error output of a process. Reads and discards the rest, so that the process does not
+/// block.
 fn read_complaints(mut err: impl Read) -> String {
     let mut text = Vec::new();
     let _ = err.by_ref().take(COMPLAINTS as u64).read_to_end(&mut text);

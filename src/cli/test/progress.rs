@@ -28,19 +28,19 @@ impl Progress {
         Self { state: is_shown.then(state) }
     }
 
-    /// A scenario begins.
+    /// Adds a scenario that begins.
     pub(crate) fn begins(&self, file: &Path) {
         self.change(|state| state.begins(file));
     }
 
-    /// A scenario has ended.
+    /// Removes a scenario that has ended.
     pub(crate) fn ends(&self, file: &Path, passed: bool) {
         self.change(|state| state.ends(file, passed));
     }
 
-    /// Removes the line, does `act`, and shows the line again.
+    /// Erases the progress line, calls `act`, and shows the line again.
     pub(crate) fn aside<T>(&self, act: impl FnOnce() -> T) -> T {
-        // No thread panics while it holds the lock.
+        // The lock cannot be poisoned, because no thread panics while it holds the lock.
         let Some(state) = self.state.as_ref().and_then(|state| state.lock().ok()) else { return act() };
         show("");
         let done = act();
@@ -66,7 +66,7 @@ impl Drop for Progress {
 
 fn show(line: &str) {
     let width = rustix::termios::tcgetwinsize(std::io::stderr()).map_or(0, |size| usize::from(size.ws_col));
-    // Some terminals do not report their width.
+    // Some terminals report a width of 0.
     let width = if width == 0 { 80 } else { width };
     let line: String = crate::cli::output::harmless(line).chars().take(width.saturating_sub(1)).collect();
     crate::cli::output::relay(format!("{ERASE}{line}").as_bytes());
@@ -85,7 +85,7 @@ impl State {
         self.not_passed += usize::from(!passed);
     }
 
-    /// Text of the line: `3 of 12 done, 1 not passed; running 04-deadlines, 05-control-word`
+    /// Formats the line: `3 of 12 done, 1 not passed; running 04-deadlines, 05-control-word`.
     fn line(&self) -> String {
         if self.done == self.of {
             return String::new();

@@ -29,7 +29,7 @@ impl ReportKind {
     }
 }
 
-/// A report, and its file.
+/// A report: its kind and its file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct ReportFile {
     pub(super) kind: ReportKind,
@@ -40,7 +40,7 @@ impl ReportFile {
     /// Parses `html`, `html=FILE`, `json` or `json=FILE`.
     ///
     /// # Errors
-    /// Another kind of report, or no file after `=`.
+    /// The text names another kind of report, or has no file after `=`.
     pub(super) fn parse(text: &str) -> Result<Self, String> {
         let (name, file) = text.split_once('=').map_or((text, None), |(name, file)| (name, Some(file)));
         let kind = [ReportKind::Html, ReportKind::Json].into_iter().find(|kind| kind.name() == name);
@@ -54,10 +54,10 @@ impl ReportFile {
         }
     }
 
-    /// The text of the report.
+    /// Returns the text of the report.
     ///
     /// # Errors
-    /// A report cannot be written as JSON, which does not happen.
+    /// The report cannot be represented in JSON, which does not happen.
     pub(super) fn content(&self, reports: &[Report], shard: Option<Shard>) -> Result<String, CliError> {
         match self.kind {
             ReportKind::Html => Ok(html::page(reports, &Origin::of_this_run())),

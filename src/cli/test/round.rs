@@ -16,13 +16,13 @@ pub(crate) struct Round {
     pub setting: RunOptions,
     /// Number of scenarios that run at the same time; `None` for one per processor.
     pub jobs: Option<NonZero<usize>>,
-    /// True if no scenario is started after one that has not passed.
+    /// True if no further scenario is started after one that has not passed.
     pub fail_fast: bool,
 }
 
 impl Round {
-    /// Runs all files until `stop` returns true. Passes the reports to `take` in the order of the files, and what happens
-    /// in the scenarios to `heard` at once.
+    /// Runs all files until `stop` returns true. Passes the reports to `take` in the order of the files. Passes events of
+    /// the scenarios to `heard` as they happen.
     ///
     /// # Errors
     /// A thread cannot be started.

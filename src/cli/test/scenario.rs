@@ -52,7 +52,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if let Some(parent) = args.parent {
         end_with(parent)?;
     }
-    // Failures are reported; core dumps are useless here.
+    // A crash is reported as a failure, so a core dump is not needed.
     limit(Resource::Core, 0)?;
     limit(Resource::Data, args.limits.max_memory << 20)?;
     with_stack(|| play(args)).map_err(|reason| CliError::Process { reason })?
@@ -65,7 +65,7 @@ fn play(args: &Args) -> Result<(), CliError> {
         real: Duration::from_micros(args.limits.max_real_time),
     };
     let print = |line: &str| {
-        // Errors are ignored: this process ends with its parent.
+        // An error is ignored: it means that the parent has ended, and this process ends with its parent.
         let _ = send(&Message::Printed(line.into()));
     };
     let sections = |name: &str, time_us: u64| {
@@ -76,7 +76,7 @@ fn play(args: &Args) -> Result<(), CliError> {
     send_report(run_observed(&args.file, bench, plant, limits, print, sections))
 }
 
-/// A plant with the device in this folder alone, and its description.
+/// Returns a plant that contains only the device in this folder, and the text of the plant.
 pub(in crate::cli) fn plant_of(dir: &Path) -> Result<(String, PlantConfig), CliError> {
     let dir = folder::find(Path::new(""), &dir.display().to_string())?;
     let name = folder::load(&dir)?.registered.layout.name;
@@ -85,7 +85,7 @@ pub(in crate::cli) fn plant_of(dir: &Path) -> Result<(String, PlantConfig), CliE
     Ok((format!("the device {}", dir.display()), PlantConfig::parse("the device", &text)?))
 }
 
-/// Sends the report, or a short one if the receiver would refuse its length.
+/// Sends the report. If it is longer than the receiver accepts, sends a short report instead.
 fn send_report(report: Report) -> Result<(), CliError> {
     let message = Message::Ended(Box::new(report));
     let line = output::json_line(&message)?;

@@ -11,19 +11,19 @@ use std::path::{Component, Path, PathBuf};
 /// Every n-th scenario, beginning with the i-th.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Shard {
-    /// Counted from 1.
+    /// Number of the shard, counted from 1.
     index: usize,
     count: NonZero<usize>,
 }
 
-/// Maximum number of shards of a run: reports of other machines may name any number.
+/// Maximum number of shards of a run. The limit exists because reports of other machines may contain any number.
 const MAX_SHARDS: usize = 10_000;
 
 impl Shard {
     /// Parses `2/3`.
     ///
     /// # Errors
-    /// The notation is wrong, or there is no such shard.
+    /// The notation is wrong, or the number of the shard is larger than the number of all shards.
     pub(crate) fn parse(text: &str) -> Result<Self, String> {
         let number = |text: &str| text.parse::<usize>().ok();
         let numbers = text.split_once('/').and_then(|(index, count)| Some((number(index)?, number(count)?)));
@@ -75,7 +75,8 @@ impl fmt::Display for Shard {
     }
 }
 
-/// Returns the scenarios in the order of the arguments, each once; the scenarios of a folder in the order of their paths.
+/// Returns the scenarios in the order of the arguments, each once. The scenarios of a folder are in the order of their
+/// paths.
 ///
 /// # Errors
 /// A folder cannot be read or has no scenarios, or no scenario matches a filter.
@@ -107,7 +108,8 @@ pub(crate) fn scenarios(
     })
 }
 
-/// The path of a file in its real folder, the same for every spelling of the path. A link is another file than its target.
+/// Returns the path of a file in its real folder, which is the same for every spelling of the path. A link to a file
+/// counts as another file.
 fn identity(file: &Path) -> PathBuf {
     let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     match (folder.canonicalize(), file.file_name()) {
@@ -116,7 +118,8 @@ fn identity(file: &Path) -> PathBuf {
     }
 }
 
-/// The scenarios of a folder and its subfolders, without parts that others import.
+/// Returns the scenarios of a folder and its subfolders, except scripts that others import and that only define
+/// functions.
 fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, CliError> {
     let wrong = |right: &dyn std::fmt::Display| CliError::Argument {
         text: folder.display().to_string(),
@@ -149,12 +152,12 @@ fn walk(folder: &Path, files: &mut Vec<PathBuf>) -> std::io::Result<()> {
     Ok(())
 }
 
-/// The path without a leading `.`.
+/// Removes a leading `.` from the path.
 fn shown(path: &Path) -> PathBuf {
     path.components().filter(|part| *part != Component::CurDir).collect()
 }
 
-/// The scripts that others import and that do nothing by themselves.
+/// Returns the scripts that others import and that only define functions.
 fn parts(files: &[PathBuf]) -> Result<HashSet<PathBuf>, CliError> {
     let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
     let imported: HashSet<_> = files.iter().flat_map(|file| needs(file)).map(|file| real(&file)).collect();
@@ -170,8 +173,8 @@ fn parts(files: &[PathBuf]) -> Result<HashSet<PathBuf>, CliError> {
     with_stack(look).map_err(|reason| CliError::Process { reason })
 }
 
-/// True if the path contains the text; if the text has `*` or `?`, true if the whole path or the file name without
-/// its extension matches the pattern.
+/// True if the path contains the text. If the text has `*` or `?`, true if the whole path, or the file name without its
+/// extension, matches the pattern.
 fn matches(filter: &str, file: &Path) -> bool {
     let path = file.to_string_lossy();
     if !filter.contains(['*', '?']) {
@@ -181,11 +184,11 @@ fn matches(filter: &str, file: &Path) -> bool {
     is_of_form(filter, &path) || is_of_form(filter, &name)
 }
 
-/// Pattern match: `*` matches any characters, `?` matches one.
+/// Matches a pattern: `*` stands for any characters, `?` for one character.
 fn is_of_form(form: &str, text: &str) -> bool {
     let (form, text): (Vec<char>, Vec<char>) = (form.chars().collect(), text.chars().collect());
     let (mut at, mut in_form) = (0, 0);
-    // Position of the last star, and the end of the text that it matches so far.
+    // Position of the last `*`, and the end of the text that it matches so far.
     let mut star: Option<(usize, usize)> = None;
     while at < text.len() {
         match form.get(in_form) {

@@ -19,7 +19,7 @@ pub(crate) struct WatchedFiles {
 }
 
 impl WatchedFiles {
-    /// Records the files of a scenario before it runs: a change during the run counts as a change.
+    /// Records the files of a scenario before it runs, so that a change during the run is detected.
     pub(crate) fn begins(&mut self, scenario: &Path) {
         let before = self.scenarios.get(scenario).map(|looks| looks.keys().cloned().collect());
         let mut files: BTreeSet<PathBuf> = before.unwrap_or_default();
@@ -84,7 +84,7 @@ mod tests {
         };
         for (changed, expected) in [
             ("plant.toml", &all[..1]),
-            // The import was missing.
+            // Before this change, the import was missing.
             ("part.rhai", &all[..1]),
             ("without.rhai", &all[1..]),
             ("with.rhai", &all[..1]),

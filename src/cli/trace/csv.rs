@@ -21,7 +21,8 @@ const FIELDS: [&str; 12] = [
     "value",
     "latency_us",
 ];
-/// The line of the text format without time and source, and the remaining fields of jsonl as an object.
+/// Columns after those of `FIELDS`: the line of the text format without time and source, and the remaining fields of
+/// jsonl as an object.
 const OTHERS: [&str; 2] = ["description", "fields"];
 
 /// Writes records as comma-separated values (RFC 4180) with a head line.
@@ -31,7 +32,7 @@ pub(super) struct Csv {
 }
 
 impl Csv {
-    /// A writer with these names.
+    /// Creates a writer with these names.
     pub(super) fn new(names: Names, catalogue: &'static Catalogue) -> Self {
         Self { lines: Jsonl::new(names.clone(), catalogue), text: Text::new(names, catalogue) }
     }
@@ -53,7 +54,7 @@ impl Format for Csv {
     }
 
     fn gap(&mut self, lost: u64, out: &mut String) -> bool {
-        // Both writers count the gap; their lines are not needed.
+        // The text writer must also count the gap; its line is not needed.
         self.text.gap(lost, &mut String::new());
         self.lines.gap(lost, &mut String::new());
         let fields = json!({"kind": "gap", "lost": lost});
@@ -62,11 +63,11 @@ impl Format for Csv {
     }
 }
 
-/// The row of the fields of jsonl.
+/// Formats the fields of jsonl as a row.
 fn row(fields: Value, description: String) -> String {
     let Value::Object(mut fields) = fields else { return String::new() };
     fields.remove("v");
-    // The description contains the same text.
+    // The column `description` contains the same text.
     fields.remove("text");
     let mut cells: Vec<_> =
         FIELDS.iter().map(|name| fields.remove(*name).map_or_else(String::new, cell)).collect();

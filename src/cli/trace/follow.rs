@@ -1,4 +1,4 @@
-//! Reads the journal up to its end, and new records after it.
+//! Reads the journal up to its end and, with `--follow`, new records.
 
 use super::csv::Csv;
 use super::{Args, FormatArg};
@@ -21,13 +21,13 @@ use crate::request::{BusState, MAX_RECORDS, Op, WrongReply};
 use std::collections::VecDeque;
 use std::io::IsTerminal;
 
-/// Maximum number of events in a waveform, which is in memory as a whole.
+/// Maximum number of events in a waveform. A waveform is kept in memory as a whole.
 const MOST_EVENTS: u64 = 20_000_000;
 
-/// Maximum emulated time, in microseconds, after which --follow prints the folded traffic.
+/// With `--follow`, folded traffic is printed at the latest after this emulated time, in microseconds.
 const LONGEST_FOLLOWED_US: u64 = 1_000_000;
 
-/// Prints the existing records, and with --follow new ones.
+/// Prints the existing records and, with `--follow`, new ones.
 pub(crate) fn print(
     args: &Args,
     session: &Session,
@@ -51,7 +51,7 @@ pub(crate) fn print(
     print_as(args, session, selection, text)
 }
 
-/// The buses and the kinds of their links.
+/// Returns the names of the buses and the kinds of their links.
 fn links(session: &Session) -> Result<Vec<(String, Link)>, CliError> {
     let link = |bus: BusState| {
         let link = match devices::traffic_kind_of(&bus.kind) {
@@ -63,7 +63,7 @@ fn links(session: &Session) -> Result<Vec<(String, Link)>, CliError> {
     Ok(session.ask(Op::Buses)?.buses()?.into_iter().map(link).collect())
 }
 
-/// Prints the existing records as waveforms, which begin with a list of all their signals.
+/// Prints the existing records as waveforms. The output begins with a list of all signals.
 fn print_waveforms(
     args: &Args,
     session: &Session,
@@ -128,8 +128,9 @@ fn is_paged(args: &Args) -> bool {
     is_text && !args.follow && std::io::stdout().is_terminal()
 }
 
-/// True if the lines are printed in the order of their times. A record of repetitions gets its number when the
-/// repetitions have ended, so it follows later events. Programs get the records in the order of their numbers.
+/// True if the lines are printed in the order of their times. A record of repetitions gets its number only when the
+/// repetitions end; ordered by number, it would follow later events. Programs get the records in the order of their
+/// numbers.
 fn is_ordered(args: &Args) -> bool {
     args.format == FormatArg::Text && !args.follow
 }
@@ -138,12 +139,12 @@ struct Trace<'a, T> {
     session: &'a Session,
     printer: Printer<T>,
     out: LineBuffer<T>,
-    /// Records that were still being counted at the last poll.
+    /// Records whose count could still grow at the last poll.
     counting: Vec<Record>,
     /// The history that was read last.
     turn: Option<u16>,
-    /// The records up to now, if they are printed in another order: each with the count of records missing before it,
-    /// `None` if it is not wanted.
+    /// The records up to now, if they are printed in another order than they are read. Each has the number of records
+    /// that are missing before it; `None` if the user did not select the record.
     held: Option<Vec<(Record, Option<u64>)>>,
     is_folded: bool,
 }
@@ -216,7 +217,7 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
                 self.counting = part.pending;
                 return Ok(count);
             }
-            // Without progress the loop would not end.
+            // Without this check the loop would never end if a part brings no progress.
             if part.next() <= from {
                 return Err(WrongReply.into());
             }
@@ -231,7 +232,7 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
         }
     }
 
-    /// Prints a record after `lost` missing ones; `None`: it is not wanted.
+    /// Prints a record after `lost` missing ones. With `None`, skips the record, because the user did not select it.
     fn write(&mut self, record: &Record, lost: Option<u64>) {
         let mut line = T::default();
         let untold = self.printer.write(record, lost, &mut line);
@@ -241,20 +242,20 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
         self.out.push(line);
     }
 
-    /// Prints the traffic that the format has folded up to here.
+    /// Prints the traffic that the format has folded so far.
     fn release_folded(&mut self) {
         let mut lines = T::default();
         self.printer.end(&mut lines);
         self.out.push(lines);
     }
 
-    /// Prints the records that were still being counted.
+    /// Prints the records whose count could still grow.
     fn end(mut self) -> Result<(), CliError> {
         for record in std::mem::take(&mut self.counting) {
             self.print(&record);
         }
         let mut held = self.held.take().unwrap_or_default();
-        // A folded line shows the time of its first event, any other line that of the last one.
+        // A folded line shows the time of its first event; any other line shows the time of its last event.
         held.sort_by_key(|(record, _)| if self.is_folded { record.first_us() } else { record.time_us });
         held.iter().for_each(|(record, lost)| self.write(record, *lost));
         self.release_folded();
@@ -266,9 +267,9 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
 /// Buffer of output lines.
 struct LineBuffer<T> {
     lines: VecDeque<T>,
-    /// Number of last lines to keep; `None` if all lines are printed.
+    /// Number of lines to keep, the last ones; `None` if all lines are printed.
     keep: Option<usize>,
-    /// Text for the user's pager, which shows it at the end; none if the lines are printed at once.
+    /// Text for the user's pager, which shows it at the end; `None` if the lines are printed at once.
     page: Option<Vec<u8>>,
 }
 
@@ -284,7 +285,7 @@ impl<T: AsRef<[u8]>> LineBuffer<T> {
         }
     }
 
-    /// Prints the kept lines; from here on every line is printed.
+    /// Prints the kept lines. From here on every line is printed.
     fn release(&mut self) -> Result<(), CliError> {
         self.keep = None;
         self.flush()
@@ -310,7 +311,7 @@ impl<T: AsRef<[u8]>> LineBuffer<T> {
 mod tests {
     use super::*;
 
-    /// This number of events takes hours of emulated time, so no test has such a journal.
+    /// This number of events takes hours of emulated time. A test cannot create such a journal.
     #[test]
     fn a_waveform_with_too_many_events_is_refused() {
         assert!(check_length(MOST_EVENTS).is_ok());

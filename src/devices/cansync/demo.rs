@@ -35,7 +35,7 @@ impl Master {
     /// Initializes the master and exchanges process data.
     ///
     /// # Errors
-    /// The emulator has gone, or does not answer as it should.
+    /// The emulator has ended, or does not answer as it should.
     pub(crate) fn run(&self, attached: Attached, show: Show<'_>) -> Result<(), DemoError> {
         let [start, data, words, set_up] = self.headlines;
         let init = attached.segment().view::<CANsync_INIT_BMSTRUCT>(self.port.area.first as usize)?;

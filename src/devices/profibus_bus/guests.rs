@@ -69,7 +69,7 @@ struct BusGuest {
     number: u8,
     /// Source address of the guest's last telegram.
     address: Option<u8>,
-    /// True if the guest has gone, but its waiting telegrams are still sent.
+    /// True if the guest has disconnected. Its waiting telegrams are still sent.
     is_leaving: bool,
     queue: VecDeque<WaitingTelegram>,
 }

@@ -9,7 +9,7 @@ impl Bench {
     /// The names of all drives.
     ///
     /// # Errors
-    /// The instance has gone.
+    /// The emulator of the instance has ended.
     #[cfg(feature = "cli")]
     pub(crate) fn drive_names(&mut self) -> Result<Vec<String>, ScenarioError> {
         let drives = self.ask(Op::Drives)?.drives()?;

@@ -13,7 +13,7 @@ impl Bench {
     /// The findings of the access checker up to now, by rule and register, in the order of the first findings.
     ///
     /// # Errors
-    /// The instance has gone.
+    /// The emulator of the instance has ended.
     pub fn findings(&mut self) -> Result<Vec<Entry>, ScenarioError> {
         self.entries()
     }
@@ -21,7 +21,7 @@ impl Bench {
     /// Clears the findings of the access checker.
     ///
     /// # Errors
-    /// The instance has gone.
+    /// The emulator of the instance has ended.
     pub fn clear_findings(&mut self) -> Result<(), ScenarioError> {
         Ok(self.ask(Op::ClearFindings)?.cleared()?)
     }

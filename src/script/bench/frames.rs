@@ -285,7 +285,7 @@ impl Bench {
     /// The records that end at time `since` (microseconds) or later and that the journal still keeps.
     ///
     /// # Errors
-    /// The instance has gone.
+    /// The emulator of the instance has ended.
     pub fn journal(&mut self, since: u64) -> Result<Vec<Record>, ScenarioError> {
         let (mut records, _) = self.records(0)?;
         records.retain(|record| record.time_us >= since);

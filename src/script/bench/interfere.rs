@@ -118,7 +118,7 @@ impl Bench {
     /// The faults that wait or act, in the order in which they were added.
     ///
     /// # Errors
-    /// The instance has gone.
+    /// The emulator of the instance has ended.
     pub fn faults(&mut self) -> Result<Vec<FaultStatus>, ScenarioError> {
         Ok(self.ask(Op::FaultList)?.faults()?)
     }
@@ -136,7 +136,7 @@ impl Bench {
     /// Clears all faults.
     ///
     /// # Errors
-    /// The instance has gone.
+    /// The emulator of the instance has ended.
     pub fn clear_faults(&mut self) -> Result<(), ScenarioError> {
         self.ask(Op::FaultClear { id: None })?.faults_cleared()?;
         Ok(())

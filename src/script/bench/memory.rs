@@ -140,7 +140,7 @@ impl Bench {
     /// The registers that have changed since the snapshot, in the order of their addresses.
     ///
     /// # Errors
-    /// The instance has gone.
+    /// The emulator of the instance has ended.
     pub fn changes(&mut self, since: &MemoryCopy) -> Result<Vec<Change>, ScenarioError> {
         let now = self.copy(since.plc, since.area)?;
         Ok(since.changes(&now))

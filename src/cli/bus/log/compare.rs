@@ -87,8 +87,8 @@ fn differences(bus: &str, wanted: &[TimedFrame], found: &[TimedFrame], tolerance
                 (wanted, found) = (rest, others);
             }
             ([first, rest @ ..], [other, others @ ..]) => {
-                // Of the two different frames, the one that is found sooner on the other side was only delayed. The
-                // other frame is missing or extra.
+                // Looks for each of the two different frames on the other side. The frame that is found sooner was only
+                // delayed; the other frame is missing or extra.
                 let (again, before) = (ahead(first, others), ahead(other, rest));
                 if before.is_some_and(|before| again.is_none_or(|again| before < again)) || again.is_none() {
                     lines.push(show("missing", first));

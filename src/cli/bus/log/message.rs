@@ -34,8 +34,8 @@ impl fmt::Display for Message {
     }
 }
 
-/// Finds the sender of each telegram of a bus, in their order. A short acknowledgement has no address: its sender is
-/// the station to which the last request was sent.
+/// Determines the sender of each telegram of a bus. The telegrams must be passed in their order on the bus. A short
+/// acknowledgement has no address: its sender is the station to which the last request was sent.
 #[derive(Debug, Default)]
 pub(super) struct Senders {
     /// Destination of the last request.

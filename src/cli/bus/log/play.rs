@@ -47,13 +47,13 @@ pub(in super::super) struct Play {
 /// Longest time between two frames of a played log: the limit of one advance operation, 24 h in
 /// microseconds.
 const LONGEST_GAP_US: u64 = MAX_ADVANCE_US;
-/// Step of the clock, in emulated microseconds, while frames wait for room in the queue, or the last frame has not
-/// ended.
+/// Step of the clock, in emulated microseconds, while frames wait for room in the queue or the last frame is still on
+/// the bus.
 const ROOM_US: u64 = 100;
 /// Longest emulated time, in microseconds, between two counts of the frames that have ended. The count uses the
 /// journal, which keeps only the last 65,536 frames of all buses.
 const COUNT_US: u64 = 100_000;
-/// Longest wait without progress of any frame, in emulated time with the stepped clock, in real time with the real-time
+/// Longest wait in which no frame makes progress: emulated time with the stepped clock, real time with the real-time
 /// clock.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Pause between two attempts with the real-time clock.
@@ -100,7 +100,7 @@ fn begin_telegrams(log: &mut [AddressedMessage], buses: &Buses) {
         Message::Frame(_) => 0,
         Message::Telegram(octets) => buses.telegram_us(it.bus, octets),
     };
-    // All times are shifted by the longest telegram: times of a log may begin at 0, and no telegram can start before 0.
+    // Shifts all times by the longest telegram: the times of a log may begin at 0, and no telegram can start before 0.
     let longest = log.iter().map(duration).max().unwrap_or(0);
     for it in log {
         it.time_us = it.time_us.saturating_add(longest).saturating_sub(duration(it));
@@ -123,7 +123,7 @@ pub(in super::super) fn play(args: &Play) -> Result<(), CliError> {
     };
     let start_us = first.time_us;
     let length_us = log.iter().map(|it| it.time_us).max().unwrap_or(start_us).saturating_sub(start_us);
-    // Times of a log may be as large as the type permits, so the first time is subtracted.
+    // The times of a log may be very large, so the time of the first frame is subtracted.
     log.iter_mut().for_each(|it| it.time_us = it.time_us.saturating_sub(start_us));
     let session = Session::open(&args.instance, length_us)?;
     let next = session.ask(Op::Journal { from: u64::MAX, max: 1 })?.journal_part()?.end;
@@ -165,13 +165,13 @@ struct Player<'a> {
     next: u64,
     /// Time of the last count of ended frames, in microseconds.
     counted_us: u64,
-    /// Sum of `accepted` and `left` at the last progress, and the length of the wait since then.
+    /// Sum of `accepted` and `left` at the last progress, and the duration of the wait since then.
     moved: usize,
     waited: Duration,
 }
 
 impl<'a> Player<'a> {
-    /// A player of a log with at least one frame. `next` is the number of the next record of the journal.
+    /// Creates a player of a log with at least one frame. `next` is the number of the next record of the journal.
     fn new(session: &'a Session, log: &'a [AddressedMessage], next: u64) -> Self {
         let start_us = log.first().map_or(0, |first| first.time_us);
         Player {
@@ -187,7 +187,7 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Advances the clock from frame to frame, and until the last frame has ended.
+    /// Advances the clock from frame to frame, then until the last frame has ended.
     fn stepped(&mut self) -> Result<(), CliError> {
         let mut now_us = self.start_us;
         while let Some(next) = self.log.get(self.accepted) {
@@ -252,9 +252,9 @@ impl<'a> Player<'a> {
         Ok(!self.request(&ops, advanced)?)
     }
 
-    /// Sends operations in one request, and counts the frames that the buses have accepted. `executed` gets each other
-    /// operation with its reply. Returns false if there is no room for the next frame; the operations after it are
-    /// not executed.
+    /// Sends operations in one request, and counts the frames that the buses have accepted. Passes each operation that
+    /// is not a frame to `executed`, with its reply. Returns false if there is no room for the next frame; the
+    /// operations after that frame are not executed.
     fn request(&mut self, ops: &[Op], mut executed: impl FnMut(&Op, &Reply)) -> Result<bool, CliError> {
         for (op, reply) in ops.iter().zip(self.session.replies(ops)?) {
             match (op, reply) {
@@ -283,8 +283,8 @@ impl<'a> Player<'a> {
             let left_us = self.due_us(next, begin_us).saturating_sub(now_us);
             if left_us > 0 {
                 self.count_at(now_us)?;
-                // Emulated time can run faster or slower than real time, so at most 10 ms are slept before the next
-                // query.
+                // Sleeps at most 10 ms before the next query, because emulated time can run faster or slower than real
+                // time.
                 pause(&interrupts, Duration::from_micros(left_us.min(10_000)))?;
                 now_us = self.session.ask(Op::Time)?.time()?;
                 continue;
@@ -310,8 +310,8 @@ impl<'a> Player<'a> {
         begin_us + it.time_us.saturating_sub(self.start_us)
     }
 
-    /// Sends the frames that are due at `now_us`, as many as one request may have, and reads the clock. Returns false if
-    /// there is no room for the next frame.
+    /// Sends the frames whose time is at most `now_us`, as many as fit into one request, and reads the clock. Returns
+    /// false if there is no room for the next frame.
     fn send_due(&mut self, begin_us: u64, now_us: &mut u64, timing: &mut Timing) -> Result<bool, CliError> {
         let due = self.log[self.accepted..].iter().take_while(|it| self.due_us(it, begin_us) <= *now_us);
         // The last operation of the request reads the clock.
@@ -339,7 +339,7 @@ impl<'a> Player<'a> {
         Ok(has_room)
     }
 
-    /// Whether all frames have ended on their buses.
+    /// True if all frames have ended on their buses.
     fn all_have_left(&mut self) -> Result<bool, CliError> {
         self.count_left()?;
         Ok(self.left >= self.log.len())
@@ -365,10 +365,11 @@ impl<'a> Player<'a> {
         Ok(())
     }
 
-    /// Adds `time` to the present wait. The wait ends when the bus accepts a frame, or when a frame has ended.
+    /// Adds `time` to the duration of the present wait. The wait ends when the bus accepts a frame, or when a frame has
+    /// ended.
     ///
     /// # Errors
-    /// There was no progress for too long.
+    /// No frame has made progress for too long.
     fn note_wait(&mut self, time: Duration) -> Result<(), CliError> {
         let moved = self.accepted + self.left;
         if moved > self.moved {

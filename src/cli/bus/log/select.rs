@@ -32,7 +32,7 @@ pub(super) struct Select {
     without_station: Vec<u8>,
 }
 
-/// Accepts the words of loggers.
+/// Parser of directions, with the words that loggers use.
 fn directions() -> impl TypedValueParser<Value = Direction> {
     let words = [("rx", "Received frames"), ("tx", "Sent frames")];
     PossibleValuesParser::new(words.map(|(word, help)| PossibleValue::new(word).help(help)))
@@ -103,7 +103,7 @@ impl Select {
     /// True if a telegram is selected, by its sender only.
     pub(super) fn takes_sender(&self, sender: Option<u8>) -> bool {
         let is_in = |list: &[u8]| sender.is_some_and(|sender| list.contains(&sender));
-        // A telegram has no identifier.
+        // A telegram has no identifier, so only exclusions of identifiers can match it.
         self.id.iter().all(|filter| filter.is_inverted)
             && (self.station.is_empty() || is_in(&self.station))
             && !is_in(&self.without_station)
@@ -114,12 +114,12 @@ impl Select {
         let field = frame.arbitration();
         let filters = |is_inverted| self.id.iter().filter(move |filter| filter.is_inverted == is_inverted);
         let is_one_of = |is_inverted| filters(is_inverted).any(|filter| filter.matches(field.id()));
-        // A frame does not come from a PROFIBUS station.
+        // A frame does not come from a PROFIBUS station, so a selected station excludes it.
         self.station.is_empty()
             && (filters(false).next().is_none() || is_one_of(false))
             && !is_one_of(true)
-            // A remote frame is not from the node: the guarding request of a master has the identifier of the node's
-            // answer.
+            // A remote frame does not come from the node: the guarding request of a master has the same identifier as
+            // the answer of the node.
             && (field.is_remote() || !self.without_node.iter().any(|node| node_sends(*node, field.id())))
     }
 }
@@ -191,7 +191,7 @@ mod tests {
         assert!(!takes(&["--station", "5"], "a", None, &Frame::standard(1, Payload::EMPTY)));
     }
 
-    /// The guarding request of a master has the identifier of the node's answer.
+    /// The guarding request of a master has the same identifier as the answer of the node.
     #[test]
     fn requests_of_the_master_are_not_of_the_node() {
         let guarding = Frame::remote(StandardId::new(0x720).unwrap(), 1).unwrap();

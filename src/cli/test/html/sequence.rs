@@ -1,10 +1,11 @@
-//! Sequence diagram of the exchange before a failure: one line each for program, firmware and bus, time downwards.
+//! Sequence diagram of the exchange before a failure. Program, firmware and bus have a vertical line each; time runs
+//! downwards.
 
 use super::EscapedText;
 use crate::script::{ExchangeKind, ExchangeStep};
 use crate::time::seconds;
 
-/// Horizontal positions of program, firmware and bus.
+/// Names and horizontal positions of the lines for program, firmware and bus.
 const LANES: [(&str, i32); 3] = [("PLC program", 150), ("firmware", 270), ("bus", 390)];
 const WIDTH: i32 = 1060;
 const TEXTS: i32 = 420;
@@ -68,7 +69,7 @@ fn arrow(step: &ExchangeStep, y: i32) -> String {
     )
 }
 
-/// A line of the journal without its time, shortened to the available width.
+/// Returns a line of the journal without its time, shortened to the available width.
 fn shortened(line: &str) -> String {
     let rest = line.split_once(" s  ").map_or(line, |(_, rest)| rest);
     let words: Vec<_> = rest.split_whitespace().collect();

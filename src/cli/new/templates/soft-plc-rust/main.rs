@@ -21,7 +21,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let written = register(name)?;
         ram.segment().store(written.offset(), written.width(), value)?;
     }
-    // The firmware polls at once, and not only in its next processor cycle.
+    // The bell makes the firmware poll at once, instead of in its next processor cycle.
     ram.ring()?;
     let answer = register("@answer@")?;
     let value = ram.wait_register(answer.offset(), answer.width(), PATIENCE, |value| value == @answered@)?;
