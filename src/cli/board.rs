@@ -118,7 +118,7 @@ impl Serialize for Front {
 }
 
 impl Front {
-    /// The words of the front whose values have names, without the words of the display text.
+    /// The words of the front that have named values, without the words of the display text.
     fn words(&self) -> impl Iterator<Item = &(&'static FrontWord, u32)> {
         self.0.iter().filter(|(word, _)| !word.is_text)
     }

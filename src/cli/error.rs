@@ -116,7 +116,7 @@ errors! {
         /// All buses of the instance.
         buses: String,
     } => Exit::WrongUse,
-    /// The editor sent data that is not a message, or the connection failed.
+    /// The editor sent invalid data instead of a message, or the connection failed.
     #[error("the connection to the editor: {reason}")]
     Editor { reason: io::Error } => Exit::WrongUse,
     /// The editor ended the language server without the request `shutdown`.
@@ -129,7 +129,7 @@ errors! {
         /// Text with the names of the running instances.
         running: String,
     } => Exit::NotThere,
-    /// The user wants to end an instance that is not running.
+    /// The instance to be ended is not running.
     #[error("instance '{instance}' is not running, so there is nothing to end{running}")]
     NothingToEnd {
         instance: String,
@@ -157,7 +157,7 @@ errors! {
         /// Process id of the emulator, if the process is visible.
         pid: Option<u32>,
     } => Exit::NotThere,
-    /// Other users can write to the directory of an instance that is to be ended, and no held lock belongs to an
+    /// Other users can write to the directory of the instance to be ended, and no held lock belongs to an
     /// emulator.
     #[error("{0}")]
     OpenDirectory(MemoryError) => Exit::Failed,

@@ -67,7 +67,7 @@ pub(crate) struct Instance {
 }
 
 impl Instance {
-    /// An instance that is expected to run: the command does not wait for its start.
+    /// An instance that should already run: the command does not wait for its start.
     pub(crate) fn running(name: &str) -> Self {
         Self { named: InstanceName { name: name.to_owned() }, connect_timeout: 0 }
     }

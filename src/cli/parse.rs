@@ -65,7 +65,7 @@ pub(super) fn parse(words: impl Iterator<Item = OsString>) -> Result<Cli, clap::
     parsed.map_err(|error| advice::improve(without_environment_values(error, &words), &commands))
 }
 
-/// Moves options before a command behind the command. `-i NAME` is an option of the command; the other options are allowed in both
+/// Moves options before a command to the place after it. `-i NAME` is an option of the command; the other options are allowed in both
 /// positions. The words of the command begin at index `begin`.
 pub(super) fn with_options_after_command(
     words: Vec<OsString>,

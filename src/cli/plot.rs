@@ -85,7 +85,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Refuses too many registers, and a window whose end is not later than its begin.
+/// Refuses too many registers, and a window that does not end after its begin.
 fn check(registers: usize, from: u64, to: Option<u64>) -> Result<(), CliError> {
     if registers > MOST {
         let right = format!("a plot has at most {MOST} registers");

@@ -245,7 +245,7 @@ pub(crate) struct TerminationSignal {
     pub(crate) number: i32,
     /// True if `commram stop` has sent the signal; the signal then concerns only the emulator.
     pub(crate) is_from_stop: bool,
-    /// Process id of the sender; `None` if the kernel has sent the signal, or a process that is not visible.
+    /// Process id of the sender; `None` if the kernel has sent the signal, or an invisible process.
     sender: Option<u32>,
 }
 

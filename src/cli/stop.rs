@@ -234,7 +234,7 @@ pub(crate) fn remove_remains(instance: &str) -> Result<bool, CliError> {
 }
 
 /// Requests the emulator to end, through its channel. An emulator that does not answer gets a signal: it may have no
-/// channel, or its clock may wait for a client. A process that is stopped is continued, also if it is stopped during
+/// channel, or its clock may wait for a client. A stopped process is continued, also if it is stopped during
 /// this function.
 fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     let process = running.process();
@@ -255,7 +255,7 @@ fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     if refused.is_some() {
         terminate()?;
     }
-    // An emulator that is not visible gets no signal. Usually it has just ended.
+    // An invisible emulator gets no signal. Usually it has just ended.
     let unseen = refused.filter(|_| process.is_none());
     let patience = if unseen.is_some() { DYING } else { PATIENCE };
     let start = Instant::now();

@@ -271,7 +271,7 @@ fn check_input(args: &Args, files: &[PathBuf]) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Refuses a report whose file is a scenario, an import or a plant.
+/// Refuses a report in the file of a scenario, an import or a plant.
 fn check_outputs<'a>(args: &Args, inputs: impl Iterator<Item = &'a PathBuf> + Clone) -> Result<(), CliError> {
     let mut outputs = args.junit.iter().chain(args.report.iter().map(|file| &file.path));
     outputs.try_for_each(|output| refuse_inputs(Some(output), inputs.clone().map(PathBuf::as_path)))

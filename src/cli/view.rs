@@ -68,7 +68,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             model.pins.toggle(plc, place);
         }
     }
-    // The view opens a connection of its own; this session would occupy a client slot as long as the view runs.
+    // The view opens a separate connection; this session would occupy a client slot as long as the view runs.
     drop(session);
     terminal::run(model, args.instance.name())
 }

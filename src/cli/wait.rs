@@ -82,7 +82,7 @@ fn op_of(session: &Session, condition: &Condition) -> Result<Op, CliError> {
     Ok(Op::Condition { plc: session.plc_of(place)?, offset, width, test: *test })
 }
 
-/// Waits. Prints the registers whose conditions are true.
+/// Waits. Prints the registers with a true condition.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::output;
     use super::peek::{self, ReadTarget, RegisterReading};

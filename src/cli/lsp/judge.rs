@@ -201,7 +201,7 @@ fn is_verb_of_scenarios(name: &str) -> bool {
     crate::script::verbs().iter().any(|verb| verb.name == name)
 }
 
-/// Returns the error for a file that is too long to be checked.
+/// Returns the error for a file beyond the limit of the checker.
 pub(super) fn too_long(document: &Document) -> Mistake {
     let most = input_file::LONGEST_SCRIPT >> 10;
     let what = match document.is_script() {

@@ -82,7 +82,7 @@ impl Outline {
         near.iter().copied().find(|index| !is_sign(index)).or(near.last().copied())
     }
 
-    /// Returns the innermost call whose parentheses enclose a position, and the index of the argument at the position.
+    /// Returns the innermost call with a position between its parentheses, and the index of the argument at the position.
     pub(super) fn call_at(&self, offset: usize) -> Option<(&Call, usize)> {
         let within = self.calls.iter().filter(|call| call.inner.start <= offset && offset <= call.inner.end);
         let call = within.max_by_key(|call| call.inner.start)?;
@@ -95,7 +95,7 @@ impl Outline {
     }
 }
 
-/// A bracket that is open at the present position of the parser.
+/// A bracket without a closing bracket up to the present position of the parser.
 struct Open {
     sign: char,
     /// Index of the call to which the parenthesis belongs.
@@ -193,7 +193,7 @@ fn partner(sign: char) -> char {
     }
 }
 
-/// Returns the module token and the kind of the call whose parenthesis is at `index`; `None` if no call begins there.
+/// Returns the module token and the kind of the call that has its parenthesis at `index`; `None` if no call begins there.
 fn called(text: &str, tokens: &[Token], index: usize) -> Option<(Option<usize>, bool)> {
     let name = index.checked_sub(1)?;
     let token = tokens.get(name).filter(|token| token.kind == TokenKind::Word)?;

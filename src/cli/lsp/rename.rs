@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 /// Maximum number of scripts in the editor's folder that are searched for imports.
 const MOST_SCRIPTS: usize = 500;
-/// Built-in functions whose argument is the name of another function.
+/// Built-in functions with an argument that names another function.
 const TAKE_NAMES: [&str; 4] = ["Fn", "is_def_fn", "after", "at"];
 /// Words that cannot be the name of a function.
 const RESERVED: [&str; 34] = [

@@ -31,7 +31,7 @@ pub(super) struct TablePlace {
     pub(super) kind: Option<String>,
 }
 
-/// A table or array that is open at the position.
+/// A table or array around the position.
 struct Open {
     sign: char,
     /// Length of the path at the beginning of the table or array.

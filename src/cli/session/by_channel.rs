@@ -163,7 +163,7 @@ impl Session {
         Ok(self.ask(Op::Journal { from: u64::MAX, max: 0 })?.journal_part()?.end)
     }
 
-    /// Returns the journal from record number `from` on. Records whose count can still grow come last. Prints a note
+    /// Returns the journal from record number `from` on. Records with a count that can still grow come last. Prints a note
     /// about lost records.
     ///
     /// # Errors
@@ -242,7 +242,7 @@ fn attach_live(instance: &str, images: &[ImageInfo]) -> Result<(Attached, &'stat
     Ok(devices::attach(instance, &image.plc, AttachMode::HeaderOnly)?)
 }
 
-/// Process id of a killed emulator whose images another emulator is taking over. The new emulator first locks the images, and
+/// Process id of a killed emulator, if another emulator is taking over its images. The new emulator first locks the images, and
 /// later writes its own process id. In between, the killed emulator seems to run.
 fn taken_from(instance: &str, images: &[ImageInfo]) -> Option<u32> {
     let owner = images.iter().find_map(|image| match &image.condition {

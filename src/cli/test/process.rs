@@ -66,7 +66,7 @@ pub(crate) fn run(
     report
 }
 
-/// Creates the report of a scenario whose process sent no result.
+/// Creates the report of a scenario for which the process sent no result.
 pub(crate) fn died(file: &Path, why: &str) -> Report {
     Report::bare(file.to_owned(), Outcome::Died(format!("{}: {why}", file.display())))
 }

@@ -184,7 +184,7 @@ fn matches(filter: &str, file: &Path) -> bool {
     is_of_form(filter, &path) || is_of_form(filter, &name)
 }
 
-/// Matches a pattern: `*` stands for any characters, `?` for one character.
+/// Matches a pattern: `*` matches any characters, `?` matches one character.
 fn is_of_form(form: &str, text: &str) -> bool {
     let (form, text): (Vec<char>, Vec<char>) = (form.chars().collect(), text.chars().collect());
     let (mut at, mut in_form) = (0, 0);

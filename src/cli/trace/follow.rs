@@ -139,7 +139,7 @@ struct Trace<'a, T> {
     session: &'a Session,
     printer: Printer<T>,
     out: LineBuffer<T>,
-    /// Records whose count could still grow at the last poll.
+    /// Records with a count that could still grow at the last poll.
     counting: Vec<Record>,
     /// The history that was read last.
     turn: Option<u16>,
@@ -249,7 +249,7 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
         self.out.push(lines);
     }
 
-    /// Prints the records whose count could still grow.
+    /// Prints the records with a count that could still grow.
     fn end(mut self) -> Result<(), CliError> {
         for record in std::mem::take(&mut self.counting) {
             self.print(&record);

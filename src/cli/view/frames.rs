@@ -71,7 +71,7 @@ pub(crate) struct WindowFrames {
 #[derive(Default)]
 pub(crate) struct Frames {
     wires: VecDeque<BusFrame>,
-    /// Records whose count can still grow, each with the last frame that it counts.
+    /// Records with a count that can still grow, each with the last frame that it counts.
     counting: Vec<(Record, BusFrame)>,
     /// SYNC edges of each bus, the oldest first.
     edges: Vec<VecDeque<u64>>,
@@ -87,7 +87,7 @@ pub(crate) struct Frames {
 }
 
 impl Frames {
-    /// Adds new journal records, and the records whose count can still grow.
+    /// Adds new journal records, and the records with a count that can still grow.
     pub(crate) fn take(&mut self, records: &[Record], pending: &[Record], names: &Names, scene: &[BusScene]) {
         self.edges.resize_with(names.buses.len(), VecDeque::new);
         if self.held.is_some() && self.is_full() {

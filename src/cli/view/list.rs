@@ -26,7 +26,7 @@ impl List {
         self.go(pages * lines, len);
     }
 
-    /// Selects a line; a number that is too large selects the last line.
+    /// Selects a line; a number beyond the last line selects the last line.
     pub(super) fn choose(&mut self, line: usize, len: usize) {
         self.chosen = line.min(len.saturating_sub(1));
     }

@@ -96,7 +96,7 @@ pub(super) struct PollData {
     pub recorded: Vec<Change>,
     /// Records of the journal since the last poll.
     pub records: Vec<Record>,
-    /// Records whose count can still grow.
+    /// Records with a count that can still grow.
     pub pending: Vec<Record>,
     /// The fronts of the PLCs.
     pub faces: Option<Vec<DeviceFront>>,
@@ -282,7 +282,7 @@ impl Poller {
         Ok((all, lost))
     }
 
-    /// Reads the journal records since the last poll, and the records whose count can still grow.
+    /// Reads the journal records since the last poll, and the records with a count that can still grow.
     fn journal(&mut self, source: &mut dyn Source) -> Result<(Vec<Record>, Vec<Record>), RequestError> {
         let (mut all, mut pending) = (Vec::new(), Vec::new());
         let mut cursor = match self.next_record.take() {

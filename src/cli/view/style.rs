@@ -107,7 +107,7 @@ pub(super) fn wrapped(text: &str, width: usize, most: usize) -> Vec<String> {
         let (front, end) = (room / 2, (room / 2).saturating_sub(1));
         let part = |from: usize, len: usize| text.chars().skip(from).take(len).collect::<String>();
         text = format!("{}\u{2026}{}", part(0, front), part(letters.saturating_sub(end), end));
-        // Leaves room for unused columns: a line that is wrapped between words is not full.
+        // Leaves room for unused columns: lines that end between words are not full.
         room -= (width / 4).clamp(1, room);
     }
 }

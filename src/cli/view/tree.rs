@@ -264,7 +264,7 @@ impl Tree {
     }
 
     /// Returns the result of a search: registers that match a name, pattern, index or address. If there are none,
-    /// returns registers whose description contains the words.
+    /// returns registers with the words in their descriptions.
     fn found(&mut self, text: &str) -> Vec<Row> {
         let text = text.trim();
         if text.is_empty() {

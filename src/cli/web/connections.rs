@@ -75,7 +75,7 @@ impl Connections {
     }
 }
 
-/// A connection that is counted until this value is dropped.
+/// An open connection. The number of connections includes it until this value is dropped.
 pub(super) struct OpenConnection {
     pub peer: Arc<Peer>,
     all: Connections,

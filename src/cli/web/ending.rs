@@ -42,7 +42,7 @@ impl Ending {
         Ok(Self { ends, by_signal })
     }
 
-    /// Returns a receiver whose value becomes true when the server has to end.
+    /// Returns a receiver for a value that becomes true when the server has to end.
     pub(super) fn receiver(&self) -> watch::Receiver<bool> {
         self.ends.clone()
     }

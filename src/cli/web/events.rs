@@ -1,7 +1,7 @@
 //! Server-sent events: values, changes, records and states of an instance.
 //!
 //! One thread for each instance polls the emulator for all readers, and puts the result of each poll, a round, into a
-//! ring buffer. A reader that is too slow loses rounds and receives their number. It delays neither the emulator nor
+//! ring buffer. A slow reader loses rounds and receives their number. It delays neither the emulator nor
 //! other readers.
 
 mod feed;

@@ -140,7 +140,7 @@ impl Guard {
     }
 
     /// Returns the session of a request: the key in its cookie. All requests with the token instead of a cookie share one
-    /// session, whose key is empty.
+    /// session with an empty key.
     pub(super) fn session_of(&self, headers: &HeaderMap) -> String {
         self.keys_in(headers).find(|key| self.sessions.contains(key)).unwrap_or_default().to_owned()
     }

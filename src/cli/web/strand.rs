@@ -65,7 +65,7 @@ mod tests {
     use super::*;
     use std::sync::mpsc;
 
-    /// Panics while it is dropped, like a connection of iceoryx2 whose part of the channel is missing.
+    /// Panics while it is dropped, like a connection of iceoryx2 to a channel with a missing part.
     struct PanicsAgain;
 
     impl Drop for PanicsAgain {

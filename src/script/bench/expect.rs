@@ -65,7 +65,7 @@ impl Bench {
     /// reached.
     ///
     /// # Errors
-    /// The script has reached its end, or the emulator of the instance has ended.
+    /// The end of the wait is reached, or the emulator of the instance has ended.
     pub fn pass_or_fail(
         &mut self,
         start_us: u64,

@@ -87,7 +87,7 @@ fn differences(bus: &str, wanted: &[TimedFrame], found: &[TimedFrame], tolerance
                 (wanted, found) = (rest, others);
             }
             ([first, rest @ ..], [other, others @ ..]) => {
-                // Looks for each of the two different frames on the other side. The frame that is found sooner was only
+                // Searches the other side for each of the two different frames. The frame with the nearer match was only
                 // delayed; the other frame is missing or extra.
                 let (again, before) = (ahead(first, others), ahead(other, rest));
                 if before.is_some_and(|before| again.is_none_or(|again| before < again)) || again.is_none() {

@@ -310,7 +310,7 @@ impl<'a> Player<'a> {
         begin_us + it.time_us.saturating_sub(self.start_us)
     }
 
-    /// Sends the frames whose time is at most `now_us`, as many as fit into one request, and reads the clock. Returns
+    /// Sends the frames with a time of at most `now_us`, as many as fit into one request, and reads the clock. Returns
     /// false if there is no room for the next frame.
     fn send_due(&mut self, begin_us: u64, now_us: &mut u64, timing: &mut Timing) -> Result<bool, CliError> {
         let due = self.log[self.accepted..].iter().take_while(|it| self.due_us(it, begin_us) <= *now_us);
