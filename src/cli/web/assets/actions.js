@@ -1,4 +1,4 @@
-// What a user does to the plant. Every action passes here, so that the recorder sees it and errors are shown.
+// Actions of the user on the plant. All of them use these functions, which record the action and show its error.
 
 import { Problem, post, server } from "./api.js";
 import { feed } from "./feed.js";
@@ -13,8 +13,8 @@ export function whyDisabled() {
 }
 
 /**
- * Sends an operation, records it with `words` and the name of its register, and reports `done`; a success without a report removes
- * the error before it, unless `done` is false. Returns the reply; null after an error.
+ * Sends an operation, records it with `words` and the name of its register, and shows the note `done`. Without a note, a success removes
+ * the previous error message, unless `done` is false. Returns the reply; null after an error.
  */
 export async function act(operation, fields, words, done, register) {
   const before = feed.timeUs;
@@ -35,7 +35,7 @@ function report(done) {
   else if (done !== false) clearError();
 }
 
-/** Sends several operations as one request. `explain` makes the error of a wait that has failed. */
+/** Sends several operations as one request. `explain` returns the error to show for a wait that has failed. */
 export async function actTogether(operations, words, done, explain) {
   const before = feed.timeUs;
   try {
@@ -48,7 +48,7 @@ export async function actTogether(operations, words, done, explain) {
   } catch (problem) {
     const waited = problem instanceof Problem && problem.document.waited;
     if (waited) {
-      // A scenario with this wait fails at the same place.
+      // The failed wait is recorded: in the scenario it fails in the same way.
       addToRecord({ operations, words: `${words}: not true in time`, replies: operations.map(() => ({ waited })), beforeUs: before });
       feed.noticeTime(waited.time_us);
     }
@@ -57,7 +57,7 @@ export async function actTogether(operations, words, done, explain) {
   }
 }
 
-/** Disables controls of an area that change something, with the reason as their title. */
+/** Disables the controls of an area that change something, and sets the reason as their tooltip. */
 export function guard(area) {
   const why = whyDisabled();
   for (const control of area.querySelectorAll("[data-acts]")) {

@@ -10,7 +10,7 @@ export class Problem extends Error {
   }
 }
 
-/** What the page knows of the server. */
+/** Properties of the server. */
 export const server = { instance: null, instances: [], isReadOnly: false, version: "" };
 
 async function send(method, path, body) {
@@ -31,7 +31,7 @@ async function send(method, path, body) {
   throw new Problem(response.status, parsed(text) ?? {});
 }
 
-/** JSON of a value with BigInts, whose digits a Number would round. */
+/** Formats a value as JSON. Numbers that a Number would round are BigInts. */
 function exactJson(value) {
   const text = JSON.stringify(value, (_, part) => (typeof part === "bigint" ? `\u0000${part}` : part));
   return text.replace(/"\\u0000(\d+)"/g, "$1");
@@ -45,7 +45,7 @@ function parsed(text) {
   }
 }
 
-/** A query; a field with an array is repeated. */
+/** Formats a query string. A field with an array as its value is repeated. */
 const query = (fields) => {
   const pairs = Object.entries(fields ?? {}).flatMap(([name, value]) => [value].flat().map((one) => [name, one])).filter(([, value]) => value !== undefined && value !== null);
   return pairs.length ? `?${new URLSearchParams(pairs)}` : "";
@@ -73,17 +73,17 @@ export async function readInstances() {
   return instances;
 }
 
-/** Data for the pages: the JSON of a command's `--format json`, without its outer name. */
+/** Requests data for a page: the same JSON that a command prints with `--format json`, without the outer name. */
 export const show = async (what, fields) => Object.values(await send("GET", here(`show/${what}`) + query(fields)))[0];
 
-/** Operations for words of the command line: `{ poke: "node2.w_X=1" }`. */
+/** Converts words of the command line, such as `{ poke: "node2.w_X=1" }`, to operations. */
 export const operationsFor = (words) => show("operations", words);
 
 export const look = (operation, fields) => send("GET", here(operation) + query(fields));
 
 const PART = 1024;
 
-/** A part of the journal from a record on: its records, those still being counted, and the numbers of the next record and of the end. */
+/** Reads a part of the journal from a record on: records, records that are still being counted, number of the next record, and end. */
 export async function readJournal(from) {
   const { records: all, end } = (await look("journal", { from, max: PART })).journal;
   const records = all.filter((record) => typeof record.seq === "number");
@@ -91,7 +91,7 @@ export async function readJournal(from) {
   return { records, pending, end, next: records.length ? records.at(-1).seq + 1 : end };
 }
 
-/** The last records of the journal, at most `count` and those still being counted. */
+/** Reads at most `count` of the last records of the journal, and the records that are still being counted. */
 export async function readPast(count) {
   const { end } = await readJournal(Number.MAX_SAFE_INTEGER);
   const past = [];

@@ -16,7 +16,7 @@ const main = document.getElementById("main");
 const nav = document.getElementById("nav");
 const tools = document.getElementById("tools");
 const chooser = document.getElementById("instance");
-/** Age of a status that is not read again, in milliseconds. */
+/** Up to this age, in milliseconds, a status is used again instead of being read. */
 const FRESH_MS = 500;
 /** Pause before the modules of the other pages are loaded, in milliseconds. */
 const IDLE_MS = 300;
@@ -43,7 +43,7 @@ function start() {
   pageOf(parts()[1]).load().catch(() => {});
 }
 
-/** Removes a token from the address, where other people could read it. */
+/** Removes a token from the address bar, where other people could read it. */
 function takeToken() {
   const token = /^#token=([0-9a-f]+)$/i.exec(location.hash)?.[1];
   if (token) history.replaceState(null, "", current ? addressOf(current) : location.pathname);
@@ -93,7 +93,7 @@ async function begin() {
   await route();
 }
 
-/** The parts of the address after `#/`: instance, page, and the rest that belongs to the page. */
+/** Splits the address after `#/` into the instance, the page, and the rest, which only the page uses. */
 const parts = () => location.hash.replace(/^#\/?/, "").split("/");
 
 const pageOf = (id) => PAGES.find((page) => page.id === id) ?? PAGES[0];
@@ -113,7 +113,7 @@ async function route() {
     server.instance = null;
     return chooseInstance(problem.message);
   }
-  // The user has gone to another page meanwhile.
+  // The user has opened another page in the meantime.
   if (number !== routes) return;
   if (current?.page === page && current.instance === instance && current.rest === rest.join("/")) return;
   current?.end?.();
@@ -127,7 +127,7 @@ async function route() {
   current.end = () => end?.();
   current.key = end?.key;
   guard(root);
-  // The other pages then open without a pause.
+  // Loads the other pages in advance, so that they open without a pause.
   setTimeout(() => PAGES.forEach((it) => it.load().catch(() => {})), IDLE_MS);
 }
 
@@ -136,7 +136,7 @@ function setCurrent(link, isCurrent) {
   else link.removeAttribute("aria-current");
 }
 
-/** Keeps the rest of the address without a new page. */
+/** Changes the rest of the address without opening a page. */
 function setRest(rest) {
   current.rest = rest;
   history.replaceState(null, "", addressOf(current));

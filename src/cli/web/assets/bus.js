@@ -7,9 +7,9 @@ import { showError } from "./messages.js";
 import { counted, duration, seconds, short } from "./values.js";
 
 const SHOWN = 3;
-/** Most intervals that the server gives. */
+/** Maximum number of intervals that the server returns. */
 const MOST = 64;
-/** Least real time between two readings, in milliseconds. */
+/** Minimum real time between two readings, in milliseconds. */
 const PAUSE_MS = 100;
 
 export function busPage(root, rest, context) {
@@ -27,11 +27,11 @@ export function busPage(root, rest, context) {
 }
 
 class BusPage {
-  /** Number of later intervals that are not shown; 0: the latest ones. */
+  /** Number of intervals after the last displayed one; 0 if the latest interval is displayed. */
   back = 0;
   chosen = null;
 
-  /** Reads and draws; at most once per pause. */
+  /** Reads the intervals and draws them, at most once per pause. */
   read = oneAtATime(PAUSE_MS, () => this.readNow());
 
   constructor(root, [name], context) {
@@ -148,7 +148,7 @@ class BusPage {
         svg("rect", { class: "wire", x: 0, y: 20, width, height: 54 }), bands, frames, now, ticks));
   }
 
-  /** A frame; `isRest`: its end in the interval after the one in which it begins, and whose list contains it. */
+  /** Draws a frame. `isRest`: the frame began in the previous interval, which lists it; only its end is in this interval. */
   frame(frame, scale, isRest) {
     const x = scale(frame.from_us), end = scale(frame.until_us);
     const node = frame.is_bad

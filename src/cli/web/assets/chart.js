@@ -9,7 +9,7 @@ export class Chart {
     this.element = h("div", { class: "chart" }, this.canvas, this.legend);
     this.canvas.style.height = `${height}px`;
     this.height = height;
-    // The width and the colours change without new data, too.
+    // The width and the colours can change without new data.
     new ResizeObserver(() => this.canvas.clientWidth !== this.width && this.again?.()).observe(this.canvas);
     const recolour = () => (this.canvas.isConnected ? this.again?.() : ends.abort());
     const ends = new AbortController();
@@ -31,7 +31,7 @@ export class Chart {
     this.#names(series.map((it) => [it.name, it.points.at(-1)?.[1]]));
   }
 
-  /** Draws each series in a lane of its own with its values as text; for registers. */
+  /** Draws each series in a separate lane, with its values as text. Used for registers. */
   lanes(from, until, series, laneHeight = 46) {
     this.again = () => this.lanes(from, until, series, laneHeight);
     this.height = Math.max(90, series.length * laneHeight + 30);
@@ -55,7 +55,7 @@ export class Chart {
     return { context, width };
   }
 
-  /** A colour of the style sheet as it is in the present scheme. */
+  /** Returns a colour of the style sheet in the present colour scheme (light or dark). */
   #colour(name) {
     this.canvas.style.color = `var(${name})`;
     return getComputedStyle(this.canvas).color;
@@ -141,7 +141,7 @@ export class Chart {
 const xOf = (box, time) => box.x + ((time - box.from) / Math.max(1, box.until - box.from)) * box.width;
 const yOf = (box, value) => box.y + box.height - ((value - box.least) / (box.most - box.least || 1)) * box.height;
 
-/** A round step of at least `least`. */
+/** Returns a round number of at least `least` as the step of a scale. */
 function stepOf(least) {
   const power = 10 ** Math.floor(Math.log10(Math.max(least, 1e-9)));
   return [1, 2, 5, 10].map((factor) => factor * power).find((step) => step >= least) ?? power * 10;

@@ -10,7 +10,7 @@ import { showError } from "./messages.js";
 import { duration, seconds, short } from "./values.js";
 
 const root = document.getElementById("clock");
-/** Real time between two parts of "Run", and the part in emulated time at speed 1, in microseconds. */
+/** "Run" advances the clock in parts: real time between two parts, and emulated time of a part at speed 1, in microseconds. */
 const PART_MS = 50;
 /** Speeds that a real-time clock can be set to with one press. */
 const SPEEDS = [0.1, 1, 10, 100];
@@ -23,7 +23,7 @@ export function startClock() {
   feed.on("ended", update);
 }
 
-/** Another instance. */
+/** Resets the bar for another instance. */
 export function resetClock() {
   stopRunning();
   parts = null;
@@ -69,7 +69,7 @@ function button(text, key, onclick, props) {
   return h("button", { type: "button", "data-acts": true, "data-title": title, "aria-keyshortcuts": key, onclick, ...props }, text);
 }
 
-/** The keys of the clock; true if `event` was one. */
+/** Handles the keys of the clock. Returns true if `event` was one of them. */
 export function clockKey(event) {
   if (!feed.clock || whyDisabled() || !parts) return false;
   const keys = feed.isStepped
@@ -148,7 +148,7 @@ function stopRunning() {
   running = null;
 }
 
-/** Advances in parts until somebody presses the button again, or a part fails. */
+/** Advances the clock in parts until the user presses the button again, or a part fails. */
 async function runOn(self) {
   while (running === self) {
     const before = performance.now();

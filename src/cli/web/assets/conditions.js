@@ -2,7 +2,7 @@
 
 import { operationsFor, server, show } from "./api.js";
 
-/** `condition` operations for a text such as `node2.w_OPTION_STATUS==2 and node2.b_AC&1!=0`. Throws an Error. */
+/** Converts a text such as `node2.w_OPTION_STATUS==2 and node2.b_AC&1!=0` to `condition` operations. Throws an Error if it is invalid. */
 export async function conditionsOf(text) {
   const any = /\s+or\s+/i.test(text);
   if (any && /\s+and\s+/i.test(text)) throw new Error("Join conditions with 'and' or with 'or', not with both");
@@ -10,7 +10,7 @@ export async function conditionsOf(text) {
   return { any, operations: await operationsFor({ condition }) };
 }
 
-/** The error of a wait that has ended too early: the conditions, and the present values of their registers. */
+/** Returns the error of a wait that has failed: the conditions, and the present values of their registers. */
 export async function failureOf(text, within) {
   const name = text.split(/\s+(?:and|or)\s+/i).map((one) => one.split(/[&=!<>]/)[0].trim());
   const values = (await show("registers", { name })).map(({ register, hex, meaning }) => `${register} is ${hex}${meaning ? ` (${meaning})` : ""}`);

@@ -17,7 +17,7 @@ export function openDialog(title, content, { isWide = false, onclose } = {}) {
   return dialog;
 }
 
-/** Asks for texts: `fields` are elements made by `field`; `done` gets the form and may throw an Error to show it. */
+/** Opens a dialog for the input of texts. `fields` are elements that `field` has created. `done` gets the form; if it throws an Error, the dialog shows it. */
 export function ask(title, fields, button, done) {
   const error = h("p", { class: "error", role: "alert" });
   const form = h("form", { class: "stack", method: "dialog" }, fields, error,

@@ -1,4 +1,4 @@
-// Elements without markup in strings: every text from the emulator goes through textContent.
+// Functions that create elements. No markup is in strings, and every text from the emulator is set by textContent.
 
 const SHORT = { label: "aria-label", acts: "data-acts" };
 
@@ -32,14 +32,14 @@ function append(element, children) {
   }
 }
 
-/** Sets a text only if it is another one: the browser then has nothing to do. */
+/** Sets a text if it differs from the present one. An equal text would cost the browser a layout. */
 export function setText(element, text) {
   if (element.firstChild?.nodeType === Node.TEXT_NODE && !element.firstChild.nextSibling) {
     if (element.firstChild.data !== text) element.firstChild.data = text;
   } else if (element.textContent !== text) element.textContent = text;
 }
 
-/** Sets an attribute only if it has another value. */
+/** Sets an attribute if its value differs from the present one. */
 export function setAttribute(element, name, value) {
   if (element.getAttribute(name) !== String(value)) element.setAttribute(name, value);
 }
@@ -50,7 +50,7 @@ export function fill(element, ...children) {
   return element;
 }
 
-/** A function that calls `work` once, `ms` after the last call. */
+/** Returns a function that calls `work` once, `ms` milliseconds after its last call. */
 export function later(ms, work) {
   let timer;
   return (...args) => {
@@ -59,7 +59,7 @@ export function later(ms, work) {
   };
 }
 
-/** A function that calls `work` at most once per picture of the screen. */
+/** Returns a function that calls `work` at most once per frame of the browser. */
 export function perFrame(work) {
   let isDue = false;
   return () => {
@@ -72,7 +72,7 @@ export function perFrame(work) {
   };
 }
 
-/** A function that runs `work`, never twice at once: calls meanwhile make it run once more, after a pause of `ms`. */
+/** Returns a function that runs `work`, never twice at the same time. Calls during a run cause one further run, after a pause of `ms` milliseconds. */
 export function oneAtATime(ms, work) {
   let isBusy = false;
   let isLate = false;
@@ -97,7 +97,7 @@ export function field(label, input, note) {
   return h("div", { class: "field" }, h("label", { htmlFor: input.id }, label), input, note && h("small", null, note));
 }
 
-/** A choice among texts, or `[value, text]` pairs. */
+/** Creates a drop-down list of texts, or of `[value, text]` pairs. */
 export function choice(options, value, props) {
   const make = (option) => {
     const [key, text] = Array.isArray(option) ? option : [option, option];
@@ -106,6 +106,6 @@ export function choice(options, value, props) {
   return h("select", props, options.map(make));
 }
 
-/** Cells of a table, the second with letters of one width. */
+/** Creates the cells of a table row. The second cell has a monospaced font. */
 export const td = (...children) => h("td", null, ...children);
 export const tdMono = (...children) => h("td", { class: "mono" }, ...children);

@@ -9,11 +9,11 @@ import { showError } from "./messages.js";
 import { table } from "./plant.js";
 import { integerOf } from "./values.js";
 
-/** Emulated time on the chart, in microseconds. */
+/** Length of the chart's time axis in emulated time, in microseconds. */
 const SPAN_US = 5_000_000;
-/** Shorter times on the chart, until so much time has passed. */
+/** Lengths of the time axis in microseconds before enough time has passed for the full length. */
 const SHORTER_US = [100_000, 200_000, 500_000, 1_000_000, 2_000_000];
-/** Least real time between two readings of the parameters, in milliseconds. */
+/** Minimum real time between two readings of the parameters, in milliseconds. */
 const PAUSE_MS = 500;
 
 export function drivesPage(root) {
@@ -112,7 +112,7 @@ class DrivesPage {
     for (const [number, value] of values) this.fields.get(number)(value);
   }
 
-  /** Builds the tables; `fields` has the function that shows a value for each number. */
+  /** Builds the tables. `fields` maps the number of each parameter to the function that shows its value. */
   build(drive, parameters, zk) {
     this.fields = new Map();
     const rows = parameters.map((it) => h("tr", null, tdMono(String(it.number)), td(it.name), td(this.control(it)), td(it.unit), tdMono(`${it.min} \u2026 ${it.max}`)));

@@ -94,10 +94,10 @@ function drawForm(box, kinds, places) {
   guard(box);
 }
 
-/** A time in microseconds, as the names of the fields say; a time with another unit is converted. */
+/** Converts a time to microseconds, the unit in the names of the fields. */
 const microseconds = (text) => (/^\d+$/.test(text) ? text : duration(text));
 
-/** A field of a kind; an empty one is left out. */
+/** Creates the input of a field. An empty input is left out of the fault. */
 function fieldOf(it, places) {
   const choices = places[it.name] ?? it.words;
   const isGiven = it.required || (it.form === "name" && choices.length === 1);

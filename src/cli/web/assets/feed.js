@@ -4,15 +4,15 @@ import { eventsPath, isSignedIn, readInstances, server } from "./api.js";
 import { later, perFrame } from "./dom.js";
 import { setNotice, showError } from "./messages.js";
 
-/** Most registers that one stream follows. */
+/** Maximum number of registers that one stream follows. */
 const MOST = 256;
-/** Changes that are kept for plots and lists. */
+/** Number of changes that are kept for plots and lists. */
 const KEPT = 20_000;
-/** The events of one poll of the server arrive within this time, those of the next one later; in milliseconds. */
+/** Longest time, in milliseconds, in which all events of one poll of the server arrive. Events of the next poll arrive later. */
 const ROUND_MS = 25;
 const EVENTS = ["clock", "values", "changes", "journal", "findings", "drives", "scene", "boards", "faults", "forces", "buses", "turned", "lost", "ended"];
 
-/** Name by which the page knows a register. */
+/** Key of a register in the maps of the page. */
 export const keyOf = (register) => `${register.plc}:${register.register}`;
 
 /** The same register without the name of the PLC in the name of the register. */
@@ -22,8 +22,8 @@ class Feed {
   clock = null;
   latest = {};
   /**
-   * Registers with value, meaning, `forced`, and times: `sinceUs`, from when on every change of the register reaches the page, and
-   * `changedUs` of the last change, as soon as one was seen.
+   * Registers with their value, meaning and `forced`. `sinceUs`: from this time on every change of the register reaches the page.
+   * `changedUs`: time of the last change, if the page has received one.
    */
   values = new Map();
   changes = [];
@@ -48,7 +48,7 @@ class Feed {
     return this.clock?.clock === "stepped";
   }
 
-  /** Forgets everything: another instance. */
+  /** Deletes all data, for another instance. */
   reset() {
     this.#source?.close();
     Object.assign(this, { clock: null, latest: {}, changes: [], hasEnded: false });
@@ -60,25 +60,25 @@ class Feed {
     this.#connect();
   }
 
-  /** What a part of the page needs: names of registers, events, and kinds of records of the journal. */
+  /** Sets the data that a part of the page needs: names of registers, events, and kinds of journal records. */
   want(owner, { follow = [], events = [], kinds } = {}) {
     this.#wants.set(owner, { follow, events, kinds });
     this.#connect();
   }
 
-  /** The part needs nothing any more. */
+  /** Removes the requirements of a part of the page. */
   leave(owner) {
     if (this.#wants.delete(owner)) this.#connect();
   }
 
-  /** Calls `listener` at the next picture after an event of this kind. Returns a function that ends it. */
+  /** Calls `listener` at the next frame of the browser after an event of this kind. Returns a function that ends these calls. */
   on(event, listener) {
     if (!this.#listeners.has(event)) this.#listeners.set(event, new Set());
     this.#listeners.get(event).add(listener);
     return () => this.#listeners.get(event).delete(listener);
   }
 
-  /** Calls `listener` with every event of this kind, without waiting for a picture. */
+  /** Calls `listener` at once with every event of this kind. */
   onEach(event, listener) {
     const name = `each ${event}`;
     if (!this.#listeners.has(name)) this.#listeners.set(name, new Set());
@@ -86,7 +86,7 @@ class Feed {
     return () => this.#listeners.get(name).delete(listener);
   }
 
-  /** A reply has a newer time than the last event. */
+  /** Sets the clock if a reply has a newer time than the last event. */
   noticeTime(timeUs) {
     if (this.clock && timeUs !== this.clock.time_us) {
       this.clock = { ...this.clock, time_us: timeUs };
@@ -110,7 +110,7 @@ class Feed {
     if (document.hidden) return;
     const follow = new Set();
     const fields = { clock: 1 };
-    // A part that needs all kinds of records has the last word.
+    // The parts that need all kinds of records come last, so that their setting wins.
     for (const want of [...this.#wants.values()].sort((one, other) => Boolean(one.kinds) - Boolean(other.kinds))) {
       want.follow.forEach((name) => follow.add(name));
       want.events.forEach((event) => (fields[event] = 1));
@@ -152,13 +152,13 @@ class Feed {
       const key = keyOf(value);
       const before = this.values.get(key);
       const isNew = before && before.value !== value.value;
-      // The event of the change has its exact time. A change while the register was not followed has no known time.
+      // The event of a change has the exact time. If the register changed while it was not followed, the time is unknown.
       const changedUs = !isNew || this.#turnedUs !== null ? before?.changedUs : before.sinceUs === undefined ? undefined : value.time_us;
       this.values.set(key, { ...value, changedUs, sinceUs: before?.sinceUs ?? value.time_us });
     }
   }
   _changes(data) {
-    // After going back the server also reports what differs from before: nobody has stored that.
+    // When the plant has gone back, the server also reports the differences as changes, although no program has stored them.
     data.changes = data.changes.map(withoutPlc).filter(({ by, time_us }) => by !== "channel" || time_us !== this.#turnedUs);
     for (const change of data.changes) {
       const known = this.values.get(keyOf(change)) ?? this.#withAddress(change);
@@ -167,7 +167,7 @@ class Feed {
     this.changes.push(...data.changes);
     if (this.changes.length > KEPT * 1.25) this.changes.splice(0, this.changes.length - KEPT);
   }
-  /** The followed register of a change with the name that its address has at this moment. */
+  /** Returns the followed register at the address of a change: the address can have another name at this moment. */
   #withAddress({ plc, address }) {
     for (const key of this.#followed) {
       const value = this.values.get(key);
@@ -197,7 +197,7 @@ class Feed {
     setNotice("stream", `The emulator has ended: ${reason}`, "bad", ["Try again", () => this.#again()]);
   }
 
-  /** Loads the page again if the emulator, or another server at the same port, is there; the latter asks for its token. */
+  /** Reloads the page if an emulator runs again. It may have another server at the same port, which asks for its own token. */
   async #again() {
     try {
       const instances = (await isSignedIn()) && (await readInstances());
@@ -218,7 +218,7 @@ class Feed {
     setTimeout(() => this.#connect(), 1_500);
   }
 
-  /** A hidden page needs no events: browsers allow only six connections to a server. */
+  /** Closes the stream while the page is hidden, because browsers allow only six connections to a server. */
   watchVisibility() {
     let timer;
     document.addEventListener("visibilitychange", () => {

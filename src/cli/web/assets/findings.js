@@ -1,4 +1,4 @@
-// Page "Findings": what the access checker has found, with rule and page of the manual.
+// Page "Findings": findings of the access checker, with rule and page of the manual.
 
 import { act, guard } from "./actions.js";
 import { fill, h } from "./dom.js";

@@ -11,9 +11,9 @@ import { onPins, pinned, togglePin } from "./pins.js";
 import { digits, duration, hex, seconds, short, signed } from "./values.js";
 
 const LANES = 12;
-/** Changes in the list, and points of a register. */
+/** Maximum number of changes in the list, and of points of a register. */
 const KEPT = 20_000;
-/** Records of the journal that are searched for earlier changes. */
+/** Number of journal records that are searched for earlier changes. */
 const PAST = 8_192;
 
 export function followedPage(root, rest, context) {
@@ -30,7 +30,7 @@ export function followedPage(root, rest, context) {
 }
 
 class FollowedPage {
-  /** Emulated time on the plot, in microseconds. */
+  /** Length of the plot's time axis in emulated time, in microseconds. */
   spanUs = 100_000;
 
   constructor(root, context) {
@@ -58,7 +58,7 @@ class FollowedPage {
     this.readAgain();
   }
 
-  /** Shows the changes of recorded registers in the journal (`run --record`), and those that the page has seen. */
+  /** Shows the changes of registers that the journal records (`run --record`), and the changes that the page has received. */
   async readAgain() {
     this.recorded = new Map();
     this.reset(feed.changes);
@@ -94,7 +94,7 @@ class FollowedPage {
     this.draw();
   }
 
-  /** From when on the changes of a register are known. */
+  /** Returns the time from which all changes of a register are known. */
   beginOf(change) {
     const key = keyOf(change);
     return this.recorded.get(key) ?? feed.values.get(key)?.sinceUs ?? change.time_us;
@@ -113,7 +113,7 @@ class FollowedPage {
     this.note.hidden = this.changes.length > 0;
   }
 
-  /** Takes the time that the user has entered; refuses what is no time. */
+  /** Uses the time that the user has entered. Refuses an invalid time. */
   setSpan() {
     try {
       const us = duration(this.span.value);
@@ -141,7 +141,7 @@ class FollowedPage {
   }
 }
 
-/** Changes of recorded registers in the last records of the journal, in the form of events; and the time from which these records are. */
+/** Returns the changes of recorded registers in the last records of the journal, in the form of events, and the time of the first record. */
 async function changesInJournal() {
   const records = await readPast(PAST);
   const found = records.filter((record) => record.kind === "changed" && record.register);
@@ -151,7 +151,7 @@ async function changesInJournal() {
 
 const numberOf = (value) => parseInt(value.slice(3), 16);
 
-/** The points of a register from the last one before the plot on. */
+/** Returns the points of a register, beginning with the last point before the plot. */
 function laneOf(key, all, from) {
   const value = feed.values.get(key);
   let first = all.length;

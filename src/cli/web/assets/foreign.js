@@ -1,16 +1,16 @@
-// Stores of other programs during a recording, found in the journal: the recording does not contain them.
+// Finds stores of other programs during a recording in the journal. The recording does not contain them.
 
 import { feed } from "./feed.js";
 import { setNotice } from "./messages.js";
 import { counted, seconds } from "./values.js";
 
-/** Real time after a record of the journal within which the reply to an own store arrives, in milliseconds. */
+/** The reply to a store of this page arrives at the latest this time after its journal record, in milliseconds. */
 const REPLY_MS = 500;
-/** Most stores that are kept, and registers that are named. */
+/** Maximum number of stores that are kept, and of registers that a note names. */
 const MOST = 1_000, NAMED = 3;
 const BYTES = { Byte: 1, Word: 2, Dword: 4 };
 
-/** Own stores without their record, counted by width and value. */
+/** Number of stores of this page that have no journal record yet, by width and value. */
 const own = new Map();
 let end = null;
 
@@ -54,7 +54,7 @@ export function watchForeign(recorder, changed) {
   if (begun.length) setNotice("foreign", foreignText(begun), "warn");
 }
 
-/** What the recording lacks; empty if it lacks nothing. */
+/** Returns a text about stores that the recording does not contain; empty if there are none. */
 export function foreignText(foreign) {
   if (!foreign.length) return "";
   const names = [...new Set(foreign.map((it) => it.register))];

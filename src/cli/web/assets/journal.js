@@ -7,7 +7,7 @@ import { RowList } from "./list.js";
 import { showError } from "./messages.js";
 import { digits, seconds } from "./values.js";
 
-/** Records that the page keeps, and those read of the past. */
+/** Number of records that the page keeps, and number of past records that it reads at the start. */
 const KEPT = 20_000, PAST = 2_000;
 const HIDDEN = new Set(["v", "seq", "time_us", "kind", "line", "count", "first_us", "period_us", "extended", "remote", "length", "search"]);
 
@@ -54,7 +54,7 @@ class JournalPage {
     this.take(records);
   }
 
-  /** The plant has gone back: later records are removed, and new ones get their numbers. */
+  /** Removes later records after the plant has gone back: new records get their numbers. */
   turn({ time_us }) {
     if (this.shown?.time_us >= time_us) {
       this.rows.unchoose();
@@ -112,7 +112,7 @@ class JournalPage {
 
 const hexOf = (value, width) => (typeof value === "number" && width ? digits(value, width) : String(value));
 
-/** A record in words: where, register, old and new value, meaning, then its other fields. */
+/** Formats a record: source, register, old and new value, meaning, then the other fields. */
 function lineOf({ plc, bus, node, register, address, width, from, to, value, text, id, data, ...rest }) {
   const place = [plc ?? bus, node && `node${node}`].filter(Boolean).join(":");
   const change = to === undefined ? (value === undefined ? "" : `:= ${hexOf(value, width)}`) : `${from === undefined ? "" : `${hexOf(from, width)} `}-> ${hexOf(to, width)}`;

@@ -1,16 +1,16 @@
-// A long list of which only the visible rows exist.
+// A long list. Only its visible rows exist as elements.
 
 import { h } from "./dom.js";
 
-/** Rows above and below the visible ones. */
+/** Number of additional rows above and below the visible ones. */
 const SPARE = 6;
 /** Width in pixels up to which rows have the height `narrowHeight`, as in pages.css. */
 const NARROW = 460;
 
 /**
- * A grid of rows of one height. `make()` creates a row, `fillRow(row, item, index)` fills it; rows are used again.
- * `onchoose(index)`: Enter, Space or a click; `onrange(first, end)`: other rows are visible. The chosen row is the one whose item
- * has the same `key(item)`, wherever other items put it. The rows are in the document in the order of the screen.
+ * A grid of rows with the same height. `make()` creates a row, `fillRow(row, item, index)` fills it. Rows are reused for other items.
+ * `onchoose(index)`: Enter, Space or a click. `onrange(first, end)`: other rows are visible. The chosen row follows its item,
+ * identified by `key(item)`, when other items move it. The document contains the rows in the order of the screen.
  */
 export class RowList {
   items = [];
@@ -76,7 +76,7 @@ export class RowList {
     this.onrange?.(first, end);
   }
 
-  /** Moves rows that leave one end of the screen to the other end; those between keep their items. */
+  /** Moves rows that leave one end of the screen to the other end. The rows in between keep their items. */
   #move(count) {
     if (Math.abs(count) >= this.#rows.length) return;
     const moved = count > 0 ? this.#rows.splice(0, count) : this.#rows.splice(this.#rows.length + count);
@@ -119,7 +119,7 @@ export class RowList {
     this.onchoose?.(this.items[this.chosen], this.chosen, isOpened);
   }
 
-  /** A key in the search field of the list: Enter and the arrow down choose the first row; `update` finds the rows of the text. */
+  /** Handles a key in the search field of the list. Enter and the down arrow choose the first row. `update` searches the rows for the text. */
   enterFrom(event, update) {
     if (event.key !== "Enter" && event.key !== "ArrowDown") return;
     event.preventDefault();

@@ -5,7 +5,7 @@ import { operationsFor, server, show } from "./api.js";
 const maps = new Map();
 const places = new Map();
 
-/** Forgets all maps: another instance. */
+/** Deletes all maps, for another instance. */
 export function resetMaps() {
   maps.clear();
   places.clear();
@@ -27,17 +27,17 @@ function prepared(entry, plc) {
   return { ...entry, plc, plcNumber: entry.plc, ranges, count, form: formOf(entry.name), search: search.toLowerCase() };
 }
 
-/** A name with all indices as `[]`. */
+/** Replaces each index in a name by `[]`. */
 const formOf = (name) => name.replace(/\[[^\]]*\]/g, "[]");
 
-/** The entry of the map for a register or element. */
+/** Returns the map entry of a register or of an element of an array. */
 export async function entryOf(plc, register) {
   const entries = await mapOf(plc);
   const form = formOf(register);
   return entries.find((entry) => entry.form === form) ?? null;
 }
 
-/** The names of the elements of an entry, each with the bytes between the first element and this one. */
+/** Returns the names of the elements of an entry, each with its distance in bytes from the first element. */
 export function* elementsOf(entry) {
   const parts = entry.name.split(/\[\d+\.\.\d+\]/);
   const total = entry.count;
@@ -54,7 +54,7 @@ export function* elementsOf(entry) {
   }
 }
 
-/** `plc`, `offset` and `width` of a register for operations, with the name of the PLC before it if there are several. */
+/** Returns `plc`, `offset` and `width` of a register for operations. If there are several PLCs, the name begins with the PLC. */
 export async function placeOf(name) {
   const key = `${server.instance}/${name}`;
   if (!places.has(key)) {
@@ -65,7 +65,7 @@ export async function placeOf(name) {
   return places.get(key);
 }
 
-/** Name of the register of an operation, by the positions in the map: `line:node2.w_CPU_CONTROL`. */
+/** Finds the name of an operation's register by its position in the map: `line:node2.w_CPU_CONTROL`. */
 async function nameOf({ plc, offset, width }, plcs) {
   const name = plcs[plc]?.plc;
   const entries = name ? await mapOf(name) : [];
@@ -81,7 +81,7 @@ async function nameOf({ plc, offset, width }, plcs) {
   return { key: `${name}:${entry.name.replace(/\[(\d+)\.\.\d+\]/g, (_, from) => `[${Number(from) + indices.shift()}]`)}`, entry };
 }
 
-/** The register at the place of an operation that is valid now: registers of several phases share a place. */
+/** Returns the register at the position of an operation that is valid now: registers of several phases share a position. */
 export async function liveNameOf(place, plcs) {
   const named = await nameOf(place, plcs);
   if (!named) return null;
@@ -90,7 +90,7 @@ export async function liveNameOf(place, plcs) {
   return (await registerAt(plc, address)) ?? named;
 }
 
-/** The register at an address, as `{key, name, entry}`; null if the map has none there. */
+/** Returns the register at an address as `{key, name, entry}`; null if the map has no register at the address. */
 export async function registerAt(plc, address) {
   const [{ register }] = await show("registers", { name: `${plc}:${address}` });
   const name = register.slice(register.indexOf(":") + 1);
@@ -98,7 +98,7 @@ export async function registerAt(plc, address) {
   return entry && { key: `${plc}:${name}`, name, entry };
 }
 
-/** The worst provenance of an entry's facts: the decision that must be read, or `manual`. */
+/** Returns a text about the sources of an entry's facts: the decisions behind inferred facts, or the manual. */
 export function provenanceOf(entry) {
   const facts = Object.entries(entry.provenance ?? {});
   const inferred = facts.filter(([, source]) => source !== "manual");

@@ -1,4 +1,4 @@
-// Messages of the page: errors and notes at the bottom, states that last under the clock bar.
+// Messages of the page: errors and notes at the bottom, lasting states below the clock bar.
 
 import { fill, h } from "./dom.js";
 
@@ -24,14 +24,14 @@ function clear() {
 /** Shows an error in the words of its problem document. */
 export const showError = (error) => put(error.message, "bad", 12_000);
 
-/** Removes an error, because something has succeeded since. */
+/** Removes the error message, because a later action has succeeded. */
 export const clearError = () => isError && clear();
 
 export const showNote = (text) => put(text, "good", 3_000);
 
 export const showWarning = (text) => put(text, "warn", 8_000);
 
-/** Shows a state that lasts, or removes it (`text` empty). `action`: `[label, function]`. */
+/** Shows a lasting state; an empty `text` removes it. `action` is `[label, function]` of a button. */
 export function setNotice(key, text, kind = "warn", action) {
   if (text) lasting.set(key, { text, kind, action });
   else if (!lasting.delete(key)) return;

@@ -9,7 +9,7 @@ import { table } from "./plant.js";
 import { NMT, SdoClient, sendFrame } from "./sdo.js";
 import { parseValue, seconds } from "./values.js";
 
-/** Objects that many nodes have; type `s` text, `u` number. */
+/** Objects that many nodes have. Type `s` is a text, `u` a number. */
 const USUAL = [
   [0x1000, 0, "Device type", "u"], [0x1001, 0, "Error register", "u"], [0x1003, 0, "Number of errors", "u"], [0x1008, 0, "Device name", "s"], [0x1009, 0, "Hardware version", "s"], [0x100a, 0, "Software version", "s"],
   [0x100c, 0, "Guard time in ms", "u"], [0x100d, 0, "Life time factor", "u"], [0x1014, 0, "Identifier of emergency messages", "u"], [0x1016, 1, "Consumer heartbeat time", "u"], [0x1017, 0, "Producer heartbeat time in ms", "u"],
@@ -17,7 +17,7 @@ const USUAL = [
   [0x2000, 0, "Manufacturer object 2000", "u"], [0x6000, 1, "Digital inputs 1 to 8", "u"], [0x6200, 1, "Digital outputs 1 to 8", "u"], [0x6401, 1, "Analog input 1", "u"], [0x6411, 1, "Analog output 1", "u"],
 ];
 const STATES = { 0: "pre-operational", 4: "stopped", 5: "operational", 127: "pre-operational" };
-/** Records of the past that are searched for nodes. */
+/** Number of past journal records that are searched for nodes. */
 const PAST = 4_096;
 
 export function canopenPage(root, rest, context) {
@@ -67,7 +67,7 @@ class CanopenPage {
     if (isNew) this.draw();
   }
 
-  /** The objects of a node: those of its device if it is one of the plant, else those that many nodes have. */
+  /** Returns the objects of a node: those of its device if the plant contains the device, otherwise the objects that many nodes have. */
   async #objectsOf(number) {
     const plc = this.nodes.get(number)?.plc;
     const usual = USUAL.map(([index, sub, name, type]) => ({ index, sub, name, type }));
@@ -177,7 +177,7 @@ class CanopenPage {
   }
 }
 
-/** Types of the sizes that can be written, without and with a sign. */
+/** Types for each size in bytes that can be written: without a sign, and with a sign. */
 const TYPES = { 1: ["BYTE", "SINT"], 2: ["WORD", "INT"], 4: ["DWORD", "DINT"] };
 const nameOf = (index, sub) => `${index.toString(16).toUpperCase().padStart(4, "0")}.${sub}`;
 

@@ -1,5 +1,5 @@
-// The pages in the order of the navigation. `load()` brings the function that draws a page: `open(root, rest, context)` returns the
-// function that ends it.
+// The pages in the order of the navigation. `load()` returns the function that draws a page, `open(root, rest, context)`. That function
+// returns another one that closes the page.
 
 export const PAGES = [
   { id: "plant", title: "Plant", text: "devices, ports, buses with their load", load: () => import("./plant.js").then((it) => it.plantPage) },

@@ -1,4 +1,4 @@
-// Page "Front panel": each device as it looks, with its lamps, displays and switches in operation.
+// Page "Front panel": a picture of each device, with working lamps, displays and switches.
 
 import { act, whyDisabled } from "./actions.js";
 import { show } from "./api.js";
@@ -11,7 +11,7 @@ import { counted } from "./values.js";
 
 /** Numbers of the settings in `set_board`. */
 const DIP = 1, LEDS = 2, SWITCH = 3, POWER = 4, START = 5, RESET = 6, CYCLE = 7, PROJECT = 8, MODULE_DIP = 9, FRONT = 256;
-/** Width of a front in its drawing. */
+/** Width of a front in units of its drawing. */
 const WIDTH = 440;
 const POSITIONS = ["run", "stop", "reset"], PROJECTS = ["none", "boot", "sent"], STARTS = ["cold", "warm", "hot", "stop"];
 
@@ -49,7 +49,7 @@ class Front {
     this.element = h("section", { class: "box front", label: `Front of ${plc}` }, h("header", { class: "boxhead" }, h("h2", null, plc), h("small", null, title)), picture, this.controls(board), h("div", { class: "pad" }, this.state));
   }
 
-  /** Adds a part of the drawing: how it takes its value from the board. */
+  /** Adds a part of the drawing. `read` returns the value of the part from the state of the board. */
   add(part, read, isNewRow) {
     this.parts.push({ part, read, isNewRow });
   }
@@ -98,7 +98,7 @@ class Front {
     if (module.dip !== undefined && port !== undefined) this.dip((board) => board.modules[slot].dip, (dip) => this.set(MODULE_DIP, port * 256 + dip, `${slot}.dip=${dip}`), `${slot} DIP`);
   }
 
-  /** A word of the front that only this type of device has: drawn by its meaning. */
+  /** Draws a word of the front that only this type of device has. The meaning of the word decides how. */
   word({ name, number, switch: isSwitch, values }) {
     const which = FRONT + number;
     const set = isSwitch ? (value) => this.set(which, value, `${name}=${this.named(values, value)}`) : null;
@@ -144,7 +144,7 @@ class Front {
       svg("rect", { class: "housing", x: 2, y: 2, width: WIDTH - 4, height: height - 4, rx: 10 }), this.parts.map(({ part }) => part.node));
   }
 
-  /** Controls that are not on the housing. */
+  /** Adds controls that the housing of the real device does not have. */
   controls(board) {
     const button = (text, work) => h("button", { acts: true, onclick: work }, text);
     const starts = board.start !== undefined && STARTS.map((name, at) => button(name, () => this.set(START, at + 1, `start=${name}`)));
@@ -154,7 +154,7 @@ class Front {
       line("Supply", [button("Off and on", () => this.set(CYCLE, 0, "power-cycle"))]), this.wordControls());
   }
 
-  /** Words with a number or many names: a field each. */
+  /** Adds an input field for each word with a number or with many named values. */
   wordControls() {
     const drawn = /^(inputs|open|switches|s2)$/;
     const words = this.words.filter(({ name, switch: isSwitch, values }) => isSwitch && !drawn.test(name) && values.filter((value) => value.first === value.last).length !== 2);

@@ -26,7 +26,7 @@ export function togglePin(key) {
   listeners.forEach((listener) => listener());
 }
 
-/** Calls `listener` when the followed registers have changed. Returns a function that ends it. */
+/** Calls `listener` when the list of followed registers has changed. Returns a function that ends these calls. */
 export function onPins(listener) {
   listeners.add(listener);
   return () => listeners.delete(listener);

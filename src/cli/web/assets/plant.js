@@ -68,12 +68,12 @@ function busBox(bus, more, status) {
     guests.length > 0 && h("p", { class: "pad" }, counted(guests.length, "guest"), ": ", guests.map((guest) => guest.name ?? guest.door ?? String(guest)).join(", ")));
 }
 
-/** A table with a caption for its head cells. */
+/** Creates a table from the names of its columns, its rows and a label. */
 export function table(names, rows, label) {
   return h("table", { label }, h("thead", null, h("tr", null, names.map((name) => h("th", { scope: "col" }, name || h("span", { class: "hidden" }, "Action"))))), h("tbody", null, rows));
 }
 
-/** Buses as horizontal lines; devices hang above with their ports, drives below. */
+/** Draws buses as horizontal lines, with the ports of devices above and drives below. */
 function topology(status) {
   const width = 168, gap = 24;
   const above = status.plcs.map((plc, at) => ({ name: plc.plc, note: plc.device, x: 20 + at * (width + gap) }));

@@ -15,17 +15,17 @@ const IGNORED = new Set(["save", "forget", "door_open", "door_close", "set_speed
 export const recorder = { isOn: false, actions: [], foreign: [] };
 const listeners = new Set();
 
-/** Where this tab keeps the recording when it is loaded again, and the process of the emulator. */
+/** Key under which this tab stores the recording in case of a reload, and the process id of the emulator. */
 let kept = null;
 
-/** Calls `listener` when something has been recorded. Returns a function that ends it. */
+/** Calls `listener` when the recording has changed. Returns a function that ends these calls. */
 export function onRecord(listener) {
   listeners.add(listener);
   return () => listeners.delete(listener);
 }
 const changed = () => listeners.forEach((listener) => listener());
 
-/** Another instance, or the page was loaded again: takes up what this tab has kept; a recording of a process that has ended is over. */
+/** Continues the recording that this tab has stored, for another instance or after a reload. The recording ends if its emulator process has ended. */
 export function loadRecord() {
   keep();
   const { pid } = server.instances.find((it) => it.name === server.instance) ?? {};
@@ -45,7 +45,7 @@ function keep() {
 
 addEventListener("pagehide", keep);
 
-/** Other programs, and going back by them, matter while a recording runs, also while the page is hidden. */
+/** While a recording runs, watches what other programs store and whether they go back in time, even while the page is hidden. */
 function watch() {
   feed.keepsOpen = recorder.isOn;
   watchForeign(recorder, changed);
@@ -57,7 +57,7 @@ feed.onEach("turned", ({ time_us }) => {
   changed();
 });
 
-/** Begins a new recording, or ends it. A scenario begins at power-on, so the plant goes back to it first. */
+/** Begins a new recording, or ends it. A scenario begins at power-on, so the plant first goes back to power-on. */
 export function toggleRecord() {
   if (recorder.isOn) return endRecord();
   const old = recorder.actions.length > 0 && h("p", { class: "error" }, `The recording with ${counted(groups().length, "action")} is replaced. To keep it, cancel, and download it with the button "Scenario".`);
@@ -84,7 +84,7 @@ function endRecord() {
   showRecord();
 }
 
-/** Time after an operation, from its reply. */
+/** Returns the emulated time after an operation, from its reply. */
 const endOf = (reply) => reply?.time ?? reply?.waited?.time_us;
 
 /** Adds an action that the emulator has executed. `register`: the name that the scenario uses. */
@@ -97,7 +97,7 @@ export function addToRecord({ operation, operations, fields, register, words, re
   const all = replies ?? [reply];
   if (/^back/.test(operation) || forms.at(-1).back_until) {
     turnedAt = performance.now();
-    // Before the start is also what was done at the time 0.
+    // `back_to_start` also undoes actions at the time 0.
     undo(operation === "back_to_start" ? -1 : endOf(all.at(-1)));
     return changed();
   }
@@ -109,11 +109,11 @@ export function addToRecord({ operation, operations, fields, register, words, re
   changed();
 }
 
-/** Time of the last way back by this page, and real time within which the server reports it; in milliseconds. */
+/** Real time at which this page last went back in time, and the longest time until the server reports it; in milliseconds. */
 let turnedAt = -Infinity;
 const OWN_TURN_MS = 500;
 
-/** The plant has gone back: removes later actions; of an action that ended later, only its time until then remains. */
+/** Removes the actions after the time to which the plant has gone back. An action that ended later becomes a step up to that time. */
 function undo(toUs) {
   recorder.foreign = recorder.foreign.filter((it) => it.time_us <= toUs);
   const step = (us, from) => [{ time_us: from, end_us: toUs, operation: { advance: { us } }, words: `step ${short(us)}` }];
@@ -121,7 +121,7 @@ function undo(toUs) {
   recorder.actions = groups().flatMap(left);
 }
 
-/** Adds a step to the last action if it is a step that has just ended. */
+/** Adds a step to the last action, if that action is a step that ended at the present time. */
 function mergeSteps(us, beforeUs, endUs) {
   const last = recorder.actions.at(-1);
   const step = last?.operation?.advance;
@@ -132,13 +132,13 @@ function mergeSteps(us, beforeUs, endUs) {
   return true;
 }
 
-/** Adds an expectation: the register has this value at this time. `note` explains it; `isFalse`: the register has another value. */
+/** Adds an expectation: the register has this value at this time. `note` explains the expectation. `isFalse`: the register has another value now. */
 export function expectValue(name, value, note, isFalse) {
   recorder.actions.push({ time_us: feed.timeUs, expect: { register: name, value }, words: `expect ${name} = ${value}${note ? `, ${note}` : ""}`, isFalse });
   changed();
 }
 
-/** The recorded actions in groups of those that the user did at once; only the last one of a group has words. */
+/** Returns the recorded actions in groups; a group is one action of the user. Only the last action of a group has words. */
 function groups() {
   const found = [];
   recorder.actions.forEach(({ words, isFalse }, at) => {
@@ -157,7 +157,7 @@ function shift(actions, us) {
   }
 }
 
-/** Swaps group `at` with the next one: each keeps its duration, and both together their begin and end. */
+/** Swaps group `at` with the next one. Both groups keep their durations, and the pair keeps its begin and end. */
 function swap(at) {
   const [one, other] = groups().slice(at);
   shift(other.actions, one.time_us - other.time_us);
@@ -165,7 +165,7 @@ function swap(at) {
   recorder.actions.splice(one.begin, other.end - one.begin, ...other.actions, ...one.actions);
 }
 
-/** Deletes a group; the actions after it begin earlier by its duration. */
+/** Deletes a group. The later actions move forward by its duration. */
 function remove(at) {
   const { begin, end, time_us, endUs } = groups()[at];
   shift(recorder.actions.slice(end), time_us - endUs);
@@ -221,7 +221,7 @@ export function showRecord() {
   draw();
 }
 
-/** Puts the text of `element` into the clipboard. Browsers allow this only at HTTPS and loopback addresses; elsewhere the text is selected. */
+/** Copies the text of `element` to the clipboard. Browsers allow this only at HTTPS and loopback addresses; at other addresses the text is selected. */
 function copyText(element) {
   const selectText = () => {
     getSelection().selectAllChildren(element);

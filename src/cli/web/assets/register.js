@@ -10,7 +10,7 @@ import { isPinned, onPins } from "./pins.js";
 import { addToRecord, expectValue, onRecord, recorder } from "./record.js";
 import { bytesOf, digits, hex, integerOf, isScalar, parseValue, seconds, signed } from "./values.js";
 
-/** Shows a register in `root`. Returns a function that ends it. */
+/** Shows a register in `root`. Returns a function that closes it. */
 export function showRegister(root, item, context) {
   const view = new RegisterView(root, item, context);
   const ends = ["values", "changes", "ended"].map((event) => feed.on(event, () => view.update()));
@@ -92,7 +92,7 @@ class RegisterView {
     return [form, this.expectation(options)];
   }
 
-  /** A value that the scenario expects, the present one or another; only while a recording runs. */
+  /** Adds the controls for an expected value, the present one or another. They are shown only while a recording runs. */
   expectation(options) {
     this.expected = h("input", { name: "expected", class: "mono", autocomplete: "off", spellcheck: false });
     this.expected.setAttribute("list", options);
@@ -158,7 +158,7 @@ class RegisterView {
     return control;
   }
 
-  /** Changes one bit: the register is written only if it still has the value from which the new one was made. */
+  /** Changes one bit. The register is written only if its value is still the one in which the bit was changed. */
   async flip(bit) {
     const { item, entry } = this;
     const beforeUs = feed.timeUs;

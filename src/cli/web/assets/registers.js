@@ -57,7 +57,7 @@ class Registers {
     const usual = pinned().length ? "followed" : first && blockOf(first);
     const typed = this.search.value;
     this.show(known.includes(block) ? block : usual);
-    // What the user has typed meanwhile counts.
+    // Keeps the text that the user has typed in the meantime.
     if (typed) {
       this.search.value = typed;
       this.list();
@@ -91,7 +91,7 @@ class Registers {
     this.tree.querySelector("[aria-current]")?.scrollIntoView({ block: "nearest" });
   }
 
-  /** Marks the block that the rows are of; results of a search are of all blocks. */
+  /** Marks the block to which the rows belong. The results of a search belong to all blocks. */
   markBlock(block) {
     for (const button of this.tree.querySelectorAll("[data-block]")) {
       if (button.dataset.block === block) setAttribute(button, "aria-current", true);
@@ -99,7 +99,7 @@ class Registers {
     }
   }
 
-  /** The rows of the chosen block, or those that the search finds. */
+  /** Lists the registers of the chosen block, or the results of the search. */
   list() {
     const text = this.search.value.trim().toLowerCase();
     const items = text ? this.found(text) : this.block === "followed" ? this.followed() : this.ofBlock();
@@ -111,7 +111,7 @@ class Registers {
     if (!items.length && text.startsWith("%")) this.listAddress(text);
   }
 
-  /** The register at a whole address, also an element of an array. */
+  /** Returns the register at a complete address; it may be an element of an array. */
   async listAddress(text) {
     const found = await Promise.all(this.maps.map(({ plc }) => registerAt(plc, text).catch(() => null)));
     if (this.search.value.trim().toLowerCase() !== text) return;
@@ -164,7 +164,7 @@ class Registers {
     return hits.flatMap((entry) => this.rowsOf(entry)).map((item) => ({ ...item, isFull: true })).slice(0, MOST);
   }
 
-  /** Follows the visible registers, the followed ones and the chosen one. */
+  /** Requests values for the visible registers, the followed registers and the chosen register. */
   follow() {
     const names = this.rows.visible.filter((item) => !item.isArray && isScalar(item.entry.type)).map((item) => item.key);
     if (this.chosen && !this.chosen.isArray) names.unshift(this.chosen.key);
@@ -206,7 +206,7 @@ class Registers {
     return true;
   }
 
-  /** Fills a row; only what can change if the row has shown this register before. */
+  /** Fills a row. If the row already shows this register, updates only the parts that can change. */
   fillRow(row, item) {
     if (row.item !== item) this.fillFacts(row, item);
     const { parts } = row;
@@ -257,15 +257,15 @@ const keyOf = (entry, name) => `${entry.plc}:${name}`;
 const elements = (entry) =>
   [...elementsOf(entry)].map(([name, bytes]) => ({ key: keyOf(entry, name), entry, name, bytes, isElement: true }));
 
-/** The row of a register or an element by its name. */
+/** Creates the row of a register or of an array element from its name. */
 const rowOf = (entry, name) => (entry.ranges.length && elements(entry).find((item) => item.name === name)) || { key: keyOf(entry, name), entry, name };
 
 const AGE_STEP_US = 100_000;
 
-/** Age of a value. In real time it is rounded: digits that differ in each frame cannot be read, and cost the browser a layout for each row. */
+/** Formats the age of a value. With a real-time clock the age is rounded: users cannot read digits that change in each frame, and the browser needs a layout for each row. */
 const age = (us) => (feed.isStepped ? short(us) : us < AGE_STEP_US ? `<${short(AGE_STEP_US)}` : short(us - (us % AGE_STEP_US)));
 
-/** Shows a change; a value that changes all the time does not flash. */
+/** Highlights a change. A value that changes all the time does not flash. */
 function flash(row) {
   const now = performance.now();
   const since = now - (row.flashed ?? -Infinity);

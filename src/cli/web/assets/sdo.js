@@ -5,10 +5,10 @@ import { readJournal } from "./api.js";
 import { feed } from "./feed.js";
 
 const ATTEMPTS = 60;
-/** Emulated time of an attempt with a stepped clock, real time with another, both short. */
+/** Duration of an attempt: emulated time with a stepped clock, real time with a real-time clock. */
 const STEP_US = 500, PAUSE_MS = 20;
 
-/** Sends a frame on a bus: `data` are its bytes. Returns whether it was sent. */
+/** Sends a frame on a bus. `data` contains its bytes. Returns true if the frame was sent. */
 export function sendFrame(bus, id, data, words) {
   const number = data.reduce((sum, byte, at) => sum | (BigInt(byte) << BigInt(8 * at)), 0n);
   return act("bus_send", { bus, frame: [id, data.length, number] }, words);

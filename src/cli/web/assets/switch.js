@@ -2,7 +2,7 @@
 
 import { setAttribute, setText, svg } from "./dom.js";
 
-/** `work` for a click, Enter and Space; `keys`: functions for other keys, which move as the drawing shows. */
+/** Calls `work` after a click, Enter or Space. `keys` has functions for other keys, such as arrow keys in the direction of the drawing. */
 function operable(node, work, keys = {}) {
   node.classList.add("operable");
   setAttribute(node, "tabindex", 0);
@@ -17,7 +17,7 @@ function operable(node, work, keys = {}) {
   });
 }
 
-/** A switch with two positions, or a lamp that is operated as a terminal. `set(isOn)`. */
+/** A switch with two positions. Calls `set(isOn)`. */
 export class Toggle {
   width = 30;
   height = 58;
@@ -38,7 +38,7 @@ export class Toggle {
   }
 }
 
-/** A terminal: a lamp that a click switches. */
+/** A terminal, drawn as a lamp that a click switches on and off. */
 export class Terminal {
   height = 40;
 
@@ -59,7 +59,7 @@ export class Terminal {
   }
 }
 
-/** A switch with several named positions, the first at the top. `set(position)`. */
+/** A switch with several named positions, the first at the top. Calls `set(position)`. */
 export class Selector {
   constructor(name, positions, set) {
     this.positions = positions;
@@ -95,7 +95,7 @@ export class Selector {
   }
 }
 
-/** A rotary switch with the positions 0 to 15. `set(position)`. */
+/** A rotary switch with the positions 0 to 15. Calls `set(position)`. */
 export class Rotary {
   width = 74;
   height = 88;
@@ -121,7 +121,7 @@ export class Rotary {
   }
 }
 
-/** A push button. `press()`. */
+/** A push button. Calls `press()`. */
 export class Push {
   width = 84;
   height = 42;

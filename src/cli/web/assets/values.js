@@ -1,4 +1,4 @@
-// Numbers, times and names as the command line writes them.
+// Formats and parses numbers, times and names like the command line.
 
 const UNITS = { us: 1, ms: 1e3, s: 1e6, min: 60e6, h: 3600e6 };
 
@@ -6,7 +6,7 @@ export function seconds(us) {
   return `${(us / 1e6).toFixed(6)} s`;
 }
 
-/** A short duration: `850 us`, `2.5 ms`, `3.2 s`, `4 min`. */
+/** Formats a duration in few characters: `850 us`, `2.5 ms`, `3.2 s`, `4 min`. */
 export function short(us) {
   if (us < 1e3) return `${us} us`;
   if (us < 1e6) return `${round(us / 1e3)} ms`;
@@ -17,7 +17,7 @@ export function short(us) {
 
 const round = (number) => String(Math.round(number * (number < 10 ? 100 : 10)) / (number < 10 ? 100 : 10));
 
-/** Microseconds of `2ms`, `500 us`, `1.5s`; a number without a unit counts milliseconds. Throws an Error. */
+/** Parses a time such as `2ms`, `500 us` or `1.5s`; returns microseconds. A number without a unit means milliseconds. Throws an Error for another text. */
 export function duration(text) {
   const found = /^\s*(\d+(?:\.\d+)?)\s*(us|µs|ms|s|min|h)?\s*$/.exec(text);
   if (!found) throw new Error(`'${text}' is not a time: write a number and us, ms, s, min or h, for example 2ms`);
@@ -29,23 +29,23 @@ export const bytesOf = (type) => ({ BYTE: 1, USINT: 1, SINT: 1, BOOL: 1, WORD: 2
 /** True if values of the type are printed with a sign. */
 export const isSigned = (type) => type === "SINT" || type === "INT" || type === "DINT";
 
-/** True if the type is one register, not a range of bytes. */
+/** True if the type is a single register, false if it is a range of bytes. */
 export const isScalar = (type) => !type.includes("[");
 
-/** The hexadecimal form of a value with this many bytes: `16#0043`. */
+/** Formats a value with this number of bytes in hexadecimal: `16#0043`. */
 export const digits = (value, bytes) => `16#${(value >>> 0).toString(16).toUpperCase().padStart(2 * bytes, "0").slice(-2 * bytes)}`;
 
 export const hex = (value, type) => digits(value, bytesOf(type));
 
 const PREFIX = { 16: "0x", 8: "0o", 2: "0b" };
 
-/** The number in `16#43`, `0x43`, `2#1011`, `67` or `-5`; NaN of anything else, also of a digit that the base does not have. */
+/** Parses a number such as `16#43`, `0x43`, `2#1011`, `67` or `-5`. Returns NaN for another text, or for a digit that is invalid in the base. */
 export function integerOf(text) {
   const plain = text.trim().replaceAll("_", "").replace(/^(16|8|2)#/, (_, base) => PREFIX[base]);
   return /^(-?\d+|0[xob][\da-f]+)$/i.test(plain) ? Number(plain) : NaN;
 }
 
-/** The number in `16#43`, `0x43`, `2#1011`, `67`, `-5`, or of the value with this meaning. Throws an Error. */
+/** Parses a number such as `16#43`, `0x43`, `2#1011`, `67` or `-5`, or the meaning of a value. Throws an Error for another text. */
 export function parseValue(text, type, values = []) {
   const named = values.find((value) => value.first === value.last && value.meaning === text.trim());
   if (named) return named.first;
@@ -57,7 +57,7 @@ export function parseValue(text, type, values = []) {
   return number < 0 ? number + size : number;
 }
 
-/** The number that a value of a signed type means. */
+/** Converts the bits of a value of a signed type to its number. */
 export function signed(value, type) {
   const size = 2 ** (8 * bytesOf(type));
   return isSigned(type) && value >= size / 2 ? value - size : value;
