@@ -33,7 +33,7 @@ pub(crate) fn take_standard_input() {
 /// Reads the text of a file or pipe.
 ///
 /// # Errors
-/// If the file cannot be read, is neither file nor pipe, is longer than `longest` bytes, or is not UTF-8.
+/// The file cannot be read, is neither file nor pipe, is longer than `longest` bytes, or is not UTF-8.
 pub fn read(path: &Path, longest: u64) -> Result<String> {
     text(read_bytes(path, longest)?)
 }
@@ -41,7 +41,7 @@ pub fn read(path: &Path, longest: u64) -> Result<String> {
 /// Converts bytes to text.
 ///
 /// # Errors
-/// If the bytes are not UTF-8.
+/// The bytes are not UTF-8.
 pub fn text(bytes: Vec<u8>) -> Result<String> {
     String::from_utf8(bytes).map_err(|_| Error::new(ErrorKind::InvalidData, "it is no text in UTF-8"))
 }
@@ -50,7 +50,7 @@ pub fn text(bytes: Vec<u8>) -> Result<String> {
 /// them again.
 ///
 /// # Errors
-/// If the file cannot be read, is neither file nor pipe, or is longer than `longest` bytes.
+/// The file cannot be read, is neither file nor pipe, or is longer than `longest` bytes.
 pub fn read_bytes(path: &Path, longest: u64) -> Result<Vec<u8>> {
     static STANDARD: OnceLock<Vec<u8>> = OnceLock::new();
     if is_standard(path) && IS_TAKEN.load(Ordering::Relaxed) {
@@ -87,7 +87,7 @@ pub(crate) fn is_standard(path: &Path) -> bool {
 /// Reads the contents of a regular file of any format.
 ///
 /// # Errors
-/// If the file cannot be read, is not a regular file, or is longer than `longest` bytes.
+/// The file cannot be read, is not a regular file, or is longer than `longest` bytes.
 #[cfg(feature = "cli")]
 pub(crate) fn read_regular(path: &Path, longest: u64) -> Result<Vec<u8>> {
     let file = open_without_waiting(path)?;
@@ -114,7 +114,7 @@ fn too_long(text: String) -> Error {
 /// Opens any kind of file for reading. A pipe without a writer appears as empty.
 ///
 /// # Errors
-/// If the file cannot be opened.
+/// The file cannot be opened.
 pub(crate) fn open_without_waiting(path: &Path) -> Result<File> {
     // Without O_NONBLOCK, opening a pipe waits for a writer.
     let flags = (rustix::fs::OFlags::NONBLOCK | rustix::fs::OFlags::NOCTTY).bits();

@@ -164,7 +164,7 @@ fn fuzz(name: &str, target: impl Fn(&[u8]) + core::panic::RefUnwindSafe) {
         package_name: env!("CARGO_PKG_NAME"),
         manifest_dir: env!("CARGO_MANIFEST_DIR"),
         module_path: module_path!(),
-        // Kept files are searched next to this path, below `__fuzz__`.
+        // Stored inputs are searched for next to this path, below `__fuzz__`.
         file: concat!(env!("CARGO_MANIFEST_DIR"), "/tests/__fuzz__"),
         line: line!(),
         item_path: "commram::fuzz::__bolero_item_path__",

@@ -17,7 +17,7 @@ const MOST_LINKS: u32 = 40;
 /// Writes like a shell's `>`: follows links, and writes to pipes and devices. A file keeps its permissions.
 ///
 /// # Errors
-/// If the file cannot be written. Its contents are then unchanged, unless no new file could be created beside it.
+/// The file cannot be written. Its contents are then unchanged, unless no new file could be created beside it.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     Prepared::new(path, bytes)?.finish()
 }
@@ -113,7 +113,7 @@ fn is_only_in_place(reason: &std::io::Error) -> bool {
 /// Replaces the file of this name with a new file, without following links.
 ///
 /// # Errors
-/// If the file cannot be written. Its contents are then unchanged.
+/// The file cannot be written. Its contents are then unchanged.
 #[cfg(feature = "studio")]
 pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     fs::rename(&begin(path, bytes, None)?.0, path)

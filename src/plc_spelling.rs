@@ -20,13 +20,13 @@ const WORDS: &[(&str, &str)] = &[
     ("VAR", "let name = value;"),
 ];
 
-/// What the scripts of a kind may name.
+/// The names that the scripts of a kind may use.
 pub(crate) struct Dialect<'a> {
     /// The call that changes a register, for a hint at `:=`.
     pub(crate) store: &'a str,
-    /// Whether a word is the name or the address of a register, which is a text in scripts.
+    /// True if a word is the name or the address of a register, which is a text in scripts.
     pub(crate) is_register: &'a dyn Fn(&str) -> bool,
-    /// Whether a word is a verb.
+    /// True if a word is a verb.
     pub(crate) is_verb: &'a dyn Fn(&str) -> bool,
 }
 
@@ -77,7 +77,7 @@ fn code(line: &str) -> String {
         }
         let is_quote = sign == '"' && last != '\\';
         in_text ^= is_quote;
-        // The same number of bytes as in the line, so that positions agree.
+        // The text has the same number of bytes as the line, so that positions agree.
         match in_text && !is_quote {
             true => code.extend(std::iter::repeat_n(' ', sign.len_utf8())),
             false => code.push(sign),

@@ -57,7 +57,7 @@ impl Arbitration {
         self.0 & IDE != 0
     }
 
-    /// True if the frame asks for data.
+    /// True for a remote frame, which requests data.
     #[inline]
     pub const fn is_remote(self) -> bool {
         self.0 & self.rtr() != 0

@@ -233,8 +233,8 @@ impl Line {
         }
     }
 
-    /// Called when the sender of the frame on the wire has left. All other stations find an error six recessive bits
-    /// later, or after the acknowledge delimiter because of the wrong checksum, if this is earlier. A frame with a
+    /// Called when the sender of the frame on the wire has left the bus. All other stations find an error six recessive
+    /// bits later, or after the acknowledge delimiter because of the wrong checksum, if this is earlier. A frame with a
     /// complete checksum arrives.
     pub fn sender_gone(&mut self, now_ns: u64) {
         self.spoil(now_ns, Fate::SenderGone, |over, to_acknowledgement| {
@@ -242,7 +242,7 @@ impl Line {
         });
     }
 
-    /// Called when the last station that would acknowledge the frame on the wire has left.
+    /// Called when the last station that could acknowledge the frame on the wire has left the bus.
     pub fn nobody_left(&mut self, now_ns: u64) {
         self.spoil(now_ns, Fate::NotAcknowledged, |over, to_acknowledgement| {
             (over <= to_acknowledgement).then_some(to_acknowledgement + 1)

@@ -1,8 +1,8 @@
 //! Classical CAN according to ISO 11898-1: frames, their bits and times on the wire, acceptance filters, a medium,
 //! error counters.
 //!
-//! The module knows no device and no protocol. Its users define the meaning of identifiers and data bytes. It uses no
-//! I/O, no allocation and no clock.
+//! The module depends on no device and no protocol. Its users define the meaning of identifiers and data bytes. It uses
+//! no I/O, no allocation and no clock.
 
 mod arbitration;
 mod confinement;

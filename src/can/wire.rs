@@ -6,7 +6,7 @@
 //! bits. The CRC delimiter, the acknowledge slot with its delimiter and the end of frame (7) follow without stuff bits.
 //! Then the bus is idle for the intermission (3) before a station may start the next frame (ISO 11898-1).
 //!
-//! This code runs for every simulated frame, so for speed it uses tables for the CRC and the stuff bits.
+//! This code runs for every simulated frame. For speed, it uses tables for the CRC and the stuff bits.
 
 use super::{BitRate, Frame};
 
@@ -36,7 +36,7 @@ const STANDARD_BYTES: usize = 11;
 const EXTENDED_BYTES: usize = 13;
 
 /// `CRC[k][b]` is the CRC of byte `b` followed by `k` zero bytes. The CRC is linear and starts at 0. So the CRC of a
-/// message is the XOR over its bytes, and the look-ups do not wait for each other.
+/// message is the XOR over its bytes, and the processor can do the look-ups in parallel.
 static CRC: [[u16; 256]; EXTENDED_BYTES] = crc_tables();
 
 const fn crc_tables() -> [[u16; 256]; EXTENDED_BYTES] {
@@ -78,8 +78,8 @@ const AFTER_STUFF_BIT: usize = 4;
 
 /// `STUFF[changes]` gives the effect of eight more bits for each state; `changes` has a 1 for each bit that differs
 /// from its predecessor, first bit on top. Byte s of the entry belongs to state s: its lower six bits are eight times
-/// the next state, the higher bits the number of stuff bits, at most 2. So the next state is one shift away from
-/// the present one, and the look-up itself does not wait for the state.
+/// the next state, the higher bits the number of stuff bits, at most 2. So one shift gives the next state, and the
+/// look-up does not depend on the present state.
 static STUFF: [u64; 256] = stuff_table();
 
 const fn stuff_table() -> [u64; 256] {
@@ -144,8 +144,8 @@ fn stuffed_part(frame: &Frame) -> (u128, u32) {
 #[inline]
 fn stuffed_bits(frame: &Frame) -> u32 {
     let (bits, count) = stuffed_part(frame);
-    // Each change of value is a 1. The start bit is a change, because it differs from the idle bus. The 1s above it
-    // only keep the state at "run of one bit".
+    // Each change of value is a 1. The start bit is a change, because it differs from the idle bus. The 1s above the
+    // start bit keep the state at "run of one bit".
     let changes = (bits ^ bits >> 1) | u128::MAX << (count - 1);
     let bytes = changes.to_be_bytes();
     let [_, _, _, standard @ ..] = &bytes;

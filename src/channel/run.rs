@@ -6,7 +6,7 @@ use crate::request::{Code, Execution, Host, MAX_OPS, Op, Refused};
 /// State of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Progress {
-    /// All operations have replies, or one of them failed.
+    /// The emulator has replied to all operations, or one of them failed.
     Done,
     /// A wait is not over, or an operation pauses; call again after the next firmware step.
     Waiting,
@@ -75,7 +75,7 @@ impl Run {
         self.replies.error(ending);
     }
 
-    /// True if an operation asks the emulator to end.
+    /// True if an operation requests the emulator to end.
     pub(crate) fn asks_to_end(ops: &[WireOp]) -> bool {
         let stop = WireOp::from(&Op::Stop).kind;
         ops.iter().any(|op| op.kind == stop)

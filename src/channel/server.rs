@@ -144,7 +144,7 @@ impl Server {
     /// clock only one request at a time advances the clock and changes the plant; later requests wait for its end.
     /// Requests that only read need not wait ([`Op::only_looks`](crate::request::Op::only_looks)).
     ///
-    /// Never blocks, except while a request advances the clock until it pauses.
+    /// Does not block, except while a request advances the clock; that request ends at its next pause.
     ///
     /// Returns the number of answered requests. If it is not zero, more requests may have arrived during the call.
     pub fn poll(&mut self, host: &mut dyn Host) -> usize {

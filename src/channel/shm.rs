@@ -15,8 +15,8 @@ const HALF_MADE: Duration = Duration::from_millis(500);
 /// Maximum length of an object with access for all users: iceoryx2's counter of nodes has 16 bytes.
 const MAX_PUBLIC: u64 = 4096;
 
-/// Shared memory objects of this user with names that begin with `prefix`. Objects of other users are left out: another
-/// user can see the prefix and create such objects, but no process of this user opens them.
+/// Returns the shared memory objects of this user with names that begin with `prefix`. Leaves out objects of other
+/// users: another user can see the prefix and create such objects, but no process of this user opens them.
 pub(super) fn objects(prefix: &str) -> impl Iterator<Item = PathBuf> {
     let own = rustix::process::geteuid().as_raw();
     let entries = std::fs::read_dir(SHM).into_iter().flatten().flatten();

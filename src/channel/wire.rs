@@ -137,8 +137,8 @@ macro_rules! codec {
                     $($number => Op::$op $({ $($field: InColumns::of_columns(($(wire.$column,)+))?),+ })?,)+
                     _ => return Err(BadField::new("the kind", wire.kind)),
                 };
-                // An unused field may get a meaning in a later version, so this version must refuse content that it
-                // does not know.
+                // An unused field may get a meaning in a later version, so this version must refuse content in unused
+                // fields.
                 if WireOp::from(&op) != wire {
                     return Err(BadField::new("an unused field", wire.kind));
                 }

@@ -5,7 +5,7 @@ use crate::fmi::{Value, VariableType};
 /// Converts a number to the nearest value of this kind (decision D-577).
 ///
 /// # Errors
-/// If the kind has no such value. The text gives the reason.
+/// The kind has no such value. The text gives the reason.
 pub(super) fn convert(kind: VariableType, number: f64) -> Result<Value, String> {
     if !number.is_finite() {
         return Err(format!("{number} is no value"));

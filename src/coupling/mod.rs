@@ -57,7 +57,7 @@ pub trait Simulators: Send {
     /// start, before the first [`Simulators::give`].
     ///
     /// # Errors
-    /// If the connection has failed. The text gives the reason.
+    /// The connection has failed. The text gives the reason.
     fn take(&mut self) -> Result<Option<SimulatorOutput>, String>;
 
     /// If the connection is not yet complete, describes the missing part.
@@ -72,9 +72,9 @@ pub trait Simulators: Send {
 /// Result of [`Coupling::take`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// It is not time for an exchange.
+    /// The time for an exchange has not come.
     Nothing,
-    /// It is time for an exchange, but the other simulators have not yet reached this time.
+    /// The time for an exchange has come, but the other simulators have not yet reached it.
     Waits,
     /// The exchange has taken place. The list has the motors with a new speed: the number of the drive, and the speed
     /// in the unit of the plant. `None` means that the motor turns as the drive demands.
@@ -108,7 +108,7 @@ impl Coupling {
     /// exchange.
     ///
     /// # Errors
-    /// If the plant does not have a value or bus, or if it cannot be exchanged in this way.
+    /// The plant does not have a value or bus, or it cannot be exchanged in this way.
     pub fn new(config: &CouplingConfig, plant: &Plant, limit: Duration) -> Result<Self, CouplingError> {
         let interface = Interface::of(config, plant)?;
         let start_us = plant.now();
@@ -157,7 +157,7 @@ impl Coupling {
     /// If it is time for an exchange, passes the input of the other simulators to the plant.
     ///
     /// # Errors
-    /// If the connection to the other simulators has failed, or if they do not reach the exchange within the limit.
+    /// The connection to the other simulators has failed, or they do not reach the exchange within the limit.
     pub fn take(&mut self, host: &mut dyn Host) -> Result<Progress, CouplingError> {
         let is_due = self.is_due(host.plant().now());
         let Some(simulators) = self.simulators.as_mut().filter(|_| is_due) else {

@@ -161,7 +161,7 @@ fn invalid_files_are_refused() {
     }
 }
 
-/// The same model, as a unit and over a coupling.
+/// The model behaves in the same way as a unit and over a coupling.
 #[test]
 fn a_model_behaves_as_at_a_unit() {
     let mut host = host_of("");

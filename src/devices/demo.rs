@@ -26,7 +26,7 @@ pub type DemoProgram = fn(Attached, Show<'_>) -> Result<(), DemoError>;
 /// Shows a text at once.
 pub type Show<'a> = &'a dyn Fn(&str) -> io::Result<()>;
 
-/// Why a demonstration fails.
+/// The reason why a demonstration failed.
 #[derive(Debug, thiserror::Error)]
 pub enum DemoError {
     /// The emulator has ended, or its memory cannot be used.

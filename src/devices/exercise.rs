@@ -32,7 +32,7 @@ pub struct Exercise {
 #[derive(Debug)]
 pub struct Move {
     /// Name of the function. Its first parameter is true if there are no faults and no stray stores, so that every step
-    /// must succeed as the manual says.
+    /// must succeed as the manual specifies.
     pub name: &'static str,
     /// Ranges of the other parameters of the function.
     pub parameters: &'static [RangeInclusive<i64>],

@@ -17,7 +17,7 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 #[cfg(feature = "emulator")]
 pub use emulation::Emulation;
 
-/// A device that commram knows.
+/// A device that is registered with commram.
 #[derive(Debug)]
 pub struct Registered {
     /// Areas, registers, ports and times of the device.
@@ -63,7 +63,7 @@ static BUILT_IN: &[&Registered] = &[
     &can_dp2::REGISTERED,
 ];
 
-/// Why a device cannot be added.
+/// The reason why a device cannot be added.
 #[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
 pub enum RegisterError {
     /// A device has already been looked up.

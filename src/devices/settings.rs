@@ -27,7 +27,7 @@ pub struct SettingError {
     pub right: &'static str,
 }
 
-/// Why a device or bus cannot be built.
+/// The reason why a device or bus cannot be built.
 #[derive(Debug, thiserror::Error)]
 pub enum BuildError {
     /// The RAM of the device is too small or read-only.

@@ -3,7 +3,7 @@
 use crate::door::{BusMessage, Guest};
 use std::sync::Arc;
 
-/// The guests that hear the traffic of a bus. Snapshots contain none: a restored bus has no guests until they are
+/// The guests that receive the traffic of a bus. Snapshots contain none: a restored bus has no guests until they are
 /// connected again.
 #[derive(Default)]
 pub(crate) struct TrafficReceivers(Vec<Arc<Guest>>);

@@ -13,7 +13,7 @@ const MORE: u64 = 128;
 /// Checks, after a descriptor was opened, that enough descriptors are left.
 ///
 /// # Errors
-/// If only reserved descriptors are left and this process cannot raise its limit.
+/// Only reserved descriptors are left and this process cannot raise its limit.
 pub(super) fn check_room() -> io::Result<()> {
     let Rlimit { current, maximum } = getrlimit(Resource::Nofile);
     let Some(limit) = current else { return Ok(()) };

@@ -166,7 +166,7 @@ impl Doors {
         of_bus.map(state).collect()
     }
 
-    /// All guests, including the guests that have come since the last call.
+    /// Returns all guests, including those that have connected since the last call.
     pub fn guests(&mut self) -> &[Arc<Guest>] {
         if let Some(io) = &self.io {
             io.shared.take_new(&mut self.guests);

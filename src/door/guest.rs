@@ -37,7 +37,7 @@ struct Inner {
     to_plant: VecDeque<BusMessage>,
     to_guest: VecDeque<GuestMessage>,
     seat: GuestTurn,
-    /// End of the time that the guest asks for, if it gives this end as a bit time.
+    /// End of the time that the guest requests, if the request gives this end as a bit time.
     until_bit: Option<u64>,
     /// The rate of the guest's bus in bit/s, if it is known.
     bus_bit_s: u32,
@@ -58,7 +58,7 @@ pub(super) enum GuestMessage {
         /// The frame or telegram.
         message: BusMessage,
     },
-    /// The guest has its turn, which it has requested by [`Adapter::ask`].
+    /// It is the guest's turn, which it has requested by [`Adapter::ask`].
     Granted {
         /// Time of the turn.
         time_us: u64,
@@ -91,7 +91,7 @@ pub struct GuestState {
     pub open: bool,
     /// The rate that the guest has named, in bit/s.
     pub bit_s: Option<u32>,
-    /// True if the guest has asked for a time. A stepped clock then waits for the guest.
+    /// True if the guest has requested a time. A stepped clock then waits for the guest.
     pub seat: bool,
     /// Number of frames or telegrams for the guest that were dropped because there was no room.
     pub dropped: u64,
@@ -127,7 +127,7 @@ impl Guest {
         self.inner().has_gone
     }
 
-    /// True if the guest has ever taken part or listened. If not, the plant does not know it.
+    /// True if the guest has ever taken part or listened. If not, the plant has no entry for it.
     pub(super) fn has_opened(&self) -> bool {
         self.inner().has_opened
     }
@@ -165,7 +165,7 @@ impl Guest {
         }
     }
 
-    /// Sends the error state of the guest's controller to the guest, if the guest has asked for it.
+    /// Sends the error state of the guest's controller to the guest, if the guest has requested it.
     pub fn note_errors(&self, state: ErrorState) {
         self.inner().errors = state;
     }
@@ -196,7 +196,7 @@ impl Guest {
         self.inner().bus_bit_s = bit_s;
     }
 
-    /// If the guest has asked for a duration, this duration begins at `now`.
+    /// If the guest has requested a duration, this duration begins at `now`.
     pub fn take_request(&self, now: u64) {
         let mut inner = self.inner();
         let rate = BusRate::new(inner.bus_bit_s);
@@ -236,7 +236,7 @@ impl Guest {
         is_due
     }
 
-    /// If the guest has its turn, takes its seat away and returns true.
+    /// If it is the guest's turn, takes its seat away and returns true.
     pub fn give_up(&self) -> bool {
         self.inner().seat.give_up()
     }

@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 
 /// A command from the thread of the plant.
 pub(super) enum Command {
-    /// Open a door.
+    /// Opens a door.
     Open {
         /// Number of the door.
         key: usize,
@@ -60,7 +60,7 @@ pub(super) struct Shared {
 struct Present {
     /// All guests that the thread of the plant has not yet removed.
     guests: Vec<Arc<Guest>>,
-    /// Number of guests that the thread of the plant does not know yet.
+    /// Number of guests that the thread of the plant has not yet taken over.
     new: usize,
     /// Number of rejected guests for each door, by the number of the door.
     refused: BTreeMap<usize, u64>,
@@ -102,7 +102,7 @@ impl Shared {
         present.new = 0;
     }
 
-    /// Removes a guest, even if the thread of the plant does not know it yet.
+    /// Removes a guest, even if the thread of the plant has not yet taken it over.
     pub(super) fn forget(&self, guest: &Arc<Guest>) {
         let mut present = self.present();
         let Some(at) = present.guests.iter().position(|it| Arc::ptr_eq(it, guest)) else { return };
@@ -293,7 +293,7 @@ impl Io {
     /// Creates the state of the thread, and a waker for the thread.
     ///
     /// # Errors
-    /// If the operating system has no free descriptor.
+    /// The operating system has no free descriptor.
     pub(super) fn new(
         commands: Receiver<Command>,
         shared: Arc<Shared>,
@@ -482,7 +482,7 @@ impl Io {
             }
             visit.guest.leave();
             if !visit.guest.has_opened() {
-                // The plant does not know this guest, so the guest can be removed here.
+                // The plant has not taken over this guest, so the guest can be removed here.
                 self.shared.forget(&visit.guest);
             }
         }

@@ -4,7 +4,7 @@
 //! A door to PROFIBUS uses telegrams. A program that connects to a door is a guest. On the bus, a guest is a station
 //! like any other station. This module does not depend on the plant: [`Doors`] delivers messages from guests and
 //! accepts messages for guests. Both directions use bounded queues, so that a slow or dead guest delays no other
-//! station. A separate thread does all work that could block. If a guest asks for emulated time, it takes part in
+//! station. A separate thread does all work that could block. A guest that requests emulated time takes part in
 //! lockstep ([`GuestTurn`]).
 
 mod descriptors;
@@ -32,9 +32,9 @@ pub use wire::BusMessage;
 
 /// Maximum number of guests of an instance at a time.
 pub const MAX_GUESTS: usize = 64;
-/// Maximum number of guests that an instance knows. This number includes guests that have left, as long as the plant
-/// has not taken their last frames. With a stepped clock, the plant takes them at the next step. In real time, if this
-/// maximum is reached, the last frames of the guest that left first are discarded.
+/// Maximum number of guests in the list of an instance. The list includes guests that have left, until the plant has
+/// taken their last frames. With a stepped clock, the plant takes them at the next step. In real time, if this maximum
+/// is reached, the last frames of the guest that left first are discarded.
 pub const MAX_KNOWN_GUESTS: usize = 192;
 /// Maximum number of frames or telegrams of a guest that wait until the plant takes them. A guest that sends more gets
 /// an error answer, if the protocol has an error answer.

@@ -20,7 +20,7 @@ impl Pty {
     /// Opens a pseudo-terminal that passes bytes on unchanged.
     ///
     /// # Errors
-    /// If the operating system has no free pseudo-terminal.
+    /// The operating system has no free pseudo-terminal.
     pub(super) fn open() -> io::Result<Self> {
         let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
         grantpt(&master)?;

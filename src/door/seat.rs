@@ -1,17 +1,17 @@
 //! The relation of a guest to emulated time: a guest is free, or it has a seat in lockstep.
 //!
-//! A guest that has never asked for a time is free. A request means "I send nothing for this time, or until I receive a
+//! A guest that has never requested a time is free. A request means "I send nothing for this time, or until I receive a
 //! frame". From the first request on the guest has a seat: a stepped clock does not advance further than the end of the
-//! requested time. When the time is over or a frame has come, the guest has its turn: the clock stops, and the guest
-//! may send until it asks again. The protocol of the door defines the format of the request.
+//! requested time. When the time is over or a frame has come, it is the guest's turn: the clock stops, and the guest
+//! may send until its next request. The protocol of the door defines the format of the request.
 
 /// The relation of a guest to emulated time. Times are in microseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum GuestTurn {
-    /// The guest has never asked for a time, or has lost its seat. The clock does not wait for it.
+    /// The guest has never requested a time, or has lost its seat. The clock does not wait for the guest.
     #[default]
     Free,
-    /// The guest has asked for a duration that has not begun yet.
+    /// The guest has requested a duration that has not begun yet.
     Asks {
         /// Duration in microseconds.
         us: u64,
@@ -63,7 +63,7 @@ impl GuestTurn {
         is_due
     }
 
-    /// If the guest has its turn, takes its seat away and returns true.
+    /// If it is the guest's turn, takes its seat away and returns true.
     pub(super) fn give_up(&mut self) -> bool {
         let had_turn = *self == GuestTurn::HasTurn;
         if had_turn {

@@ -5,7 +5,7 @@ use super::protocol::GuestSession;
 use super::wire::{Adapter, BadLength, BusMessage};
 use crate::profibus::{self, Burst};
 
-/// The emulator's side of a serial line to a guest. A guest on such a line cannot ask for emulated time.
+/// The emulator's side of a serial line to a guest. A guest on such a line cannot request emulated time.
 #[derive(Debug, Default)]
 pub(super) struct Session {
     /// An incomplete telegram.

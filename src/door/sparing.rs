@@ -14,8 +14,8 @@ pub(super) struct Sparing {
 }
 
 impl Sparing {
-    /// Returns a text if the complaint must be logged. The text says how many complaints were suppressed before, and is
-    /// empty if there were none.
+    /// Returns a text if the message must be logged. The text contains the number of messages that were suppressed
+    /// before; it is empty if there were none.
     pub(super) fn complains(&mut self, now: Instant) -> Option<String> {
         if self.last.is_some_and(|last| now.saturating_duration_since(last) < PAUSE) {
             self.unsaid += 1;

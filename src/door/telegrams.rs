@@ -80,7 +80,7 @@ impl Session {
             }
             let Some((octets, following)) = following.split_at_checked(usize::from(length)) else { break };
             if octets.is_empty() {
-                // The result is not needed: a guest that asks twice gets one answer.
+                // The result is not needed: a guest that requests twice gets one answer.
                 adapter.ask_until(begin);
             } else {
                 // If there is no room for the telegram, it is counted as refused.

@@ -40,7 +40,7 @@ pub(super) trait Adapter {
     /// sends nothing until then. Returns false if the guest does not listen, or if it already waits for a turn.
     fn ask(&mut self, us: u64) -> bool;
 
-    /// Asks for a turn like [`Adapter::ask`], but at this bit time of the guest's bus.
+    /// Requests a turn like [`Adapter::ask`], but at this bit time of the guest's bus.
     fn ask_until(&mut self, bit: u64) -> bool;
 
     /// Returns the status. The next status reports only frames that are missed after this call.

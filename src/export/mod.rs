@@ -1,8 +1,8 @@
 //! Declarations of the register map and the header page in other languages, and machine-readable forms of it.
 //!
 //! All data are from the descriptors of [`crate::layout`] and from the structs of the header page
-//! ([`crate::memory::contract`]). No generator knows a particular register. `docs/reference/export.md` describes the
-//! use of the results.
+//! ([`crate::memory::contract`]). No generator depends on a particular register. `docs/reference/export.md` describes
+//! the use of the results.
 
 mod c;
 mod constants;
@@ -191,7 +191,7 @@ pub fn export(
 /// The registers of `scope` in `format`.
 ///
 /// # Errors
-/// As [`export()`].
+/// Like [`export()`].
 pub fn export_scope(scope: Scope, format: Format) -> Result<String, ExportError> {
     let device = scope.device;
     let is_without_front =

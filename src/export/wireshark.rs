@@ -12,7 +12,7 @@ pub struct DissectedBus<'a> {
     pub kind: &'a str,
     /// True if packets are frames of CAN; otherwise they are telegrams of PROFIBUS.
     pub is_can: bool,
-    /// The messages that the devices of the bus know.
+    /// The messages of the bus that its devices define.
     pub messages: Vec<Message>,
 }
 

@@ -51,7 +51,8 @@ struct SavedFault {
 
 impl SavedFault {
     fn of(entry: &Entry) -> Self {
-        // Not saved: the effect and the owner follow from the fault, and `done` is false between two events.
+        // Fields that are not saved: the effect and the owner follow from the fault, and `done` is false between two
+        // events.
         let Entry { status, owner: _, effect: _, begins, ends, done: _ } = entry;
         let FaultStatus { id, fault, acting, hits } = *status;
         let (index, number) = fault.target().numbers();

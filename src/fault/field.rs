@@ -22,7 +22,7 @@ pub enum Form {
     Name,
     /// Name or number of a PLC's port.
     Port,
-    /// One of these words. The fault stores the position of the word in this list.
+    /// The value is one of these words. The fault stores the index of the word in this list.
     Word(&'static [&'static str]),
     /// A decimal number.
     Number {

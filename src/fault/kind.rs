@@ -213,7 +213,7 @@ impl FaultKind {
         self.has_hits
     }
 
-    /// All fields, in this order: target, own fields, time and limit.
+    /// All fields in this order: target, own fields, time and limit.
     pub fn all_fields(&'static self) -> impl Iterator<Item = &'static Field> {
         self.place.fields().iter().copied().chain(self.fields).chain(Self::COMMON)
     }

@@ -1,7 +1,7 @@
 //! Faults that a user can inject into a plant. A fault has a kind, a target, a start and a limit.
 //!
-//! This module does not know any kind of fault: each family of devices or buses defines its kinds ([`FaultKind`]) and
-//! applies the faults. A [`Fault`] refers to buses and PLCs by index, so it is small and easy to send. The values of a
+//! This module defines no kind of fault: each family of devices or buses defines its kinds ([`FaultKind`]) and applies
+//! the faults. A [`Fault`] refers to buses and PLCs by index, so it is small and easy to send. The values of a
 //! [`Fault`] are always valid for its kind. A [`FaultSpec`] is an unchecked fault with names, as in plant files and on
 //! the command line. `docs/reference/faults.md` describes the effects on the plant.
 

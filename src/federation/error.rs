@@ -24,10 +24,10 @@ pub enum FederationError {
     Silent {
         /// The silent federate.
         federate: String,
-        /// How long this federate waited.
+        /// Duration of the wait.
         limit: Duration,
     },
-    /// Another federate reported a failure.
+    /// Another federate reported that it failed.
     #[error("federate {federate} has failed: {reason}")]
     Failed {
         /// Number of the federate.

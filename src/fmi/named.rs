@@ -7,7 +7,7 @@ use crate::plant::Plant;
 /// that both sides write, it returns the variable that can be set.
 ///
 /// # Errors
-/// If there are no such variables.
+/// There are no such variables.
 pub(crate) fn named(plant: &Plant, name: &str) -> Result<Vec<Variable>, VariablesError> {
     let mut of_drive: Vec<Variable> = Vec::new();
     for (number, drive) in plant.drives().iter().enumerate() {

@@ -216,7 +216,7 @@ impl Unit {
     /// Returns the value of a variable of this type.
     ///
     /// # Errors
-    /// If there is no such variable, or if it has another type.
+    /// There is no such variable, or it has another type.
     pub fn get(&self, reference: u32, kind: VariableType) -> Result<Value, UnitError> {
         Ok(match self.variable(reference, kind)?.quantity {
             Quantity::Time => Value::Float(self.time_s()),
@@ -227,7 +227,7 @@ impl Unit {
     /// Sets a variable of this type. For a register, this is a store of the PLC's program.
     ///
     /// # Errors
-    /// If there is no such variable, if it has another type or is an output, or if the value is not finite.
+    /// There is no such variable, it has another type or is an output, or the value is not finite.
     pub fn set(&mut self, reference: u32, kind: VariableType, value: Value) -> Result<(), UnitError> {
         let variable = self.variable(reference, kind)?;
         let name = || variable.name.clone();
@@ -288,7 +288,7 @@ impl Unit {
     /// Restores a state of this unit, or of another unit of the same archive.
     ///
     /// # Errors
-    /// If the state belongs to another archive.
+    /// The state belongs to another archive.
     pub fn restore(&mut self, state: &UnitState) -> Result<(), UnitError> {
         if state.own.shafts.len() != self.own.shafts.len() {
             return Err(UnitError::State("it has other drives".to_owned()));
@@ -313,7 +313,7 @@ impl Unit {
     /// Decodes a state and its phase. [`Unit::restore`] checks that the state belongs to this unit.
     ///
     /// # Errors
-    /// If the bytes are damaged, are not a state, or are a state of another version of commram.
+    /// The bytes are damaged, are not a state, or are a state of another version of commram.
     pub fn of_bytes(&self, bytes: &[u8]) -> Result<(UnitState, u8), UnitError> {
         let damaged = |error: Damaged| UnitError::State(error.to_string());
         let wrong = || UnitError::State("its checksum is wrong, or its end is missing".to_owned());

@@ -46,7 +46,7 @@ impl ValueFederate {
     /// Creates the federate.
     ///
     /// # Errors
-    /// If there is no broker, or if the name is in use.
+    /// There is no broker, or the name is in use.
     pub(super) fn create(functions: Functions, name: &str, init: &str) -> Result<Self, String> {
         // SAFETY: here and below: the objects are the library's own and are used on this thread only; texts and bytes live
         // through the calls.

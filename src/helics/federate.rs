@@ -21,7 +21,7 @@ impl CommandFederate {
     /// gives up.
     ///
     /// # Errors
-    /// If there is no broker, or if the name is in use.
+    /// There is no broker, or the name is in use.
     pub(super) fn join(functions: Functions, name: &str, init: &str) -> Result<Self, HelicsError> {
         let failed = |reason| HelicsError::NotJoined { reason };
         let made = functions.create(functions.create_plain, (name, init), |_| Ok(()));

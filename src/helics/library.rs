@@ -110,7 +110,7 @@ functions! {
 /// Loads the library.
 ///
 /// # Errors
-/// If the library or one of the functions is missing.
+/// The library or one of the functions is missing.
 pub(super) fn load() -> Result<Functions, HelicsError> {
     let given = std::env::var_os(VARIABLE).filter(|path| !path.is_empty()).map(PathBuf::from);
     let candidates: Vec<PathBuf> = match &given {
@@ -164,7 +164,7 @@ impl Functions {
     /// federate info.
     ///
     /// # Errors
-    /// If there is no broker, or if the name is in use.
+    /// There is no broker, or the name is in use.
     pub(super) fn create(
         &self,
         constructor: Constructor,

@@ -63,7 +63,7 @@ pub enum HelicsError {
     NoBroker {
         /// Address of the broker.
         broker: String,
-        /// How long this federate waited.
+        /// Duration of the wait.
         limit: Duration,
     },
     /// The broker runs, but other federates are missing.
@@ -74,7 +74,7 @@ pub enum HelicsError {
     Incomplete {
         /// Address of the broker.
         broker: String,
-        /// How long this federate waited.
+        /// Duration of the wait.
         limit: Duration,
     },
     /// The thread cannot be started.
@@ -93,7 +93,7 @@ pub struct HelicsConfig {
     pub count: u8,
     /// Address of the broker, for example `tcp://127.0.0.1:23404`.
     pub broker: String,
-    /// How long to wait for the broker.
+    /// Longest wait for the broker.
     pub limit: Duration,
 }
 
@@ -153,7 +153,7 @@ impl Joining {
     }
 }
 
-/// True if the program at this address speaks ZeroMQ, which a broker does: it sends a greeting at once.
+/// True if the program at this address uses ZeroMQ, as a broker does. A broker sends a greeting at once.
 fn greets(address: SocketAddr) -> bool {
     let Ok(mut stream) = TcpStream::connect_timeout(&address, CONNECT) else { return false };
     let mut signature = [0; 10];

@@ -93,7 +93,7 @@ fn talk(
     wake: &impl Fn(),
 ) -> Result<(), String> {
     let Interface { name, publications, subscriptions, endpoints } = interface;
-    // The emulator gives up later than the core, because the core knows the reason.
+    // The emulator waits for a longer time than the core, because only the core can report the reason.
     let init = HelicsConfig { limit: place.limit.saturating_sub(SOONER), ..place.clone() }.of_core();
     let not_joined = |reason| HelicsError::NotJoined { reason }.to_string();
     let mut federate = ValueFederate::create(functions, name, &init).map_err(not_joined)?;

@@ -62,7 +62,7 @@ impl Source {
     }
 }
 
-/// How the journal keeps an event.
+/// Defines how the journal keeps an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Keeping {
     /// In a separate record.

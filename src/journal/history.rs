@@ -22,7 +22,7 @@ use std::time::{Duration, Instant};
 pub const MAX_FOLLOWED: usize = 65_536;
 /// Maximum count of changes in the list for onlookers.
 pub const KEPT_CHANGES: usize = 65_536;
-/// An onlooker that has asked for no changes for this real time counts as gone.
+/// After this real time without a request for changes, an onlooker counts as gone.
 pub(super) const GONE: Duration = Duration::from_secs(10);
 /// Count of comparisons between two reads of the host's clock.
 const LOOKS: u32 = 4096;
@@ -89,7 +89,7 @@ pub(super) struct FollowedRegister {
     live: RegisterPhase,
     in_journal: bool,
     for_onlookers: bool,
-    /// The value that onlookers know, if the plant has moved to another moment and onlookers have not been notified
+    /// The value that onlookers received last, if the plant has moved to another moment and they have not been notified
     /// yet.
     #[serde(skip)]
     left: Option<u32>,
@@ -208,7 +208,8 @@ impl History {
         true
     }
 
-    /// Whether a client may follow this register: it has not more registers than are left to the others.
+    /// True if a client may follow this register: a client may have at most as many registers as are left to the
+    /// others.
     fn has_room_for(&mut self, client: u128, place: (DeviceIndex, u32), now: Instant) -> bool {
         let has_room = |this: &Self| {
             let left = MAX_FOLLOWED - this.followed.len().min(MAX_FOLLOWED);
@@ -243,8 +244,8 @@ impl History {
         }
     }
 
-    /// Called when the plant has moved to another moment. Onlookers get the differences. The journal gets no changes
-    /// here, and the next comparison must still find writes of programs since the last comparison.
+    /// Called when the plant has moved to another moment. Onlookers receive the differences as changes; the journal
+    /// does not. The next comparison still finds what programs have written since the last comparison.
     pub(super) fn arrived(&mut self, time_us: u64, rams: &impl Rams) {
         let History { followed, changes, end, is_searching, .. } = self;
         if *is_searching {
@@ -296,8 +297,8 @@ impl History {
         self.followed.binary_search_by_key(&(plc, offset), |register| (register.plc, register.offset))
     }
 
-    /// Releases the registers of onlookers that have not asked for a long time. This uses the clock of the host, not of
-    /// the plant; it has no influence on the plant.
+    /// Releases the registers of onlookers that have not sent a request for a long time. The function uses the clock of
+    /// the host, not of the plant; it has no influence on the plant.
     fn forget_absent_onlookers(&mut self) {
         self.looks = self.looks.wrapping_add(1);
         if self.looks.is_multiple_of(LOOKS) && self.asked.elapsed() > GONE {
@@ -507,7 +508,7 @@ mod tests {
             assert!(count as u32 >= most - 1 && count as u32 <= most, "{client}: {count}");
             assert!(follow(&mut history, client, first), "a register that it follows already");
         }
-        // A client that asks for nothing makes room for others.
+        // A client that sends no requests makes room for others.
         assert!(follow(&mut history, 4, 0) && !follow(&mut history, 1, 1));
         history.onlookers.age(1, GONE + Duration::from_secs(1));
         assert!((0..MAX_FOLLOWED as u32 / 4).all(|number| follow(&mut history, 5, number)));

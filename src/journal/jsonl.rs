@@ -1,5 +1,5 @@
-//! One JSON object per line, for programs. `docs/reference/journal.md` describes the fields. New versions of commram
-//! may add fields and kinds. They increment `v` only if they change an existing field.
+//! Formats records for programs, one JSON object per line. `docs/reference/journal.md` describes the fields. New
+//! versions of commram may add fields and kinds. They increment `v` only if they change an existing field.
 
 use super::{Catalogue, Fields, Format, Names, Origin, Reader, Record, Source};
 use serde::Serialize;

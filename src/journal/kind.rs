@@ -37,8 +37,8 @@ impl Ring {
     #[inline]
     pub(super) fn share(self, capacity: usize) -> usize {
         match self {
-            // This ring is empty unless a client follows registers. Its memory is in addition to that of the other
-            // rings.
+            // This ring is empty unless a client follows registers. The memory of this ring is in addition to that of
+            // the other rings.
             Ring::History => (capacity / 2).max(1),
             _ => capacity,
         }

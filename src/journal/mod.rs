@@ -9,8 +9,8 @@
 //! - Events that repeat at equal distances (SYNC edges, handshakes and missed deadlines of every interval) are counted
 //!   in one record with the last time, the distance and the count. No information is lost. Frames are never counted
 //!   together.
-//! - Records are numbered without gaps. So a reader can continue after the last number that it has read, and knows how
-//!   many records it has missed.
+//! - Records are numbered without gaps. So a reader can continue after the last number that it has read, and can
+//!   compute the number of records that it has missed.
 //!
 //! An [`Event`] consists of an [`EventKind`] and words. This module defines the kinds of events in registers of any
 //! device; each family of devices defines its own kinds. Each kind is a structure with an implementation of
@@ -122,7 +122,7 @@ pub trait Format<Out = String> {
     /// Appends a note that `lost` records are missing here. Returns false if the format cannot express this.
     fn gap(&mut self, lost: u64, out: &mut Out) -> bool;
 
-    /// Appends the output that the format has held back until it knows the following records.
+    /// Appends the output that the format has held back until the following records were available.
     fn end(&mut self, out: &mut Out) {
         let _ = out;
     }
@@ -264,7 +264,7 @@ impl Journal {
         self.changes_for(0, from, max)
     }
 
-    /// The same for a client.
+    /// Does the same for a client.
     pub(crate) fn changes_for(&mut self, client: u128, from: u64, max: usize) -> (Vec<Change>, u64) {
         self.history.read(client, from, max)
     }

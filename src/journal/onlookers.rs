@@ -1,15 +1,15 @@
 //! The clients that follow registers without records in the journal.
 //!
-//! Each client has a share of the followed registers, so that no client takes all of them: it may follow as many as are
-//! left to the others. A client that wants more loses its own registers that it has not asked for again for a while; of
-//! clients that have asked for nothing for a while, all registers are released then.
+//! A client may follow at most as many registers as it leaves to the other clients, so that no client takes all of
+//! them. If a client requests more, the journal releases registers that this client has not requested again for a
+//! while. It then also releases all registers of clients that have requested nothing for a while.
 
 use super::history::GONE;
 use crate::identity::DeviceIndex;
 use std::collections::HashMap;
 use std::time::{Duration, Instant};
 
-/// A register that its client has not asked for again for this real time may be released.
+/// Real time after which a register may be released, if its client has not requested it again.
 const STALE: Duration = Duration::from_secs(30);
 /// Real time between two searches for registers to release.
 const SEARCH: Duration = Duration::from_secs(1);
@@ -22,7 +22,7 @@ struct Onlooker {
     client: u128,
     /// Time of its last request to follow a register, or for changes.
     asked: Instant,
-    /// The registers with the time at which the client has asked for them last.
+    /// The registers, each with the time of the client's last request to follow it.
     registers: HashMap<Place, Instant>,
 }
 
@@ -34,7 +34,7 @@ pub(super) struct Onlookers {
 }
 
 impl Onlookers {
-    /// Notes that a client has asked for changes.
+    /// Notes that a client has requested changes.
     pub(super) fn ask(&mut self, client: u128, now: Instant) {
         if let Some(known) = self.all.iter_mut().find(|it| it.client == client) {
             known.asked = now;
@@ -67,8 +67,8 @@ impl Onlookers {
         self.all.iter().any(|it| it.registers.contains_key(&place))
     }
 
-    /// Makes room for a client: releases its old registers, and all registers of clients that have asked for nothing for
-    /// a while. Returns whether any was released.
+    /// Makes room for a client. Releases its old registers, and all registers of clients that have requested nothing for
+    /// a while. Returns true if a register was released.
     pub(super) fn release(&mut self, client: u128, now: Instant) -> bool {
         if self.searched.is_some_and(|last| now.saturating_duration_since(last) < SEARCH) {
             return false;
@@ -84,7 +84,7 @@ impl Onlookers {
         count(&self.all) != before
     }
 
-    /// Makes everything that a client has asked for older.
+    /// Makes all requests of a client older by a duration.
     #[cfg(test)]
     pub(super) fn age(&mut self, client: u128, by: Duration) {
         let older = |time: &mut Instant| *time = time.checked_sub(by).unwrap_or(*time);

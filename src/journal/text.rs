@@ -1,4 +1,4 @@
-//! One line per record, for people.
+//! Formats records for people, one line per record.
 
 use super::{Catalogue, Format, Names, Reader, Record, Source};
 use std::fmt::Write;

@@ -32,7 +32,7 @@ pub struct Waves {
 pub struct Past {
     /// Times in microseconds, ascending, each with the value from then on.
     pub values: Vec<(u64, u32)>,
-    /// Whether the values are complete from the start of the journal on.
+    /// True if the values are complete from the start of the journal on.
     pub is_recorded: bool,
 }
 
@@ -182,7 +182,7 @@ impl Waves {
         };
         let mut values: Vec<_> =
             self.changes_of(|signal| is_signal(signal, found)).filter_map(number).collect();
-        // Each register at this place has the change, and a wider register also changes in its other bytes.
+        // Each register at this address contains the change. A wider register also changes in its other bytes.
         values.dedup_by_key(|(_, value)| *value);
         Past { values, is_recorded: self.is_recorded(plc, found.0) }
     }

@@ -153,7 +153,7 @@ impl DeviceLayout {
     /// Parses the address in `text`. Letters may be lower case.
     ///
     /// # Errors
-    /// If the text is not an address, or not an address of this device. The error gives the correct notation.
+    /// The text is not an address, or not an address of this device. The error gives the correct notation.
     pub fn address(&'static self, text: &str) -> Result<Address, LayoutError> {
         let wrong = || LayoutError::BadAddress { text: text.to_owned(), known: self.known_spaces() };
         let nowhere = || LayoutError::NoSpace { text: text.to_owned(), known: self.known_spaces() };

@@ -134,7 +134,7 @@ impl Condition {
     /// not if there is a mask.
     ///
     /// # Errors
-    /// If the notation, the register or the value is wrong.
+    /// The notation, the register or the value is wrong.
     pub fn parse<E>(
         text: &str,
         place: impl FnOnce(&str) -> Result<NamedLocation, E>,

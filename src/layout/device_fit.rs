@@ -9,7 +9,7 @@ pub const MOST_PORTS: usize = 15;
 /// The known facts about a port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Fit {
-    /// Nothing is known: the port may have any role that the layout allows.
+    /// The options are not known: the port may have any role that the layout allows.
     #[default]
     Unknown,
     /// The port does not exist, for instance because a slot is empty. Its area has no registers.

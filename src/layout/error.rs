@@ -183,7 +183,7 @@ pub enum LayoutError {
         /// The registers in it.
         registers: String,
     },
-    /// Too many or too few indices.
+    /// The name has too many or too few indices.
     #[error("`{name}` {needs}")]
     IndexCount {
         /// The given text.

@@ -152,8 +152,8 @@ impl DeviceFit {
     /// may follow a name: `node2.w_CPU_CONTROL.2` or `node2.w_CPU_CONTROL.%X2` (IEC 61131-3, 6.5.2.4).
     ///
     /// # Errors
-    /// If the text does not mean a register or an address of the device. The error gives the correct notation. An
-    /// address in plain RAM is not an error.
+    /// The text does not mean a register or an address of the device. The error gives the correct notation. An address
+    /// in plain RAM is not an error.
     pub fn target<'a>(&self, text: &'a str) -> Result<Target<'a>, LayoutError> {
         let (plc, rest) = split_plc(text);
         if rest.starts_with('%') {

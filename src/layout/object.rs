@@ -98,11 +98,11 @@ impl Access {
 pub enum Default {
     /// No default value.
     Nothing,
-    /// This number.
+    /// The value is this number.
     Number(u32),
-    /// This number plus the Node-ID.
+    /// The value is this number plus the Node-ID.
     PlusNode(u32),
-    /// This text.
+    /// The value is this text.
     Text(&'static str),
 }
 

@@ -17,9 +17,9 @@ enum Token {
 
 /// A pattern of register names.
 ///
-/// It is compared with names with the area or variable and without it. It must match the whole name, or the part before
-/// the indices of an array or the registers of a sub-structure. So the name of an array without indices means all its
-/// elements.
+/// The pattern is compared with the names of registers, with and without their area or variable. It must match the
+/// whole name, or the part before the indices of an array or before the registers of a sub-structure. So the name of an
+/// array without indices means all its elements.
 #[derive(Debug)]
 pub(super) struct Pattern(Vec<Token>);
 

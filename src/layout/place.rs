@@ -57,7 +57,7 @@ impl NamedLocation {
     /// Looks up `[PLC:]REGISTER` or `[PLC:]%ADDRESS` of a device.
     ///
     /// # Errors
-    /// If there is no such register or address.
+    /// There is no such register or address.
     pub fn parse(fitted: &DeviceFit, text: &str) -> Result<Self, LayoutError> {
         let target = fitted.target(text)?;
         Ok(Self {
@@ -145,8 +145,8 @@ impl NamedLocation {
         Some((*register, self.bit_of(register)?))
     }
 
-    /// How a program writes the single bit; `None` if the place is not a single bit. A bit outside of all registers is
-    /// written with its byte.
+    /// How a program writes the single bit. `None` if the place is not a single bit. A bit outside of all registers is
+    /// written together with its byte.
     pub fn bit_access(&self) -> Option<BitAccess> {
         let bit = self.bit()?;
         let of_register = self.bit_in().map(|(register, bit)| {

@@ -148,7 +148,7 @@ mod machine {
                 unsafe fn load(at: *const Self) -> Self {
                     // SAFETY: the caller vouches for the pointer.
                     let value = unsafe { <$atomic>::from_ptr(at.cast_mut()) }.load(Ordering::Relaxed);
-                    // Not an Acquire load: on read-only memory only Relaxed loads are guaranteed to work.
+                    // The load is not an Acquire load: on read-only memory only Relaxed loads are guaranteed to work.
                     fence(Ordering::Acquire);
                     value
                 }

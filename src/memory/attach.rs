@@ -47,8 +47,8 @@ impl Image {
     /// was built with; a tool that takes the map from the image passes `None`.
     ///
     /// # Errors
-    /// One error for each reason: bad name, no image, no regular file of this user, wrong magic, other
-    /// ABI version, other layout, too short, emulator dead (for reading and writing only), not ready.
+    /// Each reason has its own error: bad name, no image, no regular file of this user, wrong magic, other ABI version,
+    /// other layout, too short, emulator dead (for reading and writing only), not ready.
     pub fn attach(
         instance: &str,
         plc: &str,
@@ -203,7 +203,7 @@ impl Attached {
     /// Stores to the register at `%MB3.offset` and rings.
     ///
     /// # Errors
-    /// See [`Segment::store`].
+    /// The errors of [`Segment::store`].
     pub fn post(&self, offset: u32, width: Width, value: u32) -> Result<(), MemoryError> {
         self.segment.store(offset, width, value)?;
         self.ring()

@@ -56,7 +56,7 @@ impl Bell {
         wait_any(&[(self, seen)], timeout).is_some()
     }
 
-    /// Sets the number of waiters to 0, because all of them are known to be dead.
+    /// Sets the number of waiters to 0. Called when all of them are known to be dead.
     pub(super) fn forget_waiters(&self) {
         self.waiters.store(0);
     }

@@ -84,7 +84,7 @@ impl EmulatorProcess {
         Ok((id.is_running() && id.is_own()).then_some(Self { id, descriptor }))
     }
 
-    /// Its process id.
+    /// Process id of the emulator.
     pub fn pid(&self) -> u32 {
         self.id.pid
     }
@@ -97,7 +97,7 @@ impl EmulatorProcess {
     /// Waits for the end of the process, for at most `limit`. Returns true if it has ended.
     pub fn wait(&self, limit: Duration) -> bool {
         let mut ended = [PollFd::new(&self.descriptor, PollFlags::IN)];
-        // A signal may interrupt the wait; then the caller asks again.
+        // A signal may interrupt the wait; the caller then calls this function again.
         let _ = poll(&mut ended, Timespec::try_from(limit).ok().as_ref());
         let [ended] = ended;
         !ended.revents().is_empty()

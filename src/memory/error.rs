@@ -173,7 +173,7 @@ pub enum MemoryError {
         /// User id of this process.
         user: u32,
     },
-    /// Others could write to the instance's directory.
+    /// Other users can write to the instance's directory.
     #[error("{} can be written by other users (mode {mode:o}), and its content is not reliable; remove it \
         yourself", .path.display())]
     OpenDirectory {
@@ -218,7 +218,7 @@ pub enum MemoryError {
         instance: String,
         /// The hash in the image.
         found: u64,
-        /// This program's hash.
+        /// Hash of this program's register map.
         expected: u64,
     },
     /// The image has another register map than the program expects.

@@ -89,7 +89,7 @@ impl ImageFile {
         Ok(u64::try_from(self.stat()?.st_size).unwrap_or(0))
     }
 
-    /// Refuses another ABI version, and a file shorter than its header page says: areas would be outside the
+    /// Refuses another ABI version, and a file shorter than the length in its header page: areas would be outside the
     /// file.
     pub(crate) fn check_shape(&self, header: &Header) -> Result<(), MemoryError> {
         let found = header.abi_version.load();

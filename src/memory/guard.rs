@@ -1,7 +1,7 @@
 //! Keeps a process alive when an image, or a part of the channel, is shortened while it is mapped.
 //!
 //! An access to a mapped page after the end of the file raises SIGBUS, which ends the process without a message. The
-//! handler here restores the length of the file with zeros and remembers this, so that the emulator can report the
+//! handler here restores the length of the file with zeros and records the loss, so that the emulator can report the
 //! fault and end normally. The contents of the registers are lost. A missing part of the channel is replaced by private
 //! zeros ([`gap`]).
 
@@ -30,7 +30,7 @@ const CLIENTS_WORDS: &[u8] =
     b"commram: another program has shortened an image or a part of the channel while it was in use, or /dev/shm \
         is full; `commram stop` ends the emulator, and `commram stop --clean` removes the files of a killed one\n";
 
-/// A map that the handler knows. Only atomics: the handler may interrupt any code.
+/// An entry of the handler's list of maps. It has only atomics, because the handler may interrupt any code.
 struct Slot {
     /// Address of the map; 0 if the entry is free, 1 while it is being filled.
     base: AtomicUsize,
@@ -143,8 +143,8 @@ pub fn end_on_shortened_files(exit_code: u8) -> io::Result<()> {
     handle(client_ends)
 }
 
-/// From now on missing pages of images and channels read as zeros in this process, and the reading thread learns that the
-/// channel is damaged ([`take_gap_of_thread`]). For a client program of several instances.
+/// From now on missing pages of images and channels read as zeros in this process, and a flag of the reading thread shows
+/// that the channel is damaged ([`take_gap_of_thread`]). For a client program of several instances.
 ///
 /// # Errors
 /// The operating system refuses the operation.

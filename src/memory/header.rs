@@ -100,7 +100,7 @@ pub struct Header {
     pub board: Board,
     /// State of the PLC program, its starts, and the power switch.
     pub program: Program,
-    /// Counted up by clients after each request in [`Header::interrupts`], [`Header::opt_init`],
+    /// Clients increment this counter after each request in [`Header::interrupts`], [`Header::opt_init`],
     /// [`Header::initial_flag`], [`Header::project_request`], [`Header::lockstep`] or [`Program::start_request`].
     pub board_requests: Cell32,
     /// Number of cycles of the cyclic task since the last cold or warm start, including the present cycle. The PLC
@@ -165,7 +165,7 @@ publish! { Header:
 const _: () = assert!(size_of::<Header>() == HEADER_SIZE);
 
 codes! {
-    /// What the emulator behind an image is doing.
+    /// State of the emulator that serves an image.
     State {
         /// The emulator is filling the image.
         Starting = 1,
@@ -194,7 +194,7 @@ impl State {
 }
 
 codes! {
-    /// What drives the emulated time.
+    /// Source of the emulated time.
     ClockMode {
         /// The wall clock, times the speed.
         RealTime = 0,

@@ -24,7 +24,7 @@ use std::{
 pub struct ImageSpec {
     /// The device: its name, the hash of its register map and the length of its segment.
     pub device: &'static DeviceLayout,
-    /// What drives the emulated time.
+    /// Source of the emulated time.
     pub clock_mode: ClockMode,
     /// Emulated time per real time x 1000; 0 in stepped mode.
     pub speed: u32,
@@ -197,7 +197,7 @@ impl Image {
     /// Removes the image of a killed emulator. Returns whether there was one.
     ///
     /// # Errors
-    /// See [`Image::create`].
+    /// The errors of [`Image::create`].
     pub fn remove_dead(instance: &str, plc: &str) -> Result<bool, MemoryError> {
         claim::remove_dead(&ImageSite::new(instance, plc, ())?)
     }
@@ -207,7 +207,7 @@ impl Drop for Image {
     fn drop(&mut self) {
         // An error cannot be reported here. If the file stays, the next emulator takes it over.
         let _ = self.file.unlink();
-        // This follows the removal, so a process that sees this state can use the name.
+        // The state is set after the removal, so a process that sees this state can use the name.
         self.set_state(self.end);
         // The unlock is last, because it ends the wait of `commram stop`. Closing the file is not enough: it stays
         // open, and locked, while any part of this process has mapped the header page.

@@ -7,7 +7,7 @@ use std::{fs, io};
 
 /// A file that can always be opened.
 const NOTHING: &str = "/dev/null";
-/// Where the system lists the open files of this process.
+/// Directory in which the system lists the open files of this process.
 const OPEN_FILES: &str = "/proc/self/fd";
 /// Kernel file with the sizes of this process's memory.
 #[cfg(feature = "emulator")]

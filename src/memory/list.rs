@@ -26,9 +26,9 @@ pub struct ImageInfo {
 pub enum Condition {
     /// An emulator serves it.
     Alive(ImageSummary),
-    /// Its emulator was killed. The next emulator of this name takes the file over.
+    /// The emulator of the image was killed. The next emulator of this name takes over the file.
     Dead(ImageSummary),
-    /// This program cannot attach to it, for this reason.
+    /// This program cannot attach to the image, for this reason.
     Unusable(MemoryError),
 }
 
@@ -41,7 +41,7 @@ pub struct ImageSummary {
     pub generation: u32,
     /// Last state of the emulator; `None` for a number without meaning.
     pub state: Option<State>,
-    /// What drives the emulated time; `None` for a number without meaning.
+    /// Source of the emulated time; `None` for an unknown number.
     pub clock_mode: Option<ClockMode>,
     /// Emulated time per real time x 1000.
     pub speed: u32,

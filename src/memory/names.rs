@@ -19,7 +19,7 @@ pub(crate) const CHANNEL_PREFIX: &str = "commram_";
 /// Checks the name of an instance.
 ///
 /// # Errors
-/// Not 1 to 31 characters of `A-Z a-z 0-9 _ -`.
+/// The name does not consist of 1 to 31 of the characters `A-Z a-z 0-9 _ -`.
 pub fn check_instance(name: &str) -> Result<(), MemoryError> {
     check("instance", name)
 }
@@ -27,7 +27,7 @@ pub fn check_instance(name: &str) -> Result<(), MemoryError> {
 /// Checks the name of a PLC.
 ///
 /// # Errors
-/// See [`check_instance`].
+/// The errors of [`check_instance`].
 pub fn check_plc(name: &str) -> Result<(), MemoryError> {
     check("PLC", name)
 }
@@ -46,7 +46,7 @@ pub fn image_path(instance: &str, plc: &str) -> Result<PathBuf, MemoryError> {
 /// have this name, because it has a dot more.
 ///
 /// # Errors
-/// See [`check_instance`].
+/// The errors of [`check_instance`].
 pub fn channel_root(instance: &str) -> Result<PathBuf, MemoryError> {
     check_instance(instance)?;
     Ok(Path::new(IMAGE_DIRECTORY).join(format!("{PREFIX}{instance}{DIRECTORY}")))

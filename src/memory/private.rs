@@ -1,8 +1,8 @@
 //! A directory that belongs to one user, inside a directory to which all users can write.
 //!
-//! Another user can guess the name of the directory, and create it first, or a link in its place. The directory is
-//! therefore opened without following links and checked through its descriptor. Its contents are accessed only through
-//! that descriptor, so other users cannot reach them.
+//! Another user can guess the name of the directory, and create a directory or a link of this name first. The directory
+//! is therefore opened without following links and checked through its descriptor. Its contents are accessed only
+//! through that descriptor, so other users cannot reach them.
 
 use super::MemoryError;
 use super::directory::Directory;
@@ -50,7 +50,7 @@ impl PrivateDir {
     /// Opens the directory; `None` if there is none.
     ///
     /// # Errors
-    /// See [`PrivateDir::create`].
+    /// The errors of [`PrivateDir::create`].
     pub(crate) fn open(path: &Path) -> Result<Option<Self>, MemoryError> {
         let directory = match Directory::open_itself(path) {
             Ok(directory) => directory,
@@ -69,7 +69,7 @@ impl PrivateDir {
     /// not a regular file of this user with exactly one name: another user may have put it there.
     ///
     /// # Errors
-    /// See [`PrivateDir::find_file`].
+    /// The errors of [`PrivateDir::find_file`].
     pub(crate) fn find_own_file(path: &Path, name: &str) -> Result<Option<File>, MemoryError> {
         let Ok(directory) = Directory::open_itself(path) else { return Ok(None) };
         let user = rustix::process::geteuid().as_raw();

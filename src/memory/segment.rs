@@ -4,7 +4,7 @@
 //!
 //! 1. No code gets a `&T` of plain data. Only cells (see [`super::cell`]) cover the memory, and all accesses are
 //!    functions of [`super::access`], which allows different widths.
-//! 2. A register is written at its own width. The segment does not know the registers, so a user of the raw accesses
+//! 2. A register is written at its own width. The segment has no list of registers, so the caller of the raw accesses
 //!    takes the width from the register map. To write a part of a register, use [`Segment::store_within`], which
 //!    replaces the whole register by compare-exchange.
 //! 3. Bulk copies and comparisons ([`Segment::read_range`], [`Segment::snapshot`], the access checker) load aligned

@@ -29,7 +29,7 @@ pub struct HeaderStruct {
     pub name: &'static str,
     /// Size in bytes.
     pub bytes: usize,
-    /// Its fields in ascending order, without gaps.
+    /// The fields of the structure in ascending order, without gaps.
     pub fields: &'static [Field],
 }
 

@@ -178,8 +178,7 @@ impl Drop for Emulator {
     }
 }
 
-/// Not a real test: this is the process of [`Emulator`]. It reads a pipe from its parent, and ends when the parent
-/// ends.
+/// The process of [`Emulator`], and not a real test. It reads a pipe from its parent, and ends when the parent ends.
 #[test]
 fn emulator_process() {
     let Ok(instance) = std::env::var(CHILD) else { return };

@@ -28,7 +28,7 @@ struct AreaWidths {
     /// For each byte of the area: the width of its register in the low four bits (0: plain RAM) and the
     /// byte's place in the register above them.
     bytes: Vec<u8>,
-    /// One past the last byte.
+    /// Offset after the last byte.
     end: u32,
 }
 
@@ -50,7 +50,7 @@ impl RegisterWidths {
     pub fn of(fitted: &DeviceFit) -> Self {
         let device = fitted.device();
         let areas = device.all_areas().map(|area| {
-            // Only the bytes that have registers; option interfaces are large and empty.
+            // Counts only the bytes that have registers: option interfaces are large and empty.
             let described = fitted.placed(area).map(|placed| placed.structure.bytes).max().unwrap_or(0);
             let mut bytes = vec![0; described as usize];
             if device.is_front(area.first) {

@@ -178,13 +178,13 @@ impl PlantConfig {
         Sites { buses: buses.collect(), devices: devices.collect() }
     }
 
-    /// The messages of a bus, as far as its devices know the messages before they run.
+    /// The messages of a bus, as far as its devices define the messages before they run.
     pub fn messages(&self, bus: &str) -> Vec<Message> {
         let mut found = self.messages_of_buses(|name| name == bus);
         found.next().map(|(_, messages)| messages).unwrap_or_default()
     }
 
-    /// The selected buses with their messages, as far as the devices know the messages before they run. A plant can
+    /// The selected buses with their messages, as far as the devices define the messages before they run. A plant can
     /// have many buses. So the iterator creates the messages of a bus only when it reaches the bus, and searches the
     /// devices only once.
     pub fn messages_of_buses(

@@ -26,7 +26,7 @@ pub struct Forced {
     pub value: u32,
 }
 
-/// Why a register cannot be forced.
+/// The reason why a register cannot be forced.
 #[derive(Debug, thiserror::Error)]
 pub enum ForceError {
     /// The plant has no such PLC.

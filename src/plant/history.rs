@@ -10,7 +10,7 @@ use crate::layout::RegisterPhase;
 use crate::layout::place::status_of;
 use crate::memory::{Unmapped, Width};
 
-/// Why registers cannot be followed.
+/// The reason why registers cannot be followed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FollowError {
     /// The range is not fully covered by register areas.
@@ -46,7 +46,7 @@ impl Plant {
         self.follow_registers_for(0, plc, offset, len, keep)
     }
 
-    /// The same for a client, which may follow as many registers as it leaves to others.
+    /// Does the same for a client, which may follow at most as many registers as it leaves to others.
     pub(crate) fn follow_registers_for(
         &mut self,
         client: u128,
@@ -71,7 +71,7 @@ impl Plant {
         self.journal.changes(from, max)
     }
 
-    /// The same for a client that follows registers.
+    /// Does the same for a client that follows registers.
     pub(crate) fn changes_for(&mut self, client: u128, from: u64, max: usize) -> (Vec<Change>, u64) {
         self.journal.changes_for(client, from, max)
     }

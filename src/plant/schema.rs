@@ -159,7 +159,7 @@ mod tests {
         known.split(", ").map(str::to_owned).collect()
     }
 
-    /// Compares the keys that the schema has for a table, and for tables in it, with the keys that the parser knows.
+    /// Compares the keys that the schema has for a table, and for tables in it, with the keys that the parser accepts.
     /// Returns the number of tables.
     fn compare(root: &Value, schema: &Value, plant: &dyn Fn(&str) -> String, added: &[&str]) -> usize {
         let properties = schema["properties"].as_object().unwrap();

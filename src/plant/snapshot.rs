@@ -83,7 +83,7 @@ pub enum SnapshotError {
         /// The folders of the plant's devices.
         folders: String,
     },
-    /// All settings agree, but the state differs.
+    /// All settings agree, but the state is different.
     #[error("its state differs: its plant file has other faults, or it does not begin at the same moment")]
     OtherState,
     /// The bytes of the snapshot are not a state of this plant.
@@ -173,7 +173,7 @@ impl Plant {
     /// Returns to a snapshot from this plant's own past. The journal keeps its records up to the snapshot.
     ///
     /// # Errors
-    /// See [`Plant::restore`].
+    /// The errors of [`Plant::restore`].
     pub fn go_back(&mut self, snapshot: &Snapshot) -> Result<(), SnapshotError> {
         self.take_over(snapshot, true)
     }

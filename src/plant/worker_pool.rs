@@ -1,6 +1,6 @@
 //! Permanent worker threads, so that repeated work for several cores does not start new threads each time.
 //!
-//! Each piece of work is moved to a thread as a whole and moved back afterwards, so no other thread can access it at
+//! A piece of work is moved to a thread as a whole, and moved back when it is done, so no other thread can access it at
 //! the same time. An idle thread first polls for work for a moment, because the next piece usually follows soon. Then
 //! it sleeps on a futex of the channel that delivers the work.
 
@@ -84,7 +84,7 @@ impl Drop for WorkerPool {
     fn drop(&mut self) {
         self.workers.iter_mut().for_each(|worker| drop(worker.work.take()));
         for worker in &mut self.workers {
-            // Its work cannot panic.
+            // The join cannot fail, because the work cannot panic.
             let _ = worker.thread.take().map(JoinHandle::join);
         }
     }

@@ -6,8 +6,8 @@ use crate::identity::DeviceIndex;
 use crate::journal::{By, ChannelWrite, Origin};
 
 impl Plant {
-    /// Called before the firmware runs: checks the writes of clients since its last run. The order is device by device,
-    /// first the device's own registers, then the registers of its ports.
+    /// Called before the firmware runs: checks the writes of clients since its last run. Checks one device after the
+    /// other: first the registers of the device itself, then those of its ports.
     #[inline]
     pub(super) fn look_for_writes(&mut self) {
         (self.has_looked, self.is_seen) = (false, false);

@@ -87,7 +87,7 @@ pub enum PinError {
     Time {
         /// The text.
         text: String,
-        /// Why.
+        /// Cause of the error.
         source: time::TimeError,
     },
 }

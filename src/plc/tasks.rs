@@ -70,7 +70,7 @@ impl Progress {
     }
 }
 
-/// Why a program has ended.
+/// The reason why a program has ended.
 #[derive(Debug, Error)]
 pub enum RunError<E: fmt::Display + fmt::Debug> {
     /// The emulator has ended, or no task became due within the given time.

@@ -39,7 +39,7 @@ impl Picture {
     /// Returns the format for the name of a file.
     ///
     /// # Errors
-    /// If the name has another extension.
+    /// The name has another extension.
     pub fn of(file: &Path) -> Result<Self, PlotError> {
         match file.extension().and_then(|ending| ending.to_str()) {
             Some("svg") => Ok(Picture::Svg),

@@ -6,12 +6,12 @@ use serde::{Deserialize, Serialize};
 /// Receivers of a transmission.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Passage {
-    /// All other stations receive it.
+    /// All other stations receive the telegram.
     #[default]
     Normal,
     /// No station receives it.
     Lost,
-    /// All stations receive this copy of an earlier transmission. Its sender does not send the copy.
+    /// All stations receive this copy of an earlier transmission, although its sender does not send again.
     Copy,
 }
 

@@ -1,9 +1,9 @@
-//! The data link layer of PROFIBUS (IEC 61158 type 3): telegrams, function codes, bit times, and a line that all
-//! stations hear.
+//! The data link layer of PROFIBUS (IEC 61158 type 3): telegrams, function codes, bit times, and a line on which all
+//! stations receive everything.
 //!
-//! The module knows no device and no application. Its users define the meaning of octets after the head of a telegram.
-//! It uses no I/O and no clock. Times are in bit times, as in the standard. The plant uses microseconds, so times are
-//! converted at its interface.
+//! The module depends on no device and no application. Its users define the meaning of octets after the head of a
+//! telegram. It uses no I/O and no clock. Times are in bit times, as in the standard. The plant uses microseconds, so
+//! times are converted at its interface.
 
 mod frame;
 mod function;

@@ -40,7 +40,7 @@ pub struct Execution {
     octets: Vec<u8>,
     /// Number of the client, because a client sends a file in several requests. 0 for operations of the same process.
     client: u128,
-    /// Process id of a client that asks the host to end, if it is known.
+    /// Process id of a client that requests the host to end, if it is known.
     process: Option<u32>,
 }
 
@@ -51,7 +51,7 @@ impl Execution {
         Execution { client, ..Self::default() }
     }
 
-    /// Sets the process that asks the host to end.
+    /// Sets the process that requests the host to end.
     #[cfg(feature = "channel")]
     pub(crate) fn set_process(&mut self, process: Option<u32>) {
         self.process = process;

@@ -48,13 +48,13 @@ pub trait Host {
         self.next_event()
     }
 
-    /// Only with a stepped clock: handles all events up to and including time `t`. Several calls have the same effect
-    /// as a single call. Returns `false` if the host must stop, or if the clock waits for a participant that has a
-    /// turn. In the second case the caller calls again with the same `t`.
+    /// Handles all events up to and including time `t`. Used only with a stepped clock. Several calls have the same
+    /// effect as a single call. Returns `false` if the host must stop, or if the clock waits for a participant that has
+    /// a turn. In the second case the caller calls again with the same `t`.
     fn advance_to(&mut self, t: u64) -> bool;
 
-    /// Only in real time: changes the speed of the clock from the present time on. `permille` is emulated time per real
-    /// time x 1000; 0 pauses the clock.
+    /// Changes the speed of the clock from the present time on. Used only with a real-time clock. `permille` is
+    /// emulated time per real time x 1000; 0 pauses the clock.
     fn set_speed(&mut self, permille: u32) {
         let _ = permille;
     }
@@ -94,7 +94,7 @@ pub trait Host {
     /// Description of the instance.
     fn info(&self) -> InstanceInfo;
 
-    /// Asks the host to end. `by` is the process that wants this, if it is known. [`Host::should_stop`] is true from
+    /// Requests the host to end. `by` is the process that requests it, if known. [`Host::should_stop`] is true from
     /// then on.
     fn request_stop(&mut self, by: Option<u32>);
 

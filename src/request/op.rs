@@ -28,13 +28,13 @@ pub const MAX_ADVANCE_US: u64 = 24 * 3_600_000_000;
 /// Highest speed of a real-time clock: emulated time per real time x 1000.
 pub const MAX_SPEED: u32 = 1_000_000;
 
-/// What an operation changes.
+/// The kind of change that an operation makes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Class {
     /// Changes nothing in the plant, so the time of its execution makes no difference.
     Looks,
-    /// Only stores a register.
+    /// The operation only stores a register.
     Stores,
     /// Changes the plant in another way.
     Acts,
@@ -79,7 +79,7 @@ macro_rules! declare {
         }
 
         impl Op {
-            /// What the operation changes.
+            /// Returns the kind of change that the operation makes.
             pub(crate) fn class(&self) -> Class {
                 match self {
                     $(Op::$op { .. } => Class::$class,)+

@@ -95,7 +95,7 @@ mod tests {
         Reply::Journal { records: numbers.iter().map(|seq| record(*seq)).collect(), end, turn }
     }
 
-    /// Reads from these replies; returns the numbers of the records that were read, and the numbers that were asked for.
+    /// Reads from these replies. Returns the numbers of the records that were read, and the numbers that were requested.
     fn read(from: u64, replies: Vec<Reply>) -> (Result<Vec<u64>, WrongReply>, Vec<u64>) {
         let (mut replies, mut asked) = (replies.into_iter(), Vec::new());
         let read = read_journal(from, |op| {

@@ -34,7 +34,7 @@ const PAUSE_US: u64 = 100_000;
 /// The history by which the plant can return to an earlier moment.
 #[derive(Debug)]
 pub struct Travel {
-    /// Snapshots that clients have asked for, by their numbers.
+    /// Snapshots that clients have requested, by their numbers.
     saved: BTreeMap<u32, KeptSnapshot>,
     last: u32,
     /// A snapshot as a file that a client is reading.
@@ -231,7 +231,7 @@ pub(super) fn set_out(host: &mut dyn Host, is_first: bool) {
     }
 }
 
-/// Called when the clock has advanced without a request.
+/// Called when the clock has advanced without a request of a client.
 pub(super) fn arrived(host: &mut dyn Host) {
     let (plant, travel) = host.plant_and_travel();
     if let Some(stretch) = travel.history.back_mut() {

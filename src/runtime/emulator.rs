@@ -133,7 +133,7 @@ impl Emulator {
     ) -> Result<Self, RuntimeError> {
         options.clock.check()?;
         let doors = config.buses.iter().map(|bus| bus.doors().len()).sum();
-        // This check comes before any file of the instance exists: without free file descriptors, the files could not
+        // The check is made before any file of the instance exists: without free file descriptors, the files could not
         // be removed.
         needs::allow_files_of(config.devices.len(), doors)?;
         needs::allow_memory_of(config.devices.len())?;
@@ -255,7 +255,7 @@ impl Emulator {
     /// Records in the journal every later change of the registers in the `len` bytes from `offset` on of PLC `plc`.
     ///
     /// # Errors
-    /// See [`Plant::follow_registers`].
+    /// The errors of [`Plant::follow_registers`].
     pub fn keep_changes(&mut self, plc: DeviceIndex, offset: u32, len: u32) -> Result<(), FollowError> {
         self.plant.follow_registers(plc, offset, len, Keep::InJournal)
     }
@@ -287,7 +287,7 @@ impl Emulator {
         self.images.iter().find(|image| image.was_shortened())
     }
 
-    /// Runs until asked to end.
+    /// Runs until the emulator is requested to end.
     ///
     /// # Errors
     /// [`RuntimeError::Federation`] if another federate or the connection has failed. [`RuntimeError::Novram`] if

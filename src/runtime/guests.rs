@@ -97,7 +97,7 @@ impl Guests {
         self.forget_departed();
     }
 
-    /// Connects and disconnects guests and passes their frames to the plant. Guests that have asked for a seat get it.
+    /// Connects and disconnects guests and passes their frames to the plant. Guests that have requested a seat get it.
     /// Requested durations until a guest's next turn begin now.
     pub(super) fn enter(&mut self, plant: &mut Plant, is_stepped: bool) {
         if self.is_empty() {
@@ -238,7 +238,7 @@ fn bring_in_all(
     for it in present.iter_mut().filter(|it| are_meant(it)) {
         let is_through = it.send(plant);
         if it.requests.has_gone && !is_through {
-            // This frees the place of the guest for other guests.
+            // Disconnecting here frees the place of the guest for other guests.
             plant.guest_has_gone(it.guest.bus, it.guest.number);
         }
         if it.is_in && is_through && (!it.requests.takes_part || !it.fits) {

@@ -5,8 +5,8 @@
 //! over.
 //!
 //! Tasks of one PLC share its processor. A task of a higher level interrupts a task of a lower level. The run of the
-//! interrupted task ends later by the duration of the interruption. Tasks of the same level wait for each other (manual
-//! 5.00005.03a p. 43-44, 73). The emulator gives up a task that dies, leaves or takes too long.
+//! interrupted task ends later by the duration of the interruption. Of tasks of the same level, one runs after the
+//! other (manual 5.00005.03a p. 43-44, 73). The emulator gives up a task that dies, leaves or takes too long.
 
 use crate::identity::DeviceIndex;
 use crate::memory::header::{SEAT_ORDERS, SEAT_WAITS, Seat, SeatState};
@@ -110,7 +110,7 @@ impl Lockstep {
         Lockstep { turn: None, headers, requests, tasks: Vec::new(), stepped }
     }
 
-    /// Gives seats to tasks that ask for one, and removes tasks that have left. Returns true if there were such tasks.
+    /// Gives seats to tasks that request one, and removes tasks that have left. Returns true if there were such tasks.
     pub(crate) fn look(&mut self, plant: &mut Plant, witness: &mut dyn Witness) -> bool {
         // During a turn, tasks neither join nor leave.
         if self.turn.is_some() {

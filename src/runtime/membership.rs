@@ -2,8 +2,8 @@
 //! other.
 //!
 //! Input on this host enters the plant only in the turn of this federate: requests of clients, stores of programs that
-//! map an image, actions of tasks in lockstep. The turn ends when a client of this host asks to advance the clock. If
-//! this federate only follows, it ends immediately.
+//! map an image, actions of tasks in lockstep. The turn ends when a client of this host requests to advance the clock.
+//! If this federate only follows, it ends immediately.
 
 use super::emulator::{Emulator, LONGEST_SLEEP};
 use super::error::RuntimeError;
@@ -95,7 +95,7 @@ impl Emulator {
         move || handle.wake()
     }
 
-    /// Runs until asked to end, or until another federate ends.
+    /// Runs until this emulator is requested to end, or until another federate ends.
     pub(super) fn run_federated(&mut self) -> Result<(), RuntimeError> {
         let mut outcome = Ok(());
         while !self.is_stopping() && outcome.is_ok() {

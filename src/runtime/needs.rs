@@ -11,8 +11,8 @@ const PER_PLC: u64 = 5;
 const PER_DOOR: u64 = 2;
 /// Open files for each client of the channel.
 const PER_CLIENT: u64 = 3;
-/// Other open files: the lock of the instance and its directory, the channel, the thread of the doors, the watch of the
-/// images, and files for short use.
+/// Number of other open files: the lock of the instance and its directory, the channel, the thread of the doors, the
+/// watch of the images, and files for short use.
 const BESIDES: u64 = 26;
 /// Minimum number of clients. If the limit does not leave files for them, the emulator does not start.
 const FEW_CLIENTS: u64 = 4;

@@ -95,7 +95,8 @@ impl Novram {
             bytes.iter_mut().take(width.bytes() as usize).zip(part).for_each(|(to, from)| *to = *from);
             novram.segment.store(register.offset(), width, u32::from_le_bytes(bytes))?;
         }
-        // All flags are 0 at the start, even in an image that was taken over. So flags with value 0 need no store.
+        // All flags of an image are 0 at the start, even if the image was taken over. So flags with the value 0 need no
+        // store.
         let flags = novram.saved.retain().as_chunks::<4>().0;
         for (offset, bytes) in (first..first + retain_bytes).step_by(4).zip(flags) {
             if *bytes != [0; 4] {

@@ -52,7 +52,7 @@ const LOOK_BACK: u64 = 512;
 ///
 /// Registers have the same names as on the command line: `node2.w_CPU_CONTROL`, `line2:node2.a_STAT_SL[1]`,
 /// `%MW3.200000`. Values are numbers or texts such as `16#0040`. Times are texts with a unit such as `2ms`, durations,
-/// or numbers of microseconds. A verb advances the clock only if its description says so.
+/// or numbers of microseconds. A verb advances the clock only if its description mentions it.
 ///
 /// ```
 /// use commram::script::{Bench, ScenarioError};

@@ -68,7 +68,7 @@ impl Checker {
         Some(Misreading { line, column: position.position(), what })
     }
 
-    /// Whether a script without own functions can call a function of this name.
+    /// True if a script without own functions can call a function of this name.
     pub(crate) fn knows(&self, name: &str) -> bool {
         self.functions.contains(name)
     }
@@ -90,7 +90,7 @@ pub(crate) fn refused_value(place: &NamedLocation, value: &Value) -> Option<Stri
     value.bits(place).err().map(|error| error.to_string())
 }
 
-/// What the text of an argument names.
+/// The kind of object that the text of an argument names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum ArgumentKind {
     Register,
@@ -165,7 +165,7 @@ pub(crate) fn argument(bench: &mut Bench, kind: ArgumentKind, text: &str) -> Res
             added
         }
         ArgumentKind::Time => Span::Text(text.to_owned()).us().map(drop),
-        // Their verbs change the plant, or a second argument decides.
+        // Either the verbs change the plant, or a second argument decides what the text means.
         ArgumentKind::Block
         | ArgumentKind::Place
         | ArgumentKind::Port

@@ -49,7 +49,7 @@ fn named(reports: &[Report], name: &str) -> Result<String, SerializeError> {
 /// The XML, in the form of Jenkins' schema.
 ///
 /// # Errors
-/// See [`junit`].
+/// The errors of [`junit`].
 pub(crate) fn junit_text(all: &quick_junit::Report) -> Result<String, SerializeError> {
     // The library removes only control characters, so other forbidden characters are removed here.
     let text = xml_text::allowed(all.to_string()?);

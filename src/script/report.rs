@@ -106,7 +106,8 @@ pub struct PlotFile {
 /// The result of a scenario.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Report {
-    /// Path of the script, as given. Not part of the report that another process sends, because the receiver knows it.
+    /// Path of the script, as given. The report that another process sends does not contain the path, because the
+    /// receiver has started the script.
     #[serde(skip)]
     pub file: PathBuf,
     /// Description of the plant: its file, or another origin. Empty if the scenario did not run.

@@ -51,15 +51,15 @@ impl Saving {
         Saving { bytes }
     }
 
-    /// Appends a value. The length of each sequence in the value must be known before it is written; serde does not
-    /// know the length of some iterators.
+    /// Appends a value. The length of each sequence in the value must be known before it is written; serde cannot
+    /// determine the length of some iterators.
     #[inline]
     pub fn value<T: Serialize + ?Sized>(&mut self, value: &T) {
         let written = postcard::serialize_with_flavor(value, ByteAppender(&mut self.bytes));
         debug_assert!(written.is_ok(), "{written:?}");
     }
 
-    /// Appends bytes without their number. The reader must know the number.
+    /// Appends bytes without their number. The reader needs the number from another source.
     pub fn raw(&mut self, bytes: &[u8]) {
         self.bytes.extend_from_slice(bytes);
     }

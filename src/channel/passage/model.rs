@@ -8,7 +8,7 @@ use loom::thread;
 /// Behaviour of the modelled file system.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum System {
-    /// The same behaviour as in Linux.
+    /// Behaves like Linux.
     Right,
     /// Fault: a lock excludes no other process.
     LocksAreOpen,
@@ -171,8 +171,8 @@ impl Site {
         Opened { world: Arc::clone(&self.world), system: self.system, number }
     }
 
-    /// Like `Server::open`: takes the lock of the instance, so that there is only one owner, and starts to serve the
-    /// channel.
+    /// Behaves like `Server::open`: takes the lock of the instance, so that there is only one owner, and starts to
+    /// serve the channel.
     fn opens(&self, owner: u32) -> Opened {
         loop {
             let mut world = self.world.lock().unwrap();
@@ -201,7 +201,7 @@ impl Site {
         root
     }
 
-    /// Like `client::ports`: a client enters and checks that its owner has not ended.
+    /// Behaves like `client::ports`: a client enters and checks that its owner has not ended.
     fn enters(&self, client: u32, owner: u32) -> Option<Opened> {
         let number = self.world.lock().unwrap().named?;
         let place = self.open(number);
@@ -228,7 +228,7 @@ impl Site {
     }
 }
 
-/// Like a client that ends.
+/// Behaves like a client that ends.
 fn leaves(place: &Opened, client: u32) {
     for content in &mut place.world().directories {
         content.inside.retain(|other| *other != client);
@@ -236,7 +236,7 @@ fn leaves(place: &Opened, client: u32) {
     leave(place);
 }
 
-/// Like an emulator that ends normally.
+/// Behaves like an emulator that ends normally.
 fn ends(place: &Opened, owner: u32) {
     place.withdraw();
     place.content(|it| it.inside.retain(|other| *other != owner));

@@ -92,8 +92,8 @@ fn random_requests_do_not_stop_the_server() {
                 .map(|_| {
                     let bytes: [u8; 32] = std::array::from_fn(|_| noise.u8(..));
                     let mut op = WireOp::read_from_bytes(&bytes).unwrap();
-                    // Half of them look valid at first; none stops the emulator or waits for a long
-                    // time.
+                    // Half of the random messages look valid at first. None of them stops the emulator or makes it wait
+                    // for a long time.
                     if noise.bool() {
                         op.kind = noise.u16(..8);
                         op.plc %= 3;
@@ -169,7 +169,7 @@ fn a_reply_that_makes_no_sense_is_an_error() {
     assert!(matches!(error, ClientError::Reply(DecodeError { index: 1, block: 1 })), "{error}");
     let error = with_answer(&[Block { data_len: u32::MAX, ..value(2) }], &[peek]).unwrap_err();
     assert!(matches!(error, ClientError::Reply(DecodeError { index: 0, block: 0 })), "{error}");
-    // Too few and too many.
+    // The server sends too few values, then too many.
     let error = with_answer(&[value(1)], &[peek, peek]).unwrap_err();
     assert!(matches!(error, ClientError::WrongReply { .. }), "{error}");
     let error = with_answer(&[value(1), value(2)], &[peek]).unwrap_err();

@@ -48,7 +48,7 @@ impl Drop for Process {
     }
 }
 
-/// Not a real test: the body of the child processes.
+/// The body of the child processes, and not a real test.
 #[test]
 fn child() {
     let Ok(role) = std::env::var(ROLE) else { return };

@@ -116,7 +116,7 @@ impl InstanceFiles {
         Self { owned: Some(owned), directory, instance }
     }
 
-    /// The same files, as seen by a child process.
+    /// Creates a rig in a child process, on the files of the parent.
     pub(crate) fn inherited(directory: PathBuf, instance: String) -> Self {
         Self { owned: None, directory, instance }
     }
@@ -151,12 +151,12 @@ impl InstanceFiles {
 
     /// The beginning of the names of the instance's shared memory.
     fn tag(&self) -> String {
-        // The same path as while the root directory exists.
+        // The path is the same as while the root directory existed.
         let directory = self.directory.canonicalize().unwrap();
         tag(&self.instance, &directory.join("iox"))
     }
 
-    /// Shared memory of the instance.
+    /// Returns the shared memory of the instance.
     pub(crate) fn remains(&self) -> Vec<PathBuf> {
         shm::objects(&self.tag()).collect()
     }
@@ -171,7 +171,7 @@ impl Drop for InstanceFiles {
     }
 }
 
-/// Runs the firmware thread until it is asked to stop.
+/// Runs the firmware thread until it has to stop.
 pub(crate) fn serve(place: &InstanceFiles, mut host: TestHost) {
     let bells = place.bells();
     let mut server = place.server().unwrap();

@@ -213,7 +213,7 @@ impl Content for Vec<Entry> {
     }
 }
 
-/// Whether a server can have sent this note of a finding.
+/// True if a server can have sent this note of a finding.
 fn is_note(text: &str) -> bool {
     text.len() <= LONGEST_NOTE && !text.contains(char::is_control)
 }

@@ -292,8 +292,8 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().fold(String::new(), |text, byte| text + &format!("{byte:02X}"))
 }
 
-/// A change of any of them needs a new version in the names of the types. New operations and replies do not: an emulator that
-/// does not know an operation refuses it by code 13.
+/// A change of any of them needs a new version in the names of the types. New operations and replies do not: an emulator
+/// refuses an unknown operation by code 13.
 #[test]
 fn the_bytes_of_operations_and_replies_change_with_the_version_only() {
     let mut lines = String::new();

@@ -39,7 +39,7 @@ fn the_module_in_the_slot_decides_which_structure_lies_there() {
     }
 }
 
-/// The firmware and the function blocks know the family's structures only.
+/// The firmware and the function blocks use only the family's structures.
 #[test]
 fn one_typed_view_serves_both_devices() {
     let segment = Segment::heap(200_000);

@@ -43,7 +43,7 @@ pub struct CanBus {
     pub(super) has_state_changes: bool,
     /// Buffer for the receivers of a frame.
     pub(super) receivers: Vec<u16>,
-    /// Guests that hear the traffic.
+    /// Guests that receive the traffic.
     pub(super) receivers_of_traffic: TrafficReceivers,
     next: u64,
 }

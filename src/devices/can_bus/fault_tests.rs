@@ -31,7 +31,7 @@ fn bench(frames: &[Frame], fault: Fault) -> Bench {
     of_two(frames, &[], fault)
 }
 
-/// As `bench`; the second port sends `others` at the same time.
+/// Does the same as `bench`; the second port sends `others` at the same time.
 fn of_two(frames: &[Frame], others: &[Frame], fault: Fault) -> Bench {
     let script = |frames: &[Frame]| frames.iter().map(|frame| (10, *frame)).collect();
     let scripts = vec![(vec![], script(frames)), (vec![], script(others)), (vec![], vec![])];
@@ -152,7 +152,8 @@ fn a_lost_arbitration_without_a_winner_leaves_an_error_frame() {
     bench.run(10_000);
     assert_eq!(bench.lost(), [(17, (it, Fate::Withdrawn)), (17 + 24, (it, Fate::Withdrawn))]);
     assert_eq!(bench.marks(), [(10 + 2 * 24 + lasts(&it).0, 1)]);
-    // All stations have counted an error as receivers, and the other two one less for the frame.
+    // All stations have counted an error as receivers. The two other stations then counted one error less, because they
+    // received the frame.
     assert_eq!(bench.errors(), [(0, 2), (0, 1), (0, 1)]);
 }
 

@@ -335,7 +335,7 @@ fn a_bus_off_station_without_a_restart_stays_off() {
     bench.run(1_000_000);
     assert_eq!((bench.log(), bench.frames()), (vec![(0, 50, "bus_off", 0)], vec![]));
     assert_eq!(bench.bus.stations().iter().map(|it| it.errors.state()).max(), Some(ErrorState::BusOff));
-    // A station without power forgets its errors.
+    // A station without power loses its error counters.
     bench.bus.power_off(0, 1_000_000, &mut bench.journal);
     bench.bus.power_on(0, 0, 1_000_000, &mut bench.journal);
     assert_eq!(bench.errors(), [(0, 0); 2]);

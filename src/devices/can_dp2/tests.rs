@@ -41,7 +41,7 @@ const CYCLE: u64 = 100;
 const MS: u64 = 1000;
 const S: u64 = 1_000_000;
 
-/// Frames that the station on CAN is to send, and frames that it has heard, with times.
+/// Frames that the station on CAN has to send, and frames that it has received, with times.
 #[derive(Default)]
 struct Wires {
     to_send: Vec<Frame>,
@@ -94,7 +94,7 @@ impl Bench {
         Self::with_segment(switches, "kbit_s = 500")
     }
 
-    /// As `new`, with other settings of the segment.
+    /// Like `new`, with other settings of the segment.
     fn with_segment(switches: u8, settings: &str) -> Self {
         let text = format!("{{ name = 'gw', profibus = 'dp', can = 'open', switches = {switches} }}");
         let config = CanDp2Config::read(ValueDeserializer::parse(&text).unwrap()).unwrap();
@@ -230,12 +230,12 @@ impl Bench {
         self.wires.lock().unwrap().to_send.push(frame);
     }
 
-    /// Returns the frames that the station on CAN has heard since the last call: `203: 12 34`, `289: remote 2`.
+    /// Returns the frames that the station on CAN has received since the last call: `203: 12 34`, `289: remote 2`.
     fn heard(&mut self) -> Vec<String> {
         self.heard_at().into_iter().map(|(_, frame)| frame).collect()
     }
 
-    /// As `heard`, with the times.
+    /// Like `heard`, with the times.
     fn heard_at(&mut self) -> Vec<(u64, String)> {
         let heard = core::mem::take(&mut self.wires.lock().unwrap().heard);
         let text = |frame: Frame| {

@@ -60,7 +60,7 @@ impl Errors {
         Some([low, high, self.register(), a, b, c, d, e])
     }
 
-    /// Clears all errors and forgets the reports.
+    /// Clears all errors and the list of errors that were reported.
     pub fn clear(&mut self) {
         self.present.clear();
         self.reported.clear();

@@ -71,7 +71,7 @@ impl NodeMessages<'_> {
             ("NMT", self.message(0, of("", "Network management: command, and node or 0 for all"), &nmt)),
             ("SYNC", self.message(sync & ID, of("", "SYNC object (1005h)"), &[])),
         ];
-        // One sender and many receivers: no prefix.
+        // The message has one sender and many receivers, so its name has no prefix.
         all.into_iter().map(|(name, message)| message.map(|it| Message { name: name.to_owned(), ..it }))
     }
 

@@ -9,7 +9,7 @@ pub enum Transmission {
     SynchronousAcyclic,
     /// At every n-th SYNC object, n from 1 to 240.
     Synchronous(u8),
-    /// When the value is new; type 254 or 255.
+    /// The PDO is sent when the value changes; types 254 and 255.
     Asynchronous(u8),
 }
 
@@ -67,7 +67,7 @@ impl SyncCounter {
 /// A PDO of the sending side.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Transmit {
-    /// The value that was sent last, so that the other stations know it.
+    /// The value that was sent last, which the other stations have received.
     known: [u8; 8],
     count: SyncCounter,
     /// Earliest time of the next asynchronous PDO, in us.

@@ -30,7 +30,7 @@ impl Supervision {
         }
     }
 
-    /// Called when the event has come, or when it is awaited from `now` on.
+    /// Called when the event occurs, or when the supervision of the event begins at `now`.
     pub fn start(&mut self, now: u64) {
         self.is_awaited = true;
         self.is_missing = false;

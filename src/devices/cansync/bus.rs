@@ -111,7 +111,7 @@ pub struct SimBus {
     response: Option<Frame>,
     disturbance: Disturbance,
     own_clock: OwnClock,
-    /// Guests that hear the traffic.
+    /// Guests that receive the traffic.
     receivers_of_traffic: TrafficReceivers,
 }
 

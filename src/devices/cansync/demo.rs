@@ -1,4 +1,4 @@
-//! The soft-PLC of a demonstration: a CANsync master brings up three drives and moves them. The soft-PLC knows only the
+//! The soft-PLC of a demonstration: a CANsync master brings up three drives and moves them. The soft-PLC uses only the
 //! image file and the register map.
 
 mod exchange;
@@ -112,8 +112,9 @@ fn initialization_data(
 }
 
 /// Maps reference value 0 into words 0 and 1 of frame 1, which all drives read, and words 0 and 1 of each drive's frame
-/// 1 into its actual value 0. In each interval the master asks another slave for its frame. The mapping comes after the
-/// initialization data, because the firmware clears the cyclic registers when it takes over the initialization data.
+/// 1 into its actual value 0. In each interval the master requests the frame of another slave. The mapping comes after
+/// the initialization data, because the firmware clears the cyclic registers when it takes over the initialization
+/// data.
 fn mapping(trace: &Trace<'_>) -> Result<(), DemoError> {
     let node = &trace.node;
     let reference = &node._CFG_WRC_WORD;

@@ -13,7 +13,7 @@ const MASTER: &str = "master";
 const PARAMETER: Presence = Presence::If(0);
 const UP_DOWNLOAD: Presence = Presence::If(1);
 
-/// The frames of all 32 slave numbers, whether or not such a slave is on the bus: a master may ask any.
+/// The frames of all 32 slave numbers, whether or not such a slave is on the bus: a master may request any of them.
 pub(super) fn all() -> Vec<Message> {
     let action = vec![
         low("slave_group", 0, 32, "Bit n: the command is for slave n"),

@@ -72,11 +72,11 @@ pub(super) struct Firmware {
     begun_at: u64,
     /// True if the present cycle is overdue; the watchdog resets the device at `end_at`.
     is_overdue: bool,
-    /// Set if the device is the master of the network.
+    /// Network management; set if the device is the master of the network.
     pub(super) nmt: Option<Nmt>,
     /// The built-in program as master.
     pub(super) master: Option<Master>,
-    /// Started orders of the job block.
+    /// Orders of the job block that have been started.
     pub(super) under_way: StartedOrders,
     /// Number of cycles since power-on, up to three.
     cycles: u8,
@@ -276,7 +276,7 @@ impl Firmware {
                 if let Some(guarding) = guarding {
                     self.node.set_guarding(guarding, ctx.now);
                 }
-                // Each request would reset the communication; only the result of the last one counts (p. 155).
+                // Each request would reset the communication, and only the result of the last reset counts (p. 155).
                 if !pdos.is_empty() {
                     pdos.iter().for_each(|(way, pdo, config)| self.node.ask_pdo(*way, *pdo, *config));
                     self.node.restart(State::PreOperational, ctx.now);

@@ -168,12 +168,12 @@ impl Bench {
         self.wires.lock().unwrap().to_send.push(frame);
     }
 
-    /// Returns the frames that the master has heard since the last call: identifiers and data.
+    /// Returns the frames that the master has received since the last call: identifiers and data.
     fn heard(&mut self) -> Vec<(u16, Vec<u8>)> {
         self.heard_when().into_iter().map(|(_, id, data)| (id, data)).collect()
     }
 
-    /// As `heard`, with times.
+    /// Like `heard`, with times.
     fn heard_when(&mut self) -> Vec<(u64, u16, Vec<u8>)> {
         self.wires.lock().unwrap().take_heard()
     }

@@ -41,7 +41,7 @@ impl Place {
         Place { offset: register.offset(), width: register.address().width(), front }
     }
 
-    /// Whether the register is a word of the front.
+    /// True if the register is a word of the front.
     #[cfg(feature = "script")]
     pub(super) fn is_front(self) -> bool {
         self.front.is_some()
@@ -205,7 +205,7 @@ impl Card {
         }
     }
 
-    /// As [`Card::watch`] for a changed script: registers that were compared before keep their last known value.
+    /// Like [`Card::watch`] for a changed script: registers that were compared before keep their last known value.
     #[cfg(feature = "script")]
     pub(super) fn watch_again(&mut self, layout: &'static DeviceLayout, names: Option<&[String]>) {
         let known = mem::take(&mut self.watched);

@@ -13,7 +13,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{MutexGuard, PoisonError};
 
-/// Most states of folders that a process reads which lives as long as an editor. A table of registers has some 10 KB.
+/// Maximum number of folder states that a process reads if it runs as long as an editor. A table of registers has some
+/// 10 KB.
 const MOST_OF_AN_EDITOR: usize = 4096;
 
 fn loaded() -> MutexGuard<'static, Loaded> {

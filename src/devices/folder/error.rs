@@ -39,7 +39,7 @@ pub enum FolderError {
     Missing {
         /// The folder.
         dir: PathBuf,
-        /// Why.
+        /// Cause of the error.
         reason: std::io::Error,
     },
     /// The path has control characters, or is not text.

@@ -9,7 +9,7 @@ use std::path::Path;
 pub(super) const EXERCISE: &str = "exercise.rhai";
 /// Files with fixed names.
 pub(super) const FIXED: [&str; 4] = ["device.toml", handshakes::FILE, SCRIPT, EXERCISE];
-/// Files that commram itself looks for in a directory: a plant with the device, and a configuration.
+/// Files that commands of commram read in a directory: a plant with the device, and a configuration.
 const OF_COMMANDS: [&str; 2] = ["plant.toml", "commram.toml"];
 /// Most entries of a folder that are compared.
 const MOST_ENTRIES: usize = 4096;

@@ -68,7 +68,7 @@ pub struct Folder {
     pub registered: Registered,
     /// Handshakes of the device.
     pub rows: Vec<Handshake>,
-    /// Its own kinds of journal records.
+    /// Kinds of journal records that the device defines.
     pub records: Vec<OwnRecord>,
     script: Option<Script>,
     /// Number that differs between folders with different files.
@@ -220,7 +220,7 @@ pub(super) fn of_hash(hash: u64) -> Option<&'static Registered> {
 /// and its script may be wrong.
 ///
 /// # Errors
-/// As [`load`], for the files with registers.
+/// Like [`load`], for the files with registers.
 fn load_registers(dir: &Path) -> Result<&'static Registered, FolderError> {
     let mut read = commram_layoutc::read_folder(dir)?;
     read.inputs.iter().try_for_each(|(path, text)| texts::check(path, text))?;
@@ -253,7 +253,7 @@ pub(super) fn load_of_instance(instance: &str) {
     }
 }
 
-/// Why none of the folders of an instance has the registers of an image, a text for each folder.
+/// Returns the reason why no folder of an instance has the registers of an image, with a text for each folder.
 pub(super) fn differences(instance: &str) -> String {
     let difference = |dir: PathBuf| match load_registers(&dir) {
         Err(reason) => reason.to_string(),

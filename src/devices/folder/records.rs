@@ -52,7 +52,7 @@ impl Stopped {
 }
 
 impl Reload {
-    /// As [`Note::write`].
+    /// Like [`Note::write`].
     pub fn write(journal: &mut Journal, now: u64, plc: DeviceIndex, text: &str) {
         let (text, sum) = shortened(text);
         journal.push_octets(now, Reload { plc, sum }, Some(text.as_bytes()));

@@ -24,7 +24,7 @@ impl Source {
     /// Reads the folder again if a file has changed. `None` if the device has the same files as before.
     ///
     /// # Errors
-    /// Why the device cannot take over the files, in a line.
+    /// The device cannot take over the files; the error is a line of text.
     pub(super) fn read_again(&mut self) -> Result<Option<&'static Folder>, String> {
         let stamp = stamp(&self.config);
         if stamp == self.stamp {

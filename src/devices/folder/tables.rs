@@ -77,7 +77,7 @@ struct Placed {
 /// The tables made so far.
 #[derive(Default)]
 struct Tables {
-    /// Each text once: registers of shared sub-structures have the same ones.
+    /// Stores each text only once: the registers of shared sub-structures have the same texts.
     texts: HashMap<String, &'static str>,
     meanings: Vec<&'static Meaning>,
 }

@@ -72,7 +72,7 @@ impl Ethernet {
     /// The interface with a link of `speed` Mbit/s; 0 is no link.
     ///
     /// # Errors
-    /// If the segment is read-only.
+    /// The segment is read-only.
     pub fn new(segment: &Segment, speed: u16) -> Result<Self, MemoryError> {
         Ok(Ethernet {
             config: segment.view(ETHERNET_CONFIG)?,
@@ -161,7 +161,7 @@ impl Ethernet {
 
     fn registers(&self) -> Stored {
         let mut bytes = Stored::default();
-        // Both have the same size by their definition.
+        // The cast cannot fail: both types have the same size by their definition.
         let _ = self.config.snapshot().write_to(&mut bytes);
         bytes
     }

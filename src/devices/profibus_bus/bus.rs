@@ -65,7 +65,7 @@ impl BusPort {
 #[derive(Clone, Copy, Serialize, Deserialize)]
 struct PendingAnswer {
     sender: usize,
-    /// Until this bit time no other station sends a request.
+    /// Bit time until which no other station sends a request.
     until: u64,
 }
 
@@ -94,7 +94,7 @@ pub struct ProfibusBus {
     pub(super) line: Line,
     pub(super) ends: Vec<BusPort>,
     pub(super) guests: Guests,
-    /// Guests that hear the traffic.
+    /// Guests that receive the traffic.
     receivers_of_traffic: TrafficReceivers,
     /// Telegrams that faults hold back.
     pub(super) held: Vec<HeldTelegram>,

@@ -9,7 +9,7 @@ use crate::profibus::{FunctionCode, MAX_OCTETS, Telegram};
 pub(in crate::devices) enum Effect {
     /// On telegrams.
     Telegram(Telegrams, TelegramEffect),
-    /// This number of octets on the line, 1 to [`MAX_OCTETS`].
+    /// The fault puts this number of octets on the line, 1 to [`MAX_OCTETS`].
     Noise(u8),
 }
 

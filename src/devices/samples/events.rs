@@ -14,7 +14,7 @@ pub(crate) fn event_at(
     kind: impl Strategy<Value = &'static EventKind>,
     place: impl Strategy<Value = (u16, u8)>,
 ) -> impl Strategy<Value = Event> {
-    // This includes values that consist of two small numbers, and the place of a guest.
+    // The range includes values that consist of two small numbers, and the index of a guest.
     let two = (0..9_u32, 0..5_u32, 1..4_u32).prop_map(|(low, high, octet)| low | high << (8 * octet));
     let guest = 0x00FF_FF01..0x00FF_FF04_u32;
     let number = prop_oneof![

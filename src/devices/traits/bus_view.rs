@@ -49,7 +49,7 @@ pub trait BusView {
     /// The attached ports, in the order of attachment.
     fn ports(&self) -> Vec<Origin>;
 
-    /// Returns the stations that have power. The list is empty if the bus does not know its stations.
+    /// Returns the stations that have power. The list is empty if the bus has no list of stations.
     fn stations(&self) -> Vec<StationState> {
         Vec::new()
     }

@@ -49,7 +49,7 @@ pub struct ParameterState {
     pub read_only: bool,
 }
 
-/// Set and actual motion of the motor of a drive. Speeds are in increments of the drive's speed format.
+/// Reference and actual motion of the motor of a drive. Speeds are in increments of the drive's speed format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shaft {
     /// The set speed of the motor: after the limits and the ramp of the drive.

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 const HIGHEST: &str = "Highest sub-index";
 /// Data type of CiA 301.
 const UNSIGNED8: u16 = 0x5;
-/// The identity object of a device without one (D-770): the vendor-ID 0 says that it is unknown.
+/// The identity object of a device without one (D-770): the vendor-ID 0 means that the vendor is unknown.
 const UNKNOWN_IDENTITY: &str = "[1018]\nParameterName=Identity\nObjectType=0x9\nSubNumber=2\n\n\
      [1018sub0]\nParameterName=Highest sub-index\nObjectType=0x7\nDataType=0x0005\nAccessType=ro\nDefaultValue=0x1\nPDOMapping=0\n\n\
      [1018sub1]\nParameterName=Vendor-ID\nObjectType=0x7\nDataType=0x0007\nAccessType=ro\nDefaultValue=0x0\nPDOMapping=0\n\n";

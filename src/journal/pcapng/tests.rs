@@ -5,7 +5,7 @@ use crate::journal::candump::FrameText;
 use crate::journal::recording::{Direction, Logged, Recording, read_text};
 use proptest::prelude::*;
 
-/// A block in the order of bytes asked for.
+/// A block in the requested byte order.
 fn block(kind: u32, body: &[u8], is_big: bool, out: &mut Vec<u8>) {
     let word = |value: u32| if is_big { value.to_be_bytes() } else { value.to_le_bytes() };
     let length = word(body.len() as u32 + 12);
@@ -22,7 +22,7 @@ fn log(is_big: bool, link: u16, options: Options, ticks: u64, packet: &[u8]) -> 
     log_with(is_big, link, options, ticks, packet, &[])
 }
 
-/// The same, with options of the packet.
+/// Does the same, with options of the packet.
 fn log_with(
     is_big: bool,
     link: u16,
@@ -187,7 +187,7 @@ fn fuzz_log() {
 proptest! {
     #![proptest_config(crate::property_tests())]
 
-    /// Written frames are read again.
+    /// Frames that were written to a file can be read again.
     #[test]
     fn frames_come_back(frame in frames(), ticks in 0..u64::MAX / 1_000_000) {
         let read = read(&log(false, SOCKETCAN, &[(NAME, b"open")], ticks, &write::packet(&frame))).unwrap();

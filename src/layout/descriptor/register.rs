@@ -94,7 +94,7 @@ pub enum Owner {
     Plc,
     /// The firmware.
     Firmware,
-    /// Both, in a handshake.
+    /// Both sides write the register, in a handshake.
     Both,
 }
 

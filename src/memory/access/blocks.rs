@@ -259,7 +259,7 @@ mod tests {
     #[test]
     fn blocks_are_compared_with_words() {
         const BLOCKS: usize = 3;
-        // Not at the alignment of a block.
+        // The words do not begin at the alignment of a block.
         let mut words = [0_u64; BLOCKS * BLOCK + 2];
         let mut blocks = [Block([u64::MAX; BLOCK]); BLOCKS];
         for place in 0..BLOCKS * BLOCK {

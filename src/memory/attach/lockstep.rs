@@ -146,7 +146,7 @@ impl LockstepTask<'_> {
     /// PLC interrupt it. Returns the emulated time afterwards. Call it within a turn.
     ///
     /// # Errors
-    /// See [`LockstepTask::next_event`].
+    /// The errors of [`LockstepTask::next_event`].
     pub fn run_for(&mut self, us: NonZeroU32, timeout: Duration) -> Result<u64, MemoryError> {
         self.end_turn(us.get());
         self.await_turn(timeout)

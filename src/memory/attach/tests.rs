@@ -1,4 +1,4 @@
-//! All refusals, and what a client detects while it waits.
+//! Tests all refusals, and the changes that a client detects while it waits.
 
 use super::*;
 use crate::memory::{

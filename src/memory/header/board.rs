@@ -28,7 +28,7 @@ pub struct Program {
     pub state: Cell32,
     /// Request of a client: a [`Start`]; the firmware sets it back to 0.
     pub start_request: Cell32,
-    /// Rung by the firmware when the PLC program shall start or stop, as `start_kind` says.
+    /// Rung by the firmware when the PLC program must start or stop; `start_kind` selects which.
     pub start: Bell,
     /// A [`Start`], stored before `start` rings.
     pub start_kind: Cell32,
@@ -74,7 +74,7 @@ codes! {
 codes! {
     /// The loaded project. Its kind decides whether it survives power-off and reset (manual p. 37).
     Project {
-        /// None.
+        /// The program is not started.
         None = 0,
         /// The boot project. A copy is in the flash memory, so it survives power-off.
         Boot = 1,
@@ -83,7 +83,7 @@ codes! {
     }
 }
 codes! {
-    /// How a PLC program starts (manual p. 38).
+    /// Kind of the start of a PLC program (manual p. 38).
     Start {
         /// No start or stop is requested.
         None = 0,

@@ -1,4 +1,4 @@
-//! Named numbers in the header page.
+//! The header page contains numbers with names.
 
 // The numbers are `tt`, because derives cannot parse a `literal` fragment.
 macro_rules! codes {

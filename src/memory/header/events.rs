@@ -74,7 +74,7 @@ pub enum Trigger {
 codes! {
     /// Result of a call of `INTR_SET`.
     InterruptResult {
-        /// Enabled or disabled as asked.
+        /// The event was enabled or disabled as requested.
         Done = 0,
         /// The event number is reserved or does not exist.
         NoSuchEvent = 1,

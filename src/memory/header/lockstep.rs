@@ -51,7 +51,7 @@ codes! {
     SeatState {
         /// Free, or the task has left.
         Free = 0,
-        /// The task asks to take part.
+        /// The task requests to take part.
         Asking = 1,
         /// The task takes part.
         Seated = 2,

@@ -15,7 +15,7 @@ pub enum PlantError {
     Read {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Cause of the error.
         source: std::io::Error,
     },
     /// The file is not a plant file.
@@ -96,7 +96,7 @@ pub enum PlantError {
         file: String,
         /// The line, from 1.
         line: usize,
-        /// Why.
+        /// Cause of the error.
         source: FolderError,
     },
     /// A device refers to a bus that does not exist.
@@ -162,7 +162,7 @@ pub enum PlantError {
     Fault {
         /// Number of the fault in the file, from 1.
         number: usize,
-        /// Why.
+        /// Cause of the error.
         source: FaultError,
     },
 }

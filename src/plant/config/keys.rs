@@ -24,7 +24,7 @@ const TYPES: &[(&str, &str)] = &[
 pub(super) struct Section {
     /// Name of the section, as between the double brackets.
     pub name: &'static str,
-    /// Keys that are removed before the section is read, and that the reader therefore does not know.
+    /// Keys that are removed before the section is parsed. The parser therefore does not support them.
     pub before: &'static [&'static str],
     /// Ranges of the keys of the section in the text, without keys of tables in it.
     pub keys: Vec<Range<usize>>,

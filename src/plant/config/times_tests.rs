@@ -1,4 +1,4 @@
-//! Each time of a plant file has its range.
+//! Tests the range of each time in a plant file.
 
 use crate::plant::PlantConfig;
 

@@ -19,7 +19,7 @@ pub struct SnapshotFile {
     pub snapshot: Snapshot,
 }
 
-/// Why bytes are not a usable snapshot.
+/// The reason why bytes are not a usable snapshot.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SnapshotFileError {
     /// The bytes are not a snapshot.

@@ -29,7 +29,7 @@ fn a_file_comes_back_and_anything_else_is_refused() {
     for len in 0..bytes.len() {
         assert!(SnapshotFile::of_bytes(&bytes[..len]).is_err(), "cut off at {len}");
     }
-    // Each bit up to the state, header included, and some after it.
+    // Each bit of the header and up to the state, and some bits after it.
     let header = bytes.len() - file_state(&bytes);
     for at in (0..header).chain((header..bytes.len()).step_by(7)) {
         for bit in (0..8).filter(|bit| at < header || *bit == at % 8) {

@@ -45,7 +45,7 @@ pub(in crate::request) fn back_to_start(host: &mut dyn Host, detached: bool) -> 
     Ok(())
 }
 
-/// Goes back to the last moment before now at which `look` became successful. Returns the result of `look`.
+/// Goes back to the last moment before now at which `look` began to return a result. Returns this result.
 pub(in crate::request) fn back_until<T>(
     host: &mut dyn Host,
     detached: bool,
@@ -65,7 +65,7 @@ fn find_back<T>(
     look: impl Fn(&dyn Host) -> Result<Option<T>, Refused>,
 ) -> Result<T, Refused> {
     let here = host.plant().snapshot();
-    // The start of the next stretch, and whether `look` succeeds at that moment.
+    // The start of the next stretch, and whether `look` returns a result at that moment.
     let mut next_stretch = (here.time_us(), false);
     for place in (0..host.plant_and_travel().1.history.len()).rev() {
         let found = last_in(host, place, next_stretch, &look);
@@ -110,8 +110,8 @@ fn last_unrepeatable(host: &mut dyn Host) -> Option<[u64; 2]> {
     })
 }
 
-/// The last moment in a stretch, or at the beginning of the next one, at which `look` became successful; also the start
-/// of this stretch and whether `look` succeeds there.
+/// The last moment in a stretch, or at the beginning of the next one, at which `look` began to return a result. Also
+/// returns the start of this stretch, and whether `look` returns a result there.
 fn last_in<T>(
     host: &mut dyn Host,
     place: usize,

@@ -50,7 +50,7 @@ fn going_back_by_a_time_restores_the_state_and_continues_from_it() {
     assert_eq!(held(&mut host), Reply::Value(1));
     let kept: Vec<_> = host.plant.journal().records().collect();
     assert!(kept.len() < records.len() && records.starts_with(&kept), "{kept:?}");
-    // The same stores are repeated: the same journal.
+    // The program repeats the same stores, so the journal is the same.
     host.request(&[Op::Advance { us: 1_500 }, poke(2), Op::Advance { us: 4_000 }]);
     assert_eq!((host.plant.journal().hash(), host.plant.journal().end()), (hash, end));
     // A reader of the journal sees that the history is another one.
@@ -217,7 +217,7 @@ fn unrepeatable_stores_through_the_map_are_reported() {
     let in_between = host.plant.journal().written();
     assert!(in_between > 0, "the store shows in the journal");
     let before = host.plant.snapshot();
-    // The program's store is not repeated, so its condition is not found, and the refusal says why.
+    // The program's store is not repeated, so its condition is not found, and the refusal gives the reason.
     let Some(Reply::Error(Refused { text, .. })) = host.request(&until(7)).pop() else { panic!() };
     assert!(text.contains("but between 0.000000 s and 0.010000 s a program has stored registers"), "{text}");
     assert!(host.plant.snapshot() == before);
@@ -263,7 +263,7 @@ fn snapshots_have_numbers_and_come_and_go_in_parts() {
     host.request(&[poke(3), Op::Advance { us: 700 }]);
     assert_eq!(host.request(&[Op::BackTo { number, detached: false }]), [Reply::Time(9_000)]);
     assert!(host.plant.snapshot() == saved);
-    // Another instance of the same plant.
+    // Another instance with the same plant.
     let mut other = TestHost::new(true);
     for bring in Op::bring(&bytes) {
         assert_eq!(other.request(&[bring]), [Reply::Written]);

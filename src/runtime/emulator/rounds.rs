@@ -9,7 +9,7 @@ use crate::memory::bell;
 use crate::runtime::lockstep::NoWitness;
 use std::time::Duration;
 
-/// Longest sleep. The thread notices changes that are not announced by a ring at the latest after this time.
+/// Longest sleep. A change without a ring of the doorbell is detected at the latest after this time.
 pub(in crate::runtime) const LONGEST_SLEEP: Duration = Duration::from_millis(100);
 
 /// Longest step of emulated time while no other process has the image open. A client that attaches may at first see

@@ -65,7 +65,7 @@ impl Content {
     }
 }
 
-/// Why the bytes of a file cannot be used.
+/// The reason why the bytes of a file cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Unusable {
     /// The file is damaged, or is not a NOVRAM file.

@@ -321,7 +321,7 @@ fn failed_writes_are_repeated_until_they_succeed() {
     let mut keeper = keeper(&directory);
     let in_the_way = block(&directory);
     keeper.save(|_| Some((&[5; REGISTERS][..], 1)), false);
-    // Nothing has changed since, and the keeper still retries.
+    // No value has changed since then, and the keeper still retries.
     keeper.save(|_| Some((&[5; REGISTERS][..], 1)), true);
     assert_eq!(saved(&directory), None);
     fs::remove_dir(in_the_way).unwrap();

@@ -199,7 +199,7 @@ impl Bench {
     /// Advances the clock by this time, and expects that no frame with the bits of `id` under `mask` ends within it.
     ///
     /// # Errors
-    /// Such a frame has ended; or there is no such bus, or the identifier is invalid.
+    /// A frame of this kind has ended, the bus does not exist, or the identifier is invalid.
     #[track_caller]
     pub fn expect_no_frame(
         &mut self,
@@ -250,7 +250,7 @@ impl Bench {
     /// Sends a remote frame with this identifier and a length of 0.
     ///
     /// # Errors
-    /// See [`Bench::send_frame`].
+    /// The errors of [`Bench::send_frame`].
     pub fn rtr(&mut self, bus: &str, id: u32, extended: bool) -> Result<(), ScenarioError> {
         let frame = Frame::remote(identifier(id, extended)?, 0);
         let bus = self.bus(bus)?;

@@ -149,7 +149,7 @@ impl Bench {
     /// Expects that exactly these registers have changed since the snapshot, in any order.
     ///
     /// # Errors
-    /// Another register has changed, or one of these registers has not changed; or a name is wrong.
+    /// Another register has changed, one of these registers has not changed, or a name is wrong.
     #[track_caller]
     pub fn expect_changes(&mut self, since: &MemoryCopy, registers: &[&str]) -> Result<(), ScenarioError> {
         let at = Location::caller();

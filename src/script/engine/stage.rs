@@ -9,7 +9,7 @@ use std::path::PathBuf;
 /// Receives the name of a section, and its emulated time in microseconds.
 type SectionReceiver = Box<dyn FnMut(&str, u64)>;
 
-/// Whether the argument of the verb `plant` is the text of a plant file, not the name of one.
+/// True if the argument of the verb `plant` is the text of a plant file, not the name of one.
 pub(crate) fn is_plant_text(text: &str) -> bool {
     text.contains(['\n', '=', '['])
 }

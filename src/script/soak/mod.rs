@@ -23,8 +23,8 @@ const AFTERWARDS: usize = 4;
 /// Range of the number of detours of a second run, and of the number of moves of each detour.
 const DETOURS: core::ops::RangeInclusive<usize> = 0..=4;
 const DETOUR_MOVES: core::ops::RangeInclusive<usize> = 1..=5;
-/// One round of this number kills or ends emulators, if the plant has data that can be lost. Such rounds are rare
-/// because they take much real time.
+/// One round of this number kills or ends emulators, if the plant has data that can be lost. Such rounds are rare,
+/// because they need much real time.
 const KILLED_OF: u8 = 24;
 /// Steps in which the repetition of a round advances the clock, in microseconds.
 const SLICES: core::ops::RangeInclusive<u64> = 300..=30_000;
@@ -34,13 +34,13 @@ pub fn exercises() -> impl Iterator<Item = &'static Exercise> {
     devices::all().iter().flat_map(|known| known.emulation.exercises.iter().copied())
 }
 
-/// What a round tests.
+/// The aim of a round.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RoundKind {
-    /// A correct program: the plant behaves as the manual says, and the checker has no findings.
+    /// A correct program: the plant behaves as the manual specifies, and the checker has no findings.
     Right,
     /// A correct program on a plant with faults. After the end of the faults the program restarts, and the plant
-    /// behaves as the manual says.
+    /// behaves as the manual specifies.
     Disturbed,
     /// A correct program, with additional stores to any register.
     Hostile,

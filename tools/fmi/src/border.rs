@@ -103,7 +103,7 @@ pub(crate) unsafe fn read<'a, T>(first: *const T, count: usize) -> Result<&'a [T
 /// Returns `count` values that the function writes.
 ///
 /// # Safety
-/// As [`read`], and no other code uses the values meanwhile.
+/// Like [`read`], and no other code uses the values meanwhile.
 pub(crate) unsafe fn write<'a, T>(first: *mut T, count: usize) -> Result<&'a mut [T], Refused> {
     if count == 0 {
         return Ok(&mut []);
@@ -118,7 +118,7 @@ pub(crate) unsafe fn write<'a, T>(first: *mut T, count: usize) -> Result<&'a mut
 /// Writes one value unless `to` is null.
 ///
 /// # Safety
-/// As [`write()`].
+/// Like [`write()`].
 pub(crate) unsafe fn give<T>(to: *mut T, value: T) {
     // SAFETY: by the contract of this function.
     if let Some(to) = unsafe { to.as_mut() } {

@@ -44,7 +44,7 @@ pub(crate) struct Inner {
     pub mode: Mode,
     resources: Resources,
     log: Log,
-    /// Whether the access checker's findings are reported.
+    /// True if the access checker's findings are reported.
     reports_findings: bool,
 }
 
@@ -104,7 +104,7 @@ impl Inner {
         Ok(())
     }
 
-    /// Whether `function` may be called now.
+    /// True if `function` may be called now.
     pub(crate) fn is_in(&self, modes: &[Mode], function: &str) -> Result<(), Refused> {
         if modes.contains(&self.mode) {
             return Ok(());

@@ -53,7 +53,7 @@ pub struct Phases {
     pub register: String,
     /// Source of the fact.
     pub source: Provenance,
-    /// Whether they are the family's.
+    /// True if they are the family's.
     pub shared: bool,
     /// In ascending order of their values; phase number n is entry n - 1.
     pub values: Vec<Phase>,
@@ -226,7 +226,7 @@ pub struct Structure {
     pub page: String,
     /// Purpose.
     pub doc: String,
-    /// Whether it is the family's.
+    /// True if it is the family's.
     pub shared: bool,
     /// The family's structure as which it can be viewed: an index into [`Device::structures`].
     pub view: Option<usize>,
@@ -252,7 +252,7 @@ pub struct Field {
     pub array_type: String,
     /// Another name of the register in the manual; empty if none.
     pub also: String,
-    /// Whether the manual reserves it.
+    /// True if the manual reserves it.
     pub reserved: bool,
     /// The writer.
     pub owner: Owner,
@@ -386,7 +386,7 @@ pub struct Meaning {
     pub name: String,
     /// Manuals, and the pages on which they state it; none if no manual does.
     pub pages: Vec<(String, String)>,
-    /// Whether it is the family's.
+    /// True if it is the family's.
     pub shared: bool,
     /// Type of the constants for values and bits with an `id`; `None`: no constants.
     pub scalar: Option<Scalar>,
@@ -404,7 +404,7 @@ impl Meaning {
         self.pages.iter().find(|(known, _)| known == manual).map_or("", |(_, pages)| pages)
     }
 
-    /// Whether a manual states a part of it.
+    /// True if a manual states a part of it.
     pub(crate) fn is_documented(&self) -> bool {
         self.sources().any(|source| *source == Provenance::Manual)
     }
@@ -429,7 +429,7 @@ pub struct Value {
     pub last: u32,
     /// The meaning; `{}` stands for the value.
     pub text: String,
-    /// Whether the manual reserves it.
+    /// True if the manual reserves it.
     pub reserved: bool,
     /// Source of the fact.
     pub source: Provenance,
@@ -453,9 +453,9 @@ pub struct Bit {
     pub text: String,
     /// Meanings of values as a whole.
     pub values: Vec<Value>,
-    /// Whether the meaning continues the one before, without a comma.
+    /// True if the meaning continues the one before, without a comma.
     pub joined: bool,
-    /// Whether the manual reserves it.
+    /// True if the manual reserves it.
     pub reserved: bool,
     /// Source of the fact.
     pub source: Provenance,

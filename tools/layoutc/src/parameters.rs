@@ -156,7 +156,7 @@ pub fn compile(dir: &Path, file: &str) -> Result<String, Error> {
     Ok(emit(&table))
 }
 
-/// Whether `id` can be the name of a constant.
+/// True if `id` can be the name of a constant.
 pub(crate) fn is_id(id: &str) -> bool {
     id.starts_with(|first: char| first.is_ascii_uppercase())
         && id.chars().all(|c| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_')

@@ -362,7 +362,7 @@ impl TryFrom<String> for Provenance {
     }
 }
 
-/// Whether `text` is the number of a decision, such as `D-02`.
+/// True if `text` is the number of a decision, such as `D-02`.
 fn is_decision(text: &str) -> bool {
     text.strip_prefix("D-").is_some_and(|number| {
         (2..=3).contains(&number.len()) && number.bytes().all(|digit| digit.is_ascii_digit())

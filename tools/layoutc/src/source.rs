@@ -61,7 +61,7 @@ impl Sources {
         Self { reach: Reach::Folder, ..Self::new(dir) }
     }
 
-    /// Whether all files must lie in the directory.
+    /// True if all files must lie in the directory.
     pub(crate) fn is_folder(&self) -> bool {
         self.reach == Reach::Folder
     }

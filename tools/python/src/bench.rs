@@ -54,7 +54,7 @@ fn closed() -> PyErr {
 #[pyclass(name = "Bench", module = "commram._native", subclass, frozen)]
 pub(crate) struct PyBench {
     state: Mutex<State>,
-    /// Whether requests go to another process and take time.
+    /// True if requests go to another process and take time.
     is_remote: bool,
 }
 

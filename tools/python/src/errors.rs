@@ -14,7 +14,7 @@ thread_local! {
     static RAISED: RefCell<Option<PyErr>> = const { RefCell::new(None) };
 }
 
-/// Whether a signal's handler raises something now: KeyboardInterrupt, on the main thread.
+/// True if a signal's handler raises something now: KeyboardInterrupt, on the main thread.
 pub(crate) fn is_interrupted() -> bool {
     let raised = Python::attach(|py| py.check_signals().err());
     let is_raised = raised.is_some();

@@ -150,7 +150,7 @@ pub(crate) struct Fault {
     kind: String,
     /// The words of `commram fault add` for the fault.
     text: String,
-    /// Whether it has begun.
+    /// True if it has begun.
     acting: bool,
     /// Number of hits.
     hits: u32,

@@ -181,7 +181,7 @@ impl FB1 {
 
     /// Stores data that were read in the list.
     fn store(&self, command: u8, data: [u8; 4], data_blocks: &mut DataBlocks) -> bool {
-        // Only expedited data with a given length can be stored in an entry.
+        // An entry can store data only if the transfer is expedited and its length is given.
         if command & 0x03 != 0x03 {
             return false;
         }

@@ -12,7 +12,7 @@ const COUNTER: usize = 13;
 /// The command that reads a frame (p. 42).
 const RECEIVE: u8 = 3;
 
-/// Shown instead of the identifier until a frame is received (p. 41).
+/// Value in place of the identifier until a frame is received (p. 41).
 const NOTHING: [u8; 2] = [0xEE; 2];
 
 /// No window exists at one of the addresses; defined by commram.

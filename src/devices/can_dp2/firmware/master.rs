@@ -93,8 +93,8 @@ impl Master {
                     dsap.into(),
                 );
             }
-            // A slave that has answered knows the frame count bit. If the slave has not answered, the next request
-            // counts as its first.
+            // If a slave has answered, the frame count bit of the next request has a meaning for the slave. If it has
+            // not answered, the next request counts as its first.
             if let FunctionCode::Request { fcb, request: Request::Srd, .. } = FunctionCode::parse(frame.fc) {
                 self.fcb = (result != mst_result::NO_ANSWER).then_some(fcb);
             }

@@ -150,7 +150,7 @@ impl Pages {
         };
         let Some(&[high, low, ..]) = head.first_chunk::<HEAD>() else { return PageEffect::default() };
         let (number, counter) = (u16::from_be_bytes([high, low]), head[COUNTER]);
-        // Cleared outputs are not a page.
+        // If the outputs were cleared, they do not contain a page.
         if counter == 0 || core::mem::replace(&mut self.counter, counter) == counter {
             return PageEffect::default();
         }

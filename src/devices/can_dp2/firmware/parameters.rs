@@ -72,7 +72,7 @@ fn right_octet(octets: &[u8], number: usize) -> Option<u8> {
             let too_much = if octet & both == both { flags_1::CANOPEN_MASTER } else { 0 };
             octet & !(UNUSED_FLAGS | too_much)
         }
-        // Only a slave has a number (D-375).
+        // Number of the CANopen slave: only a slave must have one (D-375).
         10 if octet > 127 || octets[9] & flags_1::CANOPEN_SLAVE != 0 && octet == 0 => DEFAULTS[10],
         11 => octet & (flags_2::CAN_DIAGNOSIS | flags_2::RX_COUNTER | flags_2::TX_COUNTER),
         _ => octet,
@@ -238,7 +238,7 @@ mod tests {
         assert_eq!((defaults.watchdog_us(), with(0, 0x80).unwrap().watchdog_us()), (Some(100_000), None));
     }
 
-    /// Each octet that can be wrong, with the right value.
+    /// Checks each octet that can be wrong, with its right value.
     #[test]
     fn a_wrong_octet_is_reported_with_its_number() {
         for (number, octet, right) in [

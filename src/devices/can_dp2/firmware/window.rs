@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 /// Size of the FIFO in frames (p. 43).
 const FIFO: usize = 255;
 
-/// Shown instead of the identifier until a frame is received (p. 41).
+/// Value in place of the identifier until a frame is received (p. 41).
 const NOTHING: u8 = 0xEE;
 
 /// The bit of byte 2 that marks an identifier of 29 bits, as in a comment (D-383).
@@ -190,7 +190,7 @@ mod tests {
         let sends = order([0, 0x12, 0, 0], [0, 1, 2, 3, 4, 5, 6, 7], 8, 1, 1);
         assert_eq!(window.written(&sends), Order::Send(frame(0x12, &[0, 1, 2, 3, 4, 5, 6, 7])));
         assert_eq!(window.shown()[13], 1);
-        // The same counter is not a new order.
+        // An order with the same counter is not a new order.
         assert_eq!(window.written(&sends), Order::Nothing);
 
         let id = [0x01, 0x23, 0, 0];

@@ -39,7 +39,7 @@ impl Plc {
         panic!("no data exchange: {:02X?}", plc.master.DIAG);
     }
 
-    /// One cycle: the program, then the exchange.
+    /// One cycle: runs the program, then the exchange.
     fn cycle(&mut self, program: impl FnOnce(&mut DataBlocks, &mut Peripherals)) {
         program(&mut self.blocks, &mut self.peripherals);
         self.master.call(&self.mst, &mut self.peripherals);
@@ -190,7 +190,7 @@ impl Example {
         (self.mb[12], self.mb[14], self.mb[15]) = (length, 0, command);
     }
 
-    /// One PLC cycle: networks 5 and 6.
+    /// One PLC cycle: runs networks 5 and 6.
     fn call(&mut self, peripherals: &mut Peripherals) {
         self.order();
         let block = &mut self.block;

@@ -307,8 +307,8 @@ fn no_data_are_sent_before_the_first_outputs() {
             bench.ask(62, &cfg);
             bench.run(100 * MS);
             assert_eq!(bench.heard(), start, "flags 16#{flags:02X}, round {round}");
-            // Cleared outputs are not outputs, by either way of clearing (D-387), and a start without outputs sends
-            // none.
+            // Cleared outputs do not count as outputs, however they were cleared (D-387). A start without outputs sends
+            // no frames.
             bench.exchange(&[]);
             bench.ask(58, &[2, 0]);
             let at_start: &[&str] = if flags == 0x08 { &[asked] } else { &[] };

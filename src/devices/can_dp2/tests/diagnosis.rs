@@ -1,4 +1,4 @@
-//! Each diagnosis of the slave (p. 16-21).
+//! Checks each diagnosis of the slave (p. 16-21).
 
 use super::*;
 use crate::devices::can_faults::OF_CAN;
@@ -93,7 +93,7 @@ fn a_wrong_configuration_ends_data_exchange() {
     assert_eq!((bench.diag()[0], bench.registers.outputs(2)), (0x0E, vec![0, 0]));
     bench.ask(62, &CFG);
     assert_eq!(bench.diag()[0], 0);
-    // The same configuration again has no effect.
+    // If the master sends the same configuration again, nothing happens.
     bench.exchange(&[1, 2]);
     bench.ask(62, &CFG);
     assert_eq!(bench.registers.outputs(2), [1, 2]);

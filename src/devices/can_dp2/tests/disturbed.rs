@@ -55,7 +55,7 @@ fn a_lost_answer_is_repeated_by_the_slave() {
     let mut bench = exchanging();
     bench.disturb("lose_telegram", &[("what", 1), ("station", 5)], Some(1));
     assert_eq!(bench.exchanged(), (mst_result::DATA, 3), "two requests, one answer");
-    // Only telegrams of a service are lost.
+    // Only telegrams to this service access point are lost.
     bench.disturb("lose_telegram", &[("what", 1), ("sap", 60)], None);
     assert_eq!(bench.exchanged(), (mst_result::DATA, 2));
     assert_eq!(bench.ask(60, &[]).0, mst_result::NO_ANSWER);
@@ -121,7 +121,7 @@ fn a_silent_slave_is_not_there_and_its_master_counts_as_gone() {
     assert_eq!(bench.exchanged(), (mst_result::NO_ANSWER, 2), "two requests");
     bench.faults = Faults::default();
     assert_eq!(bench.exchanged(), (mst_result::DATA, 2), "it has taken all requests");
-    // The master itself is silent: the slave hears nothing.
+    // The master itself is silent, so the slave receives nothing.
     bench.disturb("silent_station", &[("station", 1)], None);
     assert_eq!(bench.exchanged(), (mst_result::NO_ANSWER, 0));
 }

@@ -332,7 +332,7 @@ fn the_watchdog_stops_a_slave_without_its_master() {
     assert_eq!(master.hear(), None, "the guest has left");
 }
 
-/// A master passes the token to itself, or to another one: slaves hear it and ignore it.
+/// A master passes the token to itself or to another master. Slaves receive the token and ignore it.
 #[test]
 fn slaves_ignore_tokens() {
     let mut bench = Bench::new(5);

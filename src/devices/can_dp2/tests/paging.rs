@@ -42,7 +42,7 @@ fn identifiers_are_exchanged_by_pages() {
     assert_eq!(bench.exchange(&page(251, 5, &[2, 0x12, 0x34]))[8..11], [1, 0x66, 0x55]);
     bench.run(10 * MS);
     assert_eq!(bench.heard(), Vec::<String>::new());
-    // Cleared outputs are not a page: the configuration is unchanged when the next page comes.
+    // Cleared outputs do not count as a page: the configuration is unchanged when the next page arrives.
     bench.exchange(&[]);
     assert_eq!(bench.registers.can.page_state.load(), 4);
     bench.exchange(&page(251, 6, &[1, 0, 1]));

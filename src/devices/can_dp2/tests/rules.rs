@@ -57,7 +57,7 @@ fn answered_from(address: u8) -> Bench {
     bench
 }
 
-/// A foreign master asks another slave from this address.
+/// A foreign master sends a request to another slave from this address.
 fn asked_from(address: u8) -> Bench {
     let mut bench = exchanging(&CFG);
     assert!(bench.buses[0].guests().unwrap().guest_joins(1, bench.now));
@@ -69,7 +69,7 @@ fn asked_from(address: u8) -> Bench {
     bench
 }
 
-/// A master that has asked nothing has no address that others could share (D-721).
+/// A master that has sent no request has no address that others could share (D-721).
 #[test]
 fn a_master_that_asks_nothing_shares_no_address() {
     let mut bench = Bench::new(5);

@@ -38,7 +38,7 @@ pub(crate) struct CallResult {
     pub error: u8,
     /// `i_ERR`.
     pub number: i16,
-    /// Set when the job is done.
+    /// The answer; set when the job is done.
     pub answer: Option<Answer>,
 }
 

@@ -52,7 +52,7 @@ macro_rules! configure_wrc {
 function_block! {
     /// Maps reference values into the reference value frames of a master (manual p. 233-235).
     ///
-    /// Also re-arms the detection of received actual values (decision D-207).
+    /// Writes the mapping. Also re-arms the detection of received actual values (decision D-207).
     pub struct CANsync_PD_CFG_MA(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
         in {
             /// Reference value (0 to 3) in each word of frame 1; -1 (default): none.

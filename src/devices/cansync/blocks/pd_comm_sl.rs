@@ -40,9 +40,9 @@ macro_rules! pd_comm_sl {
                 in {
                     /// Own actual values 0 to 7.
                     a_RD_VALUES_SEND: [i32; 8];
-                    /// 5: own actual values 0 to 3 are valid, send frame 1 when the master asks for it.
+                    /// 5: own actual values 0 to 3 are valid, send frame 1 when the master requests it.
                     si_RDC1_SEND: i8;
-                    /// 5: own actual values 4 to 7 are valid, send frame 2 when the master asks for it.
+                    /// 5: own actual values 4 to 7 are valid, send frame 2 when the master requests it.
                     si_RDC2_SEND: i8;
                     /// Copies overheard actual values to `a_RD_ARRAY`; default: FALSE.
                     x_COPY_TO_RD_ARRAY: bool;

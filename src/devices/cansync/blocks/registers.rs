@@ -31,7 +31,7 @@ pub(super) fn slave_index(number: i8) -> Option<usize> {
 }
 
 /// Clears a receive register. Returns 2 if a frame was received, otherwise 0. The register is cleared before the data
-/// are read, so the next call notices a frame that arrives in between.
+/// are read, so the next call finds a frame that arrives in between.
 pub(super) fn take_received(register: &Cell8) -> i8 {
     match register.compare_exchange(receive::RECEIVED, receive::NOTHING) {
         Ok(received) => received as i8,

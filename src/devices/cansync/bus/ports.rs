@@ -111,8 +111,8 @@ impl Bus for SimBus {
                 true
             }
             PortRef::Slave(index) => {
-                // This is also needed for a node with an unchanged number: another station may have the number now, or
-                // may have just released it.
+                // Every node is numbered again, even if its number is unchanged: another station may have the number
+                // now, or may have just released it.
                 let is_free = self.renumber(index, address);
                 let end = &mut self.slaves[index];
                 if end.firmware.number() != address {

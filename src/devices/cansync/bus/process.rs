@@ -81,7 +81,7 @@ impl Run<'_> {
         self.bus.edge_for_drives(now, interval_us);
     }
 
-    /// Handles a lost edge. Locked slaves know that there should have been an edge.
+    /// Handles a lost edge. A locked slave detects it, because the slave computes the time of the next edge.
     #[cold]
     fn miss_edge(&mut self, interval_us: u32) {
         let now = self.now;

@@ -1,8 +1,8 @@
 //! Drives (V-Regler): a drive with a CANsync interface card is a slave on the bus; a built-in drive is connected to the
 //! BAPS of its PLC.
 //!
-//! Both are the same `VRegler`, with the parameters of `layouts/v-regler`. The rest of this text describes the drive
-//! with a card.
+//! Both devices contain the same `VRegler`, with the parameters of `layouts/v-regler`. The rest of this text describes
+//! the drive with a card.
 //!
 //! The drive has no clock and no bus. The bus calls [`Drive::sync_edge`] once per interval and passes frames; the drive
 //! answers at once. The steps of an interval:
@@ -14,8 +14,8 @@
 //!    the previous interval (manual 5.01010.01 p. 14 and 20; decision D-34).
 //! 4. The drive moves for the rest of the interval.
 //!
-//! All steps are calculated at the edge. So between two edges the drive already shows its state at the end of the
-//! interval.
+//! All steps are calculated at the edge. Therefore a drive that is read between two edges already shows its state at
+//! the end of the interval.
 //!
 //! So a reference value of interval k moves the drive in interval k+1 and is visible in the actual value of interval
 //! k+2. Card and drive exchange no data without a SYNC signal, or after lost reference values have stopped the exchange

@@ -166,7 +166,7 @@ impl ParameterSlot {
     }
 }
 
-/// All parameters of one drive, in order of their numbers.
+/// The parameters of one drive, in the order of their numbers.
 #[derive(Clone, Debug)]
 pub(super) struct ParameterStore {
     /// Definitions; drives with the same definitions share them.

@@ -314,7 +314,7 @@ impl VRegler {
 
     /// Takes over the control word of process data.
     pub(crate) fn command(&mut self, word: u16) {
-        // Never refused: the control word has no limits, and the plant file cannot add any.
+        // The write cannot fail: the control word has no limits, and the plant file cannot define any.
         let _ = self.write(self.slots.control_word, ParamFormat::Word, word.into());
     }
 
@@ -379,7 +379,7 @@ impl VRegler {
                 }
                 Reaction::Inhibit => {
                     self.trip(fault);
-                    // Also ends the braking because of another fault.
+                    // The function also ends a braking that another fault has started.
                     self.machine.inhibit();
                 }
             }

@@ -40,7 +40,7 @@ impl Counter {
 mod tests {
     use super::*;
 
-    /// T19: 16#80 with `b_MAX_SL_NR` = 3 asks 0, 1, 2, 3, 0, 1 ...
+    /// T19: 16#80 with `b_MAX_SL_NR` = 3 requests the frames of 0, 1, 2, 3, 0, 1 ...
     #[test]
     fn counts_to_the_maximum_and_starts_again() {
         let mut counter = Counter::default();

@@ -1,4 +1,4 @@
-//! Set-up mode of the master: orders all slaves to synchronize and reads their status words.
+//! The set-up mode of the master: orders all slaves to synchronize and reads their status words.
 //!
 //! Manual 5.00005.03a p. 134, 168. The command channel carries one frame per interval: first the action command "SYNC
 //! mode: on" (decision D-06), then one read job on parameter 121 (status word) for each expected slave in ascending
@@ -106,7 +106,7 @@ impl Polling {
             ParameterResult::Doubleword(value) if value & u32::from(drive_status::SYNCHRONIZED) != 0 => {
                 stat_sl::RESPONDS | stat_sl::SYNCHRONIZED
             }
-            // Busy: the slave responds. The next round asks for its status word again.
+            // Busy: the slave responds. The next round requests its status word again.
             ParameterResult::Busy => {
                 stat_sl::RESPONDS | regs.a_STAT_SL[usize::from(slave)].load() & stat_sl::SYNCHRONIZED
             }

@@ -1,6 +1,6 @@
 //! A CANsync slave (manual 5.00005.03a p. 169-193).
 //!
-//! This module has the node state, process data and action commands. `jobs` distributes the frames of the command
+//! This module contains the node state, process data and action commands. `jobs` distributes the frames of the command
 //! channel to `parameter` and `updown`.
 
 mod area;

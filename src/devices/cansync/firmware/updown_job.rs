@@ -115,8 +115,8 @@ impl BlockJob {
         registers(regs).replace(ctx, control, shown).then_some(job)
     }
 
-    /// Returns true if the PLC has cancelled a job before its first frame was sent. Then the slave does not know the
-    /// job, so it need not be notified. Its turn might never come (decision D-601).
+    /// Returns true if the PLC has cancelled a job before its first frame was sent. The slave has not received the job,
+    /// so it need not be notified. The time slot for a notification might never come (decision D-601).
     fn is_cancelled_unsent(&self, control: u8) -> bool {
         const STATE: u8 = updown_master::ACTIVE | updown_master::SENT | updown_master::CANCEL;
         let is_under_way =

@@ -43,7 +43,7 @@ pub(super) struct Judge<'a> {
     pub facts: &'a Facts,
     pub registers: &'a Registers,
     pub journal: &'a mut Journal,
-    /// Set when the mapping was changed.
+    /// Set to true when the mapping was changed.
     pub unsettled: &'a mut bool,
 }
 

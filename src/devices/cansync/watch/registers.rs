@@ -10,13 +10,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Use of a register in the rules.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum RegisterUse {
-    /// Only its value is checked.
+    /// The register has no rule except for its value.
     Plain,
     /// Only the firmware may write the register.
     Owned,
     /// No program and no firmware may write the register.
     Reserved,
-    /// Reserved, and at the address of initialization data.
+    /// A reserved register at an address that initialization data also use.
     ReservedUnderInit,
     /// Selects the value in a word of a frame.
     Mapping,

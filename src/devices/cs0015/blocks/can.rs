@@ -35,7 +35,7 @@ function_block! {
         in {
             /// Identifier, 0 to 2047.
             ID: u16;
-            /// Not used.
+            /// This block does not use RTR.
             RTR: u8;
             /// Number of bytes, 0 to 8.
             DLC: u8;
@@ -80,7 +80,7 @@ function_block! {
             DATA: [u8; 8];
             /// Number of bytes.
             DLC: u8;
-            /// Not used.
+            /// This block does not use RTR.
             RTR: u8;
             /// Number of waiting messages, including the fetched one; 0: none.
             AVAILABLE: u8;

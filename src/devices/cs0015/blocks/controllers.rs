@@ -135,7 +135,7 @@ impl GLR {
         let deviation = i32::from(self.X1) - i32::from(self.X2);
         let parts = self.internal.at(deviation, &settings, ram.now_us());
         let reference = reference(self.XS, self.XMAX);
-        // Only the manipulated variable of the larger value is raised.
+        // Raises only the manipulated variable of the larger value.
         let raised = |is_larger: bool, by: f64| output(reference + if is_larger { by.max(0.0) } else { 0.0 });
         self.Y1 = raised(deviation >= 0, parts);
         self.Y2 = raised(deviation <= 0, -parts);

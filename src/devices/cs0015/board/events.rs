@@ -9,7 +9,7 @@ pub(crate) const CYCLE: usize = 1;
 /// The interrupt program of 1 ms runs (p. 118).
 pub(crate) const INTERRUPT: usize = 2;
 
-/// Not an event: marks that a start or stop of the program was requested.
+/// Marks a request to start or stop the program; it is not an event.
 const ORDER: usize = 15;
 
 /// Returns the interrupt level of an event; `None` if the event does not exist.

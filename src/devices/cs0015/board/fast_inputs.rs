@@ -58,7 +58,7 @@ impl Signal {
         if now < self.wave.since { self.before.edges(now) } else { self.wave.edges(now) }
     }
 
-    /// Whether the signal is high, in the first half of each period; `None` without a signal.
+    /// True if the signal is high, in the first half of each period; `None` without a signal.
     pub(crate) fn level(&self, now: u64) -> Option<bool> {
         (self.wave.mhz != 0).then(|| self.wave.phase(now) % PERIOD < PERIOD / 2)
     }

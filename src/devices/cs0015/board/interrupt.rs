@@ -27,7 +27,7 @@ impl Interrupt {
         self.next.unwrap_or(u64::MAX)
     }
 
-    /// If a run is due, writes the outputs of the last run, and reads the inputs for the next one.
+    /// If the next run is due, writes the outputs of the last run and reads the inputs for the next one.
     pub(crate) fn due(
         &mut self,
         registers: &Registers,

@@ -82,7 +82,7 @@ impl Lcd {
 
     /// Adds blinking, fixed texts and decimal points.
     pub(crate) fn with(self, blink: u8, states: u8, points: u8) -> Self {
-        // Only digits have points.
+        // Only digits can have points.
         Lcd { blink, states, points: points & ((1 << DIGITS) - 1), ..self }
     }
 }

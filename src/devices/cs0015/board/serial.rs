@@ -20,7 +20,7 @@ pub(crate) struct SerialByte {
     pub has_overflowed: bool,
 }
 
-/// One direction of the line.
+/// One direction of the serial line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 struct Line {
     /// Number of transmitted bytes, wrapping.

@@ -20,7 +20,7 @@ const EMERGENCIES: usize = 30;
 /// Condition for starting a node after its state was received.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Restart {
-    /// Never.
+    /// The node is never started by itself.
     #[default]
     Never,
     /// After the node was missing: AUTO_RESTART (p. 59).

@@ -34,7 +34,7 @@ pub enum BootUp {
     None,
     /// An emergency object without data.
     EmptyEmergency,
-    /// One byte 0 with identifier 700h + Node-ID.
+    /// A single byte 0 with the identifier 700h + Node-ID.
     Guarding,
 }
 

@@ -1,7 +1,7 @@
 //! Jobs: orders of a program to the operating system by the functions of the libraries, in the job block (p. 30-119,
 //! D-434).
 //!
-//! This module takes and answers orders; the functions themselves are in the modules of their subjects.
+//! This module accepts and answers orders. The functions themselves are in the modules of their subjects.
 
 mod can;
 mod io;
@@ -69,7 +69,7 @@ pub(crate) enum Refusal {
     Function,
     /// Arguments are out of their ranges.
     Arguments,
-    /// The device cannot carry out the function now: it is not a master, or does not know the node or identifier.
+    /// The device cannot carry out the function now: it is not a master, or the node or identifier is unknown.
     State,
     /// The order was started, or waits for another one; it is checked again.
     Later,
@@ -99,7 +99,7 @@ pub(crate) struct JobContext<'a> {
     pub now: u64,
 }
 
-/// Started orders: their places and numbers.
+/// Orders that have been started: for each, its place and its number.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct StartedOrders(Vec<(usize, u32)>);
 

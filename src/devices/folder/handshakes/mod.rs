@@ -48,12 +48,12 @@ pub struct Row {
     rule: Rule,
 }
 
-/// What the file describes.
+/// The content of the file.
 #[derive(Debug, Default)]
 pub(super) struct Tables {
     /// The behaviour of the device.
     pub(super) rows: Vec<Row>,
-    /// Its own kinds of journal records.
+    /// Kinds of journal records that the device defines.
     pub(super) records: Vec<OwnRecord>,
 }
 
@@ -353,7 +353,7 @@ fn row(
     (page, source): (String, &model::Provenance),
     rule: Rule,
 ) -> Row {
-    // A row lives as long as the process, like the tables of the layout.
+    // A row is never freed, like the tables of the layout.
     let source = tables::provenance(source, |text| Box::leak(text.to_owned().into_boxed_str()));
     Row { kind, register, behaviour, page, source, rule }
 }

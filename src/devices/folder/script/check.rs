@@ -109,10 +109,10 @@ fn hooks_of(ast: &AST) -> Result<Hooks, Mistake> {
     Ok(hooks)
 }
 
-/// What the files of a script name.
+/// The names that the files of a script use.
 #[derive(Default)]
 struct Named {
-    /// Called functions and all texts: a text may be the name of a function for later.
+    /// Functions that are called, and all texts: a text may be the name of a function that is called later.
     used: BTreeSet<String>,
     /// Functions of the main file.
     functions: BTreeSet<String>,

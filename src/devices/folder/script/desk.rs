@@ -13,10 +13,9 @@ use std::collections::HashMap;
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Maximum number of registers in the names that a thread remembers for a script. Further names are looked up each
-/// time.
+/// Maximum number of registers that a thread caches for a script. Further names are looked up each time.
 const MOST_REMEMBERED: usize = 16 << 10;
-/// Most blocks that a thread remembers for a script.
+/// Maximum number of blocks that a thread caches for a script.
 const MOST_BLOCKS: usize = 256;
 /// Most bytes that `copy` takes at once.
 const LARGEST_BLOCK: u32 = 16 << 10;

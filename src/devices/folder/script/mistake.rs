@@ -9,7 +9,7 @@ use rhai::{EvalAltResult, ParseError};
 /// Longest description in bytes.
 const LONGEST: usize = 160;
 
-/// Why a script is refused or has stopped.
+/// The reason why a script is refused or has stopped.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Mistake {
     /// Name of the file in the folder.

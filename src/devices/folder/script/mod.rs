@@ -44,7 +44,7 @@ const LONGEST_SCRIPT: usize = 256 << 10;
 /// Name and text of each file of a script, the main file first.
 type Files = Arc<[(String, String)]>;
 
-/// Definitions of the verbs for editors that know Rhai.
+/// Definitions of the verbs, for editors with support for Rhai.
 #[cfg(any(test, feature = "cli"))]
 pub(crate) const DEFINITIONS: &str = include_str!("firmware.d.rhai");
 
@@ -127,7 +127,7 @@ impl Script {
         }))
     }
 
-    /// The same script with another text of the file `name`.
+    /// Returns the same script, with another text for the file `name`.
     #[cfg(feature = "cli")]
     pub(super) fn with(self, name: &str, text: &str) -> Self {
         let is_it = |known: &str| known == name;
@@ -154,7 +154,7 @@ impl Script {
         records: &[OwnRecord],
     ) -> Result<Vec<String>, FolderError> {
         self.records = records.into();
-        // A compiled script knows the records of its device.
+        // The identity of a compiled script includes the records of its device.
         self.id = XxHash3_64::oneshot_with_seed(self.id, format!("{records:?}").as_bytes());
         let (hooks, written, imports) = check::check(self, layout).map_err(|mistake| {
             let Mistake { file, line, what } = mistake;
@@ -176,7 +176,7 @@ impl Script {
         self.hooks.written
     }
 
-    /// Names of the registers that it wants to know; `None`: all that programs write.
+    /// Names of the registers that the script wants to be notified of; `None` for all registers that programs write.
     pub(super) fn written(&self) -> Option<&[String]> {
         self.written.as_deref()
     }

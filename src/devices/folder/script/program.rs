@@ -107,7 +107,7 @@ impl Program {
         Outcome { state, acting, operations: self.meter.operations() }
     }
 
-    /// Adds a line to an error: if the engine does not know the line, as in an empty loop, the line of the function.
+    /// Adds a line to an error. If the engine reports no line, as for an empty loop, adds the line of the function.
     fn placed(&self, mistake: Mistake, function: &str) -> Mistake {
         if mistake.line.is_some() || mistake.file != super::MAIN {
             return mistake;

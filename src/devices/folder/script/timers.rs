@@ -29,7 +29,7 @@ impl Timers {
     /// Schedules a function for the time `due`. Returns the number of the entry.
     ///
     /// # Errors
-    /// Too many functions wait.
+    /// Too many functions are waiting.
     pub(super) fn add(&mut self, due: u64, function: String, arguments: Data) -> Result<u64, String> {
         if self.waiting.len() >= MOST_TIMERS {
             return Err(format!("{MOST_TIMERS} functions wait; a device has at most {MOST_TIMERS}"));

@@ -184,7 +184,7 @@ impl Verbs<'_> {
             }
         });
         let steps = Rc::clone(meter);
-        // Also registers that only the program writes (D-823).
+        // The verb also resets registers that only the program writes (D-823).
         self.on("reset", |desk| {
             move |name: &str| {
                 desk.with(|desk| {
@@ -331,7 +331,7 @@ fn own(found: Found) -> Result<Found, String> {
 /// Checks that the device may change a register.
 ///
 /// # Errors
-/// Only the program writes it.
+/// Only the program writes the register.
 pub(super) fn of_the_device(register: &RegisterRef) -> Result<(), String> {
     match register.register.owner {
         Owner::Plc => Err(format!(

@@ -29,8 +29,8 @@ impl Numbers {
     /// Checks whether the drive can exchange all parameters with these numbers.
     ///
     /// # Errors
-    /// Returns the acknowledgement. The error of a reference value that cannot be written has priority over that of
-    /// an actual value that cannot be read (as manual 5.00005.03a p. 111 says of the re-initialization).
+    /// Returns the acknowledgement. The error of a reference value that cannot be written has priority over that of an
+    /// actual value that cannot be read (manual 5.00005.03a p. 111 states this rule for the re-initialization).
     pub(crate) fn check(&self, drive: &BuiltInDrive) -> Result<(), u8> {
         let regler = drive.regler();
         if self.writes.iter().any(|&number| number != 0 && !regler.is_writable(number)) {

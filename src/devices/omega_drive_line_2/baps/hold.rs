@@ -5,11 +5,11 @@ use serde::{Deserialize, Serialize};
 /// Time at which the drive takes a task.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
-    /// In this time slice.
+    /// The drive takes the task in this time slice.
     AtOnce,
-    /// In the first time slice at least this many microseconds later.
+    /// The drive takes the task in the first time slice that is at least this number of microseconds later.
     Late(u32),
-    /// Not in this time slice.
+    /// The drive does not take the task in this time slice.
     Never,
 }
 

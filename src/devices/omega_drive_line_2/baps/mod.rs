@@ -152,8 +152,8 @@ impl Baps {
         earliest + (self.phase + SLICE_US - earliest % SLICE_US) % SLICE_US
     }
 
-    /// Runs the present time slice. `pace` returns how the drive takes a command at the registers; its argument says
-    /// whether the command has already waited.
+    /// Runs the present time slice. `pace` returns how the drive takes a command at the registers; its argument is true
+    /// if the command has already waited.
     pub fn slice(&mut self, ctx: &mut Context, pace: impl FnMut(&mut Journal, bool) -> Pace) {
         let now = ctx.now;
         let us = self.last.map_or(SLICE_US, |last| (now - last).min(SLICE_US));

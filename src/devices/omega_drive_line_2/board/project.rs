@@ -20,7 +20,7 @@ pub(super) struct Projects {
     flash: Flash,
     /// True if the next start must be a cold start, because the loaded project is new.
     cold: bool,
-    /// The same value as `cold`, but for the boot project.
+    /// Corresponds to `cold`, but for the boot project.
     boot_cold: bool,
     /// True if a sent project (not a boot project) was lost.
     lost: bool,

@@ -16,7 +16,7 @@ impl Seat {
         SeatWords { owner: &self.owner, state: &self.state, event: &self.event }
     }
 
-    /// Answers a task that asks for the seat. The task is accepted if `may` returns true for its event, otherwise
+    /// Answers a task that requests the seat. The task is accepted if `may` returns true for its event, otherwise
     /// refused. Returns the event and the decision; `None` if the task has left.
     pub(crate) fn decide(&self, may: impl FnMut(u32) -> bool) -> Option<(u32, bool)> {
         self.hands().decide(may)
@@ -34,9 +34,9 @@ impl Seat {
 }
 
 /// The words that determine the owner of a seat: cells, or a model of them. A task takes a free seat by exchanging
-/// `owner`, sets the event and asks. It may leave at any moment, even if the emulator no longer waits for it. To leave,
-/// it sets `state` to free and then `owner` to 0. The next task may ask before the emulator reads the seat again, so no
-/// step that concerns the old task may affect the next task.
+/// `owner`, sets the event and sends its request. The task may leave at any moment, even if the emulator no longer
+/// waits for it. To leave, it sets `state` to free and then `owner` to 0. The next task may send a request before the
+/// emulator reads the seat again, so no step that concerns the old task may affect the next task.
 struct SeatWords<'a, W> {
     owner: &'a W,
     state: &'a W,
@@ -73,8 +73,8 @@ impl<W: Word> SeatWords<'_, W> {
             if self.state.exchange(deciding, answer.code()) {
                 return Some((event, is_seated));
             }
-            // The task has left, so the event may be that of the next task. That task must not get an answer before it
-            // asks.
+            // The task has left, so the event may be that of the next task. That task must not get an answer before its
+            // request.
         }
         None
     }

@@ -7,7 +7,7 @@ use loom::thread;
 /// Behaviour of the modelled file system.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum System {
-    /// The same behaviour as in Linux.
+    /// Behaves like Linux.
     Right,
     /// Fault: a process does not detect that the name now belongs to another file.
     NamesStay,
@@ -148,7 +148,7 @@ impl Visitor {
         File { world: Arc::clone(&self.world), system: self.system, number, is_ours: false.into() }
     }
 
-    /// Like an emulator: starts, serves the image and ends; returns whether it got the image.
+    /// Behaves like an emulator: starts, serves the image and ends. Returns true if it got the image.
     fn starts(&self) -> bool {
         let Ok(image) = enter(self) else { return false };
         self.serves(&image);
@@ -169,7 +169,7 @@ impl Visitor {
         image.unlink().unwrap();
     }
 
-    /// Like a client that checks whether the file is locked.
+    /// Behaves like a client that checks whether the file is locked.
     fn looks(&self) {
         if let Some(file) = self.find().unwrap() {
             let _ = file.lock();

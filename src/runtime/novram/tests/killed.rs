@@ -11,7 +11,7 @@ const KILLS: u64 = 300;
 const LONGEST_US: u64 = 4_000;
 const SLOWEST_US: u64 = 500_000;
 
-/// Not a real test: the body of the child processes.
+/// The body of the child processes, and not a real test.
 #[test]
 fn child() {
     let Some(directory) = std::env::var_os(DIRECTORY) else { return };

@@ -24,7 +24,7 @@ pub(crate) struct FileReference {
     pub path: String,
     /// Place of the name.
     pub at: SourcePlace,
-    /// Whether the file belongs to the family.
+    /// True if the file belongs to the family.
     pub shared: bool,
 }
 

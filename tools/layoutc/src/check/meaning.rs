@@ -85,7 +85,7 @@ fn handshake(
 }
 
 impl CheckedMeaning {
-    /// Whether every value and bit fits `name` of type `scalar`.
+    /// True if every value and bit fits `name` of type `scalar`.
     fn fits(&self, sources: &Sources, name: &str, scalar: Scalar) -> Result<(), Error> {
         let width = scalar.width() * 8;
         for (value, place) in self.meaning.values.iter().zip(&self.values) {

@@ -55,7 +55,7 @@ impl Expression {
         self.0.is_empty()
     }
 
-    /// Whether it is the `*` of `ARRAY[*]`.
+    /// True if it is the `*` of `ARRAY[*]`.
     pub(crate) fn is_open(&self) -> bool {
         self.0 == [Part::Symbol("*")]
     }

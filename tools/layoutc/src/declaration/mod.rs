@@ -35,7 +35,7 @@ const MAX_NAMED: usize = 5;
 /// The types that files declare.
 #[derive(Debug, Default)]
 pub struct Declarations {
-    /// Whether commram has written one of the files itself: its declarations repeat the layout and prove nothing.
+    /// True if commram has written one of the files itself: its declarations repeat the layout and prove nothing.
     pub is_own_export: bool,
     files: Vec<PathBuf>,
     types: Vec<Declared>,
@@ -97,7 +97,7 @@ struct Record {
     members: Vec<Member>,
     /// The structure whose members come first.
     base: Option<String>,
-    /// Whether all members begin at the same address.
+    /// True if all members begin at the same address.
     is_union: bool,
     /// Largest alignment of members in bytes, if the declaration states it.
     pack: Option<u32>,
@@ -147,7 +147,7 @@ impl Declarations {
     /// Reads one more file, which can use the types and constants of the others.
     ///
     /// # Errors
-    /// As [`Declarations::read`].
+    /// Like [`Declarations::read`].
     pub fn add(&mut self, path: &Path, found: io::Result<Vec<u8>>) -> Result<(), DeclarationError> {
         let wrong = |wrong| in_file(path, (TextPosition::BEGIN, wrong));
         let bytes = found.map_err(|error| wrong(Wrong::Unreadable(error.to_string())))?;

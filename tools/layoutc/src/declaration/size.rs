@@ -142,7 +142,7 @@ impl<'a> Sizes<'a> {
     /// Returns the members of a structure with their offsets; of other types none.
     ///
     /// # Errors
-    /// As [`Sizes::size`].
+    /// Like [`Sizes::size`].
     pub fn members(&mut self, ty: TypeId) -> Result<MemberOffsets<'a>, DeclarationError> {
         let Some(record) = self.declarations.record(ty) else { return Ok(Vec::new()) };
         self.place(ty, record, 0).map(|(placed, _)| placed).map_err(|misfit| self.in_file(misfit))
@@ -151,7 +151,7 @@ impl<'a> Sizes<'a> {
     /// Returns the type with names and arrays of arrays resolved.
     ///
     /// # Errors
-    /// As [`Sizes::size`].
+    /// Like [`Sizes::size`].
     pub fn shape(&mut self, ty: TypeId) -> Result<Shape, DeclarationError> {
         // A type with a size is finite and known in all parts.
         self.size(ty)?;

@@ -75,7 +75,7 @@ pub(crate) struct Xml<'a> {
     reader: Reader<&'a [u8]>,
     text: &'a str,
     depth: usize,
-    /// Whether the end of `<a/>` comes next.
+    /// True if the end of `<a/>` comes next.
     is_empty: bool,
     /// A byte offset and its place.
     known: (usize, TextPosition),
@@ -138,7 +138,7 @@ impl<'a> Xml<'a> {
         }
     }
 
-    /// Whether everything has been read.
+    /// True if everything has been read.
     pub(crate) fn is_at_end(&self) -> bool {
         self.depth == 0
     }

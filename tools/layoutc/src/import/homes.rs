@@ -23,7 +23,7 @@ pub(crate) enum Table {
 pub(crate) struct Home {
     pub file: usize,
     pub table: Table,
-    /// Whether it belongs to the family, which other devices use, too.
+    /// True if it belongs to the family, which other devices use, too.
     pub is_shared: bool,
     /// The family's structure that defines the offsets instead of this structure: an index into [`Homes::all`].
     pub view: Option<usize>,
@@ -112,13 +112,13 @@ impl Homes {
         all.into_iter()
     }
 
-    /// Whether the device views a structure through an own structure.
+    /// True if the device views a structure through an own structure.
     pub(crate) fn is_viewed(&self, structure: usize) -> bool {
         self.all.iter().any(|home| home.table == Table::Top && home.view == Some(structure))
     }
 
-    /// Whether an own file of the device takes the marks of an import: the family's files belong to other devices, too, if this
-    /// device views the family's structures through own structures.
+    /// True if an own file of the device takes the marks of an import: the family's files belong to other devices, too,
+    /// if this device views the family's structures through own structures.
     pub(crate) fn is_marked(&self, home: usize) -> bool {
         !(self.all[home].is_shared && self.all.iter().any(|home| home.view.is_some()))
     }
@@ -166,7 +166,7 @@ impl Home {
         self.raw.name.get_ref()
     }
 
-    /// Whether the manual or the vendor's library states the offsets.
+    /// True if the manual or the vendor's library states the offsets.
     pub(crate) fn is_confirmed(&self) -> bool {
         !matches!(self.raw.offsets, raw::Provenance::Inferred(_))
     }

@@ -19,7 +19,7 @@ pub(crate) struct Placement {
     pub places: Vec<Option<Range<u32>>>,
     /// Bytes of the whole; of a block those up to its last register.
     pub size: u32,
-    /// Whether the declaration has the layout's names.
+    /// True if the declaration has the layout's names.
     pub is_named_alike: bool,
     /// The declared type, which gives the places.
     pub declared: TypeId,
@@ -37,7 +37,7 @@ pub(crate) struct Matcher<'a> {
     pub homes: &'a Homes,
     pub sizes: Sizes<'a>,
     pub called: &'a NamePairs,
-    /// Whether the declaration has a filler with the name that `commram export st` gives it.
+    /// True if the declaration has a filler with the name that `commram export st` gives it.
     pub has_our_padding: bool,
 }
 
@@ -305,7 +305,7 @@ fn bounds(entry: &raw::Entry) -> Vec<u32> {
     entry.array.as_ref().map(|array| array.get_ref().clone()).unwrap_or_default()
 }
 
-/// Whether a member is a filler with the name that `commram export st` gives it.
+/// True if a member is a filler with the name that `commram export st` gives it.
 fn is_padding(name: &str, shape: &Shape) -> bool {
     let number = name.strip_prefix("padding_").unwrap_or_default();
     !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()) && shape.size == 1

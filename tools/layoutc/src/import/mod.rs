@@ -39,7 +39,7 @@ pub struct Import {
     pub hash_before: u64,
     /// Layout hash after.
     pub hash_after: u64,
-    /// Whether the declarations are an export of commram itself: then nothing changes.
+    /// True if the declarations are an export of commram itself: then nothing changes.
     pub is_own_export: bool,
     /// Other devices with registers that move with shared structures.
     pub also_moved: Vec<String>,
@@ -103,7 +103,7 @@ impl Import {
         Ok(Self { rows, hash_before, hash_after: layout_hash(&device), is_own_export, also_moved, files })
     }
 
-    /// Whether the layout files stay as they are.
+    /// True if the layout files stay as they are.
     pub fn changes_nothing(&self) -> bool {
         self.files.is_empty()
     }
@@ -139,7 +139,7 @@ impl NamePairs {
         self.0.get(&format!("{structure}.{path}")).cloned().unwrap_or_else(|| path.to_owned())
     }
 
-    /// Whether something in `path` has another name.
+    /// True if something in `path` has another name.
     fn has_inside(&self, path: &str) -> bool {
         let inside = format!("{path}.");
         self.0.keys().any(|ours| ours.starts_with(&inside))

@@ -60,7 +60,7 @@ fn modules_of_the_manual() {
     );
 }
 
-/// Each code of p. 21, with the number of the wrong module.
+/// Checks each code of p. 21, with the number of the wrong module.
 #[test]
 fn each_fault_has_its_code() {
     let good = [0x83, 5, 2, 3, 0];

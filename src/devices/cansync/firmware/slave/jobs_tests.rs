@@ -1,5 +1,5 @@
-//! All 65,536 pairs of values that the application can write into the two registers of a job: in each state a pair
-//! gives the same answer and the same registers every time, and the control register alone decides.
+//! All 65,536 pairs of values that the application can write into the two registers of a job. In each state, a pair
+//! gives the same answer and the same registers every time, and only the control register decides.
 
 use super::*;
 use crate::devices::cansync::frames::codec::{Direction, ParameterResponse, UpDownResponse};

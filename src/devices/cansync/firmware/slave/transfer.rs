@@ -21,7 +21,7 @@ const STEP: u16 = BLOCK as u16;
 /// The master's change of a transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Successor {
-    /// Another transfer.
+    /// Starts another transfer.
     Init(UpDownJob),
     /// No transfer: the master has cancelled.
     Nothing,

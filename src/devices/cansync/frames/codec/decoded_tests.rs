@@ -102,7 +102,7 @@ fn decoded_or_refused(id: u16, bytes: [u8; 8], len: usize) {
     assert!(!line(&frame).is_empty());
     match decode(&frame) {
         Ok(decoded) => {
-            // Reserved bits, and lengths that the emulator never sends, may get lost. The meaning must not.
+            // Decoding may lose reserved bits, and lengths that the emulator never sends. The meaning must stay.
             let again = encode(&decoded);
             assert_eq!(again.kind(), frame.kind());
             assert_eq!(decode(&again), Ok(decoded));

@@ -26,7 +26,7 @@ pub enum CodecError {
     OtherService {
         /// Service of the frame.
         found: &'static str,
-        /// Expected service.
+        /// Name of the expected service.
         expected: &'static str,
     },
     /// The parameter number does not fit the 12 bits of the frame.

@@ -164,11 +164,11 @@ pub enum ParameterResult {
     Word(u16),
     /// Read: the value, a doubleword.
     Doubleword(u32),
-    /// Written.
+    /// The value was written.
     Done,
     /// Refused; see [`par_error`](crate::devices::cansync::registers::values::par_error).
     Error(u16),
-    /// Not ready yet; the master repeats the job.
+    /// The slave is not ready; the master repeats the job.
     Busy,
 }
 

@@ -214,7 +214,7 @@ pub enum UpDownResult {
     Data([u8; BLOCK]),
     /// Refused; see [`updown_error`].
     Error(u16),
-    /// Not ready yet; the master repeats the job.
+    /// The slave is not ready; the master repeats the job.
     Busy,
 }
 
@@ -233,7 +233,7 @@ impl UpDownResponse {
         self.offset
     }
 
-    /// Done, data, error or BUSY.
+    /// Returns the result: done, data, error or BUSY.
     #[inline]
     pub const fn result(&self) -> UpDownResult {
         self.result

@@ -145,7 +145,7 @@ fn a_new_project_starts_cold_and_then_warm() {
     assert_eq!(rig.ordered(), (2, Start::Stop));
     rig.turn(RunSwitch::Run);
     assert_eq!(rig.ordered(), (3, Start::Warm));
-    // Another project.
+    // The PLC gets another project.
     rig.program(ProgramState::None);
     rig.program(ProgramState::Stopped);
     assert_eq!(rig.ordered(), (4, Start::Cold), "at once, the switch is at RUN");

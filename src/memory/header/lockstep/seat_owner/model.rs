@@ -1,5 +1,6 @@
-//! Explores every interleaving of tasks that take a seat, ask and leave, with an emulator that answers, gives up and
-//! frees, with the memory orders of [`super::Cell32`]. The model omits times and bells; bells have a separate model.
+//! Explores every interleaving of tasks that take a seat, send a request and leave, with an emulator that answers,
+//! gives up and frees, with the memory orders of [`super::Cell32`]. The model omits times and bells; bells have a
+//! separate model.
 
 use super::{NO_OWNER, SeatState, SeatWords, Word};
 use loom::sync::Arc;
@@ -54,7 +55,7 @@ impl<const WHOLE: bool> Seat<WHOLE> {
         SeatWords { owner: &self.owner, state: &self.state, event: &self.event }
     }
 
-    /// Like a task: takes the seat, which can have only one owner, and asks for the event with its own number.
+    /// Behaves like a task: takes the seat, which can have only one owner, and requests the event with its own number.
     fn ask(&self, task: u32) -> bool {
         let is_ours = self.owner.0.compare_exchange(0, task, AcqRel, Acquire).is_ok();
         if is_ours {
@@ -71,7 +72,7 @@ impl<const WHOLE: bool> Seat<WHOLE> {
 
     fn bury(&self) {
         let is_running = |owner| owner != FIRST || self.is_dead.load(Acquire) == 0;
-        // As the seat itself does: the owner last.
+        // Behaves like the seat itself: frees the owner last.
         self.hands().bury(is_running, || {
             self.event.store(0);
             self.leave();
@@ -79,8 +80,8 @@ impl<const WHOLE: bool> Seat<WHOLE> {
     }
 }
 
-/// A task asks for an event, leaves and dies, and the next task asks for its own event. Meanwhile the emulator answers,
-/// gives up and frees. Then it checks once more, as after a request.
+/// A task requests an event, leaves and dies, and the next task requests its own event. At the same time the emulator
+/// answers, gives up and frees. Then it checks once more, as after a request.
 fn one_after_the_other<const WHOLE: bool>(may_first: bool) {
     loom::model(move || {
         let seat = Arc::new(Seat::<WHOLE>::new());
@@ -91,7 +92,7 @@ fn one_after_the_other<const WHOLE: bool>(may_first: bool) {
                 seat.leave();
                 seat.is_dead.store(1, Release);
                 let is_asking = seat.ask(SECOND);
-                // As a task does while it waits for the answer.
+                // Behaves like a task that waits for the answer.
                 let answer = SeatState::from_code(seat.state.load());
                 assert!(
                     !matches!(answer, Some(SeatState::Refused | SeatState::Lost)),
@@ -109,7 +110,7 @@ fn one_after_the_other<const WHOLE: bool>(may_first: bool) {
         let is_asking = tasks.join().unwrap();
         assert!(is_asking, "a seat that was left is free");
         let again = seat.hands().decide(may);
-        // One of the two answers was for the second task, and the seat still has that answer.
+        // One of the two answers was for the second task. The seat still has that answer.
         assert_eq!(seat.state.load(), SeatState::Seated.code(), "{answered:?} {again:?}");
         assert_eq!([seat.owner.load(), seat.event.load()], [SECOND, SECOND]);
         assert!(again.or(answered) == Some((SECOND, true)));
