@@ -1,6 +1,6 @@
 //! Spellings of PLC languages in a line of a script, and the right spelling: for scenarios, and for the scripts of devices.
 
-/// Words of other languages, and the right ones.
+/// Words of other languages, each with the correct word.
 const WORDS: &[(&str, &str)] = &[
     ("TRUE", "true"),
     ("FALSE", "false"),

@@ -50,8 +50,8 @@ pub struct OnWire {
     pub frame: Frame,
     /// The beginning of the frame's start bit, in ns.
     pub begin_ns: u64,
-    /// The end of the end-of-frame field, at which the receivers have the frame, or the beginning of the error flag
-    /// that destroys the frame.
+    /// End of the end-of-frame field, at which the receivers have the frame. If the frame is destroyed, the beginning
+    /// of the error flag.
     pub end_ns: u64,
     /// The end of the intermission. The next frame may then begin.
     pub free_ns: u64,
@@ -78,8 +78,8 @@ enum LinePhase {
     Idle { suspended: Option<(usize, u64)> },
     /// A frame is on the line.
     Busy(OnWire),
-    /// The time after a frame: an error frame or the intermission. `sender` is given if a station has sent the frame to
-    /// its end.
+    /// The time after a frame: an error frame or the intermission. `sender` is the station that has sent the frame to
+    /// its end, if any.
     Closing { sender: Option<usize>, free_ns: u64 },
 }
 
@@ -88,7 +88,7 @@ enum LinePhase {
 pub struct Line {
     rate: BitRate,
     state: LinePhase,
-    /// Time since which the line is recessive, while no frame is on it.
+    /// Time from which the line has been recessive, while no frame is on it.
     quiet_ns: u64,
 }
 
@@ -155,8 +155,8 @@ impl Line {
         participants.first(now_ns, suspended.map(|(participant, _)| participant))
     }
 
-    /// Returns a value if there is an arbitration at `now_ns`. It contains the station that must not yet take part, and
-    /// the time until which this is so.
+    /// Returns a value if there is an arbitration at `now_ns`: a station that must not yet take part, and the time from
+    /// which it may take part.
     fn arbitration(&self, now_ns: u64, participants: &impl Participants) -> Option<Option<(usize, u64)>> {
         match self.state {
             LinePhase::Idle { suspended } => Some(suspended.filter(|(_, until_ns)| *until_ns > now_ns)),
@@ -169,8 +169,8 @@ impl Line {
         }
     }
 
-    /// Performs one action that is pending at `now_ns` and returns it. The caller repeats the call until the result
-    /// is `None`, at the times of [`Line::next_ns`] and whenever a participant has a frame to send.
+    /// Performs one action that is pending at `now_ns` and returns it. The caller repeats the call until the result is
+    /// `None`. It must do so at the times of [`Line::next_ns`], and whenever a participant has a frame to send.
     pub fn advance(&mut self, now_ns: u64, participants: &impl Participants) -> Option<Event> {
         if let LinePhase::Busy(it) = self.state {
             return (it.end_ns <= now_ns).then(|| self.close(it));

@@ -84,7 +84,7 @@ pub(super) fn winner(frames: &[Frame]) -> Option<usize> {
     sending.first().copied()
 }
 
-/// Any identifier; often ones that have much in common.
+/// Strategy for any identifier. The identifiers often have many bits in common.
 pub(super) fn id() -> impl Strategy<Value = Id> + Clone {
     let standard = |id| StandardId::new(id).map(Id::Standard);
     let extended = |id| ExtendedId::new(id).map(Id::Extended);

@@ -144,8 +144,8 @@ fn stuffed_part(frame: &Frame) -> (u128, u32) {
 #[inline]
 fn stuffed_bits(frame: &Frame) -> u32 {
     let (bits, count) = stuffed_part(frame);
-    // Each change of value is a 1. The start bit is a change, because it differs from the idle bus. The 1s above the
-    // start bit keep the state at "run of one bit".
+    // Each change of the bit value is a 1. The start bit is a change, because it differs from the idle bus. The 1s
+    // above the start bit keep the state at "run of one bit".
     let changes = (bits ^ bits >> 1) | u128::MAX << (count - 1);
     let bytes = changes.to_be_bytes();
     let [_, _, _, standard @ ..] = &bytes;

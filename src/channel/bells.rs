@@ -17,7 +17,7 @@ pub trait Bells {
     /// Client: number of announcements so far, wrapping.
     fn reply_count(&self) -> u32;
 
-    /// Client: sleeps until the count is no longer `seen`, or until the timeout. May return early.
+    /// For the client: sleeps until the count is no longer `seen`, or until the timeout. May return early.
     fn wait_reply(&self, seen: u32, timeout: Duration);
 
     /// Emulator: a reply was sent; wakes the clients.

@@ -31,7 +31,7 @@ impl Run {
         self.replies.clear();
     }
 
-    /// Sets the process of the client, for the reason of the emulator's end.
+    /// Sets the process of the client, which becomes part of the reason for the emulator's end.
     pub(crate) fn set_process(&mut self, process: Option<u32>) {
         self.execution.set_process(process);
     }

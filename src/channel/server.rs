@@ -32,7 +32,7 @@ use std::time::Duration;
 type Port = iceoryx2::port::server::Server<Ipc, [WireOp], (), [Block], ()>;
 type Request = ActiveRequest<Ipc, [WireOp], (), [Block], ()>;
 
-/// Maximum number of requests that one call of [`Server::poll`] accepts, so that busy clients cannot stop the firmware.
+/// Maximum number of requests that one call of [`Server::poll`] accepts. Busy clients must not stop the firmware.
 const MAX_PER_POLL: usize = 2 * MAX_CLIENTS;
 
 /// Longest wait at the end for clients to leave, so that all files can be removed.
@@ -56,8 +56,8 @@ pub fn remove_remains(instance: &str, root: &Path) -> Result<(), ServerError> {
 
 /// The emulator's side of the channel. Not `Send`: create it on the thread that polls it.
 pub struct Server {
-    /// In real time, the requests that wait. With a stepped clock, the request in progress and the following ones in
-    /// order of arrival. Declared before the port, to which requests refer.
+    /// In real time, the requests that wait. With a stepped clock, the request in progress and the following requests
+    /// in their order of arrival. The field is declared before the port, because requests refer to the port.
     waiting: Vec<(Request, Run)>,
     departed: DeadClients,
     /// `None` only while the server is being dropped.

@@ -59,7 +59,7 @@ impl SnapshotFields for OwnedWatch {
 }
 
 impl OwnedWatch {
-    /// The watch over these registers, in ascending order, of a device's image.
+    /// Creates the watch over these registers of a device's image. The registers must be in ascending order.
     ///
     /// # Errors
     /// The image is too small for the registers.

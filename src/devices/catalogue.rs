@@ -38,7 +38,7 @@ pub(super) fn generic() -> impl Iterator<Item = Generic> {
     own.into_iter().chain(of_media)
 }
 
-/// Returns all registrations: the generic ones, then those of each device.
+/// Returns all registrations: first the generic ones, then those of each device.
 fn registrations() -> impl Iterator<Item = Generic> {
     let of_devices = all().iter().map(|device| Generic {
         owner: device.layout.name,

@@ -422,7 +422,7 @@ fn rows_of(kind: &'static FaultKind) -> Vec<String> {
     rows
 }
 
-/// The gateway has three ports, with one of them to CAN; the controller has one (decision D-343).
+/// The gateway has three ports, and one of them is a port to CAN; the controller has one port (decision D-343).
 #[test]
 fn the_only_can_controller_of_a_device_needs_no_name() {
     let list = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();

@@ -141,7 +141,7 @@ pub struct Plain<F> {
 snapshot_fields!(where [F: Firmware] Plain<F> { parts: firmware, supply, starts; built: index, name, layout, segment, face });
 
 impl<F: Firmware> Plain<F> {
-    /// Creates device number `index` of the plant, called `name`, in this image.
+    /// Creates device number `index` of the plant with the name `name`, on this image.
     ///
     /// # Errors
     /// [`MemoryError`]: the image is too small or read-only.

@@ -77,7 +77,7 @@ pub enum RegisterError {
     Taken {
         /// The device.
         name: &'static str,
-        /// "the name", "the layout hash", "the number of record" ...
+        /// The duplicate part: "the name", "the layout hash", "the number of record" ...
         what: &'static str,
         /// The name or number.
         taken: String,

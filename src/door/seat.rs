@@ -20,7 +20,7 @@ pub enum GuestTurn {
     },
     /// The guest waits for its turn.
     Waits {
-        /// Latest time of its turn.
+        /// Latest time of the turn of the guest, in microseconds.
         until: u64,
         /// True if the guest has received a frame since the request. Its turn has then come.
         has_heard: bool,

@@ -29,7 +29,8 @@ pub struct Enumeration {
     pub name: String,
     /// True if the members are bits, which can be combined.
     pub is_flags: bool,
-    /// The members: name without the prefix of the enumeration, value, and meaning.
+    /// The members of the enumeration: for each, the name without the prefix of the enumeration, the value, and the
+    /// meaning.
     pub members: Vec<(String, u32, String)>,
     /// Full names of constants with the numbers of the fields' lowest bits. They are not members.
     pub shifts: Vec<(String, u32)>,

@@ -83,7 +83,7 @@ fn place(xml: &mut Xml, area: &Area, doc: &str, alternative: Option<&str>, bytes
         xml.leaf("alternatePeripheral", alternative);
     }
     xml.leaf("groupName", area.name);
-    // Without a CPU address, the number of the byte in the image, which differs for each area.
+    // Without a CPU address, the address is the number of the byte in the image, which differs for each area.
     let base = area.cpu.map_or(area.first, |(first, _)| first);
     xml.leaf("baseAddress", format!("0x{base:08X}"));
     xml.node("addressBlock", "", |xml| {

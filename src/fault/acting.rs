@@ -93,7 +93,7 @@ impl SavedFault {
 pub struct Faults {
     entries: Vec<Entry>,
     last_id: u16,
-    /// Time at which the next fault begins or ends.
+    /// Time at which the next fault begins or ends, in microseconds.
     next: Option<u64>,
 }
 

@@ -42,9 +42,9 @@ pub enum Form {
     },
     /// A time in emulated microseconds.
     Time {
-        /// Shortest time.
+        /// Shortest time, in microseconds.
         least: u64,
-        /// Longest time.
+        /// Longest time, in microseconds.
         most: u64,
     },
 }

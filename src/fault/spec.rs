@@ -11,7 +11,7 @@ use crate::journal::Names;
 use crate::layout::{DeviceLayout, Port, did_you_mean};
 
 impl FaultSpec {
-    /// Returns the described fault, which must be of one of these kinds, in an installation with these names.
+    /// Returns the described fault, in an installation with these names. The fault must be of one of these kinds.
     ///
     /// # Errors
     /// [`FaultError`] names the field and a correct value. Only the installation can check that the slave

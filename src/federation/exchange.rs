@@ -2,7 +2,7 @@
 
 /// Connection to the other federates. An implementation also wakes the emulator when a message has arrived.
 pub trait Exchange: Send {
-    /// Sends a message to all others. Messages of one federate arrive in the order in which it sent them.
+    /// Sends a message to all other federates. The messages of a federate arrive in the order in which it sent them.
     ///
     /// # Errors
     /// The connection failed; the text gives the reason.

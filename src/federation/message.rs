@@ -36,12 +36,12 @@ pub(super) struct Hello {
 /// Input of a turn, and the time to which the sender lets the clock advance.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Turn {
-    /// Emulated time of the turn.
+    /// Emulated time of the turn, in microseconds.
     pub(super) now: u64,
     pub(super) inputs: Vec<Input>,
     /// Hash of the sender's journal after the inputs.
     pub(super) hash: u64,
-    /// Emulated time before which the sender has no further input.
+    /// Emulated time before which the sender has no further input, in microseconds.
     pub(super) want: u64,
     /// For each device, the events at which the sender needs a turn: bit n for event n.
     pub(super) watched: Vec<u16>,
@@ -56,7 +56,7 @@ pub(super) enum Input {
     Stored(Stored),
     /// The boards have answered the pending requests.
     Boards,
-    /// New state of a task in lockstep: device, event, code of the state.
+    /// New state of a task in lockstep: index of the device, event, code of the state.
     Task(DeviceIndex, u16, u32),
     /// Speed of a motor, set by a client that simulates the load: number of the drive, and speed. `None`: the motor
     /// follows the drive again.

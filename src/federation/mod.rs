@@ -77,9 +77,9 @@ pub struct Federation {
     outside: Outside,
     /// For each federate and device, the events at which the federate needs a turn.
     watched: Vec<Vec<u16>>,
-    /// Emulated time at which this federate joined.
+    /// Emulated time at which this federate joined, in microseconds.
     start: u64,
-    /// Emulated time requested by a client of this host.
+    /// Emulated time requested by a client of this host, in microseconds.
     asked: Option<u64>,
     /// Target that the clock has reached.
     arrived: Option<u64>,

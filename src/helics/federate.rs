@@ -11,7 +11,7 @@ pub(super) struct CommandFederate {
 }
 
 // SAFETY: HELICS finds federates by their handles and uses thread-safe queues. Only the buffer of the last command is
-// unguarded, and only the one thread that waits for commands uses it.
+// unguarded, and only the thread that waits for commands uses it.
 unsafe impl Send for CommandFederate {}
 // SAFETY: as above.
 unsafe impl Sync for CommandFederate {}

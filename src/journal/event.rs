@@ -155,7 +155,7 @@ impl Event {
         self.kind.stored(self.words)
     }
 
-    /// The guest that has sent the frame or telegram, if the event is the end of one.
+    /// The guest that has sent the frame or telegram, if the event is the end of a frame or telegram.
     #[must_use]
     pub fn guest(&self) -> Option<u8> {
         self.frame().map_or_else(|| self.kind.guest(self.words), |carried| carried.guest)

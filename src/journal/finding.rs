@@ -143,8 +143,8 @@ impl Finding {
         found.into_iter().find(|register| register.offset() == self.offset)
     }
 
-    /// Name of the register or of the field in the header page: `node2.w_OPTION_STATUS`, `header.magic`; of the guest or
-    /// participant: `guest1`, `slave3`.
+    /// Name of the register or of the field in the header page, such as `node2.w_OPTION_STATUS` or `header.magic`. For a
+    /// guest or participant, its name: `guest1`, `slave3`.
     #[must_use]
     pub fn name(&self, fitted: impl Into<DeviceFit>) -> Option<String> {
         match self.register(fitted) {

@@ -22,9 +22,9 @@ pub struct Entry {
     pub count: u64,
     /// Emulated time of the first finding, in microseconds.
     pub first_us: u64,
-    /// Emulated time of the last one.
+    /// Emulated time of the last finding, in microseconds.
     pub last_us: u64,
-    /// The longest delay of all of them, in microseconds; 0 for rules without a deadline.
+    /// The longest delay of all findings of the entry, in microseconds; 0 for rules without a deadline.
     pub latest_us: u32,
     /// Text about the violation, if the rule alone does not describe it: at most [`LONGEST_NOTE`] bytes without control
     /// characters. Findings of one rule at one register with different notes have separate entries.
@@ -95,7 +95,7 @@ impl Findings {
         }
     }
 
-    /// The parts of the table: entries of single registers, the count of records of each, further entries.
+    /// The parts of the table: entries of single registers, number of records of each entry, further entries.
     pub(super) fn parts(&self) -> (&[Entry], &[u8], &[Entry]) {
         let Findings { entries, records, further } = self;
         (entries, records, further)

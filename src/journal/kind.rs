@@ -70,7 +70,7 @@ pub trait EventText: EventCodec {
         None
     }
 
-    /// The guest that has sent the telegram, if the event is the end of one.
+    /// The guest that has sent the telegram, if the event is the end of a telegram.
     fn guest(&self) -> Option<u8> {
         None
     }

@@ -134,7 +134,7 @@ pub struct Journal {
     tally: Tally,
     requests: Requests,
     findings: Findings,
-    /// Time at which the journal next searches for counts that have ended.
+    /// Time at which the journal next searches for counts that have ended, in microseconds.
     next_look: u64,
     written: u64,
     fingerprint: Fingerprint,
@@ -370,8 +370,8 @@ impl Journal {
         self.ring.records(from)
     }
 
-    /// The records with a running count, in the order of time. These records have no number yet. Each of them appears
-    /// in [`Journal::records`] as soon as its count has ended, at the latest after a second.
+    /// The records with a running count, in the order of time. These records have no number yet. A record appears in
+    /// [`Journal::records`] as soon as its count has ended, at the latest after a second.
     pub fn pending(&self) -> Vec<Record> {
         self.tally.pending()
     }

@@ -48,7 +48,7 @@ impl Names {
         }
     }
 
-    /// Bus, PLC, or port as `line:node2`.
+    /// Returns the name of a bus or PLC, or of a port as `line:node2`.
     pub(crate) fn source(&self, source: Source) -> String {
         match source {
             Source::Bus(index) => self.bus(index).into_owned(),

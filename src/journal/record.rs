@@ -3,7 +3,7 @@
 use super::{Event, Octets};
 use std::sync::Arc;
 
-/// A line of the journal: an event, or several equal ones at equal distances.
+/// A line of the journal: an event, or several equal events at equal distances.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Record {
     /// Number of the record, from 0. [`Record::PENDING`] while its events are still counted; [`Record::COUNTED`] if the

@@ -26,11 +26,11 @@ const WAYS: usize = 4;
 #[derive(Clone, Copy)]
 struct WatchedEvent {
     event: Event,
-    /// Time of the last equal event.
+    /// Time of the last equal event, in microseconds.
     last: u64,
     /// Distance from the previous event; 0 if there was no previous event, or it was too far away.
     period: u32,
-    /// Number of events that were counted and are not in a record yet. The last of them was at `last`.
+    /// Number of events that were counted and are not in a record yet. The last event was at `last`.
     count: u32,
 }
 

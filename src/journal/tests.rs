@@ -93,7 +93,7 @@ fn sync_edges_at_equal_distances_are_counted_once_a_second() {
         journal.push_event(n * 2_000, sync(BusIndex(0)));
         journal.push_event(n * 2_000 + 700, frame(n as u8));
     }
-    // Two edges make the distance known; then half a thousand edges, 2 ms apart, fill a second.
+    // Two edges define the distance. Then 500 edges, 2 ms apart, fill a second.
     let noted = counts(journal.records(), sync(BusIndex(0)));
     assert_eq!(noted[..3], [(0, 1, 0), (2_000, 1, 0), (1_002_000, 500, 2_000)]);
     let pending = journal.pending();

@@ -67,7 +67,7 @@ pub(super) enum Shape {
 /// The value of a signal.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Content {
-    /// Width in bits, their values, and a mask of the known bits.
+    /// Width in bits, the values of the bits, and a mask of the known bits.
     Bits { width: u32, value: u64, known: u64 },
     /// A text, a single word.
     Text(String),
@@ -233,7 +233,7 @@ struct WaveCollector {
     window: Window,
     reader: Reader,
     waves: Waves,
-    /// The registers at each place with a value: structures that overlay each other have different ones.
+    /// The registers at each address with a value: structures that overlay each other have different registers there.
     overlaid: HashMap<(DeviceIndex, u32), Vec<OverlaidRegister>>,
 }
 

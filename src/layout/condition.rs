@@ -26,7 +26,7 @@ impl Compare {
     pub const ALL: [Self; 6] =
         [Self::Equal, Self::NotEqual, Self::Less, Self::LessOrEqual, Self::Greater, Self::GreaterOrEqual];
 
-    /// Notations. Longer notations come first, because shorter ones are their beginnings.
+    /// Notations. Longer notations come first, because shorter notations are their beginnings.
     const WRITTEN: [(&'static str, Self); 7] = [
         ("==", Self::Equal),
         ("!=", Self::NotEqual),

@@ -17,8 +17,8 @@ pub struct Target<'a> {
     pub address: Address,
     /// The area of the target.
     pub area: &'static Area,
-    /// The registers at the address: several if structures overlay each other, none in plain RAM and padding. For a
-    /// name, only the register of this name.
+    /// The registers at the address. There are several if structures overlay each other, and none in plain RAM and
+    /// padding. For a name, only the register of this name.
     pub registers: Vec<RegisterRef>,
 }
 

@@ -118,7 +118,7 @@ impl Default {
     }
 }
 
-/// `16#20002`, `16#180 + Node-ID`, `ecomat 100`
+/// Formats the default: `16#20002`, `16#180 + Node-ID`, `ecomat 100`.
 impl fmt::Display for Default {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

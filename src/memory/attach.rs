@@ -222,7 +222,7 @@ impl Attached {
         timeout: Duration,
         wanted: impl Fn(u32) -> bool,
     ) -> Result<u32, MemoryError> {
-        // The first load reports a bad address; the later ones then cannot fail.
+        // The first load reports a bad address, so the later loads cannot fail.
         let mut last = self.segment.load(offset, width)?;
         let found = self.wait_on(self.answer(), timeout, || {
             last = self.segment.load(offset, width).unwrap_or(last);

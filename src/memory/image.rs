@@ -91,8 +91,8 @@ impl Image {
         Ok(Self { guard, file: Arc::new(file), segment, header, taken_over, end: State::Stopped })
     }
 
-    /// Zeroes all bytes after the header page. Does not shorten the file for this purpose, because that would kill
-    /// clients that access their map. The memory stays allocated, so that other processes cannot take it.
+    /// Zeroes all bytes after the header page. Does not shorten the file, because a shorter file would kill clients
+    /// that access their map. The memory stays allocated, so that other processes cannot take it.
     fn zero_registers(&self) -> Result<(), MemoryError> {
         let mut registers = (HEADER_SIZE as u32..self.segment.size() as u32).step_by(4);
         registers.try_for_each(|offset| self.segment.store(offset, Width::Dword, 0))

@@ -14,8 +14,8 @@ use std::fs::{File, TryLockError};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// Files that are open at the same time in addition to the images: the lock, its directory, the process, and some
-/// temporary ones.
+/// Number of files that are open at the same time in addition to the images: the lock, its directory, the process, and
+/// some temporary files.
 const FILES: u64 = 8;
 /// Longest wait for a process that removes the files of a killed emulator.
 const CLEANING: Duration = Duration::from_millis(500);

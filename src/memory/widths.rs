@@ -159,8 +159,8 @@ impl RegisterWidths {
         Ok(Ok(seen))
     }
 
-    /// The registers that `len` bytes from `offset` on touch, each as offset and width, in ascending order. Plain RAM
-    /// counts as doublewords, or as one item if it fills the whole range.
+    /// The registers of which `len` bytes from `offset` on contain a part: the offset and width of each register, in
+    /// ascending order. Plain RAM counts as doublewords, or as one item if it fills the whole range.
     ///
     /// # Errors
     /// No register area covers one of the bytes.
@@ -321,7 +321,7 @@ mod tests {
         assert_eq!(parts(1_000_004, Width::Dword), [part]);
     }
 
-    /// A byte of a word register, and a word across two of them: the other bits are unchanged.
+    /// Tests a byte of a word register, and a word across two word registers: the other bits are unchanged.
     #[test]
     fn parts_of_registers_are_written_and_compared_alone() {
         let (map, segment) = (RegisterWidths::of(&DeviceFit::unknown(&DEVICE)), Segment::of(&DEVICE));

@@ -35,7 +35,7 @@ impl Plant {
     /// does not influence the plant.
     ///
     /// # Errors
-    /// [`FollowError`]. If there are too many registers, the first ones are followed nevertheless, up to the maximum.
+    /// [`FollowError`]. If there are too many registers, the first ones are followed up to the maximum.
     pub fn follow_registers(
         &mut self,
         plc: DeviceIndex,

@@ -56,7 +56,7 @@ const TRIES: u32 = 4;
 pub struct Plant {
     now: u64,
     next_cycle: u64,
-    /// Time of the next event of all devices. The value may be too early, which has no effect.
+    /// Time of the next event of all devices, in microseconds. The value may be too early, which has no effect.
     next_device: u64,
     cycle_us: u64,
     /// True if no event has occurred since the last processor cycle.

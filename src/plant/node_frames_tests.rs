@@ -9,7 +9,7 @@ use crate::identity::{BusIndex, DeviceIndex};
 use crate::memory::header::{BoardSetting, Power, RunSwitch};
 use crate::memory::{Segment, Width};
 
-/// Telegram of a guest to a bus; half of them are of no use to the bus, and refused.
+/// Telegram of a guest to a bus. The bus cannot use half of these telegrams, and refuses them.
 fn message_of(head: u8, bytes: &[u8]) -> Option<BusMessage> {
     let [low, high, data @ ..] = bytes else { return None };
     let number = u16::from_le_bytes([*low, *high]);

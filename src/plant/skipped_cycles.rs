@@ -66,8 +66,8 @@ impl Plant {
         true
     }
 
-    /// The last processor cycle up to `time` that must run, as far as is known now. Buses that run independently make
-    /// the earlier cycles that would change something.
+    /// The last processor cycle up to `time` that must run, as far as can be determined now. Buses that run
+    /// independently make the earlier cycles that would change something.
     pub(super) fn last_needed_cycle(&mut self, time: u64) -> u64 {
         let first = self.next_cycle;
         let may_be_left = first + self.cycle_us <= time && !self.watching && self.is_unobserved();

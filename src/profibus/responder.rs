@@ -22,7 +22,7 @@ pub enum Reaction {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Responder {
     address: u8,
-    /// The last requester, its frame count bit, and the answer.
+    /// The last requester, its frame count bit, and the answer to it.
     last: Option<(u8, bool, Telegram)>,
 }
 

@@ -28,7 +28,7 @@ use crate::layout::Test;
 pub struct Execution {
     /// Latest end of the operation in progress, in emulated microseconds.
     end: Option<u64>,
-    /// Emulated time at which the present part of the operation ends. Pauses do not change the parts.
+    /// Emulated time at which the present part of the operation ends, in microseconds. Pauses do not change the parts.
     part: Option<u64>,
     /// True if the operation has advanced the clock.
     has_set_out: bool,

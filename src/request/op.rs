@@ -42,7 +42,7 @@ pub(crate) enum Class {
     Advances,
     /// Returns the plant to an earlier moment, or to another state from a file.
     Travels,
-    /// Changes something outside the plant: doors, kept snapshots, the speed of the clock.
+    /// The operation changes something outside the plant: doors, kept snapshots, the speed of the clock.
     Manages,
     /// Ends the emulator, in any state of the plant.
     Ends,

@@ -197,7 +197,7 @@ contents! {
     changes: Reply::Changes { changes, end, .. } => (changes, end), (Vec<Change>, u64);
     /// A part of the journal, with the number at which the next part begins.
     journal_part: Reply::Journal { records, end, turn } => JournalPart::new(records, end, turn), JournalPart;
-    /// Changes of registers, the number of the next change, and their history.
+    /// Changes of registers, the number of the next change, and the number of their history.
     turned_changes: Reply::Changes { changes, end, turn } => (changes, end, turn), (Vec<Change>, u64, HistoryId);
     /// The forced registers.
     forces: Reply::Forces(forces) => forces, Vec<Forced>;

@@ -40,7 +40,7 @@ pub(crate) struct TestHost {
     pub steps: usize,
     /// Number of requests that have begun.
     pub requests: usize,
-    /// Raises `stop` at this time.
+    /// Raises `stop` at this time, in microseconds.
     pub stop_at: u64,
     /// True if operations pause at every opportunity, and continue for one part.
     pub pauses: bool,

@@ -27,9 +27,9 @@ struct Task {
     seen: u32,
     /// Number of starts and stops of the board that the task has seen; `None` if the task does not obey them.
     orders: Option<u32>,
-    /// End of the task's present run, in emulated time.
+    /// End of the task's present run, in microseconds of emulated time.
     until: Option<u64>,
-    /// Time of the task's next turn if no event occurs before.
+    /// Time in microseconds of the task's next turn, if no event occurs before it.
     wakes: Option<u64>,
 }
 

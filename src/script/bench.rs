@@ -344,7 +344,7 @@ impl Bench {
         })
     }
 
-    /// The faults that wait or act, each as `lose_frame bus=drives count=3 (acting, 2 hits)`.
+    /// The pending and active faults, each as a line: `lose_frame bus=drives count=3 (acting, 2 hits)`.
     fn fault_lines(&mut self) -> Result<Vec<String>, ScenarioError> {
         let faults = self.ask(Op::FaultList)?.faults()?;
         let line = |status: FaultStatus| {

@@ -263,7 +263,7 @@ fn place_of(context: &NativeCallContext) -> ScriptLocation {
     }
 }
 
-/// `#{severity, rule, register, value, count, time, text}`
+/// Creates the map of a finding: `#{severity, rule, register, value, count, time, text}`.
 fn finding_map(bench: &Bench, entry: &Entry) -> Map {
     let rule = entry.last.rule;
     Map::from([
@@ -277,7 +277,7 @@ fn finding_map(bench: &Bench, entry: &Entry) -> Map {
     ])
 }
 
-/// `#{time, kind, count, text}`
+/// Creates the map of a record: `#{time, kind, count, text}`.
 fn record_map(record: &Record, text: &mut Text) -> Map {
     let mut line = String::new();
     text.record(record, &mut line);

@@ -25,7 +25,8 @@ pub fn junit(reports: &[Report]) -> Result<String, SerializeError> {
     named(reports, NAME)
 }
 
-/// Writes a report like [`junit`], for the scenarios of a shard. `shard`, for example `2/3`, becomes part of the name.
+/// Writes a report like [`junit`], for the scenarios of a shard. The name of the report contains `shard`, for example
+/// `2/3`.
 ///
 /// # Errors
 /// The errors of [`junit`].

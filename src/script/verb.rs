@@ -17,7 +17,7 @@ pub struct Verb {
 }
 
 impl Verb {
-    /// `wait(register, value, within)`
+    /// Formats the signature: `wait(register, value, within)`.
     pub fn signature(&self) -> String {
         let names: Vec<_> = self.parameters.iter().map(|(name, _)| *name).collect();
         format!("{}({})", self.name, names.join(", "))
@@ -47,7 +47,7 @@ pub(crate) fn defined(definitions: &'static str) -> Vec<Verb> {
     found
 }
 
-/// The verb of a line `fn wait(register: String, value: ?, within: ?) -> int;`.
+/// Parses a verb from a line such as `fn wait(register: String, value: ?, within: ?) -> int;`.
 fn verb(line: &'static str, about: &'static str) -> Option<Verb> {
     let (name, rest) = line.strip_prefix("fn ")?.split_once('(')?;
     let (parameters, rest) = rest.split_once(')')?;

@@ -21,7 +21,7 @@ impl Stations {
         Stations { queues: queues.into_iter().map(VecDeque::from).collect(), ..Stations::default() }
     }
 
-    /// Everything until `end_ns` or until nothing is left to do.
+    /// Runs all actions until `end_ns`, or until no action is left.
     fn run(&mut self, line: &mut Line, end_ns: u64) -> Vec<Event> {
         let mut events = Vec::new();
         loop {
@@ -255,8 +255,8 @@ fn the_wire_is_quiet_after_each_frame() {
     assert_eq!(line.quiet_ns(), Some(second.end_ns + bits(6)));
 }
 
-/// The expected traffic, computed in another way than by the line: at each start of a frame, arbitrates between the first
-/// frames of the queues bit by bit, and counts the bits of the winner for its duration.
+/// The expected traffic, computed in another way than in the line. At each start of a frame, this function arbitrates
+/// between the first frames of the queues bit by bit. It counts the bits of the winner for the duration of the frame.
 fn expected(stations: &Stations, bit_ns: u64) -> Vec<(u64, usize, Frame)> {
     let (mut queues, mut free, mut traffic) = (stations.queues.clone(), 0, Vec::new());
     while let Some(earliest) = queues.iter().filter_map(|queue| queue.front()).map(|(ready, _)| *ready).min()

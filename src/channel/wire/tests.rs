@@ -329,7 +329,7 @@ fn reply() -> impl Strategy<Value = Reply> {
     ]
 }
 
-/// Longest time that an operation of a fuzzer may take, in microseconds: longer ones would only wait.
+/// Longest time that an operation of a fuzzer may take, in microseconds. Longer operations would only wait.
 const FUZZED_US: u64 = 20_000;
 
 /// An operation with the same encoding, or none.
@@ -339,7 +339,7 @@ fn operation(wire: WireOp) -> Option<Op> {
     Some(op)
 }
 
-/// Requests of arbitrary operations: valid ones are executed, on two PLCs of which one has a bus.
+/// Requests of arbitrary operations. Valid operations are executed on two PLCs, and one of the PLCs has a bus.
 #[test]
 fn fuzz_channel_requests() {
     crate::fuzz("channel_requests", |bytes| {

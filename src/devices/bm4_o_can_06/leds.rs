@@ -11,7 +11,7 @@ pub struct Leds {
     pub h: [Led; 4],
 }
 
-/// Code in the header page of a LED that flashes in turn with another one.
+/// Code in the header page for an LED that flashes alternately with another LED.
 const IN_TURN: u8 = 0xFE;
 
 /// Conditions that the LEDs show.
@@ -89,7 +89,7 @@ impl Leds {
     }
 }
 
-/// H3: 1, 2, 4 and 8 flashes for an interval of as many ms.
+/// H3: 1, 2, 4 and 8 flashes for an interval of as many milliseconds.
 fn interval(interval_us: Option<u64>) -> Led {
     interval_us.map_or(Led::Off, |us| Led::Flashes(((us + 500) / 1000).clamp(1, 8) as u8)) // at most 8
 }

@@ -40,7 +40,7 @@ struct Module {
     takes_part: bool,
     /// Time of the last edge of its SYNC signal, and the interval before it.
     edge: Option<(u64, u64)>,
-    /// Time of the last frame that it sent or received.
+    /// Time of the last frame that the port sent or received, in microseconds.
     last_frame: Option<u64>,
 }
 

@@ -98,7 +98,7 @@ impl Part for Frame {
     }
 }
 
-/// `16#123 01 02`, `16#00000123 remote, length 2`
+/// Formats a frame: `16#123 01 02`, `16#00000123 remote, length 2`.
 fn text(frame: &Frame) -> String {
     let rest = if frame.arbitration().is_remote() {
         format!(" remote, length {}", frame.length())

@@ -29,7 +29,7 @@ pub(super) struct Station {
     pub(super) is_troubled: bool,
     /// The error state that was last reported.
     pub(super) reported: ErrorState,
-    /// The frame is held back until this time, in ns.
+    /// Time until which the frame is held back, in ns.
     pub(super) held_until_ns: u64,
     /// True if a fault has delayed this frame already.
     pub(super) is_delayed: bool,
@@ -82,8 +82,8 @@ impl Station {
         Ok(Station::new(origin, area.first as usize, port, Some(watch)))
     }
 
-    /// True if the station has taken part since `begin_ns`; it has missed a frame that began before it came (decision
-    /// D-356).
+    /// True if the station has taken part since `begin_ns`. If not, the station joined later and has missed a frame
+    /// that began at that time (decision D-356).
     #[inline]
     pub(super) fn took_part_since(&self, begin_ns: u64) -> bool {
         self.member_since_ns.is_some_and(|since| since <= begin_ns)

@@ -28,7 +28,7 @@ pub(super) struct Stations {
     acceptance: Acceptance,
     /// Number of stations that take part.
     members: usize,
-    /// Time at which the last station began to take part, in ns.
+    /// Time at which the station that joined last began to take part, in ns.
     last_came_ns: u64,
     /// Stations with error counters above 0.
     troubled: Vec<usize>,

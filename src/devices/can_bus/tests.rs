@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex};
 
 const MOST: usize = 4;
 
-/// Reports of the ports: station, time, event, first data byte.
+/// Reports of the ports. Each has the station, the time, the event and the first data byte.
 type Log = Arc<Mutex<Vec<(u16, u64, &'static str, u8)>>>;
 
 /// Filters of a port, and the frames that it queues with their times, ascending.
@@ -277,7 +277,7 @@ fn a_frame_whose_sender_goes_off_is_cut_off_even_if_it_comes_back() {
     bench.bus.power_off(0, 110, &mut bench.journal);
     bench.bus.power_on(0, 0, 120, &mut bench.journal);
     bench.run(100_000);
-    // Two bits have begun, and six recessive ones are an error.
+    // Two recessive bits have begun, and six recessive bits are an error.
     let lost = (100 + 8 * 8, (it, Fate::SenderGone));
     assert_eq!((bench.frames(), bench.lost(), bench.log()), (vec![], vec![lost], vec![]));
     assert_eq!(bench.errors(), [(0, 0), (0, 1)]);
@@ -320,8 +320,8 @@ fn frames_of_others_delay_the_return() {
     let bits = u64::from(wire::bits(&it));
     let mut bench = with_one_off((0..40).map(|_| (1000, it)).collect());
     bench.run(100_000);
-    // 85 runs before the frames, one after each of them, three at the end; the last frame has begun the first of these
-    // three.
+    // There are 85 runs before the frames, one after each frame, and three at the end. The last frame has begun the
+    // first of these three.
     let before = (1000 - 62) / 11;
     let back = 1000 + 40 * bits + (128 - before - 40) * 11;
     let log = bench.log();

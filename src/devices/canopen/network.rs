@@ -19,7 +19,7 @@ struct GuardedNode {
     guard_us: u64,
     /// Permitted number of missing answers in a row.
     life: u8,
-    /// Time of the next request; `None` while the node is not guarded.
+    /// Time of the next request, in microseconds; `None` while the node is not guarded.
     next_at: Option<u64>,
     /// Number of requests in a row without an answer.
     unanswered: u8,

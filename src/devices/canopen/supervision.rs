@@ -9,7 +9,8 @@ pub struct Supervision {
     period_us: u64,
     /// True after `start`, until `stop`. While this is true, a new period runs from the moment at which it is set.
     is_awaited: bool,
-    /// Time until which the event must come; `None` if the supervision is off, or the event is missing.
+    /// Time until which the event must come, in microseconds; `None` if the supervision is off, or the event is
+    /// missing.
     deadline: Option<u64>,
     is_missing: bool,
 }
@@ -56,7 +57,7 @@ impl Supervision {
         self.is_missing
     }
 
-    /// Checks the deadline; returns whether the event has just become missing.
+    /// Checks the deadline; returns true if the event has just become missing.
     pub fn look(&mut self, now: u64) -> bool {
         let is_over = self.deadline.is_some_and(|deadline| deadline <= now);
         if is_over {

@@ -71,7 +71,7 @@ struct RunningBus {
     own_sync: bool,
     /// The SYNC signal, generated or passed on.
     signal: SyncSignal,
-    /// Start of the present interval.
+    /// Start of the present interval, in microseconds.
     start: u64,
 }
 

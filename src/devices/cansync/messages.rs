@@ -95,7 +95,8 @@ fn response() -> Vec<Signal> {
     signals
 }
 
-/// Parameter number, or length or offset of an up-/download: bits 3 to 0 of the first byte, then the second byte.
+/// Signal for the parameter number, or for the length or offset of an up-/download. It consists of bits 3 to 0 of the
+/// first byte, then of the second byte.
 fn number() -> Signal {
     Signal {
         order: BitOrder::HighFirst,

@@ -66,9 +66,9 @@ pub(super) struct Firmware {
     reported: State,
     /// True if the programming system has stopped the program.
     pub(super) is_stopped: bool,
-    /// End of the reset, or of the program's present cycle; `None` if nothing runs.
+    /// End of the reset, or of the program's present cycle, in microseconds; `None` if nothing runs.
     end_at: Option<u64>,
-    /// Start of the present cycle.
+    /// Start of the present cycle, in microseconds.
     begun_at: u64,
     /// True if the present cycle is overdue; the watchdog resets the device at `end_at`.
     is_overdue: bool,
@@ -488,7 +488,7 @@ impl CanPort for Firmware {
                 state::RESET => self.enter(ctx, state::RUN),
                 _ if self.shared.defects().is_hanging => self.overdue(ctx),
                 _ => {
-                    // A built-in program calls CAN_ERRORHANDLER in each cycle, as every program should (p. 19, 36).
+                    // Like every program should, a built-in program calls CAN_ERRORHANDLER in each cycle (p. 19, 36).
                     if matches!(self.program, Program::BuiltIn { .. }) {
                         self.can_errors.handle(controller, false);
                     }

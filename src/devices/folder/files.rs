@@ -1,4 +1,4 @@
-//! Files of a folder that the device does not read: probably misnamed ones.
+//! Finds files of a folder that the device does not read: their names are probably wrong.
 
 use super::{FolderError, SCRIPT, handshakes};
 use crate::layout::did_you_mean;

@@ -265,7 +265,7 @@ pub(super) fn differences(instance: &str) -> String {
     InstanceLock::device_folders(instance).into_iter().map(difference).collect::<Vec<_>>().join("; ")
 }
 
-/// The folder at `path`, named from `base`, as an absolute path without links.
+/// Finds the folder at `path`, which is relative to `base`. Returns an absolute path without links.
 ///
 /// # Errors
 /// There is no such folder, or its path is not text in one line.

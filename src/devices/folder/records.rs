@@ -60,7 +60,7 @@ impl Reload {
 }
 
 impl DeviceRecord {
-    /// Writes a line, as `OwnRecord::line` makes it, at most 255 bytes of it.
+    /// Writes a line that `OwnRecord::line` has formatted, at most 255 bytes of it.
     #[cfg_attr(not(feature = "script"), expect(dead_code, reason = "only scripts write records"))]
     pub(super) fn write(journal: &mut Journal, now: u64, plc: DeviceIndex, line: &str) {
         let line = &line[..line.floor_char_boundary(255)];

@@ -166,7 +166,7 @@ impl Ethernet {
         bytes
     }
 
-    /// Restores address, mask and choice, but not the routers.
+    /// Restores the address, the mask and the choice of the address, but not the routers.
     fn put_back(&self) {
         let Some((config, address, mask, _)) = parts(&self.stored) else { return };
         for (cells, bytes) in [(&self.config.a_IP_ADDRESS, address), (&self.config.a_IP_MASK, mask)] {

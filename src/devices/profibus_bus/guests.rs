@@ -53,8 +53,8 @@ struct WaitingTelegram {
 }
 
 impl WaitingTelegram {
-    /// Returns the start on a line idle since `since` and reserved for others until `kept`; `None` if the line
-    /// does not matter.
+    /// Returns the start on a line that has been idle since `since` and is reserved for others until `kept`; `None` if
+    /// the line does not matter.
     fn begin(&self, since: u64, kept: u64) -> Option<u64> {
         match self.turn {
             BeginCondition::Time => None,

@@ -15,8 +15,8 @@ event_kinds! {
     DpTelegram = 70, "dp_telegram", Traffic, at bus {
         /// Sender of the telegram.
         sender: Origin,
-        /// Destination, source, function code, and flags for the service access points: bit 0 destination, bit 1
-        /// source.
+        /// Destination, source and function code, and flags that show the service access points: bit 0 for the
+        /// destination, bit 1 for the source.
         head: u32,
         /// Service access points of destination and source, and the number of octets of data above them.
         unit: u32,

@@ -171,8 +171,8 @@ fn highest(index: u16, last: u8) -> String {
     )
 }
 
-/// The manual's name of an object; for a record, the name of its sub-index 0, or the common start of the names of its
-/// entries.
+/// Returns the manual's name of an object. For a record, returns the name of its sub-index 0, or the common start of
+/// the names of its entries.
 fn manuals_name(own: &[&Object]) -> String {
     match own {
         [] => "Identity".to_owned(),

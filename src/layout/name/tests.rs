@@ -1,4 +1,4 @@
-//! Names of registers, right and wrong ones, with nodes and with slots.
+//! Names of registers, correct and wrong, with nodes and with slots.
 
 use crate::devices::samples::tables::NODES as DEVICE;
 use crate::devices::samples::tables::SLOTS;

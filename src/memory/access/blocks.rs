@@ -267,7 +267,7 @@ mod tests {
                 words[1 + place] = 1 << bit;
                 words[0] = !words[0];
                 let at = words[1..].as_ptr().cast();
-                // SAFETY: aligned, valid, and nothing else accesses it meanwhile.
+                // SAFETY: aligned, valid, and nothing else accesses it at the same time.
                 unsafe {
                     load(at, &mut blocks);
                     assert!(

@@ -87,10 +87,9 @@ impl Attached {
         }
     }
 
-    /// Ends the turns of `tasks`; the first one then has its next turn after `wait_us` of emulated time at the latest, if
-    /// that is given. Then waits until one of them has its next turn or `condition` is true. The function
-    /// calls it again whenever the firmware has changed registers. `false`: neither happened within `timeout` of real
-    /// time.
+    /// Ends the turns of `tasks`. If `wait_us` is given, the first task has its next turn at the latest after this
+    /// emulated time. Then waits until a task has its next turn or `condition` is true. The function calls `condition`
+    /// again whenever the firmware has changed registers. `false`: neither happened within `timeout` of real time.
     #[cfg_attr(not(feature = "plc"), expect(dead_code, reason = "for the runner of tasks"))]
     pub(crate) fn wait_turns(
         &self,

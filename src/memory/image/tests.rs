@@ -1,4 +1,4 @@
-//! Creating, taking over, refusing, removing.
+//! Tests of creating, taking over, refusing and removing images.
 
 use super::*;
 use crate::devices::samples::tables::SLOTS;

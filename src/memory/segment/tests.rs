@@ -5,7 +5,8 @@ use crate::memory::testing::SEGMENT_SIZE;
 use crate::memory::{Cell8, Cell16, Cell32};
 use memmap2::MmapOptions;
 
-/// A segment on the heap, and one in an unnamed file, except under Miri, which cannot map files.
+/// Returns a segment on the heap, and a segment in an unnamed file. Miri cannot map files, so under Miri only the first
+/// one.
 fn both() -> Vec<Segment> {
     let mut both = vec![Segment::heap(SEGMENT_SIZE)];
     if !cfg!(miri) {
@@ -213,7 +214,7 @@ fn ranges_at_any_alignment() {
 #[cfg_attr(miri, ignore = "Miri has no model for concurrent accesses of several widths")]
 fn registers_are_whole_when_read_in_any_width() {
     const TURNS: u32 = 20_000;
-    // Offset, width, and the two values it alternates between.
+    // For each register: its offset, its width, and two alternating values.
     let registers = [
         (200_000, Width::Dword, [0x1111_1111, 0xEEEE_EEEE_u32]),
         (200_004, Width::Word, [0x2222, 0xDDDD]),

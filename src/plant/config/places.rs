@@ -119,8 +119,8 @@ fn slave_number<'a, 't>(root: &'a DeTable<'t>, bus: &str, number: u8, second: &s
     })
 }
 
-/// The connections of devices to a bus, in the order of the file: each as the section, and the name of the bus in the
-/// section.
+/// The connections of devices to a bus, in the order of the file. Each item consists of the section and of the name of
+/// the bus in it.
 fn plugged_at<'a, 't>(
     root: &'a DeTable<'t>,
     device: &str,

@@ -34,7 +34,7 @@ fn a_wait_for_conditions_ends_when_all_hold_at_once() {
     let conditions = [condition(REG, Compare::Equal, 1), condition(REG + 2, Compare::Greater, 4)];
     let outcome = |any| {
         let mut host = TestHost::new(true);
-        // The first alone, the second alone, both.
+        // First only the first condition holds, then only the second one, then both.
         host.script.extend([(1_000, REG, 1), (2_000, REG, 0), (2_000, REG + 2, 5), (3_000, REG, 1)]);
         let wait = Op::WaitFor { any, within_us: 10_000 };
         host.request(&[conditions[0], conditions[1], wait]).pop()
@@ -441,8 +441,8 @@ fn a_missing_switch_is_refused_by_name() {
     assert_eq!(text, "PLC 'saw': there is no module with DIP switches in node2");
 }
 
-/// A pause of an operation makes no difference: not to the answer, nor to a record of the journal, nor to the moments
-/// up to which the plant advances in one part.
+/// If an operation pauses, its answer, the records of the journal, and the moments up to which the plant advances in
+/// one part stay the same.
 #[test]
 fn an_operation_that_pauses_does_the_same() {
     let ops = [

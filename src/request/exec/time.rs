@@ -122,7 +122,7 @@ impl Execution {
     }
 }
 
-/// Checks the conditions. Returns whether enough of them hold (any or all), and a value in which bit n is set if
+/// Checks the conditions. Returns true if enough of them hold (any or all), and a value in which bit n is set if
 /// condition n holds.
 pub(super) fn look_at(
     host: &dyn Host,

@@ -53,7 +53,7 @@ fn going_back_by_a_time_restores_the_state_and_continues_from_it() {
     // The program repeats the same stores, so the journal is the same.
     host.request(&[Op::Advance { us: 1_500 }, poke(2), Op::Advance { us: 4_000 }]);
     assert_eq!((host.plant.journal().hash(), host.plant.journal().end()), (hash, end));
-    // A reader of the journal sees that the history is another one.
+    // A reader of the journal can detect that the history is another one.
     let turn = host.plant.journal().history_id();
     assert!(turn.number > 0 && turn.begin == kept.last().map_or(0, |last| last.seq + 1), "{turn:?}");
 }

@@ -120,7 +120,8 @@ impl Directory {
         Ok(self.open.sync()?)
     }
 
-    /// Writes `<name>.new`, synced, and passes it to `then`; removes it if either fails.
+    /// Writes `<name>.new`, synchronizes it to the disk, and passes it to `then`. Removes the file if one of these
+    /// steps fails.
     fn with_new(
         &self,
         name: &str,

@@ -9,7 +9,7 @@ use std::io::ErrorKind;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Registers that the device of the built-in plant has in NOVRAM, in bytes, and two of them.
+/// Size in bytes of the registers that the device of the built-in plant has in NOVRAM, and two of these registers.
 const REGISTERS: usize = 16;
 const ROUTER: u32 = 180_016 + 12;
 const ADDRESS: u32 = 180_016 + 4;
@@ -102,7 +102,7 @@ fn flags_beyond_those_of_the_plant_stay_in_the_file() {
     assert_eq!(held, [5, 7]);
 }
 
-/// The memory goes away while its retain flags are read: the file keeps the last known ones.
+/// The memory disappears while its retain flags are read: the file keeps the last known flags.
 #[test]
 fn registers_lost_during_the_read_are_not_written() {
     let directory = tempfile::tempdir().unwrap();

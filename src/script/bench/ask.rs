@@ -90,7 +90,7 @@ impl Bench {
         if ends { Err(ScenarioError::Interrupted) } else { Ok(()) }
     }
 
-    /// Advances the clock to the next event, by `within_us` at most. With a real-time clock, waits for a moment.
+    /// Advances the clock to the next event, by `within_us` at most. With a real-time clock, waits for a short time.
     pub(super) fn advance_to_event(&mut self, within_us: u64) -> Result<(), ScenarioError> {
         self.go_on()?;
         if self.is_stepped {

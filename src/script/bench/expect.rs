@@ -159,7 +159,7 @@ impl Bench {
         if holds { Ok(()) } else { Err(self.failure(format!("not so: {text}"), at)?.into()) }
     }
 
-    /// Register, mask and value, checked against each other.
+    /// Parses the register, the mask and the value, and checks that they fit each other.
     fn masked(&self, text: &str, mask: Value, value: Value) -> Result<(Register, u32, u32), ScenarioError> {
         let register = self.whole_register(text)?;
         let (mask, value) = (mask.bits(&register.place)?, value.bits(&register.place)?);

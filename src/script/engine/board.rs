@@ -82,7 +82,7 @@ fn board_map(bench: &mut Bench, plc: &str) -> Result<Map, ScenarioError> {
     Ok(map)
 }
 
-/// `#{kind, leds: #{H1: "on", H2: 1 ...}}`, and its switches.
+/// Creates the map of a module, with its switches: `#{kind, leds: #{H1: "on", H2: 1 ...}}`.
 fn module_map(front: ModuleFront) -> Map {
     let leds = front.leds.into_iter().map(|(name, led)| {
         let shown = match led {

@@ -10,7 +10,8 @@ impl Verbs {
     }
 }
 
-/// `#{state, synchronized, reference, speed, fault, status_word, lost_references, stopped, parameters: #{P167: 2000, ...}}`
+/// Creates the map of a drive: `#{state, synchronized, reference, speed, fault, status_word, lost_references, stopped,
+/// parameters: #{P167: 2000, ...}}`.
 fn drive_map(details: DriveDetails) -> Map {
     let DriveDetails { state: shown, parameters, .. } = details;
     let DriveState { status_word, speed_reference, speed_actual, fault, lost_references, .. } = shown;

@@ -27,7 +27,7 @@ impl Verbs {
     }
 }
 
-/// `#{time, from, to, by}`
+/// Creates the map of a past change: `#{time, from, to, by}`.
 fn past_map(&PastChange { time_us, from, to, by }: &PastChange) -> Map {
     Map::from([
         ("time".into(), int(time_us).into()),

@@ -107,7 +107,7 @@ impl Verbs {
     }
 }
 
-/// `#{time, id, extended, data}`
+/// Creates the map of a frame: `#{time, id, extended, data}`.
 fn seen_map(seen: &SeenFrame) -> Map {
     let payload = seen.frame.payload();
     let data: Array = payload.data().iter().map(|byte| INT::from(*byte).into()).collect();

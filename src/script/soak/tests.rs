@@ -71,8 +71,8 @@ fn every_move_is_right_and_every_wrong_thing_is_found() {
     }
 }
 
-/// Journals of all devices at the time of this list, without random parts. A change of a firmware, of the texts of
-/// the journal or of an exercise requires new ones.
+/// Journals of all devices at the time of this list, without random parts. A change of a firmware, of the texts of the
+/// journal or of an exercise requires new journals.
 const KEPT: &str = include_str!("../../../tests/journal/exercises.txt");
 
 #[test]

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 enum Outcome {
     /// The page is accepted.
     Good = 0,
-    /// The page is not the one that must come next.
+    /// The page number is not the next one in the sequence.
     Turn = 1,
     /// A record has an invalid identifier, or one of the other direction.
     Identifier = 2,

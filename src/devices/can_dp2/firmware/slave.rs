@@ -47,7 +47,7 @@ pub(in crate::devices::can_dp2) struct Slave {
     cfg_fault: Option<CfgFault>,
     /// Time until which the master must send a request, in us.
     watchdog_at: Option<u64>,
-    /// Time of the last valid telegram.
+    /// Time of the last valid telegram, in microseconds.
     heard_at: u64,
     /// True if the slave has requested the master to read the diagnosis.
     has_diagnosis: bool,

@@ -4,7 +4,7 @@ use super::*;
 use crate::devices::can_dp2::registers::values::dp_state;
 use proptest::prelude::*;
 
-/// Octets of Set_Prm: valid ones with some changed octets, or random ones.
+/// Octets of Set_Prm: either valid octets, some of which are changed, or random octets.
 fn parameters() -> impl Strategy<Value = Vec<u8>> {
     let changes = prop::collection::vec((0..16_usize, any::<u8>()), 0..3);
     let almost = (any::<u8>(), 0..8_u8, changes).prop_map(|(flags_1, flags_2, changes)| {

@@ -169,8 +169,8 @@ impl Example {
         u16::from_be_bytes([self.mb[at], self.mb[at + 1]])
     }
 
-    /// Network 5: one of the first orders after the other (identifier, first two data bytes, length, command), then
-    /// none.
+    /// Network 5: sends one of the first orders after the other (identifier, first two data bytes, length, command),
+    /// then no more.
     fn order(&mut self) {
         let enables = |id: u16| (id, 0_u16, 0, 4);
         let orders = [

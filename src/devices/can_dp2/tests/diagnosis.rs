@@ -121,7 +121,8 @@ fn lost_frames_are_reported() {
     assert_eq!(bench.ask(255, &enable).0, mst_result::DATA);
 }
 
-/// No station acknowledges the frames: the error counter rises to passive, and no further (p. 15, 20).
+/// No station acknowledges the frames. The error counter rises until the station is passive, and no further (p. 15,
+/// 20).
 #[test]
 fn states_of_the_can_bus() {
     let mut bench = Bench::exchanging(0, 1, &CFG);

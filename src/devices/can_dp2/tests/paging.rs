@@ -60,7 +60,7 @@ fn a_canopen_master_requests_the_inputs_of_its_pages() {
     assert_eq!(configured(0x01).heard(), Vec::<String>::new());
 }
 
-/// Figure 6.4.2 has segments and the window in the format of one octet.
+/// In figure 6.4.2 the segments and the window have the format of a single octet.
 #[test]
 fn a_window_in_the_last_two_segments() {
     let mut bench = Bench::exchanging(0x81, 0, &WITH_WINDOW);
@@ -89,7 +89,8 @@ fn invalid_segments_are_refused() {
         (&[0x40, 0x9F, 0xA7], 1, 3),
         (&[0x40, 0x9F], 0, 3),
         (&[], 0, 3),
-        // Words, both directions at once, an identifier, a window in front.
+        // An exchange with words, data in both directions at the same time, one identifier, and the window at the
+        // front.
         (&[0x40, 0x9F, 0xEF], 1, 2),
         (&[0x40, 0x9F, 0xBF], 1, 1),
         (&[0x40, 0x9F, 0x80, 0x9F, 0x83, 1, 2, 3, 0], 2, 6),

@@ -164,7 +164,7 @@ impl Initialization {
     }
 }
 
-/// The block of a device: its pages, its table of baud rates, and the parts of the text that depend on the device.
+/// Declares the block for a device: its pages, its table of baud rates, and the texts that depend on the device.
 macro_rules! init {
     ($page:literal, $rates:expr, $sync:literal, $more:literal, $intervals:literal) => {
         $crate::plc::function_block! {

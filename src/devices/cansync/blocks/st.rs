@@ -20,8 +20,8 @@ pub(crate) mod text {
     pub(crate) const INTR_SET: &str = include_str!("../../intr_set.st");
 }
 
-/// The parts of a device: the names of its INIT, master and slave structures, its own parts of these blocks, and the
-/// parts that follow them.
+/// Declares the blocks of a device in Structured Text: the names of its INIT, master and slave structures, its own
+/// parts of these blocks, and the parts that follow them.
 macro_rules! st {
     ($init:literal, $ma:literal, $sl:literal, $own:expr, [$($following:expr),*]) => {{
         use $crate::devices::cansync::blocks::st::text;

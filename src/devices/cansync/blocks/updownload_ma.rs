@@ -217,7 +217,7 @@ fn job(base: &CANsync_MA_CTRL_BMSTRUCT) -> Job<'_> {
     Job { control: &base.b_STEUREG_UPDOWNBLK1, status: &base.b_STATREG_UPDOWNBLK1 }
 }
 
-/// The block of a device: its pages, its text about `b_ERR`, and its bits for the failures.
+/// Declares the block for a device: its pages, its text about `b_ERR`, and its bits for the failures.
 macro_rules! updownload_ma {
     ($page:literal, $errors:literal, $bits:expr) => {
         $crate::plc::function_block! {

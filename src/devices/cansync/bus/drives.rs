@@ -99,7 +99,7 @@ impl Drives {
         &mut self.all
     }
 
-    /// Returns all drives, up to date, for reading.
+    /// Returns all drives for reading, with their present states.
     pub(super) fn look(&self) -> &[Drive] {
         if self.taken.iter().all(|taken| *taken == self.passed.len()) {
             return &self.all;

@@ -75,7 +75,7 @@ pub(super) struct DriveEnd {
     pub(super) origin: Origin,
     pub(super) number: u8,
     pub(super) kbit_s: u16,
-    /// Time at which the drive last sent or received a frame.
+    /// Time at which the drive last sent or received a frame, in microseconds.
     pub(super) last_frame: Option<u64>,
 }
 

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 /// The drives' own clock.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct OwnClock {
-    /// Start of the next interval without an edge.
+    /// Start of the next interval without an edge, in microseconds.
     next: u64,
     /// Length of the last interval with a SYNC signal.
     interval_us: u32,

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Points of an interval. Simultaneous ones are handled in this order.
+/// Points of time in an interval. Points at the same time are handled in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(super) enum Slot {

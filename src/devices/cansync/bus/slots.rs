@@ -17,10 +17,10 @@ pub(super) const PLACES: usize = 6;
 pub(super) struct OnWire {
     pub(super) from: u64,
     pub(super) until: u64,
-    /// Regular end of the frame. It is before `until` if a fault delays the frame.
+    /// Regular end of the frame, in microseconds. It is before `until` if a fault delays the frame.
     pub(super) due: u64,
-    /// Earliest start of the next slot's frame. 0 if this frame is outside of its slot, because it then delays no other
-    /// frame (decision D-127).
+    /// Earliest start of the next slot's frame, in microseconds. 0 if this frame is outside of its slot, because it
+    /// then delays no other frame (decision D-127).
     pub(super) free: u64,
     pub(super) sender: Sender,
 }

@@ -12,7 +12,7 @@ pub(crate) const DRIVES: [u8; 3] = [1, 2, 3];
 const TRACED: u32 = 6;
 /// Increase of the reference value per interval.
 const SLOPE: u32 = 100;
-/// The reference value at the end, easy to recognize.
+/// The reference value at the end. Its digits are easy to recognize.
 const LAST: u32 = 0x1122_3344;
 /// Time limit for a SYNC pulse, in real time.
 const SYNC: Duration = Duration::from_secs(5);
@@ -20,7 +20,7 @@ const SYNC: Duration = Duration::from_secs(5);
 /// Exchange of process data, with counters.
 pub(crate) struct Exchange<'a> {
     trace: &'a Trace<'a>,
-    /// Length of the exchange, a second of emulated time.
+    /// Length of the exchange in intervals: a second of emulated time.
     intervals: u32,
     /// SYNC pulses counted up to now.
     syncs: u32,

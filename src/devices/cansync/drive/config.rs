@@ -39,8 +39,8 @@ pub struct DriveConfig {
     pub name: String,
     /// DIP switches S20, 6 to 10: slave number on the bus, 0 to 31.
     pub slave_number: u8,
-    /// DIP switches S20, 1 and 2: baud rate in kbit/s, 1000, 500, 250 or 125 (manual 5.01010.01 p. 13). Left out: the
-    /// rate of the drive's bus in the plant file.
+    /// DIP switches S20, 1 and 2: baud rate in kbit/s, 1000, 500, 250 or 125 (manual 5.01010.01 p. 13). If it is
+    /// omitted, the drive uses the rate of its bus in the plant file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub kbit_s: Option<u16>,
     /// Function of the CANsync card, 0 or 1 (default).
@@ -62,8 +62,8 @@ pub struct DriveConfig {
     /// State after power-on.
     #[serde(default)]
     pub enable: Enable,
-    /// Largest change of the speed per second, in increments of the speed format, 1 to 4294967295. Left out: the speed
-    /// takes the value of its reference at once.
+    /// Largest change of the speed per second, in increments of the speed format, 1 to 4294967295. If it is omitted,
+    /// the speed takes the value of its reference at once.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ramp_per_second: Option<NonZeroU32>,
     /// Numbers of the built-in parameters that are not in the available manuals.

@@ -197,7 +197,7 @@ mod tests {
 
     #[test]
     fn commands_in_each_state() {
-        // Columns: disable voltage, quick stop, shutdown, switch on, enable operation.
+        // The columns are: disable voltage, quick stop, shutdown, switch on, enable operation.
         let words = [0x0000, 0x0002, 0x0006, 0x0007, 0x000F];
         for (state, expected) in [
             (

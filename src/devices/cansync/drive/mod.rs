@@ -229,10 +229,10 @@ impl Drive {
         self.go_on(was_synchronized && self.is_synchronized(), now_us, interval_us);
     }
 
-    /// Starts an interval of `interval_us` at `now_us` by the drive's own clock, because its SYNC edge is missing. The
-    /// drive runs through the first such interval (manual 5.00005.03a p. 135). In later such intervals card and drive
-    /// exchange no data (5.01010.01 p. 22). The motion continues in all of them. The drive leaves out the actual value
-    /// frames, which p. 135 permits (decision D-124).
+    /// Starts an interval of `interval_us` at `now_us` by the drive's own clock, because its SYNC edge is missing. In
+    /// the first such interval the drive continues as usual (manual 5.00005.03a p. 135). In the following intervals
+    /// without an edge, card and drive exchange no data (5.01010.01 p. 22). The motion continues in all of these
+    /// intervals. The drive leaves out the actual value frames, which p. 135 permits (decision D-124).
     pub fn interval_without_edge(&mut self, now_us: u64, interval_us: u32) {
         let runs_through = self.sync.runs_through(now_us);
         self.pass(now_us);
@@ -365,8 +365,8 @@ impl Drive {
     /// Handles a parameter or up-/download job for this drive. Returns the answer frame; `None` if the data field is
     /// not a job.
     ///
-    /// The card's manual describes no area for up- and downloads. The drive refuses all of them with 16#0104 "not
-    /// possible" (decision D-47).
+    /// The card's manual describes no area for up- and downloads. The drive refuses each up- and download with 16#0104
+    /// "not possible" (decision D-47).
     pub fn job(&mut self, payload: &Payload) -> Option<Frame> {
         if let Ok(job) = ParameterJob::decode(payload) {
             return Some(self.parameter_job(&job).frame(self.slave_number));

@@ -34,12 +34,13 @@ pub enum Reaction {
 #[serde(deny_unknown_fields, default)]
 #[serde(expecting = "a table with the settings of a monitor")]
 pub struct MonitorSettings {
-    /// Time from the loss to the error report, in us, at most one hour. For SYNC the time starts at the loss of the
-    /// lock, for reference values when ZK 26 stops the exchange, for cyclic data at the last exchange.
+    /// Time from the loss to the error report, in us, at most one hour. For SYNC, the time starts at the loss of the
+    /// lock. For reference values, it starts when ZK 26 stops the exchange. For cyclic data, it starts at the last
+    /// exchange.
     pub time_us: u64,
     /// Reaction of the drive.
     pub reaction: Reaction,
-    /// Fault number in parameter 308. Left out: 501 SYNC, 502 reference values, 503 cyclic data.
+    /// Fault number in parameter 308. If it is omitted: 501 for SYNC, 502 for reference values, 503 for cyclic data.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fault: Option<NonZeroU16>,
 }
@@ -72,7 +73,7 @@ pub struct BapsMonitoring {
 pub(super) struct Monitor {
     watch: MonitorSettings,
     fault: u16,
-    /// Start of the present loss.
+    /// Start of the present loss, in microseconds.
     since: Option<u64>,
     reported: bool,
 }

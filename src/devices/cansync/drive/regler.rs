@@ -414,7 +414,7 @@ impl VRegler {
         let slot = self.store.slot(number)?;
         let named = match renamed.iter().find(|(own, _)| *own == slot) {
             Some((_, named)) => *named,
-            // The name belongs only to the parameter that replaced this one.
+            // The name belongs only to the other parameter, which replaced this one.
             None if renamed.iter().any(|(_, named)| *named == number) => return None,
             None => number,
         };

@@ -1,9 +1,9 @@
 //! The master's command channel in active operation: selects the job for the one frame of an interval, and assigns the
 //! response to its job (manual 5.00005.03a p. 160-162).
 //!
-//! In every interval the areas are checked in the same order, independent of the past: broadcast commands 0, 1, 2,
-//! control word, parameter, up-/download. The first area with a job gets the frame. According to the manual, a higher
-//! area with a job in every interval blocks the lower ones without limit.
+//! In every interval the areas are checked in the same order, independent of earlier intervals: broadcast commands 0,
+//! 1, 2, control word, parameter, up-/download. The first area with a job gets the frame. According to the manual, a
+//! higher area with a job in every interval blocks the lower ones without limit.
 
 use super::auto::Counter;
 use super::updown_job::BlockJob;

@@ -19,7 +19,7 @@ pub(super) struct Controller {
     /// Bits of [`cut`].
     cut: u8,
     overrun: bool,
-    /// End of the recovery from BUS-off, after a reset has started it.
+    /// Time in microseconds at which the recovery from BUS-off ends, after a reset has started it.
     back_at: Option<u64>,
 }
 

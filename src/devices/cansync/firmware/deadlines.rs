@@ -29,7 +29,7 @@ impl DeadlineTracker {
         self.missed_at = None;
     }
 
-    /// Handles a deadline; `released` is true if the frame was released in time.
+    /// Handles a deadline. `released` is true if the program has released the frame in time.
     #[inline]
     pub(super) fn deadline(&mut self, now: u64, released: bool) {
         self.missed_at = (self.usage == Usage::Served && !released).then_some(now);

@@ -47,7 +47,7 @@ pub struct Slave {
     interval_is_active: bool,
     /// True if the present interval began with its SYNC edge. The slave can then send its actual value frames in time.
     has_edge: bool,
-    /// Time at which the interval ends if no next edge comes and no loss of an edge is reported.
+    /// Time in microseconds at which the interval ends if no next edge comes and no loss of an edge is reported.
     interval_ends: u64,
     interval_us: u32,
     /// Deadlines of the two actual value frames.

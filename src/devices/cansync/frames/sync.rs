@@ -51,8 +51,8 @@ impl SyncLock {
     /// Handles a falling edge at `now_us`. The signal is expected every `interval_us`, with a tolerance of
     /// `tolerance_us`.
     ///
-    /// While locking, an edge that is too early or too late restarts the sequence. An existing lock stays: an edge at
-    /// the wrong time is not accepted for it, so the time without SYNC continues (decision D-125).
+    /// While locking, an edge that is too early or too late restarts the sequence. An existing lock stays. An edge at
+    /// the wrong time does not count for the lock, so the time without SYNC continues (decision D-125).
     #[inline]
     pub fn edge(&mut self, now_us: u64, interval_us: u32, tolerance_us: u32) {
         let (interval, tolerance) = (u64::from(interval_us), u64::from(tolerance_us));

@@ -235,7 +235,7 @@ fn watched(register: &RegisterRef, role: Role, live: RegisterPhase) -> WatchedRe
     watched
 }
 
-/// Length of the initialization structure, which overlays the cyclic ones.
+/// Length of the initialization structure, which overlays the cyclic structures.
 pub(super) const INIT_BYTES: u16 = size_of::<CANsync_INIT_BMSTRUCT>() as u16;
 
 #[cfg(test)]

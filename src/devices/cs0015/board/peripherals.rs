@@ -33,7 +33,7 @@ pub(crate) struct Peripherals {
     pub lcd: Lcd,
     pub serial: Serial,
     pub eeprom: Eeprom,
-    /// Time at which the supply was switched on, for the timers.
+    /// Time in microseconds at which the supply was switched on, for the timers.
     pub on_since: u64,
     /// Violations of the manual by the program.
     pub findings: Vec<WatchFinding>,

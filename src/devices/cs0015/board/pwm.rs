@@ -185,8 +185,8 @@ impl Pwm {
         }
     }
 
-    /// Returns the PWM outputs, bit n for output n. After the initialisation of one output, all four of its group are
-    /// PWM outputs (p. 91) until the supply is switched off.
+    /// Returns the PWM outputs, bit n for output n. After the initialisation of one output, all four outputs of its
+    /// group are PWM outputs (p. 91) until the supply is switched off.
     pub(crate) fn outputs(&self) -> u16 {
         let down = if self.down.iter().any(Option::is_some) { 0x0F } else { 0 };
         down | if self.up.is_some() { 0xF0 } else { 0 }

@@ -75,7 +75,7 @@ impl Retained {
         !self.stored.starts_with(&head)
     }
 
-    /// Replaces invalid values in the registers by the stored ones. 0 is the factory setting.
+    /// Replaces invalid values in the registers by the stored values. 0 is the factory setting.
     fn put_back(&self) {
         let CS0015_PARAMETERS {
             d_COB_ID_SYNC,

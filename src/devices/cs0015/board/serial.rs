@@ -25,7 +25,7 @@ pub(crate) struct SerialByte {
 struct Line {
     /// Number of transmitted bytes, wrapping.
     count: u32,
-    /// End of the byte on the line; `None` if the line is idle.
+    /// End of the byte on the line, in microseconds; `None` if the line is idle.
     until: Option<u64>,
 }
 

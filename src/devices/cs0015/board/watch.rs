@@ -6,7 +6,7 @@ use crate::devices::cs0015::rules;
 use crate::journal::Rule;
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
-/// A broken rule: rule, offset, and value.
+/// A broken rule: the rule, the offset, and the value.
 pub(crate) type WatchFinding = (&'static Rule, u32, u32);
 
 /// Values of the operating system's flags that have no names, at the last check.

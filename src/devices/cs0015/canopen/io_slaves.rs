@@ -124,7 +124,7 @@ pub(crate) struct IoSlaves {
     configuring: Vec<Configuring>,
     /// Place of the job block with a `COP_MSTR_BOOTUP`, and the time of its end.
     pub boot_up: Option<(usize, u64)>,
-    /// Time at which `COP_MSTR_MAIN` sends the next SYNC object.
+    /// Time at which `COP_MSTR_MAIN` sends the next SYNC object, in microseconds.
     pub next_sync: u64,
     /// Nodes that are missing now, and nodes that have been missing, in order.
     now_missing: Vec<u8>,

@@ -27,7 +27,7 @@ pub struct MasterConfig {
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Master {
     config: MasterConfig,
-    /// Time at which the master stops waiting for its nodes; `None` after it has started them.
+    /// Time at which the master stops waiting for its nodes, in microseconds; `None` after it has started them.
     boot_up_until: Option<u64>,
     next_sync: u64,
 }

@@ -137,7 +137,7 @@ impl Node {
         self.has_moved |= self.direct.configure(id);
     }
 
-    /// Fetches a message with this identifier for the program, or discards all of them; returns `None` if the
+    /// Removes and returns a message with this identifier, or discards all its messages. Returns `None` if the
     /// identifier is not registered.
     pub(crate) fn fetch(&mut self, id: StandardId, is_to_clear: bool) -> Option<ReceivedMessage> {
         self.direct.take(id, is_to_clear)

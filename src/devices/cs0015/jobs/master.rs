@@ -8,7 +8,7 @@ use crate::devices::cs0015::canopen::node::Node;
 use crate::devices::cs0015::jobs::{Answer, Job, JobContext, Outcome, Refusal};
 use crate::devices::cs0015::registers::values::job;
 
-/// RESULT: done, not sent or not successful, parameters out of their ranges, no master.
+/// Values of RESULT: done; not sent or not successful; parameters out of their ranges; no master.
 const OK: u32 = 0;
 const NOT_SENT: u32 = 1;
 const PARAMETERS: u32 = 2;

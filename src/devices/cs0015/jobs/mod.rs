@@ -71,7 +71,7 @@ pub(crate) enum Refusal {
     Arguments,
     /// The device cannot carry out the function now: it is not a master, or the node or identifier is unknown.
     State,
-    /// The order was started, or waits for another one; it is checked again.
+    /// The order was started, or waits for another order. The firmware checks it again later.
     Later,
 }
 

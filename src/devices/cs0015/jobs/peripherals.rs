@@ -142,7 +142,7 @@ fn inc_encoder(desk: JobContext, job: &Job) -> Outcome {
     Ok(of([counter.cast_unsigned(), is_up.into(), is_down.into()]))
 }
 
-/// Shows BLINK, STATES and POINTS, from this argument on.
+/// Returns BLINK, STATES and POINTS, which begin at this argument.
 fn shown(desk: JobContext, job: &Job, is_new: bool, lcd: Lcd) -> Outcome {
     let lcd = lcd.with(byte(job, 1)?, byte(job, 2)?, byte(job, 3)?);
     if is_new {
@@ -151,7 +151,7 @@ fn shown(desk: JobContext, job: &Job, is_new: bool, lcd: Lcd) -> Outcome {
     Ok(Answer::default())
 }
 
-/// Runs `LCD_SEGMENTS` (p. 101): DIGITS a byte each, LETTERS a word each, low byte first.
+/// Runs `LCD_SEGMENTS` (p. 101). In DIGITS each place has a byte, in LETTERS a word with the low byte first.
 fn lcd_segments(desk: JobContext, job: &Job) -> Outcome {
     let Some((digits, letters)) = job.data.split_first_chunk::<DIGITS>() else {
         return Err(Refusal::Arguments);

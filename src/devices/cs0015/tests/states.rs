@@ -54,7 +54,7 @@ fn the_program_starts_and_stops_with_the_states() {
     assert_eq!((ordered(&header).0, header.program.start_request.load()), (2, 0), "refused in Stop");
     bench.exchange(0, &[128, 0]);
     assert_eq!(ordered(&header), (3, Start::Hot));
-    // A program is gone, and another one comes before the next check of the firmware.
+    // A program ends, and another one starts before the next check of the firmware.
     header.program.state.store(ProgramState::None.code());
     header.program.state.store(ProgramState::Stopped.code());
     header.program.start_request.store(Start::Cold.code());

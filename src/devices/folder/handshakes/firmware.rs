@@ -22,7 +22,7 @@ crate::snapshot_fields!(Handshakes { values: steps, has_moved; built: rows });
 /// State of a row.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Step {
-    /// Time of the next action.
+    /// Time of the next action, in microseconds.
     due: Option<u64>,
     phase: Phase,
     /// Last value that the program wrote into the register of a watchdog.

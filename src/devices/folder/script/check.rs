@@ -26,8 +26,8 @@ type Wrong = (Position, String);
 /// Name of the constant that selects the registers of the hook `written` (D-822).
 pub(super) const WRITTEN: &str = "WRITTEN";
 
-/// Checks all files, and finds the hooks in the main one, the registers of the hook `written`, and the names of the files that
-/// they import.
+/// Checks all files of a script. Finds the hooks in the main file, the registers of the hook `written`, and the names of the
+/// imported files.
 ///
 /// # Errors
 /// [`Mistake`] with file and line.

@@ -97,7 +97,7 @@ impl Data {
         read(&mut self.0.iter(), 0).unwrap_or(Dynamic::UNIT)
     }
 
-    /// The values of an array. A list of one value if the data are not an array.
+    /// Returns the values of an array. If the data are not an array, returns a list with a single value.
     pub(super) fn values(&self) -> Vec<Dynamic> {
         let value = self.value();
         value.clone().try_cast::<Array>().unwrap_or_else(|| vec![value])

@@ -13,7 +13,7 @@ use rhai::{AST, CallFnOptions, Dynamic, Engine, Scope, Stmt};
 use std::rc::Rc;
 
 thread_local! {
-    /// The scripts that this thread has compiled, by their numbers and layouts. A process has few different ones.
+    /// The scripts that this thread has compiled, by their numbers and layouts. A process has few different scripts.
     static COMPILED: RefCell<Vec<(u64, *const DeviceLayout, Rc<Program>)>> = const { RefCell::new(Vec::new()) };
 }
 

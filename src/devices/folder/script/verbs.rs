@@ -38,7 +38,7 @@ pub(super) const NAMES: [&str; 18] = [
     "write",
 ];
 
-/// Verbs whose first argument is the name of one register, and of registers.
+/// Verbs with the name of one register, or of several registers, as their first argument.
 pub(super) const OF_REGISTERS: [(&str, bool); 11] = [
     ("clear_bits", true),
     ("copy", false),
@@ -351,7 +351,8 @@ fn whole(found: Found, new: &Dynamic) -> Result<Change, String> {
     Ok(Change { clear: u32::MAX, set: bits(found, new)? })
 }
 
-/// The bits of a value in a register: a number of its type or its pattern, a bool, or a text as on the command line.
+/// Converts a value to the bits of a register. The value is a number of the register's type or its bit pattern, a bool,
+/// or a text as on the command line.
 fn bits(found: Found, new: &Dynamic) -> Result<u32, String> {
     let ty: RegType = found.register.ty();
     let pattern = |number: INT| u32::try_from(number).ok().filter(|bits| *bits <= ty.mask());

@@ -41,7 +41,7 @@ pub struct Baps {
     service_hold: Hold,
     /// True if the Omega Drive-Line II runs. The drive can run without it.
     is_up: bool,
-    /// Time of the next time slice; [`Baps::NEVER`] while no program uses the BAPS.
+    /// Time of the next time slice, in microseconds; [`Baps::NEVER`] while no program uses the BAPS.
     next: u64,
     last: Option<u64>,
     /// Phase of the slices: their time modulo 500 us.
@@ -141,8 +141,8 @@ impl Baps {
 
     fn wake(&mut self, now: u64) {
         self.next = self.slice_from(now);
-        // While there were no slices, the registers did not change. So the last slice counts as directly before this
-        // one.
+        // While there were no slices, the registers did not change. So the last slice counts as if it had been directly
+        // before this slice.
         self.last = Some(self.next.saturating_sub(SLICE_US));
     }
 

@@ -25,7 +25,7 @@ struct Configured {
     numbers: Numbers,
     /// Communications so far.
     count: u64,
-    /// Time of the next communication.
+    /// Time of the next communication, in microseconds.
     next: u64,
     /// True if a communication is pending.
     is_due: bool,

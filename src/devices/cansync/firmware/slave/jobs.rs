@@ -81,7 +81,7 @@ impl Jobs {
         };
     }
 
-    /// Handles a job in set-up mode. The firmware answers a job on the status word and refuses every other one
+    /// Handles a job in set-up mode. The firmware answers a job on the status word and refuses every other job
     /// (decisions D-06, D-36, D-63).
     pub(super) fn arrive_early(&mut self, payload: &Payload, status_word: u16) {
         self.due = if is_up_download(payload) {

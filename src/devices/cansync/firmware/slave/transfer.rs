@@ -157,7 +157,8 @@ impl Transfer {
     }
 
     /// Takes the expected body or last frame. Returns the answer, or `None` if the application must acknowledge the
-    /// frame: each one in the single-frame area, only the last in block 1 (p. 191, 193; uploads: decision D-65).
+    /// frame: every frame in the single-frame area, only the last frame in block 1 (p. 191, 193; uploads: decision
+    /// D-65).
     pub(super) fn take(
         &mut self,
         ctx: &mut Context,

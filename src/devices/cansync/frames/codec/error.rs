@@ -54,7 +54,7 @@ pub enum CodecError {
         /// Sub-slave address in the answer.
         found: u16,
     },
-    /// The answer acknowledges another block than the one of the job.
+    /// The answer acknowledges another block than the block of the job.
     #[error("answer for offset {found} to an up-/download job for offset {asked}")]
     OtherOffset {
         /// Offset in the job.

@@ -196,7 +196,7 @@ impl ParameterResponse {
         self.sub_slave
     }
 
-    /// Value, done, error or BUSY.
+    /// Returns the result: value, done, error or BUSY.
     #[inline]
     pub const fn result(&self) -> ParameterResult {
         self.result
