@@ -260,7 +260,7 @@ mod tests {
         write(&path, b"new").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"new");
         assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o640);
-        // A reader of the old file meanwhile reads all of it.
+        // While the file is replaced, a reader of the old file reads all of its old content.
         let mut seen = String::new();
         std::io::Read::read_to_string(&mut reader, &mut seen).unwrap();
         assert_eq!(seen, "old");
@@ -326,7 +326,7 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.h");
         let own = format!("a.h.{}-0.part", std::process::id());
-        // The first one is being written, the second one was left; the others have similar names.
+        // The first file is being written, the second one was left by a killed process; the others have similar names.
         let all = [own.as_str(), "a.h.4711-3.part", "a.h.4711.part", "a.h.x-0.part", "b.h.4711-0.part"];
         for name in all {
             fs::write(directory.path().join(name), "left").unwrap();

@@ -102,7 +102,7 @@ fn words(code: &str) -> Vec<(usize, &str)> {
     words
 }
 
-/// The right spelling of a number with a base in front.
+/// Returns the correct spelling of a number with a base before it.
 fn number(word: &str) -> Option<String> {
     let (base, digits) = word.split_once('#')?;
     let prefix = match base {

@@ -69,14 +69,13 @@ pub(super) fn stuff_bits(frame: &Frame) -> u32 {
     (with_stuff_bits(frame).len() - stuffed_part(frame).len()) as u32
 }
 
-/// The winner if all of these frames begin at once: each station withdraws where it sends a 1 and sees a 0. Of frames
-/// with equal arbitration fields the first wins.
+/// The winner if all of these frames begin at once: each station withdraws where it sends a 1 and sees a 0. If several
+/// frames have equal arbitration fields, the first of them wins.
 pub(super) fn winner(frames: &[Frame]) -> Option<usize> {
     let fields: Vec<_> = frames.iter().map(arbitration_field).collect();
     let mut sending: Vec<_> = (0..frames.len()).collect();
     for place in 0..32 {
-        // After its arbitration field, which ends with a dominant IDE, no other frame is left that could win against
-        // it.
+        // After this frame's arbitration field, which ends with a dominant IDE, no other frame can win against it.
         let bit = |participant: usize| fields[participant].get(place).copied().unwrap_or(false);
         let wire = sending.iter().all(|&participant| bit(participant));
         sending.retain(|&participant| bit(participant) == wire);

@@ -76,10 +76,10 @@ fn crc<const BYTES: usize>(message: u128) -> u16 {
 const STATES: usize = 5;
 const AFTER_STUFF_BIT: usize = 4;
 
-/// `STUFF[changes]` gives the effect of eight more bits for each state; `changes` has a 1 for each bit that differs
-/// from its predecessor, first bit on top. Byte s of the entry belongs to state s: its lower six bits are eight times
-/// the next state, the higher bits the number of stuff bits, at most 2. So one shift gives the next state, and the
-/// look-up does not depend on the present state.
+/// `STUFF[changes]` gives the effect of eight more bits for each state. `changes` has a 1 for each bit that differs
+/// from its predecessor; the first bit is the highest. Byte s of the entry belongs to state s. Its lower six bits are
+/// eight times the next state. Its higher bits are the number of stuff bits, at most 2. So one shift gives the next
+/// state, and the look-up does not depend on the present state.
 static STUFF: [u64; 256] = stuff_table();
 
 const fn stuff_table() -> [u64; 256] {

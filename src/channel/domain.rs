@@ -159,7 +159,7 @@ impl Domain {
             .create::<S>()
     }
 
-    /// Settings of the domain's service. Each client may have one request under way. A client that has given up does
+    /// Settings of the domain's service. Each client may have one request in progress. A client that has given up does
     /// not block the next: its request is overwritten or skipped.
     pub(crate) fn service<S: iceoryx2::service::Service>(node: &Node<S>) -> Option<ServiceBuilder<S>> {
         let name = ServiceName::new(SERVICE).ok()?;

@@ -71,7 +71,8 @@ impl EventNotifier {
 /// The client's side: waits for events of one PLC.
 pub struct EventListener {
     listener: Listener<Threads>,
-    // Declared after the port, which belongs to the service and the guest, so that these are dropped after it.
+    // Declared after the port: the port belongs to the service and the guest, so the service and the guest must be
+    // dropped after it.
     service: Service<Threads>,
     _guest: Guest,
     bells: Box<dyn Bells>,

@@ -68,7 +68,8 @@ pub(super) fn own<R: ChannelRoot, E>(
 /// Maximum number of sweeps of a leaving client. Files that it cannot remove stay.
 const SWEEPS: u32 = 10;
 
-/// Called by a client that has left. If the server has ended before, the client must remove the remaining files.
+/// Called by a client that has left the channel. If the server has ended before, the client must remove the remaining
+/// files.
 pub(super) fn leave(place: &impl ChannelSite) {
     sweep_as_last(place);
     if let Some(place) = place.made_again() {

@@ -262,14 +262,14 @@ impl Server {
         match port.receive() {
             Ok(request) => request,
             Err(reason) => {
-                // A client died while it connected, or a client of another build has too many requests under way.
+                // A client died while it connected, or a client of another build has too many requests in progress.
                 tracing::debug!(?reason, "a request could not be received");
                 None
             }
         }
     }
 
-    /// Ends the channel of `host`: answers all requests under way with
+    /// Ends the channel of `host`: answers all requests in progress with
     /// [`Code::SHUTTING_DOWN`](crate::request::Code::SHUTTING_DOWN) and removes the domain's files, unless clients are
     /// still connected.
     pub fn close(mut self, host: &dyn Host) {

@@ -1,4 +1,4 @@
-//! Words as the firmware left them, for comparison with the cells of the image.
+//! The words that the firmware wrote last, for comparison with the cells of the image.
 
 use crate::memory::{Block, Cell64};
 

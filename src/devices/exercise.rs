@@ -27,8 +27,8 @@ pub struct Exercise {
     pub allowed: &'static [&'static str],
 }
 
-/// Actions of a program that start and end in a state in which all moves are possible: moves can be made in any order,
-/// repeated and left out.
+/// Actions of a program. They start and end in a state in which all moves are possible, so moves can be made in any
+/// order, repeated, and omitted.
 #[derive(Debug)]
 pub struct Move {
     /// Name of the function. Its first parameter is true if there are no faults and no stray stores, so that every step

@@ -14,7 +14,7 @@ const PAGE: &str = include_str!("../../docs/reference/journal.md");
 const ALWAYS: [&str; 4] = ["v", "seq", "time_us", "kind"];
 /// Latency, and words with more meaning than numbers: they depend on the event, not on its kind.
 const NOT_OF_THE_KIND: [&str; 2] = ["latency_us", "text"];
-/// Words with the prefix of their kind that need octets or a text, which are beside the numbers of the event.
+/// Words with the prefix of their kind. They need octets or a text, which are not in the numbers of the event.
 const OF_OCTETS: [(&str, &str); 3] = [("dp_", "service"), ("dp_", "data"), ("finding", "note")];
 
 /// Row of the table for one kind.
@@ -35,8 +35,8 @@ fn rows() -> BTreeMap<&'static str, Row> {
     rows
 }
 
-/// Words in backticks in a cell: names of fields and values. A word that follows `as` belongs to another table; the
-/// words of the kind named in `as of` are included.
+/// Returns the words in backticks in a cell: names of fields and values. A word after `as` belongs to another table.
+/// Includes the words of the kind that the cell names with `as of`.
 fn words(cell: &'static str, rows: &BTreeMap<&str, Row>) -> BTreeSet<&'static str> {
     let mut words = BTreeSet::new();
     for clause in cell.split(';') {

@@ -83,7 +83,7 @@ pub fn time(what: &'static str, name: &str, us: u64) -> Result<(), SettingError>
     range(what, name, us, 0..=HOUR_US, "at most one hour")
 }
 
-/// Checks a time in us that may be left out, but not be 0.
+/// Checks a time in us. The time may be omitted, but must not be 0.
 ///
 /// # Errors
 /// Same as [`range`].

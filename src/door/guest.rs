@@ -347,7 +347,7 @@ impl Guest {
         assert!((&mut &*self).send(BusMessage::Burst(burst)));
     }
 
-    /// Lets the guest leave.
+    /// Ends the guest's participation.
     pub(crate) fn goes(&self) {
         self.leave();
     }

@@ -461,8 +461,8 @@ mod tests {
         assert_eq!(Rate::of_code(10), None);
     }
 
-    /// With any input, nothing panics, and each line that is not empty has one answer, at once or when its time has
-    /// come.
+    /// For any input, the protocol does not panic, and each line that is not empty has one answer: at once, or when its
+    /// time has come.
     fn each_line_has_one_answer(bytes: &[u8]) {
         let (mut session, mut noted) = (Session::default(), Noted { open: Some(false), ..Noted::default() });
         let mut answer = Vec::new();

@@ -14,7 +14,7 @@ pub(super) enum Message {
     Hello(Hello),
     /// The federate has the turn and is still working or waiting.
     Alive,
-    /// The turn of the federate has ended.
+    /// The federate ends its turn.
     Turn(Turn),
     /// The federate ends; with a reason if it failed.
     Bye(Option<String>),
@@ -33,7 +33,7 @@ pub(super) struct Hello {
     pub(super) plant: Vec<u8>,
 }
 
-/// Input of a turn, and the time to which the sender lets the clock advance.
+/// The input of a turn, and the time up to which the sender permits the clock to advance.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Turn {
     /// Emulated time of the turn, in microseconds.

@@ -141,7 +141,8 @@ fn a_model_turns_the_motor_and_a_state_has_it() {
     }
 }
 
-/// A change of what a state holds beside its snapshot needs a new number of the format. The snapshot in it has its own.
+/// If the data of a state other than its snapshot change, the state needs a new format number. The snapshot has a
+/// separate format number.
 #[test]
 fn a_sample_of_the_state_format_can_be_read() {
     let bytes = sample(&format!("fmu-state-{FORMAT}"), || {
@@ -184,7 +185,7 @@ fn states_of_other_formats_are_refused_by_number_and_version() {
     for (format, version) in [(FORMAT + 1, "0.2.0"), (u16::MAX, "99.0.0"), (FORMAT, "0.0.9")] {
         refused(&with_header(&today, format, version), &format!("commram {version} (state format {format})"));
     }
-    // Format 1 had the phase first, then a part that was sealed by itself.
+    // In format 1 the phase was first, followed by a part with its own checksum.
     for phase in 0..=3 {
         let inner = seal(unseal(&today).unwrap()[20..].to_vec());
         refused(&seal([vec![phase], inner].concat()), "an older commram (state format 1)");

@@ -200,7 +200,7 @@ impl ValueFederate {
             if ty.is_null() {
                 return String::new();
             }
-            // SAFETY: as above; it is copied at once.
+            // SAFETY: as above; the text is copied at once.
             unsafe { CStr::from_ptr(ty) }.to_string_lossy().into_owned()
         };
         self.inputs.iter().map(of).collect()

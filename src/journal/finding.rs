@@ -72,7 +72,7 @@ impl From<Finding> for Found {
     }
 }
 
-/// The note of the record. Journals may come from strangers, so control characters are replaced.
+/// The note of the record. Journals may come from unknown authors, so control characters are replaced.
 fn note_of(reader: &Reader) -> Option<String> {
     reader.octets().map(|octets| note(&String::from_utf8_lossy(&octets)))
 }

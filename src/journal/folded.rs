@@ -111,7 +111,7 @@ fn values(event: &str) -> &str {
     event.split_once(": ").map_or(event, |(_, values)| values)
 }
 
-/// True if the record belongs to the cyclic traffic. The answer to a request of the channel does not.
+/// True if the record belongs to the cyclic traffic. The answer to a request through the channel does not belong to it.
 fn is_cyclic(record: &Record) -> bool {
     match record.event.kind().ring() {
         Ring::Traffic => true,

@@ -1,7 +1,7 @@
 //! The rings: one for each group of kinds of records, read as one sequence.
 //!
-//! A record occupies a [`Line`]. Octets of telegrams are stored beside the lines of their ring and count as lines of
-//! the same size: a ring with telegrams has fewer records, not more memory.
+//! A record occupies a [`Line`]. Octets of telegrams are stored separately, and count as lines of the same size. Thus a
+//! ring with telegrams contains fewer records, and does not need more memory.
 
 use super::kind::RINGS;
 use super::{Event, Record};
@@ -114,7 +114,7 @@ impl Rings {
         }
     }
 
-    /// Takes the records out and leaves empty rings for new records, until the old records are put back.
+    /// Takes the records out and leaves empty rings. The rings record new events until the old records are put back.
     pub(crate) fn lay_aside(&mut self) -> Self {
         let new = Rings { end: self.end, ..Rings::new(self.capacity) };
         core::mem::replace(self, new)

@@ -1,8 +1,8 @@
 //! The journal as signals over time: content of every waveform format and of plots.
 //!
 //! A scope for each bus has its SYNC edges as events and its frames; a scope for each PLC has a scope for each area
-//! with its registers. A register with a meaning has it as text beside its value. Other events are text under the
-//! name of their kind. A signal has no value until the journal contains one.
+//! with its registers. If a register has a meaning, a second signal shows the meaning as text. Other events are text
+//! under the name of their kind. A signal has no value until the journal contains one.
 
 use super::reader::RegisterLocation;
 use super::window::Window;

@@ -180,7 +180,7 @@ pub enum LayoutError {
     NotARegister {
         /// The given text.
         name: String,
-        /// The registers in it.
+        /// The registers in the area.
         registers: String,
     },
     /// The name has too many or too few indices.

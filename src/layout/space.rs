@@ -34,8 +34,8 @@ pub struct Space {
 pub enum Unit {
     /// Bytes, for any width: `%MD3.200000` begins with `%MB3.200000`, and bits 0 to 7 are the bits of the byte.
     Byte,
-    /// Accesses of the address's own width: `%MW2000` begins with `%MB4000`, and `%MD1000` with it; bits 0 to 15 are
-    /// those of the word (decision D-286).
+    /// The number counts accesses of the address's own width: `%MW2000`, `%MB4000` and `%MD1000` begin at the same
+    /// byte. Bits 0 to 15 are bits of the word (decision D-286).
     Word,
 }
 

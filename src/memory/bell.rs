@@ -1,11 +1,11 @@
 //! Bells: futex words in the header page that processes wait on and ring.
 //!
-//! Ringing makes a system call only if a process waits. One handshake makes this safe; it is written
-//! once below, and a model in the tests checks it exhaustively. The ringer increments the word and
-//! *then* reads the number of waiters. The waiter increments that number and *then* reads the word. A
-//! sequentially consistent fence separates the two steps on both sides, so at least one side sees the
-//! other and no wake-up is lost. (Sequentially consistent accesses work as well and mix with the fences:
-//! C clients may use plain `atomic_fetch_add` and `atomic_load`.)
+//! Ringing makes a system call only if a process waits. One handshake makes this safe; it is written once below, and a
+//! model in the tests checks it exhaustively. The ringer increments the word and *then* reads the number of waiters.
+//! The waiter increments that number and *then* reads the word. A sequentially consistent fence separates the two steps
+//! on both sides, so at least one side sees the change of the other side, and no wake-up is lost. (Sequentially
+//! consistent accesses work as well and mix with the fences: C clients may use plain `atomic_fetch_add` and
+//! `atomic_load`.)
 
 use super::Cell32;
 use core::sync::atomic::{self, Ordering};

@@ -62,7 +62,7 @@ pub enum MemoryError {
     NotWithin {
         /// The whole register.
         register: Address,
-        /// The access that should have been a part of it.
+        /// The access of which the given access should have been a part.
         part: Address,
     },
     /// A write or a writable view on an image that was attached for reading.

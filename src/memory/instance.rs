@@ -122,7 +122,7 @@ impl InstanceLock {
         folders: impl IntoIterator<Item = &'p Path>,
     ) -> Result<(), MemoryError> {
         let lines: Vec<_> = folders.into_iter().map(|path| format!("{}\n", path.display())).collect();
-        // A killed emulator may have left its list.
+        // A killed emulator may not have removed its list.
         self.directory.remove(FOLDERS);
         if lines.is_empty() {
             return Ok(());

@@ -40,7 +40,7 @@ impl PrivateDir {
                 Ok(()) | Err(Errno::EXIST) => {}
                 Err(errno) => return Err(failed(path, "create", errno)),
             }
-            // A process that ends may have removed it meanwhile.
+            // A process that ends may have removed it in the meantime.
             if let Some(directory) = Self::open(path)? {
                 return Ok(directory);
             }

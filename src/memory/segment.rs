@@ -83,8 +83,8 @@ impl Segment {
     /// A zeroed segment of `size` bytes, at least the header page, private to this process. The kernel allocates pages
     /// when they are first accessed.
     ///
-    /// Uses an anonymous map, not a `Vec`, because the allocator would clear page-aligned memory itself and so access
-    /// all of it. Running out of address space is fatal, as for a `Vec`.
+    /// Uses an anonymous map, not a `Vec`, because the allocator would clear page-aligned memory itself, and so access
+    /// all of its pages. Running out of address space is fatal, as for a `Vec`.
     pub(crate) fn heap(size: usize) -> Segment {
         let size = size.max(HEADER_SIZE).next_multiple_of(4);
         let map = MmapOptions::new().len(size).map_anon().ok();

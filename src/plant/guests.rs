@@ -33,8 +33,8 @@ impl Plant {
         self.journal.push(now, GuestNews { bus, guest, news });
     }
 
-    /// The guests that take part in buses with known stations, each as bus and number. Guest 0, which acts by requests,
-    /// is left out.
+    /// The guests that take part in buses with known stations, each as bus and number. The list does not include guest
+    /// 0, which acts for requests of clients.
     pub(crate) fn guests(&self) -> Vec<(BusIndex, u8)> {
         let mut found = Vec::new();
         for (index, bus) in BusIndex::enumerate(self.buses()) {
@@ -106,8 +106,8 @@ impl Plant {
         frame.map_or(Ok(()), |frame| self.guest_sends(bus, 0, &BusMessage::Frame(*frame)))
     }
 
-    /// The guest that acts by requests, guest 0, takes part in PROFIBUS number `bus` from now on, and sends a telegram as
-    /// soon as the line is free for it.
+    /// Guest 0, which acts for requests of clients, takes part in PROFIBUS number `bus` from now on, and sends a telegram
+    /// as soon as the line is free for it.
     ///
     /// # Errors
     /// [`GuestRefusal`].

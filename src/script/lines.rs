@@ -1,4 +1,4 @@
-//! Runs scenario statements one at a time, as a user types them.
+//! Runs scenario statements one at a time, in the order in which a user types them.
 
 use super::Bench;
 use super::complaint::misread;

@@ -279,7 +279,7 @@ fn judge(error: &ScenarioError, place: ScriptLocation, stage: &Rc<RefCell<Stage>
     }
 }
 
-/// A failure that does not come from an expectation.
+/// A failure that no expectation has caused.
 fn failed(kind: FailureKind, what: &str, place: ScriptLocation, stage: &Rc<RefCell<Stage>>) -> Outcome {
     match stage.borrow_mut().failure(what) {
         Some(failure) => failure_at(Failure { kind, ..failure }, place),

@@ -277,7 +277,7 @@ fn the_emulator_ends_during_a_turn() {
     emulator.wait();
 }
 
-/// The clock waits for an idle task as long as its process is alive. Other clients are served meanwhile, and learn
+/// The clock waits for an idle task as long as its process is alive. Other clients are served in the meantime, and learn
 /// which task blocks the clock.
 #[test]
 fn stop_ends_the_emulator_during_a_turn() {

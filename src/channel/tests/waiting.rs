@@ -154,7 +154,7 @@ fn other_clients_read_and_stop_while_the_clock_advances() {
     });
 }
 
-/// A wait for several conditions pauses like an advance, and reading buses and drives is possible meanwhile.
+/// A wait for several conditions pauses like an advance, and reading buses and drives is possible in the meantime.
 #[test]
 fn other_clients_read_while_one_waits_for_conditions() {
     let place = Arc::new(InstanceFiles::new());
@@ -178,7 +178,7 @@ fn other_clients_read_while_one_waits_for_conditions() {
     });
 }
 
-/// A request that changes the plant waits for its turn: otherwise the moment of the change would be arbitrary.
+/// A request that changes the plant waits for its turn. Otherwise the moment of the change would be arbitrary.
 #[test]
 fn a_request_that_changes_the_plant_waits_for_the_one_under_way() {
     let place = Arc::new(InstanceFiles::new());

@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 /// Maximum number of requests for changes in one poll, and of requests for journal records.
 const PARTS: usize = 4;
 /// Number of past journal records that are read at the start. They fill one request less than a poll makes, since new
-/// records arrive meanwhile.
+/// records arrive in the meantime.
 const BACK: u64 = (PARTS as u64 - 1) * MAX_RECORDS as u64;
 /// Maximum number of requests in one poll that search the journal for changes of recorded registers.
 const PAST_PARTS: usize = 16;

@@ -83,7 +83,7 @@ impl ModuleConfig {
         }
     }
 
-    /// True if the PLC has registers of it.
+    /// True if the PLC has registers of the module.
     pub(super) fn has_registers(&self) -> bool {
         self.kind == ModuleKind::Can06 || self.dip9
     }
@@ -164,8 +164,8 @@ impl Bm4Config {
 }
 
 impl Bm4Config {
-    /// True if the SYNC signal that this master can pass on can reach it: the source module has a signal, which does
-    /// not come from the master's own bus (decision D-646).
+    /// True if a SYNC signal from the source module can reach this master. The source module must have a signal, and
+    /// the signal must not come from the master's own bus (decision D-646).
     pub(super) fn hands_sync_to(&self, module: &ModuleConfig) -> bool {
         let source = module.sync_in_from.and_then(|port| self.module(port));
         source.is_some_and(|source| match source.work() {

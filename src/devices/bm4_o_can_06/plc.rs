@@ -221,7 +221,7 @@ impl DeviceView for Bm4Plc {
 }
 
 impl crate::devices::Front for Bm4Plc {
-    /// DIP switches and LEDs belong to the modules; the manual describes no program and no switch for it (decision
+    /// DIP switches and LEDs belong to the modules; the manual describes no program and no switch for the PLC (decision
     /// D-366).
     fn turn(&self, setting: BoardSetting) -> bool {
         match setting {

@@ -13,7 +13,7 @@ use serde::Deserialize;
 use std::sync::Arc;
 use toml::de::{Error, ValueDeserializer};
 
-/// Firmware of such a device. All of it runs at the port.
+/// Firmware of such a device. The whole firmware runs at the port.
 pub trait CanDevice: CanPort + Sized + 'static {
     /// Registers of the device. Its first port of bus `can` is used.
     const LAYOUT: &'static layout::DeviceLayout;

@@ -165,7 +165,8 @@ impl CanBus {
         }
     }
 
-    /// Lets a station that was BUS-off take part again when its time is over; returns whether there was one.
+    /// Lets a station that was BUS-off take part again when its waiting time has ended. Returns true if there was such
+    /// a station.
     pub(super) fn recover(&mut self, now: u64, journal: &mut Journal) -> bool {
         let Some((at_ns, station)) = self.next_back().filter(|(at_ns, _)| *at_ns <= now * 1000) else {
             return false;

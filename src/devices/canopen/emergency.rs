@@ -44,8 +44,8 @@ impl Errors {
         self.present.iter().fold(0, |bits, known| bits | known.cause.register)
     }
 
-    /// Returns the next message to be sent: code, error register, five bytes. An error that has gone is reported with
-    /// code 0; the register shows the errors that are left.
+    /// Returns the next message to be sent: code, error register, five bytes. When an error disappears, the message has
+    /// code 0; the register shows the remaining errors.
     pub fn message(&mut self) -> Option<[u8; 8]> {
         let is = |list: &[ActiveError], cause| list.iter().any(|known| known.cause == cause);
         if let Some(gone) = self.reported.iter().position(|reported| !is(&self.present, reported.cause)) {

@@ -1,4 +1,4 @@
-//! Baud rates: the interval that belongs to each, and the slot times within the interval.
+//! Baud rates: the interval of each baud rate, and the slot times within the interval.
 
 use crate::layout::Provenance;
 

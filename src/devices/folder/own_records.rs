@@ -80,7 +80,7 @@ impl OwnRecord {
     }
 }
 
-/// Name, fields and text of a line. Journals may come from strangers, so any text is accepted.
+/// Name, fields and text of a line. Journals may come from unknown authors, so any text is accepted.
 pub(super) fn parts(line: &str) -> (&str, &str, &str) {
     let (head, text) = line.split_once(": ").unwrap_or((line, ""));
     let (name, values) = head.split_once(' ').unwrap_or((head, ""));

@@ -33,8 +33,8 @@ pub struct PlcConfig {
     /// Emulated time that node 1 needs to lock to the SYNC signal, in us (default 1 s; D-07).
     #[serde(default = "default_lock_time")]
     pub lock_time_us: u64,
-    /// Emulated time without SYNC signal that ends that lock, in us, 1 to one hour; left out: two and a half intervals
-    /// ([`SyncLock`](crate::devices::cansync::frames::SyncLock)).
+    /// Emulated time without SYNC signal that ends the lock, in us, 1 to one hour. If it is omitted: two and a half
+    /// intervals ([`SyncLock`](crate::devices::cansync::frames::SyncLock)).
     pub sync_loss_us: Option<u64>,
     /// Period of the SYNC signal of an option card in us, 50..=1000000; `None` without such a card.
     pub option_sync_us: Option<u32>,

@@ -229,7 +229,7 @@ impl ProfibusBus {
         true
     }
 
-    /// Reports a guest's telegram that begins too soon after the previous one. Ports keep the pause by themselves.
+    /// Reports a guest's telegram that begins too soon after the previous one. Ports always keep the pause.
     fn judge_pause(&self, sender: usize, at: u64, octets: &[u8], now: u64, journal: &mut Journal) {
         let (Some(guest), Some(since @ 1..)) = (guest_of(sender), self.line.idle_since()) else { return };
         let needed = match Telegram::parse(octets) {

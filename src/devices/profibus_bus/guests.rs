@@ -54,7 +54,7 @@ struct WaitingTelegram {
 
 impl WaitingTelegram {
     /// Returns the start on a line that has been idle since `since` and is reserved for others until `kept`; `None` if
-    /// the line does not matter.
+    /// the start is at a fixed time.
     fn begin(&self, since: u64, kept: u64) -> Option<u64> {
         match self.turn {
             BeginCondition::Time => None,

@@ -22,7 +22,7 @@ pub struct Presence {
 }
 
 /// Firmware of a device's port on PROFIBUS. Events on the line are reported at once, with the bit time in the
-/// [`Station`]. Own times of the firmware are microseconds of emulated time.
+/// [`Station`]. All other times of the firmware are in microseconds of emulated time.
 pub trait ProfibusPort: Send + SnapshotFields {
     /// Called when the device starts.
     fn power_on(&mut self, ctx: &mut Context, station: &mut Station) {

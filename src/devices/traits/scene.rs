@@ -11,7 +11,7 @@ pub struct Interval {
     pub slots: Vec<Slot>,
 }
 
-/// A part of an interval that belongs to a frame.
+/// The part of an interval for one frame.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Slot {
     /// Name of the frame.

@@ -1,5 +1,5 @@
 //! Reads the RAM in blocks of sixteen words, with the processor's widest loads. The access checker compares all of the
-//! RAM with the values that the firmware left, before the firmware runs again.
+//! RAM with its content after the last run of the firmware, before the firmware runs again.
 
 use super::MemoryValue;
 use crate::memory::cell::Cell64;

@@ -149,7 +149,7 @@ fn a_required_fault_must_strike() -> Result<(), ScenarioError> {
     assert_eq!(missed.what, "fault 1 has not taken effect: lose_sync count=1 required");
     bench.step("4ms")?;
     bench.expect_required_faults()?;
-    // A fault without hits has taken effect once it has begun, also when it is over.
+    // A fault without hits has taken effect once it has begun, even if it has ended since.
     bench.fault("slave_off slave=1 at=1s duration=1ms required")?;
     assert!(failure(bench.expect_required_faults()).what.starts_with("fault 2 has not taken effect"));
     bench.step("2s")?;

@@ -6,7 +6,7 @@ use commram::devices::cansync::drive::DrivecomState;
 use commram::identity::DeviceIndex;
 use commram::plant::Power;
 
-/// The drive turns with P300 = 1000, P302 is 5, and a service data job is under way.
+/// The drive turns with P300 = 1000, P302 is 5, and a service data job is in progress.
 fn turning(drive: &str, test: impl Fn(Bench)) {
     Bench::on_both(drive, |mut bench| {
         bench.configure(SAME_CYCLE, &[SPEED_REFERENCE], &[SPEED_ACTUAL]);

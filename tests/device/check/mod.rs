@@ -143,7 +143,7 @@ fn an_error_at_the_end_of_the_initialization_data_is_reported_once() {
 }
 
 /// A program passes a structure as VAR_IN_OUT of a function block, which is copied in and out: the copy overwrites values that
-/// the firmware has written meanwhile.
+/// the firmware has written in the meantime.
 #[test]
 fn a_structure_that_is_written_back_as_a_whole_is_found() {
     for rate in FASTEST {

@@ -103,7 +103,7 @@ pub(crate) unsafe fn read<'a, T>(first: *const T, count: usize) -> Result<&'a [T
 /// Returns `count` values that the function writes.
 ///
 /// # Safety
-/// Like [`read`], and no other code uses the values meanwhile.
+/// Like [`read`], and no other code uses the values in the meantime.
 pub(crate) unsafe fn write<'a, T>(first: *mut T, count: usize) -> Result<&'a mut [T], Refused> {
     if count == 0 {
         return Ok(&mut []);

@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 /// Number of octets in each direction.
 const OCTETS: usize = gsd::MAX_OUTPUT_LEN as usize;
 
-/// Outputs to the gateway and inputs from it. The blocks address them from 0 on, in the order of the gateway's modules
-/// (D-469).
+/// Outputs to the gateway and inputs from it. The blocks address outputs and inputs from 0 on, in the order of the
+/// gateway's modules (D-469).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Peripherals {
     /// Outputs that the next data exchange sends to the gateway.

@@ -16,7 +16,7 @@ use embedded_can::Frame as _;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// Identifier of SYNC objects (p. 87); a slave adds its number to it for its boot-up message (p. 29).
+/// Identifier of SYNC objects (p. 87). A slave adds its own number to this identifier for its boot-up message (p. 29).
 const SYNC: u16 = 0x80;
 
 /// Most frames that wait for room in the controller (D-390).

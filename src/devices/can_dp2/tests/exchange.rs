@@ -90,7 +90,7 @@ fn cyclic_outputs_are_repeated() {
     let heard = bench.heard_at();
     let gaps: Vec<u64> = heard.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
     assert_eq!((heard.len(), gaps), (6, vec![50 * MS; 5]));
-    // A change is sent at once and does not change the cycle.
+    // A changed value is sent at once, and the cycle continues unchanged.
     bench.exchange(&[2]);
     bench.run(300 * MS);
     assert_eq!(bench.heard(), ["203: 02"; 7]);

@@ -206,7 +206,7 @@ fn the_line_is_reserved_for_an_answer() {
 #[test]
 fn an_answer_does_not_wait_for_the_end_of_its_slot() {
     let status = |fc: u8| vec![0x10, 2, 9, fc, fc.wrapping_add(11), 0x16];
-    // The slot of factor 20 is over after 8 ms.
+    // At factor 20 the slot ends after 8 ms.
     for (factor, after) in [(1, 0), (20, 0), (200, 0), (20, 4 * MS), (200, 70 * MS)] {
         for answer in [vec![0xE5], status(0x00), status(0x20), status(0x30)] {
             let mut bench = Bench::with_segment(5, &format!("kbit_s = 500, slot_factor = {factor}"));

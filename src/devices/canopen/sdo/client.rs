@@ -12,7 +12,7 @@ pub enum Step {
     Done(Vec<u8>),
     /// The server has aborted the transfer, with this code.
     Aborted(u32),
-    /// The answer is wrong: this frame is to be sent, and the transfer is over.
+    /// The answer is wrong. The frame must be sent, and the transfer has ended.
     Failed(Abort, Data),
     /// The answer belongs to another transfer.
     Ignored,

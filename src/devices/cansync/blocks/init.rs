@@ -37,7 +37,7 @@ pub(crate) struct Inputs<'a> {
     pub rates: &'a [BaudRate],
 }
 
-/// An initialization, under way or finished.
+/// An initialization, in progress or finished.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Initialization {
     step: Step,

@@ -197,7 +197,7 @@ macro_rules! par_read_ma {
                     ud_PAR_VALUE: u32;
                     /// Format of the value read: FALSE word, TRUE doubleword.
                     x_PAR_FORMAT_READ: bool;
-                    /// The job is under way.
+                    /// The job is in progress.
                     x_BUSY: bool;
                     #[doc = concat!("Bit 0: the slave reports `i_ERR`, 1: timeout, ", $formats, "4: slave number not 0 to 31.")]
                     b_ERR: u8;
@@ -267,7 +267,7 @@ function_block! {
             x_RESET: bool;
         }
         out {
-            /// The job is under way.
+            /// The job is in progress.
             x_BUSY: bool;
             /// Error number of the slave.
             i_ERR: i16;

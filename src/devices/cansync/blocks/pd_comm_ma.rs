@@ -66,7 +66,7 @@ impl CANsync_PD_COMM_MA {
     }
 }
 
-/// Handles the input of a slave number. Undocumented numbers leave the register unchanged.
+/// Writes the input to the register if it is a documented slave number. Otherwise the register stays unchanged.
 fn ask(register: &Cell8, slave: i8) {
     match slave {
         NO_REQUEST => register.store(request::NO_SLAVE),

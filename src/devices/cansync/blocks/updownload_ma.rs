@@ -59,7 +59,7 @@ pub(crate) enum Failure {
     Slave(u16),
 }
 
-/// A transfer, under way or finished.
+/// A transfer, in progress or finished.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Transfer {
     phase: TransferPhase,
@@ -244,7 +244,7 @@ macro_rules! updownload_ma {
                     x_RESET: bool;
                 }
                 out {
-                    /// The job is under way.
+                    /// The job is in progress.
                     x_BUSY: bool;
                     /// Error number of the slave or of the node (p. 267).
                     w_ERR_SL: u16;

@@ -28,7 +28,7 @@ function_block! {
         out {
             /// FALSE: the job is an upload, TRUE: a download.
             x_UPDOWN: bool;
-            /// A job is under way.
+            /// A job is in progress.
             x_ORDER_ACTIV: bool;
             /// Values of the block being transferred, 1 to 75.
             u_LENGTH: u16;
@@ -53,7 +53,7 @@ function_block! {
 pub enum TransferPhase {
     #[default]
     Idle,
-    /// A job of several blocks is under way, with its latest block.
+    /// A job of several blocks is in progress, with its latest block.
     Transfer(Watch, Block),
     /// The last block is answered. The master has not fetched the answer yet.
     Ending(Watch),

@@ -23,7 +23,7 @@ pub(super) struct Disturbance {
     pub(super) strays: Vec<Stray>,
     /// Delay of the present SYNC edge against its regular time, in us.
     pub(super) shift: i64,
-    /// The job under way, while there are faults.
+    /// The job in progress, while there are faults.
     pub(super) job: Option<Frame>,
     /// The answer to the job that a fault produces instead of the slave.
     pub(super) answer: Option<Frame>,
@@ -36,7 +36,7 @@ pub(super) enum Fate {
     Arrives,
     /// No station receives the frame. The sender does not notice.
     Lost,
-    /// The frame is still under way.
+    /// The frame is still in progress.
     Late,
 }
 

@@ -488,9 +488,9 @@ impl SimBus {
         })
     }
 
-    /// Returns the time at which the firmware reads the status of the CAN controller for a poll at `now`. The poll of a
-    /// processor cycle reads the status at a different moment each time, as if the cycle were no fraction of the
-    /// interval. A poll that a doorbell requests reads the status at once (decision D-604).
+    /// Returns the time at which the firmware reads the status of the CAN controller for a poll at `now`. The polls of
+    /// processor cycles read the status at different moments of the interval, as if the interval were not a multiple of
+    /// the cycle. A poll that a doorbell requests reads the status at once (decision D-604).
     fn status_read(&self, now: u64) -> u64 {
         /// 2^64 divided by the golden ratio: its multiples spread evenly over any span.
         const SPREAD: u64 = 0x9E37_79B9_7F4A_7C15;

@@ -163,7 +163,7 @@ impl Run<'_> {
             Channel::One => (Slot::Actual1End, self.timing.t_RDC1),
             Channel::Two => (Slot::Actual2End, self.timing.t_RDC2),
         };
-        // The answer comes at once if a fault has delayed the request beyond the slot.
+        // If a fault has delayed the request beyond the slot, the answer comes at once.
         self.transmit(slot, &frame, self.start + u64::from(offset), Sender::Slave(number));
     }
 

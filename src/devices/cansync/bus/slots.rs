@@ -28,7 +28,7 @@ pub(super) struct OnWire {
 impl Run<'_> {
     /// Puts a frame on the wire at the start of its slot, or now if that time has passed. The end of the frame is the
     /// event `slot`. The frame waits until the previous slot's frame has left the wire (decision D-280). Returns the
-    /// start time that the receivers see; `None` if a fault loses the frame.
+    /// start time at the receivers; `None` if a fault loses the frame.
     pub(super) fn transmit(
         &mut self,
         slot: Slot,

@@ -2,7 +2,7 @@
 //!
 //! The result is the same as if each interval was processed by [`Drive::edge`], which is used for all other drives and
 //! edges. Values that cannot change during these intervals are checked only once. If all intervals are uniform, the
-//! intervals are not even processed one by one: only the speed reference values of the intervals matter.
+//! result depends only on their speed reference values, so they are not processed one by one.
 
 use super::catch_up::{BusEvent, PendingEvents, UniformIntervals};
 use super::monitoring::Monitor;

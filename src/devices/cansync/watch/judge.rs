@@ -200,7 +200,7 @@ impl Judge<'_> {
         }
     }
 
-    /// Returns true if a job is under way and the PLC has not changed its control register.
+    /// Returns true if a job is in progress and the PLC has not changed its control register.
     fn is_untouched(&self, control: usize, sent: u8) -> bool {
         let now = self.registers.now(control);
         now == self.registers.baseline(control) && now & (ACTIVE | sent) == ACTIVE | sent

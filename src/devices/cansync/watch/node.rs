@@ -1,7 +1,7 @@
 //! The access checker of one CANsync node: detects the writes of a PLC program since the last run of the firmware.
 //!
-//! Access to plain RAM cannot be intercepted. So the checker keeps a copy of the node's registers as the firmware left
-//! them, and compares before the next run of the firmware. Each difference is a write by a program.
+//! Access to plain RAM cannot be intercepted. So the checker keeps a copy of the node's registers after each run of the
+//! firmware, and compares the registers with the copy before the next run. Each difference is a write by a program.
 
 use super::judge::{CheckedNode, Judge};
 use super::registers::{INIT_BYTES, RegisterMaps, WatchedRegister};
@@ -25,7 +25,7 @@ const _: () = assert!(size_of::<CANsync_SL_CTRL_BMSTRUCT>() <= WORDS * WORD);
 /// Number of words of the initialization structure.
 const INIT_WORDS: usize = (INIT_BYTES as usize).div_ceil(WORD);
 
-/// The registers of a node: the present values, and the values that the firmware left.
+/// The registers of a node: the present values, and the values after the last run of the firmware.
 pub(super) struct Registers {
     /// The registers as the widest possible words, for reading only.
     now: View<[Cell64; WORDS]>,
@@ -38,7 +38,7 @@ impl Registers {
         self.now.get(offset / WORD).map_or(0, |word| byte(word.load(), offset))
     }
 
-    /// Returns the value that the firmware left in a byte register.
+    /// Returns the value of a byte register after the last run of the firmware.
     pub(crate) fn baseline(&self, offset: usize) -> u8 {
         byte(self.baseline.word(offset / WORD), offset)
     }
@@ -122,7 +122,8 @@ pub(in crate::devices::cansync) struct NodeWatch {
 snapshot_fields!(NodeWatch { values: live, unsettled; parts: registers; built: plc, base, maps, changed });
 
 impl NodeWatch {
-    /// Creates the checker of the node in `area` of PLC `plc`. The registers have the values that the firmware left.
+    /// Creates the checker of the node in `area` of PLC `plc`. The registers must have their values after the last run
+    /// of the firmware.
     ///
     /// # Errors
     /// The segment is too small for the node.
@@ -152,7 +153,7 @@ impl NodeWatch {
         if self.live == phases::INIT { INIT_WORDS } else { self.maps.cyclic.len().div_ceil(WORD) }
     }
 
-    /// Stores the registers that the firmware leaves as the baseline.
+    /// Stores the registers after a run of the firmware as the baseline.
     #[inline]
     pub(crate) fn leave(&mut self, live: RegisterPhase) {
         if self.live == phases::INIT && live == phases::INIT {

@@ -20,7 +20,7 @@ const MOST_ARGUMENTS: usize = 16;
 /// The hooks, and the names of the registers of the hook `written` if the script selects them.
 type Found = (Hooks, Option<Vec<String>>, Vec<String>);
 
-/// A line and the error in it.
+/// A line and its error.
 type Wrong = (Position, String);
 
 /// Name of the constant that selects the registers of the hook `written` (D-822).
@@ -195,7 +195,7 @@ impl Calls<'_> {
         wrong
     }
 
-    /// Checks a call: the texts in it that name registers and functions.
+    /// Checks the texts in a call that name registers and functions.
     fn call(&self, call: &FnCallExpr, at: Position) -> Result<(), Wrong> {
         any_call(call, at)?;
         let name = call.name.as_str();

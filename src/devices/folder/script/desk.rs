@@ -17,7 +17,7 @@ use std::sync::Arc;
 const MOST_REMEMBERED: usize = 16 << 10;
 /// Maximum number of blocks that a thread caches for a script.
 const MOST_BLOCKS: usize = 256;
-/// Most bytes that `copy` takes at once.
+/// Maximum number of bytes that `copy` copies in one call.
 const LARGEST_BLOCK: u32 = 16 << 10;
 
 /// A register with its place in the image.

@@ -19,9 +19,9 @@ const MOST_CALLS: usize = 16;
 const DEEPEST_EXPRESSION: usize = 32;
 /// Longest text in bytes.
 const LONGEST_TEXT: usize = 4096;
-/// Most elements of an array with all arrays in it.
+/// Maximum number of elements of an array, including the arrays inside it.
 pub(super) const LARGEST_ARRAY: usize = 2048;
-/// Most entries of a map with all maps in it.
+/// Maximum number of entries of a map, including the maps inside it.
 const LARGEST_MAP: usize = 512;
 /// Most variables of a function.
 const MOST_VARIABLES: usize = 64;

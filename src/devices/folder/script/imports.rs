@@ -1,4 +1,5 @@
-//! Imports of a script: other scripts of its folder, whose texts were read with it.
+//! Imports of a script. Imports are other scripts of the folder, and their texts were read together with the main
+//! script.
 
 use super::Files;
 use core::cell::RefCell;

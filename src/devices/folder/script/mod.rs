@@ -4,8 +4,8 @@
 //! map, `this`, which snapshots contain. The author of a script may be unknown. So a script has no access to a clock, a
 //! file or another device, and its steps, memory and nesting are limited.
 //!
-//! The engine of scripts belongs to one thread, but a plant may move to another thread. So each thread compiles a
-//! script once ([`program`]), and the device itself only stores data.
+//! An engine for scripts can be used in one thread only, but a plant may move to another thread. So each thread
+//! compiles a script once ([`program`]), and the device itself only stores data.
 
 mod budget;
 mod check;
@@ -94,7 +94,8 @@ impl Hooks {
 }
 
 impl Script {
-    /// Reads the script in `dir`: `firmware.rhai` and the other scripts beside it. `None` if there is none.
+    /// Reads the script in `dir`: `firmware.rhai` and the other scripts in the directory. Returns `None` if the
+    /// directory has no script.
     ///
     /// # Errors
     /// A file is a link, is too long or is not text; or there are too many files.
@@ -196,7 +197,7 @@ pub(super) fn read_exercise(dir: &Path, name: &str) -> Result<Option<&'static Ex
     text.map(|text| exercise::read(dir, name, &text)).transpose()
 }
 
-/// Scripts beside the main one, in the order of their names.
+/// Names of the scripts other than the main script, in alphabetical order.
 fn other_names(dir: &Path) -> Result<Vec<String>, FolderError> {
     let missing = |reason| FolderError::Missing { dir: dir.to_owned(), reason };
     let mut names = Vec::new();

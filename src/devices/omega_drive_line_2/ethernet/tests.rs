@@ -168,7 +168,7 @@ fn a_dip_number_can_make_the_address_invalid() {
     assert_eq!(rig.events(), [BoardEvent::NoAddress { config: ip_config::PLUS_DIP, address }]);
 }
 
-/// p. 81; it acts without `d_IP_CONFIG` and is no matter of the address.
+/// p. 81: the setting takes effect without `d_IP_CONFIG`, and is independent of the address.
 #[test]
 fn routers_are_used_unless_they_are_forbidden() {
     let mut rig = Rig::new(0);

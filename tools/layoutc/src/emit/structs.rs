@@ -81,7 +81,7 @@ fn emit_methods(out: &mut String, structure: &Structure) {
     let _ = writeln!(
         out,
         "impl {name} {{\n    \
-         /// Copies the registers out, one by one at their width. Registers that change meanwhile\n    \
+         /// Copies the registers out, one by one at their width. Registers that change in the meantime\n    \
          /// may be old or new.\n    \
          pub fn snapshot(&self) -> snapshot::{name} {{\n        snapshot::{name} {{"
     );

@@ -169,7 +169,7 @@ fn nothing_passes_between_card_and_drive_after_too_many_losses() {
     assert_eq!(bench.job(300, Access::Read), ParameterResult::Doubleword(7));
 }
 
-/// Manual 5.01010.01 p. 30: bit 15 of the status word belongs to the card. So a master sees in it that the drive has
+/// Manual 5.01010.01 p. 30: bit 15 of the status word belongs to the card. So the bit shows a master that the drive has
 /// lost SYNC (p. 21), while the drive's part of the word does not change.
 #[test]
 fn the_card_answers_the_status_word_also_without_sync() {

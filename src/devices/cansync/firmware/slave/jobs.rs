@@ -51,7 +51,7 @@ impl Jobs {
 
     /// Handles a job in active operation. A job without a valid format gets no answer. A read job on the status word
     /// never reaches the application, which has no information whether the node is synchronized (decision D-06). The
-    /// application's job under way, if there is one, stays as it is.
+    /// application's job in progress, if there is one, stays as it is.
     pub(super) fn arrive(
         &mut self,
         ctx: &mut Context,

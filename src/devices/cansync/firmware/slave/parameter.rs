@@ -28,8 +28,9 @@ pub(super) struct ParameterServer {
 }
 
 impl ParameterServer {
-    /// Returns the error number of a job that the firmware refuses, because the application has no register for it:
-    /// sub-slaves, and write access to other elements than the parameter's value (p. 140; decision D-60).
+    /// Returns the error number of a job that the firmware refuses, because the application has no register for the
+    /// job. Such jobs are for sub-slaves, or write to other elements than the parameter's value (p. 140; decision
+    /// D-60).
     pub(super) fn refusal(job: &ParameterJob) -> Option<u16> {
         let write = !matches!(job.access(), Access::Read);
         if job.sub_slave() != 0 {
@@ -41,7 +42,7 @@ impl ParameterServer {
         }
     }
 
-    /// Handles a job of the master for the application. Any difference to the job under way counts as a change and is
+    /// Handles a job of the master for the application. Any difference to the job in progress counts as a change and is
     /// shown until the application confirms it (p. 190; decision D-61).
     pub(super) fn job(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT, job: &ParameterJob) {
         match self.entered {
@@ -124,7 +125,7 @@ impl ParameterServer {
         }
     }
 
-    /// Drops the job under way. The registers show no job (decision D-63).
+    /// Drops the job in progress. The registers show no job (decision D-63).
     pub(super) fn drop_job(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         *self = ParameterServer::default();
         registers(regs).show(ctx, 0);

@@ -27,7 +27,7 @@ pub(super) enum Successor {
     Nothing,
 }
 
-/// A transfer under way.
+/// A transfer in progress.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Transfer {
     area_kind: AreaKind,

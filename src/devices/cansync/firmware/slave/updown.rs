@@ -203,7 +203,7 @@ impl UpDownServer {
         }
     }
 
-    /// Drops the transfer under way. The registers show none (decision D-63).
+    /// Drops the transfer in progress. The registers show none (decision D-63).
     pub(super) fn drop_transfer(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         let dropped = core::mem::replace(self, UpDownServer::new(self.has_single_frame_area));
         if let Some(transfer) = dropped.transfer {

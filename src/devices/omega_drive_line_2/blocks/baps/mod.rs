@@ -1,7 +1,7 @@
 //! The BAPS function blocks (manual 5.00005.03a chapter 6.2, p. 85-120).
 //!
-//! The manual's blocks find the BAPS by themselves; here it is connected to `_BASE` as for all other
-//! blocks (decision D-215).
+//! The manual's blocks find the BAPS without an input. Here the BAPS is connected to `_BASE`, as for all other blocks
+//! (decision D-215).
 
 mod init;
 mod par;

@@ -25,8 +25,8 @@ pub(super) fn exchange(
     base.b_COMMAND.store(command);
 }
 
-/// True if an acknowledgement means that values have not been exchanged. 16#00, 16#FF mean nothing and 16#02 belongs
-/// to the previous configuration (decision D-216).
+/// True if an acknowledgement means that values have not been exchanged. 16#00 and 16#FF have no meaning, and 16#02
+/// belongs to the previous configuration (decision D-216).
 pub(super) fn is_error(b_SL_QUIT: u8) -> bool {
     !matches!(
         b_SL_QUIT,

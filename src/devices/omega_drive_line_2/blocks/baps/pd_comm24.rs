@@ -87,7 +87,7 @@ impl BAPS_PD_COMM24 {
         if !self.x_EN {
             return;
         }
-        // An answer belongs to the last command only if the drive has cleared that.
+        // The drive has answered the last command only if it has cleared the command register.
         let answered = _BASE.b_COMMAND.load() == 0;
         self.b_SL_QUIT = _BASE.b_SL_QUIT.load();
         self.w_STATUSWORD = _BASE.w_STATUSWORD.load();

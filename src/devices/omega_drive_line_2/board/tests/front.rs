@@ -166,7 +166,7 @@ fn kept_retain_flags_make_the_first_start_warm() {
     }
 }
 
-/// p. 38: a cold start sets the retain flags to their initial values, warm and hot start leave them alone.
+/// p. 38: a cold start sets the retain flags to their initial values, warm and hot start do not change them.
 #[test]
 fn a_cold_start_alone_touches_the_retain_flags() {
     let mut rig = Rig::of(Segment::heap(SEGMENT_END), None, Project::Boot);
