@@ -30,7 +30,7 @@ pub trait Participants {
 pub enum Fate {
     /// The frame arrives.
     Arrives,
-    /// No station acknowledges it.
+    /// No station acknowledges the frame.
     NotAcknowledged,
     /// The frame is disturbed, and all stations see it.
     Disturbed,

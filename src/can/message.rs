@@ -32,7 +32,7 @@ pub struct Signal {
     pub first_bit: u8,
     /// Number of bits.
     pub bits: u8,
-    /// Order of its bytes.
+    /// Order of the signal's bytes.
     pub order: BitOrder,
     /// Frames that contain the signal.
     pub presence: Presence,

@@ -27,7 +27,7 @@ fn arbitration_field(frame: &Frame) -> Vec<bool> {
     bits
 }
 
-/// From the start bit to the end of the CRC, without stuff bits.
+/// Returns the bits from the start bit to the end of the CRC, without stuff bits.
 pub(super) fn stuffed_part(frame: &Frame) -> Vec<bool> {
     let mut bits = vec![false];
     bits.extend(arbitration_field(frame));

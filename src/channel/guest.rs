@@ -13,7 +13,7 @@ use std::time::Duration;
 
 /// A client in a domain. Dropping it leaves the domain.
 pub(super) struct Guest {
-    /// `None` only while the client leaves.
+    /// The node of the client; `None` only while the client leaves the channel.
     node: Option<Node<Threads>>,
     domain: Domain,
 }

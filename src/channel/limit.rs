@@ -18,7 +18,7 @@ pub(super) enum LimitError {
     Late,
     /// The thread has panicked.
     Ended,
-    /// The operating system refuses a thread.
+    /// The operating system cannot start a thread.
     NoThread(io::Error),
 }
 
@@ -29,7 +29,7 @@ pub(super) fn on_a_thread<R: Send + 'static>(
 ) -> Result<R, LimitError> {
     let (done, result) = mpsc::sync_channel(1);
     let thread = std::thread::Builder::new().name("channel".to_owned());
-    // After the limit, the thread drops the late result.
+    // If the result arrives after the limit, the thread drops it.
     let thread = thread.spawn(move || drop(done.send(work()))).map_err(LimitError::NoThread)?;
     let result = result.recv_timeout(limit).map_err(|error| match error {
         RecvTimeoutError::Timeout => LimitError::Late,

@@ -60,7 +60,7 @@ pub struct Server {
     /// in their order of arrival. The field is declared before the port, because requests refer to the port.
     waiting: Vec<(Request, Run)>,
     departed: DeadClients,
-    /// `None` only while the server is being dropped.
+    /// The server's port; `None` only while the server is being dropped.
     port: Option<Port>,
     service: Option<Service<Ipc>>,
     node: Option<Node<Ipc>>,
@@ -196,8 +196,8 @@ impl Server {
         process
     }
 
-    /// With a stepped clock: continues the first request until it pauses again. If it ends, continues with the next
-    /// one.
+    /// Used with a stepped clock. Continues the first request until it pauses again. If it ends, continues with the
+    /// next one.
     fn resume(&mut self, host: &mut dyn Host) -> usize {
         let mut answered = 0;
         while let Some((request, run)) = self.waiting.first_mut() {
@@ -212,7 +212,7 @@ impl Server {
         answered
     }
 
-    /// In real time: tries the waiting requests again.
+    /// Used in real time. Tries the waiting requests again.
     fn retry(&mut self, host: &mut dyn Host) -> usize {
         let mut answered = 0;
         let mut at = 0;

@@ -67,7 +67,7 @@ impl Baseline {
     }
 }
 
-/// Adds the words that differ; `first` is the index of the first of them.
+/// Adds the words that differ. `first` is the index of the first word.
 #[inline]
 fn collect(first: usize, left: &[u64], now: &[Cell64], changed: &mut Vec<(usize, u64)>) {
     let words = now.iter().map(Cell64::load).zip(left).enumerate();

@@ -341,7 +341,7 @@ errors! {
     OtherLayout {
         /// Directory of the layout.
         dir: PathBuf,
-        /// Hash of its register map.
+        /// Hash of the directory's register map.
         found: u64,
         /// Hashes of the built-in register maps.
         built: String,

@@ -105,7 +105,7 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         None
     }
 
-    /// Same as [`Device::file_changes`].
+    /// Does the same as [`Device::file_changes`].
     fn file_changes(&mut self) -> Option<&mut dyn FileChanges> {
         None
     }

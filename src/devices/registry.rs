@@ -246,7 +246,7 @@ pub fn board_of(layout: &Layout) -> &'static [&'static str] {
 /// Attaches to the image of a PLC of any device, and returns the device.
 ///
 /// # Errors
-/// Same as [`Image::attach`]; [`MemoryError::OtherLayout`] if no device has the layout of the image.
+/// The errors of [`Image::attach`]; [`MemoryError::OtherLayout`] if no device has the layout of the image.
 pub fn attach(
     instance: &str,
     plc: &str,

@@ -70,7 +70,7 @@ pub(super) enum GuestMessage {
 pub struct GuestRequests {
     /// True if the guest wants to receive the traffic of the bus.
     pub hears: bool,
-    /// True if the guest wants to take part in the traffic: it sends and acknowledges.
+    /// True if the guest takes part in the traffic: it sends frames and acknowledges them.
     pub takes_part: bool,
     /// The rate that the guest has named.
     pub rate: Option<Rate>,

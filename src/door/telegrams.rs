@@ -182,8 +182,8 @@ mod tests {
         assert_eq!((noted.0.len(), noted.1), (1, vec![3000]));
     }
 
-    /// With any input, nothing panics, no invalid telegram is passed on, and the result is the same in one piece and in
-    /// pieces.
+    /// For any input, the decoder does not panic, passes on no invalid telegram, and gives the same result in one piece
+    /// and in several pieces.
     #[test]
     fn fuzz_door_telegrams() {
         crate::fuzz("door_telegrams", |bytes| {

@@ -38,7 +38,7 @@ pub enum News {
 /// Details of a hit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Hit {
-    /// No details except the kind and the target.
+    /// The record has no details except the kind and the target.
     Plain,
     /// The fault hit the frame with this identifier.
     Frame(u32),

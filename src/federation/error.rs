@@ -41,7 +41,7 @@ pub enum FederationError {
     OtherVersion {
         /// Number of the federate.
         federate: u8,
-        /// Version of that federate.
+        /// Version of commram that the other federate uses.
         theirs: String,
     },
     /// Another federate was started with another number of federates.

@@ -138,7 +138,7 @@ pub(super) fn end_without_it() {
             fn on_exit(function: extern "C" fn(c_int, Object), argument: Object) -> c_int;
         }
         extern "C" fn end(status: c_int, _: Object) {
-            // SAFETY: it ends the process; Rust has written all of its output before.
+            // SAFETY: the call ends the process. Rust has written all of its output before.
             unsafe { libc::_exit(status) }
         }
         // SAFETY: the function is there as long as the process, and needs no argument.
@@ -154,7 +154,7 @@ pub(super) fn text(text: &str) -> CString {
 impl Functions {
     /// Calls a function that reports errors in its last argument.
     pub(super) fn checked<T>(&self, call: impl FnOnce(&Self, *mut Status) -> T) -> Result<T, String> {
-        // SAFETY: it only fills in a structure.
+        // SAFETY: the function only fills in a structure.
         let mut status = unsafe { (self.initialize_error)() };
         let value = call(self, &mut status);
         status.outcome(value)

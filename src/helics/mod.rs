@@ -228,7 +228,7 @@ impl Exchange for HelicsExchange {
 
     fn leave(&mut self, message: &[u8]) {
         let _ = self.commands.send(Command::Leave(message.to_vec()));
-        // No message is ever sent on this channel; it closes when the thread ends.
+        // No message is ever sent on this channel. The channel closes when the thread ends.
         if self.has_left.recv_timeout(self.joining.farewell()) == Err(RecvTimeoutError::Timeout) {
             library::end_without_it();
         }

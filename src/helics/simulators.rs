@@ -75,7 +75,7 @@ impl Simulators for HelicsSimulators {
 
     fn leave(&mut self) {
         self.given = None;
-        // No message is ever sent on this channel; it closes when the thread ends.
+        // No message is ever sent on this channel. The channel closes when the thread ends.
         if self.has_left.recv_timeout(self.joining.farewell()) == Err(RecvTimeoutError::Timeout) {
             library::end_without_it();
         }

@@ -65,11 +65,11 @@ impl Source {
 /// Defines how the journal keeps an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Keeping {
-    /// In a separate record.
+    /// The event has a separate record.
     Noted,
-    /// In one record, together with equal events at equal distances.
+    /// The event is in one record together with equal events at equal distances.
     Counted,
-    /// In a separate record; the event is a request, and the records of its answers contain the latency.
+    /// The event has a separate record. It is a request, and the records of its answers contain the latency.
     Request {
         /// Index of the device.
         plc: DeviceIndex,
@@ -89,7 +89,8 @@ pub enum Keeping {
         /// The value of the register now, if more answers to the same request will follow.
         pending_value: Option<u32>,
     },
-    /// In a separate record. Records of all events that were counted before precede it. The event may answer a command.
+    /// The event has a separate record, and ends all counts: their records come first. The event may be the answer to a
+    /// command.
     State {
         /// Index of the device.
         plc: DeviceIndex,

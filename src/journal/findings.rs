@@ -15,8 +15,8 @@ const MAX_RECORDS: u8 = 8;
 pub struct Entry {
     /// The last finding.
     pub last: Finding,
-    /// True: the entry counts the findings at one register. False: it counts the findings of the rule at all registers
-    /// that have no entry of their own; place and value are then those of the last finding.
+    /// True: the entry counts the findings at one register. False: the entry counts the findings of the rule at all
+    /// registers without a separate entry. Place and value are then those of the last finding.
     pub is_single: bool,
     /// Number of occurrences.
     pub count: u64,

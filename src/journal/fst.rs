@@ -19,7 +19,7 @@ const LONGEST_NAME: usize = 500;
 /// Waveforms as the contents of an FST file.
 ///
 /// # Errors
-/// No cause of an error is known.
+/// No error is known that this function could return.
 pub fn write(waves: &Waves) -> Result<Vec<u8>, FstWriteError> {
     let info = FstInfo {
         start_time: 0,

@@ -283,8 +283,8 @@ impl History {
         }
     }
 
-    /// At most `max` changes from number `from` on, and the number of the next change. The call also shows that an
-    /// onlooker is still present.
+    /// Returns at most `max` changes from number `from` on, and the number of the next change. The call also shows that
+    /// the onlooker is still present.
     pub(super) fn read(&mut self, client: u128, from: u64, max: usize) -> (Vec<Change>, u64) {
         self.asked = Instant::now();
         self.onlookers.ask(client, self.asked);

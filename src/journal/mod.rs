@@ -143,7 +143,7 @@ pub struct Journal {
     /// Emulated time in microseconds of the first possible record: 0, or the time of the snapshot from which the
     /// journal continues.
     since_us: u64,
-    /// `Some` if this journal is a draft, which only collects reports.
+    /// Reports that are not merged yet; `Some` if this journal is a draft, which only collects reports.
     draft: Option<Box<Draft>>,
 }
 
@@ -258,8 +258,8 @@ impl Journal {
         noted.into_iter().for_each(|change| self.push(time_us, change));
     }
 
-    /// At most `max` changes of registers that are followed for onlookers, from number `from` on, and the number of
-    /// the next change.
+    /// Returns at most `max` changes of registers that are followed for onlookers, from number `from` on, and the
+    /// number of the next change.
     pub fn changes(&mut self, from: u64, max: usize) -> (Vec<Change>, u64) {
         self.changes_for(0, from, max)
     }

@@ -20,7 +20,7 @@ pub(super) type Place = (DeviceIndex, u32);
 /// A client, and the registers that it follows.
 struct Onlooker {
     client: u128,
-    /// Time of its last request to follow a register, or for changes.
+    /// Time of the client's last request to follow a register, or for changes.
     asked: Instant,
     /// The registers, each with the time of the client's last request to follow it.
     registers: HashMap<Place, Instant>,

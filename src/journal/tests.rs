@@ -205,7 +205,7 @@ fn a_state_knows_how_long_its_command_waited() {
 
 #[test]
 fn many_watched_events_do_not_disturb_the_count() {
-    // More than a plant has, and far more than there are places for in one group.
+    // The number is larger than that of a plant, and far larger than the number of places in one group.
     let mut journal = Journal::default();
     for n in 0..20 {
         for register in 0..60 {

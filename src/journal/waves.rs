@@ -107,7 +107,7 @@ pub(super) enum Step<'a> {
     Into(&'a str),
     /// A signal with this number and name.
     Signal(usize, &'a str),
-    /// Out of the scope.
+    /// Ends the scope.
     Out,
 }
 

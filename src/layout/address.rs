@@ -171,7 +171,7 @@ impl DeviceLayout {
         if !digits.split('.').all(|number| number.bytes().all(|b| b.is_ascii_digit()) && !number.is_empty()) {
             return Err(wrong());
         }
-        // Without a segment, the text has one number, and for a single bit also the number of the bit.
+        // An address without a segment has one number. For a single bit it also has the number of the bit.
         let plain = digits.split('.').count() - usize::from(single_bit);
         let spaces = || self.spaces.iter().filter(|space| space.letter == letter);
         let segment = spaces().find(|space| !space.segment.is_empty() && digits.starts_with(space.segment));

@@ -91,7 +91,7 @@ impl Test {
         }
     }
 
-    /// True if bits of `value` outside the mask decide the condition: it always holds or never holds.
+    /// True if bits of `value` outside the mask decide the condition, so that it always holds or never holds.
     #[must_use]
     pub const fn is_decided(self) -> bool {
         matches!(self.compare, Compare::Equal | Compare::NotEqual) && self.value & !self.mask != 0

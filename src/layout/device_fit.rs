@@ -45,7 +45,7 @@ impl Fit {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DeviceFit {
     device: &'static DeviceLayout,
-    /// In the order of the device's ports.
+    /// Options of the ports, in the order of the device's ports.
     ports: [Fit; MOST_PORTS],
 }
 

@@ -15,7 +15,7 @@ pub struct FrontWord {
     pub offset: u32,
     /// Writer of the word.
     pub owner: Owner,
-    /// Meanings of its values; `None` for plain numbers.
+    /// Meanings of the word's values; `None` for plain numbers.
     pub meaning: Option<&'static Meaning>,
     /// True if the word contains four characters of the text on the device's display. The first character is in the low
     /// byte.

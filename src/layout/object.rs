@@ -26,7 +26,7 @@ pub struct Object {
     pub doc: &'static str,
     /// Source of the entry and its type.
     pub row_from: Provenance,
-    /// Source of its default value.
+    /// Source of the default value.
     pub default_from: Provenance,
 }
 
@@ -77,7 +77,7 @@ pub enum Access {
     ReadOnly,
     /// The entry can be read and written.
     ReadWrite,
-    /// No access: the manual names the entry as not implemented.
+    /// The entry cannot be accessed: the manual names it as not implemented.
     NotImplemented,
 }
 
@@ -96,7 +96,7 @@ impl Access {
 /// Default value of an entry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Default {
-    /// No default value.
+    /// The entry has no default value.
     Nothing,
     /// The value is this number.
     Number(u32),

@@ -16,7 +16,7 @@ use std::{
 
 /// Interval at which a waiting client checks that the emulator still runs.
 const LIVENESS: Duration = Duration::from_millis(100);
-/// Interval at which a read-only client polls: it cannot register as a waiter of a bell.
+/// Interval at which a read-only client polls. Such a client cannot register as a waiter of a bell.
 const READ_ONLY_POLL: Duration = Duration::from_millis(1);
 
 /// Access rights of an attached client.

@@ -36,7 +36,7 @@ macro_rules! cell {
         // SAFETY: every access to the value is one of the functions of `access`, which threads may mix.
         unsafe impl Sync for $name {}
 
-        // SAFETY: it is a cell of this module.
+        // SAFETY: the type is a cell of this module.
         unsafe impl SharedRegs for $name {}
 
         impl $name {

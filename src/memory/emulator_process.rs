@@ -62,7 +62,7 @@ impl EmulatorProcess {
     /// belongs to another user, or is not visible in this pid namespace.
     ///
     /// # Errors
-    /// Bad names, the image is not one of this user, or the system refuses.
+    /// The names are invalid, the image does not belong to this user, or the operating system refuses the operation.
     pub fn serving(instance: &str, plc: &str) -> Result<Option<Self>, MemoryError> {
         let Some(image) = ImageFile::open(instance, plc, false)? else { return Ok(None) };
         if !image.is_locked() {

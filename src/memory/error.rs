@@ -44,7 +44,7 @@ pub enum MemoryError {
     BlockMisaligned {
         /// First byte of the block.
         offset: usize,
-        /// Alignment of its widest register.
+        /// Alignment of the type's widest register.
         align: usize,
         /// The Rust type of the view.
         type_name: &'static str,

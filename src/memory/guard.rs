@@ -133,8 +133,8 @@ pub fn survive_shortened_files() -> io::Result<()> {
     handle(emulator_lives_on)
 }
 
-/// From now on SIGBUS ends this process with a message and this exit code. For client programs; a library must not
-/// change signal handlers.
+/// From now on SIGBUS ends this process with a message and this exit code. Meant for client programs, because a library
+/// must not change signal handlers.
 ///
 /// # Errors
 /// The operating system refuses the operation.
@@ -144,7 +144,7 @@ pub fn end_on_shortened_files(exit_code: u8) -> io::Result<()> {
 }
 
 /// From now on missing pages of images and channels read as zeros in this process, and a flag of the reading thread shows
-/// that the channel is damaged ([`take_gap_of_thread`]). For a client program of several instances.
+/// that the channel is damaged ([`take_gap_of_thread`]). Meant for a client program of several instances.
 ///
 /// # Errors
 /// The operating system refuses the operation.

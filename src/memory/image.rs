@@ -54,9 +54,9 @@ impl Image {
     /// its registers are zeroed and its generation is incremented.
     ///
     /// # Errors
-    /// Bad names; another emulator runs ([`MemoryError::AlreadyRunning`]); a killed emulator with another register map
-    /// has left the image ([`MemoryError::LeftByOther`]); the path exists but is not an image of this user, and stays
-    /// unchanged; or the operating system refuses.
+    /// The names are invalid; another emulator runs ([`MemoryError::AlreadyRunning`]); a killed emulator with another
+    /// register map has left the image ([`MemoryError::LeftByOther`]); the path exists but is not an image of this
+    /// user, and stays unchanged; or the operating system refuses the operation.
     pub fn create(instance: &str, plc: &str, spec: &ImageSpec) -> Result<Image, MemoryError> {
         claim::enter(&ImageSite::new(instance, plc, spec)?)
     }
@@ -218,7 +218,7 @@ impl Drop for Image {
 /// Changes by others to an image file in use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileState {
-    /// No change.
+    /// The file is unchanged.
     Intact,
     /// The file is longer than before; the added part is not used.
     Lengthened {

@@ -40,8 +40,8 @@ impl InstanceLock {
     /// Takes the lock of `instance`.
     ///
     /// # Errors
-    /// Bad name; another emulator has the instance ([`MemoryError::InstanceTaken`]); the directory of the instance is
-    /// accessible to other users; or the operating system refuses.
+    /// The name is invalid; another emulator has the instance ([`MemoryError::InstanceTaken`]); the directory of the
+    /// instance is accessible to other users; or the operating system refuses the operation.
     pub fn take(instance: &str) -> Result<Self, MemoryError> {
         Self::take_as(instance, &format!("{}\n", ProcessId::own()))
     }
@@ -97,7 +97,7 @@ impl InstanceLock {
     /// pid namespace.
     ///
     /// # Errors
-    /// Bad name, or the instance's directory is accessible to other users.
+    /// The name is invalid, or the instance's directory is accessible to other users.
     pub fn holder(instance: &str) -> Result<Option<Option<EmulatorProcess>>, MemoryError> {
         let path = names::channel_root(instance)?;
         let Some(directory) = PrivateDir::open(&path)? else { return Ok(None) };

@@ -127,7 +127,7 @@ fn is_foreign(instance: &str, plc: &str) -> bool {
     matches!(ImageFile::open(instance, plc, false), Err(MemoryError::ForeignOwner { .. }))
 }
 
-/// `None` if the file has disappeared in the meantime.
+/// Reads the state of an image. Returns `None` if the file has disappeared in the meantime.
 fn look_at(instance: &str, plc: &str) -> Option<ImageInfo> {
     let condition = match judge(instance, plc) {
         Ok(condition) => condition?,

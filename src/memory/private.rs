@@ -33,7 +33,8 @@ impl PrivateDir {
     /// Opens the directory; creates a missing one, accessible to this user only.
     ///
     /// # Errors
-    /// An entry of another kind has the name, the directory is owned or writable by other users, or the system refuses.
+    /// An entry of another kind has the name, other users own the directory or can write to it, or the operating system
+    /// refuses the operation.
     pub(crate) fn create(path: &Path) -> Result<Self, MemoryError> {
         loop {
             match rustix::fs::mkdir(path, Mode::RWXU) {

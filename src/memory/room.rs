@@ -55,7 +55,7 @@ fn describe_inodes(directory: &Path) -> String {
 /// creation reports the error.
 ///
 /// # Errors
-/// Bad names, or [`MemoryError::NoRoomForAll`].
+/// The names are invalid, or [`MemoryError::NoRoomForAll`].
 #[cfg(feature = "emulator")]
 pub(crate) fn check<'a>(
     instance: &str,

@@ -40,7 +40,8 @@ impl RunningInstance {
     /// locks: one locked file is enough, even if the others were emptied, replaced or removed.
     ///
     /// # Errors
-    /// Bad name; the system refuses; or no emulator is found and the instance's directory is accessible to other users.
+    /// The name is invalid, the operating system refuses the operation, or no emulator is found and the instance's
+    /// directory is accessible to other users.
     pub fn find(instance: &str) -> Result<Option<Self>, MemoryError> {
         // If files cannot be opened, the emulator would not be found.
         let refused = |_| MemoryError::System {

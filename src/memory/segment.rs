@@ -129,8 +129,8 @@ impl Segment {
     /// Returns a typed view of the registers that begin at `%MB3.offset`.
     ///
     /// # Errors
-    /// Out of bounds, misaligned, or the segment is read-only. A read-only segment has no views, because the cells of a
-    /// view can be written; use [`Segment::snapshot`] instead.
+    /// The range is out of bounds or misaligned, or the segment is read-only. A read-only segment has no views, because
+    /// the cells of a view can be written; use [`Segment::snapshot`] instead.
     pub fn view<T: SharedRegs>(&self, offset: usize) -> Result<View<T>, MemoryError> {
         self.need_writable(offset)?;
         if offset < HEADER_SIZE && size_of::<T>() > 0 {
@@ -188,7 +188,7 @@ impl Segment {
     /// It may be torn between registers.
     ///
     /// # Errors
-    /// Out of bounds or in the header page.
+    /// The range is out of bounds or in the header page.
     pub fn snapshot<T: SharedRegs>(&self, offset: usize) -> Result<Box<T>, MemoryError> {
         self.check_block(offset, size_of::<T>())?;
         let mut copy = new_box::<T>();
@@ -313,7 +313,7 @@ impl Segment {
     /// torn between 32-bit words.
     ///
     /// # Errors
-    /// Out of bounds or in the header page.
+    /// The range is out of bounds or in the header page.
     pub fn read_range(&self, offset: u32, into: &mut [u8]) -> Result<(), MemoryError> {
         self.check_block(offset as usize, into.len())?;
         self.copy_bytes(offset as usize, into);

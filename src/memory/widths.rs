@@ -25,8 +25,8 @@ pub struct RegisterWidths {
 
 struct AreaWidths {
     first: u32,
-    /// For each byte of the area: the width of its register in the low four bits (0: plain RAM) and the
-    /// byte's place in the register above them.
+    /// For each byte of the area: the width of its register in the low four bits (0 for plain RAM), and the position of
+    /// the byte in the register in the bits above them.
     bytes: Vec<u8>,
     /// Offset after the last byte.
     end: u32,

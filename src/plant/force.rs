@@ -145,7 +145,7 @@ impl SnapshotFields for Forces {
 }
 
 impl Forces {
-    /// Most registers forced at a time.
+    /// Maximum number of registers forced at a time.
     pub(super) const MOST: usize = 256;
 
     pub(super) fn list(&self) -> &[Forced] {

@@ -52,9 +52,9 @@ pub enum SnapshotError {
     OtherLayout {
         /// The device.
         plc: String,
-        /// Hash of its layout in the snapshot.
+        /// Hash of the device's layout in the snapshot.
         found: u64,
-        /// Hash of its layout here.
+        /// Hash of the device's layout in this plant.
         expected: u64,
     },
     /// A PLC of the snapshot is another device than in this plant.
@@ -66,7 +66,7 @@ pub enum SnapshotError {
         plc: String,
         /// Name in the snapshot.
         theirs: &'static str,
-        /// Name in this plant.
+        /// Name of the device in this plant.
         ours: &'static str,
     },
     /// The devices and buses of the snapshot have other settings.
@@ -276,7 +276,7 @@ impl Plant {
             next_cycle,
             next_device,
             cycle_us: _,
-            // After a restoration the plant polls first.
+            // After a restoration, the plant first polls all devices.
             has_looked: _,
             is_seen: _,
             // A client outside the plant sets this while it waits for an event.

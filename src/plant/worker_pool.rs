@@ -24,7 +24,7 @@ pub(super) struct WorkerPool {
 }
 
 struct Worker {
-    /// `None` when the thread is to end.
+    /// Sender of the work for the thread; `None` when the thread has to end.
     work: Option<Sender<Work>>,
     thread: Option<JoinHandle<()>>,
 }

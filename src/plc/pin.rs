@@ -8,9 +8,9 @@ use thiserror::Error;
 /// Direction of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
-    /// From the program to the block.
+    /// The value goes from the program to the block.
     In,
-    /// From the block to the program.
+    /// The value goes from the block to the program.
     Out,
     /// Data of the program that the block reads or writes.
     InOut,

@@ -7,7 +7,7 @@ use crate::layout::{Address, Handshake, Meaning, RegType};
 /// Drawing style of a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Style {
-    /// For codes and bits: each value holds until the next value.
+    /// For codes and bits: each value stays until the next value.
     Steps,
     /// For numbers that change continuously from each value to the next.
     Line,

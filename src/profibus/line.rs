@@ -9,7 +9,7 @@ pub enum Passage {
     /// All other stations receive the telegram.
     #[default]
     Normal,
-    /// No station receives it.
+    /// No station receives the telegram.
     Lost,
     /// All stations receive this copy of an earlier transmission, although its sender does not send again.
     Copy,

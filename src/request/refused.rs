@@ -30,13 +30,13 @@ impl Code {
     pub const UNKNOWN_PLC: Self = Self(8);
     /// The time cannot be stepped.
     pub const CLOCK_IS_REAL_TIME: Self = Self(9);
-    /// The clock is stepped: it has no speed.
+    /// The clock is stepped, and a stepped clock has no speed.
     pub const CLOCK_IS_STEPPED: Self = Self(16);
     /// The speed of the clock is too high.
     pub const SPEED_TOO_HIGH: Self = Self(17);
     /// The register did not match in time; [`Refused::waited`] contains its value.
     pub const NOT_IN_TIME: Self = Self(10);
-    /// No station sends SYNC on that bus, or there is no such bus.
+    /// No station sends SYNC on that bus, or the bus does not exist.
     pub const NO_SYNC: Self = Self(11);
     /// The request has too many operations.
     pub const TOO_MANY_OPERATIONS: Self = Self(12);

@@ -26,7 +26,7 @@ impl Clock {
     /// Checks the speed of this clock.
     ///
     /// # Errors
-    /// [`RuntimeError::Speed`]: it is less than [`Clock::SLOWEST`] or more than [`Clock::FASTEST`].
+    /// [`RuntimeError::Speed`]: the speed is less than [`Clock::SLOWEST`] or more than [`Clock::FASTEST`].
     pub fn check(self) -> Result<(), RuntimeError> {
         match self {
             Clock::RealTime { speed } if !(Self::SLOWEST..=Self::FASTEST).contains(&speed) => {

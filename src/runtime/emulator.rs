@@ -89,7 +89,7 @@ pub struct Emulator {
     pub(super) under_way: Option<u64>,
     /// Declared before the images, so that it writes everything before another emulator can take over the images.
     novram: Keeper,
-    /// Declared before the images: it checks their files.
+    /// The field is declared before the images, because the watch checks their files.
     watch: Watch,
     images: Vec<Image>,
     /// Last seen number of rings of each PLC's doorbell.
@@ -102,7 +102,7 @@ pub struct Emulator {
     #[cfg(feature = "channel")]
     events: Option<crate::channel::EventNotifier>,
     #[cfg(feature = "channel")]
-    /// In a box, because every round moves it out and back.
+    /// The server is in a box, because every round moves it out and back.
     server: Option<Box<crate::channel::Server>>,
     #[cfg(feature = "channel")]
     channel_watch: Option<crate::channel::ChannelWatch>,
@@ -369,7 +369,7 @@ impl Emulator {
     }
 }
 
-/// Without the channel there are no requests and no listeners.
+/// An emulator without a channel has no requests and no listeners.
 #[cfg(not(feature = "channel"))]
 impl Emulator {
     fn serve_channel(&mut self) -> bool {

@@ -1,8 +1,8 @@
 //! Connects guests with the plant: passes on the frames that they send, and the traffic that they receive.
 //!
 //! In real time this happens after every firmware step. With a stepped clock, frames of guests enter the buses at the
-//! beginning of a step, and guests receive frames at its end. Guests with a seat in lockstep are different: see
-//! [`super::turns`].
+//! beginning of a step, and guests receive frames at its end. [`super::turns`] describes the different rules for guests
+//! with a seat in lockstep.
 
 use crate::devices::{Attendance, GuestRefusal};
 use crate::door::{DoorError, DoorState, Doors, Guest, GuestRequests, GuestTurn, Rate};
@@ -370,7 +370,7 @@ mod tests {
         assert_eq!(other.heard(), 1);
     }
 
-    /// Otherwise a guest that connects and leaves repeatedly would occupy all places.
+    /// Without this rule, a guest that connects and leaves repeatedly would occupy all places.
     #[test]
     fn a_guest_does_not_keep_a_place_for_unsendable_frames() {
         let kinds: [(_, fn(&Guest)); 2] =

@@ -285,7 +285,7 @@ impl Lockstep {
             }
         };
         let tasks = self.tasks.iter().enumerate().filter(|(_, task)| ready(task));
-        // Of several tasks with the same level, the first.
+        // If several tasks have the same level, the first of them has the turn.
         tasks.rev().max_by_key(|(_, task)| task.level).map(|(index, _)| index)
     }
 

@@ -30,7 +30,7 @@ use std::path::PathBuf;
 /// Content of the NOVRAM at power-on.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RestoreOutcome {
-    /// There is no file yet: the device is in delivery state.
+    /// The file does not exist yet: the device is in delivery state.
     Nothing,
     /// The content was restored.
     Content {

@@ -35,7 +35,7 @@ const MOST_STACK: usize = 12 << 20;
 /// Runs `work` in a thread with the stack that scripts need. A panic in `work` continues in the caller.
 ///
 /// # Errors
-/// The system refuses another thread.
+/// The operating system cannot start another thread.
 #[cfg(any(test, feature = "cli"))]
 pub(crate) fn with_stack<T: Send>(work: impl FnOnce() -> T + Send) -> std::io::Result<T> {
     std::thread::scope(|scope| {
@@ -194,7 +194,8 @@ struct TooManySteps;
 #[derive(Clone, Copy)]
 struct TooDeep;
 
-/// Returns a function that checks the stack: it returns true if the stack has grown by more than a script may use.
+/// Returns a function that checks the stack. The function returns true if the stack has grown by more than a script may
+/// use.
 pub(super) fn stack_guard() -> impl Fn() -> bool {
     let bottom = stack_position();
     move || bottom.abs_diff(stack_position()) > MOST_STACK

@@ -10,7 +10,7 @@ pub struct Verb {
     pub name: &'static str,
     /// Names and types of the parameters. The type `?` means several types: a value, a time or data.
     pub parameters: Vec<(&'static str, &'static str)>,
-    /// Type of its result, if it has one.
+    /// Type of the verb's result, if it has one.
     pub result: Option<&'static str>,
     /// Description in a few sentences.
     pub about: &'static str,

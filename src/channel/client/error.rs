@@ -44,7 +44,7 @@ pub enum ClientError {
         /// Length of the attempt.
         after: Duration,
     },
-    /// The operating system refuses a thread, which a client needs to enter the channel with a time limit.
+    /// The operating system cannot start a thread, which a client needs to enter the channel with a time limit.
     #[error("instance '{instance}': a client cannot start a thread: {reason}{}", limits::named(.reason))]
     NoThread {
         /// Name of the instance.

@@ -115,7 +115,7 @@ fn killed_clients_do_not_use_up_the_places() {
     let place = Arc::new(InstanceFiles::new());
     let emulator = Emulator::start(&place, true);
     let client = place.client();
-    // More than the number of places.
+    // The number of rounds is larger than the number of places.
     for round in 0..12 {
         let before = client.peek(DeviceIndex(0), REG, Width::Dword).unwrap();
         let children: [_; 4] = std::array::from_fn(|_| Process::spawn(&place, "hammer"));

@@ -36,7 +36,7 @@ fn waits_of_several_clients_end_when_their_register_matches() {
             });
         }
         let client = place.client();
-        // In another order than the requests.
+        // The order differs from the order of the requests.
         for number in [3, 0, 4, 2, 1] {
             client.poke(DeviceIndex(0), REG + 2 * number, Width::Word, 0x44).unwrap();
         }
@@ -132,7 +132,7 @@ fn pausing() -> TestHost {
     host
 }
 
-/// More emulated time than a test can wait for.
+/// The duration is more emulated time than a test can wait for.
 const DAY: Op = Op::Advance { us: MAX_ADVANCE_US };
 
 #[test]

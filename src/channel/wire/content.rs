@@ -130,7 +130,7 @@ impl Content for Refused {
     }
 }
 
-/// Types of this program, which serde encodes in the data.
+/// Declares the types of this program that serde encodes in the data.
 macro_rules! own_types {
     ($($type:ty)+) => {$(
         impl Content for $type {

@@ -111,7 +111,7 @@ pub(super) fn ops() -> Vec<(String, Op)> {
     {
         ops.push(Op::Condition { plc: DeviceIndex(plc), offset, width, test: test(compare, is_signed) });
     }
-    // By kind and place: what the program calls them may change.
+    // Compares kinds and indices: the names in the program may change.
     let mut places = std::collections::BTreeMap::<u16, usize>::new();
     let mut named = |op: Op| {
         let kind = WireOp::from(&op).kind;
@@ -209,7 +209,7 @@ pub(super) fn replies() -> Vec<(&'static str, Reply)> {
         max: 9,
         read_only: false,
     };
-    // Without devices, which go by the hash of their registers.
+    // The names contain no devices, because devices are identified by the hash of their registers.
     let names = Names { plcs: vec!["line".into()], buses: vec!["can1".into()], devices: Vec::new() };
     let info = InstanceInfo {
         name: "default".into(),

@@ -120,7 +120,7 @@ replies!(codec);
 pub struct DecodeError {
     /// Index of the reply.
     pub index: usize,
-    /// Index of its head block.
+    /// Index of the reply's head block.
     pub block: usize,
 }
 

@@ -109,7 +109,7 @@ fn json_uses_the_names_of_the_table() {
     for Row { name, fields, .. } in rows() {
         let text = if fields.is_empty() { format!("\"{name}\"") } else { format!("{{\"{name}\":{{}}}}") };
         match serde_json::from_str::<Op>(&text) {
-            // Without a number it clears all faults.
+            // Without a number, the operation clears all faults.
             Ok(_) => assert!(fields.is_empty() || name == "fault_clear", "{name}"),
             Err(error) => assert!(error.to_string().starts_with("missing field"), "{name}: {error}"),
         }

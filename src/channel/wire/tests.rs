@@ -230,7 +230,7 @@ fn forced() -> impl Strategy<Value = Forced> {
     })
 }
 
-/// Any fault that its kind allows.
+/// Strategy for any fault that its kind allows.
 fn fault() -> impl Strategy<Value = Fault> {
     let kind = proptest::sample::select(devices::fault_kinds());
     let end = (any::<bool>(), 1..=MAX_DURATION_US);

@@ -15,7 +15,7 @@ use std::process::{Child, ExitStatus, Stdio};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
-/// Name of these rounds among the exercises.
+/// Name of the rounds with kills among the exercises.
 pub(super) const NAME: &str = "novram";
 /// Number of emulators in a round, one after the other.
 const LIVES: usize = 6;

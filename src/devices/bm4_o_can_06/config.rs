@@ -36,7 +36,7 @@ pub(super) enum Work {
     PlcSlave,
     /// A slave of the controller, at this baud rate in kbit/s; `None` for the rate of its bus in the plant file.
     ControllerSlave(Option<u16>),
-    /// No function: DIP switch 10 is at ON (decision D-648).
+    /// The module has no function: DIP switch 10 is at ON (decision D-648).
     InitError,
     /// No function: DIP switches 1 to 3 are at a code without a baud rate (p. 27, 31).
     UnknownBaudRate,
@@ -49,7 +49,7 @@ pub struct ModuleConfig {
     pub port: &'static Port,
     /// Kind of the module.
     pub kind: ModuleKind,
-    /// Name of its bus.
+    /// Name of the port's bus, if the port is connected.
     pub bus: Option<String>,
     /// Slave number at DIP switches 4 to 8, 0 to 31; a BM4-O-CAN-06 has none.
     pub dip: u8,

@@ -27,7 +27,7 @@ const TRAFFIC_US: u64 = 100_000;
 
 /// A module, as the PLC sees it.
 struct Module {
-    /// Number of its port.
+    /// Number of the module's port.
     number: u8,
     work: Work,
     /// True if DIP switch 9 is at ON, or the module is a master.
@@ -282,7 +282,7 @@ impl Device for Bm4Plc {
             module.edge = None;
             module.last_frame = None;
             if module.work == Work::InitError && module.has_registers {
-                // There is no firmware that would do so.
+                // There is no firmware that would reset the registers.
                 module.regs.reset_from(0);
             }
         }

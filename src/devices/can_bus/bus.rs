@@ -30,7 +30,7 @@ use std::sync::Arc;
 pub struct CanBus {
     pub(super) index: BusIndex,
     name: String,
-    /// `None` for ports that are not connected to a bus.
+    /// The CAN line; `None` if the ports are not connected to a bus.
     pub(super) wire: Option<can::Line>,
     pub(super) stations: Stations,
     /// Number of guests that are leaving.

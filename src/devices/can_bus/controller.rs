@@ -43,7 +43,7 @@ snapshot_fields!(Controller {
 });
 
 impl Controller {
-    /// Most frames in the queue.
+    /// Maximum number of frames in the queue.
     pub const ROOM: usize = 64;
 
     /// Appends a frame to the transmit queue. The first frame of the queue takes part in the next arbitration and stays

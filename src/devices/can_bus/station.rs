@@ -15,7 +15,7 @@ pub(super) struct Station {
     base: usize,
     pub(super) port: Box<dyn CanPort>,
     pub(super) controller: Controller,
-    /// `None` for a guest, which has no registers.
+    /// The watch over the station's registers; `None` for a guest, which has no registers.
     pub(super) watch: Option<OwnedWatch>,
     /// Time at which the station got power, in ns.
     pub(super) on_since_ns: Option<u64>,

@@ -177,8 +177,8 @@ fn a_frame_arrives_at_its_end_and_is_recorded_before_answers() {
     assert_eq!(bench.bus.next_time(), u64::MAX);
 }
 
-/// At 33.3 kbit/s no bit lasts a whole microsecond. A hundred frames in a row show whether anything but the journal is
-/// rounded.
+/// At 33.3 kbit/s no bit lasts a whole microsecond. A hundred frames in a row show whether only the journal rounds
+/// times.
 #[test]
 fn times_on_the_wire_are_rounded_for_the_journal_only() {
     let rate = BitRate::new(33_300).unwrap();

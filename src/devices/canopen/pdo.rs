@@ -5,9 +5,9 @@ use serde::{Deserialize, Serialize};
 /// Transmission type: the condition under which a PDO is sent or taken over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Transmission {
-    /// At a SYNC object, if the value is new.
+    /// The PDO is sent at a SYNC object, if the value is new.
     SynchronousAcyclic,
-    /// At every n-th SYNC object, n from 1 to 240.
+    /// The PDO is sent at every n-th SYNC object, n from 1 to 240.
     Synchronous(u8),
     /// The PDO is sent when the value changes; types 254 and 255.
     Asynchronous(u8),

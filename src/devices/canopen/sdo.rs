@@ -18,7 +18,7 @@ pub type Data = [u8; 8];
 pub enum Length {
     /// Exactly this number of bytes.
     Exactly(usize),
-    /// At most this number of bytes.
+    /// The entry has at most this number of bytes.
     UpTo(usize),
 }
 
@@ -116,7 +116,7 @@ impl Server {
         if command & EXPEDITED != 0 {
             let unused = if is_sized { usize::from(command >> 2 & 3) } else { 0 };
             let bytes = match (is_sized, length) {
-                // Without a number of bytes in the request, the length of the entry counts.
+                // If the request contains no number of bytes, the length of the entry counts.
                 (false, Length::Exactly(bytes)) => bytes.min(data.len()),
                 _ => data.len() - unused,
             };

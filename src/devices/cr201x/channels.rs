@@ -66,7 +66,7 @@ pub struct Channels {
 /// Function of a connector, for both types of module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// No function.
+    /// The connector has no function.
     Off,
     /// An input bit.
     DigitalInput,

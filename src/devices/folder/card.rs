@@ -186,7 +186,8 @@ impl Card {
         same.take_while(|watched| watched.place.offset == place.offset).for_each(|it| it.last = value);
     }
 
-    /// From now on, compares the registers that programs write: those of these names, or all of the layout.
+    /// From now on, compares the registers that programs write: the registers with these names, or all registers of the
+    /// layout.
     pub(super) fn watch(&mut self, layout: &'static DeviceLayout, names: Option<&[String]>) {
         let fitted = DeviceFit::unknown(layout);
         let registers: Vec<RegisterRef> = match names {

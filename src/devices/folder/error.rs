@@ -63,7 +63,7 @@ pub enum FolderError {
         dir: PathBuf,
         /// "registers", "areas" ...
         what: &'static str,
-        /// Number of these items.
+        /// Number of items that exceeds the limit.
         count: u64,
         /// The limit.
         most: u64,

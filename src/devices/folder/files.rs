@@ -11,7 +11,7 @@ pub(super) const EXERCISE: &str = "exercise.rhai";
 pub(super) const FIXED: [&str; 4] = ["device.toml", handshakes::FILE, SCRIPT, EXERCISE];
 /// Files that commands of commram read in a directory: a plant with the device, and a configuration.
 const OF_COMMANDS: [&str; 2] = ["plant.toml", "commram.toml"];
-/// Most entries of a folder that are compared.
+/// Maximum number of entries of a folder that are compared.
 const MOST_ENTRIES: usize = 4096;
 
 /// Names of the TOML files and scripts in the folder itself. Editors and tools may have hidden files there.

@@ -51,11 +51,11 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use twox_hash::XxHash3_64;
 
-/// Most registers and arrays of registers in the structures of a folder.
+/// Maximum number of registers and arrays of registers in the structures of a folder.
 pub const MOST_REGISTERS: usize = 65_536;
 /// Largest image of such a device in bytes.
 pub const LARGEST_IMAGE: u64 = 16 << 20;
-/// Most different folders that a process reads, each edited script counted: their tables are never freed.
+/// Maximum number of different folders that a process reads, each edited script counted: their tables are never freed.
 pub const MOST_FOLDERS: usize = 128;
 
 /// File with the script of a device.
@@ -108,7 +108,7 @@ struct Loaded {
     folders: Vec<&'static Folder>,
     /// Devices of running instances, of which only the registers were read.
     registers: Vec<&'static Registered>,
-    /// Most folders, and most tables.
+    /// Maximum number of folders, and of tables.
     most: usize,
 }
 

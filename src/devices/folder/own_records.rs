@@ -3,9 +3,9 @@
 use crate::layout::did_you_mean;
 use core::fmt::Write;
 
-/// Most kinds of a device.
+/// Maximum number of kinds of a device.
 pub(super) const MOST_KINDS: usize = 64;
-/// Most fields of a kind.
+/// Maximum number of fields of a kind.
 pub(super) const MOST_FIELDS: usize = 4;
 /// Longest name of a kind, and of a field, in bytes.
 pub(super) const LONGEST_NAME: usize = 24;
@@ -19,7 +19,7 @@ pub struct OwnRecord {
     pub name: String,
     /// Description of the event.
     pub text: String,
-    /// Names of its fields.
+    /// Names of the fields of the kind.
     pub fields: Vec<String>,
     /// Pages of the manual.
     pub page: String,
@@ -56,7 +56,7 @@ impl OwnRecord {
     /// The kind of this name.
     ///
     /// # Errors
-    /// There is none.
+    /// The list does not contain the kind.
     #[cfg_attr(not(any(test, feature = "script")), expect(dead_code, reason = "only scripts write records"))]
     pub(super) fn find<'a>(kinds: &'a [Self], name: &str) -> Result<&'a Self, String> {
         kinds.iter().find(|kind| kind.name == name).ok_or_else(|| {

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-/// Most names of a directory that are listed in messages.
+/// Maximum number of names of a directory that are listed in messages.
 const MOST_LISTED: usize = 64;
 
 /// Directories of the configuration.

@@ -28,7 +28,7 @@ use crate::snapshot_fields;
 /// Numbers of the two ports.
 pub(super) const SLAVE: u8 = 1;
 pub(super) const MASTER: u8 = 2;
-/// Number of the BAPS among the ports in records; it is not a port.
+/// Number of the BAPS among the ports in records. The BAPS is not a port.
 const BAPS_NODE: u8 = 0;
 
 /// Location of the registers of the node at `port`.
@@ -202,7 +202,7 @@ impl Device for Plc {
         self.baps.power_on();
     }
 
-    /// The drive continues; it only detects that there are no more requests.
+    /// The drive continues. It only detects that requests are missing.
     fn stop(&mut self, ctx: &mut Context) {
         self.board.stop();
         self.ethernet.power_off();

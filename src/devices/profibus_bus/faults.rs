@@ -7,7 +7,7 @@ use crate::profibus::{FunctionCode, MAX_OCTETS, Telegram};
 /// Effect of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::devices) enum Effect {
-    /// On telegrams.
+    /// The fault acts on telegrams.
     Telegram(Telegrams, TelegramEffect),
     /// The fault puts this number of octets on the line, 1 to [`MAX_OCTETS`].
     Noise(u8),

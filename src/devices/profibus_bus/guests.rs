@@ -35,9 +35,9 @@ pub(super) fn sender_of(number: u8) -> usize {
 /// Condition under which a guest's telegram begins.
 #[derive(Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 enum BeginCondition {
-    /// At its bit time, even if the line is busy.
+    /// The telegram begins at its bit time, even if the line is busy.
     Time,
-    /// For an answer, for which the line is reserved: the line has been idle for the shortest T_SDR.
+    /// The telegram begins as an answer: the line is reserved for it, and has been idle for the shortest T_SDR.
     Answer,
     /// The line has been idle for T_SYN and is not reserved for another sender.
     Request,

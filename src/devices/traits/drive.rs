@@ -127,7 +127,7 @@ pub trait Drives {
     /// follows the drive.
     fn turn_shaft(&mut self, drive: usize, speed: Option<i32>, now: u64);
 
-    /// Does work that was postponed because its result was not visible. Readers see the same result without this call;
-    /// it only saves time.
+    /// Does work that was postponed because its result was not visible. Readers get the same result without this call;
+    /// the call only saves time.
     fn settle(&mut self) {}
 }

@@ -19,7 +19,7 @@ pub enum Power {
 /// Result of polling a device's front: the action that the plant must take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrontAction {
-    /// No action.
+    /// The setting needs no action.
     Nothing,
     /// A switch was turned or a request was answered. Timers may have changed.
     Answered,

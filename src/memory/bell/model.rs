@@ -1,4 +1,4 @@
-//! Every interleaving of the handshake, with the memory orders of [`super::Bell`].
+//! Checks every interleaving of the handshake, with the memory orders of [`super::Bell`].
 //!
 //! On x86 the hardware usually hides a missing order, so tests with real threads are not enough.
 

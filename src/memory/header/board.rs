@@ -91,7 +91,7 @@ codes! {
         Cold = 1,
         /// Retain variables keep their values.
         Warm = 2,
-        /// No initialization at all.
+        /// The start initializes no variables.
         Hot = 3,
         /// The program stops.
         Stop = 4,
@@ -100,9 +100,9 @@ codes! {
 codes! {
     /// The supply of one PLC.
     Power {
-        /// On.
+        /// The supply is on.
         On = 0,
-        /// Off.
+        /// The supply is off.
         Off = 1,
     }
 }

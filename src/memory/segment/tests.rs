@@ -172,7 +172,7 @@ fn partial_stores_keep_the_rest_of_the_register() {
 
 #[test]
 fn partial_stores_of_two_writers_both_survive() {
-    // Under Miri each turn takes as long as thousands outside.
+    // Under Miri one turn takes as long as thousands of turns outside of Miri.
     const LAST: u32 = if cfg!(miri) { 50 } else { 5_000 };
     for segment in both() {
         std::thread::scope(|scope| {

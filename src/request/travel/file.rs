@@ -60,7 +60,7 @@ impl IncomingFiles {
         Ok(())
     }
 
-    /// Takes out the file of a client; it is empty if the client has sent none.
+    /// Removes and returns the file of a client. The file is empty if the client has sent none.
     fn take(&mut self, client: u128) -> Vec<u8> {
         let index = self.0.iter().position(|(sender, _)| *sender == client);
         index.and_then(|index| self.0.remove(index)).map(|(_, file)| file).unwrap_or_default()

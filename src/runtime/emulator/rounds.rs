@@ -91,8 +91,8 @@ impl Emulator {
         }
     }
 
-    /// With a stepped clock: gives a turn to each task in lockstep if its board has requested a start or stop. The task
-    /// obeys at the moment of the request, even if the clock does not advance.
+    /// Used with a stepped clock. Gives a turn to each task in lockstep if its board has requested a start or stop. The
+    /// task obeys at the moment of the request, even if the clock does not advance.
     fn give_order_turns(&mut self) {
         if self.is_time_passing() || !self.lockstep.has_turns() {
             return;
@@ -103,7 +103,7 @@ impl Emulator {
         self.announce();
     }
 
-    /// In real time: time of the next event that another process can see or must answer.
+    /// Returns the time of the next event that another process can see or must answer. Used in real time.
     fn next_seen(&self) -> u64 {
         let next = self.plant.next_event();
         let is_seen = !self.watch.is_alone() || self.is_listened_to() || self.guests.are_present();
@@ -111,8 +111,8 @@ impl Emulator {
         next.min(self.guests.next_turn())
     }
 
-    /// With a stepped clock: handles requests to the boards without advancing the clock. Everything else is handled
-    /// when the clock advances.
+    /// Used with a stepped clock. Handles requests to the boards without advancing the clock. Everything else is
+    /// handled when the clock advances.
     pub(in crate::runtime) fn look_at_rings(&mut self) {
         if self.note_rings() {
             self.guests.look(&mut self.plant);

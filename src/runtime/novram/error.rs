@@ -8,7 +8,7 @@ use thiserror::Error;
 /// Error of a NOVRAM file or its directory.
 #[derive(Debug, Error)]
 pub enum NovramError {
-    /// The system refuses.
+    /// The operating system refuses the operation.
     #[error("NOVRAM {}: cannot {doing}: {source}; --novram needs a writable directory", path.display())]
     Io {
         /// The file or directory.

@@ -14,7 +14,7 @@ const REGISTERS: usize = 16;
 const ROUTER: u32 = 180_016 + 12;
 const ADDRESS: u32 = 180_016 + 4;
 const FLAG: u32 = 8192;
-/// Number of its retain flags in bytes, and the maximum.
+/// Size of the device's retain flags in bytes, and the maximum.
 const FLAGS: usize = 20_000;
 const SIZE: Size = Size { registers: REGISTERS, flags: 57_344 };
 const LAST_FLAG: u32 = FLAG + FLAGS as u32 - 1;

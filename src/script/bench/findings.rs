@@ -29,7 +29,7 @@ impl Bench {
     /// Expects that the access checker has no findings (errors or warnings), except of the rules in `allowed`.
     ///
     /// # Errors
-    /// There are other findings; or there is no such rule.
+    /// There are other findings, or the rule does not exist.
     #[track_caller]
     pub fn expect_no_findings(&mut self, allowed: &[&str]) -> Result<(), ScenarioError> {
         let at = Location::caller();

@@ -127,7 +127,7 @@ impl Bench {
     /// for example `44 33 .. 11`, in the order of the bytes, with `..` for any byte; or `*` for any data.
     ///
     /// # Errors
-    /// No such frame ends within this time; or there is no such bus, or the identifier is invalid.
+    /// No such frame ends within this time, the bus does not exist, or the identifier is invalid.
     #[track_caller]
     pub fn expect_frame(
         &mut self,

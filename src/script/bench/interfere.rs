@@ -28,7 +28,7 @@ impl Bench {
         Ok(self.ask(Op::Force { plc, offset, width, value })?.written()?)
     }
 
-    /// Releases a forced register; it keeps its value until the next write.
+    /// Releases a forced register. The register keeps its value until the next write.
     ///
     /// # Errors
     /// There is no such register, or it is not forced.
@@ -126,7 +126,7 @@ impl Bench {
     /// Clears the fault with this number. Effects that it already had remain.
     ///
     /// # Errors
-    /// There is no such fault; it may have ended.
+    /// There is no such fault. The fault may have ended.
     pub fn clear_fault(&mut self, number: u16) -> Result<(), ScenarioError> {
         let id = NonZeroU16::new(number).ok_or(Refused::from(Refusal::UnknownFault { id: number }))?;
         self.ask(Op::FaultClear { id: Some(id) })?.faults_cleared()?;

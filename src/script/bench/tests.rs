@@ -154,7 +154,7 @@ fn a_required_fault_must_strike() -> Result<(), ScenarioError> {
     assert!(failure(bench.expect_required_faults()).what.starts_with("fault 2 has not taken effect"));
     bench.step("2s")?;
     bench.expect_required_faults()?;
-    // No request asks for the other identifiers.
+    // No request contains the other identifiers.
     bench.fault("lose_frame id=16#7FF")?;
     bench.expect_required_faults()
 }

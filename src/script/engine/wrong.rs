@@ -8,8 +8,8 @@ use crate::script::verb::{self, Verb};
 use rhai::{Dynamic, FLOAT, INT};
 use std::collections::BTreeSet;
 
-/// For each number of arguments, registers a function with the name of a verb that accepts any types and reports the
-/// right call. Leaves out a number of arguments for which the verb itself accepts all types.
+/// Registers functions with the name of a verb for each number of arguments. They accept any types and report the
+/// correct call. Skips a number of arguments for which the verb itself accepts all types.
 macro_rules! refuse {
     ($verbs:ident, $name:ident, $of:ident: $($count:literal ($($argument:ident)*))*) => {$(
         if !takes_all(&$of, $count) {

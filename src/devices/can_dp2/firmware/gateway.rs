@@ -19,7 +19,7 @@ use std::collections::VecDeque;
 /// Identifier of SYNC objects (p. 87). A slave adds its own number to this identifier for its boot-up message (p. 29).
 const SYNC: u16 = 0x80;
 
-/// Most frames that wait for room in the controller (D-390).
+/// Maximum number of frames that wait for room in the controller (D-390).
 const WAITING: usize = 256;
 
 mod paging;

@@ -17,10 +17,10 @@ use serde::{Deserialize, Serialize};
 /// The service access point of a DP master.
 const MASTER_SAP: u8 = 62;
 
-/// Most transmissions of a request.
+/// Maximum number of transmissions of a request.
 const TRIES: u8 = 2;
 
-/// Most octets of a request.
+/// Maximum number of octets of a request.
 const OCTETS: usize = 244;
 
 /// A request in progress.

@@ -6,10 +6,10 @@ use crate::devices::can_dp2::page;
 use crate::devices::can_dp2::registers::gsd;
 use serde::{Deserialize, Serialize};
 
-/// Most modules of a station (p. 23).
+/// Maximum number of modules of a station (p. 23).
 pub(in crate::devices::can_dp2) const MODULES: usize = gsd::MAX_MODULE as usize;
 
-/// Most octets of all inputs, and of all outputs; and of both together (p. 10).
+/// Maximum number of octets of all inputs, and of all outputs; and of both together (p. 10).
 const OCTETS: usize = gsd::MAX_INPUT_LEN as usize;
 const TOGETHER: usize = gsd::MAX_DATA_LEN as usize;
 

@@ -29,7 +29,7 @@ mod command {
 /// Effect of an order on the gateway.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::devices::can_dp2) enum Order {
-    /// No further effect.
+    /// The order has no further effect.
     Nothing,
     /// Sends this frame.
     Send(Frame),

@@ -99,8 +99,8 @@ fn a_wrong_configuration_ends_data_exchange() {
     assert_eq!(bench.registers.outputs(2), [1, 2]);
 }
 
-/// With CAN-Diagnosis the state of the bus follows, and a change of the state or a counter gives an answer of high
-/// priority (p. 20, 29).
+/// With CAN-Diagnosis the diagnosis also contains the state of the bus, and a change of the state or a counter gives an
+/// answer of high priority (p. 20, 29).
 #[test]
 fn lost_frames_are_reported() {
     let window = [0x43, 0x8F, 0xFF, 0xEF, 0, 0x83, 0x8F, 0xFF, 0xEF, 0];

@@ -82,7 +82,8 @@ fn invalid_segments_are_refused() {
     let mut bench = Bench::new(5);
     bench.ask(61, &prm(0x81, 0));
     for (cfg, module, code) in [
-        // Less than 32 inputs; a shorter segment before the last one; a longer segment; no outputs.
+        // Four configurations: less than 32 inputs; a shorter segment before the last one; a longer segment; no
+        // outputs.
         (&[0x9F, 0x80, 0x9F][..], 0, 3),
         (&[0x40, 0x90, 0x40, 0x9F, 0x80, 0x9F], 0, 3),
         (&[0x40, 0xA0, 0x80, 0x9F], 0, 3),

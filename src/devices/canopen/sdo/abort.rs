@@ -11,7 +11,7 @@ pub enum Abort {
     TimeOut,
     /// The command is unknown, or belongs to no transfer in progress.
     Command,
-    /// Out of memory.
+    /// The node is out of memory.
     Memory,
     /// An attempt to write a read-only entry.
     ReadOnly,

@@ -35,7 +35,7 @@ enum ClientPhase {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Client {
     at: EntryAddress,
-    /// Most bytes that can be read.
+    /// Maximum number of bytes that can be read.
     most: usize,
     toggle: bool,
     transfer: ClientPhase,

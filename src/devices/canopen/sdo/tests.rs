@@ -101,7 +101,7 @@ fn short_values_go_in_one_frame() {
     let (server, entries) = (&mut Server::default(), &mut Entries::default());
     assert_eq!(server.request(frame(0x2F, BYTE, [7, 0, 0, 0]), entries), Some(frame(0x60, BYTE, [0; 4])));
     assert_eq!(server.request(frame(0x40, BYTE, [0; 4]), entries), Some(frame(0x4F, BYTE, [7, 0, 0, 0])));
-    // Without a number of bytes.
+    // The request contains no number of bytes.
     assert_eq!(server.request(frame(0x22, BYTE, [9, 8, 7, 6]), entries), Some(frame(0x60, BYTE, [0; 4])));
     assert_eq!((entries.byte, read(server, entries, FIXED)), (9, vec![1, 2, 3, 4]));
 }
@@ -184,7 +184,7 @@ fn request() -> impl Strategy<Value = Data> {
     ]
 }
 
-/// For any requests: each request but an abort has one answer, and the entries keep valid values.
+/// For any requests: each request, except an abort, has one answer, and the entries keep valid values.
 fn each_request_has_one_answer(requests: &[Data]) {
     let (mut server, mut entries) = (Server::default(), Entries::default());
     for request in requests {
@@ -324,7 +324,7 @@ proptest! {
     }
 }
 
-/// For any answers: a transfer ends after as many answers as its data have segments, or keeps waiting.
+/// For any answers: a transfer ends after as many answers as its data have segments, or continues to wait.
 fn check_answers(mut client: Client, answers: &[Data]) {
     for answer in answers {
         match client.answered(*answer) {

@@ -187,8 +187,8 @@ impl Transfer {
         if !this.watch.is_over(base.ram()) {
             return;
         }
-        // During a whole monitoring time, the command channel has not polled the slave of an earlier job, so that its
-        // cancellation was not sent. The block ends the cancellation here.
+        // During the whole monitoring time, the command channel did not poll the slave of an earlier job, so the
+        // cancellation of that job was not sent. The block ends the cancellation here.
         if matches!(self.phase, TransferPhase::Waiting(_)) && job(base).control() & CANCEL != 0 {
             job(base).enter(0);
         }

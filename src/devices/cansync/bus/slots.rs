@@ -58,7 +58,7 @@ impl Run<'_> {
         begin
     }
 
-    /// Delays a frame in a future slot: it begins at `free` at the earliest.
+    /// Delays a frame in a future slot, so that it begins at `free` at the earliest.
     fn hold_back(&mut self, slot: Slot, free: u64) {
         let Some(wire) = &mut self.bus.on_wire[place_on_wire(slot)] else { return };
         if wire.free == 0 || wire.from <= self.now {

@@ -75,7 +75,7 @@ impl Bench {
         bench
     }
 
-    /// In active operation with all stations locked and one word in every frame. An interval begins now.
+    /// A bus in active operation: all stations are locked, and every frame has one word. An interval begins now.
     fn active(rate: &BaudRate) -> Self {
         let mut bench = Bench::started(rate);
         bench.run_to(20 * interval_us(rate));
@@ -89,7 +89,7 @@ impl Bench {
         bench
     }
 
-    /// From restart to set-up mode. The master expects only the drive.
+    /// Brings the master from restart to set-up mode. The master expects only the drive.
     fn set_up(&mut self, place: usize, rate: &BaudRate) {
         self.initialize(place, rate);
         self.command(place, 0x0020);

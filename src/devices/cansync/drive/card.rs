@@ -285,7 +285,7 @@ impl Card {
         }
     }
 
-    /// Without a delay no value waits in the line.
+    /// A line without a delay contains no waiting values.
     #[inline]
     fn hand_over_at_once(&mut self, regler: &mut VRegler, is_synchronized: bool) {
         for slot in self.references.iter_mut().flatten() {

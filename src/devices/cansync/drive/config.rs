@@ -171,7 +171,7 @@ pub enum DriveError {
     Rate {
         /// Name of the drive.
         drive: String,
-        /// Function of its card.
+        /// Function of the drive's card.
         function: CardFunction,
         /// Baud rate that its switches are set to.
         kbit_s: u16,

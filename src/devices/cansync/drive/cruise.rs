@@ -1,4 +1,4 @@
-//! Many intervals in one step, for a synchronized drive that receives only reference values of the master.
+//! Processes many intervals in one step, for a synchronized drive that receives only reference values of the master.
 //!
 //! The result is the same as if each interval was processed by [`Drive::edge`], which is used for all other drives and
 //! edges. Values that cannot change during these intervals are checked only once. If all intervals are uniform, the

@@ -20,7 +20,7 @@ pub(super) mod fault {
 #[serde(rename_all = "snake_case")]
 #[serde(expecting = "a reaction of the drive, as a word")]
 pub enum Reaction {
-    /// No reaction: a warning, which ends with its cause.
+    /// The drive does not react: a warning, which ends with its cause.
     #[default]
     None,
     /// Brakes to standstill, then "fault".

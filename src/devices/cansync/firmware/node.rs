@@ -49,7 +49,7 @@ pub enum NodeState {
 /// Effect of a poll of `w_CPU_CONTROL`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Change {
-    /// No change.
+    /// The program has not changed the register.
     None,
     /// The node was restarted; the bus is released.
     Restarted,

@@ -374,7 +374,7 @@ impl Slave {
         self.jobs.response(ctx, &self.regs)
     }
 
-    /// Ends the answer: it was sent completely.
+    /// Ends the answer after it was sent completely.
     pub fn response_sent(&mut self, ctx: &mut Context) {
         self.jobs.response_sent(ctx, &self.regs);
     }

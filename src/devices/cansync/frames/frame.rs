@@ -68,7 +68,7 @@ pub enum FrameLength {
     /// Eight data bytes; words that are not in use are 0.
     #[default]
     Fixed,
-    /// Up to the last word in use.
+    /// The frame ends after the last word in use.
     Variable,
 }
 

@@ -48,7 +48,7 @@ pub(super) enum ValueLimit {
     Slave,
     /// A slave number or 16#80.
     SlaveOrAutomatic,
-    /// Any value that the manual does not reserve.
+    /// The value must be one that the manual does not reserve.
     NotReserved(&'static Meaning),
 }
 

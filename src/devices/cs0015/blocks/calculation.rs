@@ -74,13 +74,13 @@ function_block! {
     /// Delays a value by a time (p. 123). To be called in every cycle.
     pub struct DELAY(ram: Ram) {
         in {
-            /// The value.
+            /// The value to delay.
             X: u16;
-            /// The time.
+            /// The delay.
             T: Duration;
         }
         out {
-            /// Value at that time; 0 before the first value.
+            /// The value of `X` before the time `T`; 0 before the first value.
             Y: u16;
         }
         internal: ValueHistory<u16>;

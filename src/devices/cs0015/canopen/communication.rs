@@ -149,8 +149,8 @@ impl Communication {
         self.receive.iter_mut().chain(&mut self.transmit).for_each(|pdo| pdo.kind = pdo.written_kind);
     }
 
-    /// Records the program's request for PDO number `pdo`, counted from 0; it takes effect at the next reset of the
-    /// communication.
+    /// Records the program's request for PDO number `pdo`, counted from 0. The request takes effect at the next reset
+    /// of the communication.
     pub(crate) fn ask(&mut self, way: PdoDirection, pdo: usize, config: PdoConfig) {
         let [receive, transmit] = &mut self.asked;
         let asked = match way {

@@ -21,8 +21,8 @@ pub(crate) struct Diagnosis {
 }
 
 impl Diagnosis {
-    /// Returns the errors that the operating system can find while the program has the outputs `wanted` on; it cannot
-    /// check an output that is off (D-460).
+    /// Returns the errors that the operating system of the device can find while the program has the outputs `wanted`
+    /// on. An output that is off cannot be checked (D-460).
     pub(crate) fn of(defects: &Defects, wanted: u16) -> Self {
         Diagnosis {
             short_circuits: defects.short_circuits & wanted,

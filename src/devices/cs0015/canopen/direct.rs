@@ -5,7 +5,7 @@ use embedded_can::{Frame as _, Id};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// Most messages in a queue (p. 22).
+/// Maximum number of messages in a queue (p. 22).
 const DEPTH: usize = 30;
 
 /// The messages of an identifier.

@@ -14,7 +14,7 @@ const IO_BITS: u16 = 0x180;
 const IO_WORDS: u16 = 0x280;
 const SDO_ANSWER: u16 = 0x580;
 const GUARDING: u16 = 0x700;
-/// Most emergencies that wait for the program (D-441).
+/// Maximum number of emergencies that wait for the program (D-441).
 const EMERGENCIES: usize = 30;
 
 /// Condition for starting a node after its state was received.
@@ -23,9 +23,9 @@ pub(crate) enum Restart {
     /// The node is never started by itself.
     #[default]
     Never,
-    /// After the node was missing: AUTO_RESTART (p. 59).
+    /// The node was missing before: AUTO_RESTART (p. 59).
     Missing,
-    /// In every Pre-Operational state.
+    /// The node is in Pre-Operational, for any reason.
     Always,
 }
 

@@ -1,4 +1,4 @@
-//! SDOs of a master: one at a time, each for a place of the job block (p. 69-70).
+//! SDO transfers of a master. At most one is in progress; each belongs to a place of the job block (p. 69-70).
 
 use crate::devices::canopen::sdo::{Abort, Client, Data, EntryAddress, Step};
 use serde::{Deserialize, Serialize};

@@ -197,7 +197,7 @@ fn without_an_operating_system_only_a_download_helps() {
     assert_eq!(reasons, expected.map(|why| why as u8));
 }
 
-/// Guarding that was active when the supply was switched off is not missed afterwards.
+/// If guarding was active when the supply was switched off, the master does not count as missing afterwards.
 #[test]
 fn no_master_is_missed_during_the_reset() {
     let mut bench = Bench::running("guarding = { guard_time_ms = 100, life_time = 1 }");

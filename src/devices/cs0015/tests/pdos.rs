@@ -81,7 +81,7 @@ fn the_inhibit_time_is_kept() {
     let times: Vec<_> = bench.heard_when().into_iter().map(|(at, id, _)| (at, id)).collect();
     assert!((5..=6).contains(&times.len()), "{times:?}");
     assert!(times.iter().all(|(_, id)| *id == 0x390), "{times:?}");
-    // To the microsecond, except for stuff bits.
+    // The times agree to the microsecond, except for stuff bits.
     assert!(times.windows(2).all(|two| two[1].0 - two[0].0 + 200 >= 100 * MS), "{times:?}");
     bench.run(200 * MS);
     let last = bench.heard();

@@ -25,9 +25,9 @@ use toml::Spanned;
 
 /// Name of the file in the folder.
 pub(super) const FILE: &str = "handshakes.toml";
-/// Most tables of a file: the firmware polls each in every processor cycle.
+/// Maximum number of tables of a file: the firmware polls each in every processor cycle.
 pub const MOST_ROWS: usize = 256;
-/// Most registers that the mirrors of a file copy.
+/// Maximum number of registers that the mirrors of a file copy.
 pub const MOST_MIRRORED: usize = 4096;
 /// Shortest time between two counts of a counter in microseconds: each count is an event of the plant.
 const SHORTEST_COUNT_US: u64 = 100;

@@ -8,9 +8,9 @@ use core::slice::Iter;
 use rhai::{Array, Blob, Dynamic, INT, Map};
 use serde::{Deserialize, Serialize};
 
-/// Most items of a value, counting each key and each element.
+/// Maximum number of items of a value, counting each key and each element.
 const MOST_ITEMS: usize = 4096;
-/// Most bytes of texts and bytes in a value.
+/// Maximum number of bytes of texts and bytes in a value.
 const MOST_BYTES: usize = 64 << 10;
 /// Deepest nesting of arrays and maps in a value.
 const DEEPEST: usize = 16;

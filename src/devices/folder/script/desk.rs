@@ -128,7 +128,7 @@ impl Desk {
     /// The device.
     ///
     /// # Errors
-    /// No hook runs.
+    /// No hook is running.
     pub(super) fn device(&mut self) -> Result<&mut Acting, String> {
         let refused =
             "a verb works in a function only; outside of functions a script has constants and imports";
@@ -176,7 +176,7 @@ impl Desk {
     /// The consecutive registers of this name.
     ///
     /// # Errors
-    /// There are none, they are too many, or there is a gap between them.
+    /// There are no such registers, there are too many, or there is a gap between them.
     pub(super) fn block(&mut self, name: &str) -> Result<Block, String> {
         if let Some(known) = self.blocks.get(name) {
             return Ok(known.clone());

@@ -23,9 +23,9 @@ const LONGEST_TEXT: usize = 4096;
 pub(super) const LARGEST_ARRAY: usize = 2048;
 /// Maximum number of entries of a map, including the maps inside it.
 const LARGEST_MAP: usize = 512;
-/// Most variables of a function.
+/// Maximum number of variables of a function.
 const MOST_VARIABLES: usize = 64;
-/// Most functions in a file.
+/// Maximum number of functions in a file.
 const MOST_FUNCTIONS: usize = 512;
 
 /// Names that a script cannot use: they evaluate texts, make functions, or wait in real time.

@@ -9,7 +9,7 @@ use core::ops::RangeInclusive;
 use rhai::{AST, Array, Dynamic, Engine, INT, Map, Scope};
 use std::path::Path;
 
-/// Most moves of an exercise.
+/// Maximum number of moves of an exercise.
 const MOST_MOVES: usize = 64;
 /// Maximum number of parameters of a move, without the first parameter.
 const MOST_PARAMETERS: usize = 8;

@@ -36,9 +36,9 @@ use twox_hash::XxHash3_64;
 
 /// File with the hooks.
 const MAIN: &str = super::SCRIPT;
-/// Most files that a script consists of.
+/// Maximum number of files that a script consists of.
 const MOST_FILES: usize = 16;
-/// Most bytes of text in all files of a script.
+/// Maximum number of bytes of text in all files of a script.
 const LONGEST_SCRIPT: usize = 256 << 10;
 
 /// Name and text of each file of a script, the main file first.

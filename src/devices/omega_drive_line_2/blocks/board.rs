@@ -1,7 +1,7 @@
 //! `LED`, `OPT_INIT`, `TIME_MEASURE_START`, `TIME_MEASURE_END`: blocks of the board
 //! (manual 5.00005.03a p. 47, 51, 56-60).
 //!
-//! On the device they call its firmware and have no registers; here they use the header page
+//! On the device, these blocks call the firmware and have no registers. Here they use the header page
 //! (`docs/reference/attach.md`).
 
 use crate::devices::intr_set::Request;

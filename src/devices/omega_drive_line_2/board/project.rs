@@ -96,7 +96,7 @@ impl Projects {
         }
     }
 
-    /// A boot project was copied to the flash memory; it is loaded by the next power-on or reset.
+    /// Called when a boot project was copied to the flash memory. The next power-on or reset loads it.
     pub(crate) fn copied(&mut self) {
         (self.flash, self.boot_cold) = (Flash::Boot, true);
     }

@@ -28,7 +28,7 @@ const NEVER: u64 = u64::MAX;
 
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Clock {
-    /// In [`PER_US`].
+    /// Period in [`PER_US`].
     period: u64,
     start: u64,
     /// Number of the next pulse, from 1.

@@ -4,7 +4,7 @@ use super::*;
 use crate::devices::can_dp2::firmware::parameters::LENGTH;
 use proptest::prelude::*;
 
-/// Good parameters with these flags.
+/// Returns valid parameters with these flags.
 fn parameters(flags_1: u8, flags_2: u8) -> Parameters {
     let mut octets = [0; LENGTH];
     octets[4..6].copy_from_slice(&[0x04, 0xA4]);

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Segments of these lengths.
+/// Returns the ranges of segments with these lengths.
 fn segments(lengths: &[usize]) -> Vec<Range<usize>> {
     let mut first = 0;
     let mut next = |length: usize| {

@@ -151,7 +151,7 @@ impl Jobs {
         }
     }
 
-    /// Ends the answer: it was sent completely.
+    /// Ends the answer after it was sent completely.
     pub(super) fn response_sent(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         match self.sending.take() {
             Some(AnswerSource::Parameter) => self.parameter.response_sent(ctx, regs),

@@ -23,7 +23,7 @@ const STEP: u16 = BLOCK as u16;
 pub(super) enum Successor {
     /// Starts another transfer.
     Init(UpDownJob),
-    /// No transfer: the master has cancelled.
+    /// The master has cancelled the transfer.
     Nothing,
 }
 

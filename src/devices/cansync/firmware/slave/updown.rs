@@ -183,7 +183,7 @@ impl UpDownServer {
         Some(response)
     }
 
-    /// Ends the answer: it was sent completely.
+    /// Ends the answer after it was sent completely.
     pub(super) fn response_sent(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         let Some((job, response, effect)) = self.sending.take() else { return };
         let Some(transfer) = &mut self.transfer else { return };

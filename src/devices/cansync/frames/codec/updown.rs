@@ -44,7 +44,7 @@ pub enum Direction {
 pub enum UpDownStep {
     /// MODE 01: starts a transfer (or ends it, see [`UpDownJob::cancel`]).
     Init {
-        /// Up or down.
+        /// Returns the direction: upload or download.
         direction: Direction,
         /// Start address in the slave.
         address: u32,
@@ -108,7 +108,7 @@ impl UpDownJob {
         self.step
     }
 
-    /// Up or down.
+    /// Returns the direction: upload or download.
     pub const fn direction(&self) -> Direction {
         match self.step {
             UpDownStep::Init { direction, .. } => direction,

@@ -12,7 +12,7 @@ struct Model<const WHOLE: bool>(AtomicU32);
 
 impl<const WHOLE: bool> Model<WHOLE> {
     fn store(&self, value: u32) {
-        // For a plain store, loom does not order it with concurrent exchanges.
+        // The model exchanges the value, because loom does not order a plain store with concurrent exchanges.
         self.0.swap(value, Release);
     }
 }
