@@ -179,7 +179,7 @@ impl Line {
         self.arbitrate(now_ns, suspended, participants)
     }
 
-    /// Each station with a frame begins to send, and the sender of the dominant frame continues.
+    /// Lets each station with a frame begin to send; the sender of the dominant frame continues.
     fn arbitrate(
         &mut self,
         now_ns: u64,
@@ -203,8 +203,8 @@ impl Line {
         OnWire { sender, frame, begin_ns: now_ns, end_ns, free_ns, fate: Fate::Arrives }
     }
 
-    /// In an arbitration without other stations, `sender` withdraws after its start bit: six recessive bits later all
-    /// stations find an error (decision D-333).
+    /// Makes `sender` withdraw after its start bit in an arbitration without other stations: six recessive bits later
+    /// all stations find an error (decision D-333).
     pub fn withdraw(&mut self, now_ns: u64, sender: usize, frame: Frame) -> Event {
         let mut it = self.begin(now_ns, sender, frame);
         self.destroy(&mut it, 1 + ERROR_FLAG, Fate::Withdrawn);

@@ -4,7 +4,7 @@ use super::{Frame, Payload};
 use embedded_can::{ExtendedId, Frame as _, Id, StandardId};
 use proptest::prelude::*;
 
-/// The upper `count` of the lower bits of `value`, the highest first.
+/// Adds the upper `count` of the lower bits of `value`, the highest first.
 fn push(bits: &mut Vec<bool>, value: u32, count: u32) {
     bits.extend((0..count).rev().map(|i| value >> i & 1 != 0));
 }

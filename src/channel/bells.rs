@@ -11,22 +11,22 @@ use std::time::Duration;
 /// A wait must not miss a ring. So a thread first reads the number of rings, then checks for work, and then waits for a
 /// ring after this number.
 pub trait Bells {
-    /// Client: wakes the emulator's thread.
+    /// For the client: wakes the emulator's thread.
     fn ring_doorbell(&self);
 
-    /// Client: number of announcements so far, wrapping.
+    /// For the client: number of announcements so far, wrapping.
     fn reply_count(&self) -> u32;
 
     /// For the client: sleeps until the count is no longer `seen`, or until the timeout. May return early.
     fn wait_reply(&self, seen: u32, timeout: Duration);
 
-    /// Emulator: a reply was sent; wakes the clients.
+    /// For the emulator: wakes the clients after a reply was sent.
     fn announce_reply(&self);
 
-    /// Client: process id of the emulator to which these bells belong, in the pid namespace of the emulator.
+    /// For the client: process id of the emulator to which these bells belong, in the pid namespace of the emulator.
     fn emulator_pid(&self) -> u32;
 
-    /// Client: true if the emulator's process still runs. Called when a reply is late.
+    /// For the client: true if the emulator's process still runs. Called when a reply is late.
     fn emulator_alive(&self) -> bool;
 }
 

@@ -290,7 +290,7 @@ impl Domain {
         }
     }
 
-    /// Call after the server has ended. Removes everything, unless a living process still uses the domain after
+    /// Called after the server has ended. Removes everything, unless a living process still uses the domain after
     /// `patience`.
     pub(crate) fn close(&self, patience: Duration) {
         passage::close(self, || settles(patience, || !self.in_use()));
@@ -414,7 +414,7 @@ fn quiet() {
     ONCE.call_once(|| set_log_level_from_env_or(LogLevel::Fatal));
 }
 
-/// FNV-1a over the texts, each followed by a zero.
+/// Computes FNV-1a over the texts, each followed by a zero.
 fn fnv1a(texts: &[&str]) -> u64 {
     let bytes = texts.iter().flat_map(|text| text.bytes().chain([0]));
     bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {

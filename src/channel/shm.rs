@@ -128,7 +128,7 @@ fn replace(shm: &Directory, name: &str, prefix: &str) -> io::Result<()> {
     shm.with_new(&new, &content, |_| Ok(shm.rename(&new, name)?))
 }
 
-/// Eight random hexadecimal digits.
+/// Returns eight random hexadecimal digits.
 pub(super) fn random() -> io::Result<String> {
     let mut random = [0; 4];
     File::open("/dev/urandom")?.read_exact(&mut random)?;

@@ -78,7 +78,7 @@ pub(crate) fn text(changes: &[Change]) -> String {
     table::columns(&changes.iter().map(cells).collect::<Vec<_>>())
 }
 
-/// `16#0001 -> 16#0002`
+/// Formats the values of a change: `16#0001 -> 16#0002`.
 pub(crate) fn values(change: &Change) -> String {
     let value = |value: &Option<String>| value.clone().unwrap_or_else(|| ABSENT.to_owned());
     format!("{} -> {}", value(&change.before), value(&change.after))

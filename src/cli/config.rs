@@ -26,7 +26,7 @@ pub(crate) struct Config {
     pub(crate) instance: Option<String>,
     /// Output format of tables, for commands with an option for it.
     format: Option<String>,
-    /// When output has colours.
+    /// The mode that decides whether output has colours.
     color: Option<String>,
     /// Plant file of `run`, `with` and `plant check`.
     plant: Option<PathBuf>,
@@ -145,7 +145,7 @@ impl Config {
         self.devices.clone().unwrap_or_default()
     }
 
-    /// When output has colours.
+    /// The mode that decides whether output has colours.
     pub(crate) fn colour(&self) -> Option<ColourMode> {
         self.color.as_deref().and_then(|color| ColourMode::from_str(color, false).ok())
     }

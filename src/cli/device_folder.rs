@@ -105,7 +105,7 @@ fn test(args: &TestArgs) -> Result<(), CliError> {
     super::test::run_for_device(&dir, files, args.limits, args.format.format)
 }
 
-/// `digital-io (Digital I/O card): 2 areas, 8 registers, 6 handshakes, layout 16#...`
+/// Formats a summary: `digital-io (Digital I/O card): 2 areas, 8 registers, 6 handshakes, layout 16#...`.
 fn summary(folder: &Folder) -> String {
     let layout = folder.registered.layout;
     let registers = layout.areas.iter().flat_map(|area| area.structures);

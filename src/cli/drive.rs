@@ -80,7 +80,7 @@ struct Set {
     instance: Instance,
 }
 
-/// `P167=2000`
+/// Parses a setting such as `P167=2000`.
 fn setting(text: &str) -> Result<(u16, i64), String> {
     use crate::layout::{RegType, value};
     let (number, new) = text.split_once('=').ok_or("write NUMBER=VALUE, for example P167=2000")?;

@@ -58,7 +58,7 @@ impl Starts {
         ordered
     }
 
-    /// Power-on: starts a loaded program, with a warm start unless the program is new.
+    /// Called at power-on. Starts a loaded program, with a warm start unless the program is new.
     pub(super) fn start(&mut self, ctx: &mut Context, face: &FirmwareHeader) -> Option<Start> {
         self.is_loaded.then(|| self.order(ctx, face, if self.is_new { Start::Cold } else { Start::Warm }))
     }

@@ -76,7 +76,7 @@ impl Supply {
         if on { FrontAction::Up } else { FrontAction::Off }
     }
 
-    /// The device starts; every start except the first is an event.
+    /// Called when the device starts. Every start except the first is an event.
     pub(super) fn start(&mut self, ctx: &mut Context, face: &FirmwareHeader) {
         self.is_up = true;
         face.program.restarts.increment();
@@ -85,7 +85,7 @@ impl Supply {
         }
     }
 
-    /// The device stops.
+    /// Called when the device stops.
     pub(super) fn stop(&mut self, ctx: &mut Context) {
         self.is_up = false;
         ctx.report(OnBoard { plc: ctx.origin.plc, what: BoardEvent::Down });

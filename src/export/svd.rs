@@ -48,7 +48,7 @@ pub(crate) fn generate(scope: &Scope) -> String {
     xml.finish()
 }
 
-/// An area without registers.
+/// Writes an area without registers.
 fn plain(xml: &mut Xml, area: &Area) {
     xml.node("peripheral", "", |xml| {
         xml.leaf("name", area.name);
@@ -56,7 +56,7 @@ fn plain(xml: &mut Xml, area: &Area) {
     });
 }
 
-/// A structure. Each of several overlaid structures names the first one as its alternative.
+/// Writes a structure. Each of several overlaid structures names the first one as its alternative.
 fn peripheral(xml: &mut Xml, area: &Area, placed: &AreaStructure) {
     let name = |placed: &AreaStructure| placed.variable.trim_start_matches('_').to_owned();
     let first = area.structures.first().map(name);
@@ -123,7 +123,7 @@ fn dimensions(xml: &mut Xml, name: &str, dims: &[Dim]) {
     xml.leaf("name", format!("{name}_%s"));
 }
 
-/// `start` is the base of the offset.
+/// Writes a register. `start` is the base of the offset.
 fn register(xml: &mut Xml, of: &'static Register, start: u32) {
     xml.node("register", "", |xml| {
         dimensions(xml, of.name, members::own_dims(of));

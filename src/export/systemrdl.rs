@@ -112,7 +112,7 @@ fn map(out: &mut String, scope: &Scope, phase: Option<&str>, role: Option<Role>)
     out.push_str("};\n");
 }
 
-/// An area without registers.
+/// Writes an area without registers.
 fn plain(out: &mut String, area: &Area) {
     let Area { name, first, bytes, doc, .. } = area;
     let name = identifier(name);
@@ -133,7 +133,7 @@ fn group(out: &mut String, group: &Group) {
     out.push_str("};\n");
 }
 
-/// `start` is the base of the offset.
+/// Writes a register. `start` is the base of the offset.
 fn register(out: &mut String, of: &'static Register, start: u32) {
     let Register { name, ty, offset, meaning, reset, .. } = of;
     let bits = 8 * ty.width();

@@ -177,8 +177,8 @@ impl Federation {
         Ok(())
     }
 
-    /// In this federate's turn: lets the boards answer the requests of programs in the header page. Returns true if
-    /// there were requests.
+    /// Called in this federate's turn. Lets the boards answer the requests of programs in the header page. Returns true
+    /// if there were requests.
     pub fn look_at_boards(&mut self, plant: &mut Plant) -> bool {
         if !plant.has_undelivered_requests() {
             return false;
@@ -338,7 +338,7 @@ impl Federation {
         Ok(())
     }
 
-    /// In this federate's turn: collects what programs have stored since the last call.
+    /// Called in this federate's turn. Collects what programs have stored since the last call.
     fn gather(&mut self, plant: &Plant) {
         // A program first stores registers, then sends a request to a board. So stores are collected after the
         // requests, and sent before them.

@@ -66,7 +66,7 @@ impl Format for Candump {
 
     fn skip(&mut self, _: &Record) {}
 
-    /// The format cannot express a gap.
+    /// Writes nothing: the format cannot express a gap.
     fn gap(&mut self, _: u64, _: &mut String) -> bool {
         false
     }

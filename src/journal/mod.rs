@@ -382,7 +382,7 @@ impl Journal {
         self.since_us
     }
 
-    /// The records begin at this emulated time.
+    /// Sets the emulated time at which the records begin.
     pub(crate) fn continue_from(&mut self, now_us: u64) {
         self.since_us = now_us;
     }

@@ -90,8 +90,8 @@ impl<Out> Printer<Out> {
         self.write(record, lost, out)
     }
 
-    /// The first half of [`Printer::print`], in the order of the records' numbers: the count of records missing before
-    /// the record, or `None` if the record is not wanted.
+    /// Executes the first half of [`Printer::print`], in the order of the records' numbers. Returns the number of
+    /// records missing before the record, or `None` if the user did not select the record.
     pub(crate) fn admit(&mut self, record: &Record) -> Option<u64> {
         if !record.is_pending() {
             if self.forgetful.contains(&true) {
@@ -107,7 +107,8 @@ impl<Out> Printer<Out> {
         self.selection.takes(record).then(|| std::mem::take(&mut self.lost))
     }
 
-    /// The second half of [`Printer::print`], in the order of the output; `lost` is the result of the first half.
+    /// Executes the second half of [`Printer::print`], in the order of the output. `lost` is the result of the first
+    /// half.
     pub(crate) fn write(&mut self, record: &Record, lost: Option<u64>, out: &mut Out) -> u64 {
         let Some(lost) = lost else {
             self.format.skip(record);

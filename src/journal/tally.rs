@@ -131,8 +131,8 @@ impl Tally {
         }
     }
 
-    /// The place of the event. If it has none: an empty place among those where it may be stored, or else the place of
-    /// the event that has not occurred for the longest time.
+    /// Returns the place of the event. For a new event, returns an empty place among those where it may be stored,
+    /// otherwise the place of the event that has not occurred for the longest time.
     #[inline]
     fn place(&mut self, key: Words) -> Option<&mut Option<WatchedEvent>> {
         let mixed = key[0].wrapping_add(key[1].rotate_left(24)).wrapping_add(key[2].rotate_left(44));

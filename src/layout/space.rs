@@ -122,7 +122,7 @@ impl Space {
 }
 
 impl fmt::Display for Space {
-    /// `%MB3.80000 to %MB3.3262143 (communication RAM)`
+    /// Formats the space: `%MB3.80000 to %MB3.3262143 (communication RAM)`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} to {} ({})", self.begin(), self.end(), self.doc)
     }

@@ -23,8 +23,8 @@ impl Plant {
         self.buses[..self.named_buses].get_mut(bus.index())?.guests()
     }
 
-    /// Guest number `guest` takes part in bus number `bus` from now on. If `is_stepped`, the bus takes over frames of
-    /// the guest only at the next step of the clock; the journal records this.
+    /// Lets guest number `guest` take part in bus number `bus` from now on. If `is_stepped`, the bus takes over frames
+    /// of the guest only at the next step of the clock; the journal records this.
     pub fn guest_joins(&mut self, bus: BusIndex, guest: u8, is_stepped: bool) {
         let now = self.now;
         let Some(guests) = self.guests_of(bus) else { return };
@@ -44,7 +44,7 @@ impl Plant {
         found
     }
 
-    /// The guest stops taking part. Frames that it has passed to its controller are still sent.
+    /// Ends a guest's participation. Frames that it has passed to its controller are still sent.
     pub fn guest_leaves(&mut self, bus: BusIndex, guest: u8) {
         let now = self.now;
         let Some(guests) = self.guests_of(bus) else { return };
@@ -96,8 +96,8 @@ impl Plant {
         guests.guest_sends(guest, message, now, &mut self.journal)
     }
 
-    /// The guest that acts by requests, guest 0, takes part in bus number `bus` from now on, and sends a frame if one
-    /// is given.
+    /// Lets guest 0, which acts for requests of clients, take part in bus number `bus` from now on. Sends a frame if
+    /// one is given.
     ///
     /// # Errors
     /// [`GuestRefusal`].
@@ -106,7 +106,7 @@ impl Plant {
         frame.map_or(Ok(()), |frame| self.guest_sends(bus, 0, &BusMessage::Frame(*frame)))
     }
 
-    /// Guest 0, which acts for requests of clients, takes part in PROFIBUS number `bus` from now on, and sends a telegram
+    /// Lets guest 0, which acts for requests of clients, take part in PROFIBUS number `bus` from now on. Sends a telegram
     /// as soon as the line is free for it.
     ///
     /// # Errors

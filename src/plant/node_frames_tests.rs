@@ -26,7 +26,7 @@ fn message_of(head: u8, bytes: &[u8]) -> Option<BusMessage> {
     }))
 }
 
-/// An action is a byte for its kind, the number of its bytes, and these bytes.
+/// Executes an action, which consists of a byte for its kind, the number of its bytes, and these bytes.
 fn act(plant: &mut Plant, head: u8, bytes: &[u8]) {
     match head & 7 {
         0..=3 => {

@@ -121,7 +121,7 @@ impl Plant {
         self.ports.at(bus).collect()
     }
 
-    /// Device `index` starts, and its ports after it.
+    /// Starts device `index`, then its ports.
     pub(super) fn start(&mut self, index: DeviceIndex) {
         let Plant { now, devices, buses, ports, journal, .. } = self;
         let (Some(device), Some(ports)) =
@@ -143,7 +143,7 @@ impl Plant {
         }
     }
 
-    /// Device `index` stops, and its ports after it leave their buses.
+    /// Stops device `index`, then lets its ports leave their buses.
     fn stop(&mut self, index: DeviceIndex) {
         let Plant { now, devices, buses, ports, journal, .. } = self;
         let (Some(device), Some(ports)) =

@@ -24,13 +24,14 @@ pub trait Program {
     /// (manual p. 38). Function blocks are variables.
     fn initialize(&mut self, start: Start);
 
-    /// Start task after a cold start: called in every processor cycle until it is [`Progress::Done`].
+    /// Runs the start task after a cold start. Called in every processor cycle until it returns [`Progress::Done`].
     ///
     /// # Errors
     /// The program ends with an error.
     fn cold_start(&mut self) -> Result<Progress, Self::Error>;
 
-    /// Start task after a warm start: retained variables keep their values. The default calls [`Program::cold_start`].
+    /// Runs the start task after a warm start: retained variables keep their values. The default calls
+    /// [`Program::cold_start`].
     ///
     /// # Errors
     /// The program ends with an error.
@@ -38,13 +39,13 @@ pub trait Program {
         self.cold_start()
     }
 
-    /// The cyclic task. [`Progress::Done`] ends the program.
+    /// Runs the cyclic task. [`Progress::Done`] ends the program.
     ///
     /// # Errors
     /// The program ends with an error.
     fn cyclic(&mut self) -> Result<Progress, Self::Error>;
 
-    /// The task of an event. `missed` counts events of this number without a call.
+    /// Runs the task of an event. `missed` counts events of this number without a call.
     ///
     /// # Errors
     /// The program ends with an error.

@@ -84,8 +84,8 @@ pub trait Host {
         None
     }
 
-    /// An operation is about to advance the stepped clock. A host with its own clock and its own instance lets the devices take
-    /// over changed files.
+    /// Called when an operation is about to advance the stepped clock. A host with its own clock and its own instance lets the
+    /// devices take over changed files.
     fn take_over_files(&mut self) {}
 
     /// Called when the plant has moved to another moment of its history.

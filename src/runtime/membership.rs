@@ -164,7 +164,7 @@ impl Emulator {
         news
     }
 
-    /// In this federate's turn: lets boards answer and gives seats to tasks, without advancing the clock.
+    /// Called in this federate's turn. Lets boards answer and gives seats to tasks, without advancing the clock.
     pub(super) fn look_around(&mut self) {
         if !self.may_act_now() {
             return;

@@ -324,8 +324,8 @@ fn start(args: &[&str]) -> (Emulator, tempfile::TempDir) {
     (Emulator::start(&[&[plant.to_str().unwrap()], args].concat()), directory)
 }
 
-/// P. 54, 86-87: 200 us after the start of the event task for reference values and a slave's first actual values, 450 us
-/// for its second ones, to the microsecond.
+/// Manual p. 54, 86-87: 200 us after the start of the event task for reference values and a slave's first actual
+/// values, 450 us for its second ones, to the microsecond.
 #[test]
 fn programs_in_lockstep_meet_or_miss_the_deadlines_of_this_device() {
     // Port 1 is slot G, port 2 slot H. A frame that was never in time is no finding.

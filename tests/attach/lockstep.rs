@@ -101,7 +101,7 @@ fn missed(emulator: &Emulator) -> usize {
     trace.ok().lines().map(count).sum()
 }
 
-/// p. 153: 490 us after the start of the event task, to the microsecond (D-09).
+/// Manual p. 153: 490 us after the start of the event task, to the microsecond (D-09).
 #[test]
 fn the_claimed_run_time_decides_whether_the_deadline_is_met() {
     // The current interval has no release, so it is missed in any case. A late release is in time for the next
@@ -161,7 +161,7 @@ fn a_task_that_runs_too_long_gets_its_next_turn_at_once() {
     assert!(turns.len() >= 3);
 }
 
-/// p. 43-44, 73: level 14 interrupts level 13, and the interruption makes the run time of level 13 longer.
+/// Manual p. 43-44, 73: level 14 interrupts level 13, and the interruption makes the run time of level 13 longer.
 #[test]
 fn the_higher_level_takes_the_processor() {
     let emulator = active();

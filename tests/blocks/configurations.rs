@@ -150,7 +150,7 @@ fn evenly<P: Program<Error = String>>(tasks: &Tasks<EventRecorder<P>>, period_us
     assert!(noted.times.windows(2).all(|pair| pair[1] - pair[0] == period_us), "{:?}", noted.times);
 }
 
-/// p. 62-63: the drive raises event 8 in each of its communications; `BAPS_INIT` starts it from the cyclic task.
+/// Manual p. 62-63: the drive raises event 8 in each of its communications; `BAPS_INIT` starts it from the cyclic task.
 #[test]
 fn a_the_drive_starts_the_event_task() {
     for memory in BOTH {
@@ -167,7 +167,7 @@ fn a_the_drive_starts_the_event_task() {
     }
 }
 
-/// p. 64-66: board timer A is event and trigger at the same time.
+/// Manual p. 64-66: board timer A is event and trigger at the same time.
 #[test]
 fn b_board_timer_a_drives_task_and_triggers() {
     for memory in BOTH {
@@ -183,7 +183,7 @@ fn b_board_timer_a_drives_task_and_triggers() {
     }
 }
 
-/// p. 67-70: SYNC is event and trigger; the bus comes first in the task, and none of its deadlines is missed.
+/// Manual p. 67-70: SYNC is event and trigger; the bus comes first in the task, and none of its deadlines is missed.
 #[test]
 fn c_sync_of_cansync_drives_task_and_triggers() {
     for memory in BOTH {
@@ -201,7 +201,7 @@ fn c_sync_of_cansync_drives_task_and_triggers() {
     }
 }
 
-/// p. 71-73: all four timer events; only board timer A triggers anything.
+/// Manual p. 71-73: all four timer events; only board timer A triggers anything.
 #[test]
 fn d_a_timer_drives_a_task() {
     for (event, triggers) in [(0, false), (2, false), (5, true), (6, true)] {
@@ -214,7 +214,7 @@ fn d_a_timer_drives_a_task() {
     }
 }
 
-/// D-260: `OPT_INIT` is called in the start tasks (p. 59), and each start runs them.
+/// Decision D-260: `OPT_INIT` is called in the start tasks (p. 59), and each start runs them.
 #[test]
 fn a_program_with_opt_init_starts_again() {
     let mut stage = Stage::new(Memory::Heap);

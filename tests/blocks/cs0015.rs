@@ -143,7 +143,7 @@ fn once<B: Ordering>(bench: &mut Bench, device: usize, mut block: B) -> B {
     block
 }
 
-/// P. 52-65.
+/// Manual p. 52-65.
 #[test]
 fn a_master_starts_its_slave_and_has_it_back_after_a_failure() -> Result<(), Box<dyn Error>> {
     let mut bench = Bench::master()?;
@@ -170,7 +170,7 @@ fn a_master_starts_its_slave_and_has_it_back_after_a_failure() -> Result<(), Box
     Ok(())
 }
 
-/// P. 66-70.
+/// Manual p. 66-70.
 #[test]
 fn a_master_reads_and_writes_entries_synchronizes_and_hears_of_errors() -> Result<(), Box<dyn Error>> {
     let mut bench = Bench::master()?;
@@ -233,7 +233,7 @@ fn a_master_reads_and_writes_entries_synchronizes_and_hears_of_errors() -> Resul
     Ok(())
 }
 
-/// P. 31-51.
+/// Manual p. 31-51.
 #[test]
 fn a_slave_says_how_it_communicates() -> Result<(), Box<dyn Error>> {
     let mut bench = Bench::new()?;

@@ -111,7 +111,7 @@ fn a_program_by_mmap_is_the_master_of_a_node_of_canopen() {
     assert_eq!(outcome.code, Some(0), "{}{}", outcome.out, outcome.err);
 }
 
-/// P. 13-17.
+/// Manual p. 13-17.
 #[test]
 fn the_board_has_the_switches_and_the_led_of_the_front_panel() {
     let emulator = Emulator::start(&[PLANT, "--clock", "stepped"]);
@@ -143,7 +143,7 @@ fn the_board_has_the_switches_and_the_led_of_the_front_panel() {
     assert!(refused.fails(2).contains("s2 can be 0 to 15"), "{}", refused.err);
 }
 
-/// P. 107, 154: each flag has an address. The error for an invalid address lists the addresses of the addressed
+/// Manual p. 107, 154: each flag has an address. The error for an invalid address lists the addresses of the addressed
 /// device.
 #[test]
 fn addresses_are_those_of_the_addressed_device() {
@@ -178,7 +178,7 @@ fn addresses_are_those_of_the_addressed_device() {
     }
 }
 
-/// P. 107, 155.
+/// Manual p. 107, 155.
 #[test]
 fn retained_data_is_stored_in_a_file() {
     let directory = tempfile::tempdir().unwrap();

@@ -255,7 +255,7 @@ fn a_guest_that_does_not_read_delays_no_other_and_its_losses_are_counted() {
     assert!(eventually(|| slow.hear() == "F08\r"));
 }
 
-/// D-350.
+/// Decision D-350.
 #[test]
 fn a_guest_alone_on_its_bus_is_error_passive_until_another_joins() {
     let emulator = start(OPEN, &["--clock", "stepped"]);

@@ -87,7 +87,7 @@ fn status_shows_the_current_state_of_the_plant() {
     }
 }
 
-/// D-540, D-541.
+/// Decisions D-540, D-541.
 #[test]
 fn every_command_reports_a_drive_with_another_bit_rate() {
     let directory = tempfile::tempdir().unwrap();

@@ -250,7 +250,7 @@ fn a_distant_bit_time_is_refused_with_a_message() {
     assert_eq!(buses(&emulator)[0]["guests"][1]["refused"], 1);
 }
 
-/// D-678.
+/// Decision D-678.
 #[test]
 fn a_request_without_a_pause_is_found() {
     let emulator = start_with(PLANT, &["--clock", "stepped"]);

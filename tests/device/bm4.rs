@@ -261,7 +261,8 @@ fn a_master_passes_the_sync_signal_of_another_slot_on() {
     assert_eq!(header.sync_counter[0].load() - before, 5);
 }
 
-/// D-29: if the register held 16#0000 before, the RAM does not show a restart; the block reports it, for its own slot.
+/// Decision D-29: if the register held 16#0000 before, the RAM does not show a restart; the block reports it, for its
+/// own slot.
 #[test]
 fn the_blocks_restart_the_module_of_their_slot_after_a_controller_reset() {
     let mut bm4 = Bm4::new(&plant_text(1000));
@@ -283,7 +284,7 @@ fn the_blocks_restart_the_module_of_their_slot_after_a_controller_reset() {
     assert_eq!(init.w_OPTION_STATUS.load(), 0x0001);
 }
 
-/// P. 25: the block enables event 11 and refuses every other event.
+/// Manual p. 25: the block enables event 11 and refuses every other event.
 #[test]
 fn intr_set_knows_event_11_only() {
     let mut bm4 = Bm4::new(&plant_text(1000));
@@ -297,7 +298,7 @@ fn intr_set_knows_event_11_only() {
     }
 }
 
-/// P. 27: DIP switches give a slave its number; a master has none, and an empty slot has no switches.
+/// Manual p. 27: DIP switches give a slave its number; a master has none, and an empty slot has no switches.
 #[test]
 fn slave_modules_alone_have_switches_that_can_be_set() {
     let mut bm4 = Bm4::new(&plant_text(1000));
@@ -316,7 +317,7 @@ fn slave_modules_alone_have_switches_that_can_be_set() {
     }
 }
 
-/// P. 27: a slave gets a number that another station already has.
+/// Manual p. 27: a slave gets a number that another station already has.
 #[test]
 fn a_taken_number_is_reported_with_its_slot() {
     let text =
@@ -337,9 +338,9 @@ fn a_taken_number_is_reported_with_its_slot() {
     assert_eq!(name.as_deref(), Some("slotH.w_SLAVE_NUMBER"));
 }
 
-/// P. 15, 26: slaves of a bus must differ in their numbers, and the manual requires nothing else. The modules of a PLC
-/// are switched on together. So two modules that have swapped their numbers differ, and no module is compared with an
-/// earlier number (D-184).
+/// Manual p. 15, 26: slaves of a bus must differ in their numbers, and the manual requires nothing else. The modules of
+/// a PLC are switched on together. So two modules that have swapped their numbers differ, and no module is compared
+/// with an earlier number (D-184).
 #[test]
 fn modules_of_a_plc_swap_their_numbers() {
     let module = |slot: &str, rest: &str| format!("[[device.module]]\nslot = '{slot}'\nbus = 'b'\n{rest}\n");
@@ -382,8 +383,8 @@ fn the_power_on_of_a_plc_without_dip_switches_names_no_number() {
     assert!(text.trim_end().ends_with("  on"), "{text}");
 }
 
-/// P. 15 and 26: slaves of a bus must differ in their numbers, and the manual requires nothing else. A master and two
-/// slaves of one PLC make a test bench.
+/// Manual p. 15 and 26: slaves of a bus must differ in their numbers, and the manual requires nothing else. A master
+/// and two slaves of one PLC make a test bench.
 #[test]
 fn a_master_and_slaves_of_one_plc_share_a_bus() {
     let module = |slot: &str, rest: &str| format!("[[device.module]]\nslot = '{slot}'\nbus = 'b'\n{rest}\n");
@@ -428,9 +429,9 @@ fn a_master_and_slaves_of_one_plc_share_a_bus() {
     }
 }
 
-/// P. 15-16, 25: the module itself makes the SYNC signal, so it raises event 11 and answers its handshakes without a
-/// bus. The journal has no frames and no edges of this module, because it has no bus. A slave without a bus has no
-/// signal.
+/// Manual p. 15-16, 25: the module itself makes the SYNC signal, so it raises event 11 and answers its handshakes
+/// without a bus. The journal has no frames and no edges of this module, because it has no bus. A slave without a bus
+/// has no signal.
 #[test]
 fn a_master_without_a_bus_makes_its_sync_signal_for_the_plc() {
     let mut bm4 = Bm4::new(
@@ -467,8 +468,9 @@ fn a_master_without_a_bus_makes_its_sync_signal_for_the_plc() {
     assert_eq!(bm4.plant.journal().findings().errors(), [&rules::NO_MASTER]);
 }
 
-/// P. 15-16, 50-51: a slave on a bus without a master never has a SYNC signal, and neither has a master that passes on
-/// the signal of this slave. The check of the plant warns of it, and the checker reports the start of the slave.
+/// Manual p. 15-16, 50-51: a slave on a bus without a master never has a SYNC signal, and neither has a master that
+/// passes on the signal of this slave. The check of the plant warns of it, and the checker reports the start of the
+/// slave.
 #[test]
 fn a_bus_without_a_master_gives_a_warning_and_a_finding() {
     let text = "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n[[device.module]]\nslot = 'G'\nkind = 'can-06'\n\
@@ -489,8 +491,8 @@ fn a_bus_without_a_master_gives_a_warning_and_a_finding() {
     assert_eq!((found.last.rule, name.as_deref()), (&rules::NO_MASTER, Some("slotH.b_MA_SL_MODE")));
 }
 
-/// P. 49-51: a master that must pass on a SYNC signal and receives none waits; a finding and the refusal of a step to the next
-/// edge name the reason.
+/// Manual p. 49-51: a master that must pass on a SYNC signal and receives none waits; a finding and the refusal of a
+/// step to the next edge name the reason.
 #[test]
 fn a_master_without_a_signal_to_pass_on_is_found() {
     for (sync_in, why) in [
@@ -525,7 +527,7 @@ fn a_master_without_a_signal_to_pass_on_is_found() {
     );
 }
 
-/// P. 29-30: H1 shows frames that are sent and received, independently of the SYNC signal.
+/// Manual p. 29-30: H1 shows frames that are sent and received, independently of the SYNC signal.
 #[test]
 fn the_first_led_shows_frames_and_not_the_sync_signal() {
     let mut bm4 = Bm4::new(&plant_text(500));
@@ -560,7 +562,7 @@ fn the_first_led_shows_frames_and_not_the_sync_signal() {
     assert_eq!((led(&bm4, 0, 1), led(&bm4, 1, 5)), (Led::Off, Led::Off), "nothing since");
 }
 
-/// P. 76-77: `sync_loss_us` sets when a slave module loses its lock, as at every other slave (D-124).
+/// Manual p. 76-77: `sync_loss_us` sets when a slave module loses its lock, as at every other slave (D-124).
 #[test]
 fn a_module_keeps_its_lock_for_the_time_that_the_plant_file_gives() {
     for (setting, is_locked) in [("", false), ("sync_loss_us = 60000\n", true)] {
@@ -594,7 +596,7 @@ fn leds_of_slot_h(bm4: &Bm4) -> [Led; 4] {
     Leds::of_code(bm4.segment(0).header().unwrap().ports[1].leds.load()).h
 }
 
-/// P. 16-19, 27, 30-32: DIP switch 9 at OFF makes a module a slave of the controller, for which the PLC has no
+/// Manual p. 16-19, 27, 30-32: DIP switch 9 at OFF makes a module a slave of the controller, for which the PLC has no
 /// registers (D-649).
 #[test]
 fn a_slave_of_the_controller_is_a_drive_of_its_bus() {
@@ -640,8 +642,8 @@ fn a_slave_of_the_controller_is_a_drive_of_its_bus() {
     assert!(findings.errors().is_empty(), "{:?}", findings.errors());
 }
 
-/// P. 27: without `dip_baud` DIP switches 1 to 3 are set to the rate of the bus (D-649). The plant file defines the number of a slave of
-/// the controller, and the refusal says so.
+/// Manual p. 27: without `dip_baud` DIP switches 1 to 3 are set to the rate of the bus (D-649). The plant file defines
+/// the number of a slave of the controller, and the refusal says so.
 #[test]
 fn the_switches_of_a_controller_slave_default_to_the_rate_of_its_bus() {
     for (kbit_s, baud) in [(125, 0b011), (250, 0b100), (500, 0b101), (1000, 0b110)] {
@@ -662,9 +664,9 @@ fn the_switches_of_a_controller_slave_default_to_the_rate_of_its_bus() {
     }
 }
 
-/// P. 31: H4 of a slave of the controller flashes in the case of a fault, which is BUS-off (D-367). A drive has no
-/// BUS-off, so commram refuses the fault, which would otherwise wait without effect (D-649). It refuses an overrun for
-/// the same reason.
+/// Manual p. 31: H4 of a slave of the controller flashes in the case of a fault, which is BUS-off (D-367). A drive has
+/// no BUS-off, so commram refuses the fault, which would otherwise wait without effect (D-649). It refuses an overrun
+/// for the same reason.
 #[test]
 fn a_slave_of_the_controller_has_the_faults_of_a_drive() {
     let mut bm4 = with_controllers_slave("dip9 = false");
@@ -689,7 +691,7 @@ fn a_slave_of_the_controller_has_the_faults_of_a_drive() {
     assert!(refused.contains("bus_off: slotJ is a drive of its bus"), "{refused}");
 }
 
-/// P. 27 and 29-31: an error at initialization, and DIP switches 1 to 3 in a position without a baud rate.
+/// Manual p. 27 and 29-31: an error at initialization, and DIP switches 1 to 3 in a position without a baud rate.
 #[test]
 fn modules_with_wrong_switches_show_it_and_take_no_part() {
     let (together, alone) = (
@@ -761,7 +763,7 @@ fn modules_without_a_signal_give_a_warning() {
     }
 }
 
-/// P. 46 and 75: an example of the manual calls the array of the tables on p. 59 and 90 by another name.
+/// Manual p. 46 and 75: an example of the manual calls the array of the tables on p. 59 and 90 by another name.
 #[test]
 fn the_name_of_the_manuals_example_leads_to_the_register() {
     let bm4 = Bm4::new(&plant_text(500));

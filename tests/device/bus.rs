@@ -143,8 +143,8 @@ fn the_second_actual_value_frame_has_a_later_deadline() {
     }
 }
 
-/// D-26: the deadline is the end of WRC1 plus 15 us for each word that the slave takes from it, within the limits of the rate;
-/// without WRC1 the latest time applies.
+/// Decision D-26: the deadline is the end of WRC1 plus 15 us for each word that the slave takes from it, within the
+/// limits of the rate; without WRC1 the latest time applies.
 #[test]
 fn the_second_deadline_follows_reference_value_frame_1() {
     for rate in FASTEST {
@@ -189,7 +189,8 @@ fn the_second_deadline_follows_reference_value_frame_1() {
     }
 }
 
-/// D-25: a number that no slave has requests no answer, whichever lower bits are set; the reference values are still sent.
+/// Decision D-25: a number that no slave has requests no answer, whichever lower bits are set; the reference values are
+/// still sent.
 #[test]
 fn an_unused_slave_number_requests_no_answer() {
     for rate in FASTEST {
@@ -208,7 +209,7 @@ fn an_unused_slave_number_requests_no_answer() {
     }
 }
 
-/// D-25: `b_MAX_SL_NR` above 31 counts as 31.
+/// Decision D-25: `b_MAX_SL_NR` above 31 counts as 31.
 #[test]
 fn automatic_requests_end_at_slave_31() {
     for rate in FASTEST {
@@ -250,7 +251,7 @@ fn a_station_at_another_baud_rate_receives_nothing() {
     }
 }
 
-/// D-12: the lower bus gets its edges at the same microsecond as the upper one.
+/// Decision D-12: the lower bus gets its edges at the same microsecond as the upper one.
 #[test]
 fn a_cluster_forwards_the_sync_signal() {
     for rate in FASTEST {

@@ -177,7 +177,7 @@ fn a_changed_job_waits_until_the_application_confirms() {
     }
 }
 
-/// D-61: a change stays pending until it is confirmed, even if the master returns to the old job or if the
+/// Decision D-61: a change stays pending until it is confirmed, even if the master returns to the old job or if the
 /// application, writing whole bytes, wiped bit 3.
 #[test]
 fn a_change_is_shown_until_it_is_confirmed() {
@@ -207,7 +207,7 @@ fn an_answered_job_can_still_be_changed() {
     }
 }
 
-/// D-60: the firmware refuses a job that no register can show (p. 140: only element 7 may be written).
+/// Decision D-60: the firmware refuses a job that no register can show (p. 140: only element 7 may be written).
 #[test]
 fn jobs_that_no_register_can_show_never_reach_the_application() {
     for rate in FASTEST {
@@ -249,7 +249,7 @@ fn in_set_up_mode_the_firmware_answers_the_status_word() {
     }
 }
 
-/// D-63: leaving active operation drops the job and empties its registers.
+/// Decision D-63: leaving active operation drops the job and empties its registers.
 #[test]
 fn leaving_active_operation_drops_the_job() {
     for rate in FASTEST {
@@ -262,7 +262,7 @@ fn leaving_active_operation_drops_the_job() {
     }
 }
 
-/// D-64: a job survives a missing SYNC signal and a restarted master.
+/// Decision D-64: a job survives a missing SYNC signal and a restarted master.
 #[test]
 fn a_job_outlives_the_sync_signal() {
     for rate in FASTEST {
@@ -305,7 +305,7 @@ fn a_frame_of_wrong_length_is_not_answered() {
     }
 }
 
-/// D-21: the acceptance filter holds for jobs and action commands too.
+/// Decision D-21: the acceptance filter holds for jobs and action commands too.
 #[test]
 fn the_acceptance_filter_keeps_frames_out() {
     for rate in FASTEST {

@@ -59,7 +59,7 @@ fn run_until(rig: &mut Rig, intervals: usize, done: impl Fn(&Rig) -> bool) {
     assert!(done(rig), "not done after {intervals} intervals");
 }
 
-/// P. 164-165 and 189-190. The slave is busy for three intervals.
+/// Manual p. 164-165 and 189-190. The slave is busy for three intervals.
 #[test]
 fn a_parameter_job_runs_through_both_register_sets() {
     for memory in BOTH {
@@ -96,7 +96,7 @@ fn a_parameter_job_runs_through_both_register_sets() {
     }
 }
 
-/// P. 166-168 and 190-193: a download of 300 bytes, then an upload.
+/// Manual p. 166-168 and 190-193: a download of 300 bytes, then an upload.
 #[test]
 fn a_block_travels_down_and_up() {
     for memory in BOTH {
@@ -126,7 +126,7 @@ fn a_block_travels_down_and_up() {
     }
 }
 
-/// P. 168 (bit 7 of the master), 192 (change bit of the slave); D-45, D-70.
+/// Manual p. 168 (bit 7 of the master), 192 (change bit of the slave); D-45, D-70.
 #[test]
 fn a_cancelled_block_shows_at_the_slave() {
     for rate in FASTEST {
@@ -145,7 +145,7 @@ fn a_cancelled_block_shows_at_the_slave() {
     }
 }
 
-/// D-63: the master gets an end, not silence, when the slave's PLC leaves active operation.
+/// Decision D-63: the master gets an end, not silence, when the slave's PLC leaves active operation.
 #[test]
 fn a_slave_that_leaves_active_operation_refuses_the_jobs() {
     for rate in FASTEST {
@@ -160,7 +160,7 @@ fn a_slave_that_leaves_active_operation_refuses_the_jobs() {
     }
 }
 
-/// P. 134-135; D-64: no SYNC, no interval. What the slave's PLC has entered waits.
+/// Manual p. 134-135; D-64: no SYNC, no interval. What the slave's PLC has entered waits.
 #[test]
 fn without_sync_nothing_is_due_and_nothing_is_lost() {
     for rate in FASTEST {
@@ -227,7 +227,7 @@ fn a_slave_that_is_active_before_its_master_sets_up_is_synchronized() {
     }
 }
 
-/// D-06: the firmware also answers a job of the master's application while another job waits for the slave's
+/// Decision D-06: the firmware also answers a job of the master's application while another job waits for the slave's
 /// application.
 #[test]
 fn the_status_word_of_an_active_slave_never_reaches_its_application() {
@@ -247,8 +247,8 @@ fn the_status_word_of_an_active_slave_never_reaches_its_application() {
     }
 }
 
-/// P. 181-182, with the deadlines of D-09: the firmware builds and acknowledges the frame whether or not the master
-/// requests it.
+/// Manual p. 181-182, with the deadlines of D-09: the firmware builds and acknowledges the frame whether or not the
+/// master requests it.
 #[test]
 fn own_actual_values_are_taken_at_their_deadline() {
     for rate in RATES {

@@ -155,7 +155,7 @@ fn longer_than_its_slot(id: u16) -> ([u32; 2], Frame) {
     (words(low), frame(low))
 }
 
-/// D-127: a frame that a fault delays takes no time from other stations, even if the delay is short.
+/// Decision D-127: a frame that a fault delays takes no time from other stations, even if the delay is short.
 #[test]
 fn a_delayed_frame_delays_no_other_station() {
     for rate in RATES {

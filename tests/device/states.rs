@@ -254,7 +254,8 @@ fn write_by_name(rig: &mut Rig, role: Role, value: u16) {
     rig.plant.note_channel_write(DeviceIndex::at(at.plc), at.base as u32, 2, value.into());
 }
 
-/// D-29: the value that the firmware leaves after clearing is no command, even if a program rings the doorbell repeatedly.
+/// Decision D-29: the value that the firmware leaves after clearing is no command, even if a program rings the doorbell
+/// repeatedly.
 #[test]
 fn bit_7_alone_restarts_nothing_until_a_0_is_written() {
     for rate in FASTEST {
@@ -305,7 +306,8 @@ fn a_restart_written_before_bit_7_does_not_act_after_it() {
     }
 }
 
-/// D-29: a restart written over the value that bit 7 has left cannot be seen in the RAM, and a finding says so.
+/// Decision D-29: a restart written over the value that bit 7 has left cannot be seen in the RAM, and a finding says
+/// so.
 #[test]
 fn a_restart_over_the_remains_of_bit_7_is_reported() {
     for rate in FASTEST {
@@ -345,7 +347,7 @@ fn a_restart_over_the_remains_of_bit_7_is_reported() {
     }
 }
 
-/// D-29: forcing names the register.
+/// Decision D-29: forcing names the register.
 #[test]
 fn a_forced_0_restarts_after_bit_7() {
     for rate in FASTEST {
@@ -414,7 +416,7 @@ fn bad_initialization_data_are_refused_until_they_are_right() {
     }
 }
 
-/// D-03: the INIT structure overlays the cyclic one, which starts empty; general registers stay.
+/// Decision D-03: the INIT structure overlays the cyclic one, which starts empty; general registers stay.
 #[test]
 fn taking_over_init_data_clears_the_cyclic_area() {
     for rate in FASTEST {

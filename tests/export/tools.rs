@@ -167,7 +167,7 @@ fn cantools_reads_the_messages_of_a_bus() {
         "nodes door_1 panel".to_owned(),
         "0A0 panel_EMCY 8 panel> error_code@0:16 error_register@16:8 own@24:40".to_owned(),
         format!("1A0 panel_TX_PDO1 8 panel> {words}"),
-        // P. 160: from the third PDO on the identifiers do not depend on the Node-ID, so both send it.
+        // Manual p. 160: from the third PDO on the identifiers do not depend on the Node-ID, so both send it.
         format!("38A panel_TX_PDO3 8 panel,door_1> {words}"),
         format!("3A5 panel_TX_PDO2 8 panel>door_1 {words}"),
         "585 door_1_SDO_ANSWER 8 door_1> command@0:8 index@8:16 sub_index@24:8 data@32:32".to_owned(),

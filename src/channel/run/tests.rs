@@ -35,7 +35,7 @@ fn all(host: &mut TestHost, ops: &[WireOp]) -> Vec<Reply> {
     replies(&run)
 }
 
-/// Code and text of the last reply.
+/// Returns the code and the text of the last reply.
 fn refusal(replies: &[Reply]) -> (Code, &str) {
     match replies.last() {
         Some(Reply::Error(refused)) => (refused.code, &refused.text),

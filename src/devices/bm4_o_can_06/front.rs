@@ -40,7 +40,7 @@ impl Front {
         self.supply.has_changed(&self.face) || self.starts.has_changed(&self.face)
     }
 
-    /// Power-on.
+    /// Called at power-on.
     pub(crate) fn start(&mut self, ctx: &mut Context) {
         self.events.disable_all();
         self.face.both(|page| page.interrupts.iter().for_each(Interrupt::clear));
@@ -49,7 +49,7 @@ impl Front {
         self.follow(ordered);
     }
 
-    /// Power-off.
+    /// Called at power-off.
     pub(crate) fn stop(&mut self, ctx: &mut Context) {
         self.events.disable_all();
         self.supply.stop(ctx);
@@ -79,7 +79,7 @@ impl Front {
         FrontAction::Answered
     }
 
-    /// No event occurs while the program is stopped (decision D-300).
+    /// Follows an order of the board. No event occurs while the program is stopped (decision D-300).
     fn follow(&mut self, ordered: Option<Start>) {
         if let Some(kind) = ordered {
             self.events.held = kind == Start::Stop;
@@ -87,7 +87,7 @@ impl Front {
         }
     }
 
-    /// An edge of the SYNC signal at the module that raises the event.
+    /// Called at an edge of the SYNC signal at the module that raises the event.
     #[inline]
     pub(crate) fn sync(&mut self, now: u64) {
         self.events.fire(&self.face, SYNC_EVENT, now);
@@ -99,7 +99,7 @@ pub(super) fn level(event: usize) -> Option<u8> {
     (event == SYNC_EVENT).then_some(0)
 }
 
-/// `INTR_SET` (p. 25).
+/// Executes `INTR_SET` (p. 25).
 fn set(events: &mut Events, event: usize, _: i16, enable: bool) -> InterruptResult {
     if level(event).is_none() {
         return InterruptResult::NoSuchEvent;

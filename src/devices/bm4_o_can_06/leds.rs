@@ -89,12 +89,12 @@ impl Leds {
     }
 }
 
-/// H3: 1, 2, 4 and 8 flashes for an interval of as many milliseconds.
+/// State of H3: 1, 2, 4 and 8 flashes for an interval of as many milliseconds.
 fn interval(interval_us: Option<u64>) -> Led {
     interval_us.map_or(Led::Off, |us| Led::Flashes(((us + 500) / 1000).clamp(1, 8) as u8)) // at most 8
 }
 
-/// H1: lit while the module waits for the program, then it shows frames; a controller in BUS-off has none.
+/// State of H1: lit while the module waits for the program; then it shows frames. A controller in BUS-off has none.
 fn green(option: &Cell16, can: &Cell16, has_traffic: bool) -> Led {
     if option.load() <= option_status::WAITING_FOR_INIT {
         Led::On
@@ -105,7 +105,8 @@ fn green(option: &Cell16, can: &Cell16, has_traffic: bool) -> Led {
     }
 }
 
-/// H2 of a master, H4 of a slave: flashes in the case of a fault, which is BUS-off here (decision D-367).
+/// State of H2 of a master, or of H4 of a slave: flashes in the case of a fault, which is BUS-off here (decision
+/// D-367).
 fn fault(can: &Cell16, takes_part: bool) -> Led {
     if takes_part && is_bus_off(can) { Led::Flashes(1) } else { Led::Off }
 }
@@ -119,7 +120,7 @@ mod tests {
     use super::*;
     use zerocopy::FromZeros;
 
-    /// P. 28-30: the LEDs of each module while it waits, takes part with SYNC and without, and is in BUS-off.
+    /// Manual p. 28-30: the LEDs of each module while it waits, takes part with SYNC and without, and is in BUS-off.
     #[test]
     fn leds_show_the_state_of_the_module() {
         use Led::{Flashes, Off, On};

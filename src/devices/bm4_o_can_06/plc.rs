@@ -361,7 +361,7 @@ impl DevicePorts for Bm4Plc {
         &self.sync_ways
     }
 
-    /// Event 11 while the module takes part in its bus (decision D-365).
+    /// Raises event 11 while the module takes part in its bus (decision D-365).
     #[inline]
     fn sync_edge(&mut self, port: u8, now: u64) {
         let is_source = self.sync_source == Some(port);

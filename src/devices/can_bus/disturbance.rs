@@ -57,7 +57,7 @@ impl CanBus {
         }
     }
 
-    /// A frame has begun: decides with the faults whether it arrives undisturbed.
+    /// Called when a frame has begun. Decides with the faults whether the frame arrives undisturbed.
     #[cold]
     pub(super) fn disturb(&mut self, it: &OnWire, world: &mut World) {
         if it.fate != Fate::Arrives {

@@ -82,7 +82,7 @@ fn a_lost_frame_reaches_no_receiver_and_its_sender_does_not_notice() {
     assert_eq!(bench.marks().iter().map(|(_, mark)| *mark).collect::<Vec<_>>(), [2, 3]);
 }
 
-/// D-334.
+/// Decision D-334.
 #[test]
 fn a_delayed_frame_is_held_back_once_and_others_go_first() {
     let (slow, fast) = (frame(0x100, 1), frame(0x200, 2));
@@ -108,7 +108,7 @@ fn a_duplicate_is_sent_once_more_and_not_reported_to_its_sender() {
     }
 }
 
-/// D-331.
+/// Decision D-331.
 #[test]
 fn error_frames_make_a_sender_passive_and_the_frame_is_repeated() {
     let it = frame(0x100, 1);
@@ -133,7 +133,7 @@ fn after_32_error_frames_in_a_row_a_sender_is_bus_off() {
     assert_eq!((bench.hits(), bench.errors()), (32, vec![(256, 0), (0, 32), (0, 32)]));
 }
 
-/// D-333.
+/// Decision D-333.
 #[test]
 fn a_frame_that_loses_the_arbitration_waits_for_the_next_one() {
     let (low, high) = (frame(0x100, 1), frame(0x200, 2));
@@ -144,7 +144,7 @@ fn a_frame_that_loses_the_arbitration_waits_for_the_next_one() {
     assert_eq!((bench.lost(), bench.errors()), (vec![], vec![(0, 0); 3]));
 }
 
-/// D-333.
+/// Decision D-333.
 #[test]
 fn a_lost_arbitration_without_a_winner_leaves_an_error_frame() {
     let it = frame(0x100, 1);

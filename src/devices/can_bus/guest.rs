@@ -28,7 +28,7 @@ impl CanBus {
         self.place_of(guest).filter(|place| self.stations.all()[*place].on_since_ns.is_some())
     }
 
-    /// Guest number `guest` joins the bus. Returns `false` if the guest takes part already.
+    /// Lets guest number `guest` join the bus. Returns `false` if the guest takes part already.
     pub(super) fn join(&mut self, guest: u8, now: u64) -> bool {
         let place = self.place_of(guest).unwrap_or_else(|| self.stations.add(Station::guest(guest)));
         let end = self.stations.get_mut(place);
@@ -46,7 +46,7 @@ impl CanBus {
         errors.unwrap_or_default().state()
     }
 
-    /// Guest number `guest` leaves when its queue is empty.
+    /// Lets guest number `guest` leave when its queue is empty.
     pub(super) fn begin_leaving(&mut self, guest: u8, now: u64) {
         let Some(place) = self.present(guest) else { return };
         let was_leaving = core::mem::replace(&mut self.stations.get_mut(place).is_leaving, true);

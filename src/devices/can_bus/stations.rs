@@ -227,7 +227,7 @@ impl Stations {
         !self.troubled.is_empty()
     }
 
-    /// A frame begins at `begin_ns`; before it, the wire has been recessive since `quiet_ns`.
+    /// Called when a frame begins at `begin_ns`. Before it, the wire has been recessive since `quiet_ns`.
     pub(super) fn frame_begins(&mut self, begin_ns: u64, quiet_ns: u64) {
         let Some(rate) = self.rate else { return };
         for (_, recovery) in &mut self.recovering {

@@ -133,7 +133,7 @@ impl Bench {
         self.bus.plan(now);
     }
 
-    /// A port puts a frame into its queue at `now`, after everything that is due before.
+    /// Lets a port put a frame into its queue at `now`, after everything that is due before.
     pub(super) fn send(&mut self, station: usize, now: u64, frame: Frame) {
         self.run(now - 1);
         self.bus.run(station, now, &mut self.journal, |_, _, controller| controller.send(frame).unwrap());
@@ -241,7 +241,7 @@ fn filters_keep_frames_from_the_firmware() {
     assert_eq!((heard(1), heard(2)), (vec![2], vec![1, 2]));
 }
 
-/// D-350.
+/// Decision D-350.
 #[test]
 fn a_station_alone_on_the_bus_becomes_passive_and_repeats_its_frame() {
     let (it, rate) = (frame(0x100, 1), BitRate::new(500_000).unwrap());

@@ -14,7 +14,8 @@ pub struct NodeGuarding {
 }
 
 impl NodeGuarding {
-    /// The master has sent a request: returns the answer's only byte. The first answer has toggle bit 0.
+    /// Called when the master has sent a request. Returns the only byte of the answer. The first answer has toggle bit
+    /// 0.
     pub fn asked(&mut self, state: State, now: u64) -> u8 {
         let toggle = u8::from(self.toggle) << 7;
         self.toggle = !self.toggle;

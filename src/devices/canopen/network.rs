@@ -196,7 +196,7 @@ mod tests {
         assert_eq!((network.next_time(), network.due(1000)), (u64::MAX, vec![]));
     }
 
-    /// P. 28: the resets are repeated without a limit.
+    /// Manual p. 28: the resets are repeated without a limit.
     #[test]
     fn a_node_that_does_not_answer_is_reset_until_it_does() {
         let mut network = Network::default();
@@ -233,7 +233,7 @@ mod tests {
         assert_eq!(network.state(5), Some(State::Stopped));
     }
 
-    /// P. 59.
+    /// Manual p. 59.
     #[test]
     fn missing_nodes_are_shown_one_after_another() {
         let mut network = Network::default();

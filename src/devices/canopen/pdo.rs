@@ -47,7 +47,7 @@ impl Transmission {
 struct SyncCounter(u8);
 
 impl SyncCounter {
-    /// A SYNC object has come: returns whether the PDO's turn has come.
+    /// Called at a SYNC object. Returns true if it is the PDO's turn.
     fn is_turn(&mut self, kind: Transmission) -> bool {
         match kind {
             Transmission::SynchronousAcyclic => true,
@@ -97,7 +97,7 @@ impl Transmit {
         is_sent
     }
 
-    /// A SYNC object has come: returns whether to send the value.
+    /// Called at a SYNC object. Returns true if the value has to be sent.
     pub fn sync(&mut self, kind: Transmission, value: [u8; 8]) -> bool {
         let is_new = value != self.known;
         let is_sent = self.count.is_turn(kind) && (is_new || kind != Transmission::SynchronousAcyclic);
@@ -127,7 +127,7 @@ impl Receive {
         *self = Receive::default();
     }
 
-    /// A PDO has come: returns the value if it is to be taken over at once.
+    /// Called when a PDO has arrived. Returns the value if it has to be taken over at once.
     pub fn received(&mut self, kind: Transmission, value: [u8; 8]) -> Option<[u8; 8]> {
         if kind.is_synchronous() {
             self.waiting = Some(value);
@@ -136,7 +136,7 @@ impl Receive {
         Some(value)
     }
 
-    /// A SYNC object has come: returns the value to be taken over.
+    /// Called at a SYNC object. Returns the value to take over.
     pub fn sync(&mut self, kind: Transmission) -> Option<[u8; 8]> {
         if self.count.is_turn(kind) { self.waiting.take() } else { None }
     }

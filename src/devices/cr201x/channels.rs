@@ -154,7 +154,7 @@ impl Channels {
 mod tests {
     use super::*;
 
-    /// P. 77, 81.
+    /// Manual p. 77, 81.
     #[test]
     fn each_connector_accepts_the_values_in_the_manual() {
         for (model, index, right) in [

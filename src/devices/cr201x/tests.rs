@@ -106,7 +106,7 @@ fn each_mistake_in_a_plant_file_is_named() {
     }
 }
 
-/// P. 38: digital inputs are sent when they change, analog inputs and all outputs with SYNC.
+/// Manual p. 38: digital inputs are sent when they change, analog inputs and all outputs with SYNC.
 #[test]
 fn a_cr2010_exchanges_inputs_and_outputs() {
     let mut bench = Bench::new("module = 'cr2010', channels = [1, 2, 1, 3, 0, 4, 0, 0]");
@@ -141,7 +141,7 @@ fn a_cr2010_exchanges_inputs_and_outputs() {
     assert_eq!(states.collect::<Vec<_>>(), [127, 5, 4]);
 }
 
-/// P. 82-85.
+/// Manual p. 82-85.
 #[test]
 fn a_cr2011_reports_the_current_of_its_pairs_and_open_lines() {
     let mut bench = Bench::new("module = 'cr2011', channels = [5, 4, 2, 0]");
@@ -162,7 +162,7 @@ fn a_cr2011_reports_the_current_of_its_pairs_and_open_lines() {
     assert_eq!(bench.heard(), [(0x083, vec![0; 8])]);
 }
 
-/// P. 79, 83: a value written in Operational takes effect after Pre-Operational.
+/// Manual p. 79, 83: a value written in Operational takes effect after Pre-Operational.
 #[test]
 fn a_configuration_takes_effect_in_pre_operational() {
     let mut bench = Bench::new("module = 'cr2011'");

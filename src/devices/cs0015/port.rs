@@ -198,7 +198,7 @@ impl Firmware {
         let flags = &self.node.registers.flags;
         match command {
             Command::Stop => self.node.set_state(State::Stopped, ctx.now),
-            // P. 28: network management does not start a controller that the programming system has stopped.
+            // Manual p. 28: network management does not start a controller that the programming system has stopped.
             Command::Start | Command::EnterPreOperational if self.is_stopped => return,
             Command::Start => self.node.set_state(State::Operational, ctx.now),
             Command::EnterPreOperational => self.node.set_state(State::PreOperational, ctx.now),
@@ -466,7 +466,7 @@ impl CanPort for Firmware {
 
     fn next_time(&self) -> u64 {
         let of_nmt = self.nmt.as_ref().map_or(u64::MAX, Nmt::next_time);
-        // P. 28: a master stopped by the programming system is not active.
+        // Manual p. 28: a master stopped by the programming system is not active.
         let of_master = match (&self.master, &self.nmt) {
             (Some(master), Some(nmt)) if self.state == state::RUN => master.next_time(nmt),
             _ => u64::MAX,

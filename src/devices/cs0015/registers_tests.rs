@@ -12,7 +12,7 @@ fn offset(address: &str) -> u32 {
     NamedLocation::parse(&DeviceFit::unknown(&DEVICE), address).unwrap().offset()
 }
 
-/// P. 152-154.
+/// Manual p. 152-154.
 #[test]
 fn addresses_match_the_manual() {
     for (name, expected) in [
@@ -36,7 +36,7 @@ fn addresses_match_the_manual() {
     assert_eq!(DEVICE.retain.unwrap().area.bytes, 256, "%MB0 to %MB255, p. 107");
 }
 
-/// P. 107, 154: %MW0 to %MW4095 are the flags, and each flag is in an area.
+/// Manual p. 107, 154: %MW0 to %MW4095 are the flags, and each flag is in an area.
 #[test]
 fn every_flag_has_an_address() {
     for word in 0..4096 {
@@ -55,7 +55,7 @@ fn the_numbers_of_slave_words_contain_node_and_connector() {
     }
 }
 
-/// P. 152.
+/// Manual p. 152.
 #[test]
 fn there_are_36_system_flags() {
     let flags = DEVICE.area("flags").unwrap().structures[0].structure.registers;

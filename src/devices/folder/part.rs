@@ -28,7 +28,7 @@ pub(super) trait Part: SnapshotFields + Send {
     /// Carries out the actions that are due at `ctx.now`.
     fn due(&mut self, ctx: &mut Context, card: &mut Card);
 
-    /// The script of the device has changed.
+    /// Called when the script of the device has changed.
     fn take_over(&mut self, ctx: &mut Context, card: &mut Card, script: &'static Script) {
         let _ = (ctx, card, script);
     }

@@ -85,7 +85,7 @@ impl Ethernet {
         })
     }
 
-    /// Power-on or end of a reset with the DIP number read: the contents of NOVRAM apply.
+    /// Called at power-on or at the end of a reset, when the DIP number was read: the contents of NOVRAM apply.
     pub fn power_on(&mut self, ctx: &mut Context, dip: u8) {
         self.dip = dip;
         self.keep();
@@ -95,7 +95,7 @@ impl Ethernet {
         }
     }
 
-    /// Power-off: NOVRAM keeps its contents. The interface shows nothing.
+    /// Called at power-off: NOVRAM keeps its contents, and the interface shows nothing.
     pub fn power_off(&mut self) {
         self.keep();
         self.diagnose.reset_from(0);
@@ -130,8 +130,8 @@ impl Ethernet {
         }
     }
 
-    /// `d_IP_CONFIG` or `d_ROUTER` was written: stores everything, or restores address and choice if the address is
-    /// not allowed.
+    /// Called when `d_IP_CONFIG` or `d_ROUTER` was written. Stores everything, or restores address and choice if the
+    /// address is not allowed.
     #[cold]
     pub fn take(&mut self, ctx: &mut Context) {
         let new = self.registers();

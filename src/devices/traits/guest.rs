@@ -29,13 +29,13 @@ pub enum GuestRefusal {
 /// The guests of a bus ([`Bus::guests`](crate::devices::Bus::guests)). Each guest has a number; number 0 is the guest that acts by
 /// requests.
 pub trait BusGuests {
-    /// A guest takes part from now on. Returns false if it already took part.
+    /// Lets a guest take part from now on. Returns false if it already took part.
     fn guest_joins(&mut self, guest: u8, now: u64) -> bool {
         let _ = (guest, now);
         false
     }
 
-    /// The guest stops taking part. Frames that it has passed to its controller are still sent.
+    /// Ends a guest's participation. Frames that it has passed to its controller are still sent.
     fn guest_leaves(&mut self, guest: u8, now: u64) {
         let _ = (guest, now);
     }

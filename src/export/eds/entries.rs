@@ -140,7 +140,7 @@ impl<'a> Dictionary<'a> {
             Default::Text(text) => format!("DefaultValue={text}\n"),
         };
         let carrier = self.carriers.get(&(object.index, object.sub)).copied();
-        // D-771: in a data sheet, an entry that a PDO writes is not read-only.
+        // Decision D-771: in a data sheet, an entry that a PDO writes is not read-only.
         let access = match (object.access, carrier) {
             (_, Some(Carrier::Receive)) => "rww",
             (Access::ReadWrite, Some(Carrier::Transmit)) => "rwr",

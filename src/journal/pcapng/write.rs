@@ -103,7 +103,7 @@ impl Format<Vec<u8>> for Pcapng {
 
     fn skip(&mut self, _: &Record) {}
 
-    /// The format cannot express a gap.
+    /// Writes nothing: the format cannot express a gap.
     fn gap(&mut self, _: u64, _: &mut Vec<u8>) -> bool {
         false
     }

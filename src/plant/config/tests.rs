@@ -188,7 +188,7 @@ fn each_mistake_is_reported_with_its_line() {
     }
 }
 
-/// D-541: plants with deliberate faults stay possible, and a warning prevents accidental faults.
+/// Decision D-541: plants with deliberate faults stay possible, and a warning prevents accidental faults.
 #[test]
 fn rates_at_which_drives_hear_nothing_are_doubted() {
     let plant = |bus: &str, drive: &str| {

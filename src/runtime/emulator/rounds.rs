@@ -79,8 +79,8 @@ impl Emulator {
         }
     }
 
-    /// A polling client usually writes again immediately: the emulator answers its next writes first, at the same
-    /// moment (decision D-583).
+    /// Answers a polling client, which usually writes again immediately: the emulator answers its next writes first, at
+    /// the same moment (decision D-583).
     fn answer_on(&mut self) {
         for _ in 0..LONGEST_CHAIN {
             self.announce();

@@ -147,7 +147,7 @@ fn mode_gives_each_command_and_shows_each_state() {
     assert_eq!(give(&mut bench, |mode| mode.x_RESET_SOFTWARE = true), Some(0));
 }
 
-/// D-29: on the RAM alone a restart over the 16#0000 that bit 7 has left could not be seen.
+/// Decision D-29: on the RAM alone a restart over the 16#0000 that bit 7 has left could not be seen.
 #[test]
 fn init_and_mode_restart_a_node_whose_controller_was_reset() {
     for memory in BOTH {

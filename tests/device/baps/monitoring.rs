@@ -58,7 +58,7 @@ fn an_exchange_in_time_prevents_the_monitoring_error() {
     );
 }
 
-/// D-166: RESET affects the PLC, not the drive.
+/// Decision D-166: RESET affects the PLC, not the drive.
 #[test]
 fn a_plc_in_reset_does_not_exchange() {
     let mut bench = turning(Memory::Heap);
@@ -89,7 +89,7 @@ fn the_drive_notices_that_its_trigger_signal_is_gone() {
     assert_eq!(state(&bench), (DrivecomState::Fault, 77), "whether or not anything is exchanged");
 }
 
-/// P. 74 has only 4 and 8 kHz.
+/// Manual p. 74 has only 4 and 8 kHz.
 #[test]
 fn another_pwm_frequency_is_a_finding() {
     let mut bench = Bench::new(Memory::Heap, "");

@@ -184,7 +184,7 @@ fn a_late_release_is_reported_with_its_delay() {
     }
 }
 
-/// D-142: a program that releases one interval ahead, or occasionally, is not late.
+/// Decision D-142: a program that releases one interval ahead, or occasionally, is not late.
 #[test]
 fn working_ahead_and_pausing_are_not_late() {
     for rate in FASTEST {

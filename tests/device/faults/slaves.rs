@@ -150,7 +150,7 @@ fn a_busy_slave_holds_up_a_download() {
     }
 }
 
-/// D-49: a block with a wrong offset ends the transfer with 16#0001.
+/// Decision D-49: a block with a wrong offset ends the transfer with 16#0001.
 #[test]
 fn a_wrong_offset_in_an_answer_ends_the_transfer() {
     for rate in FASTEST {

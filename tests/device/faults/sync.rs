@@ -71,7 +71,7 @@ fn one_lost_edge_ends_no_lock() {
     }
 }
 
-/// P. 135: the lock is lost only after a settable time without SYNC, here two and a half intervals.
+/// Manual p. 135: the lock is lost only after a settable time without SYNC, here two and a half intervals.
 #[test]
 fn edges_lost_in_succession_end_the_lock() {
     for (rate, memory) in FASTEST.into_iter().flat_map(|rate| BOTH.map(|memory| (rate, memory))) {
@@ -119,7 +119,7 @@ fn the_time_without_sync_can_be_set() {
     }
 }
 
-/// P. 134-135: the drives continue when their master stops, and notice this.
+/// Manual p. 134-135: the drives continue when their master stops, and notice this.
 #[test]
 fn drives_of_a_restarted_master_lose_their_lock_in_time() {
     for rate in FASTEST {
@@ -172,7 +172,7 @@ fn set_up_mode_shows_the_lost_lock() {
     }
 }
 
-/// D-125: the edges are late and early in turn.
+/// Decision D-125: the edges are late and early in turn.
 #[test]
 fn jitter_moves_edges_about_their_regular_times() {
     for rate in FASTEST {
@@ -192,7 +192,7 @@ fn jitter_moves_edges_about_their_regular_times() {
     }
 }
 
-/// D-125.
+/// Decision D-125.
 #[test]
 fn much_jitter_hinders_locking_but_does_not_end_a_lock() {
     for rate in FASTEST {
@@ -250,7 +250,7 @@ fn edges_return_to_their_regular_times() {
     }
 }
 
-/// P. 135; D-293, D-294: the axis of a drive that has lost its master stops turning.
+/// Manual p. 135; D-293, D-294: the axis of a drive that has lost its master stops turning.
 #[test]
 fn a_drive_without_sync_reacts_as_it_is_set() {
     for rate in FASTEST {

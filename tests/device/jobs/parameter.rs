@@ -147,7 +147,7 @@ fn every_error_number_ends_the_job_and_is_in_the_value() {
     }
 }
 
-/// D-41: a job that no frame can express is refused without a frame.
+/// Decision D-41: a job that no frame can express is refused without a frame.
 #[test]
 fn jobs_that_cannot_be_sent_are_refused_without_a_frame() {
     for rate in FASTEST {
@@ -168,7 +168,7 @@ fn jobs_that_cannot_be_sent_are_refused_without_a_frame() {
     }
 }
 
-/// D-11: only the PLC ends a job that no slave answers.
+/// Decision D-11: only the PLC ends a job that no slave answers.
 #[test]
 fn an_unanswered_job_is_repeated_on_each_turn_of_its_slave_until_the_plc_withdraws_it() {
     for rate in FASTEST {

@@ -161,7 +161,7 @@ fn an_upload_without_a_length_takes_the_slaves() {
     }
 }
 
-/// p. 168: bit 7 cancels; an upload init frame with address and length 0 goes to the slave.
+/// Manual p. 168: bit 7 cancels; an upload init frame with address and length 0 goes to the slave.
 #[test]
 fn bit_7_cancels_in_every_phase_and_without_a_job() {
     for rate in FASTEST {
@@ -207,7 +207,7 @@ fn bit_7_cancels_in_every_phase_and_without_a_job() {
     }
 }
 
-/// D-48: after any change by the PLC, the transfer of the current entry restarts.
+/// Decision D-48: after any change by the PLC, the transfer of the current entry restarts.
 #[test]
 fn a_changed_job_restarts_and_a_withdrawn_job_ends() {
     for rate in FASTEST {
@@ -302,7 +302,7 @@ fn the_sub_slave_goes_out_with_the_init_frame() {
     }
 }
 
-/// D-46.
+/// Decision D-46.
 #[test]
 fn leaving_active_operation_restarts_the_job() {
     for rate in FASTEST {

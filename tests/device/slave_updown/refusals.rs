@@ -5,7 +5,7 @@ use crate::rig::bench::{Bench, NUMBER};
 use crate::rig::{FASTEST, Memory};
 use commram::devices::cansync::frames::codec::{Direction, UpDownJob, UpDownResult};
 
-/// P. 192, and D-71 for error numbers that are not the slave's.
+/// Manual p. 192, and D-71 for error numbers that are not the slave's.
 #[test]
 fn the_application_refuses_at_each_acknowledgement() {
     for rate in FASTEST {
@@ -40,7 +40,7 @@ fn the_application_refuses_at_each_acknowledgement() {
     }
 }
 
-/// D-71: bit 5 between two blocks ends the transfer as well.
+/// Decision D-71: bit 5 between two blocks ends the transfer as well.
 #[test]
 fn the_application_gives_up_between_two_blocks() {
     for rate in FASTEST {
@@ -119,7 +119,7 @@ fn block_frames_without_an_allowed_transfer_are_in_the_wrong_mode() {
     }
 }
 
-/// P. 191 (base addresses) and D-68.
+/// Manual p. 191 (base addresses) and D-68.
 #[test]
 fn init_frames_that_the_firmware_refuses() {
     for rate in FASTEST {
@@ -145,7 +145,7 @@ fn init_frames_that_the_firmware_refuses() {
     }
 }
 
-/// D-63.
+/// Decision D-63.
 #[test]
 fn set_up_mode_takes_no_transfer() {
     for rate in FASTEST {
@@ -165,7 +165,7 @@ fn set_up_mode_takes_no_transfer() {
     }
 }
 
-/// D-307: on a device without a single-frame area, the application could not answer.
+/// Decision D-307: on a device without a single-frame area, the application could not answer.
 #[test]
 fn block_1_refuses_transfers_without_a_single_frame_area() {
     for rate in FASTEST.into_iter().filter(|rate| !rate.kind.is_omega()) {

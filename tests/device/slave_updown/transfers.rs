@@ -46,7 +46,7 @@ fn a_download_fills_block_1() {
     }
 }
 
-/// P. 192: the data are in the block before the init frame is acknowledged. Block end: D-65.
+/// Manual p. 192: the data are in the block before the init frame is acknowledged. Block end: D-65.
 #[test]
 fn an_upload_empties_block_1() {
     for rate in FASTEST {
@@ -86,7 +86,7 @@ fn an_upload_empties_block_1() {
     }
 }
 
-/// P. 193: each frame is acknowledged by itself and shown with its mode. Data and counter: D-66.
+/// Manual p. 193: each frame is acknowledged by itself and shown with its mode. Data and counter: D-66.
 #[test]
 fn the_single_frame_area_shows_every_frame() {
     for rate in OMEGA_RATES {
@@ -135,7 +135,7 @@ fn the_single_frame_area_shows_every_frame() {
     }
 }
 
-/// P. 191: a transfer that is longer than 300 bytes, or that begins while block 1 is not enabled.
+/// Manual p. 191: a transfer that is longer than 300 bytes, or that begins while block 1 is not enabled.
 #[test]
 fn length_and_enable_choose_the_area() {
     for rate in OMEGA_RATES {
@@ -156,7 +156,7 @@ fn length_and_enable_choose_the_area() {
     }
 }
 
-/// P. 141, footnote; D-67.
+/// Manual p. 141, footnote; D-67.
 #[test]
 fn the_slave_sets_the_length_of_an_upload() {
     for rate in FASTEST {
@@ -184,7 +184,7 @@ fn the_slave_sets_the_length_of_an_upload() {
     }
 }
 
-/// P. 192; D-61, D-62, D-18: in each phase, and across the areas.
+/// Manual p. 192; D-61, D-62, D-18: in each phase, and across the areas.
 #[test]
 fn a_changed_transfer_waits_until_the_application_confirms() {
     for rate in FASTEST {
@@ -220,7 +220,7 @@ fn a_changed_transfer_waits_until_the_application_confirms() {
     }
 }
 
-/// P. 142-143, 168; D-70: upload init frame with address 0 and length 0.
+/// Manual p. 142-143, 168; D-70: upload init frame with address 0 and length 0.
 #[test]
 fn the_master_cancels() {
     for rate in FASTEST {
@@ -247,7 +247,7 @@ fn the_master_cancels() {
     }
 }
 
-/// D-69: the master repeats a frame without an answer.
+/// Decision D-69: the master repeats a frame without an answer.
 #[test]
 fn a_repeated_frame_gets_the_same_answer() {
     for rate in FASTEST {

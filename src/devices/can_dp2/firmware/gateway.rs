@@ -183,7 +183,7 @@ impl Gateway {
         let (has_output, role) = (configuration.has_output(), parameters.role());
         self.setup = Some(setup);
         self.state = match role {
-            // P. 32: if there is no output, the DP controller does not notify the firmware, so CAN stays off.
+            // Manual p. 32: if there is no output, the DP controller does not notify the firmware, so CAN stays off.
             _ if !has_output => can_state::OFF,
             Role::Layer2 => can_state::WORKING,
             Role::Master | Role::Slave(_) => {

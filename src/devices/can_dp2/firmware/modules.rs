@@ -273,7 +273,7 @@ impl Configuration {
         is_input: bool,
         following: &[u8],
     ) -> Result<ModuleFunction, CfgError> {
-        // P. 10: an identifier can have one direction only.
+        // Manual p. 10: an identifier can have one direction only.
         let is_other_way = |module: &Module| match module.kind {
             ModuleFunction::Input { id: other, .. } => !is_input && other == id,
             ModuleFunction::Output { id: other, .. } => is_input && other == id,

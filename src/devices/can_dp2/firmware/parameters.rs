@@ -266,8 +266,8 @@ mod tests {
         assert_eq!(Parameters::parse(&slave).map_err(|fault| fault.number), Err(10));
     }
 
-    /// P. 17, 20: the ident number of another device is reported before any other fault, and Freeze or Sync sets its
-    /// bit in addition.
+    /// Manual p. 17, 20: the ident number of another device is reported before any other fault, and Freeze or Sync sets
+    /// its bit in addition.
     #[test]
     fn parameters_of_another_device_report_the_ident_number() {
         let fault = |octets: &[u8]| {

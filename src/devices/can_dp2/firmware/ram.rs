@@ -108,7 +108,7 @@ impl Registers {
         cells.into_iter().zip(parameters.octets).for_each(|(cell, octet)| cell.store(octet));
         prm.prm_len.store(LENGTH as u8);
         if parameters.role() == Role::Layer2 {
-            // P. 29: in layer 2, wake-up time and SYNC time are ignored (D-720).
+            // Manual p. 29: in layer 2, wake-up time and SYNC time are ignored (D-720).
             return;
         }
         if let Some(time) = parameters.wakeup_s() {

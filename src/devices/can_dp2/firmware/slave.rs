@@ -254,7 +254,7 @@ impl Slave {
             return self.refusal(frame);
         }
         match frame.data.len() {
-            // D-387: a data exchange without outputs clears them.
+            // Decision D-387: a data exchange without outputs clears them.
             0 => {
                 registers.set_outputs(&[]);
                 gateway.cleared(now);
@@ -325,7 +325,7 @@ impl Slave {
                 gateway.end();
                 registers.set_outputs(&[]);
                 self.cfg_fault = Some(fault);
-                // D-381: LED E shows that the slave waits for another configuration (p. 15).
+                // Decision D-381: LED E shows that the slave waits for another configuration (p. 15).
                 self.enter(dp_state::WAIT_CFG);
                 self.news.push(News::Refused(self.own_diagnosis(gateway)));
             }

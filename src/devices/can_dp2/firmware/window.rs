@@ -220,8 +220,8 @@ mod tests {
         assert_eq!(window.shown()[..2], [0xEE, 0xEE]);
     }
 
-    /// P. 43: no frame is lost while the PLC reads faster than frames come, even if it gives other orders between the
-    /// reads.
+    /// Manual p. 43: no frame is lost while the PLC reads faster than frames come, even if it gives other orders
+    /// between the reads.
     #[test]
     fn an_unread_frame_is_not_lost() {
         let mut window = Window::default();

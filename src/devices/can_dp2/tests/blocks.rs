@@ -190,7 +190,7 @@ impl Example {
         (self.mb[12], self.mb[14], self.mb[15]) = (length, 0, command);
     }
 
-    /// One PLC cycle: runs networks 5 and 6.
+    /// Runs one PLC cycle: runs networks 5 and 6.
     fn call(&mut self, peripherals: &mut Peripherals) {
         self.order();
         let block = &mut self.block;
@@ -229,8 +229,9 @@ impl Example {
     }
 }
 
-/// P. 77-80: the example starts the network, sets a SYNC time of 512 ms and enables identifiers. Then it continues with
-/// a command that is not an order, and stores received frames in DB92. So READ_ENABLE must read by itself.
+/// Manual p. 77-80: the example starts the network, sets a SYNC time of 512 ms and enables identifiers. Then it
+/// continues with a command that is not an order, and stores received frames in DB92. So READ_ENABLE must read by
+/// itself.
 #[test]
 fn the_printed_example_of_fb4_receives() {
     let mut plc = Plc::new(0x84, &WINDOWS, 16);

@@ -153,8 +153,9 @@ fn times_are_kept_without_supply() {
     );
 }
 
-/// P. 29, table 5.1.2: remote frames follow the wake-up time of a master and the start of a slave. Remote frames carry
-/// no outputs, so they do not wait for outputs. A DP master that only clears outputs receives its inputs, too (D-675).
+/// Manual p. 29, table 5.1.2: remote frames follow the wake-up time of a master and the start of a slave. Remote frames
+/// carry no outputs, so they do not wait for outputs. A DP master that only clears outputs receives its inputs, too
+/// (D-675).
 #[test]
 fn inputs_are_asked_for_before_there_are_outputs() {
     for (flags, then) in
@@ -174,9 +175,9 @@ fn inputs_are_asked_for_before_there_are_outputs() {
     }
 }
 
-/// D-386: at the end of data exchange the waiting frames are dropped, in the CAN controller as well; only a frame on
-/// the wire is sent to its end. So no output of a configuration goes out after the end of the configuration (p. 30;
-/// D-675).
+/// Decision D-386: at the end of data exchange the waiting frames are dropped, in the CAN controller as well; only a
+/// frame on the wire is sent to its end. So no output of a configuration goes out after the end of the configuration
+/// (p. 30; D-675).
 #[test]
 fn the_end_of_data_exchange_empties_the_can_controller() {
     let cfg: Vec<u8> = (0..30).flat_map(|id| [0x83, 7, 1, id, 0]).collect();
@@ -201,8 +202,8 @@ fn the_end_of_data_exchange_empties_the_can_controller() {
     }
 }
 
-/// P. 28: the parameters set the bit rate. Frames that no station acknowledged at the previous rate are not sent at the
-/// new one (D-386).
+/// Manual p. 28: the parameters set the bit rate. Frames that no station acknowledged at the previous rate are not sent
+/// at the new one (D-386).
 #[test]
 fn another_bit_rate_drops_frames_of_the_previous_one() {
     let mut bench = Bench::new(5);
@@ -224,8 +225,8 @@ fn another_bit_rate_drops_frames_of_the_previous_one() {
     assert_eq!(bench.heard(), ["203: 07 07"]);
 }
 
-/// P. 30, 44: the last entry of the SYNC time is valid, also in the comment of a configuration already in force (D-381,
-/// D-385).
+/// Manual p. 30, 44: the last entry of the SYNC time is valid, also in the comment of a configuration already in force
+/// (D-381, D-385).
 #[test]
 fn the_same_configuration_again_sets_its_sync_time() {
     let mut bench = Bench::new(5);
@@ -244,8 +245,8 @@ fn the_same_configuration_again_sets_its_sync_time() {
     assert_eq!(bench.heard(), ["80:"; 10]);
 }
 
-/// P. 29, table 5.1.2: in layer 2 wake-up and SYNC times from any source are ignored, so the stored times are unchanged
-/// (D-720).
+/// Manual p. 29, table 5.1.2: in layer 2 wake-up and SYNC times from any source are ignored, so the stored times are
+/// unchanged (D-720).
 #[test]
 fn in_layer_2_the_stored_times_are_unchanged() {
     let cfg = [0x85, 0x8F, 0xFF, 0xEF, 0, 0, 20, 0x43, 0x8F, 0xFF, 0xEF, 0];
@@ -264,8 +265,8 @@ fn in_layer_2_the_stored_times_are_unchanged() {
     }
 }
 
-/// P. 29-30: 255 and 65535 mean the stored times and are not stored; a register with such a value gets the stored time
-/// again (D-370).
+/// Manual p. 29-30: 255 and 65535 mean the stored times and are not stored; a register with such a value gets the
+/// stored time again (D-370).
 #[test]
 fn values_for_stored_times_are_replaced_by_the_stored_times() {
     let mut bench = Bench::new(5);
@@ -291,9 +292,9 @@ fn values_for_stored_times_are_replaced_by_the_stored_times() {
     assert_eq!(times(&bench), (6, 5));
 }
 
-/// P. 30: the gateway begins to send data as soon as it has data. Before the first outputs it sends only the start
-/// frame, the boot-up message and remote frames (p. 28-29; D-675), so no drive receives a control word of 0 during the
-/// parameters.
+/// Manual p. 30: the gateway begins to send data as soon as it has data. Before the first outputs it sends only the
+/// start frame, the boot-up message and remote frames (p. 28-29; D-675), so no drive receives a control word of 0
+/// during the parameters.
 #[test]
 fn no_data_are_sent_before_the_first_outputs() {
     // An output with a cycle of 20 ms, one without, an input.
@@ -339,8 +340,8 @@ fn no_data_are_sent_before_the_first_outputs() {
     }
 }
 
-/// P. 30, 39, 44: parameters, octets 4 and 5 of a window's comment and command 20 set the same time. The last one
-/// counts, 0 switches SYNC off, and 16#FFFF keeps the stored time, even if none was stored (D-385).
+/// Manual p. 30, 39, 44: parameters, octets 4 and 5 of a window's comment and command 20 set the same time. The last
+/// one counts, 0 switches SYNC off, and 16#FFFF keeps the stored time, even if none was stored (D-385).
 #[test]
 fn all_sources_of_a_sync_time_have_the_same_rule() {
     for stored in [0, 20] {
@@ -376,8 +377,8 @@ fn all_sources_of_a_sync_time_have_the_same_rule() {
     }
 }
 
-/// P. 44: SYNC waits until the frames of a DP telegram are sent. If that takes longer than the SYNC time, only one SYNC
-/// object waits (D-676).
+/// Manual p. 44: SYNC waits until the frames of a DP telegram are sent. If that takes longer than the SYNC time, only
+/// one SYNC object waits (D-676).
 #[test]
 fn sync_objects_do_not_pile_up() {
     let cfg: Vec<u8> = (0..30).flat_map(|id| [0x83, 7, 1, id, 0]).collect();

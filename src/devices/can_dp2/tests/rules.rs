@@ -85,7 +85,7 @@ fn a_master_that_asks_nothing_shares_no_address() {
     assert_eq!(broken(&bench), [], "it has heard none since");
 }
 
-/// P. 39: one module in each direction, consistent over the whole length, form 00; figure 6.4.2 has it without
+/// Manual p. 39: one module in each direction, consistent over the whole length, form 00; figure 6.4.2 has it without
 /// identifiers in page mode.
 #[test]
 fn each_wrong_window_is_reported() {

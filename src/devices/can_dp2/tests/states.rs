@@ -124,7 +124,7 @@ fn the_watchdog_ends_data_exchange() {
     assert_eq!(bench.heard(), ["203: 03 04"]);
 }
 
-/// D-386.
+/// Decision D-386.
 #[test]
 fn no_cyclic_output_outlives_data_exchange() {
     let mut bench = Bench::new(5);

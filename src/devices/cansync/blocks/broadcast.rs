@@ -33,7 +33,7 @@ macro_rules! sender {
         }
 
         impl $name {
-            /// One PLC cycle.
+            /// Runs one PLC cycle.
             pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_MA_CTRL_BMSTRUCT>>) {
                 let _BASE = &_BASE.viewed();
                 self.x_OK = _BASE.$control.load() == send::SENT;
@@ -100,7 +100,7 @@ function_block! {
 }
 
 impl CANsync_BC_SL {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_SL_CTRL_BMSTRUCT>>) {
         let _BASE = &_BASE.viewed();
         self.si_BC_RECEIVED = take_received(&_BASE.b_STATREG_AKT_CMD);

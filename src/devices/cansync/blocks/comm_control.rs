@@ -33,7 +33,7 @@ function_block! {
 }
 
 impl CANsync_COMM_CONTROL_MA {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_MA_CTRL_BMSTRUCT>>) {
         let _BASE = &_BASE.viewed();
         set_highest_slave(&_BASE.b_MAX_SL_NR, self.si_MAX_SL_NR);

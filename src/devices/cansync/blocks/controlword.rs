@@ -27,7 +27,7 @@ function_block! {
 }
 
 impl CANsync_CONTROLWORD_MA {
-    /// One PLC cycle. A slave number that does not exist has no effect.
+    /// Runs one PLC cycle. A slave number that does not exist has no effect.
     pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_MA_CTRL_BMSTRUCT>>) {
         let _BASE = &_BASE.viewed();
         self.x_OK = false;
@@ -58,7 +58,7 @@ function_block! {
 }
 
 impl CANsync_CONTROLWORD_SL {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_SL_CTRL_BMSTRUCT>>) {
         let _BASE = &_BASE.viewed();
         self.si_RECEIVED = ControlWordReader::ControlWord.take(&_BASE.b_STATREG_CONTROLWORD);

@@ -213,7 +213,7 @@ macro_rules! init {
         }
 
         impl CANsync_INIT {
-            /// One PLC cycle.
+            /// Runs one PLC cycle.
             pub fn call(&mut self, _BASE: &$crate::plc::Base<impl $crate::plc::Like<$crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT>>) {
                 let inputs = $crate::devices::cansync::blocks::init::Inputs {
                     slave: self.x_SL,

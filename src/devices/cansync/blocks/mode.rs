@@ -58,7 +58,7 @@ macro_rules! mode {
         }
 
         impl $name {
-            /// One PLC cycle.
+            /// Runs one PLC cycle.
             pub fn call(&mut self, _BASE: &Base<impl Like<$base>>) {
                 let _BASE = &_BASE.viewed();
                 let state = _BASE.w_OPTION_STATUS.load();

@@ -213,7 +213,7 @@ macro_rules! par_read_ma {
         }
 
         impl CANsync_PAR_READ_MA {
-            /// One PLC cycle.
+            /// Runs one PLC cycle.
             pub fn call(&mut self, _BASE: &$crate::plc::Base<impl $crate::plc::Like<$crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT>>) {
                 let _BASE = &_BASE.viewed();
                 let inputs = $crate::devices::cansync::blocks::par_ma::Inputs {
@@ -283,7 +283,7 @@ function_block! {
 }
 
 impl CANsync_PAR_WRITE_MA {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_MA_CTRL_BMSTRUCT>>) {
         let _BASE = &_BASE.viewed();
         let inputs = Inputs {

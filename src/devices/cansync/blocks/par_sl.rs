@@ -66,7 +66,7 @@ pub enum JobPhase {
 }
 
 impl CANsync_PAR_SL {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_SL_CTRL_BMSTRUCT>>) {
         let _BASE = &_BASE.viewed();
         if self.x_RESET {

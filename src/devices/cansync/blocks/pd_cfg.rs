@@ -68,7 +68,7 @@ function_block! {
 }
 
 impl CANsync_PD_CFG_MA {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_MA_CTRL_BMSTRUCT>>) {
         let _BASE = &_BASE.viewed();
         configure_wrc!(&_BASE._CFG_WRC_WORD, (self.a_WRC1, self.a_HL_WRC1), (self.a_WRC2, self.a_HL_WRC2));
@@ -99,7 +99,7 @@ macro_rules! read {
         }
 
         impl $name {
-            /// One PLC cycle.
+            /// Runs one PLC cycle.
             pub fn call(&mut self, _BASE: &Base<impl Like<$base>>) {
                 let _BASE = &_BASE.viewed();
                 let slave = slave_index(self.si_SL_NR);
@@ -142,7 +142,7 @@ function_block! {
 }
 
 impl CANsync_PD_CFG_SL {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_SL_CTRL_BMSTRUCT>>) {
         let _BASE = &_BASE.viewed();
         configure_wrc!(&_BASE._CFG_WRC_WORD, (self.a_WRC1, self.a_HL_WRC1), (self.a_WRC2, self.a_HL_WRC2));

@@ -45,7 +45,7 @@ function_block! {
 }
 
 impl CANsync_PD_COMM_MA {
-    /// One PLC cycle. `a_RD_ARRAY` is written with `x_COPY_TO_RD_ARRAY` only.
+    /// Runs one PLC cycle. `a_RD_ARRAY` is written with `x_COPY_TO_RD_ARRAY` only.
     pub fn call(
         &mut self,
         _BASE: &Base<impl Like<CANsync_MA_CTRL_BMSTRUCT>>,

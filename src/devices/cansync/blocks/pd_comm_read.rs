@@ -41,7 +41,7 @@ macro_rules! pd_comm_read {
         }
 
         impl $name {
-            /// One PLC cycle.
+            /// Runs one PLC cycle.
             pub fn call(&mut self, _BASE: &$crate::plc::Base<impl $crate::plc::Like<$crate::devices::cansync::registers::$base>>) {
                 let _BASE = &_BASE.viewed();
                 let [one, two] = $crate::devices::cansync::blocks::pd_comm_read::take_actuals(

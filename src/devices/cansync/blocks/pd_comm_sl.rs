@@ -66,7 +66,7 @@ macro_rules! pd_comm_sl {
         }
 
         impl CANsync_PD_COMM_SL {
-            /// One PLC cycle. `a_RD_ARRAY` is written with `x_COPY_TO_RD_ARRAY` only.
+            /// Runs one PLC cycle. `a_RD_ARRAY` is written with `x_COPY_TO_RD_ARRAY` only.
             pub fn call(
                 &mut self,
                 _BASE: &$crate::plc::Base<impl $crate::plc::Like<$crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT>>,

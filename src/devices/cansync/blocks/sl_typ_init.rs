@@ -21,7 +21,7 @@ macro_rules! inputs {
         }
 
         impl CANsync_SL_TYP_INIT {
-            /// One PLC cycle.
+            /// Runs one PLC cycle.
             pub fn call(&mut self) {
                 self.a_SL_TYP = [$(self.$name),*];
             }

@@ -68,7 +68,7 @@ pub struct Transfer {
 }
 
 impl Transfer {
-    /// One PLC cycle.
+    /// Runs one PLC cycle.
     pub(crate) fn call(
         &mut self,
         base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>,
@@ -266,7 +266,7 @@ macro_rules! updownload_ma {
         }
 
         impl CANsync_UPDOWNLOAD_MA {
-            /// One PLC cycle. Reads from `a_DOWNLOAD`, or writes to `a_UPLOAD`.
+            /// Runs one PLC cycle. Reads from `a_DOWNLOAD`, or writes to `a_UPLOAD`.
             pub fn call(
                 &mut self,
                 _BASE: &$crate::plc::Base<impl $crate::plc::Like<$crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT>>,

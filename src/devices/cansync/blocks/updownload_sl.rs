@@ -62,7 +62,7 @@ pub enum TransferPhase {
 }
 
 impl CANsync_UPDOWNLOAD_SL {
-    /// One PLC cycle. Reads from `a_UPLOAD`, or writes to `a_DOWNLOAD`.
+    /// Runs one PLC cycle. Reads from `a_UPLOAD`, or writes to `a_DOWNLOAD`.
     pub fn call(
         &mut self,
         _BASE: &Base<impl Like<CANsync_SL_CTRL_BMSTRUCT>>,

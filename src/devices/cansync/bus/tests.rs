@@ -223,7 +223,7 @@ fn values_are_in_time_until_the_deadline_of_every_rate() {
     }
 }
 
-/// D-354: the times in the master's table apply to its slaves as well.
+/// Decision D-354: the times in the master's table apply to its slaves as well.
 #[test]
 fn devices_agree_on_the_times_of_the_rates_that_they_share() {
     let times = |it: &BaudRate| {

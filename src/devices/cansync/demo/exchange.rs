@@ -77,7 +77,8 @@ impl<'a> Exchange<'a> {
         DRIVES.into_iter().map(|drive| self.trace.node.a_RD_BMARRAY[usize::from(drive)][0].load())
     }
 
-    /// One interval: waits for SYNC, reads the result of the previous interval, writes the next reference value.
+    /// Executes an interval: waits for SYNC, reads the result of the previous interval, and writes the next reference
+    /// value.
     fn interval(&mut self, reference: u32, traced: bool) -> Result<(), DemoError> {
         let what = format!("a SYNC pulse at {}", self.trace.port());
         self.trace.await_change(&what, SYNC, || self.trace.syncs() != self.syncs)?;

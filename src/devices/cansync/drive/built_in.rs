@@ -268,7 +268,7 @@ mod tests {
         );
     }
 
-    /// D-155: the trigger defines the time slices of a drive. A synchronized drive accepts only edges in time.
+    /// Decision D-155: the trigger defines the time slices of a drive. A synchronized drive accepts only edges in time.
     #[test]
     fn a_synchronized_drive_ignores_an_edge_at_the_wrong_time() {
         let mut drive = drive();

@@ -201,7 +201,7 @@ mod tests {
         assert_eq!((pid.Y, pid.internal.integral), (65_535, RANGE));
     }
 
-    /// P. 126.
+    /// Manual p. 126.
     #[test]
     fn a_change_counts_until_the_derivative_time_is_over() {
         let ram = ram();
@@ -216,7 +216,7 @@ mod tests {
         assert_eq!(seen, [0, 7680, 7680, 7680, 2560, 2560]);
     }
 
-    /// P. 131.
+    /// Manual p. 131.
     #[test]
     fn the_larger_of_two_values_is_driven_less() {
         let ram = ram();

@@ -71,7 +71,7 @@ impl Firmware {
                 self.is_stopped = false;
                 self.go(ctx, State::PreOperational, state::RUN);
             }
-            // P. 16: the operating system is erased, and the device no longer answers.
+            // Manual p. 16: the operating system is erased, and the device no longer answers.
             program::ERASE => {
                 self.shared.erased();
                 self.node.registers.parameters.b_OPERATING_SYSTEM.store(loaded::NO);
@@ -81,7 +81,7 @@ impl Firmware {
                 self.node.registers.parameters.b_OPERATING_SYSTEM.store(loaded::YES);
                 self.shared.restart();
             }
-            // P. 28: afterwards the device is not a CANopen node until the program switches CANopen on.
+            // Manual p. 28: afterwards the device is not a CANopen node until the program switches CANopen on.
             program::RESET => self.shared.restart(),
             _ => {}
         }

@@ -211,7 +211,7 @@ mod tests {
         assert_eq!(with(0, 0).levels(MS), (0, 0), "no signal, no level");
     }
 
-    /// P. 97.
+    /// Manual p. 97.
     #[test]
     fn a_frequency_is_measured_over_the_last_whole_time_base() {
         let mut inputs = with(3, 500_000);
@@ -223,7 +223,7 @@ mod tests {
         assert_eq!(inputs.frequency(3, false, 100 * MS, 210 * MS), 0);
     }
 
-    /// P. 98.
+    /// Manual p. 98.
     #[test]
     fn a_cycle_needs_two_edges() {
         let mut inputs = with(0, 10_000);
@@ -234,7 +234,7 @@ mod tests {
         assert_eq!(slow.cycle(0, false, 2_000_000_000), 65_535, "the longest time");
     }
 
-    /// P. 99.
+    /// Manual p. 99.
     #[test]
     fn an_encoder_counts_up_and_down() {
         let mut inputs = with(2, 1_000_000);

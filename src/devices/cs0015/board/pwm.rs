@@ -133,13 +133,13 @@ pub(crate) struct Pwm {
 }
 
 impl Pwm {
-    /// `PWM` with INIT (p. 92): the channel is at 0 %, and its group has PWM outputs from now on.
+    /// Handles `PWM` with INIT (p. 92): the channel is at 0 %, and its group has PWM outputs from now on.
     pub(crate) fn init(&mut self, channel: u8, reload: u16, is_divided: bool) -> Misuse {
         let channel = usize::from(channel);
         self.start(channel, Function::Pwm, PwmCounter::new(Group::of(channel), reload, is_divided))
     }
 
-    /// `PWM100` with INIT (p. 94), in Hz.
+    /// Handles `PWM100` with INIT (p. 94). The frequency is in Hz.
     pub(crate) fn init_hz(&mut self, channel: u8, hz: u16) -> Misuse {
         let channel = usize::from(channel);
         self.start(channel, Function::Pwm100, PwmCounter::of_hz(Group::of(channel), hz))
@@ -246,7 +246,7 @@ mod tests {
         assert_eq!((pwm.duty(5), pwm.duty(7)), (0, 0));
     }
 
-    /// P. 88, 90-92, 94.
+    /// Manual p. 88, 90-92, 94.
     #[test]
     fn frequencies_are_limited() {
         let mut pwm = Pwm::default();

@@ -54,7 +54,7 @@ mod tests {
 
     const MS: u64 = 1000;
 
-    /// P. 7: 25 Hz at inputs 4 to 15.
+    /// Manual p. 7: 25 Hz at inputs 4 to 15.
     #[test]
     fn a_level_passes_after_half_a_period_of_25_hz() {
         let mut inputs = SlowInputs::power_on(0, 0);
@@ -66,7 +66,7 @@ mod tests {
         assert_eq!(inputs.levels(0x8013), 0x8013);
     }
 
-    /// P. 7.
+    /// Manual p. 7.
     #[test]
     fn a_signal_of_25_hz_passes_and_a_faster_one_does_not() {
         let edges = |half_us: u64| {

@@ -24,7 +24,8 @@ impl CanErrors {
         self.count = self.count.saturating_add(1);
     }
 
-    /// The error state of the controller has changed. A controller leaves BUS-off only when the program requests it.
+    /// Called when the error state of the controller has changed. A controller leaves BUS-off only when the program
+    /// requests it.
     pub(crate) fn state(&mut self, flags: &CS0015_FLAGS, state: ErrorState) {
         if state == ErrorState::BusOff {
             self.found(flags, &flags.CAN_BUS_OFF_ERROR);
@@ -33,17 +34,17 @@ impl CanErrors {
         }
     }
 
-    /// The controller cannot be initialised.
+    /// Called when the controller cannot be initialised.
     pub(crate) fn not_initialised(&mut self, flags: &CS0015_FLAGS) {
         self.found(flags, &flags.CAN_INIT_ERROR);
     }
 
-    /// A received frame was lost.
+    /// Called when a received frame was lost.
     pub(crate) fn lost_received(&mut self, flags: &CS0015_FLAGS) {
         self.found(flags, &flags.CAN_RX_OVERRUN_ERROR);
     }
 
-    /// A frame to send was lost.
+    /// Called when a frame to send was lost.
     pub(crate) fn lost_to_send(&mut self, flags: &CS0015_FLAGS) {
         self.found(flags, &flags.CAN_TX_OVERRUN_ERROR);
     }

@@ -267,7 +267,7 @@ impl Communication {
         Identifiers {
             sync: identifier(stored(0x1005)),
             guarding: identifier(stored(0x100E)),
-            // P. 157: bit 30 is set if the node sends emergencies.
+            // Manual p. 157: bit 30 is set if the node sends emergencies.
             emergency: Some(stored(0x1014)).filter(|cob_id| cob_id & BIT_30 != 0).and_then(identifier),
             sdo_request: valid(self.sdo_cob_id(1)),
             sdo_answer: valid(self.sdo_cob_id(2)),

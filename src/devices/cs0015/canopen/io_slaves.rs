@@ -56,7 +56,7 @@ impl Slave {
                 Role::AnalogOutput(index) | Role::Signed(index, true) => {
                     sent.words.get_or_insert([0; 4])[index] = flag.load();
                 }
-                // P. 85: this flag has the current; for a PWM output it is not written.
+                // Manual p. 85: this flag has the current; for a PWM output it is not written.
                 Role::Signed(..) if self.channels.reports_current(pair) => flag.store(self.words[pair]),
                 Role::Signed(..) => {}
             }

@@ -32,7 +32,7 @@ pub(crate) fn carry_out(desk: JobContext, job: &Job) -> Outcome {
         job::NMM_SET_PREPARED => Ok(result(command(desk, job, Command::Stop))),
         job::NMM_GET_NODE_STATE => Ok(results(&node_state(desk, job))),
         job::NMM_RESET_NODE => Ok(result(command(desk, job, Command::ResetNode))),
-        // P. 65 has a STATE, which is not known after a reset.
+        // Manual p. 65 has a STATE, which is not known after a reset.
         job::NMM_RESET_COMM => Ok(results(&[0, command(desk, job, Command::ResetCommunication)])),
         job::PDO_INI_SEND_SYNC_OBJ => ini_send_sync(desk),
         job::PDO_SEND_SYNC_OBJ => Ok(result(u32::from(send_sync(desk)))),

@@ -50,7 +50,7 @@ fn only_can_restart_ends_bus_off() {
     assert_eq!(device_type(&mut bench).len(), 1);
 }
 
-/// P. 36.
+/// Manual p. 36.
 #[test]
 fn the_error_handler_counts_errors_and_ends_bus_off() {
     let mut bench = attached();
@@ -79,7 +79,7 @@ fn a_lost_frame_has_a_flag() {
     assert_eq!(device_type(&mut bench).len(), 1);
 }
 
-/// P. 18, D-452.
+/// Manual p. 18, D-452.
 #[test]
 fn a_controller_that_cannot_be_initialised_is_not_at_its_bus() {
     let mut bench = Bench::running("program = 'attached', boot_up = '700'");

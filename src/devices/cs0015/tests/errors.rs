@@ -38,7 +38,7 @@ fn a_node_that_was_guarded_once_reports_a_missing_master() {
     assert_eq!(bench.registers.flags.COP_GUARDFAIL_ERROR.load(), 1, "the program resets it (p. 19)");
 }
 
-/// P. 46: the settings of `NMS_GUARDING_CONFIG` are stored.
+/// Manual p. 46: the settings of `NMS_GUARDING_CONFIG` are stored.
 #[test]
 fn a_program_sets_the_supervision_of_its_master() {
     let keys = "guarding = { guard_time_ms = 100, life_time = 3, cycle_period_ms = 50 }";

@@ -25,7 +25,7 @@ fn emergency(data: [u8; 8]) -> (u16, Vec<u8>) {
     (0xA0, data.to_vec())
 }
 
-/// P. 44; D-460, D-461.
+/// Manual p. 44; D-460, D-461.
 #[test]
 fn an_output_with_a_short_circuit_switches_itself_off() {
     let mut bench = Bench::operational("");
@@ -73,7 +73,7 @@ fn a_broken_wire_is_reported_with_its_output() {
     assert_eq!(bench.heard(), [emergency([0; 8])]);
 }
 
-/// P. 44: bits 1 to 3 of the error register are in 1001h as well, though p. 156 lists 0, 4 and 7 only (D-414).
+/// Manual p. 44: bits 1 to 3 of the error register are in 1001h as well, though p. 156 lists 0, 4 and 7 only (D-414).
 #[test]
 fn supply_and_temperature_have_separate_bits() {
     let mut bench = Bench::operational("");
@@ -96,7 +96,7 @@ fn supply_and_temperature_have_separate_bits() {
     }
 }
 
-/// P. 107; vector T40.
+/// Manual p. 107; vector T40.
 #[test]
 fn when_the_supply_drops_retain_flags_are_saved() {
     let mut bench = Bench::operational("");
@@ -126,7 +126,7 @@ fn a_device_switched_off_stays_off_when_the_supply_is_back() {
     assert_eq!(bench.state(), "off");
 }
 
-/// P. 18-19; D-462.
+/// Manual p. 18-19; D-462.
 #[test]
 fn an_error_in_the_memory_has_a_separate_flag() {
     let mut bench = Bench::operational("");
@@ -141,7 +141,7 @@ fn an_error_in_the_memory_has_a_separate_flag() {
     assert_eq!((flags(&bench), bench.faults.list().count()), ((1, 0), 0), "it has happened twice");
 }
 
-/// P. 13; D-463.
+/// Manual p. 13; D-463.
 #[test]
 fn only_a_reset_ends_a_fatal_error() {
     let mut bench = Bench::operational("boot_up = '700'");
@@ -166,7 +166,7 @@ fn only_a_reset_ends_a_fatal_error() {
     assert_eq!((bench.state(), bench.stat()), ("run".to_owned(), "green 0.5 Hz".to_owned()));
 }
 
-/// P. 13-16; vector T52; D-464.
+/// Manual p. 13-16; vector T52; D-464.
 #[test]
 fn without_an_operating_system_only_a_download_helps() {
     let mut bench = Bench::operational("");
@@ -207,7 +207,7 @@ fn no_master_is_missed_during_the_reset() {
     assert_eq!(bench.registers.flags.COP_GUARDFAIL_ERROR.load(), 0);
 }
 
-/// P. 7: the watchdog resets the device if the program does not end its cycle within 200 ms. D-664.
+/// Manual p. 7: the watchdog resets the device if the program does not end its cycle within 200 ms. D-664.
 #[test]
 fn a_program_that_hangs_trips_the_watchdog() {
     let mut bench = Bench::operational("");

@@ -94,7 +94,7 @@ fn functions_for_modules_need_a_master() {
     assert_eq!(bench.job(0x0407, &[]).0, job_error::FUNCTION);
 }
 
-/// P. 77-80: a CR2010 is configured, started, and its words are exchanged.
+/// Manual p. 77-80: a CR2010 is configured, started, and its words are exchanged.
 #[test]
 fn a_cr2010_is_configured_and_its_words_are_exchanged() {
     let mut bench = booted();
@@ -142,7 +142,7 @@ fn a_cr2010_is_configured_and_its_words_are_exchanged() {
     );
 }
 
-/// P. 81-85; vector T35.
+/// Manual p. 81-85; vector T35.
 #[test]
 fn a_cr2011_has_signed_setpoints_and_reports_its_current() {
     let mut bench = booted();
@@ -167,7 +167,7 @@ fn a_cr2011_has_signed_setpoints_and_reports_its_current() {
     assert_eq!([word(&bench, 1031), word(&bench, 1033)], [7, 500], "nothing, and the current");
 }
 
-/// P. 77: no result reports an abort; the configuration is not finished yet.
+/// Manual p. 77: no result reports an abort; the configuration is not finished yet.
 #[test]
 fn a_refused_configuration_is_repeated_by_the_next_order() {
     let mut bench = booted();
@@ -191,7 +191,7 @@ fn a_refused_configuration_is_repeated_by_the_next_order() {
     assert_eq!(bench.job(job::SLAVE_CR2011_CONFIG, &[3, 100, 0, 0]).1[0], 0, "neither READ nor WRITE");
 }
 
-/// P. 75-76.
+/// Manual p. 75-76.
 #[test]
 fn the_cyclic_block_sends_sync_and_notes_missing_nodes() {
     let mut bench = booted();

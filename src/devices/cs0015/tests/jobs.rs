@@ -81,7 +81,7 @@ fn a_bit_rate_is_in_force_at_once_and_kept() {
     assert_eq!(bench.exchange(0x620, &[0x40, 0xF2, 0x20, 0, 0, 0, 0, 0])[0].1[4], 3, "125 kbit/s");
 }
 
-/// P. 47-51, vectors T26 and T28.
+/// Manual p. 47-51, vectors T26 and T28.
 #[test]
 fn pdos_are_configured_and_repeated() {
     let mut bench = operational();

@@ -10,7 +10,7 @@ fn orders(bench: &mut Bench) -> Vec<(u16, Vec<u8>)> {
     bench.heard().into_iter().filter(|(id, _)| *id != 0x80).collect()
 }
 
-/// P. 53-61; vector T23.
+/// Manual p. 53-61; vector T23.
 #[test]
 fn a_master_guards_starts_and_synchronizes_until_it_is_stopped() {
     let mut bench = Bench::new(KEYS);
@@ -29,7 +29,7 @@ fn a_master_guards_starts_and_synchronizes_until_it_is_stopped() {
     assert_eq!(bench.heard(), []);
 }
 
-/// P. 28, 59, 152.
+/// Manual p. 28, 59, 152.
 #[test]
 fn a_master_resets_a_missing_node_and_starts_it_again() {
     let mut bench = Bench::new(KEYS);
@@ -45,7 +45,7 @@ fn a_master_resets_a_missing_node_and_starts_it_again() {
     assert_eq!((missing(&bench), orders(&mut bench)), (0, vec![(0, vec![1, 5])]));
 }
 
-/// D-432.
+/// Decision D-432.
 #[test]
 fn a_master_waits_two_seconds_for_a_missing_node() {
     let mut bench = Bench::new(KEYS);

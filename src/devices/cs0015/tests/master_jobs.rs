@@ -73,7 +73,7 @@ fn commands_go_to_one_node_or_to_all() {
     assert_eq!(bench.heard(), [(0, vec![130, 5]), (0, vec![128, 0])]);
 }
 
-/// P. 57-59, 28.
+/// Manual p. 57-59, 28.
 #[test]
 fn nodes_are_guarded_while_the_program_calls_the_block() {
     let mut bench = master();
@@ -121,7 +121,7 @@ fn without_auto_restart_a_returning_node_is_not_started() {
     assert_eq!((bench.heard(), bench.result(job::NMM_NODE_GUARDING, &[0])), (vec![], 0));
 }
 
-/// P. 66-67; vector T24.
+/// Manual p. 66-67; vector T24.
 #[test]
 fn a_master_sends_sync_until_its_communication_is_reset() {
     let mut bench = master();
@@ -135,7 +135,7 @@ fn a_master_sends_sync_until_its_communication_is_reset() {
     assert_eq!(bench.result(job::NMM_SET_OPERATIONAL, &[0]), NOT_MASTER);
 }
 
-/// P. 68.
+/// Manual p. 68.
 #[test]
 fn emergencies_of_its_nodes_wait_for_the_program() {
     let mut bench = master();
@@ -150,7 +150,7 @@ fn emergencies_of_its_nodes_wait_for_the_program() {
     assert_eq!(bench.result(job::EMC_GET_EMERGENCY, &[]), 0);
 }
 
-/// P. 69-70.
+/// Manual p. 69-70.
 #[test]
 fn entries_of_a_node_are_read_and_written() {
     let mut bench = master();

@@ -88,7 +88,7 @@ fn the_inhibit_time_is_kept() {
     assert_eq!(last.last(), Some(&(0x390, vec![50, 0, 0, 0, 0, 0, 0, 0])), "the last value goes, too");
 }
 
-/// P. 48, 155: a reset of the communication keeps the program's settings, not the settings by SDO.
+/// Manual p. 48, 155: a reset of the communication keeps the program's settings, not the settings by SDO.
 #[test]
 fn settings_of_the_program_outlive_a_reset() {
     let mut bench = Bench::operational("boot_up = '700', pdo_rx = [{ pdo = 3, id = 0x3A0 }]");
@@ -133,7 +133,7 @@ fn a_pdo_is_sent_on_request() {
     assert_eq!(bench.heard(), []);
 }
 
-/// D-419: bit 31 of a COB-ID.
+/// Decision D-419: bit 31 of a COB-ID.
 #[test]
 fn an_invalid_pdo_is_neither_sent_nor_received() {
     let mut bench = Bench::operational("");

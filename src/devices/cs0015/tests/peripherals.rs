@@ -53,7 +53,7 @@ fn pwm_takes_a_whole_group_of_outputs() {
     assert_eq!(broken(&mut bench), [""; 0]);
 }
 
-/// P. 90-94.
+/// Manual p. 90-94.
 #[test]
 fn violations_of_the_pwm_rules_are_reported() {
     let mut bench = Bench::operational("");
@@ -77,7 +77,7 @@ fn violations_of_the_pwm_rules_are_reported() {
     }
 }
 
-/// P. 96-99.
+/// Manual p. 96-99.
 #[test]
 fn fast_inputs_measure_their_signals() {
     let mut bench = Bench::operational("");
@@ -126,7 +126,7 @@ fn with_data(bench: &mut Bench, function: u16, arguments: &[u32], data: &[u8]) -
     bench.job(function, arguments).0
 }
 
-/// P. 100-103.
+/// Manual p. 100-103.
 #[test]
 fn the_display_shows_text_and_segments_of_the_program() {
     let mut bench = Bench::operational("");
@@ -229,7 +229,7 @@ fn rs_232_belongs_to_the_program_with_serial_mode() {
     assert_eq!(broken(&mut bench), [""; 0]);
 }
 
-/// P. 106, 115-116.
+/// Manual p. 106, 115-116.
 #[test]
 fn timers_begin_with_the_supply_and_after_a_soft_reset() {
     let mut bench = Bench::operational("");
@@ -251,7 +251,7 @@ fn timers_begin_with_the_supply_and_after_a_soft_reset() {
     assert!((250 * MS..260 * MS).contains(&after), "{after}");
 }
 
-/// P. 118.
+/// Manual p. 118.
 #[test]
 fn the_interrupt_program_has_its_own_inputs_and_outputs() {
     let mut bench = Bench::operational("program = 'attached', cycle_us = 100000");
@@ -283,7 +283,7 @@ fn the_interrupt_program_has_its_own_inputs_and_outputs() {
     assert_eq!(runs(&bench), ended);
 }
 
-/// P. 154.
+/// Manual p. 154.
 #[test]
 fn flags_of_the_operating_system_are_not_written() {
     let mut bench = Bench::operational("");
@@ -300,7 +300,7 @@ fn flags_of_the_operating_system_are_not_written() {
     assert_eq!(broken(&mut bench), [""; 0], "once");
 }
 
-/// P. 48, 50, 53.
+/// Manual p. 48, 50, 53.
 #[test]
 fn pdos_are_configured_before_there_is_a_master() {
     let mut bench = Bench::running("program = 'attached'");
@@ -313,7 +313,7 @@ fn pdos_are_configured_before_there_is_a_master() {
     assert_eq!(broken(&mut bench), ["pdo-after-master"]);
 }
 
-/// P. 47, 49, 155.
+/// Manual p. 47, 49, 155.
 #[test]
 fn a_slave_configures_its_pdos_before_it_is_started() {
     let mut bench = Bench::running("program = 'attached'");

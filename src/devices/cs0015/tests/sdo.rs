@@ -4,7 +4,7 @@ use super::*;
 use crate::devices::canopen::sdo::Abort;
 use crate::layout::object::{Access, Type};
 
-/// A transfer as by a client, to this Node-ID.
+/// Executes a transfer as a client would do, with this Node-ID.
 pub(super) fn transfer(bench: &mut Bench, node: u16, request: [u8; 8]) -> [u8; 8] {
     let heard = bench.exchange(0x600 + node, &request);
     let [(id, data)] = heard.as_slice() else { panic!("{request:X?}: {heard:X?}") };
@@ -133,7 +133,7 @@ fn a_bit_rate_is_entered_twice_and_takes_effect_after_a_reset() {
     assert_eq!(bench.exchange(0x620, &request(0x40, 0x1000, 0, 0)), []);
 }
 
-/// D-433.
+/// Decision D-433.
 #[test]
 fn a_device_with_another_bit_rate_neither_receives_nor_sends() {
     let mut bench = Bench::new("kbit_s = 250, boot_up = '700'");
@@ -165,7 +165,7 @@ fn retained_data_are_transferred_in_segments() {
     assert_eq!(answer, request(0x80, 0x2000, 0, Abort::TooLong.code()));
 }
 
-/// P. 155: the device saves these values and no others.
+/// Manual p. 155: the device saves these values and no others.
 #[test]
 fn saved_entries_survive_a_power_cycle() {
     let mut bench = Bench::running("");

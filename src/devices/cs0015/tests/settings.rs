@@ -27,7 +27,7 @@ fn other_value(index: u16, sub: u8) -> Option<u32> {
 /// are flags of the program.
 const SAVED: [u16; 6] = [0x1005, 0x1006, 0x100C, 0x100D, 0x100E, 0x1014];
 
-/// P. 155-163: every writable row.
+/// Manual p. 155-163: every writable row.
 #[test]
 fn each_setting_is_stored_or_not_as_in_the_list() {
     let mut bench = Bench::running("");
@@ -74,7 +74,7 @@ fn guard(bench: &mut Bench, id: u16) -> Vec<(u16, Vec<u8>)> {
     bench.heard()
 }
 
-/// P. 155: COB-IDs take effect at once, also in Operational.
+/// Manual p. 155: COB-IDs take effect at once, also in Operational.
 #[test]
 fn identifiers_take_effect_at_once() {
     let mut bench = Bench::operational("");
@@ -114,7 +114,7 @@ fn identifiers_take_effect_at_once() {
     assert_eq!(bench.heard()[0].0, 0xB0);
 }
 
-/// P. 157: the identifiers of the SDO take effect at once and are not stored.
+/// Manual p. 157: the identifiers of the SDO take effect at once and are not stored.
 #[test]
 fn identifiers_of_the_sdo_take_effect_at_once() {
     let mut bench = Bench::running("");
@@ -127,7 +127,7 @@ fn identifiers_of_the_sdo_take_effect_at_once() {
     assert_eq!(transfer(&mut bench, 32, request(0x40, 0x1000, 0, 0))[0], 0x43);
 }
 
-/// P. 42, 155: a node that was guarded once supervises its master as soon as both times are set.
+/// Manual p. 42, 155: a node that was guarded once supervises its master as soon as both times are set.
 #[test]
 fn guarding_times_take_effect_at_once() {
     let mut bench = Bench::running("");
@@ -150,7 +150,7 @@ fn guarding_times_take_effect_at_once() {
     assert_eq!(bench.registers.flags.COP_GUARDFAIL_ERROR.load(), 1);
 }
 
-/// P. 155-156.
+/// Manual p. 155-156.
 #[test]
 fn the_communication_cycle_takes_effect_at_once() {
     let mut bench = Bench::operational("");
@@ -164,7 +164,7 @@ fn the_communication_cycle_takes_effect_at_once() {
     assert_eq!(heard, [(0x5A0, request(0x60, 0x1006, 0, 0).to_vec()), (0xA0, vec![0; 8])], "off again");
 }
 
-/// P. 155: a transmission type takes effect at the next start of Operational.
+/// Manual p. 155: a transmission type takes effect at the next start of Operational.
 #[test]
 fn transmission_types_take_effect_in_the_next_operational() {
     let mut bench = Bench::operational("");
@@ -208,7 +208,7 @@ fn transmission_types_take_effect_in_the_next_operational() {
     assert_eq!(bench.heard().len(), 1);
 }
 
-/// P. 7, 21, 41: 10 to 1000 kbit/s. Other invalid values of parameters are not stored either (D-661).
+/// Manual p. 7, 21, 41: 10 to 1000 kbit/s. Other invalid values of parameters are not stored either (D-661).
 #[test]
 fn an_invalid_value_is_replaced_by_the_stored_one() {
     let mut bench = Bench::running("");

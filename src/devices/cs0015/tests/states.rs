@@ -32,8 +32,8 @@ fn network_management_starts_and_stops_the_controller() {
     assert_eq!(states, [127, 5, 4, 127]);
 }
 
-/// P. 13-14, 28: the program starts after the reset, and continues after a stop (D-630). A process that attaches its
-/// program while the controller runs requests a start, as on any device that has a project.
+/// Manual p. 13-14, 28: the program starts after the reset, and continues after a stop (D-630). A process that attaches
+/// its program while the controller runs requests a start, as on any device that has a project.
 #[test]
 fn the_program_starts_and_stops_with_the_states() {
     let mut bench = Bench::new("program = 'attached'");
@@ -141,7 +141,7 @@ fn a_controller_stopped_by_the_programming_system_is_not_started_by_the_master()
     assert_eq!(bench.state(), "stop", "a stop of the master is always executed");
 }
 
-/// P. 28: afterwards the device is not a CANopen node until its program switches CANopen on. D-663.
+/// Manual p. 28: afterwards the device is not a CANopen node until its program switches CANopen on. D-663.
 #[test]
 fn a_reset_command_begins_in_direct_mode() {
     let mut bench = Bench::running("program = 'attached'");
@@ -168,7 +168,7 @@ fn a_reset_command_begins_in_direct_mode() {
     assert_eq!(bench.heard(), [(0x720, vec![0x7F])]);
 }
 
-/// P. 7: 25 Hz at inputs 4 to 15.
+/// Manual p. 7: 25 Hz at inputs 4 to 15.
 #[test]
 fn a_short_signal_at_a_slow_input_is_not_seen() {
     let mut bench = Bench::running("cycle_us = 1000");

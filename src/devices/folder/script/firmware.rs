@@ -162,7 +162,7 @@ impl Part for ScriptFirmware {
         self.run_timers(ctx, card);
     }
 
-    /// The script continues with its state, also after an error.
+    /// Takes over a changed script. The script continues with its state, even after an error.
     fn take_over(&mut self, _: &mut Context, card: &mut Card, script: &'static Script) {
         if script.watches() {
             card.watch_again(self.layout, script.written());

@@ -104,7 +104,7 @@ mod tests {
 
     #[test]
     fn communication_cycle_by_counter() {
-        // Page 89: 0.5 ms times 1, 2, 3, 4 and 15.
+        // Manual p. 89: 0.5 ms times 1, 2, 3, 4 and 15.
         for (number, us) in [(1, 500), (2, 1000), (3, 1500), (4, 2000), (15, 7500)] {
             assert_eq!(cycle(number << 4).communication_us(), us);
             assert_eq!(cycle(number << 4).first_us(), us);
@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn communication_cycle_by_time_slice() {
-        // Page 89: 0.5 ms times two to the power of 1, 2, 3, 4, 5 and 15.
+        // Manual p. 89: 0.5 ms times two to the power of 1, 2, 3, 4, 5 and 15.
         for (number, ms) in [(1, 1), (2, 2), (3, 4), (4, 8), (5, 16), (15, 16384)] {
             assert_eq!(cycle(number << 4 | 8).communication_us(), ms * 1000);
         }

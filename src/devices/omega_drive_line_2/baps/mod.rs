@@ -82,14 +82,14 @@ impl Baps {
         })
     }
 
-    /// Power-on, or RESET was released: the registers hold their reset values.
+    /// Called at power-on, or when RESET was released. The registers hold their reset values.
     pub fn power_on(&mut self) {
         self.regs.reset_from(0);
         self.is_up = true;
     }
 
-    /// RESET of the board: the interface restarts, while the drive keeps its parameters and continues with its last
-    /// command (decision D-166).
+    /// Called at a RESET of the board. The interface restarts, while the drive keeps its parameters and continues with
+    /// its last command (decision D-166).
     pub fn reset(&mut self) {
         self.is_up = false;
         self.process.reset();
@@ -165,7 +165,7 @@ impl Baps {
         self.next = if self.is_in_use() { self.slice_from(now + 1) } else { Self::NEVER };
     }
 
-    /// The drive polls the registers: process data, commands and status first, then service data.
+    /// Polls the registers on behalf of the drive: first process data, commands and status, then service data.
     fn exchange(&mut self, ctx: &mut Context, mut pace: impl FnMut(&mut Journal, bool) -> Pace) {
         self.process.pass(ctx.now);
         let synchronized = if self.drive.is_synchronized() { baps_status_reg::SYNCHRONIZED } else { 0 };
@@ -199,8 +199,8 @@ impl Baps {
             || self.drive.is_synchronized()
     }
 
-    /// A pulse of the trigger controller. The drive's slices follow it by the SYNC offset (P168); when the drive is
-    /// synchronized, the communications begin with such a slice (decision D-155).
+    /// Called at a pulse of the trigger controller. The drive's slices follow it by the SYNC offset (P168). When the
+    /// drive is synchronized, the communications begin with such a slice (decision D-155).
     pub fn trigger_edge(&mut self, now: u64) {
         let was_synchronized = self.drive.is_synchronized();
         if !self.drive.trigger_edge(now) {

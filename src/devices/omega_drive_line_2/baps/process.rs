@@ -66,7 +66,7 @@ impl Process {
         Ok(Process { face: segment.firmware_header()?, configured: None, events: 0 })
     }
 
-    /// The board restarts: there is no configuration, as after power-on (manual p. 90).
+    /// Called when the board restarts: there is no configuration, as after power-on (manual p. 90).
     pub(crate) fn reset(&mut self) {
         self.configured = None;
     }

@@ -71,7 +71,7 @@ impl Service {
         Service { phase: Phase::default(), time_us }
     }
 
-    /// The board restarts: a job in progress is dropped.
+    /// Called when the board restarts: a job in progress is dropped.
     pub(crate) fn reset(&mut self) {
         self.phase = Phase::Idle;
     }
@@ -90,7 +90,7 @@ impl Service {
         }
     }
 
-    /// The drive polls the semaphores once.
+    /// Polls the semaphores once, on behalf of the drive.
     pub(crate) fn slice(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
         let master = regs.b_MA_SEMAPHORE.load();
         match self.phase {
@@ -129,7 +129,7 @@ fn show_semaphore(ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, value: u8) {
     regs.b_SL_SEMAPHORE.show(ctx, offset_of!(BAPS_CTRL_BMSTRUCT, b_SL_SEMAPHORE), value);
 }
 
-/// The job itself; the error is the value of `i_ERR_DETAIL`.
+/// Executes the job. The error is the value of `i_ERR_DETAIL`.
 fn carry_out(job: &Job, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) -> Result<(), u16> {
     match job.code {
         baps_job::READ => {

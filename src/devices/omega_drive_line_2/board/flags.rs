@@ -150,7 +150,7 @@ mod tests {
         assert_eq!(load(&flags, 23), 0);
     }
 
-    /// P. 10, 41-42: RAM, which power-on and starts set to 0.
+    /// Manual p. 10, 41-42: RAM, which power-on and starts set to 0.
     #[test]
     fn flags_that_are_not_retained_are_cleared() {
         let flags = flags(24);

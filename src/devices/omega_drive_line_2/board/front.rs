@@ -104,7 +104,7 @@ impl Front {
         PolledFront::now(face.requested()) != self.seen || self.program == ProgramState::CopyingBootProject
     }
 
-    /// Power-on or end of reset: reads the DIP switches and returns their number.
+    /// Called at power-on or at the end of a reset. Reads the DIP switches and returns their number.
     pub(crate) fn start(&mut self, ctx: &mut Context, face: &FirmwareHeader) -> u8 {
         self.up = true;
         self.flags.clear();
@@ -128,7 +128,7 @@ impl Front {
         self.dip
     }
 
-    /// Power-off, or RESET is active: display and LEDs are dark.
+    /// Called at power-off, or when RESET becomes active: display and LEDs are dark.
     pub(crate) fn stop(&mut self, face: &FirmwareHeader) {
         self.up = false;
         self.released = false;

@@ -65,8 +65,8 @@ impl Board {
         })
     }
 
-    /// Power-on or end of a reset: no event is enabled, no trigger routed, the DIP switches are read. Returns their
-    /// number.
+    /// Called at power-on or at the end of a reset: no event is enabled, no trigger is routed, and the DIP switches are
+    /// read. Returns their number.
     pub fn start(&mut self, ctx: &mut Context) -> u8 {
         self.stop();
         self.face.both(|page| {
@@ -81,7 +81,7 @@ impl Board {
         dip
     }
 
-    /// Power-off, or RESET is held.
+    /// Called at power-off, or when RESET is held.
     pub fn stop(&mut self) {
         self.events.disable_all();
         self.triggers = Triggers::default();
@@ -189,14 +189,14 @@ impl Board {
         }
     }
 
-    /// An edge of the CANsync network's SYNC signal: triggers, then event 12.
+    /// Called at an edge of the CANsync network's SYNC signal. Passes the edge to the triggers, then raises event 12.
     #[inline]
     pub fn sync_net(&mut self, now: u64) {
         self.triggers.pulse(&self.face, Source::SyncNet, now);
         self.events.fire(&self.face, 12, now);
     }
 
-    /// The drive has process data for the BAPS: event 4 or 8, whichever is enabled.
+    /// Called when the drive has process data for the BAPS. Raises event 4 or 8, whichever is enabled.
     #[inline]
     pub fn baps(&mut self, now: u64) {
         self.events.fire(&self.face, 8, now);

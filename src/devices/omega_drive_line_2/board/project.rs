@@ -55,7 +55,7 @@ impl Projects {
         self.cold = self.loaded == Project::Sent;
     }
 
-    /// A cold start was ordered.
+    /// Called when a cold start was ordered.
     pub(crate) fn started_cold(&mut self) {
         self.cold = false;
         if self.loaded == Project::Boot {
@@ -63,7 +63,8 @@ impl Projects {
         }
     }
 
-    /// A client loads a project, or deletes the loaded project. The boot project stays in the flash memory (p. 38).
+    /// Called when a client loads a project, or deletes the loaded project. The boot project stays in the flash memory
+    /// (p. 38).
     pub(crate) fn load(&mut self, project: Project) {
         if project == Project::Boot {
             (self.flash, self.boot_cold) = (Flash::Boot, true);
@@ -71,7 +72,7 @@ impl Projects {
         (self.loaded, self.cold, self.lost) = (project, true, false);
     }
 
-    /// A process has loaded its program, which counts as a boot project.
+    /// Called when a process has loaded its program, which counts as a boot project.
     pub(crate) fn brought(&mut self) {
         if self.flash == Flash::Empty {
             self.flash = Flash::OfProcess;
@@ -88,7 +89,7 @@ impl Projects {
         (self.loaded, self.cold) = (Project::None, true);
     }
 
-    /// The boot project is erased from the flash memory; the loaded project stays until power-off or reset.
+    /// Called when the boot project is erased from the flash memory. The loaded project stays until power-off or reset.
     pub(crate) fn erased(&mut self) {
         self.flash = Flash::Empty;
         if self.loaded == Project::Boot {
@@ -101,7 +102,7 @@ impl Projects {
         (self.flash, self.boot_cold) = (Flash::Boot, true);
     }
 
-    /// Power-on or end of a reset: only the boot project is loaded (p. 37).
+    /// Called at power-on or at the end of a reset: only the boot project is loaded (p. 37).
     pub(crate) fn restart(&mut self) {
         if self.flash != Flash::Empty {
             (self.loaded, self.cold, self.lost) = (Project::Boot, self.boot_cold, false);

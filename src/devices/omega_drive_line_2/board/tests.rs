@@ -63,7 +63,8 @@ impl Rig {
         InterruptResult::from_code(self.header.interrupts[event].outcome(request).unwrap()).unwrap()
     }
 
-    /// `OPT_INIT` with these trigger modes, and for timer A and B `(divider, enable, configuration mode)`.
+    /// Calls `OPT_INIT` with these trigger modes. The settings of timer A and B are `(divider, enable, configuration
+    /// mode)`.
     fn opt_init(&mut self, modes: [u32; 3], timers: [(u32, u32, u32); 2]) -> OptInitResult {
         let block = &self.header.opt_init;
         block.triggers.iter().zip(modes).for_each(|(cell, mode)| cell.store(mode));
@@ -118,7 +119,7 @@ fn reserved_events_are_refused() {
     }
 }
 
-/// p. 48: 11 and 12, 4 and 8 cannot be used at the same time; all others can.
+/// Manual p. 48: 11 and 12, 4 and 8 cannot be used at the same time; all others can.
 #[test]
 fn events_exclude_each_other_in_pairs() {
     let events = [0, 2, 4, 5, 6, 8, 11, 12];
@@ -138,7 +139,7 @@ fn events_exclude_each_other_in_pairs() {
     }
 }
 
-/// p. 49: i_PAR1 = 20 gives 1 ms, i_PAR1 x 50 us in general.
+/// Manual p. 49: i_PAR1 = 20 gives 1 ms, i_PAR1 x 50 us in general.
 #[test]
 fn cpu_timers_run_in_steps_of_50_us() {
     for (event, factor, period) in [(0, 20, 1000), (2, 20, 1000), (0, 1, 50), (2, 32_767, 1_638_350)] {
@@ -179,7 +180,7 @@ fn a_timer_can_be_stopped_and_restarted() {
     assert_eq!(rig.board.next_time(), u64::MAX);
 }
 
-/// p. 50, 58, 66: 2499 gives 1 ms; events 5 and 6 both come from timer A.
+/// Manual p. 50, 58, 66: 2499 gives 1 ms; events 5 and 6 both come from timer A.
 #[test]
 fn board_timer_a_divides_5_mhz() {
     let mut rig = Rig::new();
@@ -229,7 +230,7 @@ fn opt_init_may_run_once_only() {
     assert_eq!(rig.opt_init([4, 4, 2], OFF), OptInitResult::Done, "after a restart");
 }
 
-/// D-260: the start tasks of a program run it, so each cold or warm start may; a hot start has none.
+/// Decision D-260: the start tasks of a program run it, so each cold or warm start may; a hot start has none.
 #[test]
 fn opt_init_may_run_once_in_each_start_of_the_program() {
     let mut rig = Rig::new();

@@ -47,7 +47,7 @@ impl Triggers {
         self.controller_pulsed |= self.routes[Trigger::Controller as usize] == Some(source);
     }
 
-    /// The program restarts: its start task may run `OPT_INIT` again (decision D-260).
+    /// Called when the program restarts: its start task may run `OPT_INIT` again (decision D-260).
     pub(crate) fn permit(&mut self) {
         self.closed = false;
     }

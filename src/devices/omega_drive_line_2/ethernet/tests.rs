@@ -35,7 +35,7 @@ impl Rig {
         config.a_IP_MASK.iter().zip(mask.octets()).for_each(|(cell, byte)| cell.store(byte));
     }
 
-    /// The manual's sequence (p. 78): address, mask, then `d_IP_CONFIG`.
+    /// Executes the manual's sequence (p. 78): writes the address, the mask, then `d_IP_CONFIG`.
     fn store(&mut self, config: u32, address: Ip, mask: Ip) {
         self.write_address(address, mask);
         self.ethernet.config.d_IP_CONFIG.store(config);
@@ -81,7 +81,7 @@ fn addresses_are_those_of_the_manual() {
     }
 }
 
-/// p. 79-80: x.y.z.0 and x.y.z.255 are not addresses of devices, and 224 + 31 is 255.
+/// Manual p. 79-80: x.y.z.0 and x.y.z.255 are not addresses of devices, and 224 + 31 is 255.
 #[test]
 fn ends_0_and_255_are_not_allowed() {
     let at = |last: u8| Ip::new(10, 0, 0, last);
@@ -168,7 +168,7 @@ fn a_dip_number_can_make_the_address_invalid() {
     assert_eq!(rig.events(), [BoardEvent::NoAddress { config: ip_config::PLUS_DIP, address }]);
 }
 
-/// p. 81: the setting takes effect without `d_IP_CONFIG`, and is independent of the address.
+/// Manual p. 81: the setting takes effect without `d_IP_CONFIG`, and is independent of the address.
 #[test]
 fn routers_are_used_unless_they_are_forbidden() {
     let mut rig = Rig::new(0);

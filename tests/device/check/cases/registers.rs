@@ -108,7 +108,8 @@ pub(crate) const CASES: &[Case] = &[
     },
     Case {
         rule: &rules::RESERVED_REGISTER,
-        // P. 51 of 5.02066.01a, p. 151 of 5.00005.03a: channels 3 to 8 have the addresses of the initialization data.
+        // Manual p. 51 of 5.02066.01a, p. 151 of 5.00005.03a: channels 3 to 8 have the addresses of the initialization
+        // data.
         register: "MASTER.b_CTRLREG_WRC3",
         value: |_| 0x05,
         wrong: |rig| {

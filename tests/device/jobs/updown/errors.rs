@@ -3,7 +3,7 @@
 use super::*;
 use crate::rig::{FASTEST, RATES, Rig};
 
-/// D-43.
+/// Decision D-43.
 #[test]
 fn orders_that_cannot_be_right_are_refused_without_a_frame() {
     for rate in FASTEST {
@@ -109,7 +109,7 @@ fn a_wrong_block_number_ends_the_job_with_0001() {
     }
 }
 
-/// p. 142-143: the master repeats a frame that got no answer; BUSY likewise.
+/// Manual p. 142-143: the master repeats a frame that got no answer; BUSY likewise.
 #[test]
 fn frames_without_an_answer_and_with_busy_are_repeated() {
     for rate in FASTEST {
@@ -165,7 +165,7 @@ fn unrelated_answers_count_as_missing() {
     }
 }
 
-/// D-47: a drive has no area for up- and downloads.
+/// Decision D-47: a drive has no area for up- and downloads.
 #[test]
 fn a_drive_refuses_up_and_downloads() {
     for memory in BOTH {

@@ -277,7 +277,7 @@ fn an_export_without_its_head_is_recognized_by_its_fillers() {
     assert!(!vendors.is_own_export && !vendors.changes_nothing());
 }
 
-/// D-742: a device without a library of the vendor has addresses that no declarations can confirm.
+/// Decision D-742: a device without a library of the vendor has addresses that no declarations can confirm.
 #[test]
 fn a_device_without_a_library_has_nothing_to_confirm() {
     let dir = fixture();
@@ -297,7 +297,7 @@ fn a_device_without_a_library_has_nothing_to_confirm() {
     assert!(text.contains("offsets = \"manual: OWN_TYPES, TYPES.st\""), "{text}");
 }
 
-/// D-785: if there are several files, the provenance of a register names the file that declares it.
+/// Decision D-785: if there are several files, the provenance of a register names the file that declares it.
 #[test]
 fn several_files_are_imported_as_one() {
     let (pair, rest) = AS_IT_IS.split_once("    INIT : STRUCT").unwrap();

@@ -25,8 +25,8 @@ fn a_drive_runs_through_an_interval_with_a_lost_edge() {
     assert_eq!(bench.drive.actual_value_frame(Channel::One).and_then(|p| p.word(0)), Some(7));
 }
 
-/// P. 135: only a longer loss, of adjustable duration, ends the lock. 5.01010.01 p. 22: card and drive exchange no data
-/// during the loss.
+/// Manual p. 135: only a longer loss, of adjustable duration, ends the lock. 5.01010.01 p. 22: card and drive exchange
+/// no data during the loss.
 #[test]
 fn a_longer_loss_of_sync_ends_the_lock_but_not_the_motion() {
     let mut bench = Bench::synchronized(&DriveConfig { sync_loss_us: Some(9_000), ..demo() });
@@ -48,7 +48,7 @@ fn a_longer_loss_of_sync_ends_the_lock_but_not_the_motion() {
     assert!(!ramp.drive.is_synchronized());
 }
 
-/// P. 135: the loss of SYNC is an error; D-294: a warning, if no reaction is configured.
+/// Manual p. 135: the loss of SYNC is an error; D-294: a warning, if no reaction is configured.
 #[test]
 fn a_lost_lock_is_reported_until_the_drive_is_synchronized_again() {
     let mut bench = Bench::synchronized(&demo());
@@ -106,7 +106,7 @@ fn the_reaction_to_a_lost_lock_comes_after_its_time() {
     }
 }
 
-/// D-294: "inhibit" does not wait for the end of a braking with another cause.
+/// Decision D-294: "inhibit" does not wait for the end of a braking with another cause.
 #[test]
 fn inhibit_ends_the_braking_of_another_fault() {
     let sync = MonitorSettings { reaction: Reaction::Inhibit, ..Default::default() };
@@ -128,7 +128,7 @@ fn inhibit_ends_the_braking_of_another_fault() {
     );
 }
 
-/// P. 135; 5.01010.01 p. 17: more losses than ZK 26 permits are an error.
+/// Manual p. 135; 5.01010.01 p. 17: more losses than ZK 26 permits are an error.
 #[test]
 fn lost_reference_values_are_reported_until_sync_mode_on() {
     let reference_values = MonitorSettings { reaction: Reaction::Inhibit, ..Default::default() };

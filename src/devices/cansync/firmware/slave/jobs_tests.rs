@@ -29,7 +29,7 @@ impl Bench {
         Bench { jobs: Jobs::new(NUMBER, true), regs, journal: Journal::new(1) }
     }
 
-    /// A job arrives and its answer is sent.
+    /// Lets a job arrive, and returns the answer that the node sends.
     fn turn(&mut self, frame: &Frame) -> Frame {
         let origin = Origin { plc: DeviceIndex(0), node: 1 };
         let ctx = &mut Context { now: 0, journal: &mut self.journal, origin, base: NODE1 };

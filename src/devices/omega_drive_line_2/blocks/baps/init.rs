@@ -163,7 +163,7 @@ impl BAPS_INIT {
         self.x_BUSY = self.us_MODE == 1;
     }
 
-    /// The drive has answered.
+    /// Handles the answer of the drive.
     fn configured(&mut self, base: &Base<BAPS_CTRL_BMSTRUCT>, watch: Watch) {
         self.b_SL_QUIT = base.b_SL_QUIT.load();
         if self.b_SL_QUIT != baps_quit::CONFIGURED {

@@ -74,7 +74,7 @@ fn the_display_blinks_while_a_boot_project_is_copied() {
     assert_eq!(seen, [('L', true), ('L', false), ('L', true), ('L', false)]);
 }
 
-/// p. 40: dark while RESET is held.
+/// Manual p. 40: dark while RESET is held.
 #[test]
 fn reset_is_dark_and_reads_the_dip_switches_at_its_end() {
     let mut rig = Rig::new();
@@ -132,7 +132,7 @@ fn invalid_numbers_change_nothing() {
     assert_eq!(rig.board.dip(), 31, "five switches");
 }
 
-/// p. 38: cold start after a project was sent, warm start at every further change from STOP to RUN.
+/// Manual p. 38: cold start after a project was sent, warm start at every further change from STOP to RUN.
 #[test]
 fn a_new_project_starts_cold_and_then_warm() {
     let mut rig = Rig::new();
@@ -166,7 +166,7 @@ fn kept_retain_flags_make_the_first_start_warm() {
     }
 }
 
-/// p. 38: a cold start sets the retain flags to their initial values, warm and hot start do not change them.
+/// Manual p. 38: a cold start sets the retain flags to their initial values, warm and hot start do not change them.
 #[test]
 fn a_cold_start_alone_touches_the_retain_flags() {
     let mut rig = Rig::of(Segment::heap(SEGMENT_END), None, Project::Boot);
@@ -196,7 +196,7 @@ fn a_cold_start_alone_touches_the_retain_flags() {
     assert_eq!((flag(&rig), rig.ordered().1), ([5, 99], Start::Warm), "NOVRAM keeps them");
 }
 
-/// p. 37, 40: a project that was only sent is lost after a reset, and the display shows it; the boot project is
+/// Manual p. 37, 40: a project that was only sent is lost after a reset, and the display shows it; the boot project is
 /// loaded again.
 #[test]
 fn a_reset_loses_a_project_that_was_only_sent() {
@@ -229,7 +229,7 @@ fn a_reset_loses_a_project_that_was_only_sent() {
     }
 }
 
-/// p. 38: a new project is started cold, once.
+/// Manual p. 38: a new project is started cold, once.
 #[test]
 fn a_project_can_be_sent_and_deleted() {
     let mut rig = Rig::new();
@@ -254,7 +254,7 @@ fn a_project_can_be_sent_and_deleted() {
     assert_eq!((rig.header.project_request.load(), rig.ordered().0), (0, 5), "no such project");
 }
 
-/// D-300: while switch or program are at STOP no event occurs, so no event task runs.
+/// Decision D-300: while switch or program are at STOP no event occurs, so no event task runs.
 #[test]
 fn no_event_occurs_at_stop() {
     let mut rig = Rig::new();
