@@ -16,9 +16,9 @@ use std::hint::black_box;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Frames per second of all stations together.
+/// Number of frames per second, for all stations together.
 const FRAMES: u64 = 6_400;
-/// Emulated time of one measurement in us.
+/// Emulated time of one measurement, in us.
 const PIECE_US: u64 = 100_000;
 
 /// Frames that a station sends, and frames that it receives from others.
@@ -94,7 +94,7 @@ impl Bench {
         Bench { bus, journal, faults: Faults::default(), now: 0, received }
     }
 
-    /// Executes all events up to a time, as a plant does.
+    /// Executes all events up to a time, in the same way as a plant.
     fn piece(&mut self) {
         self.now += PIECE_US;
         let edges = &mut Vec::new();

@@ -1,9 +1,8 @@
 //! Speed of devices in folders: 200 registers, ten handshakes, a process image of 32 bytes, one handshake completed in
-//! each millisecond. The device works by tables alone, by a script alone, or by a script that also polls in each
-//! processor cycle.
+//! each millisecond. The device uses only tables, only a script, or a script that also polls in each processor cycle.
 //!
-//! Does not use criterion: prints how many times faster than real time each device runs, in processor time, so that other work
-//! of the machine matters little. `peer_cards.py` does the same work in another simulator.
+//! Does not use criterion: prints the speed of each device relative to real time. It measures processor time, so that other
+//! work of the machine has little influence. `peer_cards.py` does the same work in another simulator.
 
 use commram::memory::{Segment, Width};
 use commram::plant::{Plant, PlantConfig};

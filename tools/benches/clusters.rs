@@ -1,5 +1,6 @@
-//! Emulated intervals per second of clusters in stepped mode: a PLC, 32 PLCs below it, 32 participants below each of
-//! them, and so on. In every interval WRC1 and RDC1 are sent on all buses, and the tasks of all PLCs run.
+//! Emulated intervals per second of clusters in stepped mode: a PLC, 32 PLCs on the bus of this PLC, 32 participants on
+//! the bus of each of these PLCs, and so on. In every interval WRC1 and RDC1 are sent on all buses, and the tasks of
+//! all PLCs run.
 //!
 //! `COMMRAM_BENCH_PARTICIPANTS` names other sizes: `1057,65535`. `COMMRAM_BENCH_CORES` is the number of cores that the
 //! plant may use. `COMMRAM_BENCH_IMAGES=1` puts the registers into image files. The benchmark also reports the memory
@@ -27,16 +28,16 @@ static USED: AtomicUsize = AtomicUsize::new(0);
 /// Counts the memory in use.
 struct Counting;
 
-/// Images are longer than this size; few other allocations are.
+/// Allocations that are longer than this size count as images; few other allocations are so long.
 const IMAGE: usize = 3 << 20;
 
-// SAFETY: everything is left to the system's allocator.
+// SAFETY: all calls are passed to the system's allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         if layout.size() < IMAGE {
             USED.fetch_add(layout.size(), Ordering::Relaxed);
         }
-        // SAFETY: as the caller promises.
+        // SAFETY: the caller guarantees the conditions of this function.
         unsafe { System.alloc(layout) }
     }
 
@@ -44,7 +45,7 @@ unsafe impl GlobalAlloc for Counting {
         if layout.size() < IMAGE {
             USED.fetch_add(layout.size(), Ordering::Relaxed);
         }
-        // SAFETY: as the caller promises.
+        // SAFETY: the caller guarantees the conditions of this function.
         unsafe { System.alloc_zeroed(layout) }
     }
 
@@ -52,7 +53,7 @@ unsafe impl GlobalAlloc for Counting {
         if layout.size() < IMAGE {
             USED.fetch_sub(layout.size(), Ordering::Relaxed);
         }
-        // SAFETY: as the caller promises.
+        // SAFETY: the caller guarantees the conditions of this function.
         unsafe { System.dealloc(memory, layout) }
     }
 }

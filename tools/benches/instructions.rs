@@ -1,5 +1,5 @@
-//! The intervals of the benchmark `intervals`, in the requested number, for an instruction counter: the difference of two runs
-//! is the cost of an interval without the start. `just instructions` does that.
+//! The intervals of the benchmark `intervals`, in the requested number, for an instruction counter. The difference of two runs
+//! is the cost of the additional intervals, without the start. `just instructions` does that.
 
 #[path = "support/active.rs"]
 mod active;
@@ -8,7 +8,7 @@ mod line;
 
 use line::{INTERVAL_US, active_plant, release};
 
-/// Without arguments, as `cargo bench` calls it, a short run shows that it works.
+/// Called by `cargo bench` without arguments: a short run then shows that the benchmark works.
 fn main() {
     let numbers: Vec<u32> = std::env::args().skip(1).filter_map(|argument| argument.parse().ok()).collect();
     let (drives, intervals) = match numbers[..] {

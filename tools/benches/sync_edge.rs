@@ -1,8 +1,8 @@
-//! Delay until a PLC process notices a SYNC edge in real time, compared with the delay of a bare `clock_nanosleep` loop.
+//! Delay until a PLC process detects a SYNC edge in real time, compared with the delay of a bare `clock_nanosleep` loop.
 //!
-//! Both run at 2 ms, in turns of half a second, so that other load of the machine affects both equally. Lateness is the
-//! real time of waking up minus that of the edge (or of the deadline); the emulator reports the real time of its emulated
-//! time 0. Target: the 99 % quantile at most 1.5 times that of the bare loop.
+//! Both run at 2 ms, in turns of half a second, so that other load of the machine affects both equally. The delay is the
+//! real time of waking up minus the real time of the edge (or of the deadline); the emulator reports the real time of its
+//! emulated time 0. Target: the 99 % quantile at most 1.5 times that of the bare loop.
 
 #[path = "support/mod.rs"]
 #[allow(dead_code, reason = "each benchmark uses a part of it")]
@@ -99,7 +99,7 @@ fn wait_for_edges(image: &Attached, header: &View<Header>, lateness: &mut Vec<u6
     }
 }
 
-/// Prints the quantiles; returns that of 99 % in us.
+/// Prints the quantiles. Returns the 99 % quantile in us.
 fn print_line(name: &str, lateness: &mut [u64]) -> f64 {
     lateness.sort_unstable();
     let quantile = |part: f64| {

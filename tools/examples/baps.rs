@@ -1,6 +1,6 @@
-//! Configuration example A of the manual (5.00005.03a p. 62-63): process data of the BAPS in the event task that the
-//! drive itself starts. Brings the drive into operation, waits until it runs at the requested speed, and reads its speed
-//! limit.
+//! Configuration example A of the manual (5.00005.03a p. 62-63): the event task exchanges process data over the BAPS,
+//! and the drive itself starts the task. Brings the drive into operation, waits until it runs at the requested speed,
+//! and reads its speed limit.
 //!
 //!     commram with -- cargo run --example baps
 

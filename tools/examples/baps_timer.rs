@@ -1,5 +1,5 @@
-//! Configuration example B of the manual (5.00005.03a p. 64-66): process data of the BAPS in the event task of board
-//! timer A, every millisecond; the same timer triggers the drive and the option cards. The drive follows an angle.
+//! Configuration example B of the manual (5.00005.03a p. 64-66): the event task of board timer A exchanges process data
+//! over the BAPS every millisecond. The same timer triggers the drive and the option cards. The drive follows an angle.
 //!
 //!     commram with -- cargo run --example baps_timer
 

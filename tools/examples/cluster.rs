@@ -1,5 +1,5 @@
-//! A CANsync cluster: slave on the upper bus, master of the lower one, both with the same SYNC signal. It
-//! passes the reference value on to its drive and the drive's actual value back.
+//! A CANsync cluster: the PLC is a slave on the upper bus and the master of the lower bus, and both buses have the same
+//! SYNC signal. The program passes the reference value to its drive, and the actual value of the drive back.
 //!
 //!     commram run tools/examples/plant.toml --detach
 //!     cargo run --example cluster &

@@ -38,7 +38,7 @@ struct Master {
     comm: CANsync_PD_COMM_MA,
     read: CANsync_PAR_READ_MA,
     end: CANsync_BC_MA0,
-    /// The command that signals the end has been entered.
+    /// True if the command that signals the end has been entered.
     ending: bool,
 }
 
@@ -133,7 +133,7 @@ impl Program for Master {
         }
         self.read.call(&self._CANsync_CTRL_MA);
         check(self.read.x_ERR, "CANsync_PAR_READ_MA", self.read.b_ERR.into())?;
-        // The command is entered in one cycle; the cycles after it wait until it has been sent.
+        // The command is entered in one cycle. The following cycles wait until it has been sent.
         let read = self.read.x_OK;
         self.end.x_EN = read && !self.ending;
         self.end.call(&self._CANsync_CTRL_MA);

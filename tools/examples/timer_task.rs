@@ -3,7 +3,8 @@
 //!
 //!     commram with -- cargo run --example timer_task
 //!
-//! By itself it takes CPU timer 2, level 13; 0 is CPU timer 1, 5 and 6 are board timer A with triggers:
+//! By default the program uses CPU timer 2, level 13. Number 0 is CPU timer 1; numbers 5 and 6 are board timer A with
+//! triggers:
 //!
 //!     commram with -- cargo run --example timer_task -- line 5
 
@@ -34,7 +35,7 @@ pub(crate) struct Timer {
     start: TIME_MEASURE_START,
     end: TIME_MEASURE_END,
     led: LED,
-    /// Number of events, and number of events that occurred before the task had seen the previous event.
+    /// Number of events, and number of events that occurred before the task had handled the previous event.
     events: u32,
     missed: u32,
     /// Run time of the task in us.
@@ -79,8 +80,8 @@ impl Program for Timer {
         *self = Timer::new(self.ram.clone(), self.number);
     }
 
-    /// Starts the event. `INTR_SET` alone sets a CPU timer, which triggers nothing; board timer A needs `OPT_INIT` (p.
-    /// 71).
+    /// Starts the event. A CPU timer triggers nothing and needs only `INTR_SET`; board timer A also needs `OPT_INIT`
+    /// (p. 71).
     fn cold_start(&mut self) -> Result<Progress, String> {
         if BOARD_TIMERS.contains(&self.number) && !self.triggers.x_OK {
             self.triggers.call(&self.ram);

@@ -20,7 +20,7 @@ use tempfile::TempDir;
 /// Role of the child process that runs the server.
 pub(crate) const ROLE: &str = "request-response";
 
-/// Period in which a client checks whether its server is ready.
+/// Interval at which a client checks whether its server is ready.
 pub(crate) const LOOK: Duration = Duration::from_micros(200);
 
 /// Directory of the channel and of POSIX shared memory.
@@ -32,14 +32,14 @@ type Request = [u64; 4];
 type Response = [u64; 2];
 type Factory = PortFactory<ipc::Service, Request, (), Response, ()>;
 
-/// A server in a child process and a client of it.
+/// A server in a child process, and a client of this server.
 pub(crate) struct Pair {
     client: Client<ipc::Service, Request, (), Response, ()>,
     _service: Factory,
     _node: Node<ipc::Service>,
     page: Page,
     sleeps: bool,
-    // Dropped after the ports, because dropping this field ends the server; dropped before the files.
+    // Dropping this field ends the server. It is dropped after the ports and before the files.
     _server: Child,
     _files: Files,
 }

@@ -1,8 +1,8 @@
 //! The start-up handshake: the client writes 16#0001 to `w_CPU_CONTROL` and waits for 16#0002 in
 //! `w_OPTION_STATUS`.
 //!
-//! For comparison, two processes without other work exchange the same two values over a bare shared
-//! page. To repeat it, the client writes 16#0000 and waits for 16#0001, which is not measured.
+//! For comparison, two processes without other work exchange the same two values over a bare shared page. Before each
+//! repetition the client writes 16#0000 and waits for 16#0001; this time is not measured.
 
 use crate::support::child::{Child, when_parent_ends};
 use crate::support::cpu::{self, Pinned};
@@ -92,8 +92,8 @@ fn start(busy: bool, cpu: usize) -> Remote {
     Remote::start(EmulatorOptions { clock: Clock::RealTime { speed: 1.0 }, busy, cpu })
 }
 
-/// Measures the handshake, then returns to the state before it. `exchange` writes a command and returns when it is
-/// answered.
+/// Measures the handshake, then returns to the state before it. `exchange` writes a command and returns when the
+/// command is answered.
 fn measure(times: u64, samples: &mut Samples, exchange: impl Fn(u16)) -> Duration {
     exchange(RESTART);
     let mut total = Duration::ZERO;

@@ -1,7 +1,7 @@
 //! Measures how long a client in another process waits for the emulator.
 //!
-//! Each latency that depends on the machine is compared with the same operation without an emulator, in the
-//! same run. At the end the medians are printed with their targets; see `docs/internals/performance.md`.
+//! Each latency that depends on the machine is compared with the same operation without an emulator, in the same run.
+//! At the end the benchmark prints the medians with their targets; `docs/internals/performance.md` explains them.
 //!
 //! Processes are pinned: the client to the first processor, the other process to the second, unless a benchmark says
 //! otherwise. The benchmark changes no register of a running instance and leaves no file or process.

@@ -9,8 +9,8 @@ use commram::devices::omega_drive_line_2::registers::{BAUD_RATES, CANsync_MA_CTR
 use commram::memory::{Segment, View};
 use std::ops::RangeInclusive;
 
-/// Takes node 2 from restart to active operation at 500 kbit/s, with both reference value and both actual
-/// value channels configured and the slaves `slaves` asked in turn. `advance` advances the clock by
+/// Takes node 2 from restart to active operation at 500 kbit/s, with both reference value and both actual value
+/// channels configured and the slaves `slaves` polled in turn. `advance` advances the clock by a number of
 /// microseconds.
 pub(crate) fn activate(
     segment: &Segment,
@@ -21,7 +21,8 @@ pub(crate) fn activate(
     let expected = usize::from(*slaves.start())..usize::from(last) + 1;
     let node = Node::at(segment, NODE2, &BAUD_RATES[0], Mode::Master).expecting(expected);
     let master = segment.view::<CANsync_MA_CTRL_BMSTRUCT>(NODE2).expect("node 2 is there");
-    // In real time the firmware may poll at the very moment of a write. Then it sees the write only one cycle later.
+    // In real time the firmware may poll at the moment of a write. It then reads the written value only one cycle
+    // later.
     let mut pass = |us| advance(2 * us);
     bring_up(&[&node], ..=Stage::SetUp, &mut pass);
     let cfg = &master._CFG_WRC_WORD;
@@ -44,10 +45,10 @@ pub(crate) fn activate(
         slave.b_CFG_RDC2_WORD1.store(0x13);
     }
     master.b_MAX_SL_NR.store(last);
-    // Request the actual values of the slaves in turn.
+    // The master requests the actual values of the slaves in turn.
     master.b_CTRLREG_RD_ORDER_RDC1.store(0x80);
     master.b_CTRLREG_RD_ORDER_RDC2.store(0x80);
-    // Let all drives lock, then enable.
+    // Waits until all drives are locked, then enables them.
     pass(1_000_000);
     bring_up(&[&node], Stage::Active.., &mut pass);
     master

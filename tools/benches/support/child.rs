@@ -1,8 +1,8 @@
 //! Child processes that cannot outlive the benchmark.
 //!
-//! A child is another process of this executable; its first argument selects a role instead of measuring.
-//! Its standard input is a pipe without data: when the benchmark ends, for any reason, the pipe
-//! breaks and the child ends in good order.
+//! A child is another process of this executable; its first argument selects a role instead of measuring. Its standard
+//! input is a pipe without data: when the benchmark ends, for any reason, the pipe breaks and the child ends in an
+//! orderly way.
 
 use super::PATIENCE;
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -22,12 +22,13 @@ pub(crate) fn role() -> Option<Vec<String>> {
 
 /// Runs `stop` in a child process when the parent wants the child to end, or has ended itself.
 pub(crate) fn when_parent_ends(stop: impl FnOnce() + Send + 'static) {
-    // Ctrl-C and `timeout` reach parent and children alike; the children end through the pipe.
+    // Ctrl-C and `timeout` send the signal to the parent and the children. The children ignore it, because they end
+    // with the pipe.
     for signal in [SIGINT, SIGTERM] {
         signal_hook::flag::register(signal, Arc::default()).expect("the signal can be caught");
     }
     std::thread::spawn(move || {
-        // Nothing is ever written, so this returns at the end of the pipe.
+        // The parent writes nothing, so this read returns when the pipe ends.
         let _ = std::io::stdin().read(&mut [0]);
         stop();
     });
@@ -82,7 +83,7 @@ impl Drop for Child {
     }
 }
 
-/// Waits for the end of a process; kills it if that takes too long, and then returns `None`.
+/// Waits for the end of a process. If that takes too long, kills it and returns `None`.
 pub(crate) fn wait(process: &mut Process) -> Option<std::process::ExitStatus> {
     let start = Instant::now();
     while start.elapsed() < PATIENCE {

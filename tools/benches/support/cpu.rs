@@ -5,7 +5,7 @@ use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 /// Returns the first two processors that this process may use.
 ///
 /// # Panics
-/// There is only one: two processes that poll would take turns of milliseconds.
+/// If only one processor is available, two processes that poll would take turns of milliseconds.
 pub(crate) fn pair() -> [usize; 2] {
     let allowed = sched_getaffinity(None).expect("the processors can be listed");
     let mut usable = (0..CpuSet::MAX_CPU).filter(|&cpu| allowed.is_set(cpu));
@@ -15,7 +15,7 @@ pub(crate) fn pair() -> [usize; 2] {
     }
 }
 
-/// Pins this thread, and threads and processes it starts later, to one processor.
+/// Pins this thread to one processor. Threads and processes that it starts later are pinned, too.
 pub(crate) fn pin(cpu: usize) {
     let mut set = CpuSet::new();
     set.set(cpu);

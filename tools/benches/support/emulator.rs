@@ -1,4 +1,4 @@
-//! An emulator in a child process, and the ways to reach it.
+//! An emulator in a child process, and functions to attach and connect to it.
 
 use super::child::{Child, when_parent_ends};
 use super::{PATIENCE, cpu};
@@ -25,7 +25,7 @@ pub(crate) const DRIVES: RangeInclusive<u8> = 1..=3;
 pub(crate) struct EmulatorOptions {
     /// Real time or stepped.
     pub clock: Clock,
-    /// Polls instead of sleeping.
+    /// True if the emulator polls instead of sleeping.
     pub busy: bool,
     /// Processor on which the emulator runs.
     pub cpu: usize,
@@ -98,7 +98,7 @@ impl Remote {
         &self.child
     }
 
-    /// Connects to the channel; the client polls for its reply for the time `spin` before it sleeps.
+    /// Connects to the channel. The client polls for a reply for the time `spin` before it sleeps.
     pub(crate) fn connect(&self, spin: Duration) -> Client {
         connect(&self.instance, spin)
     }
@@ -107,7 +107,7 @@ impl Remote {
 /// Attaches to the image of a ready emulator of the built-in plant.
 ///
 /// # Errors
-/// It is not ready.
+/// The emulator is not ready.
 pub(crate) fn attach(instance: &str) -> Result<Attached, MemoryError> {
     Image::attach(instance, PLC, AttachMode::ReadWrite, Some(LAYOUT_HASH))
 }

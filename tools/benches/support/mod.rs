@@ -9,7 +9,7 @@ pub(crate) mod report;
 
 use std::time::{Duration, Instant};
 
-/// Time limit for anything that another process has to do. After it the benchmark fails instead of hanging.
+/// Time limit for any action of another process. If it is exceeded, the benchmark fails instead of hanging.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Polls a condition without a pause until it is true.

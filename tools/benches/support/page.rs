@@ -1,4 +1,4 @@
-//! A bare page of shared memory, as two processes without an emulator would use it.
+//! A bare page of shared memory, in the form in which two processes without an emulator would use it.
 
 use commram::memory::{Cell16, Cell32, SharedRegs};
 use memmap2::MmapRaw;
@@ -27,13 +27,13 @@ pub(crate) struct Registers {
     pub status: Cell16,
 }
 
-// SAFETY: nothing but cells, and IntoBytes proves that there is no padding.
+// SAFETY: the structure consists of cells only, and IntoBytes proves that it has no padding.
 unsafe impl SharedRegs for Registers {}
 
 /// A mapped page.
 pub(crate) struct Page {
     map: MmapRaw,
-    /// Keeps the memory, which has no name, reachable for [`Page::open`].
+    /// The file keeps the memory reachable for [`Page::open`]; the memory has no name.
     file: File,
 }
 
@@ -60,7 +60,7 @@ impl Page {
         Page { map, file }
     }
 
-    /// Returns the path at which a child process finds the page while this process lives.
+    /// Returns the path at which a child process finds the page while this process exists.
     pub(crate) fn path(&self) -> String {
         format!("/proc/{}/fd/{}", std::process::id(), self.file.as_raw_fd())
     }
@@ -82,7 +82,7 @@ pub(crate) fn ring(word: &Cell32) {
 /// Sleeps until the word is no longer `seen`; wakes up periodically to check the other process.
 pub(crate) fn sleep(word: &Cell32, seen: u32) {
     let timeout = futex::Timespec { tv_sec: 0, tv_nsec: 100_000_000 };
-    // After any error of this call the caller polls again.
+    // After any error of this call, the caller polls again.
     let _ = futex::wait(futex_word(word), futex::Flags::empty(), seen.to_le(), Some(&timeout));
 }
 

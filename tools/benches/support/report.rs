@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-/// Maximum number of samples of one measurement. Of more samples, the last ones are kept.
+/// Maximum number of samples of one measurement. If there are more samples, the last ones are kept.
 const KEPT: usize = 1 << 20;
 /// Number of durations from which the cost of reading the clock is calculated.
 const CLOCK_READS: usize = 10_000;
@@ -83,8 +83,7 @@ pub(crate) struct Outcome {
 }
 
 impl Outcome {
-    /// Prints the medians with the target. Nothing is printed if the filter on the command line left
-    /// this measurement out.
+    /// Prints the medians with the target. Prints nothing if the filter on the command line excludes this measurement.
     pub(crate) fn print(&self) {
         if self.samples.is_empty() {
             return;

@@ -1,4 +1,4 @@
-//! The drive at the BAPS in mode "synchronous reference position": the common part of configurations B and C.
+//! A drive at the BAPS in the mode "synchronous reference position". Configurations B and C use it.
 
 use super::check;
 use commram::devices::omega_drive_line_2::blocks::*;
@@ -35,7 +35,7 @@ struct Commissioning {
     _BAPS_SD_DATA: BAPS_BMSTRUCT,
     write: BAPS_PAR_WRITE,
     service: BAPS_SD_CONTROL,
-    /// Words still to be written, the next one last.
+    /// Words that still have to be written; the last element is the next word.
     left: Vec<(u16, u16)>,
 }
 
@@ -62,10 +62,10 @@ pub(crate) struct SynchronousDrive {
     init: BAPS_INIT,
     comm: BAPS_PD_COMM2,
     watch: BAPS_PD_CONTROL,
-    /// Bits of the angle reference value that have an effect.
+    /// Mask of the bits of the angle reference value that have an effect.
     mask: u32,
     angle: u32,
-    /// Remaining reference values of the movement.
+    /// Number of remaining reference values of the movement.
     left: u32,
     cycles: u32,
 }
@@ -82,7 +82,7 @@ impl SynchronousDrive {
                 service: BAPS_SD_CONTROL::default(),
                 left,
             },
-            // No event for `BAPS_INIT`: another event drives the process data.
+            // `BAPS_INIT` enables no event, because another event starts the exchange of process data.
             init: BAPS_INIT {
                 w_COMMAND_REG,
                 u_WR_PAR_NR0: ANGLE_REFERENCE,
@@ -137,7 +137,7 @@ impl SynchronousDrive {
         Ok(Progress::done_if(arrived))
     }
 
-    /// Returns the end of the movement, as the drive shows it in P258.
+    /// Returns the end of the movement in the form in which the drive shows it in P258.
     pub(crate) fn end(&self) -> u32 {
         self.comm.ud_RD_VALUE1
     }

@@ -16,15 +16,15 @@ use std::time::Duration;
 pub(crate) const SYNC: usize = 12;
 /// Command number with which the master ends the example programs of its slaves.
 pub(crate) const END: u8 = 128;
-/// Value 0 is a doubleword in words 0 and 1 of each frame 1: number of the value in each word ...
+/// For each word of frame 1, the number of the value in the word: value 0 is a doubleword in words 0 and 1.
 pub(crate) const VALUES: [i8; 4] = [0, 0, -1, -1];
-/// ... and whether the word is its high one.
+/// For each word of frame 1, true if it is the high word of its value.
 pub(crate) const HIGH: [bool; 4] = [false, true, false, false];
 /// Maximum time without progress.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// Instance and PLC of a program, from the command line: `[-i INSTANCE] [PLC [NUMBERS...]]`. The variable COMMRAM_INSTANCE names the
-/// instance as well, as it does for all of commram.
+/// Instance and PLC of a program, from the command line: `[-i INSTANCE] [PLC [NUMBERS...]]`. The variable COMMRAM_INSTANCE also
+/// names the instance, as for all commands of commram.
 pub(crate) struct Arguments {
     instance: String,
     plc: String,
@@ -49,7 +49,7 @@ impl Arguments {
     }
 }
 
-/// Runs a program until it ends: cyclic task every 10 ms, a task for one event.
+/// Runs a program until it ends: the cyclic task every 10 ms, and a task for one event.
 pub(crate) fn run<P: Program<Error = String>>(
     arguments: Result<Arguments, String>,
     event: usize,

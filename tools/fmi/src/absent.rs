@@ -1,5 +1,5 @@
 //! Features that the units do not offer: model exchange, scheduled execution, clocks, binaries, texts, derivatives, and variables
-//! of types that no register has. The standard demands the functions nevertheless; they return an error.
+//! of types that no register has. The standard still requires these functions; they return an error.
 
 use super::border::{
     ClockUpdate, DependencyKind, Instance, IntervalQualifier, LockPreemption, LogMessage, Refused, Status,

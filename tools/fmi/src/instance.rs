@@ -10,15 +10,15 @@ use std::path::Path;
 /// Life cycle of an instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Mode {
-    /// After instantiation or a reset.
+    /// The instance was created or reset.
     Instantiated,
-    /// In initialization.
+    /// The instance is being initialized.
     Initializing,
-    /// Between steps.
+    /// The instance is between two steps.
     Stepping,
-    /// After termination.
+    /// The instance was terminated.
     Ended,
-    /// After an internal error: the instance is unusable.
+    /// An internal error has occurred; the instance cannot be used any more.
     Broken,
 }
 
@@ -33,7 +33,8 @@ impl Log {
     fn report(self, status: Status, category: &CStr, text: &str) {
         let Some(callback) = self.callback else { return };
         let text = CString::new(text.replace('\0', " ")).unwrap_or_default();
-        // SAFETY: the creator of the instance guarantees both for its whole life; the texts live as long as the call.
+        // SAFETY: the creator of the instance guarantees the callback and its argument for the whole life of the
+        // instance. The texts are valid during the call.
         unsafe { callback(self.environment, status, category.as_ptr(), text.as_ptr()) }
     }
 }
@@ -158,7 +159,8 @@ fn text<'a>(text: *const c_char, what: &str) -> Result<&'a str, Refused> {
     if text.is_null() {
         return Err(Refused(format!("{what} is a null pointer")));
     }
-    // SAFETY: it is not null, and the standard demands that it ends with a zero and lives as long as the call.
+    // SAFETY: the pointer is not null. The standard requires that the text ends with a zero and is valid during the
+    // call.
     let text = unsafe { CStr::from_ptr(text) };
     text.to_str().map_err(|_| Refused(format!("{what} is no text in UTF-8")))
 }

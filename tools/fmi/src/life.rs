@@ -48,10 +48,10 @@ exported! {
     fn fmi3FreeInstance(instance: Instance) -> () {
         if !instance.is_null() {
             let free = || {
-                // SAFETY: it is from `fmi3InstantiateCoSimulation`, and the caller does not use it any more.
+                // SAFETY: the instance is from `fmi3InstantiateCoSimulation`, and the caller does not use it any more.
                 drop(unsafe { Box::from_raw(instance.cast::<Inner>()) });
             };
-            // A panic cannot be reported: the instance is gone.
+            // A panic cannot be reported, because the instance no longer exists.
             let _ = catch_unwind(AssertUnwindSafe(free));
         }
     }
@@ -93,7 +93,7 @@ exported! {
         with(instance, |it| {
             it.is_in(&[Mode::Stepping], "fmi3DoStep")?;
             let done = it.unit.step(point, size);
-            // SAFETY: the caller passes a place for each, or null.
+            // SAFETY: for each value the caller passes a place or null.
             unsafe {
                 give(needs_events, false);
                 give(terminates, false);

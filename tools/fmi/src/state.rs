@@ -5,7 +5,7 @@ use super::instance::Mode;
 use commram::fmi::UnitState;
 use core::ffi::c_void;
 
-/// A state, as the caller holds it.
+/// A state to which the caller has a pointer.
 struct SavedState {
     state: UnitState,
     mode: Mode,
@@ -13,7 +13,7 @@ struct SavedState {
 
 /// Returns the state at a pointer from the caller.
 fn saved_state<'a>(state: *mut c_void) -> Result<&'a SavedState, Refused> {
-    // SAFETY: it is null, or from `fmi3GetFMUState` or `fmi3DeserializeFMUState` and not freed.
+    // SAFETY: the pointer is null, or is from `fmi3GetFMUState` or `fmi3DeserializeFMUState` and was not freed.
     unsafe { state.cast::<SavedState>().as_ref() }
         .ok_or_else(|| Refused("the state is a null pointer".to_owned()))
 }
@@ -24,7 +24,7 @@ fn place<'a>(to: *mut *mut c_void) -> Result<&'a mut *mut c_void, Refused> {
     unsafe { to.as_mut() }.ok_or_else(|| Refused("no place for the state".to_owned()))
 }
 
-/// Stores a state, in place of an earlier one.
+/// Stores a state. Replaces an earlier state at the same place.
 fn store_state(to: &mut *mut c_void, state: SavedState) {
     // SAFETY: a pointer that is not null is a state from this library that was not freed.
     match unsafe { to.cast::<SavedState>().as_mut() } {
@@ -54,7 +54,7 @@ exported! {
         with(instance, |_| {
             let state = core::mem::replace(place(state)?, core::ptr::null_mut());
             if !state.is_null() {
-                // SAFETY: it was made here, and the caller does not use it any more.
+                // SAFETY: this library has created the state, and the caller does not use it any more.
                 drop(unsafe { Box::from_raw(state.cast::<SavedState>()) });
             }
             Ok(())
@@ -63,7 +63,7 @@ exported! {
 
     fn fmi3SerializedFMUStateSize(instance: Instance, state: *mut c_void, size: *mut usize) -> Status {
         with(instance, |it| {
-            // SAFETY: the caller passes a place for it.
+            // SAFETY: the caller passes a place for the size.
             let [size] = unsafe { write(size, 1) }? else { return Ok(()) };
             *size = bytes(it, saved_state(state)?).len();
             Ok(())
@@ -104,7 +104,7 @@ exported! {
     }
 }
 
-/// Returns a state as bytes, with the phase of its life that the instance was in.
+/// Returns a state as bytes, with the phase of its life cycle that the instance was in.
 fn bytes(it: &super::instance::Inner, kept: &SavedState) -> Vec<u8> {
     let mode = match kept.mode {
         Mode::Instantiated => 0,

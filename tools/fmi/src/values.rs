@@ -70,7 +70,7 @@ fn are_as_many(references: usize, values: usize) -> Result<(), Refused> {
 }
 
 /// # Safety
-/// There are as many references and values.
+/// `references` points to `count` references, and `values` to `value_count` values.
 unsafe fn get<T: Typed>(
     instance: Instance,
     references: *const u32,
@@ -91,7 +91,7 @@ unsafe fn get<T: Typed>(
 }
 
 /// # Safety
-/// There are as many references and values.
+/// `references` points to `count` references, and `values` to `value_count` values.
 unsafe fn set<T: Typed>(
     instance: Instance,
     references: *const u32,

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 #[error("{at}: {reason}")]
 pub struct Error {
-    /// Where the layout is wrong.
+    /// Place of the error in the layout.
     pub at: Location,
     /// The error, and the correct form.
     pub reason: Box<Reason>,

@@ -1,4 +1,4 @@
-//! The front of a device as a part of its registers: a space, and an area with one structure, in the header page.
+//! The front of a device in the form of registers: a space, and an area with one structure, in the header page.
 
 use crate::model::{
     Area, Device, Field, FieldType, FrontWord, Letter, Owner, Provenance, Space, Structure, Unit,
@@ -7,12 +7,12 @@ use std::collections::BTreeSet;
 
 /// First byte and size of the front in the header page.
 const PLACE: (u32, u32) = (3520, 256);
-/// The decision for its place.
+/// The decision about the place of the front.
 const DECISION: &str = "D-281";
 
 /// The front in the form of registers.
 pub struct Front {
-    /// The addresses of the front, after the spaces of the device. No program of the device knows them.
+    /// The addresses of the front, after the spaces of the device. No program of the device uses these addresses.
     pub space: Space,
     /// The structure of the words.
     pub words: Structure,

@@ -24,7 +24,7 @@ pub(crate) struct File {
 pub(crate) struct RawKey {
     name: String,
     is: Value,
-    /// A text without quotation marks.
+    /// A text that is written without quotation marks.
     #[serde(default)]
     bare: bool,
     from: Option<Provenance>,
@@ -83,9 +83,9 @@ pub(crate) struct Gsd {
     pub page: String,
     pub keys: Vec<Key>,
     pub parameters: Vec<Parameter>,
-    /// The user's parameters without any choice.
+    /// The octets of the user's parameters that leave no choice.
     pub constants: Vec<u8>,
-    /// The user's parameters, each with its default.
+    /// The octets of the user's parameters, with every parameter at its default.
     pub defaults: Vec<u8>,
     pub diagnosis: Option<Diagnosis>,
     pub modules: Vec<Module>,
@@ -112,10 +112,10 @@ pub(crate) struct Parameter {
     pub to: u32,
 }
 
-/// The octet of the diagnosis that has texts.
+/// The octet of the diagnosis with texts for its bits.
 pub(crate) struct Diagnosis {
     pub register: (usize, String),
-    /// Octets after the header.
+    /// Number of the octet, counted after the header.
     pub octet: u32,
     pub from: Provenance,
 }
@@ -254,12 +254,12 @@ fn parameter_of(
 }
 
 impl Parameter {
-    /// Octets that it takes.
+    /// Returns the number of octets of the parameter.
     pub(crate) fn octets(&self) -> usize {
         if self.to > u8::MAX.into() { 2 } else { 1 }
     }
 
-    /// Writes the default at its place in `octets`, high byte first; `None` if its place is past the end.
+    /// Writes the default at its place in `octets`, high byte first. Returns `None` if the place is beyond the end.
     fn put(&self, octets: &mut [u8]) -> Option<()> {
         let first = self.octet as usize;
         let own = octets.get_mut(first..first + self.octets())?;

@@ -32,7 +32,7 @@ use std::path::{Path, PathBuf};
 pub struct Compiled {
     /// Rust source of the device's module.
     pub rust: String,
-    /// Hash over everything that affects addresses or widths, the module's `LAYOUT_HASH`.
+    /// Hash over all properties that affect addresses or widths. It is the `LAYOUT_HASH` of the module.
     pub layout_hash: u64,
     /// Every file that was read.
     pub inputs: Vec<PathBuf>,
@@ -41,7 +41,7 @@ pub struct Compiled {
 /// Compiles the common part of a family's devices, in `dir`, starting at its `family.toml`.
 ///
 /// # Errors
-/// Returns the first error, with its place.
+/// The error with its place, if the layout has one.
 pub fn compile_family(dir: &Path) -> Result<String, Error> {
     let family = check::load_family(&mut source::Sources::new(dir))?;
     Ok(emit::family(&family))
@@ -50,7 +50,7 @@ pub fn compile_family(dir: &Path) -> Result<String, Error> {
 /// Compiles the layout in `dir`, starting at its `device.toml`.
 ///
 /// # Errors
-/// Returns the first error, with its place.
+/// The error with its place, if the layout has one.
 pub fn compile(dir: &Path) -> Result<Compiled, Error> {
     let Layout { device, layout_hash, inputs } = read(dir)?;
     let inputs = inputs.into_iter().map(|(path, _)| path).collect();
@@ -61,7 +61,7 @@ pub fn compile(dir: &Path) -> Result<Compiled, Error> {
 pub struct Layout {
     /// The checked layout.
     pub device: model::Device,
-    /// Hash over everything that affects addresses or widths.
+    /// Hash over all properties that affect addresses or widths.
     pub layout_hash: u64,
     /// Every file that was read, with its text.
     pub inputs: Vec<(PathBuf, String)>,
@@ -70,7 +70,7 @@ pub struct Layout {
 /// Reads the layout in `dir`, starting at its `device.toml`, and checks it like [`compile`].
 ///
 /// # Errors
-/// Returns the first error, with its place.
+/// The error with its place, if the layout has one.
 pub fn read(dir: &Path) -> Result<Layout, Error> {
     read_from(source::Sources::new(dir))
 }
@@ -79,7 +79,7 @@ pub fn read(dir: &Path) -> Result<Layout, Error> {
 /// and must not be links.
 ///
 /// # Errors
-/// Returns the first error, with its place.
+/// The error with its place, if the layout has one.
 pub fn read_folder(dir: &Path) -> Result<Layout, Error> {
     read_from(source::Sources::of_folder(dir))
 }
@@ -87,7 +87,7 @@ pub fn read_folder(dir: &Path) -> Result<Layout, Error> {
 /// Does the same as [`read_folder`], with texts that replace the contents of some files, by their paths.
 ///
 /// # Errors
-/// Returns the first error, with its place.
+/// The error with its place, if the layout has one.
 pub fn read_edited_folder(dir: &Path, edits: BTreeMap<PathBuf, String>) -> Result<Layout, Error> {
     read_from(source::Sources::of_folder(dir).edited(edits))
 }
@@ -98,10 +98,11 @@ fn read_from(mut sources: source::Sources) -> Result<Layout, Error> {
     Ok(Layout { device, layout_hash, inputs: sources.into_files() })
 }
 
-/// Reads another file of the folder `dir` as text, with the rules of [`read_folder`]; `None` if there is none.
+/// Reads another file of the folder `dir` as text, with the rules of [`read_folder`]. Returns `None` if the file does
+/// not exist.
 ///
 /// # Errors
-/// The file is a link, no regular file, too long, or no text.
+/// The file is a link, not a regular file, too long, or not a text.
 pub fn read_file_of_folder(dir: &Path, name: &str) -> Result<Option<String>, Error> {
     source::Sources::of_folder(dir).read_text(name)
 }

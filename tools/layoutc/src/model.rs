@@ -6,7 +6,7 @@ pub use crate::raw::{Letter, Owner, Provenance, Role, Unit};
 
 /// A whole device, or a family: structures without areas.
 pub struct Device {
-    /// Name, letter for letter.
+    /// Name, letter for letter as in the manual.
     pub name: String,
     /// The vendor's name of the device.
     pub title: String,
@@ -14,7 +14,7 @@ pub struct Device {
     pub manual: String,
     /// Facts that the manual does not state about the whole device; empty if none.
     pub undocumented: String,
-    /// Name of the family that the `shared` structures and meanings are of.
+    /// Name of the family to which the `shared` structures and meanings belong.
     pub family: Option<String>,
     /// Lowest number of the switches.
     pub dip_first: u8,
@@ -28,7 +28,7 @@ pub struct Device {
     pub structures: Vec<Structure>,
     /// Address spaces in the order of the files; they do not overlap in the image.
     pub spaces: Vec<Space>,
-    /// In ascending order.
+    /// Areas in ascending order.
     pub areas: Vec<Area>,
     /// The area with a size that each plant sets, and its default size in bytes.
     pub retain: Option<(Area, u32)>,
@@ -38,7 +38,7 @@ pub struct Device {
     pub(crate) gsd: Option<Gsd>,
     /// Words of the front in the header page, in ascending order.
     pub front: Vec<FrontWord>,
-    /// In the order of their numbers.
+    /// Ports in the order of their numbers.
     pub ports: Vec<Port>,
     /// The area of the device's own interface, index into [`Device::areas`].
     pub own: Option<usize>,
@@ -53,15 +53,15 @@ pub struct Phases {
     pub register: String,
     /// Source of the fact.
     pub source: Provenance,
-    /// True if they are the family's.
+    /// True if the family declares the phases.
     pub shared: bool,
-    /// In ascending order of their values; phase number n is entry n - 1.
+    /// The phases in ascending order of their values. Phase number n is entry n - 1.
     pub values: Vec<Phase>,
 }
 
 /// One of the phases.
 pub struct Phase {
-    /// Name, letter for letter.
+    /// Name, letter for letter as in the manual.
     pub name: String,
     /// First value of the register; the phase ends before the first value of the next one.
     pub from: u32,
@@ -72,19 +72,19 @@ pub struct Phase {
 }
 
 impl Device {
-    /// Returns the name of a phase; 0 is `always`.
+    /// Returns the name of a phase. The name of phase 0 is `always`.
     pub(crate) fn phase_name(&self, number: usize) -> &str {
         let phase = self.phases.as_ref().and_then(|phases| phases.values.get(number.checked_sub(1)?));
         phase.map_or(ALWAYS, |phase| &phase.name)
     }
 }
 
-/// Name in layouts of the phase of structures that are valid always.
+/// Name of phase 0, in which structures without a phase are valid.
 pub(crate) const ALWAYS: &str = "always";
 
 /// A word of the front in the header page.
 pub struct FrontWord {
-    /// Name, letter for letter.
+    /// Name, letter for letter as in the manual.
     pub name: String,
     /// Data type.
     pub scalar: Scalar,
@@ -94,7 +94,7 @@ pub struct FrontWord {
     pub owner: Owner,
     /// Index into [`Device::meanings`].
     pub meaning: Option<usize>,
-    /// Four characters of a text.
+    /// True if the word contains four characters of a text.
     pub is_text: bool,
     /// Source of the fact.
     pub source: Provenance,
@@ -106,7 +106,7 @@ pub struct FrontWord {
 
 /// The device's connection to a medium.
 pub struct Port {
-    /// Name, letter for letter.
+    /// Name, letter for letter as in the manual.
     pub name: String,
     /// Number, from 1.
     pub number: u8,
@@ -118,13 +118,13 @@ pub struct Port {
     pub area: usize,
 }
 
-/// One line of the timing table, as it is written in Rust: names and values of fields.
+/// One line of the timing table as Rust source: names and values of its fields.
 pub(crate) struct BaudRate {
     pub numbers: Vec<(&'static str, u32)>,
     pub deadlines: Vec<(&'static str, Deadline)>,
 }
 
-/// Microseconds after the start of the event task, equal for a single time.
+/// Limits of a time in microseconds after the start of the event task. Both are equal for a single time.
 pub(crate) struct Deadline {
     pub earliest: u32,
     pub latest: u32,
@@ -133,11 +133,11 @@ pub(crate) struct Deadline {
 
 /// A range of addresses with one notation.
 pub struct Space {
-    /// Name, letter for letter.
+    /// Name, letter for letter as in the manual.
     pub name: String,
     /// Letter after the `%` of an address.
     pub letter: Letter,
-    /// Number between width and address, if there is one.
+    /// Number between the width and the address, if the notation has one.
     pub segment: Option<u16>,
     /// Unit of the number in an address.
     pub unit: Unit,
@@ -154,7 +154,7 @@ pub struct Space {
 }
 
 impl Space {
-    /// Returns the number of bytes that one number of an address counts.
+    /// Returns the number of bytes between two consecutive numbers of addresses.
     pub(crate) fn unit_bytes(&self) -> u32 {
         match self.unit {
             Unit::Byte => 1,
@@ -162,7 +162,7 @@ impl Space {
         }
     }
 
-    /// Returns the byte of the image where number `number` lies, if the space begins before it.
+    /// Returns the byte of the image at address number `number`. `None` if the space begins after this number.
     pub(crate) fn place(&self, number: u32) -> Option<u32> {
         let bytes = number.checked_sub(self.first)?.checked_mul(self.unit_bytes())?;
         self.offset.checked_add(bytes)
@@ -176,7 +176,7 @@ impl Space {
 
 /// A range of addresses with a purpose.
 pub struct Area {
-    /// Name, letter for letter.
+    /// Name, letter for letter as in the manual.
     pub name: String,
     /// Source of the name.
     pub name_from: Provenance,
@@ -200,21 +200,21 @@ pub struct Area {
 pub struct AreaStructure {
     /// Index into [`Device::structures`].
     pub structure: usize,
-    /// Number of the phase in which it is valid, from 1; 0: always.
+    /// Number of the phase in which the structure is valid, from 1; 0 if it is always valid.
     pub live: usize,
-    /// Role that the port of this area must have for the structure to be there; `None`: any role.
+    /// Role that the port of this area must have; `None` for any role.
     pub role: Option<Role>,
-    /// Name of the variable that the application declares there.
+    /// Name of the variable that the application declares for the structure.
     pub variable: String,
     /// Source of the variable's name.
     pub variable_from: Provenance,
-    /// Names of the structure's registers that are unused here.
+    /// Names of the structure's registers that are unused in this area.
     pub unused: Vec<String>,
 }
 
 /// A structure or sub-structure: fields in ascending order that cover `0..size` without a gap.
 pub struct Structure {
-    /// Name, letter for letter.
+    /// Name, letter for letter as in the manual.
     pub name: String,
     /// Source of the name.
     pub name_from: Provenance,
@@ -226,9 +226,9 @@ pub struct Structure {
     pub page: String,
     /// Purpose.
     pub doc: String,
-    /// True if it is the family's.
+    /// True if the meaning belongs to the family.
     pub shared: bool,
-    /// The family's structure as which it can be viewed: an index into [`Device::structures`].
+    /// The family's structure as which this structure can be viewed: an index into [`Device::structures`].
     pub view: Option<usize>,
     /// Fields in ascending order.
     pub fields: Vec<Field>,
@@ -236,7 +236,7 @@ pub struct Structure {
 
 /// A register, an array of registers, or padding.
 pub struct Field {
-    /// Name, letter for letter.
+    /// Name, letter for letter as in the manual.
     pub name: String,
     /// Name in the structure of `view`.
     pub view_name: String,
@@ -246,13 +246,13 @@ pub struct Field {
     pub kind: FieldType,
     /// Bounds of the array; empty for a single register.
     pub dims: Vec<u32>,
-    /// Elements below these indices are used, the others are reserved; as long as `dims`.
+    /// Elements below these indices are used; the others are reserved. As many entries as `dims`.
     pub used: Vec<u32>,
-    /// The manual's name of the whole array's type; empty if it follows the pattern.
+    /// The manual's name of the type of the whole array; empty if the name follows the pattern.
     pub array_type: String,
     /// Another name of the register in the manual; empty if none.
     pub also: String,
-    /// True if the manual reserves it.
+    /// True if the manual reserves the bits.
     pub reserved: bool,
     /// The writer.
     pub owner: Owner,
@@ -283,7 +283,7 @@ pub struct Dim {
     pub count: u32,
     /// Elements from this index on are reserved.
     pub used: u32,
-    /// Bytes from element to element.
+    /// Distance from element to element in bytes.
     pub stride: u32,
 }
 
@@ -322,7 +322,7 @@ pub enum Scalar {
 }
 
 impl Scalar {
-    /// Type name, short name in front of register names, width in bytes.
+    /// For each type: its name, the short name before register names, the width in bytes.
     const TABLE: [(Scalar, &'static str, &'static str, u32); 9] = [
         (Scalar::Byte, "BYTE", "b", 1),
         (Scalar::Word, "WORD", "w", 2),
@@ -365,7 +365,7 @@ impl Scalar {
         matches!(self, Scalar::Sint | Scalar::Int | Scalar::Dint)
     }
 
-    /// Returns the contents type of a cell in generated code: bits, without a sign.
+    /// Returns the type of a cell's content in generated code: bits, without a sign.
     pub(crate) fn content(self) -> &'static str {
         match self.width() {
             1 => "u8",
@@ -382,13 +382,13 @@ impl Scalar {
 
 /// Meanings of the values and bits of a register.
 pub struct Meaning {
-    /// Name, letter for letter.
+    /// Name, letter for letter as in the manual.
     pub name: String,
-    /// Manuals, and the pages on which they state it; none if no manual does.
+    /// Manuals with the pages on which they state the meaning; empty if no manual states it.
     pub pages: Vec<(String, String)>,
-    /// True if it is the family's.
+    /// True if the meaning belongs to the family.
     pub shared: bool,
-    /// Type of the constants for values and bits with an `id`; `None`: no constants.
+    /// Type of the constants for values and bits with an `id`; `None` if there are no constants.
     pub scalar: Option<Scalar>,
     /// Values of a request and of its answer.
     pub handshake: Option<(u32, u32)>,
@@ -399,12 +399,12 @@ pub struct Meaning {
 }
 
 impl Meaning {
-    /// Returns the pages of this manual that state it; empty if none does.
+    /// Returns the pages of this manual that state the meaning; empty if it does not.
     pub fn page_in(&self, manual: &str) -> &str {
         self.pages.iter().find(|(known, _)| known == manual).map_or("", |(_, pages)| pages)
     }
 
-    /// True if a manual states a part of it.
+    /// True if a manual states a part of the meaning.
     pub(crate) fn is_documented(&self) -> bool {
         self.sources().any(|source| *source == Provenance::Manual)
     }
@@ -423,13 +423,13 @@ impl Meaning {
 pub struct Value {
     /// Name in generated code.
     pub id: Option<String>,
-    /// First value, or lowest bit.
+    /// Lowest bit.
     pub first: u32,
-    /// Last value, or highest bit.
+    /// Highest bit.
     pub last: u32,
     /// The meaning; `{}` stands for the value.
     pub text: String,
-    /// True if the manual reserves it.
+    /// True if the manual reserves the bits.
     pub reserved: bool,
     /// Source of the fact.
     pub source: Provenance,
@@ -439,11 +439,11 @@ pub struct Value {
 pub struct Bit {
     /// Name in generated code.
     pub id: Option<String>,
-    /// First value, or lowest bit.
+    /// Lowest bit.
     pub first: u8,
-    /// Last value, or highest bit.
+    /// Highest bit.
     pub last: u8,
-    /// Name, letter for letter.
+    /// Name, letter for letter as in the manual.
     pub name: String,
     /// Meaning of a single bit with value 0.
     pub zero: String,
@@ -453,9 +453,9 @@ pub struct Bit {
     pub text: String,
     /// Meanings of values as a whole.
     pub values: Vec<Value>,
-    /// True if the meaning continues the one before, without a comma.
+    /// True if the text continues the text of the previous field without a comma.
     pub joined: bool,
-    /// True if the manual reserves it.
+    /// True if the manual reserves the bits.
     pub reserved: bool,
     /// Source of the fact.
     pub source: Provenance,
@@ -467,7 +467,7 @@ impl Device {
         self.substructures.iter().chain(&self.structures).filter(|structure| !structure.shared)
     }
 
-    /// Returns the family's structures and sub-structures that something of the device is made of.
+    /// Returns the structures and sub-structures of the family that the device uses.
     pub(crate) fn used_shared_types(&self) -> impl Iterator<Item = &Structure> {
         self.used_types().filter(|structure| structure.shared)
     }
@@ -512,7 +512,7 @@ impl Field {
     }
 
     pub(crate) fn size(&self, subs: &[Structure]) -> u32 {
-        // Saturating: a size beyond all bounds is then refused as too long for its structure.
+        // The sum saturates: the structure then refuses the size, because it is too large.
         self.dims.iter().fold(element_size(self.kind, subs), |size, n| size.saturating_mul(*n))
     }
 

@@ -73,7 +73,7 @@ pub(crate) struct Object {
     pub default_from: Provenance,
 }
 
-/// A value that an entry begins with.
+/// The value that an entry has after power-on.
 #[derive(Debug)]
 pub(crate) enum Value {
     Nothing,
@@ -117,7 +117,7 @@ pub(crate) fn read(sources: &mut Sources, path: &str, place: SourcePlace) -> Res
     Ok(objects)
 }
 
-/// Returns the default of an entry of this type; `None` if that cannot be one.
+/// Returns the default of an entry of this type; `None` if the value does not fit the type.
 fn value(ty: Option<Type>, default: Option<Default>) -> Option<Value> {
     let most = match ty {
         Some(Type::U8) => u8::MAX.into(),

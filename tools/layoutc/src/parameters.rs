@@ -1,4 +1,4 @@
-//! Parameter tables of drives: one TOML file, checked, as a Rust table.
+//! Parameter tables of drives. A table is one TOML file, which is checked and emitted as a Rust table.
 
 use crate::error::{Error, Reason};
 use crate::source::{Sources, at};
@@ -53,7 +53,7 @@ enum Access {
 }
 
 impl Format {
-    /// Returns all values of the format; a negative minimum makes it signed.
+    /// Returns the range of values of the format. A negative minimum makes the format signed.
     fn values(self, signed: bool) -> RangeInclusive<i64> {
         match (self, signed) {
             (Format::Word, false) => 0..=u16::MAX.into(),
@@ -131,7 +131,7 @@ impl Row {
 /// Compiles the parameter table `file` in `dir`: the Rust items `PARAMETERS` and `number`.
 ///
 /// # Errors
-/// Returns the first error, with its place.
+/// The error with its place, if the table has one.
 pub fn compile(dir: &Path, file: &str) -> Result<String, Error> {
     let mut sources = Sources::new(dir);
     let (file, table): (usize, Table) = sources.parse(file, None)?;

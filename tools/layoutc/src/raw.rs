@@ -1,4 +1,4 @@
-//! The TOML files exactly as written: shape only, nothing checked yet.
+//! The TOML files in the form in which they are written: their structure, before any check.
 
 use serde::Deserialize;
 use toml::Spanned;
@@ -26,13 +26,14 @@ pub(crate) struct Device {
     pub name: Spanned<String>,
     pub title: String,
     pub manual: String,
-    /// Facts that the manual does not state, for the heads of exported files: the end of "it does not state ...".
+    /// Facts that the manual does not state, for the heads of exported files. The text completes the sentence "it does
+    /// not state ...".
     #[serde(default)]
     pub undocumented: String,
-    /// The vendor's library of types, which states true offsets; left out by a device that has none.
+    /// The vendor's library of types, which states true offsets. Omitted if the device has no library.
     #[cfg_attr(not(feature = "import"), expect(dead_code, reason = "only an import reads it"))]
     pub library: Option<String>,
-    /// Directory beside the device's, if it shares structures with others.
+    /// Directory of the family next to that of the device, if the device shares structures with others.
     pub family: Option<Spanned<String>>,
     /// Area of the device's own interface.
     pub own: Option<Spanned<String>>,
@@ -76,7 +77,7 @@ pub(crate) struct Range {
     pub last: u8,
 }
 
-/// Addresses that the application writes in the same form, and their place in the image.
+/// Addresses that the application writes in the same notation, and their position in the image.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Space {
@@ -89,7 +90,7 @@ pub(crate) struct Space {
     pub first: Spanned<u32>,
     /// Offset in the image in bytes.
     pub offset: Spanned<u32>,
-    /// Default: the end of the space's last area.
+    /// Length in bytes. Default: up to the end of the space's last area.
     pub bytes: Option<Spanned<u32>>,
     pub page: String,
     pub doc: String,
@@ -113,9 +114,9 @@ pub enum Letter {
 #[derive(Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
 #[serde(rename_all = "lowercase")]
 pub enum Unit {
-    /// Bytes, for every width.
+    /// The number counts bytes, for every width.
     Byte,
-    /// Accesses of the address's own width; of bits the words that they are in.
+    /// The number counts accesses of the address's own width. For bits, it counts the words that contain them.
     Word,
 }
 
@@ -123,13 +124,13 @@ pub enum Unit {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Area {
     pub name: Spanned<String>,
-    /// Default: the first space.
+    /// Name of the space. Default: the first space.
     pub space: Option<Spanned<String>>,
-    /// Number of its first byte or word in the space.
+    /// Number of the area's first byte or word in the space.
     pub first: Spanned<u32>,
-    /// Default size in bytes, if the plant sets none: the retain flags alone.
+    /// Default size in bytes, if the plant sets none. Only the area of the retain flags has this key.
     pub retain: Option<Spanned<u32>>,
-    /// Default: the end of the area's largest structure.
+    /// Number of the last byte or word. Default: the end of the area's largest structure.
     pub last: Option<Spanned<u32>>,
     pub cpu_first: Option<u32>,
     pub cpu_last: Option<u32>,
@@ -162,7 +163,7 @@ pub(crate) struct Front {
     pub offset: Spanned<u32>,
     pub owner: Owner,
     pub meaning: Option<Spanned<String>>,
-    /// Four characters of a text.
+    /// True if the word contains four characters of a text.
     #[serde(default)]
     pub text: bool,
     /// Source for the existence of this word; its place in the header page is commram's own.
@@ -171,7 +172,7 @@ pub(crate) struct Front {
     pub doc: String,
 }
 
-/// The device's end of a medium.
+/// A port: the connection of the device to a medium.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Port {
@@ -190,7 +191,7 @@ pub enum Role {
     Master,
     /// The port answers a master.
     Slave,
-    /// A station with the same rights as the others.
+    /// The port has the same rights as the other stations.
     Peer,
 }
 
@@ -202,7 +203,7 @@ pub(crate) struct Phases {
     pub register: Spanned<String>,
     /// Source of the values.
     pub source: Provenance,
-    /// In ascending order.
+    /// The phases in ascending order of their values.
     pub values: Spanned<Vec<Phase>>,
 }
 
@@ -241,7 +242,7 @@ pub(crate) struct BaudRate {
     pub max_bus_m: u16,
 }
 
-/// A time (`at`) or the limits of one (`from`, `to`), in microseconds after the start of the event task.
+/// A time (`at`), or the limits of a time (`from`, `to`), in microseconds after the start of the event task.
 #[derive(Deserialize, Clone)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Deadline {
@@ -268,11 +269,11 @@ pub(crate) struct Parts {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Structure {
     pub name: Spanned<String>,
-    /// Default: the size of the structure of `view`.
+    /// Length in bytes. Default: the size of the structure of `view`.
     pub size: Option<Spanned<u32>>,
     pub page: String,
     pub doc: String,
-    /// Source of the type's own name; a block has none.
+    /// Source of the type's own name. A block has no type name.
     pub name_from: Option<Provenance>,
     /// The family's structure as which firmware and function blocks view this structure.
     pub view: Option<Spanned<String>>,
@@ -286,7 +287,7 @@ pub(crate) struct Structure {
     pub register: Vec<Spanned<Entry>>,
 }
 
-/// A register, or with `padding` the bytes between two registers.
+/// A register or, with `padding`, the bytes between two registers.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Entry {
@@ -330,8 +331,8 @@ pub enum Owner {
     Both,
 }
 
-/// `"manual"` on the page given; `"manual: WHICH"` in another document; `"inferred D-02"` with the decision that
-/// says how.
+/// Source of a fact. `"manual"`: the given page of the manual. `"manual: WHICH"`: another document. `"inferred D-02"`:
+/// a decision that explains the fact.
 #[derive(Deserialize, Clone, PartialEq, Eq, Debug)]
 #[serde(try_from = "String")]
 pub enum Provenance {
@@ -400,7 +401,7 @@ pub(crate) struct Handshake {
     pub answer: u32,
 }
 
-/// One value (`is`) or a range of them (`from`, `to`); `{}` in the text is replaced by the value.
+/// One value (`is`), or a range of values (`from`, `to`). In the text, `{}` is replaced by the value.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Value {
@@ -409,7 +410,7 @@ pub(crate) struct Value {
     pub is: Option<u32>,
     pub from: Option<u32>,
     pub to: Option<u32>,
-    /// Left out for reserved values and bits.
+    /// Text of the meaning; omitted for reserved values and bits.
     pub text: Option<String>,
     #[serde(default)]
     pub reserved: bool,

@@ -1,4 +1,4 @@
-//! The files of one layout and places in them.
+//! The files of one layout, and positions in them.
 
 use crate::error::{Error, Location, Reason};
 use serde::de::DeserializeOwned;
@@ -20,9 +20,9 @@ pub(crate) struct Sources {
 /// Files that a layout may consist of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Reach {
-    /// Files of the directory, and of the directory of a family beside it.
+    /// The files of the directory, and those of the directory of a family next to it.
     Family,
-    /// Only files of the directory, without links: its author is unknown.
+    /// Only files of the directory, and no links, because the author of the directory is unknown.
     Folder,
 }
 
@@ -38,7 +38,7 @@ const LONGEST: u64 = 1 << 20;
 /// Maximum size of all files of a layout in bytes, 20 times the largest existing layout.
 const LONGEST_LAYOUT: usize = 2 << 20;
 
-/// Reads the text of a file. A file without an end, or one that blocks, is refused.
+/// Reads the text of a file. Refuses a file without an end, and a file that blocks.
 fn read(path: &Path) -> io::Result<String> {
     if !fs::metadata(path)?.is_file() {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "it is no regular file"));
@@ -56,7 +56,7 @@ impl Sources {
         Self { dir: dir.to_owned(), reach: Reach::Family, edits: BTreeMap::new(), files: Vec::new() }
     }
 
-    /// Sources that all lie in the folder `dir` itself.
+    /// Creates sources that must all be in the folder `dir` itself.
     pub(crate) fn of_folder(dir: &Path) -> Self {
         Self { reach: Reach::Folder, ..Self::new(dir) }
     }
@@ -66,7 +66,7 @@ impl Sources {
         self.reach == Reach::Folder
     }
 
-    /// Returns the text of a file that is no part of the layout; `None` if there is none.
+    /// Returns the text of a file that is not a part of the layout. `None` if the file does not exist.
     pub(crate) fn read_text(&self, name: &str) -> Result<Option<String>, Error> {
         self.confine(name).map_err(|reason| self.error_of(name, None, reason))?;
         match read(&self.dir.join(name)) {
@@ -76,7 +76,7 @@ impl Sources {
         }
     }
 
-    /// Refuses a file that is not in the folder: its name leads out of it, or a link does.
+    /// Refuses a file outside of the folder, which its name or a link would reach.
     fn confine(&self, name: &str) -> Result<(), Reason> {
         let mut path = self.dir.clone();
         for part in Path::new(name).components() {
@@ -89,7 +89,7 @@ impl Sources {
         Ok(())
     }
 
-    /// The same sources with texts that replace the contents of some files.
+    /// Returns the same sources, with texts that replace the contents of some files.
     pub(crate) fn edited(self, edits: BTreeMap<PathBuf, String>) -> Self {
         Self { edits, ..self }
     }
@@ -132,7 +132,7 @@ impl Sources {
         Ok((file, value))
     }
 
-    /// Returns the error of file `name`, at the place that names it if there is one.
+    /// Returns the error of file `name`, at the place that names the file, if there is such a place.
     fn error_of(&self, name: &str, from: Option<SourcePlace>, reason: Reason) -> Error {
         match from {
             Some(at) => self.error(at, reason),

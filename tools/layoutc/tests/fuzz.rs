@@ -1,5 +1,5 @@
-//! Input files with any contents are read or refused. The corpus of these targets is in `__fuzz__` next to this file;
-//! see `tests/__fuzz__/README.md` of the repository.
+//! Tests that input files with any contents are read or refused. The corpus of these targets is in `__fuzz__` next to
+//! this file; see `tests/__fuzz__/README.md` of the repository.
 
 #![cfg(feature = "import")]
 
@@ -33,7 +33,7 @@ fn fuzz_declarations() {
     });
 }
 
-/// The first byte selects the file of a layout that contains the others.
+/// The first byte selects which file of a layout gets the other bytes as its content.
 #[test]
 fn fuzz_layout() {
     let mut files: Vec<_> = fs::read_dir(FIXTURE).unwrap().map(|entry| entry.unwrap().path()).collect();
@@ -123,7 +123,7 @@ proptest::proptest! {
         read_or_refuse(words.join(" ").as_bytes());
     }
 
-    /// A good declaration with one replaced piece reaches deeper parts of the parser than random text.
+    /// A correct declaration with one replaced piece reaches deeper parts of the parser than random text.
     #[test]
     fn a_damaged_declaration_is_read_or_refused(
         at in 0..MIXED.split_whitespace().count(), piece in proptest::sample::select(&PIECES[..])

@@ -1,4 +1,4 @@
-//! The layout hash follows addresses and widths, and nothing else.
+//! Tests that the layout hash depends on addresses and widths only.
 
 use std::fs;
 use std::path::Path;

@@ -1,4 +1,5 @@
-//! Every kind of error in a parameter table: one edit of a correct table, the expected place and text.
+//! Tests every kind of error in a parameter table. Each test makes one edit in a correct table, and checks the place
+//! and the text of the error.
 
 use commram_layoutc::parameters;
 use std::fs;

@@ -21,10 +21,11 @@ use pyo3::types::PyDict;
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard};
 
-/// Minimum emulated time of a step, in microseconds, that lets other threads run: for a shorter step the switch costs more.
+/// Minimum emulated time, in microseconds, of a step that lets other threads run. For a shorter step, switching threads
+/// would cost more.
 const LONG_US: u64 = 10_000;
 
-/// `None` after it is closed.
+/// State of an open plant or connection; `None` after it was closed.
 struct State {
     bench: Option<Bench>,
     /// Resolved names. They stay valid: plants are not rebuilt.
@@ -79,7 +80,7 @@ impl PyBench {
         act(self.lock(py)?.open()?).map_err(errors::of)
     }
 
-    /// Runs a long operation while other threads run.
+    /// Runs a long operation. Other threads can run during this time.
     fn take<R: Send>(
         &self,
         py: Python<'_>,
@@ -294,7 +295,7 @@ impl PyBench {
         self.take(py, |bench| bench.wait_bits(register, mask.0, value.0, within.0), errors::of_wait)
     }
 
-    /// Checks once whether a wait that began at `start` has ended, for conditions in Python.
+    /// Checks once whether a wait has ended. The wait began at `start`, and its condition is in Python.
     fn pass_or_fail(&self, py: Python<'_>, start: u64, within: u64) -> PyResult<()> {
         let here = core::panic::Location::caller();
         self.take(py, |bench| bench.pass_or_fail(start, within, here), errors::of_wait)
@@ -524,7 +525,7 @@ impl PyBench {
         Ok((plc, Array::find(names.fitted(number), name)?))
     }
 
-    /// Returns the names of the rules that the access checker knows.
+    /// Returns the names of the rules of the access checker.
     #[staticmethod]
     fn rules() -> Vec<String> {
         devices::catalogue().rules.iter().map(|rule| rule.id().to_owned()).collect()
@@ -556,7 +557,7 @@ fn areas(bench: &Bench) -> Vec<String> {
     all
 }
 
-/// Returns the identifier and mask of 11 bits; `None` if it has 29.
+/// Returns the identifier and the mask of a frame with an 11-bit identifier. `None` for an identifier of 29 bits.
 fn standard(identifier: u32, extended: bool, mask: Option<u16>) -> PyResult<Option<(u16, u16)>> {
     match (extended, mask, u16::try_from(identifier)) {
         (true, None, _) => Ok(None),

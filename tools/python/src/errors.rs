@@ -1,4 +1,4 @@
-//! Errors of the library as exceptions. Their classes are Python's: `python/commram/_errors.py`.
+//! Converts errors of the library to exceptions. Their classes are defined in Python: `python/commram/_errors.py`.
 
 use commram::channel::ClientError;
 use commram::memory::MemoryError;
@@ -14,7 +14,7 @@ thread_local! {
     static RAISED: RefCell<Option<PyErr>> = const { RefCell::new(None) };
 }
 
-/// True if a signal's handler raises something now: KeyboardInterrupt, on the main thread.
+/// True if the handler of a signal raises an exception now: KeyboardInterrupt, on the main thread.
 pub(crate) fn is_interrupted() -> bool {
     let raised = Python::attach(|py| py.check_signals().err());
     let is_raised = raised.is_some();
@@ -64,7 +64,7 @@ pub(crate) fn of_wait(error: ScenarioError) -> PyErr {
 }
 
 fn failed(class: &str, mut failure: Failure) -> PyErr {
-    // The line is in the test; Python reports it.
+    // The line is in the test, and Python reports it.
     failure.location = None;
     let error = of_class(class, &failure);
     let describe = |py: Python<'_>| {

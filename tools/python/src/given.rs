@@ -1,4 +1,4 @@
-//! Arguments as Python gives them.
+//! Arguments of calls from Python.
 
 use crate::errors::wrong_type;
 use commram::script::{Span, Value};
@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyBytes, PyString};
 use std::path::PathBuf;
 
-/// Takes an integer, and refuses values that Python would convert to one, such as a bool or a float.
+/// Converts an integer. Refuses values that Python would convert to an integer, such as a bool or a float.
 fn integer(given: &Bound<'_, PyAny>, right: &str) -> PyResult<i64> {
     if given.is_instance_of::<PyBool>() {
         return Err(wrong_type(given, right));

@@ -19,9 +19,9 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex, RwLock};
 use std::time::Instant;
 
-/// Period in which a wait checks for signals.
+/// Interval at which a wait checks for signals.
 const SLICE: Duration = Duration::from_millis(100);
-/// Default PLC if a PLC of this name exists: the PLC of the built-in plant.
+/// Name of the default PLC, if such a PLC exists: the PLC of the built-in plant.
 const USUAL: &str = "line";
 
 /// An attached image. Every thread may use it.

@@ -12,7 +12,8 @@ use std::time::Instant;
 
 /// Pause between two checks whether an instance has started.
 const PAUSE: Duration = Duration::from_millis(10);
-/// Timeout of a reply. A verb requests at most 100 ms of emulated time at once, which take longer in slow motion.
+/// Timeout of a reply. A verb requests at most 100 ms of emulated time in one request. With a slow clock, this takes a
+/// longer real time.
 const REPLY: Duration = Duration::from_secs(60);
 
 /// Connects to an instance; waits up to the given time for an instance that does not exist yet.
@@ -41,7 +42,8 @@ fn enter(instance: &str) -> PyResult<Client> {
     Client::connect(instance, &root, Box::new(bells), patience).map_err(|error| errors::client(&error))
 }
 
-/// Returns the PLCs of an instance, one at least: those that are served, or those that a dead emulator has left.
+/// Returns the PLCs of an instance, at least one. They are the PLCs that an emulator serves, or those that a dead
+/// emulator has left.
 ///
 /// # Errors
 /// No instance of this name runs; the error lists the running ones.

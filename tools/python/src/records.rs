@@ -12,7 +12,7 @@ use pyo3::types::PyBytes;
 #[pyclass(module = "commram._native", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub(crate) struct Frame {
-    /// Emulated time of its end, in microseconds.
+    /// Emulated time of the end of the frame, in microseconds.
     #[pyo3(get)]
     time: u64,
     #[pyo3(get)]
@@ -64,7 +64,7 @@ pub(crate) struct Record {
     /// Emulated time in microseconds.
     time: u64,
     kind: String,
-    /// Number of equal events that it represents.
+    /// Number of equal events that the record represents.
     count: u32,
     /// The line of `commram trace`.
     text: String,
@@ -109,7 +109,7 @@ pub(crate) struct Finding {
     value: u32,
     /// Number of occurrences.
     count: u64,
-    /// Emulated time of the first one, in microseconds.
+    /// Emulated time of the first occurrence, in microseconds.
     time: u64,
     /// Text of the rule.
     text: String,
@@ -142,7 +142,7 @@ impl Finding {
     }
 }
 
-/// A fault that waits or acts.
+/// A pending or active fault.
 #[pyclass(module = "commram._native", frozen, eq, get_all)]
 #[derive(Clone, PartialEq)]
 pub(crate) struct Fault {
@@ -150,7 +150,7 @@ pub(crate) struct Fault {
     kind: String,
     /// The words of `commram fault add` for the fault.
     text: String,
-    /// True if it has begun.
+    /// True if the fault has begun.
     acting: bool,
     /// Number of hits.
     hits: u32,

@@ -17,7 +17,7 @@ pub(crate) struct Register {
 /// Returns the description of the register at `place`, which the caller has written as `name`.
 ///
 /// # Errors
-/// There is none.
+/// No register exists at the place.
 pub(crate) fn register_of(fitted: DeviceFit, place: NamedLocation, name: &str) -> PyResult<Register> {
     let target = fitted.target(name).map_err(|error| errors::of_class("UnknownName", error))?;
     let known = target.registers.into_iter().find(|known| known.address() == place.address());
@@ -65,7 +65,7 @@ impl Register {
         self.place.width().bytes()
     }
 
-    /// "PLC", "firmware" or "both".
+    /// Writer of the register: "PLC", "firmware" or "both".
     #[getter]
     fn owner(&self) -> String {
         self.known.map_or(Owner::Both, |known| known.owner()).to_string()
@@ -98,7 +98,7 @@ impl Register {
         self.known.map_or("", |known| known.register.page)
     }
 
-    /// "manual", or the facts that follow from decisions.
+    /// Source of the facts: "manual", or the facts that follow from decisions.
     #[getter]
     fn provenance(&self) -> String {
         self.known.map(|known| known.register.provenance()).unwrap_or_default()
@@ -143,7 +143,7 @@ impl Array {
     /// Returns the array of this name: `node2.a_RD_BMARRAY`, or `node2.a_RD_BMARRAY[1]` for one row.
     ///
     /// # Errors
-    /// There is none.
+    /// No register exists at the place.
     pub(crate) fn find(fitted: DeviceFit, text: &str) -> PyResult<Self> {
         let (_, name) = split_plc(text);
         let given: Vec<u16> =

@@ -9,8 +9,8 @@ use crate::source::{Sources, at};
 use std::collections::BTreeSet;
 use toml::Spanned;
 
-/// Maximum number of bytes of all structures in all areas, 100 times that of the largest existing layout. A structure of a
-/// few lines may have any size.
+/// Maximum number of bytes of all structures in all areas: 100 times that of the largest existing layout. The limit exists
+/// because a structure of a few lines may have any size.
 const MOST_PLACED: u32 = 16 << 20;
 
 /// Types that areas can use.
@@ -48,7 +48,7 @@ pub(super) fn check(
     Ok(areas)
 }
 
-/// Removes the area with a size set by each plant from the others.
+/// Removes the area with a size set by each plant from the list of areas, and returns it.
 pub(super) fn retain(
     sources: &Sources,
     file: usize,
@@ -114,7 +114,7 @@ fn area(
     let bytes = (last - first).saturating_add(1).saturating_mul(unit);
     let begin = within.place(first);
     let end = begin.and_then(|begin| begin.checked_add(bytes));
-    // A space without `bytes` ends with its last area.
+    // The end of a space without `bytes` is the end of its last area.
     let Some(begin) = begin.filter(|_| end.is_some_and(|end| raw_end(within) >= u64::from(end))) else {
         let (space, space_first) = (within.name.clone(), within.first);
         let space_last =
@@ -211,7 +211,7 @@ fn variable(
     Ok((given.get_ref().clone(), Provenance::Manual))
 }
 
-/// Returns the names of the registers that are unused in this area; the structure must have them.
+/// Returns the names of the registers that are unused in this area. The structure must have these registers.
 fn unused(
     sources: &Sources,
     file: usize,
@@ -227,7 +227,7 @@ fn unused(
     Ok(names.iter().map(|name| name.get_ref().clone()).collect())
 }
 
-/// At each byte, the width of the cell and the number of the first structure that has it.
+/// For each byte, the width of its cell, and the number of the first structure that has this cell.
 type FirstCells = Vec<Option<(u32, usize)>>;
 
 /// The cells of structures that overlay each other, byte by byte.
@@ -250,7 +250,7 @@ struct Mixed {
 }
 
 impl OverlaidCells {
-    /// Adds the cells of structure `number`. Returns the first difference to the first structure that it differs from.
+    /// Adds the cells of structure `number`. Returns the first difference to another structure, if there is one.
     fn add(&mut self, role: Option<raw::Role>, number: usize, cells: &[Option<u32>]) -> Option<Mixed> {
         // A port keeps its role: structures of different roles never overlap in use.
         let meets = |other: &Option<raw::Role>| role.is_none() || other.is_none() || role == *other;

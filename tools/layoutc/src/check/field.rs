@@ -1,4 +1,4 @@
-//! One register as written: type, name, array bounds, reset value, meaning.
+//! One register in a layout file: type, name, array bounds, reset value, meaning.
 
 use super::{Parts, identifier, meaning};
 use crate::error::{Error, Reason};
@@ -10,7 +10,7 @@ use toml::Spanned;
 /// A checked field, with the place of its entry in the file.
 pub(crate) type LocatedField = (SourcePlace, Field);
 
-/// Checks everything that concerns `entry` alone. `home` is the structure or block it is written in.
+/// Checks all properties that concern only `entry`. `home` is the structure or block that contains the entry.
 pub(crate) fn check(
     sources: &Sources,
     parts: &Parts,
@@ -111,7 +111,7 @@ pub(crate) fn check(
     Ok((place, field))
 }
 
-/// Returns the offset as written. A register without an offset gets it from the structure of `view`.
+/// Returns the offset in the file. A register without an offset gets it from the structure of `view`.
 fn offset(entry: &raw::Entry) -> u32 {
     entry.offset.as_ref().map_or(0, |offset| *offset.get_ref())
 }
@@ -156,7 +156,7 @@ fn kind(sources: &Sources, parts: &Parts, place: SourcePlace, name: &str) -> Res
     Err(sources.error(place, Reason::UnknownType(name.to_owned(), subs)))
 }
 
-/// Returns the array bounds, and for each of them the number of used elements.
+/// Returns the array bounds and, for each of them, the number of used elements.
 fn dims(
     sources: &Sources,
     file: usize,
@@ -185,7 +185,8 @@ fn dims(
     Ok((dims.clone(), used.clone()))
 }
 
-/// Returns the short name of a data type in front of a register name, if any: neither `CAN_OPEN` nor `cfg_len` has one.
+/// Returns the short name of a data type at the start of a register name, if there is one: neither `CAN_OPEN` nor
+/// `cfg_len` has one.
 fn short_name(name: &str) -> Option<&str> {
     let known =
         |prefix: &&str| ["", "a"].contains(prefix) || Scalar::prefixes().any(|short| short == *prefix);

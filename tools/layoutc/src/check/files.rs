@@ -1,4 +1,4 @@
-//! The files of a layout: the device's own files and its family's files.
+//! The files of a layout: the files of the device, and those of its family.
 
 use super::identifier;
 use crate::error::Error;
@@ -6,15 +6,15 @@ use crate::raw;
 use crate::source::{SourcePlace, Sources, at};
 use toml::Spanned;
 
-/// The top of a layout.
+/// The entry files of a layout: `device.toml`, and `family.toml` if the device has a family.
 pub(crate) struct Top {
     pub file: usize,
     pub device: raw::Device,
     /// The family, with the number of its file.
     pub family: Option<(usize, raw::Family)>,
-    /// Files with meanings, sub-structures and blocks; the family's first.
+    /// Files with meanings, sub-structures and blocks. The files of the family come first.
     pub parts: Vec<FileReference>,
-    /// Files with a structure each; the family's first.
+    /// Files that contain one structure each. The files of the family come first.
     pub structures: Vec<FileReference>,
 }
 
@@ -28,7 +28,7 @@ pub(crate) struct FileReference {
     pub shared: bool,
 }
 
-/// Reads `device.toml`, and `family.toml` if that names a family.
+/// Reads `device.toml`. If it names a family, also reads `family.toml`.
 pub(crate) fn read(sources: &mut Sources) -> Result<Top, Error> {
     let (file, device): (usize, raw::Device) = sources.parse("device.toml", None)?;
     let mut top = Top { file, device, family: None, parts: Vec::new(), structures: Vec::new() };

@@ -1,4 +1,4 @@
-//! A device in a folder of an unknown author: keys that only the code of a device could serve.
+//! A device in a folder of an unknown author: refuses keys that only the code of a device can implement.
 
 use crate::error::{Error, Reason};
 use crate::raw;

@@ -16,7 +16,7 @@ pub(super) fn check(
     (raw, areas): (&[raw::Front], &[raw::Area]),
     parts: &Parts,
 ) -> Result<Vec<FrontWord>, Error> {
-    // The front is an area of this name.
+    // The front becomes an area of this name, so no other area may have the name.
     if let Some(area) = areas.iter().find(|area| !raw.is_empty() && area.name.get_ref() == "front") {
         let reason = Reason::DuplicateName(area.name.get_ref().clone());
         return Err(sources.error(at(file, area.name.span()), reason));

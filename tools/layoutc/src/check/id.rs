@@ -1,4 +1,4 @@
-//! Ids of values and bits: names of constants, each once in a meaning, which then has a type.
+//! Ids of values and bits. They become names of constants, must be unique in a meaning, and need a type of the meaning.
 
 use crate::error::{Error, Reason};
 use crate::model::Scalar;

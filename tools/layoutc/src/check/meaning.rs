@@ -26,7 +26,7 @@ pub(crate) fn add(
     if all.iter().any(|checked| checked.meaning.name == *name) {
         return Err(sources.error(at(file, raw.name.span()), Reason::DuplicateName(name.clone())));
     }
-    // A meaning with a page is the manual's; without a page the meaning must name its source.
+    // A meaning with a page comes from the manual. A meaning without a page must name its source.
     let source = match (&raw.source, &raw.page) {
         (Some(source), _) => source.clone(),
         (None, Some(_)) => Provenance::Manual,
@@ -65,7 +65,7 @@ pub(crate) fn add(
     Ok(())
 }
 
-/// Returns the values of request and answer; both must be single values of the meaning.
+/// Returns the values of request and answer. Both must be single values of the meaning.
 fn handshake(
     sources: &Sources,
     file: usize,
@@ -137,7 +137,7 @@ pub(crate) fn too_wide(what: &'static str, value: i64, name: &str, scalar: Scala
     Reason::ValueTooWide { what, value, name: name.to_owned(), ty: scalar.name(), bits: scalar.width() * 8 }
 }
 
-/// `source` applies to values without an own source.
+/// `source` is the source of values that name none.
 fn values(
     sources: &Sources,
     file: usize,

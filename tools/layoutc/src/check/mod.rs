@@ -23,18 +23,19 @@ use crate::source::{SourcePlace, Sources, at};
 use files::{FileReference, Top};
 use std::collections::BTreeMap;
 
-/// Everything that structures refer to by name.
+/// All items to which structures refer by name.
 struct Parts {
-    /// Writer of the registers that the manual reserves.
+    /// Writer of the registers that the manual marks as reserved.
     reserved: raw::Reserved,
     /// The manual of the device that is checked.
     manual: String,
-    /// Places of the bits of each meaning in the file, to point at a bit that is too wide for a register.
+    /// Positions of the bits of each meaning in the file. An error about a bit that is too wide for a register uses
+    /// them.
     meanings: Vec<meaning::CheckedMeaning>,
     substructures: Vec<Structure>,
     structures: Vec<Structure>,
     blocks: Vec<(usize, raw::Structure)>,
-    /// Every name of a type that becomes a Rust item.
+    /// The names of all types that become Rust items.
     types: Names,
 }
 
@@ -154,7 +155,8 @@ impl Parts {
         }
     }
 
-    /// Reads meanings, sub-structures and blocks; `manual_of` returns the manual of shared files and of own ones.
+    /// Reads meanings, sub-structures and blocks. `manual_of` returns the manual of a file of the family, or of the
+    /// device.
     fn read_parts<'a>(
         &mut self,
         sources: &mut Sources,

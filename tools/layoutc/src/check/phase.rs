@@ -7,14 +7,14 @@ use crate::raw;
 use crate::source::{Sources, at};
 use toml::Spanned;
 
-/// Checked phases, with the file of their declaration and the places of their first values in it.
+/// Checked phases, with the file that declares them and the places of their first values in the file.
 pub(super) struct Declared {
     pub phases: Phases,
     file: usize,
     firsts: Vec<std::ops::Range<usize>>,
 }
 
-/// Checks the phases of the family, or else of the device itself.
+/// Checks the phases of the family. Without a family, checks those of the device itself.
 pub(super) fn check(
     sources: &Sources,
     family: Option<(usize, &raw::Family)>,
@@ -58,7 +58,7 @@ pub(super) fn declared(
     Ok(Declared { phases, file, firsts })
 }
 
-/// Returns the number of the phase called `name`; 0 if that is `always`.
+/// Returns the number of the phase called `name`. The phase `always` has the number 0.
 pub(super) fn number(
     sources: &Sources,
     file: usize,
@@ -98,7 +98,8 @@ pub(super) fn check_register(
         let (structure, register) = (structure.name.clone(), register.clone());
         return wrong(Reason::NoPhaseRegister { structure, register });
     };
-    // The other structures have the register at the same offset as the first structure, because they have been checked.
+    // Comparing with one structure is enough: the other structures were already checked and have the register at the
+    // same offset.
     if let Some(other) = others.iter().find(|other| other.live != 0) {
         let other = &structures[other.structure];
         if found(other).is_some_and(|(elsewhere, _)| elsewhere != offset) {

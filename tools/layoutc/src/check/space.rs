@@ -9,7 +9,7 @@ use crate::source::{Sources, at};
 /// Bytes of the header page at the beginning of every image.
 const HEADER: u32 = 4096;
 
-/// Checks each space alone; a space that gets its end from its areas has no bytes yet.
+/// Checks each space by itself. A space that gets its end from its areas has no bytes yet.
 pub(super) fn check(sources: &Sources, file: usize, raw: &[raw::Space]) -> Result<Vec<Space>, Error> {
     let mut names = Names::default();
     let mut spaces: Vec<Space> = Vec::new();

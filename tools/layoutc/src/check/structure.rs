@@ -1,4 +1,4 @@
-//! A structure: its registers in ascending order, aligned, without overlap or hidden gap.
+//! Checks that the registers of a structure are in ascending order and aligned, without overlaps and undeclared gaps.
 
 use super::field::{self, LocatedField};
 use super::view;

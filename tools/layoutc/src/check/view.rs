@@ -1,5 +1,5 @@
-//! A structure that firmware and function blocks view as a structure of the family: common registers have the same places,
-//! because only the family's structure defines them.
+//! A structure that firmware and function blocks view as a structure of the family: common registers have the same
+//! offsets, because only the family's structure defines the offsets.
 
 use super::Parts;
 use super::field::{self, LocatedField};
@@ -25,7 +25,7 @@ pub(crate) fn find(
     })
 }
 
-/// Puts a register at its place in `view`; type and bounds must be the same.
+/// Puts a register at its offset in `view`. Type and bounds must be the same.
 pub(crate) fn place(
     sources: &Sources,
     view: &Structure,

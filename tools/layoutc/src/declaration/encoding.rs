@@ -4,8 +4,8 @@ use super::MAX_BYTES;
 use super::error::Wrong;
 use std::iter;
 
-/// Returns the text of a file: UTF-8, UTF-16 with or without a byte order mark, or else the Latin script of older Windows
-/// programs, which can only occur in comments and texts.
+/// Returns the text of a file: UTF-8, UTF-16 with or without a byte order mark, otherwise the Latin encoding of older
+/// Windows programs. In that encoding, non-ASCII characters can only occur in comments and texts.
 pub(crate) fn decode(bytes: Vec<u8>) -> Result<String, Wrong> {
     if bytes.len() as u64 > MAX_BYTES {
         return Err(Wrong::TooLong(MAX_BYTES));
@@ -13,7 +13,7 @@ pub(crate) fn decode(bytes: Vec<u8>) -> Result<String, Wrong> {
     let text = match bytes[..] {
         [0xFF, 0xFE, ..] => utf_16(&bytes, u16::from_le_bytes),
         [0xFE, 0xFF, ..] => utf_16(&bytes, u16::from_be_bytes),
-        // Declarations begin with a character of ASCII.
+        // The first character of a declaration is an ASCII character.
         [first, 0, ..] if first != 0 => utf_16(&bytes, u16::from_le_bytes),
         [0, second, ..] if second != 0 => utf_16(&bytes, u16::from_be_bytes),
         _ => String::from_utf8(bytes)
@@ -25,7 +25,7 @@ pub(crate) fn decode(bytes: Vec<u8>) -> Result<String, Wrong> {
 fn utf_16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> String {
     let (pairs, rest) = bytes.as_chunks();
     let units = pairs.iter().map(|pair| unit(*pair));
-    // Half a character at the end of the file is an invalid character.
+    // Half a character at the end of the file counts as an invalid character.
     let end = iter::repeat_n(0xDFFF, rest.len());
     char::decode_utf16(units.chain(end)).map(|found| found.unwrap_or(char::REPLACEMENT_CHARACTER)).collect()
 }

@@ -1,8 +1,8 @@
-//! What engineering tools export beside plain structures: other parts, other forms of types, XML.
+//! Tests of exported files with more than plain structures: other parts, other forms of types, XML.
 
 use super::*;
 
-/// Returns the offsets of the members of `T` and its size, from files that are read one after the other.
+/// Returns the offsets of the members of `T`, and its size. Reads the files one after the other.
 #[track_caller]
 fn laid_out(texts: &[&str]) -> String {
     let declarations = added(texts).unwrap_or_else(|error| panic!("{error}"));
@@ -14,7 +14,7 @@ fn laid_out(texts: &[&str]) -> String {
     format!("{}{size}", offsets.collect::<String>())
 }
 
-/// Returns the error of files, or of the size of their type `T`.
+/// Returns the error of the files, or of the size of their type `T`.
 #[track_caller]
 fn refused(texts: &[&str]) -> String {
     let size = |declarations: Declarations| {
@@ -138,14 +138,15 @@ fn bounds_can_be_expressions_with_constants_of_any_file() {
     let chain: String = (0..1000).map(|n| format!("N{n} : INT := N{};", n + 1)).collect();
     let deep = refused(&[&array("N0"), &format!("VAR_GLOBAL CONSTANT {chain} N1000 : INT := 1; END_VAR")]);
     assert_eq!(deep, "0.st:1:16: the constant `N32` depends on others more than 32 deep");
-    // Every constant refers to the next one many times. If the values were not stored, the evaluation would not end.
+    // Every constant refers to the next one many times. Without stored values the evaluation would take practically
+    // forever.
     let broad: String =
         (0..30).map(|n| format!("N{n} : INT := {}0;", format!("N{} + ", n + 1).repeat(20))).collect();
     let text = format!("VAR_GLOBAL CONSTANT {broad} N30 : INT := 0; END_VAR");
     assert_eq!(laid_out(&[&array("N0"), &text]), "1");
 }
 
-/// The attribute `pack_mode` as text and as XML.
+/// The attribute `pack_mode` is given as text and as XML.
 #[test]
 fn the_attribute_pack_mode_sets_the_alignment_of_one_structure() {
     for (mode, size) in [("0", 7), ("1", 7), ("2", 8), ("4", 12), ("8", 12), ("x", 12)] {
@@ -162,7 +163,7 @@ fn the_attribute_pack_mode_sets_the_alignment_of_one_structure() {
     }
 }
 
-/// Projects have some types in several files.
+/// Projects declare some types in several files.
 #[test]
 fn a_type_in_two_files_matters_only_where_it_is_used() {
     let files = ["TYPE A : BYTE; END_TYPE", "TYPE B : BYTE;\n a : WORD; END_TYPE"];
@@ -303,7 +304,7 @@ fn hostile_and_other_xml_is_refused() {
     assert_eq!(refused(&["<project>"]), "0.st:1:10: this element has no end");
     assert!(refused(&["<project></pro>"]).starts_with("0.st:1:10: this is no well-formed XML: "));
     assert_eq!(refused(&["<!-- nothing -->"]), "0.st:1:17: this is no well-formed XML: it has no element");
-    // No entity is replaced, and many attributes or entities take no more time than other text.
+    // No entity is replaced. Many attributes or entities take no more time than other text.
     let entities = "<!DOCTYPE a [<!ENTITY a \"&b;&b;\"><!ENTITY b \"&a;\">]>";
     let attributes: String = (0..200_000).map(|n| format!(" a{n}=\"&a;\"")).collect();
     let text = format!(

@@ -10,8 +10,8 @@ pub(crate) const MAX_TOKENS: usize = 64;
 /// Maximum depth of constants that refer to each other.
 const MAX_DEPTH: usize = 32;
 
-/// An expression as written. It is evaluated only where its value is needed, because the other values of a library do
-/// not matter.
+/// An expression as written. It is evaluated only where its value is needed; the other values of a library may be
+/// invalid.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(crate) struct Expression(Vec<Part>);
 
@@ -26,7 +26,7 @@ enum Part {
 }
 
 impl Expression {
-    /// Adds the next token. Tokens after [`MAX_TOKENS`] are dropped: the expression has no value then.
+    /// Adds the next token. Tokens after [`MAX_TOKENS`] are dropped, and the expression then has no value.
     pub(crate) fn push(&mut self, token: Token<'_>) {
         if self.0.len() > MAX_TOKENS {
             return;
@@ -55,7 +55,7 @@ impl Expression {
         self.0.is_empty()
     }
 
-    /// True if it is the `*` of `ARRAY[*]`.
+    /// True if the expression is the `*` of `ARRAY[*]`.
     pub(crate) fn is_open(&self) -> bool {
         self.0 == [Part::Symbol("*")]
     }
@@ -79,7 +79,7 @@ impl Expression {
 /// State of a constant's value.
 #[derive(Clone)]
 enum ValueState {
-    /// In progress: a reference to the constant now is circular.
+    /// The value is being computed. A reference to the constant at this time is circular.
     Open,
     Known(Result<i64, Wrong>),
 }

@@ -7,13 +7,13 @@ use super::error::{Fault, TextPosition, Wrong};
 pub(crate) enum Token<'a> {
     /// A name or keyword.
     Word(&'a str),
-    /// A number as written, base and underscores included.
+    /// A number as written, including base and underscores.
     Number(&'a str),
     /// The address of a variable: `%MB3.200000`.
     Direct,
     /// A string literal.
     Text,
-    /// Everything else.
+    /// Any other symbol.
     Symbol(&'static str),
     /// End of the text.
     End,
@@ -24,7 +24,7 @@ const SYMBOLS: [&str; 26] = [
     ":=", "..", "=>", "<=", ">=", "<>", "**", ":", ";", ",", "(", ")", "[", "]", ".", "+", "-", "#", "*",
     "/", "=", "<", ">", "&", "^", "@",
 ];
-/// Begin and end of skipped text. MULTIPROG exports descriptions, in any words, between two comments.
+/// Begin and end of skipped text. MULTIPROG exports descriptions in any language between two comments.
 const SKIPPED: [(&str, &str, &str); 4] = [
     ("(*@KEY@:DESCRIPTION*)", "(*@KEY@:END_DESCRIPTION*)", "description"),
     ("(*", "*)", "comment"),
@@ -37,15 +37,15 @@ const SKIPPED: [(&str, &str, &str); 4] = [
 pub(crate) struct Lexer<'a> {
     rest: &'a str,
     place: TextPosition,
-    /// Whether `(*` in a comment begins a nested comment, as in the third edition of the standard. Earlier editions do
+    /// True if `(*` in a comment begins a nested comment, as in the third edition of the standard. Earlier editions do
     /// not nest comments. The lexer assumes nested comments as long as every comment then has an end.
     nests: bool,
-    /// The alignment of the last `{attribute 'pack_mode' := '1'}`, which holds for the next structure.
+    /// The alignment of the last `{attribute 'pack_mode' := '1'}`, which applies to the next structure.
     pub pack: Option<u32>,
 }
 
 impl<'a> Lexer<'a> {
-    /// Begins at `place` of the file.
+    /// Creates a lexer that begins at `place` of the file.
     pub(crate) fn new(text: &'a str, place: TextPosition) -> Self {
         Self { rest: text, place, nests: true, pack: None }
     }
@@ -60,7 +60,7 @@ impl<'a> Lexer<'a> {
                 _ if is_name(first) => word_length(self.rest),
                 '\'' | '"' => match string_length(self.rest, first) {
                     Some(length) => length,
-                    // The apostrophe begins no string, but is part of a text.
+                    // An apostrophe without a partner does not begin a string; it is a part of a text.
                     None => self.rest.find('\n').unwrap_or(self.rest.len()),
                 },
                 _ => first.len_utf8(),
@@ -101,7 +101,7 @@ impl<'a> Lexer<'a> {
         Ok((place, token))
     }
 
-    /// Leaves out blanks, comments and pragmas.
+    /// Skips blanks, comments and pragmas.
     fn skip(&mut self) -> Result<(), Fault> {
         loop {
             let blanks = self.rest.len() - self.rest.trim_start().len();
@@ -128,7 +128,7 @@ impl<'a> Lexer<'a> {
         }
     }
 
-    /// Advances by `bytes`, which end between two characters.
+    /// Advances by `bytes`. The new position must be between two characters.
     fn take(&mut self, bytes: usize) -> &'a str {
         let (taken, rest) = self.rest.split_at(bytes);
         taken.chars().for_each(|c| self.place.advance(c));
@@ -160,7 +160,7 @@ fn string_length(text: &str, quote: char) -> Option<usize> {
     None
 }
 
-/// Returns the length of a comment with comments in it, up to its `*)`.
+/// Returns the length of a comment with nested comments, up to its `*)`.
 fn nested_length(inside: &str) -> Option<usize> {
     let bytes = inside.as_bytes();
     let mut depth = 0;
@@ -198,7 +198,7 @@ pub(crate) fn alignment_of_pack_mode(value: &str) -> Option<u32> {
     }
 }
 
-/// Returns the length of a number: digits, base, underscores and a fraction. The two points of a range are not a
+/// Returns the length of a number: digits, base, underscores and a fraction. The two dots of a range are not a
 /// fraction.
 fn number_length(text: &str) -> usize {
     let bytes = text.as_bytes();

@@ -1,7 +1,7 @@
 //! Reads IEC 61131-3 declarations of types, as engineering tools export them, and lays them out in memory.
 //!
-//! This parser was written for commram: the crates on crates.io parse the whole language. None of them keeps the place
-//! of every member for error messages, and each is maintained only by its author.
+//! This parser was written for commram: the crates on crates.io parse the whole language. None of these crates keeps
+//! the place of every member for error messages, and each is maintained only by its author.
 //!
 //! The parser skips all parts of a file other than types and constants; [`Declarations::notes`] reports them (D-785).
 
@@ -35,31 +35,31 @@ const MAX_NAMED: usize = 5;
 /// The types that files declare.
 #[derive(Debug, Default)]
 pub struct Declarations {
-    /// True if commram has written one of the files itself: its declarations repeat the layout and prove nothing.
+    /// True if `commram export` has written one of the files: such declarations only repeat the layout.
     pub is_own_export: bool,
     files: Vec<PathBuf>,
     types: Vec<Declared>,
-    /// In the order of the files.
+    /// Types with names, in the order of the files.
     named: Vec<Named>,
     /// Indices of `named`, by name in lower case.
     by_name: HashMap<String, usize>,
     /// The second file that declares a type and the place there, by name in lower case.
     several: HashMap<String, (usize, TextPosition)>,
-    /// By name in lower case.
+    /// Constants by their names in lower case.
     constants: HashMap<String, Constant>,
     skipped: Vec<SkippedPart>,
 }
 
-/// Beginning of the second line of a file that `commram export` has written.
+/// Start of the second line of a file that `commram export` has written.
 const EXPORT_HEAD: &str = "(* Made by commram ";
 /// Number of lines that are searched for `commram export`'s line.
 const HEAD_LINES: usize = 20;
 
-/// Number of a type, with a name or written in place.
+/// Number of a type. The type has a name, or is written inside another type.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct TypeId(usize);
 
-/// A type and the place where it begins.
+/// A type, and the place where its declaration begins.
 #[derive(Debug)]
 struct Declared {
     /// An index into [`Declarations::files`].
@@ -87,7 +87,7 @@ enum Type {
         of: TypeId,
     },
     Record(Record),
-    /// A type with a size that the standard leaves to the compiler.
+    /// A type without a fixed size: the standard leaves the size to the compiler.
     Unsized(&'static str),
 }
 
@@ -95,7 +95,7 @@ enum Type {
 #[derive(Debug, Default)]
 struct Record {
     members: Vec<Member>,
-    /// The structure whose members come first.
+    /// The structure that this structure extends; its members come first.
     base: Option<String>,
     /// True if all members begin at the same address.
     is_union: bool,
@@ -137,7 +137,7 @@ impl Declarations {
     /// older Windows programs.
     ///
     /// # Errors
-    /// The file could not be read, is too long, or does not parse; with line and column.
+    /// The file could not be read, is too long, or cannot be parsed; the error has the line and the column.
     pub fn read(path: &Path, found: io::Result<Vec<u8>>) -> Result<Self, DeclarationError> {
         let mut declarations = Self::default();
         declarations.add(path, found)?;
@@ -147,7 +147,7 @@ impl Declarations {
     /// Reads one more file, which can use the types and constants of the others.
     ///
     /// # Errors
-    /// Like [`Declarations::read`].
+    /// The errors of [`Declarations::read`].
     pub fn add(&mut self, path: &Path, found: io::Result<Vec<u8>>) -> Result<(), DeclarationError> {
         let wrong = |wrong| in_file(path, (TextPosition::BEGIN, wrong));
         let bytes = found.map_err(|error| wrong(Wrong::Unreadable(error.to_string())))?;
@@ -157,7 +157,7 @@ impl Declarations {
     /// Reads declarations out of `text`, which came from `path`.
     ///
     /// # Errors
-    /// It does not parse; with line and column.
+    /// The text cannot be parsed; the error has the line and the column.
     pub fn parse(path: &Path, text: &str) -> Result<Self, DeclarationError> {
         let mut declarations = Self::default();
         declarations.add_text(path, text)?;
@@ -175,7 +175,7 @@ impl Declarations {
         Ok(())
     }
 
-    /// Returns the type of this name; upper and lower case are not distinguished, and namespaces do not matter.
+    /// Returns the type of this name; ignores case and namespaces.
     pub fn find(&self, name: &str) -> Option<TypeId> {
         let found = self.by_name.get(&unqualified(name))?;
         Some(self.named[*found].ty)
@@ -225,7 +225,7 @@ impl Declarations {
         self.named.iter().filter(is_structure).map(|named| named.name.as_str())
     }
 
-    /// Returns the own members of a structure or union; of other types none.
+    /// Returns the own members of a structure or union. Other types have no members.
     pub fn members(&self, ty: TypeId) -> &[Member] {
         self.record(ty).map_or(&[], |record| &record.members)
     }

@@ -26,10 +26,10 @@ const KEYWORDS: [&str; 18] = [
     "WSTRING",
     "RETAIN",
 ];
-/// Words after `TYPE` and `VAR_GLOBAL` that do not matter here.
+/// Words after `TYPE` and `VAR_GLOBAL` that have no effect on types.
 const QUALIFIERS: [&str; 7] =
     ["INTERNAL", "NON_RETAIN", "PERSISTENT", "PRIVATE", "PROTECTED", "PUBLIC", "RETAIN"];
-/// Parts that some tools export without an end, one in a file.
+/// Kinds of parts that some tools export without an end; such a part fills a whole file.
 const WHOLE_FILES: [&str; 8] =
     ["ACTION", "CLASS", "FUNCTION", "FUNCTION_BLOCK", "INTERFACE", "METHOD", "PROGRAM", "PROPERTY"];
 
@@ -80,7 +80,7 @@ impl<'a, 'd> Parser<'a, 'd> {
             match word.as_str() {
                 "TYPE" => self.types()?,
                 "VAR" | "VAR_GLOBAL" | "VAR_CONFIG" | "VAR_ACCESS" | "VAR_EXTERNAL" => self.variables()?,
-                // A namespace contains types as a file does.
+                // A namespace contains types, like a file.
                 "NAMESPACE" | "USING" => {
                     self.advance()?;
                     self.qualified_name("the name of a namespace")?;
@@ -145,7 +145,7 @@ impl<'a, 'd> Parser<'a, 'd> {
         self.end_of_declaration(ty)
     }
 
-    /// Reads a list of variables, of which only constants matter.
+    /// Reads a list of variables. Only its constants are used.
     fn variables(&mut self) -> Result<(), Fault> {
         let begin = self.next.0;
         self.advance()?;
@@ -170,7 +170,7 @@ impl<'a, 'd> Parser<'a, 'd> {
         self.advance()
     }
 
-    /// Reads `N : INT := 5;`.
+    /// Reads a constant: `N : INT := 5;`.
     fn constant(&mut self) -> Result<(), Fault> {
         let name = match self.next.1 {
             Token::Word(name) => name,
@@ -251,7 +251,7 @@ impl<'a, 'd> Parser<'a, 'd> {
         Ok(Type::Named(name))
     }
 
-    /// Reads `(RED, GREEN)`, or with the elementary type of the values `(RED, GREEN) UINT`.
+    /// Reads an enumeration: `(RED, GREEN)`, or with the elementary type of the values, `(RED, GREEN) UINT`.
     fn enumeration(&mut self) -> Result<Type, Fault> {
         self.group()?;
         match self.next.1 {
@@ -366,7 +366,7 @@ impl<'a, 'd> Parser<'a, 'd> {
         if bound.is_empty() { self.unexpected("a number as array bound") } else { Ok(bound) }
     }
 
-    /// Skips a value: values move no member, and only the target's compiler checks their form.
+    /// Skips a value. Values do not influence offsets, and only the target's compiler checks their form.
     fn initial_value(&mut self) -> Result<(), Fault> {
         if !self.accept(":=")? {
             return Ok(());
@@ -408,7 +408,7 @@ impl<'a, 'd> Parser<'a, 'd> {
         }
     }
 
-    /// Skips an initial value, and the `;`, which some tools leave out after END_STRUCT.
+    /// Skips an initial value, and the `;`. Some tools omit the `;` after END_STRUCT.
     fn end_of_declaration(&mut self, ty: TypeId) -> Result<(), Fault> {
         self.initial_value()?;
         if self.accept(";")? || self.into.record(ty).is_some() {
@@ -430,7 +430,7 @@ impl<'a, 'd> Parser<'a, 'd> {
         }
     }
 
-    /// Reads `N.S.T`.
+    /// Reads a name with namespaces: `N.S.T`.
     fn qualified_name(&mut self, expected: &'static str) -> Result<String, Fault> {
         let mut name = self.name(expected)?.to_owned();
         while self.accept(".")? {

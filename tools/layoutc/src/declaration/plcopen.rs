@@ -32,7 +32,7 @@ fn name_of(tag: &Tag, element: &'static str, at: TextPosition) -> Result<String,
     name.map(str::to_owned).ok_or((at, Wrong::NoAttribute(element, "name")))
 }
 
-/// Returns the next element in the current one, or nothing at the end of the current one.
+/// Returns the next element inside the current element. Returns nothing at the end of the current element.
 fn child(xml: &mut Xml<'_>) -> Result<Option<(TextPosition, Tag)>, Fault> {
     loop {
         match xml.next()? {
@@ -62,12 +62,12 @@ fn data_type(xml: &mut Xml<'_>, into: &mut Declarations, tag: &Tag, at: TextPosi
     into.declare(&name, at, ty)
 }
 
-/// What CODESYS and TwinCAT add to a data type.
+/// Additional data of CODESYS and TwinCAT about a data type.
 #[derive(Default)]
 struct Remarks {
-    /// `<Inheritance><Extends>NAME</Extends></Inheritance>`
+    /// Name in `<Inheritance><Extends>NAME</Extends></Inheritance>`.
     base: Option<String>,
-    /// `<Attribute Name="pack_mode" Value="1"/>`
+    /// Value in `<Attribute Name="pack_mode" Value="1"/>`.
     pack: Option<u32>,
 }
 
@@ -124,7 +124,7 @@ fn specification(
         }
     };
     let id = into.add_type(at, ty);
-    // Skips further elements up to the end of `outer`; the known tools write none.
+    // Skips further elements up to the end of `outer`. The known tools write no further elements.
     while child(xml)?.is_some() {
         xml.skip()?;
     }
@@ -218,7 +218,7 @@ fn constants(xml: &mut Xml<'_>, into: &mut Declarations) -> Result<(), Fault> {
             }
             while let Some((_, value)) = child(xml)? {
                 xml.skip()?;
-                // Values of other kinds have a form of their own, and are no bounds of arrays.
+                // Values of other kinds have another form, and cannot be bounds of arrays.
                 if let Some(Ok(value)) = value.attribute("value").map(|text| parser::expression(text, at)) {
                     into.declare_constant(name, value);
                 }

@@ -1,4 +1,4 @@
-//! Sizes and offsets, as a compiler with a given alignment lays types out.
+//! Sizes and offsets of types for a compiler with a given alignment.
 
 use super::expression::{Expression, Values};
 use super::{DeclarationError, Declarations, Member, Record, TextPosition, Type, TypeId, Wrong, in_file};
@@ -49,14 +49,14 @@ const UNSIZED: [&str; 12] = [
     "PVOID",
 ];
 
-/// Maximum alignment of members: a member begins at a multiple of its own alignment, but at most of this one.
+/// Maximum alignment of members. A member begins at a multiple of its own alignment, or of this one if this is smaller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Alignment {
     /// Members follow without a gap.
     Packed,
-    /// At most 2.
+    /// At most 2 bytes.
     Two,
-    /// At most 4.
+    /// At most 4 bytes.
     Four,
     /// The alignment of the type itself.
     Natural,
@@ -76,18 +76,18 @@ impl Alignment {
 /// A type with all names resolved: its elements and their number.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Shape {
-    /// Array bounds, outermost first; empty if there is only one element.
+    /// Numbers of elements of the dimensions, outermost first. Empty if the type is not an array.
     pub counts: Vec<u32>,
     /// The element's type.
     pub element: Element,
-    /// Bytes of one element.
+    /// Size of one element, in bytes.
     pub size: u32,
 }
 
 /// An element.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Element {
-    /// Elementary, with its name in capitals.
+    /// An elementary type, with its name in capitals.
     Scalar(&'static str),
     /// A structure.
     Struct(TypeId),
@@ -96,7 +96,7 @@ pub enum Element {
 /// Members of a structure with their offsets.
 pub(crate) type MemberOffsets<'a> = Vec<(u32, &'a Member)>;
 
-/// A type in memory.
+/// Size, alignment and depth of a type in memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Extent {
     size: u32,
@@ -108,12 +108,12 @@ struct Extent {
 #[derive(Clone, Copy)]
 enum SizeState {
     Unknown,
-    /// In progress: a reference to the type now is circular.
+    /// The size is being computed. A reference to the type at this time is circular.
     Open,
     Known(Extent),
 }
 
-/// Sizes of declared types, each worked out once.
+/// Sizes of declared types. Each is computed once.
 pub struct Sizes<'a> {
     declarations: &'a Declarations,
     alignment: Alignment,
@@ -125,7 +125,7 @@ pub struct Sizes<'a> {
 type Misfit = (TypeId, TextPosition, Wrong);
 
 impl<'a> Sizes<'a> {
-    /// Calculates sizes as a compiler with this alignment does.
+    /// Creates a calculator of sizes for a compiler with this alignment.
     pub fn new(declarations: &'a Declarations, alignment: Alignment) -> Self {
         let known = vec![SizeState::Unknown; declarations.types.len()];
         Self { declarations, alignment, known, values: Values::new(declarations) }
@@ -134,15 +134,16 @@ impl<'a> Sizes<'a> {
     /// Returns the size of a type in bytes. The size of a structure is a multiple of its alignment.
     ///
     /// # Errors
-    /// The type, or one it consists of, is not declared, has no fixed size, contains itself, is too large or too deep.
+    /// The type, or one of its parts, is not declared, has no fixed size, contains itself, is too large or is nested
+    /// too deeply.
     pub fn size(&mut self, ty: TypeId) -> Result<u32, DeclarationError> {
         self.extent(ty, 0).map(|extent| extent.size).map_err(|misfit| self.in_file(misfit))
     }
 
-    /// Returns the members of a structure with their offsets; of other types none.
+    /// Returns the members of a structure with their offsets. Other types have no members.
     ///
     /// # Errors
-    /// Like [`Sizes::size`].
+    /// The errors of [`Sizes::size`].
     pub fn members(&mut self, ty: TypeId) -> Result<MemberOffsets<'a>, DeclarationError> {
         let Some(record) = self.declarations.record(ty) else { return Ok(Vec::new()) };
         self.place(ty, record, 0).map(|(placed, _)| placed).map_err(|misfit| self.in_file(misfit))
@@ -151,9 +152,9 @@ impl<'a> Sizes<'a> {
     /// Returns the type with names and arrays of arrays resolved.
     ///
     /// # Errors
-    /// Like [`Sizes::size`].
+    /// The errors of [`Sizes::size`].
     pub fn shape(&mut self, ty: TypeId) -> Result<Shape, DeclarationError> {
-        // A type with a size is finite and known in all parts.
+        // If a type has a size, all its parts are known, and the type is finite.
         self.size(ty)?;
         let mut counts = Vec::new();
         let mut element = ty;
@@ -249,8 +250,8 @@ impl<'a> Sizes<'a> {
         Ok(Extent { size, align: size.min(self.alignment.limit()), depth: 0 })
     }
 
-    /// Places members one after the other, each at the next multiple of its alignment; the members of a union have the
-    /// same address.
+    /// Places the members of a structure one after the other, each at the next multiple of its alignment. The members
+    /// of a union have the same address.
     fn place(
         &mut self,
         id: TypeId,
@@ -268,7 +269,7 @@ impl<'a> Sizes<'a> {
         for member in &record.members {
             let extent = self.extent(member.ty, depth + 1)?;
             let align = extent.align.min(limit);
-            // No sum overflows: neither part is larger than MAX_SIZE.
+            // The sum cannot overflow: neither part is larger than MAX_SIZE.
             let offset = if record.is_union { 0 } else { whole.size.next_multiple_of(align) };
             whole.size = whole.size.max(offset + extent.size);
             if whole.size > MAX_SIZE {
@@ -282,7 +283,8 @@ impl<'a> Sizes<'a> {
         Ok((placed, whole))
     }
 
-    /// Returns the members of the structure that `id` extends. They come first, as if they were a member.
+    /// Returns the members of the structure that `id` extends. They come first, like a member with this structure as
+    /// its type.
     fn base(&mut self, id: TypeId, name: &str, depth: usize) -> Result<(MemberOffsets<'a>, Extent), Misfit> {
         let at = self.declarations.of(id).at;
         let unknown = || (id, at, Wrong::UnknownBase(name.to_owned()));

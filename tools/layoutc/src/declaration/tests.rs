@@ -1,4 +1,4 @@
-//! Declarations as engineering tools write them, and wrong ones.
+//! Tests of declarations in the form in which engineering tools write them, and of wrong declarations.
 
 use super::*;
 
@@ -15,7 +15,7 @@ fn laid_out(text: &str, name: &str, alignment: Alignment) -> String {
     texts.join(", ")
 }
 
-/// Returns the complaint about `text`, or about the size of its type `T`.
+/// Returns the error about `text`, or about the size of its type `T`.
 #[track_caller]
 fn refused(text: &str) -> String {
     let declarations = match Declarations::parse(Path::new("x.st"), text) {
@@ -144,7 +144,8 @@ fn depth_and_breadth_are_bounded() {
     let text = format!("TYPE T0 : BYTE; {chain} T : T99999; END_TYPE");
     assert!(refused(&text).ends_with("this type is nested more than 64 deep"));
 
-    // Every type contains the previous one twice: the last one has 2^29 bytes, too many to be counted one by one.
+    // Every type contains the previous type twice. The last type has 2^29 bytes, which are too many to count one by
+    // one.
     let doubled: String = (1..30).map(|n| format!("T{n} : STRUCT a, b : T{}; END_STRUCT;", n - 1)).collect();
     assert!(refused(&format!("TYPE T0 : BYTE; {doubled} T : T29; END_TYPE")).ends_with("more than 16 MiB"));
 }

@@ -7,7 +7,7 @@ use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, escape};
 use std::borrow::Cow;
 
-/// Maximum depth of elements; exports of projects have about twenty.
+/// Maximum depth of elements. Exports of projects have a depth of about 20.
 const MAX_DEPTH: usize = 128;
 
 /// Reads the declarations of an XML file of a known kind.
@@ -27,11 +27,11 @@ pub(crate) fn read(text: &str, into: &mut Declarations) -> Result<(), Fault> {
 
 /// A part of an XML file.
 pub(crate) enum Content {
-    /// An element begins. Every element has an end, also `<a/>`.
+    /// The beginning of an element. Every element also has an end, even `<a/>`.
     Begin(Tag),
-    /// The current element ends, or the file.
+    /// The end of the current element, or of the file.
     End,
-    /// Text, or a part of one.
+    /// Text, or a part of a text.
     Text(String),
 }
 
@@ -43,7 +43,7 @@ pub(crate) struct Tag {
     attributes: Vec<(String, String)>,
 }
 
-/// Number of attributes of an element that are read; no element has more than ten that matter.
+/// Maximum number of attributes of an element that are read. No element has more than ten relevant attributes.
 const MAX_ATTRIBUTES: usize = 32;
 
 impl Tag {
@@ -59,7 +59,7 @@ impl Tag {
 
     fn of(start: &BytesStart<'_>) -> Self {
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-        // An attribute that occurs twice does not matter here, and the check takes quadratic time.
+        // The check for repeated attributes is off: they have no effect here, and the check takes quadratic time.
         let mut all = start.attributes();
         let attributes = all.with_checks(false).flatten().take(MAX_ATTRIBUTES).map(|attribute| {
             let raw = text(&attribute.value);
@@ -75,7 +75,7 @@ pub(crate) struct Xml<'a> {
     reader: Reader<&'a [u8]>,
     text: &'a str,
     depth: usize,
-    /// True if the end of `<a/>` comes next.
+    /// True if the next part is the end of `<a/>`.
     is_empty: bool,
     /// A byte offset and its place.
     known: (usize, TextPosition),
@@ -138,7 +138,7 @@ impl<'a> Xml<'a> {
         }
     }
 
-    /// True if everything has been read.
+    /// True if the whole file has been read.
     pub(crate) fn is_at_end(&self) -> bool {
         self.depth == 0
     }
@@ -160,7 +160,7 @@ impl<'a> Xml<'a> {
         }
     }
 
-    /// Returns the place behind `<![CDATA[`, if it is at `at`, where the last part began.
+    /// Returns the place after `<![CDATA[`, if this mark is at `at`, where the last part began.
     fn behind_mark(&self, at: TextPosition) -> TextPosition {
         const MARK: &str = "<![CDATA[";
         let is_marked = self.text[self.known.0..].starts_with(MARK);

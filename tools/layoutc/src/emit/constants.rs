@@ -1,4 +1,4 @@
-//! Hash, areas, DIP range, timing table.
+//! Constants of a device: hash, areas, DIP range, timing table.
 
 use super::tables::provenance;
 use super::text::doc;

@@ -1,4 +1,4 @@
-//! Properties of a PROFIBUS-DP slave that masters need: a table for tools, and constants for the firmware.
+//! Properties of a PROFIBUS-DP slave that masters need. They become a table for tools, and constants for the firmware.
 
 use super::tables::{provenance, static_name};
 use super::text::doc;
@@ -6,7 +6,7 @@ use crate::gsd::{Gsd, Key, Value};
 use crate::model::{Device, Field, FieldType};
 use std::fmt::Write;
 
-/// The table, in the module of descriptors.
+/// Writes the table into the module of descriptors.
 pub(crate) fn emit(out: &mut String, device: &Device) {
     let Some(gsd) = &device.gsd else { return };
     let Gsd { page, keys, parameters, constants, diagnosis, modules, .. } = gsd;
@@ -77,7 +77,7 @@ fn register(device: &Device, (structure, name): &(usize, String)) -> String {
     format!("&{}.registers[{}]", static_name(&structure.name), before.map(registers).sum::<usize>())
 }
 
-/// The numbers of the file, and the user's parameters at their defaults, as constants.
+/// Writes the numbers of the file, and the user's parameters at their defaults, as constants.
 pub(crate) fn constants(out: &mut String, device: &Device) {
     let Some(gsd) = &device.gsd else { return };
     let manual = &device.manual;

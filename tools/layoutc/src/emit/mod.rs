@@ -26,7 +26,7 @@ pub(crate) fn module(device: &Device, layout_hash: u64) -> String {
     out
 }
 
-/// Returns the items of a family's module: what its devices' modules refer to.
+/// Returns the items of a family's module, to which the modules of its devices refer.
 pub(crate) fn family(family: &Device) -> String {
     let mut out = String::from(HEAD);
     structs::emit(&mut out, family);

@@ -10,7 +10,7 @@ fn own(device: &Device) -> Option<&Phases> {
     device.phases.as_ref().filter(|phases| !phases.shared)
 }
 
-/// A constant for each phase.
+/// Writes a constant for each phase.
 pub(crate) fn constants(out: &mut String, device: &Device) {
     let Some(phases) = own(device) else { return };
     out.push_str(
@@ -24,7 +24,7 @@ pub(crate) fn constants(out: &mut String, device: &Device) {
     out.push_str("}\n\n");
 }
 
-/// The descriptor, to which areas refer.
+/// Writes the descriptor, to which areas refer.
 pub(crate) fn descriptor(out: &mut String, device: &Device) {
     let Some(Phases { register, source, values, .. }) = own(device) else { return };
     let source = provenance(source);

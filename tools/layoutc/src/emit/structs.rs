@@ -23,7 +23,7 @@ pub(crate) fn emit(out: &mut String, device: &Device) {
     }
 }
 
-/// The conversion to the family's structure, and the proof of its layout.
+/// Writes the conversion to the family's structure, and the proof that the layouts agree.
 fn emit_view(out: &mut String, device: &Device, structure: &Structure, view: &Structure) {
     let (name, as_name) = (&structure.name, &view.name);
     let family = super::family_module(device);

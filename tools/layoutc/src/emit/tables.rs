@@ -41,7 +41,7 @@ pub(crate) fn emit(out: &mut String, device: &Device, layout_hash: u64) {
     described(out, device, &used_meanings(device));
 }
 
-/// The descriptors that devices of the family refer to.
+/// Writes the descriptors to which devices of the family refer.
 pub(crate) fn emit_family(out: &mut String, family: &Device) {
     out.push_str(
         "/// What the layout files say about structures and registers.\n\
@@ -182,7 +182,7 @@ fn front(out: &mut String, device: &Device) {
     out.push_str("    ];\n\n");
 }
 
-/// The front as an area: its words are registers of a structure.
+/// Writes the front as an area. Its words are registers of a structure.
 fn front_area(out: &mut String, device: &Device) {
     let Some(Front { words, area, .. }) = front::of(device) else { return };
     emit_structure(out, device, &words);
@@ -242,7 +242,7 @@ fn emit_structure(out: &mut String, device: &Device, structure: &Structure) {
     out.push_str("        ],\n    };\n\n");
 }
 
-/// `field` of the structure itself or, with `group`, of the sub-structure that `group` is.
+/// Writes the register `field` of the structure itself or, with `group`, of the sub-structure `group`.
 fn emit_register(out: &mut String, device: &Device, group: Option<&Field>, field: &Field) {
     let FieldType::Scalar(scalar) = field.kind else { return };
     let mut dims = group.map_or(Vec::new(), |group| dims(device, group));
@@ -308,7 +308,7 @@ fn meaning_name(meaning: &Meaning) -> String {
     format!("MEANING_{}", meaning.name.to_uppercase())
 }
 
-/// A meaning on the pages of the device's manual; the family describes its own values and bits.
+/// Writes a meaning with the pages of the device's manual. The family describes its own values and bits.
 fn emit_meaning(out: &mut String, device: &Device, meaning: &Meaning) {
     let page = meaning.page_in(&device.manual);
     if meaning.shared {

@@ -4,7 +4,7 @@ use super::text::doc;
 use crate::model::{Bit, Device, Meaning, Provenance, Scalar, Value};
 use std::fmt::Write;
 
-/// The constants of the device's or the family's own meanings.
+/// Writes the constants of the meanings that the device or the family declares.
 pub(crate) fn emit(out: &mut String, device: &Device) {
     let own = device.meanings.iter().filter(|meaning| !meaning.shared);
     let modules: String = own.filter_map(|meaning| Some(module(device, meaning, meaning.scalar?))).collect();

@@ -1,5 +1,5 @@
-//! New offsets in the text of the layout files. Comments stay with the lines they belong to, and the lines in their
-//! order as far as the offsets let them.
+//! Writes new offsets into the text of the layout files. Comments stay with their lines, and the lines keep their order
+//! as far as the offsets permit.
 
 use super::ImportError;
 use super::homes::{Home, Homes, Table};
@@ -42,7 +42,7 @@ pub(crate) fn files(
     Ok(changed)
 }
 
-/// Writes one structure, sub-structure or block; nothing if it is not in the usual form.
+/// Writes one structure, sub-structure or block. Returns nothing if it is not in the usual form.
 fn structure(
     document: &mut DocumentMut,
     home: &Home,
@@ -93,7 +93,7 @@ fn element<'a>(document: &'a mut DocumentMut, name: &str, index: usize) -> Optio
     Some(table)
 }
 
-/// Changes an existing key; comments and blanks around its value stay.
+/// Changes an existing key. Comments and blanks around its value stay.
 fn put(table: &mut dyn TableLike, key: &str, mut value: Value) {
     if let Some(old) = table.get_mut(key).and_then(Item::as_value_mut) {
         *value.decor_mut() = old.decor().clone();
@@ -101,12 +101,12 @@ fn put(table: &mut dyn TableLike, key: &str, mut value: Value) {
     }
 }
 
-/// Whether the source is a decision that the library makes unnecessary. Facts from the manual keep their source.
+/// True if the source is a decision that the library makes unnecessary. Facts from the manual keep their source.
 fn is_inferred(source: &Value) -> bool {
     source.as_str().is_some_and(|source| source.starts_with("inferred "))
 }
 
-/// Removes a key; the last one's blank in front of the brace stays.
+/// Removes a key. The blank between the last key and the brace stays.
 fn remove(entry: &mut InlineTable, key: &str) {
     if entry.remove(key).is_some()
         && let Some((_, last)) = entry.iter_mut().last()

@@ -8,33 +8,33 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImportError {
-    /// The layout is wrong as it is.
+    /// The layout has an error before the import.
     #[error("{0}")]
     Layout(#[from] Error),
-    /// The declarations do not parse, or a required type has no size.
+    /// The declarations cannot be parsed, or a required type has no size.
     #[error("{0}")]
     Declaration(#[from] DeclarationError),
     /// The file declares none of the layout's structures.
     #[error("{path} declares none of the layout's structures ({known}); its structures: {declared}")]
     NothingDeclared {
-        /// The declarations.
+        /// The file with the declarations.
         path: String,
         /// Structures of the layout.
         known: String,
         /// Structures of the file.
         declared: String,
     },
-    /// A pair of names of which one does not exist.
+    /// A pair of names of which one name does not exist.
     #[error("`{ours}={theirs}`: {right}")]
     Called {
-        /// The layout's name.
+        /// Name in the layout.
         ours: String,
-        /// The declaration's name.
+        /// Name in the declarations.
         theirs: String,
-        /// The error, with the correct form.
+        /// The error, and the correct form.
         right: String,
     },
-    /// A part that several structures share would need different offsets in them.
+    /// Several structures share a part, and would need different offsets in it.
     #[error(
         "`{register}` of `{part}` would be at offset {offset} for {user}, but at {other_offset} for {other}, \
          and the layout has `{part}` once for both{why}"
@@ -42,17 +42,17 @@ pub enum ImportError {
     Conflict {
         /// The sub-structure or block.
         part: String,
-        /// The register that lies differently, or `size`.
+        /// The register with different offsets, or `size`.
         register: String,
-        /// Where it is used.
+        /// First user of the part.
         user: String,
-        /// Offset there.
+        /// Offset for the second user.
         offset: u32,
-        /// Where it is used too.
+        /// Second user of the part.
         other: String,
-        /// Offset there.
+        /// Offset for the second user.
         other_offset: u32,
-        /// Reason why the layout has the part once: the rest of the sentence.
+        /// Reason why the layout contains the part only once: the rest of the sentence.
         why: &'static str,
     },
     /// The device has no library of types, so no declarations can state its offsets.
@@ -61,7 +61,7 @@ pub enum ImportError {
          structures"
     )]
     NoLibrary {
-        /// The declarations.
+        /// The file with the declarations.
         path: String,
         /// Name of the device.
         device: String,
@@ -74,7 +74,7 @@ pub enum ImportError {
         .confirmed.display()
     )]
     Confirmed {
-        /// The declarations.
+        /// The file with the declarations.
         path: PathBuf,
         /// The shared structure, sub-structure or block.
         structure: String,
@@ -89,7 +89,7 @@ pub enum ImportError {
         /// The origin of the confirmed offsets, as the file names it.
         library: Box<str>,
     },
-    /// The result would be an incorrect layout.
+    /// The offsets would give an invalid layout.
     #[error("the layout would be refused with these offsets: {0}")]
     Refused(Box<Reason>),
     /// A file cannot be edited in its present form.

@@ -8,22 +8,22 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use toml::Spanned;
 
-/// Place of a list of registers in the layout's files.
+/// Place of a list of registers in a layout file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Table {
-    /// At the top level of a separate file.
+    /// The list is at the top level of a separate file.
     Top,
-    /// This element of `[[substructure]]`.
+    /// The list is in this element of `[[substructure]]`.
     Substructure(usize),
-    /// This element of `[[block]]`.
+    /// The list is in this element of `[[block]]`.
     Block(usize),
 }
 
-/// A structure, sub-structure or block as written.
+/// A structure, sub-structure or block in the form of its file.
 pub(crate) struct Home {
     pub file: usize,
     pub table: Table,
-    /// True if it belongs to the family, which other devices use, too.
+    /// True if the structure belongs to the family, so that other devices use it, too.
     pub is_shared: bool,
     /// The family's structure that defines the offsets instead of this structure: an index into [`Homes::all`].
     pub view: Option<usize>,
@@ -34,16 +34,16 @@ pub(crate) struct Home {
 pub(crate) struct Homes {
     /// Name of the device.
     pub device: String,
-    /// Directory of the structures that it shares.
+    /// Directory of the family with which the device shares structures.
     pub family: Option<String>,
-    /// The vendor's library of types.
+    /// Name of the vendor's library of types.
     pub library: Option<String>,
     pub all: Vec<Home>,
     pub files: Vec<(PathBuf, String)>,
 }
 
 impl Homes {
-    /// Reads a layout that has been found correct.
+    /// Reads a layout that was checked before.
     pub(crate) fn read(mut sources: Sources) -> Result<Self, Error> {
         let top = files::read(&mut sources)?;
         let mut all = Vec::new();
@@ -74,7 +74,7 @@ impl Homes {
         Ok(homes)
     }
 
-    /// Gives the registers of structures with a view the offsets that the family's structure has for them.
+    /// Copies the offsets of the family's structures to the registers of structures with a view.
     fn place_views(&mut self) {
         for index in 0..self.all.len() {
             let Some(view) = self.all[index].raw.view.as_ref().map(|view| view.get_ref().clone()) else {
@@ -112,13 +112,14 @@ impl Homes {
         all.into_iter()
     }
 
-    /// True if the device views a structure through an own structure.
+    /// True if the device views the structure through a structure of its own.
     pub(crate) fn is_viewed(&self, structure: usize) -> bool {
         self.all.iter().any(|home| home.table == Table::Top && home.view == Some(structure))
     }
 
-    /// True if an own file of the device takes the marks of an import: the family's files belong to other devices, too,
-    /// if this device views the family's structures through own structures.
+    /// True if an import writes its marks into the file of this list. If this device views the family's structures
+    /// through structures of its own, only its own files get marks, because the family's files also belong to other
+    /// devices.
     pub(crate) fn is_marked(&self, home: usize) -> bool {
         !(self.all[home].is_shared && self.all.iter().any(|home| home.view.is_some()))
     }
@@ -134,7 +135,7 @@ impl Homes {
         self.all.iter().position(is_it)
     }
 
-    /// Returns a structure's own list and those of its blocks.
+    /// Returns the structure's own list, and the lists of its blocks.
     pub(crate) fn lists(&self, structure: usize) -> Vec<usize> {
         let blocks = self.all[structure].raw.blocks.iter().filter_map(|name| {
             let is_it = |home: &Home| matches!(home.table, Table::Block(_)) && home.name() == name.get_ref();
@@ -143,7 +144,7 @@ impl Homes {
         blocks.chain([structure]).collect()
     }
 
-    /// Returns everything a structure uses: its lists and the sub-structures in them.
+    /// Returns all parts of a structure: its lists, and the sub-structures in them.
     pub(crate) fn parts(&self, structure: usize) -> Vec<usize> {
         let mut parts = self.lists(structure);
         for list in self.lists(structure) {
@@ -176,7 +177,7 @@ impl Home {
         self.raw.size.as_ref().map_or(0, |size| *size.get_ref())
     }
 
-    /// Returns the offsets of the registers as they are; none of padding.
+    /// Returns the present offsets of the registers; `None` for padding.
     pub(crate) fn offsets(&self) -> Vec<Option<u32>> {
         let entries = self.raw.register.iter().map(toml::Spanned::get_ref);
         entries

@@ -5,7 +5,7 @@ use toml_edit::{Array, InlineTable, RawString, Value};
 
 /// An entry with the text around it.
 struct Line {
-    /// The text in front of the entry, from the end of the previous line: comments, and the indentation.
+    /// The text before the entry, from the end of the previous line: comments and the indentation.
     lead: String,
     /// A comment after the entry on the same line.
     tail: String,
@@ -53,14 +53,14 @@ pub(crate) fn place(list: &mut Array, offsets: &[Option<u32>], gaps: &[Range<u32
     Some(())
 }
 
-/// Returns the lines, and the text in front of the closing bracket.
+/// Returns the lines, and the text before the closing bracket.
 fn take_apart(list: &Array) -> Option<(Vec<Line>, String)> {
     let mut lines: Vec<Line> = Vec::new();
     for value in list {
         let (tail, lead) = split(value.decor().prefix()?.as_str()?);
         match lines.last_mut() {
             Some(line) => line.tail = tail.to_owned(),
-            // The text after the opening bracket stays there.
+            // Text after the opening bracket stays at the bracket.
             None if !tail.is_empty() => return None,
             None => {}
         }
@@ -69,7 +69,7 @@ fn take_apart(list: &Array) -> Option<(Vec<Line>, String)> {
         lines.push(Line { lead: lead.to_owned(), tail: String::new(), offset, entry });
     }
     let last = lines.last_mut()?;
-    // Without a comma after the last entry, the following text belongs to the entry.
+    // If no comma follows the last entry, the text after it belongs to the entry.
     let suffix = last.entry.decor().suffix().and_then(RawString::as_str).unwrap_or_default().to_owned();
     last.entry.decor_mut().set_suffix("");
     let behind = suffix + list.trailing().as_str()?;
@@ -95,7 +95,7 @@ fn remarks(line: &Line, indent: &str) -> String {
     format!("{lead}{tail}")
 }
 
-/// Returns the line break and the blanks in front of an entry.
+/// Returns the line break and the blanks before an entry.
 fn indent(lead: &str) -> &str {
     lead.rfind('\n').map_or("\n  ", |at| &lead[at..])
 }
@@ -130,7 +130,7 @@ fn put_together(list: &mut Array, lines: Vec<Line>, end: &str) {
     list.clear();
     let mut tail = String::new();
     for mut line in lines {
-        // A comment ends with its line.
+        // A comment extends to the end of its line.
         let next_line = if tail.is_empty() || line.lead.starts_with('\n') { "" } else { "\n  " };
         line.entry.decor_mut().set_prefix(format!("{tail}{next_line}{}", line.lead));
         list.push_formatted(line.entry.into());

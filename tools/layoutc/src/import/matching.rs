@@ -1,4 +1,4 @@
-//! One structure of the layout and its declaration, register by register.
+//! Compares one structure of the layout with its declaration, register by register.
 
 use super::homes::Homes;
 use super::rows::{Row, Verdict};
@@ -15,20 +15,20 @@ pub(crate) struct Placement {
     pub home: usize,
     /// Origin of the placement: the structure, or its member that has the sub-structure's type.
     pub user: String,
-    /// First byte and end of each entry; none of padding.
+    /// First byte and end of each entry; `None` for padding.
     pub places: Vec<Option<Range<u32>>>,
-    /// Bytes of the whole; of a block those up to its last register.
+    /// Size in bytes of the structure. For a block, the bytes up to its last register.
     pub size: u32,
     /// True if the declaration has the layout's names.
     pub is_named_alike: bool,
-    /// The declared type, which gives the places.
+    /// The declared type that determines the places.
     pub declared: TypeId,
 }
 
 /// Result for a structure.
 pub(crate) struct Matched {
     pub rows: Vec<Row>,
-    /// Placements of every list that the structure uses, if all of its registers have a place.
+    /// Placements of every list that the structure uses. `None` if a register has no place.
     pub placements: Option<Vec<Placement>>,
 }
 
@@ -41,12 +41,12 @@ pub(crate) struct Matcher<'a> {
     pub has_our_padding: bool,
 }
 
-/// The current structure.
+/// The structure that is being compared.
 struct Structure<'a> {
     name: &'a str,
     rows: Vec<Row>,
     placements: Vec<Placement>,
-    /// Paths of the declaration that belong to a register, and their parent paths; in lower case.
+    /// Paths in the declaration that belong to a register, and their parent paths, in lower case.
     used: HashSet<String>,
 }
 
@@ -54,7 +54,7 @@ struct Structure<'a> {
 struct DeclaredMember {
     offset: u32,
     ty: TypeId,
-    /// Path of the member, as the declaration has it.
+    /// Path of the member in the declaration.
     path: String,
 }
 
@@ -71,7 +71,7 @@ impl<'a> Matcher<'a> {
             let places = places.collect::<Result<Vec<_>, _>>()?;
             let end = places.iter().flatten().map(|place| place.end).max().unwrap_or_default();
             let declared = self.sizes.size(ty)?.next_multiple_of(4);
-            // The library need not declare the other members of the family's structure.
+            // The library may omit the other members of the family's structure.
             let least = home.view.map_or(0, |_| home.size());
             let size = if list == index { declared.max(least) } else { end };
             let user = format!("`{}`", structure.name);
@@ -101,7 +101,7 @@ impl<'a> Matcher<'a> {
         Ok(Matched { rows: structure.rows, placements: whole.then_some(structure.placements) })
     }
 
-    /// Compares one register and gives its place.
+    /// Compares one register, and returns its place.
     fn entry(
         &mut self,
         structure: &mut Structure,
@@ -146,7 +146,8 @@ impl<'a> Matcher<'a> {
         Ok(None)
     }
 
-    /// Compares the registers of a sub-structure; `(name, before)` is the member that has its type.
+    /// Compares the registers of a sub-structure. `(name, before)` is the member that has the type of the
+    /// sub-structure.
     fn substructure(
         &mut self,
         structure: &mut Structure,
@@ -191,7 +192,7 @@ impl<'a> Matcher<'a> {
             let width = Scalar::named(our_type).map(Scalar::width);
             match shape.element {
                 Element::Scalar(theirs) if shape.counts == counts && Some(shape.size) == width => {
-                    // The offset in the sub-structure; a move of the sub-structure is already reported.
+                    // The offset in the sub-structure: if the whole sub-structure moves, that was already reported.
                     if our_offset != part.offset || our_type != theirs {
                         structure.scalar(&path, before, &at, our_type, theirs);
                     }
@@ -238,7 +239,7 @@ impl<'a> Matcher<'a> {
         Ok(Some(found))
     }
 
-    /// Reports members of the declaration without a register in the layout; `prefix` is the path to them.
+    /// Reports members of the declaration that have no register in the layout. `prefix` is the path to these members.
     fn new_members(
         &mut self,
         structure: &mut Structure,

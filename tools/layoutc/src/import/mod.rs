@@ -1,8 +1,8 @@
-//! Takes the offsets of the registers over from declarations of IEC 61131-3 into the layout files.
+//! Imports the offsets of registers from declarations of IEC 61131-3 into the layout files.
 //!
-//! Registers are found by their structure's name and their path in it; names of the types of sub-structures do not
-//! matter. A structure is taken over as a whole or not at all, and nothing is written that the layout compiler
-//! would refuse.
+//! A register is identified by the name of its structure and its path in the structure. The type names of
+//! sub-structures are ignored. A structure is imported as a whole or not at all. The import writes nothing that the
+//! layout compiler would refuse.
 
 mod edit;
 mod error;
@@ -35,13 +35,13 @@ pub struct NamePairs(BTreeMap<String, String>);
 pub struct Import {
     /// One row per structure and register.
     pub rows: Vec<Row>,
-    /// Layout hash before.
+    /// Layout hash before the import.
     pub hash_before: u64,
-    /// Layout hash after.
+    /// Layout hash after the import.
     pub hash_after: u64,
-    /// True if the declarations are an export of commram itself: then nothing changes.
+    /// True if `commram export` has written the declarations; the import then changes nothing.
     pub is_own_export: bool,
-    /// Other devices with registers that move with shared structures.
+    /// Other devices with registers that move, because the devices share structures.
     pub also_moved: Vec<String>,
     /// Files that change, with their new content.
     files: Vec<(PathBuf, String)>,
@@ -51,7 +51,8 @@ impl Import {
     /// Compares the layout in `dir` with declarations and prepares the new files.
     ///
     /// # Errors
-    /// The layout or a declaration is wrong, the file declares none of the structures, or the result would be no layout.
+    /// The layout or a declaration is wrong, the file declares none of the structures, or the result would be an invalid
+    /// layout.
     pub fn plan(
         dir: &Path,
         declarations: &Declarations,
@@ -69,7 +70,7 @@ impl Import {
         for index in homes.structures() {
             let name = homes.all[index].name();
             let Some(ty) = declarations.find_only(&called.of_structure(name))? else {
-                // The device has it under the name of an own structure.
+                // The device has the structure under another name.
                 if homes.is_viewed(index) {
                     continue;
                 }
@@ -108,7 +109,7 @@ impl Import {
         self.files.is_empty()
     }
 
-    /// Whether all declared structures can be taken over. For an export of commram itself: whether the layout has the
+    /// True if all declared structures can be imported. For an export of commram itself, true if the layout has the
     /// same offsets.
     pub fn is_whole(&self) -> bool {
         let is_fine = |verdict| match verdict {
@@ -139,7 +140,7 @@ impl NamePairs {
         self.0.get(&format!("{structure}.{path}")).cloned().unwrap_or_else(|| path.to_owned())
     }
 
-    /// True if something in `path` has another name.
+    /// True if a name inside `path` differs between layout and declaration.
     fn has_inside(&self, path: &str) -> bool {
         let inside = format!("{path}.");
         self.0.keys().any(|ours| ours.starts_with(&inside))
@@ -210,8 +211,8 @@ fn offsets(placement: &Placement) -> Vec<Option<u32>> {
     placement.places.iter().map(|place| place.as_ref().map(|place| place.start)).collect()
 }
 
-/// Reports an error if the registers of `one` have other offsets than `user` demands, or the whole has another size. For a
-/// block the size does not matter: its registers are in the structure itself.
+/// Reports an error if the registers of `one` have other offsets than `user` needs, or the structure has another size. The
+/// size of a block is not compared, because its registers are in the structure itself.
 fn compare(
     homes: &Homes,
     one: &Placement,

@@ -1,4 +1,4 @@
-//! Other devices of the family: an import that moves a shared structure moves their registers, too.
+//! Other devices of the family. If an import moves a shared structure, the registers of these devices move, too.
 
 use super::homes::{Home, Homes, Table};
 use super::matching::Placement;
@@ -21,7 +21,7 @@ struct MovedList<'a> {
     register: &'a str,
     before: u32,
     after: u32,
-    /// The declared type with this offset.
+    /// The declared type that contains this offset.
     declared: TypeId,
 }
 
@@ -34,7 +34,7 @@ pub(super) fn of_family(dir: &Path, homes: &Homes) -> Result<Vec<Other>, Error> 
         .filter(|path| path.file_name() != dir.file_name() && path.join("device.toml").is_file())
         .collect();
     beside.sort();
-    // The family of an unreadable layout is unknown.
+    // The family of an unreadable layout cannot be determined.
     beside.retain(|path| {
         let top = files::read(&mut Sources::new(path)).ok();
         top.and_then(|top| top.device.family).is_some_and(|it| it.get_ref() == family)

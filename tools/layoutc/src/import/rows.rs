@@ -7,21 +7,21 @@ use std::fmt;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// At the same offset; a structure of the same size.
+    /// The register has the same offset, or the structure the same size.
     Same,
-    /// At another offset; a structure of another size.
+    /// The register has another offset, or the structure another size.
     Moved,
-    /// At the same offset, but of another elementary type of the same width; the layout keeps its own.
+    /// The register has the same offset, but another elementary type of the same width. The layout keeps its type.
     Type,
-    /// Only in the declaration: the layout gets padding for it.
+    /// Only the declaration contains the register: the layout gets padding in its place.
     New,
-    /// Only in the layout.
+    /// Only the layout contains the register.
     Missing,
-    /// Another width, other array bounds, or a structure in only one of layout and declaration.
+    /// The register has another width or other array bounds, or is a structure in only one of layout and declaration.
     Unlike,
-    /// A structure that the file does not declare.
+    /// The file does not declare the structure.
     Undeclared,
-    /// A structure with a missing or different register: its file stays unchanged.
+    /// The structure has a missing or different register, so its file stays unchanged.
     Left,
 }
 
@@ -49,7 +49,7 @@ pub struct Row {
     pub member: String,
     /// Result of the comparison.
     pub verdict: Verdict,
-    /// Offset in the layout in bytes, for an array of the first element; for a structure its size.
+    /// Offset in the layout in bytes. For an array, the offset of the first element; for a structure, its size.
     pub before: Option<u32>,
     /// Offset or size in the declaration.
     pub after: Option<u32>,

@@ -16,8 +16,8 @@ struct Register<'a> {
     declared: Option<u32>,
 }
 
-/// Returns the placements of the family's structure that follow from `found`, the placements of structure `index`; none
-/// if nothing moves.
+/// Returns the placements of the family's structure that follow from `found`, the placements of structure `index`.
+/// Returns none if no register moves.
 pub(super) fn of_family(homes: &Homes, index: usize, found: &[Placement]) -> Vec<Placement> {
     let Some(base) = homes.all[index].view else { return Vec::new() };
     let lists = homes.lists(index);
@@ -63,8 +63,8 @@ pub(super) fn of_family(homes: &Homes, index: usize, found: &[Placement]) -> Vec
     placements
 }
 
-/// Returns the places of the registers, which are in ascending order. Registers that only the family has keep their distance to the register
-/// before them. Where the library leaves no room for them, they follow the end of the structure (decision D-741).
+/// Returns the places of the registers, which are in ascending order. Registers that only the family has keep their distance to the
+/// preceding register. If the library leaves no room for them there, they follow the end of the structure (decision D-741).
 fn places<'a>(registers: &[Register<'a>]) -> BTreeMap<&'a str, Range<u32>> {
     let moved = |register: &Register<'_>, by: i64| -> Option<Range<u32>> {
         let at = |offset: u32| u32::try_from(i64::from(offset) + by).ok();
@@ -114,7 +114,7 @@ fn alignment(homes: &Homes, entry: &Entry) -> u32 {
     of_scalar.or_else(|| homes.substructure(ty).and_then(of_sub)).unwrap_or(1)
 }
 
-/// Returns the number of bytes of a register with all its elements; sub-structures have the size of `found`.
+/// Returns the number of bytes of a register with all its elements. Sub-structures have the size in `found`.
 fn bytes(homes: &Homes, found: &[Placement], entry: &Entry) -> u32 {
     let Some(ty) = entry.ty.as_ref().map(|ty| ty.get_ref().as_str()) else { return 0 };
     let of_sub = |sub: usize| {

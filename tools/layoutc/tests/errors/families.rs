@@ -4,7 +4,7 @@ use super::error_of;
 use std::fs;
 use tempfile::TempDir;
 
-/// Files below a directory: the family `common`, and the device `small` beside it.
+/// Files below a directory: those of the family `common`, and those of the device `small` next to it.
 const FILES: [(&str, &str); 5] = [
     (
         "common/family.toml",

@@ -1,4 +1,5 @@
-//! Layouts in a folder of an unknown author: no files outside, no links, no keys that only code serves.
+//! Layouts in a folder of an unknown author. Tests that such a layout has no files outside the folder, no links, and no
+//! keys that only code implements.
 
 use super::edited;
 use std::fs;

@@ -1,4 +1,5 @@
-//! Every kind of layout error: one edit of a correct layout, the expected place and text.
+//! Tests every kind of layout error. Each test makes one edit in a correct layout, and checks the place and the text of
+//! the error.
 
 mod families;
 mod folders;

@@ -42,7 +42,7 @@ fn structures_state_the_sources_of_all_facts() {
     );
 }
 
-/// Names of areas are invented, and also names of variables that no manual names.
+/// Names of areas are not from the manual, and neither are names of variables that no manual contains.
 #[test]
 fn names_of_areas_and_variables_say_where_they_are_from() {
     check("device.toml", "names = \"inferred D-05\"", "", "device.toml:1:1: missing field `names`");
@@ -74,7 +74,7 @@ fn a_meaning_has_a_page_or_a_source() {
         "source = \"inferred D-06\"\nvalue = [\n  { is = 0, text = \"off\", source = \"manual\" },",
         "parts.toml:2:8: meaning `state` has values or bits from the manual; they need its `page`",
     );
-    // Each value and bit may differ from the rest.
+    // Each value and bit may have another source than the rest.
     let dir = edited("parts.toml", "text = \"off\"", "text = \"off\", source = \"inferred D-07\"");
     let rust = commram_layoutc::compile(dir.path()).unwrap().rust;
     assert!(rust.contains("text: \"off\", reserved: false, source: Provenance::Inferred(\"D-07\")"));

@@ -1,4 +1,4 @@
-//! Parts of the files that an import preserves: comments, columns, order, padding.
+//! Tests which parts of the files an import preserves: comments, columns, order, padding.
 
 use super::{AS_IT_IS, OTHER, fixture, plan, write};
 use std::fs;

@@ -10,7 +10,7 @@ mod round_trip;
 
 const FIXTURE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixture");
 
-/// The fixture as its own declarations would have it.
+/// Declarations that agree with the fixture.
 const AS_IT_IS: &str = "
 TYPE
     PAIR : STRUCT w_FIRST : WORD; w_SECOND : WORD; END_STRUCT;
@@ -24,8 +24,8 @@ TYPE
     END_STRUCT;
 END_TYPE";
 
-/// Another library: other names of types, other upper and lower case letters, another order, registers that the layout
-/// does not have.
+/// Declarations of another library. They have other names of types, another case of letters, another order, and
+/// registers that the layout does not have.
 const OTHER: &str = "
 TYPE
     WORDS2 : STRUCT w_SECOND : WORD; w_FIRST : WORD; END_STRUCT;
@@ -73,7 +73,7 @@ fn write(import: &Import) {
     import.files().for_each(|(path, text)| fs::write(path, text).unwrap());
 }
 
-/// Returns the rows with a remark, `-` for missing parts.
+/// Returns the rows that have a remark, with `-` for missing parts.
 fn reported_rows(import: &Import) -> Vec<String> {
     let number = |value: Option<u32>| value.map_or("-".to_owned(), |value| value.to_string());
     let rows = import.rows.iter().filter(|row| row.verdict != Verdict::Same);

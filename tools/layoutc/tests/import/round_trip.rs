@@ -1,5 +1,5 @@
-//! Existing and random layouts are written in TOML, also by way of JSON, and read back without a change.
-//! Layouts are also written as declarations, and an import restores offsets that were changed in between.
+//! Tests that existing and random layouts can be written in TOML, also through JSON, and read back without a change.
+//! Tests also write layouts as declarations, change offsets, and restore them by an import.
 
 use super::{fixture, plan, reported_rows, write};
 use commram_layoutc::{compile, compile_family};
@@ -13,11 +13,12 @@ const LAYOUTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../layouts");
 /// A function that reads a layout file and rewrites it.
 type Rewriter = fn(&toml::Table) -> toml::Table;
 
-/// Without comments and with the keys in alphabetical order, directly and through JSON, which has fewer types.
+/// Rewrites the file without comments and with the keys in alphabetical order: directly, and through JSON, which has
+/// fewer types.
 const WAYS: [Rewriter; 2] =
     [toml::Table::clone, |table| serde_json::from_str(&serde_json::to_string(table).unwrap()).unwrap()];
 
-/// Every file of `from` and of its folders, rewritten in `to`.
+/// Rewrites every file of `from` and of its folders into `to`.
 fn rewrite(from: &Path, to: &Path, way: Rewriter) {
     fs::create_dir_all(to).unwrap();
     for entry in fs::read_dir(from).unwrap() {
@@ -58,7 +59,7 @@ fn every_layout_is_read_back_unchanged() {
     }
 }
 
-/// Types with the prefixes of their registers' names; the last one is a sub-structure of the fixture.
+/// Types with the prefixes of their registers' names. The last type is a sub-structure of the fixture.
 const TYPES: [(&str, &str, u32, u32); 10] = [
     ("BYTE", "b_", 1, 1),
     ("WORD", "w_", 2, 2),
@@ -72,7 +73,7 @@ const TYPES: [(&str, &str, u32, u32); 10] = [
     ("PAIR", "_", 4, 2),
 ];
 
-/// A register, and the size of the gap in front of it.
+/// A register, and the size of the gap before it.
 #[derive(Clone, Debug)]
 struct Drawn {
     ty: usize,
@@ -101,7 +102,7 @@ fn drawn() -> impl Strategy<Value = Drawn> {
     let dims = proptest::collection::vec(1..4_u32, 0..3);
     (0..TYPES.len(), dims, 0..9_u32, prop::sample::select(&["plc", "firmware", "both"][..]), 0..128_u8)
         .prop_map(|(ty, mut dims, gap, owner, reset)| {
-            // An array of sub-structures has one bound.
+            // An array of sub-structures has only one dimension.
             dims.truncate(if TYPES[ty].0 == "PAIR" { 1 } else { 2 });
             Drawn { ty, dims, gap, owner, reset }
         })
@@ -171,7 +172,7 @@ fn layout(registers: &[Drawn], order: &[usize]) -> tempfile::TempDir {
     dir
 }
 
-/// Returns the same registers as declarations.
+/// Returns the declarations of the same registers.
 fn declarations(registers: &[Drawn], order: &[usize]) -> String {
     let (placed, size) = places(registers, order);
     let mut text =
@@ -179,7 +180,7 @@ fn declarations(registers: &[Drawn], order: &[usize]) -> String {
     let mut end = 0;
     let filler = |text: &mut String, from: u32, to: u32| {
         if to > from {
-            // A filler whose name does not contain its offset, unlike the fillers of our export.
+            // A filler without its offset in its name, unlike the fillers of our export.
             writeln!(text, "padding_0{from} : ARRAY[1..{}] OF BYTE;", to - from).unwrap();
         }
     };
