@@ -214,7 +214,7 @@ impl<'a> Exchange<'a> {
     }
 }
 
-/// Not a test: the program of a PLC, in a separate process.
+/// The program of a PLC in a separate process, and not a test.
 #[test]
 fn child() {
     let Ok(role) = std::env::var(ROLE) else { return };

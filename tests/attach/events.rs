@@ -25,7 +25,7 @@ fn listen(instance: &str) -> EventListener {
     EventListener::connect(instance, &channel_root(instance).unwrap(), "line", bells).unwrap()
 }
 
-/// Not a test: a PLC process that waits until the emulator ends, and prints each event count that it sees.
+/// A PLC process that waits until the emulator ends, and prints each event count that it sees. It is not a test.
 #[test]
 fn child() {
     let Ok(role) = std::env::var(ROLE) else { return };
@@ -123,7 +123,7 @@ fn stepped_events_reach_processes_in_three_ways_without_loss() {
     let slot = &image.header().unwrap().events[SYNC];
     let first = slot.bell.rings();
     for step in 1..=10 {
-        // One event, then 49, to check whether many events are merged or lost.
+        // The test raises one event, then 49, to check whether many events are merged or lost.
         emulator.step(&[if step % 2 == 1 { "2ms" } else { "98ms" }]);
         let (count, time) = (u64::from(slot.bell.rings()), slot.time_us.load());
         assert_eq!(count - u64::from(first), (step / 2) * 50 + step % 2);

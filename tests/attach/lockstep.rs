@@ -13,7 +13,7 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 const LONG: Duration = Duration::from_secs(60);
-/// Time within which a task notices that it is no longer needed.
+/// Time after which a task detects that it is no longer needed.
 const SHORT: Duration = Duration::from_millis(5);
 const SYNC: usize = 12;
 const WRC1: u32 = NODE2 as u32 + 12;
@@ -188,7 +188,7 @@ fn the_higher_level_takes_the_processor() {
     assert!(low.len() >= 3);
 }
 
-/// Not a test: a task in a separate process that never ends its turn.
+/// A task in a separate process that never ends its turn, and not a test.
 #[test]
 fn child() {
     let Ok(instance) = std::env::var(CHILD_OF) else { return };
@@ -243,7 +243,7 @@ fn a_task_without_end_is_removed_and_notified() {
     let error = task.next_event(LONG).unwrap_err();
     assert!(matches!(error, MemoryError::LockstepLost { event: SYNC }), "{error}");
     drop(task);
-    // The same task can join again.
+    // The place is free: the same task can join again.
     drop(image.join_lockstep(SYNC, LONG, LONG).unwrap());
     emulator.step(&["10ms"]);
 }

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 const KILLS: u64 = 100;
 /// Maximum time for which the PLC stores before the emulator is killed.
 const LONGEST_US: u64 = 30_000;
-/// Time after which the PLC notices that no emulator answers.
+/// Time after which the PLC detects that no emulator answers.
 const SHORT: Duration = Duration::from_millis(5);
 /// Number of retain flags (words) that are stored together with the address.
 const FLAGS: u32 = 64;

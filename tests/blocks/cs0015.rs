@@ -307,7 +307,7 @@ fn places_of_the_job_block_are_used_again() -> Result<(), Box<dyn Error>> {
 fn the_table_of_functions_and_the_blocks_agree() {
     let device = commram::devices::find("cs0015").unwrap();
     let function = device.layout.register("jobs.a_FUNCTION[0]").unwrap().register.meaning.unwrap();
-    // Functions of chapter 5: the high byte is the part of the manual.
+    // Numbers of the functions in chapter 5. The high byte is the part of the manual.
     let documented = |name: &str| {
         let of_chapter = function.values.iter().filter(|value| (1..=3).contains(&(value.first >> 8)));
         of_chapter.map(|value| value.text).find(|text| text.split(" (").next() == Some(name))

@@ -74,7 +74,7 @@ fn a_waiting_client_learns_why_the_emulator_ends() {
     });
 }
 
-/// Like the previous test, with an emulator that ends with its parent process or with a command.
+/// Does the same as the previous test, with an emulator that ends with its parent process or with a command.
 #[test]
 fn a_waiting_client_learns_that_the_parent_has_ended() {
     const BEGIN: &str = "$COMMRAM step 24h -i $NAME 2>&1 & step=$!

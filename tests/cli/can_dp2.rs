@@ -103,8 +103,8 @@ fn a_trace_shows_whole_telegrams_and_plays_again() {
             if clock == "stepped" {
                 other.step(&["1ms"]);
             }
-            // The emulated gateway answers in the second emulator. It learns the bit rate from the first request, so
-            // the master has sent seven requests.
+            // The emulated gateway answers in the second emulator. It determines the bit rate from the first request,
+            // so the master has sent seven requests.
             let played = other.run("bus", &["play", log, "--interface", "dp", "--without-station", "5"]);
             assert_eq!(played.code, Some(0), "{}", played.err);
             assert!(played.out.starts_with("7 frames in "), "{}", played.out);

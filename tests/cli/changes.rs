@@ -218,7 +218,8 @@ fn the_journal_contains_changes_of_watched_registers() {
     assert!(wrong.fails(2).contains("w_CPU_KONTROL"));
 }
 
-/// Node 1 of a slave has a doubleword where a master has bytes. A write to one of them is a change of this byte, too.
+/// Node 1 of a slave has a doubleword where a master has bytes. A write to one of these bytes also changes the recorded
+/// doubleword.
 #[test]
 fn a_part_of_a_recorded_register_has_its_changes() {
     let emulator = Emulator::start(&["--clock", "stepped", "--record", "node1"]);

@@ -53,7 +53,7 @@ fn a_truncated_channel_blocks_no_process_and_the_emulator_stops() {
         let parts = objects(&emulator, ending);
         shorten(&parts, |_| 0);
         let outcome = emulator.run("peek", &["node2.w_OPTION_STATUS"]);
-        // Found by the client, or earlier by the emulator, which has then closed the channel.
+        // The client detects the damage, or the emulator has detected it before and has closed the channel.
         assert!(said_damaged(&outcome) || outcome.err.contains("has no channel"), "{ending}: {outcome:?}");
         assert!(emulator.run("stop", &[]).ok().contains("has stopped"));
         assert_eq!(emulator.wait().code(), Some(0));

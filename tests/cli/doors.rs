@@ -113,7 +113,7 @@ fn guests_hear_each_other_but_not_themselves() {
         assert_eq!(one.ask(line), yes);
         assert_eq!(other.hear(), format!("{line}\r"));
     }
-    // An echo of the frame would arrive first.
+    // If the door sent back the frame, its echo would arrive first.
     assert_eq!(other.ask("t5551FF"), "z\r");
     assert_eq!(one.hear(), "t5551FF\r");
     let log = emulator.run("trace", &["--format", "candump"]);
@@ -571,7 +571,7 @@ fn a_log_with_more_frames_than_the_journal_keeps_is_played_completely() {
     assert_eq!(played.ok(), "70001 frames in 3599 s\n");
 }
 
-/// At 10 kbit/s the 64 frames that a controller holds, after ten of another guest, take more than a second.
+/// At 10 kbit/s, ten frames of another guest and then the 64 frames of a controller take more than a second.
 #[test]
 fn a_log_is_played_as_long_as_its_frames_leave() {
     let data = "3C".repeat(8);

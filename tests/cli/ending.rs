@@ -247,7 +247,7 @@ fn stop_does_not_wait_for_the_next_emulator_of_that_name() {
 enum Damage {
     Emptied,
     Shortened,
-    /// Another file of the same name, with other content.
+    /// Another file with the same name and other content replaces the file.
     Replaced,
     /// A directory, a pipe or a link of this name.
     Odd,
@@ -385,7 +385,7 @@ fn a_held_lock_in_a_directory_open_to_others_shows_the_emulator() {
     assert_eq!(outcome.ok(), "instance 'one' has stopped\n".repeat(3));
 }
 
-/// A lock file may contain any process ID; the kernel knows the holder of the lock.
+/// A lock file may contain any process ID; only the kernel has the real holder of the lock.
 #[test]
 fn a_process_that_a_damaged_file_names_is_not_signalled() {
     let mut bystander = Command::new("sleep").arg("600").spawn().unwrap();
@@ -424,7 +424,7 @@ fn many_cleaning_clients_do_not_end_each_other() {
         emulator.kill();
         let clients = (0..CLIENTS).map(|n| spawn(emulator.command("stop", &["--clean"][n % 2..])));
         for outcome in clients.collect::<Vec<_>>().into_iter().map(outcome) {
-            // One of the clients removes the files; the other clients find the emulator dead or gone.
+            // One of the clients removes the files; for the other clients the emulator is dead or does not exist.
             assert!(matches!(outcome.code, Some(0 | 3)), "{outcome:?}");
         }
         assert_eq!(files_of(&emulator.name), NOTHING);

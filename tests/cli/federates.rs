@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 const LONG: Duration = Duration::from_secs(60);
-/// Time within which a task notices that it is no longer needed.
+/// Time after which a task detects that it is no longer needed.
 const SHORT: Duration = Duration::from_millis(5);
 /// Number of the event of a SYNC edge.
 const SYNC: usize = 12;

@@ -74,7 +74,7 @@ fn a_folder_is_a_device_in_every_command() {
     let found = run(&["find", "toggle", "--device", &place.path("cards/digital-io")]);
     assert!(found.ok().contains("w_TOGGLE_ACK"), "{}", found.out);
 
-    // The registers have owners and reserved bits, so the access checker knows them.
+    // The registers have owners and reserved bits, so the access checker checks them.
     emulator.breaks(&["owner"]);
     emulator.poke(&["data.w_IN=7"]);
     emulator.step(&["10ms"]);
@@ -128,7 +128,7 @@ fn handshakes_of_a_table_pass_their_scenario() {
     );
 }
 
-/// Every example has scenarios of its own.
+/// Every example has its own scenarios.
 #[test]
 fn the_examples_pass_their_scenarios() {
     let examples = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/devices");
@@ -158,7 +158,7 @@ fn the_examples_pass_rounds_of_soak() {
         let keep = tempfile::tempdir().unwrap();
         let keep = keep.path().to_str().unwrap();
         let soak = run(&["soak", "--seed", "7", "--rounds", rounds, "--exercise", &dir, "--keep", keep]);
-        // On a slow machine it prints notes.
+        // On a slow machine the command prints notes.
         assert_eq!(soak.code, Some(0), "{example}: {}{}", soak.out, soak.err);
     }
 }

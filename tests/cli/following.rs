@@ -36,7 +36,7 @@ fn watching(child: &mut Child) -> impl BufRead + use<> {
     notes
 }
 
-/// Whether a thread of the process waits in a system call with one of the outputs as first argument.
+/// True if a thread of the process waits in a system call with one of the outputs as first argument.
 pub(crate) fn is_blocked_by_output(child: &Child) -> bool {
     let threads = std::fs::read_dir(format!("/proc/{}/task", child.id())).unwrap();
     let calls =
@@ -80,7 +80,7 @@ fn the_first_signal_ends_a_command_whose_emulator_does_not_answer() {
         .unwrap();
     let _notes = watching(&mut child);
     emulator.signal("-STOP");
-    // The command asks twenty times a second. It is in a question soon, and in most cases before the signal.
+    // The command asks twenty times a second. Soon one of its requests is in progress, in most cases before the signal.
     std::thread::sleep(std::time::Duration::from_millis(200));
     signal(&child, "-INT");
     let start = std::time::Instant::now();

@@ -37,8 +37,8 @@ impl Resident {
 fn an_emulator_stays_small_and_does_not_grow() {
     let emulator = Emulator::stepped();
     run(&["test", START, "--attach", &emulator.name]).ok();
-    // From now on two frames in each interval: the reference values of the master, which its program always
-    // releases, and the answer of a drive.
+    // From now on each interval has two frames: the reference values of the master, which its program always releases,
+    // and the answer of a drive.
     emulator.run("force", &["node2.b_CTRLREG_WRC1=16#05"]).ok();
     emulator.step(&["70s"]);
     let kept = emulator.run("trace", &["--kind", "frame", "--format", "jsonl"]);

@@ -96,7 +96,7 @@ fn control_characters_reach_the_terminal_in_no_format() {
     }
 }
 
-/// Otherwise the second report would silently replace the first report.
+/// Without this check, the second report would silently replace the first report.
 #[test]
 fn two_reports_in_one_file_are_refused() {
     let scripts = Scripts::new(&[("a.rhai", "step(1)")]);

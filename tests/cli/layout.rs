@@ -200,7 +200,8 @@ fn the_library_of_the_bmaxx_plc_is_found_by_its_own_names() {
     );
 }
 
-/// Where the library has its registers elsewhere, the family's structure, which the firmware reads, follows (D-296).
+/// If the library has its registers at other offsets, the family's structure moves with them (D-296). The firmware
+/// reads this structure.
 #[test]
 fn true_offsets_of_the_bmaxx_plc_move_the_structure_of_the_family() {
     let checkout = Checkout::with(&with_more_in_the_master(), &every_layout());

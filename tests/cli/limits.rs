@@ -272,7 +272,7 @@ fn too_few_threads_are_named_and_cause_no_wrong_advice() {
     assert_eq!(files_of(&name), Vec::<PathBuf>::new());
 }
 
-/// Without `/proc` a process cannot list its open files; it must not invent a number or a limit.
+/// Without `/proc` a process cannot list its open files; the command must not print a wrong number or limit.
 #[test]
 fn nothing_is_invented_without_proc() {
     let script = "mount -t tmpfs tmpfs /dev/shm || exit 77

@@ -75,7 +75,8 @@ fn a_link_in_place_of_the_directory_is_refused() {
     assert!(outcome.fails(1).contains("is a symbolic link"), "{}", outcome.err);
 }
 
-/// Any user can create an entry of any kind before the emulator starts. Only its owner and root can remove it.
+/// Any user can create an entry of any kind before the emulator starts. Only the owner of the entry and root can remove
+/// it.
 #[test]
 fn an_entry_of_another_user_is_reported_with_its_owner_and_a_remedy() {
     if !can_be_another_user() {

@@ -79,7 +79,7 @@ fn start_with(plant: &str, args: &[&str]) -> Emulator {
     Emulator::start(&[&[file.path().to_str().unwrap()], args].concat())
 }
 
-/// Starts a program that asks for a seat, and waits until it has asked.
+/// Starts a program that requests a seat, and waits until it has requested the seat.
 fn seat(emulator: &Emulator, program: &mut Command) -> Child {
     let child = program.arg(port(emulator).to_string()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
     let child = child.unwrap();
@@ -122,7 +122,7 @@ fn pyprofibus_reaches_a_controller_through_the_gateway() {
 }
 
 /// Answers the outputs of pyprofibus as the controller does, until the process ends; `advance` is called before each
-/// look. Returns both outputs of the process.
+/// poll. Returns both outputs of the process.
 fn exchange(emulator: &Emulator, mut child: Child, advance: impl Fn()) -> (String, String) {
     let mut is_answered = false;
     let ended = eventually(|| {
@@ -170,7 +170,7 @@ fn pyprofibus_runs_unchanged_on_a_serial_line() {
     assert_eq!(output.lines().last(), Some("pyprofibus exchanges data"), "{output}{error}");
 }
 
-/// A program on a serial line that is two slaves; a master at another door asks both.
+/// A program on a serial line acts as two slaves. A master at another door sends requests to both.
 #[test]
 fn several_slaves_at_one_serial_line() {
     let emulator = start();
@@ -236,7 +236,8 @@ fn a_length_that_no_telegram_has_closes_the_door_for_this_guest() {
     assert_eq!(other.hear().1.len(), 17);
 }
 
-/// If the emulator did not refuse this time, the guest would wait without a timeout, and without an explanation.
+/// The emulator refuses this time. Without the refusal the guest would wait without a timeout and without an
+/// explanation.
 #[test]
 fn a_distant_bit_time_is_refused_with_a_message() {
     let emulator = start();

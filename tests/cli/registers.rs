@@ -363,8 +363,8 @@ fn any_number_of_registers_is_read() {
     assert_eq!((values.len(), values[299], values[599]), (600, "16#2A", "16#00"));
 }
 
-/// Bits by name and by the addresses of the manual, several bits of one register, and a bit of a register that only the
-/// firmware writes.
+/// Bits are named by their names and by the addresses of the manual. The test writes several bits of one register, and
+/// a bit of a register that only the firmware writes.
 #[test]
 fn single_bits_are_written_and_forced() {
     let emulator = Emulator::stepped();

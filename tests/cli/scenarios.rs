@@ -464,7 +464,7 @@ fn the_junit_report_is_xml_that_parsers_read() {
     assert!(text.contains("<property name=\"emulated_us\" value=\"2000\"/>"), "{text}");
 }
 
-/// A scenario skips itself. Each shard writes a report with all data, and one page is made of them.
+/// A scenario skips itself. Each shard writes a report with all data, and one page is made of these reports.
 #[test]
 fn shards_with_skipped_scenarios_become_one_page() {
     let drive = r#"

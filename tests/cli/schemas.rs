@@ -1,5 +1,5 @@
-//! The schemas of plants and layouts. An external validator checks them against the files of the repository and
-//! against invalid ones.
+//! The schemas of plants and layouts. An external validator checks them against the files of the repository and against
+//! invalid files.
 
 use crate::common::{finish, python, run};
 use std::path::{Path, PathBuf};

@@ -212,7 +212,7 @@ fn missing_or_wrong_simulators_are_reported() {
     assert_eq!(emulator.wait().code(), Some(3));
     let complaints = emulator.complaints();
     assert!(complaints.contains("drive1.speed_modelled from motor/sped is required"), "{complaints}");
-    // The emulator notices a killed model.
+    // The emulator detects a killed model.
     let model = text.replace("    speed += ", "    if now > 0.004: import os; os._exit(0)\n    speed += ");
     let broker = Broker::start(&helics, 2);
     let model = Model::start(&helics, &written(&directory, "dies.py", &model), &broker, &[]);

@@ -28,7 +28,7 @@ fn a_file_brings_the_instance_back_and_starts_another_one() {
     assert_eq!(emulator.run("restore", &[file]).ok(), "0.005000 s\n");
     let waiting = emulator.peek(&[STATUS]);
     assert!(waiting != later && waiting.contains("16#0002"), "{waiting}");
-    // An instance that starts from the file continues exactly as this one.
+    // An instance that starts from the file continues exactly like this instance.
     let other = Emulator::start(&["--clock", "stepped", "--from", file]);
     assert_eq!(other.peek(&[STATUS]), waiting);
     for emulator in [&emulator, &other] {
@@ -198,7 +198,7 @@ fn a_program_that_has_mapped_the_registers_is_named() {
 /// maps them for a moment, while it connects, would be an obstacle.
 #[test]
 fn connecting_clients_of_the_channel_do_not_map_registers() {
-    /// Without the rule, one of eleven clients is seen with mapped registers.
+    /// Without the rule, the server would see one of eleven clients with mapped registers.
     const CLIENTS: usize = 120;
     let emulator = Emulator::stepped();
     emulator.step(&["5ms"]);

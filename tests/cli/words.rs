@@ -1,4 +1,4 @@
-//! Words that people know from other programs, and where options may be given.
+//! Tests of words from other programs, and of the positions where options may be given.
 
 use crate::common::{Emulator, commram, finish, run};
 

@@ -643,7 +643,7 @@ fn a_slave_of_the_controller_is_a_drive_of_its_bus() {
 }
 
 /// Manual p. 27: without `dip_baud` DIP switches 1 to 3 are set to the rate of the bus (D-649). The plant file defines
-/// the number of a slave of the controller, and the refusal says so.
+/// the number of a slave of the controller, and the error message mentions it.
 #[test]
 fn the_switches_of_a_controller_slave_default_to_the_rate_of_its_bus() {
     for (kbit_s, baud) in [(125, 0b011), (250, 0b100), (500, 0b101), (1000, 0b110)] {

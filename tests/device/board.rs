@@ -219,8 +219,8 @@ fn a_number_that_is_taken_leaves_the_node_alone() {
     assert_eq!(answering, [1, 2], "the node and the drive");
 }
 
-/// 5.00005.03a p. 22 asks for different numbers only. A number is free once its station has moved, and a node that is off
-/// loses its number to a node that comes on (D-184).
+/// 5.00005.03a p. 22 asks for different numbers only. A number is free after its station has got another number. A node
+/// without power loses its number to a node that is switched on (D-184).
 #[test]
 fn a_number_is_free_when_its_station_has_moved_or_is_off() {
     const C: usize = 2;

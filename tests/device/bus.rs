@@ -95,7 +95,7 @@ fn a_slave_node_overhears_other_slaves_but_not_itself() {
     }
 }
 
-/// Manual 5.00005.03a p. 182: a slave sends its frame only if the frame was released in time and the master asks for
+/// Manual 5.00005.03a p. 182: a slave sends its frame only if the frame was released in time and the master requests
 /// it.
 #[test]
 fn an_own_actual_value_needs_release_and_request() {

@@ -392,7 +392,7 @@ fn each_toggled_bit_has_its_own_time() {
     }
 }
 
-/// Scripts without an end, and scripts that want all memory or the whole stack: each stops in its line.
+/// Scripts that do not end, and scripts that request all memory or the whole stack: each of them stops at its line.
 #[test]
 fn a_hostile_script_stops_and_the_emulator_continues() {
     for (script, place, what) in [

@@ -121,7 +121,7 @@ fn an_error_number_is_recorded() {
     }
 }
 
-/// Every step of an up- and a download shows at both ends, in block 1 and frame by frame.
+/// Every step of an upload and a download is recorded at both ends, in block 1 and frame by frame.
 #[test]
 fn a_transfer_is_recorded_from_init_to_end_at_both_ends() {
     for rate in FASTEST {

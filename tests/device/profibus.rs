@@ -30,7 +30,7 @@ fn shared(plant: &Plant) -> Vec<(u16, u32)> {
 fn gateways_with_the_same_address_are_found() {
     for (switches, expected) in [
         (&[Some(5), Some(6)][..], &[][..]),
-        // Both have the address at delivery.
+        // Both devices have the address at delivery.
         (&[None, None], &[(0, 3), (1, 3)]),
         // A switch position below 3 means address 3, a position above 124 means 124 (p. 9).
         (&[Some(7), Some(0), Some(3)], &[(1, 3), (2, 3)]),

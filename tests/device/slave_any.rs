@@ -24,7 +24,7 @@ enum Step {
 fn step() -> impl Strategy<Value = Step> {
     let mode =
         prop_oneof![Just(0x80u8), Just(0x90), Just(0xA0), Just(0xB0), Just(0xD0), Just(0xE0), Just(0xF0)];
-    // Few offsets and addresses, so that jobs match each other often enough.
+    // The strategy has few offsets and addresses, so that jobs match each other often enough.
     let likely = (mode, 0u8..5, prop_oneof![Just(0u8), Just(1)], any::<bool>()).prop_map(
         |(control, block, page, long)| {
             let len = if long { 8 } else { 2 };

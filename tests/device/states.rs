@@ -306,8 +306,8 @@ fn a_restart_written_before_bit_7_does_not_act_after_it() {
     }
 }
 
-/// Decision D-29: a restart written over the value that bit 7 has left cannot be seen in the RAM, and a finding says
-/// so.
+/// Decision D-29: a restart written over the value that bit 7 has left cannot be seen in the RAM, and a finding reports
+/// this.
 #[test]
 fn a_restart_over_the_remains_of_bit_7_is_reported() {
     for rate in FASTEST {

@@ -173,7 +173,7 @@ fn code(source: &str) -> Vec<(usize, &str)> {
         .collect()
 }
 
-/// Whether a text begins with a code of a handshake or a mode, as manuals write it: `05` of 16#05.
+/// True if a text begins with a code of a handshake or a mode in the notation of manuals: `05` for 16#05.
 fn is_code(text: &str) -> bool {
     let digits: Vec<_> = text.chars().take_while(char::is_ascii_hexdigit).collect();
     matches!(digits.as_slice(), ['0', last] if *last != '0')

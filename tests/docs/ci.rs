@@ -131,7 +131,7 @@ fn the_action_for_github_installs_a_package_and_runs_the_scenarios() {
     }));
     assert_merged(directory.path(), &file(".github/workflows/scenarios.yml"), &path);
 
-    // Files with the names of a pattern do not change the pattern.
+    // Existing files that match the pattern do not change the pattern.
     std::fs::write(directory.path().join("st-no"), "").unwrap();
     let filtered = run(test, &path, &sum, "--filter st*");
     assert!(filtered.ok().contains("1 passed, 0 failed, 0 broken"), "{}{}", filtered.out, filtered.err);
@@ -255,7 +255,7 @@ fn the_servers_accept_their_files() {
     }
 }
 
-/// `tools/package` knows each package that the page names, and the release publishes what it makes.
+/// `tools/package` makes each package that the page names, and the release publishes these packages.
 #[test]
 fn the_release_makes_the_packages_of_the_page() {
     let read = |name: &str| std::fs::read_to_string(Path::new(ROOT).join(name)).unwrap();

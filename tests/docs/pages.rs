@@ -181,7 +181,7 @@ fn the_session_of_getting_started_works_as_printed() {
     let (_, shown) =
         steps.iter().find(|(command, _)| command.contains(last_peek)).expect("a value comes back");
     assert!(shown.contains("16#11223344"), "the reference value came back: {shown}");
-    // Other tests run these commands.
+    // Other tests run commands with these words.
     let elsewhere = ["sudo apt install", "commram demo"];
     steps.retain(|(command, _)| !elsewhere.iter().any(|other| command.starts_with(other)));
     type_in(&steps);

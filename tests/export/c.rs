@@ -58,7 +58,8 @@ fn a_cpp_program_brings_up_a_master() {
     assert!(start(&program, &image(&emulator)).ok().ends_with("a_RD_BMARRAY[1][0] = 4711\n"));
 }
 
-/// In every language mode, after system headers that were included without the macros for their full content.
+/// The header is compiled in every language mode, after system headers that were included without the macros for their
+/// full content.
 #[test]
 fn the_header_compiles_after_any_other() {
     let directory = tempfile::tempdir().unwrap();

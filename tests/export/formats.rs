@@ -35,7 +35,7 @@ fn every_device_is_exported_in_every_format() {
     for device in DEVICES {
         for format in FORMATS {
             let export = run(&["export", format, "--device", device]);
-            // For each device a name that no other device has.
+            // For each device, the list has a name that no other device has.
             let names = match format {
                 "svd" => [
                     "CANsync_INIT_MA",
@@ -167,8 +167,8 @@ fn the_json_keeps_its_schema() {
     assert_eq!(find(&page["fields"], "answer")["offset"], 192);
 }
 
-/// Documented and inferred addresses, names and meanings look alike in an export. Inferred ones must be marked in the
-/// head of the file, at their structure and at themselves.
+/// Documented and inferred addresses, names and meanings look alike in an export. Inferred facts must be marked in the
+/// head of the file, at their structure, and at each of them.
 #[test]
 fn exports_mark_inferred_names_and_offsets() {
     for format in ["c", "matiec", "openplc", "st", "python", "svd", "systemrdl"] {
@@ -188,7 +188,8 @@ fn exports_mark_inferred_names_and_offsets() {
         ] {
             assert!(text.contains(structure), "{format}: {structure}");
         }
-        // Registers: a scalar, an array, one of a sub-structure, a reserved one, one that no manual has.
+        // Registers of several kinds: a scalar, an array, a register of a sub-structure, a reserved register, and a
+        // register that no manual has.
         for register in [
             "offset D-02, owner D-321, reset D-320",
             "offset D-02, type D-90, reset D-320",

@@ -77,8 +77,8 @@ fn moved() -> String {
         None,
     )
     .unwrap();
-    // Like a vendor's library: an export of commram proves nothing and is not imported. Its first line and the names of its
-    // paddings show that it is one (decision D-742).
+    // An export of commram proves nothing and is not imported, unlike a vendor's library. The first line of the export and
+    // the names of its paddings identify it (decision D-742).
     let declarations = declarations.replace("padding_", "spare_");
     let is_own_mark = |line: &&str| line.starts_with("(* Made by commram ");
     let mut lines: Vec<&str> = declarations.lines().filter(|line| !is_own_mark(line)).collect();

@@ -176,7 +176,7 @@ fn addresses_that_are_no_registers_are_refused_by_the_compiler() {
     }
 }
 
-/// Inputs, outputs and flags as bits, bytes and words, in several spellings, of one memory (D-772).
+/// Inputs, outputs and flags of the same memory are used as bits, bytes and words, in several spellings (D-772).
 #[test]
 fn bits_and_bytes_of_inputs_outputs_and_flags_are_one_memory() {
     let directory = tempfile::tempdir().unwrap();
@@ -258,7 +258,7 @@ fn matiec_compiles_its_exports() {
         return;
     };
     let iec2c = |directory: &Path| iec2c(&matiec, directory, &[]);
-    // Every block, also as one variable per register.
+    // Every block is compiled, also with one variable per register.
     let empty = "PROGRAM MAIN\nVAR N : INT; END_VAR\nN := N + 1;\nEND_PROGRAM\n";
     for device in devices() {
         for form in [&[][..], &["--elementary"]] {

@@ -91,7 +91,7 @@ fn located_variables_of_openplc_are_the_registers() {
     let runtime = Runtime::start(&mut Command::new(core.join("openplc")), &name);
     let goes = |emulator: &Emulator| {
         let mut ms = 0;
-        // 16#0001 has become 16#0002 by two commands in one scan.
+        // The program has answered 16#0001 with 16#0002 by two commands in one scan.
         let ready = eventually(|| {
             emulator.step(&["1ms"]);
             ms += 1;

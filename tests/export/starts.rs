@@ -302,8 +302,8 @@ const INITIALIZED: &str = "__LOCATED_VAR(WORD,__MW3_200000,M,W,3,200000)\n__LOCA
                            __LOCATED_VAR(BYTE,__MB3_200018,M,B,3,200018)\n__LOCATED_VAR(BYTE,__MB3_200019,M,B,3,200019)\n\
                            __LOCATED_VAR(BYTE,__MB3_200021,M,B,3,200021)\n__LOCATED_VAR(WORD,__MW100,M,W,100)\n";
 
-/// Without SYNC no event comes, and without a scan no SYNC. The program starts the bus all the same, and again after a
-/// restart, at which it stops the bus first; then it is scanned at each SYNC edge.
+/// A scan needs an event of the SYNC signal, and the SYNC signal needs a program that scans. The program can still
+/// start its bus. After a restart it first stops the bus and starts it again. Then it is scanned at each SYNC edge.
 #[test]
 fn a_program_that_scans_at_sync_starts_its_bus_itself() {
     let directory = tempfile::tempdir().unwrap();
@@ -325,7 +325,7 @@ fn a_program_that_scans_at_sync_starts_its_bus_itself() {
         emulator.run("trace", &[]).ok().to_owned()
     };
     assert_eq!(journal(), journal(), "the same, however fast this computer is");
-    // By the computer's clock.
+    // The time is that of the computer's clock.
     let emulator = Emulator::start(&[]);
     let running = Plc::start_at(&program, &emulator, "line", &["12", "0"]);
     assert!(eventually(|| emulator.peek(&["node2.w_OPTION_STATUS"]) == "16#0043"));

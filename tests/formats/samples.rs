@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::PathBuf;
 
-/// Set in the environment: a sample that is missing is written.
+/// Environment variable: if it is set, a missing sample is written.
 const RENEW: &str = "COMMRAM_NEW_SAMPLES";
 
 fn path(name: &str) -> PathBuf {

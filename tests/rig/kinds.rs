@@ -13,7 +13,7 @@ pub(crate) struct NodeDevice {
     pub rates: &'static [BaudRate],
     pub master: NodePlace,
     pub slave: NodePlace,
-    /// See [`NodeDevice::plc`].
+    /// Text for [`NodeDevice::plc`].
     plc: fn(&str, u8, [Option<&str>; 2]) -> String,
     /// Value of the master's `w_OMEGA_NR`, or of the device's register for it: a number that differs from its slave's.
     pub master_number: u16,
@@ -69,7 +69,7 @@ fn text(text: Option<String>) -> String {
 }
 
 impl NodeDevice {
-    /// Whether the device has the parts that only the Omega Drive-Line II has.
+    /// True if the device has the parts that only the Omega Drive-Line II has.
     pub(crate) fn is_omega(&self) -> bool {
         core::ptr::eq(self, &OMEGA)
     }
@@ -94,7 +94,7 @@ impl NodeDevice {
         self.layout.port_numbered(at.port).expect("a port of the device").name
     }
 
-    /// Returns the plant file text of a PLC: slave number `dip` on the bus above it and master of the one below it.
+    /// Returns the plant file text of a PLC: slave number `dip` on the upper bus, and master of the lower bus.
     pub(crate) fn plc(&self, name: &str, dip: u8, above: Option<&str>, below: Option<&str>) -> String {
         (self.plc)(name, dip, [above, below])
     }

@@ -148,7 +148,7 @@ fn the_description_is_valid_openapi() {
     assert_eq!(outcome.code, Some(0), "{}", outcome.err);
 }
 
-/// A generator that knows nothing of commram makes a client from the description.
+/// A client generator without any code for commram makes a client from the description.
 #[test]
 fn a_generated_client_brings_a_master_into_active_operation() {
     let packages = ["openapi_python_client", "httpx", "attrs"];

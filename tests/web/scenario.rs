@@ -29,7 +29,7 @@ impl Recorder<'_> {
         self.actions.push(json!({"time_us": begin, "end_us": self.time(), "operation": operation}));
     }
 
-    /// Does operations as one request, and records each of them.
+    /// Executes operations as one request, and records each of them.
     fn act_together(&mut self, operations: Vec<Value>) {
         let begin = self.time();
         self.server.post(&self.server.path("request"), &json!({"operations": &operations})).ok();

@@ -129,8 +129,8 @@ fn a_control_word_is_repeated_while_enabled() {
     assert!((turns - 2..=turns).contains(&count), "{count}");
 }
 
-/// Manual p. 203, 210; 5.02066.01a p. 112, 122: broadcast command 1 is a control word, which both blocks show once, whichever is
-/// called first, and each of them alone (D-603).
+/// Manual p. 203, 210; 5.02066.01a p. 112, 122: broadcast command 1 is a control word. Both blocks show it once, in either order
+/// of their calls, and also if only one of them is called (D-603).
 #[test]
 fn a_control_word_is_broadcast_command_1_too() {
     for order in [&[0, 1][..], &[1, 0], &[0], &[1]] {

@@ -32,7 +32,7 @@ fn a_drives_parameter_is_read_written_and_refused() {
             !set.x_BUSY
         });
         assert_eq!((set.x_OK, set.x_ERR), (true, false));
-        // While `x_EN` stays TRUE, nothing more happens. FALSE and TRUE again begin the next job.
+        // While `x_EN` stays TRUE, the block does nothing more. A change to FALSE and back to TRUE begins the next job.
         get.call(&bench.ma);
         assert!(!get.x_BUSY && get.x_OK);
         get.x_EN = false;

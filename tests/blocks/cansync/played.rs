@@ -118,7 +118,7 @@ fn a_transfer_that_fails_sets_the_bit_of_the_manual() {
     assert_eq!(failed(1, None), (timeout, 0));
 }
 
-/// Every preset that the manuals name (5.00005.03a; 5.02066.01a).
+/// Tests every preset that the manuals name (5.00005.03a; 5.02066.01a).
 #[test]
 fn presets_are_the_manuals() {
     let comm_control = CANsync_COMM_CONTROL_MA::default();

@@ -181,7 +181,7 @@ fn values_of_one_slave_are_read_once() {
     assert_eq!(read_ma.si_RD_SL_NR1_RECEIVED, 0);
 }
 
-/// Manual p. 250 and decision D-208: which slave is asked.
+/// Manual p. 250 and decision D-208: the inputs decide which slave is polled.
 #[test]
 fn requests_follow_the_inputs() {
     let dead = Dead::new();

@@ -170,7 +170,7 @@ fn init_and_mode_restart_a_node_whose_controller_was_reset() {
     }
 }
 
-/// Both commands at once, as after BUS-off: the block resets the controller and enables active operation.
+/// Both commands at the same time, as after BUS-off: the block resets the controller and enables active operation.
 #[test]
 fn mode_enables_active_operation_and_resets_the_controller_in_one() {
     let mut bench = Bench::active(Memory::Heap);

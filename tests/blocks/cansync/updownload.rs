@@ -164,7 +164,8 @@ fn a_transfer_cancelled_before_the_slaves_block_runs_leaves_no_trace() {
     }
 }
 
-/// Manual p. 263, 266; 5.02066.01a p. 187, 189: a slave that the command channel never asks keeps no later transfer waiting.
+/// Manual p. 263, 266; 5.02066.01a p. 187, 189: a job for a slave that the command channel never polls does not delay later
+/// transfers.
 #[test]
 fn a_job_for_a_slave_without_a_turn_delays_no_other_job() {
     // The master never sends this job: slave 5 is above b_MAX_SL_NR (D-601).
@@ -211,7 +212,7 @@ fn one_transfer_after_another() {
     }
 }
 
-/// Until the end of a transfer the block uses the inputs that it had at the start.
+/// Until the end of a transfer the block uses its inputs from the start of the transfer.
 #[test]
 fn inputs_that_change_meanwhile_change_nothing() {
     let mut both = BlockPair::new(Memory::Heap);
@@ -227,7 +228,7 @@ fn inputs_that_change_meanwhile_change_nothing() {
 /// Manual p. 267: each bit of `b_ERR` and errors of the slave.
 #[test]
 fn every_error_of_the_masters_block() {
-    // No slave answers: a timeout after all tries.
+    // No slave answers, so the transfer ends with a timeout after all tries.
     let mut both = BlockPair::new(Memory::Heap);
     both.bench.rig.expect_errors(&[&cansync::rules::NEVER_POLLED]);
     (both.ma.si_SL_NR, both.ma.u_LENGTH, both.ma.us_MAX_NR_OF_COMM) = (5, 1, 3);
@@ -274,7 +275,7 @@ fn a_master_that_stops_half_way_is_a_timeout_at_the_slave() {
         assert!(both.bench.rig.plant.now() - start < 1_000_000);
     }
     assert_eq!((both.sl.w_ERR, both.sl.x_BUSY, both.sl.x_OK), (1 << 0, false, false));
-    // The master notices the timeout when it continues; both blocks can start again after a reset.
+    // The master detects the timeout when it continues. Both blocks can start again after a reset.
     both.until(|both| !both.ma.x_BUSY);
     assert_eq!(both.ma.w_ERR_SL, 0x0103);
     (both.ma.x_RESET, both.sl.x_RESET) = (true, true);

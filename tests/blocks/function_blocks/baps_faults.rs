@@ -168,7 +168,7 @@ fn a_silent_drive_gives_each_timeout_of_the_service_data() {
     assert_eq!(read.ud_PAR_VALUE, 2000);
 }
 
-/// With a longer monitoring time a slow drive is in time: it takes the job 3 s late and answers 3 s late.
+/// With a longer monitoring time a slow drive is in time: the drive takes the job 3 s late and answers 3 s late.
 #[test]
 fn a_longer_monitoring_time_allows_a_slower_job() {
     for (t_TIME, is_in_time) in [(Duration::from_secs(3), false), (Duration::from_secs(7), true)] {

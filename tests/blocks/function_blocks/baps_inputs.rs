@@ -1,4 +1,4 @@
-//! Inputs of the BAPS blocks that say how the device is wired and set: `w_COMMAND_REG` and `us_HW_TYPE`.
+//! Inputs of the BAPS blocks that describe the wiring and the settings of the device: `w_COMMAND_REG` and `us_HW_TYPE`.
 
 use super::baps::{SAME_CYCLE, SPEED, SPEED_ACTUAL, Stage, init};
 use crate::rig::Memory;

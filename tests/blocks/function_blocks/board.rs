@@ -1,4 +1,4 @@
-//! `LED`, `INTR_SET`, `OPT_INIT`, `TIME_MEASURE_START`, `TIME_MEASURE_END`.
+//! Tests of the blocks `LED`, `INTR_SET`, `OPT_INIT`, `TIME_MEASURE_START` and `TIME_MEASURE_END`.
 
 use crate::omega::cansync::bench::{Bench, Dead};
 use crate::rig::{BOTH, Memory};

@@ -127,7 +127,7 @@ fn every_input_and_output_is_documented_with_its_type_and_preset() {
     }
 }
 
-/// Every block is called by a test against the firmware; a separate test checks this for the blocks of the CS0015.
+/// A test calls every block with live firmware. A separate test checks this for the blocks of the CS0015.
 #[test]
 fn every_block_is_tested() {
     let tests = [
@@ -151,7 +151,7 @@ fn every_block_is_tested() {
     }
 }
 
-/// Every preset of these blocks that the manual names.
+/// Tests every preset of these blocks that the manual names.
 #[test]
 fn presets_are_the_manuals() {
     let init = BAPS_INIT::default();

@@ -1,4 +1,4 @@
-//! Guests that ask for emulated time: the emulated time waits for them.
+//! Guests that request emulated time: the emulated time waits for them.
 
 use super::{Guest, OPEN, buses, port, start};
 use crate::common::{Emulator, eventually, promised};
@@ -26,7 +26,7 @@ fn turn(guest: &mut Guest<TcpStream>, us: u64) -> (Vec<String>, u64) {
     }
 }
 
-/// Waits until the instance reports `count` guests that have asked for time.
+/// Waits until the instance reports `count` guests that have requested time.
 fn seated(emulator: &Emulator, count: usize) {
     let has_seat = |guest: &&Value| guest["seat"] == true;
     assert!(eventually(|| {

@@ -1,4 +1,4 @@
-//! The BAPS of a PLC on plant level: registers on the one side, the drive on the other.
+//! The BAPS of a PLC in a plant, with registers on one side and the drive on the other.
 
 mod bench;
 mod configuration;

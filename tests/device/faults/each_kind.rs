@@ -11,7 +11,7 @@ const AT_US: u64 = 100_003;
 /// Duration of the faults that have no count.
 const DURATION_US: u64 = 40_000;
 
-/// Each kind with its fields and its number of hits. A drive has one fault until it is reset.
+/// Each kind of fault with its fields and its number of hits. A drive has one fault until it is reset.
 const KINDS: [(&str, &[&str], Option<u32>); 16] = [
     ("lose_frame", &["slot=WRC1"], Some(2)),
     ("delay_frame", &["slot=RDC1", "delay_us=77"], Some(3)),

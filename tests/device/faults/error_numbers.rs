@@ -1,4 +1,4 @@
-//! Every error number of both lists, provoked once and seen by the master's PLC.
+//! Every error number of both lists. A slave sends each number once, and the PLC of the master receives it.
 
 use super::*;
 use crate::rig::{FASTEST, Memory};
@@ -13,7 +13,7 @@ enum ErrorSource {
     Application,
     /// An up-/download to slave node 0: control register, base address, length.
     Block(u8, u32, u16),
-    /// The same up-/download, with a fault.
+    /// The same up-/download is disturbed by a fault.
     Fault(&'static str),
     /// A fault that answers in place of the slave.
     Slave,

@@ -70,7 +70,7 @@ fn running(memory: Memory, rate: Rate) -> Rig {
     rig
 }
 
-/// See [`running`].
+/// Brings a rig into the state that [`running`] returns.
 fn start(rig: &mut Rig) {
     rig.activate();
     rig.step(60_000);

@@ -24,7 +24,7 @@ enum Act {
     Cancel,
 }
 
-/// Reaction of the slave that was asked.
+/// Reaction of the slave that was polled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Reply {
     Good,
@@ -117,7 +117,7 @@ impl Model {
         bench.regs.b_MAX_SL_NR.store(max);
     }
 
-    /// Does what the PLC does, in the registers and in the model.
+    /// Executes an action of the PLC, in the registers and in the model.
     fn act(&mut self, bench: &Bench, act: Act) {
         self.count += 1;
         let number = self.count;

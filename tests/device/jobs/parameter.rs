@@ -279,7 +279,7 @@ fn mismatched_answers_count_as_missing() {
         bench.regs.b_SL_NR_PARAMETER.store(0);
         assert_eq!(bench.parameter_job(), Some((0, read)));
         bench.answer(0, &read, ParameterResult::Word(4));
-        // No slave was asked.
+        // No slave was polled.
         bench.answer(0, &read, ParameterResult::Word(1));
         assert_eq!((bench.parameter(0), bench.value(0)), (0x02, 4));
     }

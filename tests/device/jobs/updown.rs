@@ -132,7 +132,7 @@ fn an_upload_without_a_length_takes_the_slaves() {
     for rate in FASTEST {
         for memory in BOTH {
             let mut bench = Bench::new(memory, rate);
-            // The master asks for no length, or for another length than the slave sets.
+            // The master requests no length, or another length than the slave sets.
             for asked in [0, 100] {
                 bench.enter_block(UPLOAD, 0, ADDRESS, asked);
                 let (_, job) = bench.updown_job().unwrap();

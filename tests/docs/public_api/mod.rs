@@ -35,7 +35,7 @@ fn path_text(path: &[String]) -> String {
 }
 
 impl<'a> VisibleItems<'a> {
-    /// Collects everything that users see in the module, which they know as `path`.
+    /// Collects all items of the module that users see. `path` is the path by which users name the module.
     fn module(&mut self, root: &'a Module, module: &'a Module, path: &[String]) {
         self.modules.entry(path_text(path)).or_default();
         for item in &module.items {

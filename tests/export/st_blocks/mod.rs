@@ -57,7 +57,7 @@ fn emulator(directory: &Path) -> Emulator {
 /// Runs the two programs. Returns the sums over the blocks' outputs, and the journal.
 fn played(emulator: &Emulator) -> (Vec<String>, String) {
     emulator.poke(&["station:%MB10000036=1"]);
-    // In short steps, so that the client does not time out on a slow machine.
+    // The clock advances in short steps, so that the client does not time out on a slow machine.
     for _ in 0..30 {
         emulator.step(&["100ms"]);
     }

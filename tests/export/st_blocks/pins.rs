@@ -144,7 +144,7 @@ fn path(text: &str) -> String {
     name.split('[').map(|part| part.split_once(']').map_or(part, |(_, following)| following)).collect()
 }
 
-/// A compiler checks this as well, but not every machine has one.
+/// A compiler also finds these errors, but not every machine has a compiler.
 #[test]
 fn every_register_of_a_block_is_in_its_structure() {
     let mut seen = 0;

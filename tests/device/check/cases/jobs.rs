@@ -193,7 +193,7 @@ pub(crate) const CASES: &[Case] = &[
             rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD.store(0x0D);
         },
     },
-    // For a write through the channel the checker also knows the previous value.
+    // Describes a case. For a write through the channel the checker also has the previous value.
     Case {
         rule: &cansync::rules::JOB_CHANGED,
         register: "MASTER.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD",

@@ -1,4 +1,4 @@
-//! Cases of process data: contents of the frames, the slave that is asked, and the time of their release.
+//! Cases of process data: contents of the frames, the polled slave, and the time of their release.
 
 use super::Case;
 use crate::rig::Rig;

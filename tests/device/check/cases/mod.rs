@@ -1,4 +1,4 @@
-//! For each rule one case that breaks it, and a similar case that is correct.
+//! For each rule: one case that breaks it, and a similar case that is correct.
 
 mod jobs;
 mod mapping;

@@ -115,7 +115,7 @@ fn exchange(regs: &View<BAPS_CTRL_BMSTRUCT>, rig: &mut Rig, command_reg: u16) {
     rig.step(500);
 }
 
-/// Configures in this cycle of the PLC program.
+/// Configures the BAPS in this cycle of the PLC program.
 fn configure_in_program(rig: &mut Rig, state: ProgramState, cycles: u32) {
     let header = rig.plant.devices()[0].segment().header().unwrap();
     header.program.state.store(state.code());

@@ -27,7 +27,7 @@ fn orders_that_cannot_be_right_are_refused_without_a_frame() {
     }
 }
 
-/// All numbers of p. 168 that a slave can send, and one number of an application, in each phase.
+/// Tests, in each phase, all numbers of p. 168 that a slave can send, and one number of an application.
 #[test]
 fn errors_of_the_slave_end_the_job() {
     for rate in FASTEST {
