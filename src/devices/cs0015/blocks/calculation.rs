@@ -80,7 +80,7 @@ function_block! {
             T: Duration;
         }
         out {
-            /// The value of `X` before the time `T`; 0 before the first value.
+            /// The value that `X` had a time `T` ago; 0 until `T` has passed.
             Y: u16;
         }
         internal: ValueHistory<u16>;
