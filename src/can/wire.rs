@@ -164,7 +164,7 @@ fn stuff_bits<const BYTES: usize>(changes: &[u8; BYTES]) -> u32 {
     stuffed as u32
 }
 
-/// Number of bits from the start bit to the end of the intermission. During these the frame occupies the bus.
+/// Number of bits from the start bit to the end of the intermission. The frame occupies the bus during these bits.
 #[inline]
 pub fn bits(frame: &Frame) -> u32 {
     bits_to_end_of_frame(frame) + INTERMISSION
@@ -259,7 +259,8 @@ mod tests {
 
     #[test]
     fn a_frame_stays_below_the_well_known_worst_case() {
-        // 8 n + 44 + (34 + 8 n - 1) / 4 bits is the bound of the literature; 20 more in the extended format.
+        // The known bound from the literature is 8 n + 44 + (34 + 8 n - 1) / 4 bits. The extended format needs 20 bits
+        // more.
         let patterns = [0x00, 0xFF, 0x78, 0x1E, 0x87, 0xE1, 0x0F, 0xF0, 0xC3, 0x3C];
         for length in 0..=8 {
             let data = 8 * length as u32;

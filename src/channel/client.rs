@@ -44,7 +44,7 @@ const RETRY: Duration = Duration::from_millis(2);
 /// Limits of a client's waits.
 #[derive(Clone, Copy, Debug)]
 pub struct Patience {
-    /// How long [`Client::connect`] waits for an instance that does not run yet. Zero by default.
+    /// Time for which [`Client::connect`] waits for an instance that does not run yet. The default is zero.
     pub connect: Duration,
     /// Longest time to enter the channel, parts of which may be damaged. 5 s by default.
     pub enter_limit: Duration,

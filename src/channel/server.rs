@@ -134,8 +134,8 @@ impl Server {
         ChannelWatch { objects: self.domain.lengths().into(), damaged: Arc::default() }
     }
 
-    /// Number of waiting or paused requests. While it is not zero, poll after every firmware step; with a stepped
-    /// clock, immediately.
+    /// Number of waiting or paused requests. While the number is not zero, the caller must poll after every firmware
+    /// step. With a stepped clock, it must poll immediately.
     pub fn waiting(&self) -> usize {
         self.waiting.len()
     }

@@ -41,7 +41,7 @@ pub(super) enum FrameEffect {
 pub(super) struct Frames {
     /// Identifier, no bit outside the mask.
     id: u32,
-    /// The bits of the identifier that are compared. With 0 the fault concerns all frames.
+    /// The bits of the identifier that are compared. If the mask is 0, the fault concerns all frames.
     mask: u32,
     /// True for identifiers of 29 bits, false for identifiers of 11 bits, `None` for both.
     is_extended: Option<bool>,

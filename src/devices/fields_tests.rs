@@ -12,7 +12,7 @@ const PAGE: &str = include_str!("../../docs/reference/journal.md");
 
 /// Fields of every line.
 const ALWAYS: [&str; 4] = ["v", "seq", "time_us", "kind"];
-/// Latency, and words with more meaning than numbers: they depend on the event, not on its kind.
+/// Words that do not depend on the kind of the event: the latency, and words with more meaning than numbers.
 const NOT_OF_THE_KIND: [&str; 2] = ["latency_us", "text"];
 /// Words with the prefix of their kind. They need octets or a text, which are not in the numbers of the event.
 const OF_OCTETS: [(&str, &str); 3] = [("dp_", "service"), ("dp_", "data"), ("finding", "note")];

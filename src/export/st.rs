@@ -195,9 +195,9 @@ fn identifier(name: &str) -> String {
     if is_keyword { format!("r_{name}") } else { name.to_owned() }
 }
 
-/// A named array type. The vendor's compilers require one. The manual names types with one dimension by a pattern:
-/// `USINT_4_BMARRAY` (5.00005.03a p. 77), `BYTE_32_BMARRAY` (p. 213), `DINT_16_BMARRAY` (p. 249). For arrays of
-/// arrays the inner type sorts first.
+/// A named array type. The vendor's compilers require a name for each array type. The manual names types with one
+/// dimension by a pattern: `USINT_4_BMARRAY` (5.00005.03a p. 77), `BYTE_32_BMARRAY` (p. 213), `DINT_16_BMARRAY` (p.
+/// 249). For arrays of arrays the inner type sorts first.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord)]
 struct Array {
     of_records: bool,

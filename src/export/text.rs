@@ -37,7 +37,8 @@ fn title(scope: &Scope) -> String {
     format!("Registers of the {title}{} (manual {manual}).", folder(scope))
 }
 
-/// Suffix with the device's name and folder: `, device counter in the folder ./cards/counter`. Empty without a folder.
+/// Suffix with the device's name and folder: `, device counter in the folder ./cards/counter`. The suffix is empty if
+/// the device is not in a folder.
 pub(crate) fn folder(scope: &Scope) -> String {
     path(scope)
         .map_or_else(String::new, |path| format!(", device {} in the folder {path}", scope.device.name))

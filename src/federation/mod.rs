@@ -213,9 +213,9 @@ impl Federation {
         self.arrived.take_if(|at| *at >= target).is_some()
     }
 
-    /// Ends this federate's turn. `want`: time before which this federate has no further input. `target`: time that a
-    /// client of this host wants to reach. `watched`: for each device, the events at which this federate needs a turn
-    /// earlier, bit n for event n.
+    /// Ends this federate's turn. `want` is the time before which this federate has no further input. `target` is the
+    /// time that a client of this host requested to reach. `watched` contains, for each device, the events at which
+    /// this federate needs a turn earlier: bit n for event n.
     ///
     /// # Errors
     /// [`FederationError`].

@@ -109,7 +109,7 @@ impl HelicsConfig {
     }
 }
 
-/// The joining of a federation, as the emulator sees it. Joining blocks a thread of the library.
+/// The state of joining a federation, as the emulator sees it. Joining blocks a thread of the library.
 #[derive(Clone)]
 struct Joining {
     is_done: Arc<AtomicBool>,

@@ -278,8 +278,8 @@ macro_rules! event_kinds {
 
         impl $crate::journal::EventCodec for $name {
             const KIND: &'static $crate::journal::EventKind = {
-                // A static has the same address in all modules. By this address the catalogue recognizes a kind that
-                // several devices register.
+                // A static has the same address in all modules. The catalogue uses this address to recognize a kind
+                // that several devices register.
                 static KIND: $crate::journal::EventKind =
                     $crate::journal::EventKind::new::<$name>($number, $text, $crate::journal::Ring::$ring);
                 &KIND

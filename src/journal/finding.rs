@@ -18,8 +18,8 @@ pub(super) fn note(text: &str) -> String {
     text.replace(|letter: char| letter.is_control(), " ")
 }
 
-/// For findings on a bus: number of a participant plus this value, so that numbers of participants differ from numbers
-/// of guests.
+/// Number of the first participant in findings on a bus. A participant's number is added to this value, so that it
+/// differs from the numbers of guests.
 const PARTICIPANTS: u32 = 0x100;
 
 /// A rule was broken at a register.

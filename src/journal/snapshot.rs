@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 /// A history. Numbers and times of records are comparable only within one history.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct HistoryId {
-    /// Number of returns to an earlier moment or to a snapshot; wraps around after 65535.
+    /// Number of the history. It is incremented at each return to an earlier moment or to a snapshot, and wraps around
+    /// after 65535.
     pub number: u16,
     /// Number of the first record after the last return. Earlier records belong to the previous history.
     pub begin: u64,

@@ -119,7 +119,7 @@ pub(super) struct Change {
 }
 
 impl Waves {
-    /// The signals of the wanted records; the other records only update the state.
+    /// Creates the signals of the wanted records. The other records only update the state.
     pub fn of(records: &[Record], wanted: &Selection, names: Names, catalogue: &'static Catalogue) -> Self {
         Self::within(Window::ALL, records, wanted, names, catalogue)
     }

@@ -25,8 +25,9 @@ impl Window {
         Window { from_us, to_us, grain_us: to_us.saturating_sub(from_us) / GRAINS }
     }
 
-    /// Times of equal events, ascending: `count` events at a distance of `period_us`, the last one at `last_us`. Returns the
-    /// events in the window, the last event before it and the first event after it. No event precedes power-on.
+    /// The events are `count` equal events at intervals of `period_us`, the last one at `last_us`. Returns the times,
+    /// ascending, of the events in the window, the last event before it and the first event after it. No event precedes
+    /// power-on.
     pub(crate) fn times(self, last_us: u64, count: u64, period_us: u64) -> impl Iterator<Item = u64> + use<> {
         let period = period_us.max(1);
         let possible = if period_us == 0 { 1 } else { (last_us / period).saturating_add(1) };

@@ -220,7 +220,7 @@ impl NamedLocation {
         self.exact(live).map(|register| register.owner())
     }
 
-    /// Formats the value in IEC notation; a single bit as 0 or 1.
+    /// Formats the value in IEC notation. A single bit is formatted as 0 or 1.
     pub fn format(&self, live: RegisterPhase, value: u32) -> String {
         match self.bit() {
             Some(bit) => (value >> bit & 1).to_string(),

@@ -15,8 +15,8 @@
 //! On processors other than x86-64, and in Miri, the same functions use Rust's atomics, which compile to these
 //! instructions on every Linux platform.
 //!
-//! Order: a load is `Acquire`, a store `Release`, an exchange both. On x86-64 all plain accesses of the processor have
-//! this order. The assembler blocks, and a compiler fence at loads, prevent reordering by the compiler.
+//! Memory order: a load is `Acquire`, a store is `Release`, an exchange is both. On x86-64 all plain accesses of the
+//! processor have this order. The assembler blocks, and a compiler fence at loads, prevent reordering by the compiler.
 
 #[cfg(feature = "emulator")]
 mod blocks;

@@ -27,7 +27,7 @@ const POLL: Duration = Duration::from_millis(1);
 #[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
 #[repr(C)]
 pub struct Bell {
-    /// Counts the rings, wrapping. The futex word.
+    /// Number of rings, wrapping. This word is the futex.
     word: Cell32,
     /// Waiters that may be asleep. Too high a number (a waiter was killed) costs a system call per ring.
     waiters: Cell32,

@@ -155,7 +155,7 @@ pub(crate) struct FileLimit {
 }
 
 /// Number of bytes by which the memory of the same program may differ between two starts. The heap and the arenas of
-/// threads grow in steps of 132 KiB. Random addresses and the order of threads decide whether a step more is needed.
+/// threads grow in steps of 132 KiB. Random addresses and the order of threads decide whether one more step is needed.
 #[cfg(feature = "emulator")]
 const SPREAD: u64 = 512 << 10;
 

@@ -9,8 +9,8 @@
 //!    replaces the whole register by compare-exchange.
 //! 3. Bulk copies and comparisons ([`Segment::read_range`], [`Segment::snapshot`], the access checker) load aligned
 //!    32-bit or 64-bit words for registers of any width. Each register is within one word, so none is torn; copying
-//!    megabytes field by field would cost four times as much. They never write. A copy may be torn between words;
-//!    related values are read under their handshake.
+//!    megabytes field by field would cost four times as much. These functions never write. Different words of a copy
+//!    may be from different moments, so related values must be read under their handshake.
 //! 4. The first [`HEADER_SIZE`] bytes are the header page. Raw accesses cannot reach them, except for the words of the
 //!    device's front, [`Header::front`].
 
@@ -36,7 +36,8 @@ pub(super) struct Backing {
     _map: MmapRaw,
 }
 
-// SAFETY: the pointer is only ever used for accesses that threads may mix, and the map it points to is Send + Sync.
+// SAFETY: the pointer is used only for accesses that several threads may make at the same time, and the map to which it
+// points is Send + Sync.
 unsafe impl Send for Backing {}
 // SAFETY: as above.
 unsafe impl Sync for Backing {}
@@ -201,8 +202,8 @@ impl Segment {
     pub fn header_snapshot(&self) -> Box<Header> {
         let mut copy = new_box::<Header>();
         for (i, chunk) in copy.as_mut_bytes().chunks_exact_mut(8).enumerate() {
-            // SAFETY: the segment is longer than the header page and the base is page-aligned; mapped for
-            // as long as `self` lives.
+            // SAFETY: the segment is longer than the header page, and the base is page-aligned and mapped for as long
+            // as `self` exists.
             let word = unsafe { u64::load(self.backing.base.as_ptr().cast::<u64>().add(i)) };
             chunk.copy_from_slice(&word.to_ne_bytes());
         }

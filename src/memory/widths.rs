@@ -17,7 +17,7 @@ pub struct Unmapped {
 /// registers that the area does not use. Only the master uses `a_SL_TYP[12]` to `[31]` (manual 5.00005.03a p. 149-150,
 /// 174-175), so on node 1 an access to them is an access to a part of `a_WR_VALUE_RECEIVE`.
 ///
-/// An access from outside may be narrower or wider than the registers at its address; this map splits it.
+/// Splits accesses from outside, which may be narrower or wider than the registers at their addresses.
 pub struct RegisterWidths {
     device: &'static DeviceLayout,
     areas: Vec<AreaWidths>,

@@ -87,7 +87,7 @@ impl Plant {
         Some(done)
     }
 
-    /// Set and actual motion of the motor of drive `number`; `None` if there is no such drive.
+    /// Reference and actual motion of the motor of drive `number`; `None` if there is no such drive.
     pub fn shaft(&self, number: usize) -> Option<Shaft> {
         match self.drive_at(number)? {
             DriveLocation::Bus(bus, drive) => self.buses().get(bus)?.drives()?.shaft(drive),

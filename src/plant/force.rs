@@ -152,7 +152,8 @@ impl Forces {
         &self.list
     }
 
-    /// Position of the register in the list if it is forced; otherwise its position for insertion.
+    /// Returns the position of the register in the list if it is forced, otherwise the position at which it can be
+    /// inserted.
     fn find(&self, plc: DeviceIndex, offset: u32) -> Result<usize, usize> {
         self.list.binary_search_by_key(&(plc, offset), |forced| (forced.plc, forced.offset))
     }

@@ -98,7 +98,7 @@ pub struct RateMismatch {
 pub struct Station {
     /// Device and port, or the guest: `panel:can`, `guest1`.
     pub name: String,
-    /// Address on a PROFIBUS. For a guest, the sender address of its last telegram.
+    /// Address of the station on a PROFIBUS. For a guest, the sender address of its last telegram.
     pub address: Option<u8>,
     /// On a CAN bus, the state of the station's controller: `error_active`, `error_warning`, `error_passive` or
     /// `bus_off`. On a PROFIBUS, the activity of the station: `baud_search`, `baud_control`, `wait_prm`, `wait_cfg`,

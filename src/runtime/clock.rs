@@ -12,7 +12,7 @@ pub enum Clock {
     Stepped,
     /// The clock follows the wall clock: `speed` emulated microseconds for each real one.
     RealTime {
-        /// 1.0 is real time; at most [`Clock::FASTEST`], at least [`Clock::SLOWEST`].
+        /// Speed of the clock; 1.0 is real time. At least [`Clock::SLOWEST`], at most [`Clock::FASTEST`].
         speed: f64,
     },
 }

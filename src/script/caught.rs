@@ -28,7 +28,7 @@ impl Caught {
         self.0.failure_kind().map_or("wrong_use", |kind| kind.name())
     }
 
-    /// A property that only some failures have; unit for all other errors.
+    /// Returns a property that only some failures have; unit for all other errors.
     fn of_failure<T: Into<Dynamic>>(&self, get: impl FnOnce(&super::Failure) -> Option<T>) -> Dynamic {
         match &*self.0 {
             ScenarioError::Failed(failure) => get(failure).map_or(Dynamic::UNIT, Into::into),

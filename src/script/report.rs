@@ -116,9 +116,9 @@ pub struct Report {
     pub outcome: Outcome,
     /// Number of expectations that were reached.
     pub expectations: u64,
-    /// Emulated duration in microseconds; unknown for a scenario that died.
+    /// Emulated duration in microseconds; `None` for a scenario that died.
     pub emulated_us: Option<u64>,
-    /// Hash over all journal records, the same in every run; unknown for a running instance.
+    /// Hash over all journal records, which is the same in every run. `None` for a running instance.
     pub journal_hash: Option<u64>,
     /// Time of the start.
     pub started: SystemTime,

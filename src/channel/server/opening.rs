@@ -25,7 +25,7 @@ pub(super) fn need_room(instance: &str) -> Result<(), ServerError> {
 
 /// The reason why the ports cannot be created.
 pub(super) enum OpenFailure {
-    /// The service is incomplete or broken; sweeping the domain helps.
+    /// The service is incomplete or broken. A sweep of the domain repairs this.
     Wedged,
     Incompatible(OpenError),
     AlreadyServed,

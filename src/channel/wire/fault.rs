@@ -32,8 +32,8 @@ fn unpacked(kind: &FaultKind, packed: [u8; BYTES]) -> [u64; MAX_FIELDS] {
     values
 }
 
-/// A fault. Its longest form fits into the columns of an operation after `kind`, because the kinds of faults limit
-/// their fields.
+/// A fault in the columns of an operation. Its longest form fits into the columns after `kind`, because the kinds of
+/// faults limit their fields.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct WireFault {
     kind: u8,

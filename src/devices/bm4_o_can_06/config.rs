@@ -53,7 +53,7 @@ pub struct ModuleConfig {
     pub bus: Option<String>,
     /// Slave number at DIP switches 4 to 8, 0 to 31; a BM4-O-CAN-06 has none.
     pub dip: u8,
-    /// DIP switch 9 of a BM4-O-CAN-05. True for ON: a slave with registers in the PLC.
+    /// DIP switch 9 of a BM4-O-CAN-05. True if it is ON: the module is then a slave with registers in the PLC.
     pub dip9: bool,
     /// Baud rate of a slave of the controller: DIP switches 3, 2 and 1 as a binary number. `None` for the baud rate of
     /// the bus.
@@ -97,7 +97,7 @@ pub(super) const CONTROLLER_RATES: [(u8, u16); 4] = [(0b011, 125), (0b100, 250),
 pub struct Bm4Config {
     /// Name, unique among the devices.
     pub name: String,
-    /// The module that raises event 11; none without modules (decision D-365).
+    /// The module that raises event 11; `None` if the PLC has no modules (decision D-365).
     pub sync_source: Option<&'static Port>,
     /// Modules of the PLC, from slot G to slot M.
     pub modules: Vec<ModuleConfig>,

@@ -142,7 +142,8 @@ impl Card {
         (before, f(before))
     }
 
-    /// Copies `bytes` bytes of registers to other registers; the blocks may overlap. Registers of the image only.
+    /// Copies `bytes` bytes of registers to other registers. The two blocks may overlap. Both must be registers of the
+    /// image.
     #[cfg(feature = "script")]
     pub(super) fn copy(&mut self, from: u32, to: u32, bytes: u32) {
         let mut copy = vec![0; bytes as usize];

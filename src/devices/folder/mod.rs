@@ -144,7 +144,7 @@ pub fn is_path(kind: &str) -> bool {
 /// Reads the device in the folder `dir` and registers it. A folder with the same files is registered once.
 ///
 /// # Errors
-/// [`FolderError`]: a file is wrong, with its line; the device exceeds a limit; or its name is taken.
+/// [`FolderError`]: a file is wrong (the error has the line), the device exceeds a limit, or its name is in use.
 pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
     let mut read = commram_layoutc::read_folder(dir)?;
     let mut inputs: BTreeSet<String> = read.inputs.iter().filter_map(|(path, _)| file_name(path)).collect();

@@ -120,7 +120,7 @@ pub trait Drives {
         journal: &mut Journal,
     ) -> Result<(), ParameterRefusal>;
 
-    /// Set and actual motion of the motor of the drive at this place.
+    /// Reference and actual motion of the motor of the drive at this place.
     fn shaft(&self, drive: usize) -> Option<Shaft>;
 
     /// Sets the speed of the motor of the drive at this place, independently of the set speed. With `None` the motor

@@ -68,7 +68,7 @@ impl Block {
 unsafe fn load(at: *const [u64; BLOCK], to: &mut [Block]) {
     #[cfg(all(target_arch = "x86_64", not(miri)))]
     if wide::is_there() {
-        // SAFETY: the caller vouches for the pointer, and the processor has the instructions.
+        // SAFETY: the caller guarantees a valid pointer, and the processor has the instructions.
         return unsafe { wide::load(at, to) };
     }
     for (index, block) in to.iter_mut().enumerate() {
@@ -79,7 +79,8 @@ unsafe fn load(at: *const [u64; BLOCK], to: &mut [Block]) {
     }
 }
 
-/// Index of the first block that differs from the memory at `at`, where as many blocks follow each other (Acquire).
+/// Returns the index of the first block that differs from the memory, where the blocks begin at `at` and follow each
+/// other (Acquire).
 ///
 /// # Safety
 /// See [`load`].
@@ -87,7 +88,7 @@ unsafe fn load(at: *const [u64; BLOCK], to: &mut [Block]) {
 unsafe fn first_unlike(at: *const [u64; BLOCK], blocks: &[Block]) -> Option<usize> {
     #[cfg(all(target_arch = "x86_64", not(miri)))]
     if wide::is_there() {
-        // SAFETY: the caller vouches for the pointer, and the processor has the instructions.
+        // SAFETY: the caller guarantees a valid pointer, and the processor has the instructions.
         return unsafe { wide::first_unlike(at, blocks) };
     }
     // SAFETY: the caller vouches for the pointer.
@@ -104,7 +105,7 @@ unsafe fn first_unlike_in(at: *const [u64; BLOCK], blocks: &[Block], watched: &[
     let blocks = &blocks[..blocks.len().min(watched.len())];
     #[cfg(all(target_arch = "x86_64", not(miri)))]
     if wide::is_there() {
-        // SAFETY: the caller vouches for the pointer, and the processor has the instructions.
+        // SAFETY: the caller guarantees a valid pointer, and the processor has the instructions.
         return unsafe { wide::first_unlike_in(at, blocks, watched) };
     }
     // SAFETY: the caller vouches for the pointer.

@@ -35,8 +35,9 @@ pub struct Seat {
     pub turn: Bell,
     /// Emulated time of the turn in microseconds; written before `turn` rings.
     pub time_us: Cell64,
-    /// Request of the task at the end of a turn. 0: the task is done until the next event. Another value: the task gets
-    /// another turn after this emulated run time, in microseconds; with [`SEAT_WAITS`] after this time at the latest.
+    /// Request of the task at the end of a turn. If it is 0, the task is done until the next event. With another value,
+    /// the task gets another turn after this emulated run time, in microseconds. With [`SEAT_WAITS`], the turn comes
+    /// after this time at the latest.
     pub run_us: Cell32,
     /// Zero.
     pub reserved_44: Cell32,

@@ -7,7 +7,7 @@
 #[cfg(test)]
 mod model;
 
-/// A file that may have the name of an image; real or modelled.
+/// A file that may have the name of an image. It is a real file or a model of one.
 pub(in crate::memory) trait LockableFile: Sized {
     /// Error of the system.
     type Error;
@@ -21,7 +21,7 @@ pub(in crate::memory) trait LockableFile: Sized {
     /// Removes the name from any file that has it.
     fn remove_name(&self) -> Result<(), Self::Error>;
 
-    /// Removes the name from this file, if it has it. Only for the holder of the lock.
+    /// Removes the name of this file, if the file still has the name. Only the holder of the lock may call it.
     fn unlink(&self) -> Result<(), Self::Error> {
         if self.is_named()? { self.remove_name() } else { Ok(()) }
     }

@@ -123,7 +123,7 @@ fn runs_or_is_refused(plant: &mut Plant, good: &Snapshot, bad: &Snapshot) -> boo
     is_taken
 }
 
-/// Writes bytes into the state of a plant of any device, with a correct checksum; and bytes as a file.
+/// Writes bytes into the state of a plant of any device, with a correct checksum. Also uses the bytes as a whole file.
 #[test]
 fn fuzz_snapshot() {
     let plants: Vec<_> = templates()

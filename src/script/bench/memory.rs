@@ -62,7 +62,7 @@ impl MemoryCopy {
     }
 
     /// The registers with their values in the copy, in the order of their addresses. If structures overlay each other,
-    /// only the registers of the valid structure.
+    /// the copy contains only the registers of the valid structure.
     pub fn registers(&self) -> Vec<(String, i64)> {
         let number = |register: &RegisterRef| register.ty().number(self.value(register));
         let registers = self.live_registers(self.live(), |_| true);

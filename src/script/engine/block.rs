@@ -165,7 +165,7 @@ impl Block {
     }
 }
 
-/// The value of a pin for scripts. A time becomes a number of microseconds.
+/// Converts the value of a pin for scripts. A time becomes a number of microseconds.
 fn shown(value: PinValue) -> Dynamic {
     match value {
         PinValue::Bool(value) => value.into(),

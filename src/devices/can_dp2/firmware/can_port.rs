@@ -104,7 +104,7 @@ impl CanPort for CanSide {
         self.show(ctx, controller);
     }
 
-    /// The states of p. 20; the controller returns from BUS-off by itself (D-395).
+    /// Maps the error state to the states of p. 20. The controller returns from BUS-off by itself (D-395).
     fn error_state(&mut self, ctx: &mut Context, controller: &mut Controller, state: ErrorState) {
         lock(&self.gateway).set_bus(match state {
             ErrorState::Active => bus_state::OK,

@@ -1,5 +1,5 @@
-//! The gateway in page mode. It can have more identifiers than a configuration has modules; each telegram carries one
-//! page of them (p. 50-60).
+//! The gateway in page mode. In this mode the gateway can have more identifiers than a configuration has modules, and
+//! each telegram carries one page of the identifiers (p. 50-60).
 
 use super::form;
 use super::modules::EXTENDED;

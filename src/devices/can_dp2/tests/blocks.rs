@@ -347,7 +347,7 @@ fn fb2_configures_and_exchanges_pages() {
         }
     });
     assert_eq!((results, block.ERROR), (vec![2, 3, 4], 0));
-    // Force 1 is sent with each page, 3 and 4 once; force 0 and unchanged data never.
+    // Force 1 is sent with each page. Force 3 and 4 are sent once. Force 0 and unchanged data are never sent.
     let heard = plc.bench.heard();
     let count = |id: &str| heard.iter().filter(|frame| frame.starts_with(id)).count();
     assert_eq!((count("301:"), count("304:"), count("307:"), count("308:")), (0, 1, 0, 1));
@@ -407,7 +407,8 @@ fn fb2_reports_the_reason_of_a_stop() {
         READ_DB: 97,
         ..Default::default()
     };
-    // A missing data block; an identifier that is also received; an invalid length; the page of another program.
+    // Four wrong inputs: a missing data block; an identifier that is also received; an invalid length; the page of
+    // another program.
     plc.blocks.set(50, &[0, 0, 2, 0x81, 0, 1, 0xEE, 0xEE, 0xEE, 0xEE]);
     plc.blocks.set(51, &[0, 0, 2, 0x81, 0, 9, 0xEE, 0xEE, 0xEE, 0xEE]);
     for (config, error) in [(49, 16), (50, 2), (51, 3)] {

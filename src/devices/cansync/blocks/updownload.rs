@@ -36,8 +36,8 @@ impl Block {
         (end < self.total).then(|| Block::starting_at(end, self.total))
     }
 
-    /// Returns the base address. Bits 31 to 16: values of the transfer; 15 to 0: 16#0100 plus the index of the first
-    /// value.
+    /// Returns the base address. Bits 31 to 16 are the number of values of the transfer. Bits 15 to 0 are 16#0100 plus
+    /// the index of the first value.
     pub(super) fn base_address(self) -> u32 {
         (self.total as u32) << 16 | (FIRST_ADDRESS + self.first as u32)
     }

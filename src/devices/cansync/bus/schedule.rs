@@ -18,7 +18,7 @@ pub(super) enum Slot {
     ResponseEnd,
     /// Deadline of reference value frame 1 and of the slaves' actual value frame 1.
     Build1,
-    /// Reference value frame 1 is built; deadline of frame 2.
+    /// The firmware builds reference value frame 1; this is also the deadline of frame 2.
     Built1,
     /// Reference value frame 2 is built.
     Built2,

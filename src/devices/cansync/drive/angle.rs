@@ -38,7 +38,8 @@ impl SetPoint {
         *self = SetPoint { from: angle, ..SetPoint::default() };
     }
 
-    /// Starts a slope to a reference value. The value is reached after one slot; in a slot of 0 us at once.
+    /// Starts a slope to a reference value. The value is reached after one slot. If the slot is 0 us long, it is
+    /// reached at once.
     #[inline]
     pub(crate) fn reference(&mut self, value: u32, slot_us: u16) {
         let (from, _) = self.now();

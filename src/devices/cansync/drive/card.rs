@@ -55,7 +55,7 @@ struct ActualSlot {
 #[derive(Clone, Debug, Default)]
 struct Losses {
     allowed: u32,
-    /// Frames of the master that carry a mapped reference value; bit 0 frame 1, bit 1 frame 2.
+    /// Frames of the master that carry a mapped reference value: bit 0 for frame 1, bit 1 for frame 2.
     wanted: u8,
     /// Frames of `wanted` that came at least once. No frame can be lost before its first arrival.
     expected: u8,

@@ -43,7 +43,7 @@ pub(crate) struct EventLog {
 /// each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct IntervalFrames {
-    /// Bit 0: frame 1; bit 1: frame 2.
+    /// The channels of the frames: bit 0 for frame 1, bit 1 for frame 2.
     channels: u8,
     /// Baud rate of the frames; 0 without frames.
     kbit_s: u16,

@@ -46,7 +46,7 @@ pub struct DriveConfig {
     /// Function of the CANsync card, 0 or 1 (default).
     #[serde(default)]
     pub card_function: CardFunction,
-    /// Parameters of the CANsync card. Left out: [`DriveConfig::standard_mapping`].
+    /// Parameters of the CANsync card. If they are omitted, the card has [`DriveConfig::standard_mapping`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub zk: Option<ZkParameters>,
     /// Time of uninterrupted SYNC until the drive is synchronized, in us (decision D-07).

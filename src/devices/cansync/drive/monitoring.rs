@@ -63,7 +63,7 @@ pub struct CardMonitoring {
 pub struct BapsMonitoring {
     /// The signal of the trigger controller.
     pub sync: MonitorSettings,
-    /// Process data of the PLC; left out: not monitored.
+    /// Monitoring of the PLC's process data. If it is omitted, they are not monitored.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cyclic_data: Option<MonitorSettings>,
 }

@@ -169,7 +169,7 @@ impl ParameterSlot {
 /// The parameters of one drive, in the order of their numbers.
 #[derive(Clone, Debug)]
 pub(super) struct ParameterStore {
-    /// Definitions; drives with the same definitions share them.
+    /// Definitions of the parameters. Drives with the same definitions share them.
     specs: Arc<[ParameterSpec]>,
     values: Box<[u32]>,
     changed: bool,

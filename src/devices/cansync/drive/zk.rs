@@ -45,7 +45,7 @@ pub enum Source {
 /// ZK 4 and 5: frame and words of a reference value (p. 15).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ReferenceMapping {
-    /// First word, 0 to 3; 3 for a word only.
+    /// First word of the value, 0 to 3. A value of a single word can begin at 3.
     pub word: u8,
     /// Frame 1 or 2.
     pub channel: Channel,
@@ -58,7 +58,7 @@ pub struct ReferenceMapping {
 /// ZK 20, 21 and 25: frame and words of an actual value (p. 16-17).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ActualMapping {
-    /// First word, 0 to 3; 3 for a word only.
+    /// First word of the value, 0 to 3. A value of a single word can begin at 3.
     pub word: u8,
     /// Frame 1 or 2.
     pub channel: Channel,

@@ -195,7 +195,7 @@ impl Node {
         matches!(self.state, NodeState::SetUp | NodeState::Active)
     }
 
-    /// Returns true if the PLC has written `w_CPU_CONTROL` since the last poll. For busy polling.
+    /// Returns true if the PLC has written `w_CPU_CONTROL` since the last poll. Used for busy polling.
     #[inline]
     pub(super) fn control_changed(&self) -> bool {
         self.orders.is_waiting(&self.regs.w_CPU_CONTROL)

@@ -95,7 +95,8 @@ impl SyncLock {
         is_regular
     }
 
-    /// Handles further edges of this kind, each in time after the previous one; the last one at `now_us`.
+    /// Handles further edges of this kind. Each edge is in time after the previous one, and the last one is at
+    /// `now_us`.
     #[inline]
     pub(crate) fn has_gone_on(&mut self, now_us: u64) {
         self.last = now_us;

@@ -113,7 +113,7 @@ pub(in crate::devices::cansync) struct NodeWatch {
     maps: Arc<RegisterMaps>,
     registers: Registers,
     live: RegisterPhase,
-    /// Words that differ from the baseline. Kept to reuse its memory.
+    /// Words that differ from the baseline. The field exists to reuse its memory.
     changed: Vec<(usize, u64)>,
     /// True if the mapping was changed. The checker judges the mapping when the firmware takes it over.
     unsettled: bool,

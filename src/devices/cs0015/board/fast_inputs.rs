@@ -65,7 +65,7 @@ impl Signal {
 
     /// Returns the time from one edge to the next in ms, 0 for a stopped signal.
     fn cycle_ms(&self) -> u64 {
-        // A frequency in mHz is a period of 1000000 / mHz in ms.
+        // The period in ms is 1000000 divided by the frequency in mHz.
         let mhz = u64::from(self.wave.mhz);
         (1_000_000 + mhz / 2).checked_div(mhz).unwrap_or(0)
     }

@@ -18,7 +18,7 @@ const MOST_OPERATIONS: u64 = 10_000;
 /// Longest file in bytes, as of every scenario.
 const LONGEST: usize = 64 << 10;
 
-/// Reads the exercise of the device `name` in the folder `dir`, with the text of the file. It lasts as long as the process.
+/// Reads the exercise of the device `name` in the folder `dir`, with the text of the file. The exercise is never freed.
 ///
 /// # Errors
 /// [`FolderError::Script`]: the file is no script, or its declarations are wrong.

@@ -8,7 +8,7 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 /// Position of the first flag.
 const FIRST: u32 = RETAIN as u32;
 
-/// The flags of a PLC; the retain flags with their initial values.
+/// The flags of a PLC. The retain flags have their initial values.
 #[derive(Debug)]
 pub(super) struct Flags {
     segment: Segment,

@@ -109,7 +109,7 @@ impl Board {
         self.front.dip()
     }
 
-    /// True if a client has turned a switch or entered a request since the last poll. For busy polling.
+    /// True if a client has turned a switch or entered a request since the last poll. Used for busy polling.
     #[inline]
     pub fn has_changed(&self) -> bool {
         self.face.requested().board_requests.load() != self.requests || self.front.has_changed(&self.face)

@@ -38,7 +38,7 @@ impl World {
 struct Visitor {
     world: Arc<Mutex<World>>,
     system: System,
-    /// Number of attempts before it assumes that the holder of a lock is alive.
+    /// Number of attempts after which the model assumes that the holder of a lock is alive.
     patience: core::cell::Cell<u32>,
 }
 
