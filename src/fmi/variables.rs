@@ -79,11 +79,11 @@ impl From<RegType> for VariableType {
 pub enum Causality {
     /// The variable is the time.
     Independent,
-    /// The user of the unit sets it, also during the simulation.
+    /// The user of the unit sets the variable, also during the simulation.
     Parameter,
-    /// The user of the unit sets it.
+    /// The user of the unit sets the variable.
     Input,
-    /// The unit calculates it.
+    /// The unit calculates the variable.
     Output,
 }
 

@@ -143,7 +143,7 @@ impl Refused {
         Self::new(Code::NO_SUCH_SWITCH, text)
     }
 
-    /// The device `device` of the PLC `plc` does not carry out the setting now.
+    /// The device `device` of the PLC `plc` does not execute the setting now.
     pub(crate) fn setting(plc: &str, device: &DeviceLayout, setting: BoardSetting, why: &str) -> Self {
         let word = match setting {
             BoardSetting::Front { word, value } => {

@@ -123,7 +123,7 @@ impl Register {
     }
 }
 
-/// The registers of a PLC that exists.
+/// Returns the register map of a PLC. The PLC must exist.
 pub(super) fn device_of(host: &dyn Host, plc: DeviceIndex) -> &'static DeviceLayout {
     host.plant().devices().get(plc.index()).map_or(&DeviceLayout::UNKNOWN, |device| device.layout())
 }

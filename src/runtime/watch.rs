@@ -24,8 +24,8 @@ pub(super) struct Watch {
 }
 
 impl Watch {
-    /// Watches these files, and the channel; the emulator queries its state. A shortened image ends the emulator, see
-    /// [`super::RuntimeError::Shortened`].
+    /// Starts a watch over these files and the channel. The emulator queries the state of the watch. A shortened image
+    /// ends the emulator, see [`super::RuntimeError::Shortened`].
     ///
     /// # Errors
     /// No thread can be started.

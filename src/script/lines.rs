@@ -24,7 +24,7 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// Creates it for this bench. Relative paths begin at `directory`. Printed lines go to `print`.
+    /// Creates an executor of lines for this bench. Relative paths begin at `directory`. Printed lines go to `print`.
     pub fn new(bench: Bench, directory: &Path, print: impl FnMut(&str) + 'static) -> Self {
         // No limits are needed: a user at a terminal can press Ctrl-C.
         let limits = Limits { operations: 0, time_us: u64::MAX, real: Duration::MAX };

@@ -17,7 +17,7 @@ struct Demo {
 }
 
 impl Demo {
-    /// Starts it and reads its output up to a line that begins with `text`.
+    /// Starts the demonstration and reads its output up to a line that begins with `text`.
     fn start_until(text: &str) -> Self {
         let mut child = commram().arg("demo").stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let out = BufReader::new(child.stdout.take().unwrap());

@@ -230,12 +230,12 @@ impl Follower {
         Self { child, lines, notes }
     }
 
-    /// Returns its next line on stdout.
+    /// Returns the next line of the process on stdout.
     pub(crate) fn line(&mut self) -> String {
         self.lines.next().expect("a line").unwrap()
     }
 
-    /// Returns its next line on stderr.
+    /// Returns the next line of the process on stderr.
     pub(crate) fn note(&mut self) -> String {
         self.notes.next().expect("a note").unwrap()
     }

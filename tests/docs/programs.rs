@@ -19,7 +19,7 @@ impl Example {
         Example { name, child: child.unwrap() }
     }
 
-    /// Returns its output after a successful end.
+    /// Waits for a successful end of the program, and returns its output.
     fn output(mut self) -> String {
         let name = self.name;
         let ended = eventually(|| self.child.try_wait().unwrap().is_some());

@@ -285,7 +285,7 @@ fn matiec_compiles_its_exports() {
     let blink = "PROGRAM MAIN\nVAR LED : BOOL; END_VAR\nLED := NOT LED;\nEND_PROGRAM\n";
     fs::write(directory.path().join("program.st"), blink).unwrap();
     self::iec2c(&matiec, directory.path(), &["-r"]);
-    // Functions that matiec translates to those of C's library of mathematics.
+    // Functions that matiec translates to functions of the C library for mathematics.
     let directory = tempfile::tempdir().unwrap();
     exported(directory.path());
     let file = directory.path().join("commram.st");

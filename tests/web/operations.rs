@@ -121,7 +121,7 @@ fn several_operations_are_one_request() {
     server.post(&server.path("request"), &too_many).problem(400);
 }
 
-/// Requests that change nothing have a connection of their own.
+/// Requests that change nothing have a separate connection.
 #[test]
 fn others_are_answered_while_the_clock_advances() {
     let emulator = Emulator::stepped();

@@ -34,7 +34,7 @@ pub(super) const RESULT: usize = 3;
 pub(super) const RECORD: usize = 6;
 pub(super) const MARK: usize = 4;
 
-/// Octets of marks: the records continue on the next page, or end (p. 63-65).
+/// Octet that marks the continuation of the records on the next page (`MORE`), or their end (`END`), p. 63-65.
 pub(super) const MORE: u8 = 0xDD;
 pub(super) const END: u8 = 0xEE;
 

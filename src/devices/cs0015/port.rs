@@ -293,7 +293,7 @@ impl Firmware {
         self.cycles = self.cycles.saturating_add(1).min(3);
     }
 
-    /// Ends a cycle of the program: carries out its requests, and begins the next cycle.
+    /// Ends a cycle of the program: executes its requests, and begins the next cycle.
     fn end_cycle(&mut self, ctx: &mut Context) {
         self.run_built_in(ctx);
         self.open(ctx.now);

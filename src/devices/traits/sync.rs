@@ -32,7 +32,7 @@ pub enum SyncOrigin {
     Forwarded {
         /// Port of the master.
         port: Origin,
-        /// The register with the value that makes the master pass the signal on, for messages.
+        /// The register and the value that make the master pass on the signal. Used in messages.
         setting: &'static str,
     },
 }

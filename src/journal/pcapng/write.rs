@@ -32,7 +32,7 @@ fn block(kind: u32, body: &[u8], out: &mut Vec<u8>) {
 
 /// Appends an option, padded to a multiple of four bytes.
 fn option(code: u16, value: &[u8], out: &mut Vec<u8>) {
-    // Names in a plant are short.
+    // The limit has no effect, because names in a plant are short.
     let value = &value[..value.len().min(u16::MAX.into())];
     out.extend(code.to_le_bytes());
     out.extend((value.len() as u16).to_le_bytes());

@@ -280,7 +280,7 @@ impl Communication {
     }
 }
 
-/// True if a value is a valid COB-ID: 11 bits above 0, no frames of 29 bits (D-419).
+/// True if the value is a valid COB-ID: an 11-bit identifier above 0, without the bit for 29-bit frames (D-419).
 pub(crate) fn is_cob_id(value: u32) -> bool {
     value & ID != 0 && value & !(INVALID | BIT_30 | ID) == 0
 }

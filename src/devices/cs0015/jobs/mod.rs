@@ -69,7 +69,7 @@ pub(crate) enum Refusal {
     Function,
     /// Arguments are out of their ranges.
     Arguments,
-    /// The device cannot carry out the function now: it is not a master, or the node or identifier is unknown.
+    /// The device cannot execute the function now: it is not a master, or the node or identifier is unknown.
     State,
     /// The order was started, or waits for another order. The firmware checks it again later.
     Later,

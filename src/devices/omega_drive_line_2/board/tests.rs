@@ -230,7 +230,8 @@ fn opt_init_may_run_once_only() {
     assert_eq!(rig.opt_init([4, 4, 2], OFF), OptInitResult::Done, "after a restart");
 }
 
-/// Decision D-260: the start tasks of a program run it, so each cold or warm start may; a hot start has none.
+/// Decision D-260: start tasks run `OPT_INIT`. So it may run once in each cold or warm start. A hot start has no start
+/// tasks.
 #[test]
 fn opt_init_may_run_once_in_each_start_of_the_program() {
     let mut rig = Rig::new();

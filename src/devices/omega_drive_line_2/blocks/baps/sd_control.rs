@@ -1,4 +1,4 @@
-//! `BAPS_SD_CONTROL`: carries out the jobs of `BAPS_PAR_READ` and `BAPS_PAR_WRITE` (p. 118-120).
+//! `BAPS_SD_CONTROL`: executes the jobs of `BAPS_PAR_READ` and `BAPS_PAR_WRITE` (p. 118-120).
 
 use super::service_data::{Answer, BAPS_BMSTRUCT, Job, JobKind, Stage};
 use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
