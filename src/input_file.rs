@@ -15,11 +15,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// without idle time.
 pub const LONGEST: u64 = 64 << 20;
 /// Maximum length of a plant. Sufficient for a plant of 1,000 PLCs with 32 drives each.
-pub const LONGEST_PLANT: u64 = 8 << 20;
+pub(crate) const LONGEST_PLANT: u64 = 8 << 20;
 /// Maximum length of a script in bytes; each import counts separately. The whole script is compiled before its first
 /// line runs. A long script would take long, because the compiler compares each pair of names in a map or of cases in a
 /// `switch`.
-pub const LONGEST_SCRIPT: u64 = 64 << 10;
+pub(crate) const LONGEST_SCRIPT: u64 = 64 << 10;
 
 /// True if the process reads its commands from the standard input, so that it cannot be an input file.
 static IS_TAKEN: AtomicBool = AtomicBool::new(false);
@@ -51,7 +51,7 @@ pub fn text(bytes: Vec<u8>) -> Result<String> {
 ///
 /// # Errors
 /// The file cannot be read, is neither file nor pipe, or is longer than `longest` bytes.
-pub fn read_bytes(path: &Path, longest: u64) -> Result<Vec<u8>> {
+pub(crate) fn read_bytes(path: &Path, longest: u64) -> Result<Vec<u8>> {
     static STANDARD: OnceLock<Vec<u8>> = OnceLock::new();
     if is_standard(path) && IS_TAKEN.load(Ordering::Relaxed) {
         let what = "the shell reads its commands from the standard input; write the name of a file";

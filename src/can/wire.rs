@@ -16,15 +16,15 @@ const EXTENDED_PART: u32 = 54;
 /// Number of bits of CRC delimiter, acknowledge slot, acknowledge delimiter and end of frame.
 const FIXED_PART: u32 = 1 + 1 + 1 + 7;
 /// Number of bits at the end that are recessive in a frame that arrives: acknowledge delimiter and end of frame.
-pub const RECESSIVE_END: u32 = 1 + 7;
+pub(crate) const RECESSIVE_END: u32 = 1 + 7;
 /// Number of bits of the intermission.
-pub const INTERMISSION: u32 = 3;
+pub(crate) const INTERMISSION: u32 = 3;
 /// Number of bits of an error flag. They are equal and so violate the rule of stuff bits.
-pub const ERROR_FLAG: u32 = 6;
+pub(crate) const ERROR_FLAG: u32 = 6;
 /// Number of bits of an error delimiter.
-pub const ERROR_DELIMITER: u32 = 8;
+pub(crate) const ERROR_DELIMITER: u32 = 8;
 /// Number of bits that an error-passive station waits after the intermission of its own frame.
-pub const SUSPENSION: u32 = 8;
+pub(crate) const SUSPENSION: u32 = 8;
 
 /// Generator of the CRC: x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1.
 const POLYNOMIAL: u16 = 0x4599;
@@ -178,7 +178,7 @@ pub fn bits_to_end_of_frame(frame: &Frame) -> u32 {
 
 /// Number of bits from the start bit to the acknowledge slot, exclusive.
 #[inline]
-pub fn bits_to_acknowledgement(frame: &Frame) -> u32 {
+pub(crate) fn bits_to_acknowledgement(frame: &Frame) -> u32 {
     stuffed_bits(frame) + 1
 }
 

@@ -39,7 +39,7 @@ pub(super) type Service<S> =
     iceoryx2::service::port_factory::request_response::PortFactory<S, [WireOp], (), [Block], ()>;
 
 /// Clients that can be connected at the same time.
-pub const MAX_CLIENTS: usize = 32;
+pub(crate) const MAX_CLIENTS: usize = 32;
 /// Maximum number of nodes: those of the clients and the server, and some nodes of dead processes that were not removed
 /// yet.
 pub(super) const MAX_NODES: usize = MAX_CLIENTS + 8;

@@ -14,19 +14,19 @@
 //! Rules: an instance has one server and up to [`server::MAX_CLIENTS`] clients. A client has only one request in
 //! progress and always waits for its reply.
 
-pub mod bells;
+pub(crate) mod bells;
 pub mod client;
 mod dead_clients;
 mod domain;
-pub mod events;
+pub(crate) mod events;
 mod guest;
 mod header_bells;
 mod limit;
 mod passage;
 mod run;
-pub mod server;
+pub(crate) mod server;
 mod shm;
-pub mod wire;
+pub(crate) mod wire;
 
 pub use bells::Bells;
 pub use client::{Client, ClientError};

@@ -8,7 +8,7 @@ mod error;
 mod opening;
 mod watch;
 
-pub use super::domain::{MAX_CLIENTS, RootError};
+pub(crate) use super::domain::MAX_CLIENTS;
 pub use error::ServerError;
 pub use watch::ChannelWatch;
 

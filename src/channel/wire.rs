@@ -26,7 +26,7 @@ mod table_tests;
 #[cfg(test)]
 mod tests;
 
-pub use reply::{DecodeError, ReplyBuffer, decode};
+pub(crate) use reply::{DecodeError, ReplyBuffer, decode};
 
 use crate::memory::Width;
 use crate::request::ops::ops;
@@ -37,11 +37,11 @@ use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
 /// Version of the format. Increment it, here and in the names of [`WireOp`] and [`Block`], after a change of an
 /// operation, a reply, or a type of the program within a reply.
-pub const WIRE_VERSION: u32 = 3;
+pub(crate) const WIRE_VERSION: u32 = 3;
 /// Longest reply in bytes: four full ranges and some space for other replies.
-pub const MAX_REPLY_BYTES: usize = 4 * MAX_RANGE as usize + 64 * MAX_OPS;
+pub(crate) const MAX_REPLY_BYTES: usize = 4 * MAX_RANGE as usize + 64 * MAX_OPS;
 /// Longest reply in blocks.
-pub const MAX_REPLY_BLOCKS: usize = MAX_REPLY_BYTES / size_of::<Block>();
+pub(crate) const MAX_REPLY_BLOCKS: usize = MAX_REPLY_BYTES / size_of::<Block>();
 
 /// One operation of a request. The table of operations (`ops!`) lists the columns of each field, and `columns.rs`
 /// defines their content.
@@ -77,7 +77,7 @@ pub struct WireOp {
 )]
 #[type_name("commram.channel.Block.v3")]
 #[repr(C)]
-pub struct Block {
+pub(crate) struct Block {
     /// Number of the reply.
     pub kind: u16,
     /// Code of an error, number of a history, or whether a comparison held.

@@ -21,10 +21,10 @@ pub struct Demo {
 }
 
 /// A soft-PLC that prints its actions.
-pub type DemoProgram = fn(Attached, Show<'_>) -> Result<(), DemoError>;
+pub(crate) type DemoProgram = fn(Attached, Show<'_>) -> Result<(), DemoError>;
 
 /// Shows a text at once.
-pub type Show<'a> = &'a dyn Fn(&str) -> io::Result<()>;
+pub(crate) type Show<'a> = &'a dyn Fn(&str) -> io::Result<()>;
 
 /// The reason why a demonstration failed.
 #[derive(Debug, thiserror::Error)]

@@ -8,7 +8,7 @@ pub mod can_dp2;
 #[cfg(feature = "emulator")]
 mod can_faults;
 #[cfg(feature = "emulator")]
-pub mod canopen;
+pub(crate) mod canopen;
 pub mod cansync;
 #[cfg(feature = "emulator")]
 mod catalogue;
@@ -17,7 +17,7 @@ mod config;
 pub mod cr201x;
 pub mod cs0015;
 #[cfg(feature = "emulator")]
-pub mod demo;
+pub(crate) mod demo;
 #[cfg(feature = "emulator")]
 mod dissectors;
 #[cfg(all(test, feature = "channel"))]
@@ -42,7 +42,7 @@ pub mod omega_drive_line_2;
 #[cfg(feature = "emulator")]
 mod plain;
 #[cfg(feature = "emulator")]
-pub mod profibus_bus;
+pub(crate) mod profibus_bus;
 #[cfg(feature = "emulator")]
 mod program;
 #[cfg(test)]
@@ -55,7 +55,7 @@ mod registry;
 #[cfg(test)]
 pub(crate) mod samples;
 #[cfg(feature = "emulator")]
-pub mod settings;
+pub(crate) mod settings;
 #[cfg(feature = "emulator")]
 mod supply;
 #[cfg(feature = "emulator")]

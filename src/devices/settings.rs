@@ -62,7 +62,7 @@ impl BuildError {
 ///
 /// # Errors
 /// [`SettingError`] with the key `what` of the device or bus `name`.
-pub fn range(
+pub(crate) fn range(
     what: &'static str,
     name: &str,
     value: u64,
@@ -79,7 +79,7 @@ pub fn range(
 ///
 /// # Errors
 /// The errors of [`range`].
-pub fn time(what: &'static str, name: &str, us: u64) -> Result<(), SettingError> {
+pub(crate) fn time(what: &'static str, name: &str, us: u64) -> Result<(), SettingError> {
     range(what, name, us, 0..=HOUR_US, "at most one hour")
 }
 
@@ -87,12 +87,12 @@ pub fn time(what: &'static str, name: &str, us: u64) -> Result<(), SettingError>
 ///
 /// # Errors
 /// The errors of [`range`].
-pub fn time_or_none(what: &'static str, name: &str, us: Option<u64>) -> Result<(), SettingError> {
+pub(crate) fn time_or_none(what: &'static str, name: &str, us: Option<u64>) -> Result<(), SettingError> {
     us.map_or(Ok(()), |us| range(what, name, us, 1..=HOUR_US, "1 to 3600000000"))
 }
 
 /// Creates an error about the text at `span` of the plant file; the message contains the line.
-pub fn refused_at(span: Range<usize>, text: String) -> toml::de::Error {
+pub(crate) fn refused_at(span: Range<usize>, text: String) -> toml::de::Error {
     // The reader sets the position of an error only while it reads a value, so this reads a value at `span`.
     let value = ValueDeserializer::from(Spanned::new(span, DeValue::Boolean(false)));
     match (Refusal { text }).deserialize(value) {

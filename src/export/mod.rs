@@ -192,7 +192,7 @@ pub fn export(
 ///
 /// # Errors
 /// Like [`export()`].
-pub fn export_scope(scope: Scope, format: Format) -> Result<String, ExportError> {
+pub(crate) fn export_scope(scope: Scope, format: Format) -> Result<String, ExportError> {
     let device = scope.device;
     let is_without_front =
         matches!(format, Format::Matiec | Format::OpenPlc | Format::StruCpp | Format::St(_) | Format::Svd);

@@ -270,6 +270,7 @@ macro_rules! event_kinds {
     )+) => {$(
         $(#[$doc])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[allow(unreachable_pub, reason = "the module may be private")]
         pub struct $name {
             /// Location of the event.
             pub $place: $crate::event_kinds!(@type $place),

@@ -116,12 +116,14 @@ macro_rules! rules {
     ($($rule:ident: $number:literal, $id:literal, $severity:ident, $source:literal, $text:literal;)+) => {
         $(
             #[doc = $text]
+            #[allow(unreachable_pub, reason = "the module may be private")]
             pub static $rule: $crate::journal::Rule = $crate::journal::Rule::new(
                 $number, $id, $crate::journal::Severity::$severity, $source, $text,
             );
         )+
 
         /// All rules of this list.
+        #[allow(unreachable_pub, reason = "the module may be private")]
         pub static ALL: &[&$crate::journal::Rule] = &[$(&$rule),+];
     };
 }

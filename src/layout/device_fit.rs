@@ -4,7 +4,7 @@ use super::descriptor::{Area, AreaStructure, DeviceLayout, Dim, Port, Register, 
 use super::register::RegisterRef;
 
 /// Maximum number of ports of a device.
-pub const MOST_PORTS: usize = 15;
+pub(crate) const MOST_PORTS: usize = 15;
 
 /// The known facts about a port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -20,19 +20,19 @@ mod descriptor;
 mod device_fit;
 mod error;
 mod front;
-pub mod gsd;
+pub(crate) mod gsd;
 mod iter;
 mod lookup;
 mod name;
 mod nearest;
-pub mod object;
+pub(crate) mod object;
 mod pattern;
-pub mod place;
+pub(crate) mod place;
 mod register;
 mod space;
 #[cfg(all(test, feature = "export"))]
 pub(crate) use space::samples;
-pub mod value;
+pub(crate) mod value;
 mod width;
 
 pub use address::Address;
@@ -42,7 +42,8 @@ pub use descriptor::{
     Area, AreaStructure, BitField, DeviceLayout, Dim, Handshake, Meaning, Owner, Phase, Phases, Port,
     Provenance, RegType, Register, RegisterPhase, Role, Structure, ValueMeaning,
 };
-pub use device_fit::{DeviceFit, Fit, MOST_PORTS};
+pub(crate) use device_fit::MOST_PORTS;
+pub use device_fit::{DeviceFit, Fit};
 pub use error::LayoutError;
 pub use front::{FrontWord, shown_text};
 pub use gsd::Gsd;

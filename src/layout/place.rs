@@ -261,7 +261,7 @@ impl NamedLocation {
 }
 
 /// The register that shows which structure of an area is valid, if structures overlay each other.
-pub fn status_of(area: &'static Area) -> Option<RegisterRef> {
+pub(crate) fn status_of(area: &'static Area) -> Option<RegisterRef> {
     let phases = area.phases?;
     let placed = area.structures.iter().find(|placed| placed.live != RegisterPhase::ALWAYS)?;
     area.registers_of(placed).find(|register| register.register.name == phases.register)
@@ -269,7 +269,7 @@ pub fn status_of(area: &'static Area) -> Option<RegisterRef> {
 
 /// True if the register is valid in phase `live`. Its structure is then valid, or shares the register with a valid
 /// structure.
-pub fn is_live(register: &RegisterRef, live: RegisterPhase) -> bool {
+pub(crate) fn is_live(register: &RegisterRef, live: RegisterPhase) -> bool {
     let structures = register.area.structures.iter().filter(|placed| placed.live.is_valid_in(live));
     structures.filter(|placed| placed.shares_role(register.placed)).any(|placed| {
         core::ptr::eq(placed.structure, register.structure())
@@ -282,7 +282,7 @@ pub fn is_live(register: &RegisterRef, live: RegisterPhase) -> bool {
 }
 
 /// Removes duplicate registers, because structures that overlay each other share their first registers.
-pub fn without_twins(registers: Vec<RegisterRef>) -> Vec<RegisterRef> {
+pub(crate) fn without_twins(registers: Vec<RegisterRef>) -> Vec<RegisterRef> {
     let mut kept: Vec<RegisterRef> = Vec::with_capacity(registers.len());
     for register in registers {
         let twin = |other: &RegisterRef| {
@@ -296,7 +296,7 @@ pub fn without_twins(registers: Vec<RegisterRef>) -> Vec<RegisterRef> {
 }
 
 /// Returns the meaning of `value` in a register, with a note if the structure of the register is not valid.
-pub fn meaning_in(register: &RegisterRef, live: RegisterPhase, value: u32) -> String {
+pub(crate) fn meaning_in(register: &RegisterRef, live: RegisterPhase, value: u32) -> String {
     let meaning = register.decode(value);
     match live_name(register, live) {
         None => meaning,

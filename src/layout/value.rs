@@ -54,7 +54,7 @@ pub enum ValueError {
 ///
 /// # Errors
 /// [`ValueError`], which gives a correct notation or the range.
-pub fn parse(text: &str, ty: RegType) -> Result<u32, ValueError> {
+pub(crate) fn parse(text: &str, ty: RegType) -> Result<u32, ValueError> {
     let wrong = || ValueError::Notation { text: text.to_owned() };
     let (base, digits) = split_base(text.trim());
     let (negative, digits) = match digits.strip_prefix('-') {
@@ -83,7 +83,7 @@ pub fn parse(text: &str, ty: RegType) -> Result<u32, ValueError> {
 /// # Errors
 /// `otherwise` if the register has no names or `text` was meant as a number, [`ValueError::Unknown`] if the register
 /// has other names, [`ValueError::Ambiguous`] if several values match.
-pub fn named(
+pub(crate) fn named(
     text: &str,
     meaning: Option<&'static Meaning>,
     otherwise: ValueError,
@@ -127,7 +127,7 @@ pub fn named(
 
 /// The names of values and single bits, each with its bit pattern.
 #[must_use]
-pub fn names(meaning: &'static Meaning) -> Vec<(String, u32)> {
+pub(crate) fn names(meaning: &'static Meaning) -> Vec<(String, u32)> {
     let singles = meaning.values.iter().filter(|value| value.first == value.last && !value.reserved);
     let values = singles.flat_map(|value| [value.id, value.text].map(|name| (name, value.first)));
     let bits = meaning.bits.iter().filter(|field| field.first == field.last && !field.reserved);

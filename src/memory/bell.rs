@@ -67,7 +67,7 @@ impl Bell {
 ///
 /// The kernel waits on up to 128 bells together (Linux 5.16 or later). On older kernels the bells are
 /// polled once per millisecond.
-pub fn wait_any(bells: &[(&Bell, u32)], timeout: Option<Duration>) -> Option<usize> {
+pub(crate) fn wait_any(bells: &[(&Bell, u32)], timeout: Option<Duration>) -> Option<usize> {
     // A deadline that cannot be represented means no deadline.
     let deadline = timeout.and_then(|timeout| Instant::now().checked_add(timeout));
     loop {

@@ -6,7 +6,7 @@
 
 mod access;
 mod attach;
-pub mod bell;
+pub(crate) mod bell;
 pub mod cell;
 pub mod contract;
 pub(crate) mod directory;

@@ -7,9 +7,9 @@ use super::MemoryError;
 use std::path::{Path, PathBuf};
 
 /// Directory of the images: a file system in memory that every Linux has.
-pub const IMAGE_DIRECTORY: &str = "/dev/shm";
+pub(crate) const IMAGE_DIRECTORY: &str = "/dev/shm";
 /// Longest instance or PLC name in bytes.
-pub const MAX_NAME: usize = 31;
+pub(crate) const MAX_NAME: usize = 31;
 pub(super) const PREFIX: &str = "commram.";
 /// Ends the name of an instance's directory.
 const DIRECTORY: &str = ".iox.d";
@@ -28,7 +28,7 @@ pub fn check_instance(name: &str) -> Result<(), MemoryError> {
 ///
 /// # Errors
 /// The errors of [`check_instance`].
-pub fn check_plc(name: &str) -> Result<(), MemoryError> {
+pub(crate) fn check_plc(name: &str) -> Result<(), MemoryError> {
     check("PLC", name)
 }
 
@@ -36,7 +36,7 @@ pub fn check_plc(name: &str) -> Result<(), MemoryError> {
 ///
 /// # Errors
 /// One of the names breaks the rules.
-pub fn image_path(instance: &str, plc: &str) -> Result<PathBuf, MemoryError> {
+pub(crate) fn image_path(instance: &str, plc: &str) -> Result<PathBuf, MemoryError> {
     check_instance(instance)?;
     check_plc(plc)?;
     Ok(Path::new(IMAGE_DIRECTORY).join(format!("{PREFIX}{instance}.{plc}")))

@@ -26,7 +26,8 @@ mod printed;
 mod remote;
 mod report;
 mod run;
-pub mod soak;
+#[cfg(feature = "cli")]
+pub(crate) mod soak;
 mod spelling;
 mod value;
 mod verb;
@@ -40,7 +41,7 @@ pub use junit::{junit, junit_of_shard};
 pub use lines::Lines;
 pub use part::{is_part, needs};
 pub use report::{FoundLine, Mistake, Outcome, PlotFile, Report, Step};
-pub use run::{Limits, run_file, run_file_for};
+pub use run::{Limits, run_file};
 #[cfg(feature = "cli")]
 pub(crate) use run::{run_observed, with_stack};
 pub use value::{Span, Value};

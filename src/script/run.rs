@@ -10,6 +10,7 @@ use super::report::{Mistake, Outcome, Report};
 use super::{Bench, ScenarioError};
 use crate::devices::folder::stack_position;
 use crate::input_file;
+#[cfg(feature = "cli")]
 use crate::plant::PlantConfig;
 use crate::time::short;
 use core::cell::{Cell, RefCell};
@@ -78,25 +79,13 @@ pub fn run_file(
     run_on(file, Stage::new(bench, directory, limits.time_us), limits, print)
 }
 
-/// Runs a script like [`run_file`]. A script that does not call `plant` gets `plant`, which the report calls `name`.
-pub fn run_file_for(
-    file: &Path,
-    (name, plant): (&str, PlantConfig),
-    limits: Limits,
-    print: impl FnMut(&str) + 'static,
-) -> Report {
-    let mut stage = Stage::new(None, directory_of(file), limits.time_us);
-    stage.set_unnamed(name, plant);
-    run_on(file, stage, limits, print)
-}
-
 /// The directory of a script.
 fn directory_of(file: &Path) -> PathBuf {
     file.parent().unwrap_or(Path::new("")).to_owned()
 }
 
-/// Does the same as [`run_file`], or with a `plant` as [`run_file_for`], and passes each section with its emulated time
-/// in microseconds to `sections` at once.
+/// Does the same as [`run_file`], and passes each section with its emulated time in microseconds to `sections` at once. A
+/// script that does not call `plant` gets `plant`, which the report calls by the name beside it.
 #[cfg(feature = "cli")]
 pub(crate) fn run_observed(
     file: &Path,

@@ -18,7 +18,7 @@ const fn blocks_for(len: usize) -> usize {
 /// The encoded replies of a request. The buffer is cleared and reused, so later replies with registers and times need
 /// no allocation.
 #[derive(Debug, Default)]
-pub struct ReplyBuffer {
+pub(crate) struct ReplyBuffer {
     blocks: Vec<Block>,
     /// Data of the reply that is being encoded.
     data: Vec<u8>,
@@ -26,12 +26,12 @@ pub struct ReplyBuffer {
 
 impl ReplyBuffer {
     /// The blocks so far.
-    pub fn blocks(&self) -> &[Block] {
+    pub(crate) fn blocks(&self) -> &[Block] {
         &self.blocks
     }
 
     /// Removes the blocks and keeps the memory.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.blocks.clear();
     }
 
@@ -39,7 +39,7 @@ impl ReplyBuffer {
     ///
     /// # Errors
     /// The buffer has no space for the reply, and nothing was appended.
-    pub fn push(&mut self, reply: &Reply) -> Result<(), Refused> {
+    pub(crate) fn push(&mut self, reply: &Reply) -> Result<(), Refused> {
         self.data.clear();
         let Some(head) = encode(reply, &mut self.data) else { return Ok(()) };
         let count = self.blocks.len() + 1 + blocks_for(self.data.len());
@@ -55,7 +55,7 @@ impl ReplyBuffer {
     }
 
     /// Appends an error, for which there is always space.
-    pub fn error(&mut self, refused: &Refused) {
+    pub(crate) fn error(&mut self, refused: &Refused) {
         let _fits = self.push(&Reply::Error(refused.clone()));
     }
 
@@ -128,7 +128,7 @@ pub struct DecodeError {
 ///
 /// # Errors
 /// The first malformed reply; replies before it have been appended.
-pub fn decode(blocks: &[Block], replies: &mut Vec<Reply>) -> Result<(), DecodeError> {
+pub(crate) fn decode(blocks: &[Block], replies: &mut Vec<Reply>) -> Result<(), DecodeError> {
     let first = replies.len();
     let mut rest = blocks;
     while let Some((head, tail)) = rest.split_first() {

@@ -14,7 +14,7 @@ mod disturbance;
 mod fault_tests;
 mod guest;
 mod port;
-pub mod records;
+pub(crate) mod records;
 mod station;
 mod stations;
 #[cfg(test)]

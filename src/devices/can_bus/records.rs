@@ -7,7 +7,7 @@ use crate::journal::{
 };
 
 /// All event kinds of this module.
-pub static KINDS: &[&EventKind] = &[Transmitted::KIND, Lost::KIND, StateChange::KIND];
+pub(crate) static KINDS: &[&EventKind] = &[Transmitted::KIND, Lost::KIND, StateChange::KIND];
 
 event_kinds! {
     /// A frame has arrived. The time is the end of the frame, when its receivers have it, in whole microseconds rounded

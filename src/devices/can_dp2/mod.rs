@@ -14,7 +14,7 @@ mod firmware;
 #[cfg(any(feature = "emulator", feature = "plc"))]
 mod page;
 #[cfg(feature = "emulator")]
-pub mod records;
+pub(crate) mod records;
 #[cfg(feature = "emulator")]
 pub mod rules;
 #[cfg(all(test, feature = "emulator"))]

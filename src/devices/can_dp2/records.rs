@@ -6,7 +6,7 @@ use crate::journal::{EventCodec, EventKind, EventText, Fields, Reader};
 use crate::layout::RegisterPhase;
 
 /// All event kinds of this module.
-pub static KINDS: &[&EventKind] = &[DpState::KIND, Refused::KIND, WatchdogOut::KIND, CanState::KIND];
+pub(crate) static KINDS: &[&EventKind] = &[DpState::KIND, Refused::KIND, WatchdogOut::KIND, CanState::KIND];
 
 event_kinds! {
     /// The state of the DP slave has changed (p. 15).

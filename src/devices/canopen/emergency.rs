@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// An error that a device can have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Cause {
+pub(crate) struct Cause {
     /// Emergency error code.
     pub code: u16,
     /// Bits of the error register (1001h) while the error is present.
@@ -20,7 +20,7 @@ struct ActiveError {
 
 /// Errors of a device, and the emergency messages that it still has to send.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Errors {
+pub(crate) struct Errors {
     present: Vec<ActiveError>,
     /// Errors that were reported, in the order of the reports.
     reported: Vec<ActiveError>,
@@ -28,7 +28,7 @@ pub struct Errors {
 
 impl Errors {
     /// Sets or clears an error. `data` has five bytes of detail; the error is reported again when they change.
-    pub fn set(&mut self, cause: Cause, data: Option<[u8; 5]>) {
+    pub(crate) fn set(&mut self, cause: Cause, data: Option<[u8; 5]>) {
         let known = self.present.iter_mut().find(|known| known.cause == cause);
         match (known, data) {
             (Some(known), Some(data)) => known.data = data,
@@ -40,13 +40,13 @@ impl Errors {
 
     /// Returns the error register (1001h).
     #[must_use]
-    pub fn register(&self) -> u8 {
+    pub(crate) fn register(&self) -> u8 {
         self.present.iter().fold(0, |bits, known| bits | known.cause.register)
     }
 
     /// Returns the next message to be sent: code, error register, five bytes. When an error disappears, the message has
     /// code 0; the register shows the remaining errors.
-    pub fn message(&mut self) -> Option<[u8; 8]> {
+    pub(crate) fn message(&mut self) -> Option<[u8; 8]> {
         let is = |list: &[ActiveError], cause| list.iter().any(|known| known.cause == cause);
         if let Some(gone) = self.reported.iter().position(|reported| !is(&self.present, reported.cause)) {
             self.reported.remove(gone);
@@ -61,7 +61,7 @@ impl Errors {
     }
 
     /// Clears all errors and the list of errors that were reported.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.present.clear();
         self.reported.clear();
     }

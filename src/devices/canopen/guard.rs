@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 /// The guarded node.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct NodeGuarding {
+pub(crate) struct NodeGuarding {
     toggle: bool,
     /// Supervision of the master's requests.
     pub life: Supervision,
@@ -16,7 +16,7 @@ pub struct NodeGuarding {
 impl NodeGuarding {
     /// Called when the master has sent a request. Returns the only byte of the answer. The first answer has toggle bit
     /// 0.
-    pub fn asked(&mut self, state: State, now: u64) -> u8 {
+    pub(crate) fn asked(&mut self, state: State, now: u64) -> u8 {
         let toggle = u8::from(self.toggle) << 7;
         self.toggle = !self.toggle;
         self.life.start(now);
@@ -24,7 +24,7 @@ impl NodeGuarding {
     }
 
     /// Restarts the communication, as before the first request.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.toggle = false;
         self.life.stop();
     }

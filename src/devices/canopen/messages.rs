@@ -9,7 +9,7 @@ const ID: u32 = 0x7FF;
 
 /// Description of a message.
 #[derive(Clone, Copy, Debug)]
-pub struct MessageInfo<'a> {
+pub(crate) struct MessageInfo<'a> {
     name: &'a str,
     is_sender: bool,
     text: &'a str,
@@ -18,20 +18,20 @@ pub struct MessageInfo<'a> {
 impl<'a> MessageInfo<'a> {
     /// Describes a message that the node sends.
     #[must_use]
-    pub const fn sent(name: &'a str, text: &'a str) -> Self {
+    pub(crate) const fn sent(name: &'a str, text: &'a str) -> Self {
         MessageInfo { name, is_sender: true, text }
     }
 
     /// Describes a message that the node receives.
     #[must_use]
-    pub const fn received(name: &'a str, text: &'a str) -> Self {
+    pub(crate) const fn received(name: &'a str, text: &'a str) -> Self {
         MessageInfo { name, is_sender: false, text }
     }
 }
 
 /// The messages of a node.
 #[derive(Clone, Copy, Debug)]
-pub struct NodeMessages<'a> {
+pub(crate) struct NodeMessages<'a> {
     /// Name of the device, the prefix of the message names.
     pub node: &'a str,
 }
@@ -40,7 +40,12 @@ impl NodeMessages<'_> {
     /// Returns a message with consecutive signals of the given numbers of bits; `None` if the COB-ID is marked as
     /// unused.
     #[must_use]
-    pub fn message(self, cob_id: u32, about: MessageInfo<'_>, signals: &[(&str, u8)]) -> Option<Message> {
+    pub(crate) fn message(
+        self,
+        cob_id: u32,
+        about: MessageInfo<'_>,
+        signals: &[(&str, u8)],
+    ) -> Option<Message> {
         let id = Some(cob_id).filter(|cob_id| cob_id & INVALID == 0);
         let id: Id = StandardId::new((id? & ID) as u16)?.into();
         let mut first_bit = 0;
@@ -64,7 +69,7 @@ impl NodeMessages<'_> {
     }
 
     /// Returns the messages of network management and SYNC, of their sender or of a receiver.
-    pub fn broadcasts(self, sync: u32, is_sender: bool) -> impl Iterator<Item = Option<Message>> {
+    pub(crate) fn broadcasts(self, sync: u32, is_sender: bool) -> impl Iterator<Item = Option<Message>> {
         let of = if is_sender { MessageInfo::sent } else { MessageInfo::received };
         let nmt = [("command", 8), ("node", 8)];
         let all = [
@@ -77,7 +82,7 @@ impl NodeMessages<'_> {
 
     /// Returns the messages between a master and one of its nodes, with the identifiers of the predefined connection
     /// set; the master's names end in the node's number.
-    pub fn of_master(self, node: u8) -> impl Iterator<Item = Option<Message>> {
+    pub(crate) fn of_master(self, node: u8) -> impl Iterator<Item = Option<Message>> {
         let id = |first: u32| first + u32::from(node);
         let named = move |message: Option<Message>| {
             message.map(|mut it| {
@@ -90,7 +95,7 @@ impl NodeMessages<'_> {
     }
 
     /// Returns the messages for emergencies, guarding, and SDO requests and answers, with these COB-IDs.
-    pub fn services(
+    pub(crate) fn services(
         self,
         emergency: u32,
         guarding: u32,

@@ -2,14 +2,14 @@
 //! bytes. A device connects these parts with its object dictionary, its registers and its controller.
 
 mod connection_set;
-pub mod emergency;
-pub mod guard;
-pub mod messages;
-pub mod network;
-pub mod nmt;
-pub mod pdo;
-pub mod records;
-pub mod sdo;
-pub mod supervision;
+pub(crate) mod emergency;
+pub(crate) mod guard;
+pub(crate) mod messages;
+pub(crate) mod network;
+pub(crate) mod nmt;
+pub(crate) mod pdo;
+pub(crate) mod records;
+pub(crate) mod sdo;
+pub(crate) mod supervision;
 
 pub use connection_set::node_sends;

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 /// A message that a master has to send.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Order {
+pub(crate) enum Order {
     /// A remote frame that requests the state of this node.
     Ask(u8),
     /// A command for this node, or for all nodes if it is 0.
@@ -31,7 +31,7 @@ struct GuardedNode {
 
 /// Content of an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct GuardAnswer {
+pub(crate) struct GuardAnswer {
     /// State of the node.
     pub state: State,
     /// True if the node was missing before this answer.
@@ -40,7 +40,7 @@ pub struct GuardAnswer {
 
 /// The nodes of a master.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Network {
+pub(crate) struct Network {
     nodes: Vec<GuardedNode>,
     /// The missing node that was returned last.
     shown: Option<u8>,
@@ -52,7 +52,7 @@ const TOGGLE: u8 = 0x80;
 impl Network {
     /// Adds `node`. Its state is requested every `guard_us` microseconds, or never if `guard_us` is 0; `life` answers
     /// in a row may be missing.
-    pub fn add(&mut self, node: u8, guard_us: u64, life: u8) {
+    pub(crate) fn add(&mut self, node: u8, guard_us: u64, life: u8) {
         self.nodes.retain(|it| it.node != node);
         self.nodes.push(GuardedNode {
             node,
@@ -67,18 +67,18 @@ impl Network {
     }
 
     /// Returns the numbers of the known nodes.
-    pub fn numbers(&self) -> impl Iterator<Item = u8> {
+    pub(crate) fn numbers(&self) -> impl Iterator<Item = u8> {
         self.nodes.iter().map(|it| it.node)
     }
 
     /// True if `node` is known.
     #[must_use]
-    pub fn has(&self, node: u8) -> bool {
+    pub(crate) fn has(&self, node: u8) -> bool {
         self.nodes.iter().any(|it| it.node == node)
     }
 
     /// Starts guarding `node`, or all nodes if it is 0; returns `false` if the node is not known.
-    pub fn start(&mut self, node: u8, now: u64) -> bool {
+    pub(crate) fn start(&mut self, node: u8, now: u64) -> bool {
         let nodes = self.nodes.iter_mut().filter(|it| node == 0 || it.node == node);
         nodes.filter(|it| it.guard_us != 0).for_each(|it| it.next_at = it.next_at.or(Some(now)));
         node == 0 || self.has(node)
@@ -86,7 +86,7 @@ impl Network {
 
     /// Stops guarding `node`, or all nodes if it is 0; the node is not missing then. Returns `false` if the node is not
     /// known.
-    pub fn stop(&mut self, node: u8) -> bool {
+    pub(crate) fn stop(&mut self, node: u8) -> bool {
         for it in self.nodes.iter_mut().filter(|it| node == 0 || it.node == node) {
             (it.next_at, it.unanswered, it.is_missing) = (None, 0, false);
         }
@@ -95,17 +95,17 @@ impl Network {
 
     /// Returns the first missing node.
     #[must_use]
-    pub fn missing(&self) -> Option<u8> {
+    pub(crate) fn missing(&self) -> Option<u8> {
         self.all_missing().next()
     }
 
     /// Returns all missing nodes.
-    pub fn all_missing(&self) -> impl Iterator<Item = u8> {
+    pub(crate) fn all_missing(&self) -> impl Iterator<Item = u8> {
         self.nodes.iter().filter(|it| it.is_missing).map(|it| it.node)
     }
 
     /// Returns the next missing node; each call shows another node in turn.
-    pub fn next_missing(&mut self) -> Option<u8> {
+    pub(crate) fn next_missing(&mut self) -> Option<u8> {
         let next = self.all_missing().skip_while(|node| Some(*node) != self.shown).nth(1);
         self.shown = next.or_else(|| self.all_missing().next());
         self.shown
@@ -113,12 +113,12 @@ impl Network {
 
     /// Returns the state of `node`, from its last answer or from the last command to it.
     #[must_use]
-    pub fn state(&self, node: u8) -> Option<State> {
+    pub(crate) fn state(&self, node: u8) -> Option<State> {
         self.nodes.iter().find(|it| it.node == node)?.state
     }
 
     /// Notes that the master sends a command to `node`, or to all nodes if it is 0.
-    pub fn commanded(&mut self, command: Command, node: u8) {
+    pub(crate) fn commanded(&mut self, command: Command, node: u8) {
         for it in self.nodes.iter_mut().filter(|it| node == 0 || it.node == node) {
             it.state = match command {
                 Command::Start => Some(State::Operational),
@@ -135,7 +135,7 @@ impl Network {
 
     /// Handles an answer: `node` has sent its state, or 0 when it has started. An answer with an unchanged toggle bit
     /// is ignored.
-    pub fn answered(&mut self, node: u8, answer: u8) -> Option<GuardAnswer> {
+    pub(crate) fn answered(&mut self, node: u8, answer: u8) -> Option<GuardAnswer> {
         let it = self.nodes.iter_mut().find(|it| it.node == node)?;
         let (toggle, code) = (answer & TOGGLE, State::from_code(answer & !TOGGLE)?);
         let has_started = code == State::Initialising;
@@ -151,12 +151,12 @@ impl Network {
 
     /// Returns the time of the next request; `u64::MAX` if no node is guarded.
     #[must_use]
-    pub fn next_time(&self) -> u64 {
+    pub(crate) fn next_time(&self) -> u64 {
         self.nodes.iter().filter_map(|it| it.next_at).fold(u64::MAX, u64::min)
     }
 
     /// Returns the messages that are to be sent at `now`.
-    pub fn due(&mut self, now: u64) -> Vec<Order> {
+    pub(crate) fn due(&mut self, now: u64) -> Vec<Order> {
         let mut orders = Vec::new();
         for it in self.nodes.iter_mut().filter(|it| it.next_at.is_some_and(|next_at| next_at <= now)) {
             it.next_at = Some(now + it.guard_us);

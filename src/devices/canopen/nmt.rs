@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
     Clone, Copy, Debug, Default, PartialEq, Eq, Hash, bytemuck::CheckedBitPattern, Serialize, Deserialize,
 )]
 #[repr(u8)]
-pub enum State {
+pub(crate) enum State {
     /// The device is not a CANopen node yet, or is restarting.
     #[default]
     Initialising = 0,
@@ -22,32 +22,32 @@ pub enum State {
 impl State {
     /// Returns the number in guarding telegrams.
     #[must_use]
-    pub const fn code(self) -> u8 {
+    pub(crate) const fn code(self) -> u8 {
         self as u8
     }
 
     /// Returns the state with this number.
     #[must_use]
-    pub fn from_code(code: u8) -> Option<Self> {
+    pub(crate) fn from_code(code: u8) -> Option<Self> {
         bytemuck::checked::try_cast(code).ok()
     }
 
     /// True if SDOs are served and emergencies sent.
     #[must_use]
-    pub const fn has_sdo(self) -> bool {
+    pub(crate) const fn has_sdo(self) -> bool {
         matches!(self, State::PreOperational | State::Operational)
     }
 
     /// True if PDOs are exchanged.
     #[must_use]
-    pub const fn has_pdo(self) -> bool {
+    pub(crate) const fn has_pdo(self) -> bool {
         matches!(self, State::Operational)
     }
 }
 
 /// A command of a master to a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Command {
+pub(crate) enum Command {
     /// Start Remote Node.
     Start,
     /// Stop Remote Node.
@@ -63,7 +63,7 @@ pub enum Command {
 impl Command {
     /// Returns the number on the wire.
     #[must_use]
-    pub const fn code(self) -> u8 {
+    pub(crate) const fn code(self) -> u8 {
         match self {
             Command::Start => 1,
             Command::Stop => 2,
@@ -75,7 +75,7 @@ impl Command {
 
     /// Parses the data of a frame with identifier 0: returns the command if it is for `node` or for all nodes.
     #[must_use]
-    pub fn parse(data: &[u8], node: u8) -> Option<Self> {
+    pub(crate) fn parse(data: &[u8], node: u8) -> Option<Self> {
         let &[command, to] = data else { return None };
         if to != 0 && to != node {
             return None;

@@ -66,7 +66,7 @@ impl SyncCounter {
 
 /// A PDO of the sending side.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Transmit {
+pub(crate) struct Transmit {
     /// The value that was sent last, which the other stations have received.
     known: [u8; 8],
     count: SyncCounter,
@@ -78,12 +78,12 @@ pub struct Transmit {
 
 impl Transmit {
     /// Starts the exchange of PDOs: `value` is not new, counting begins.
-    pub fn start(&mut self, value: [u8; 8]) {
+    pub(crate) fn start(&mut self, value: [u8; 8]) {
         *self = Transmit { known: value, ..Transmit::default() };
     }
 
     /// Returns whether to send the value at `now`. The next asynchronous PDO waits for `inhibit_us`.
-    pub fn look(&mut self, kind: Transmission, value: [u8; 8], inhibit_us: u64, now: u64) -> bool {
+    pub(crate) fn look(&mut self, kind: Transmission, value: [u8; 8], inhibit_us: u64, now: u64) -> bool {
         if kind.is_synchronous() {
             return false;
         }
@@ -98,7 +98,7 @@ impl Transmit {
     }
 
     /// Called at a SYNC object. Returns true if the value has to be sent.
-    pub fn sync(&mut self, kind: Transmission, value: [u8; 8]) -> bool {
+    pub(crate) fn sync(&mut self, kind: Transmission, value: [u8; 8]) -> bool {
         let is_new = value != self.known;
         let is_sent = self.count.is_turn(kind) && (is_new || kind != Transmission::SynchronousAcyclic);
         if is_sent {
@@ -109,26 +109,26 @@ impl Transmit {
 
     /// Returns the time of the next necessary poll; `u64::MAX` if there is none.
     #[must_use]
-    pub fn next_time(&self) -> u64 {
+    pub(crate) fn next_time(&self) -> u64 {
         if self.is_waiting { self.free_at } else { u64::MAX }
     }
 }
 
 /// A PDO of the receiving side.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Receive {
+pub(crate) struct Receive {
     waiting: Option<[u8; 8]>,
     count: SyncCounter,
 }
 
 impl Receive {
     /// Starts the exchange of PDOs.
-    pub fn start(&mut self) {
+    pub(crate) fn start(&mut self) {
         *self = Receive::default();
     }
 
     /// Called when a PDO has arrived. Returns the value if it has to be taken over at once.
-    pub fn received(&mut self, kind: Transmission, value: [u8; 8]) -> Option<[u8; 8]> {
+    pub(crate) fn received(&mut self, kind: Transmission, value: [u8; 8]) -> Option<[u8; 8]> {
         if kind.is_synchronous() {
             self.waiting = Some(value);
             return None;
@@ -137,7 +137,7 @@ impl Receive {
     }
 
     /// Called at a SYNC object. Returns the value to take over.
-    pub fn sync(&mut self, kind: Transmission) -> Option<[u8; 8]> {
+    pub(crate) fn sync(&mut self, kind: Transmission) -> Option<[u8; 8]> {
         if self.count.is_turn(kind) { self.waiting.take() } else { None }
     }
 }

@@ -5,10 +5,10 @@ use crate::event_kinds;
 use crate::journal::{EventCodec, EventKind, EventText, Fields, Reader};
 
 /// The kind of [`NodeState`], shared by all devices that report states of nodes.
-pub static NODE_STATE: &EventKind = NodeState::KIND;
+pub(crate) static NODE_STATE: &EventKind = NodeState::KIND;
 
 /// All event kinds of this module.
-pub static KINDS: &[&EventKind] = &[NODE_STATE];
+pub(crate) static KINDS: &[&EventKind] = &[NODE_STATE];
 
 event_kinds! {
     /// The state of the CANopen node has changed.

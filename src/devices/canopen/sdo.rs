@@ -6,16 +6,16 @@ mod client;
 #[cfg(test)]
 mod tests;
 
-pub use abort::Abort;
-pub use client::{Client, Step};
+pub(crate) use abort::Abort;
+pub(crate) use client::{Client, Step};
 use serde::{Deserialize, Serialize};
 
 /// Data of an SDO frame.
-pub type Data = [u8; 8];
+pub(crate) type Data = [u8; 8];
 
 /// Length of an entry's value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Length {
+pub(crate) enum Length {
     /// Exactly this number of bytes.
     Exactly(usize),
     /// The entry has at most this number of bytes.
@@ -24,7 +24,7 @@ pub enum Length {
 
 /// Address of an entry: index and sub-index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct EntryAddress {
+pub(crate) struct EntryAddress {
     /// Index of the object.
     pub index: u16,
     /// Sub-index of the entry.
@@ -32,7 +32,7 @@ pub struct EntryAddress {
 }
 
 /// The object dictionary that a server serves.
-pub trait Dictionary {
+pub(crate) trait Dictionary {
     /// Returns the length of an entry's value, if it can be written.
     ///
     /// # Errors
@@ -65,7 +65,7 @@ enum ServerTransfer {
 
 /// A server, which serves one transfer at a time.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Server {
+pub(crate) struct Server {
     transfer: ServerTransfer,
 }
 
@@ -76,12 +76,12 @@ const SIZED: u8 = 1;
 
 impl Server {
     /// Forgets the transfer.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.transfer = ServerTransfer::None;
     }
 
     /// Returns the answer to a request. Only an abort from the client has no answer.
-    pub fn request(&mut self, request: Data, dictionary: &mut impl Dictionary) -> Option<Data> {
+    pub(crate) fn request(&mut self, request: Data, dictionary: &mut impl Dictionary) -> Option<Data> {
         let [command, low, high, sub, rest @ ..] = request;
         let at = EntryAddress { index: u16::from_le_bytes([low, high]), sub };
         let answer = match command >> 5 {

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// Supervision of an event that must recur within a time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Supervision {
+pub(crate) struct Supervision {
     /// Longest time between two events in us; 0 is off.
     period_us: u64,
     /// True after `start`, until `stop`. While this is true, a new period runs from the moment at which it is set.
@@ -18,7 +18,7 @@ pub struct Supervision {
 impl Supervision {
     /// Sets the period in microseconds; 0 switches the supervision off. If the event is awaited, a new period counts
     /// from `now` on. Setting the same period again has no effect.
-    pub fn set_period(&mut self, period_us: u64, now: u64) {
+    pub(crate) fn set_period(&mut self, period_us: u64, now: u64) {
         if period_us == self.period_us {
             return;
         }
@@ -32,33 +32,27 @@ impl Supervision {
     }
 
     /// Called when the event occurs, or when the supervision of the event begins at `now`.
-    pub fn start(&mut self, now: u64) {
+    pub(crate) fn start(&mut self, now: u64) {
         self.is_awaited = true;
         self.is_missing = false;
         self.deadline = if self.period_us == 0 { None } else { now.checked_add(self.period_us) };
     }
 
     /// Ends the supervision: the event is no longer awaited, so it is not missing.
-    pub fn stop(&mut self) {
+    pub(crate) fn stop(&mut self) {
         self.is_awaited = false;
         self.deadline = None;
         self.is_missing = false;
     }
 
-    /// True if the event is awaited or missing.
-    #[must_use]
-    pub fn is_active(&self) -> bool {
-        self.deadline.is_some() || self.is_missing
-    }
-
     /// True if the event has not come in time.
     #[must_use]
-    pub fn is_missing(&self) -> bool {
+    pub(crate) fn is_missing(&self) -> bool {
         self.is_missing
     }
 
     /// Checks the deadline; returns true if the event has just become missing.
-    pub fn look(&mut self, now: u64) -> bool {
+    pub(crate) fn look(&mut self, now: u64) -> bool {
         let is_over = self.deadline.is_some_and(|deadline| deadline <= now);
         if is_over {
             self.deadline = None;
@@ -69,7 +63,7 @@ impl Supervision {
 
     /// Returns the time of the next necessary check; `u64::MAX` if there is none.
     #[must_use]
-    pub fn next_time(&self) -> u64 {
+    pub(crate) fn next_time(&self) -> u64 {
         self.deadline.unwrap_or(u64::MAX)
     }
 }
@@ -87,14 +81,14 @@ mod tests {
         assert_eq!((it.look(119), it.next_time()), (false, 120));
         it.start(100);
         assert!(!it.look(199) && it.look(200) && !it.look(201));
-        assert!(it.is_missing() && it.is_active());
+        assert!(it.is_missing());
         assert_eq!(it.next_time(), u64::MAX);
         it.start(300);
         assert!(!it.is_missing());
         it.set_period(50, 310);
         assert_eq!(it.next_time(), 360);
         it.set_period(0, 320);
-        assert!(!it.is_active());
+        assert_eq!(it.next_time(), u64::MAX);
     }
 
     #[test]

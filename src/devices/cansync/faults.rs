@@ -9,7 +9,7 @@ use crate::devices::can_faults::{
 use crate::fault::{self, Fault, FaultKind, Field, Form, TargetKind};
 
 /// Largest jitter of SYNC edges, in microseconds. The effective jitter is at most a quarter of the present interval.
-pub const MAX_JITTER_US: u32 = 2_000;
+pub(crate) const MAX_JITTER_US: u32 = 2_000;
 
 /// Effect of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -177,7 +177,7 @@ static DRIVE_FAULT: FaultKind = FaultKind::new(
 .shown("slave=1 error=17");
 
 /// All fault kinds of this module.
-pub static KINDS: &[&FaultKind] = &[
+pub(crate) static KINDS: &[&FaultKind] = &[
     &LOSE_FRAME,
     &DELAY_FRAME,
     &DUPLICATE_FRAME,

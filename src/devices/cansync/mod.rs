@@ -2,7 +2,7 @@
 //! function blocks.
 
 #[cfg(feature = "plc")]
-pub mod blocks;
+pub(crate) mod blocks;
 #[cfg(feature = "emulator")]
 pub mod bus;
 #[cfg(feature = "emulator")]
@@ -12,7 +12,7 @@ pub mod drive;
 #[cfg(feature = "emulator")]
 pub(in crate::devices) mod exercise;
 #[cfg(feature = "emulator")]
-pub mod faults;
+pub(crate) mod faults;
 #[cfg(feature = "emulator")]
 pub mod firmware;
 #[cfg(feature = "emulator")]

@@ -132,5 +132,5 @@ static HANG: FaultKind = FaultKind::new(
 .shown("duration=1s");
 
 /// All fault kinds.
-pub static KINDS: &[&FaultKind] =
+pub(crate) static KINDS: &[&FaultKind] =
     &[&SHORT_CIRCUIT, &WIRE_BREAK, &SUPPLY, &TEMPERATURE, &MEMORY, &FATAL, &CAN_INIT, &HANG];

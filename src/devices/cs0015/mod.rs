@@ -14,7 +14,7 @@ pub(super) mod demo;
 #[cfg(feature = "emulator")]
 pub(super) mod exercise;
 #[cfg(feature = "emulator")]
-pub mod faults;
+pub(crate) mod faults;
 #[cfg(feature = "emulator")]
 mod jobs;
 #[cfg(feature = "emulator")]
@@ -22,7 +22,7 @@ mod port;
 #[cfg(feature = "emulator")]
 mod ram;
 #[cfg(feature = "emulator")]
-pub mod records;
+pub(crate) mod records;
 #[cfg(test)]
 mod registers_tests;
 #[cfg(feature = "emulator")]

@@ -6,7 +6,7 @@ use crate::event_kinds;
 use crate::journal::{EventCodec, EventKind, EventText, Fields, Reader};
 
 /// All event kinds of this module.
-pub static KINDS: &[&EventKind] =
+pub(crate) static KINDS: &[&EventKind] =
     &[ControllerState::KIND, NODE_STATE, CommandRefused::KIND, JobRefused::KIND, Watchdog::KIND];
 
 event_kinds! {
@@ -36,7 +36,7 @@ event_kinds! {
 /// Reason for which a command of the programming system is not carried out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, bytemuck::CheckedBitPattern)]
 #[repr(u8)]
-pub enum RefusalReason {
+pub(crate) enum RefusalReason {
     /// No program is loaded.
     NoProgram = 0,
     /// S1 is at LOCK.

@@ -22,11 +22,16 @@ use zerocopy::{FromBytes, IntoBytes};
 const DELIVERY: (Ipv4Addr, Ipv4Addr) = (Ipv4Addr::new(192, 168, 1, 1), Ipv4Addr::new(255, 255, 255, 0));
 
 /// Content of `ETHERNET_CONFIG_BMSTRUCT`, byte by byte.
-pub type Stored = [u8; ETHERNET_CONFIG_BYTES];
+pub(crate) type Stored = [u8; ETHERNET_CONFIG_BYTES];
 
 /// Address and mask that follow from a configuration and the DIP number; `None` if the last byte would be 0, 255 or
 /// more, which is not allowed for devices (p. 79-80).
-pub fn effective(ip_config: u32, address: Ipv4Addr, mask: Ipv4Addr, dip: u8) -> Option<(Ipv4Addr, Ipv4Addr)> {
+pub(crate) fn effective(
+    ip_config: u32,
+    address: Ipv4Addr,
+    mask: Ipv4Addr,
+    dip: u8,
+) -> Option<(Ipv4Addr, Ipv4Addr)> {
     let (base, mask, add) = match ip_config {
         ip_config::FIXED => (address, mask, 0),
         ip_config::PLUS_DIP => (address, mask, dip),
@@ -39,7 +44,7 @@ pub fn effective(ip_config: u32, address: Ipv4Addr, mask: Ipv4Addr, dip: u8) -> 
 }
 
 /// The Ethernet interface of one PLC.
-pub struct Ethernet {
+pub(crate) struct Ethernet {
     config: View<ETHERNET_CONFIG_BMSTRUCT>,
     diagnose: View<ETHERNET_DIAGNOSE_BMSTRUCT>,
     /// Speed of the link in Mbit/s; 0 without a link.
@@ -73,7 +78,7 @@ impl Ethernet {
     ///
     /// # Errors
     /// The segment is read-only.
-    pub fn new(segment: &Segment, speed: u16) -> Result<Self, MemoryError> {
+    pub(crate) fn new(segment: &Segment, speed: u16) -> Result<Self, MemoryError> {
         Ok(Ethernet {
             config: segment.view(ETHERNET_CONFIG)?,
             diagnose: segment.view(ETHERNET)?,
@@ -86,7 +91,7 @@ impl Ethernet {
     }
 
     /// Called at power-on or at the end of a reset, when the DIP number was read: the contents of NOVRAM apply.
-    pub fn power_on(&mut self, ctx: &mut Context, dip: u8) {
+    pub(crate) fn power_on(&mut self, ctx: &mut Context, dip: u8) {
         self.dip = dip;
         self.keep();
         let valid = self.show(false);
@@ -96,13 +101,13 @@ impl Ethernet {
     }
 
     /// Called at power-off: NOVRAM keeps its contents, and the interface shows nothing.
-    pub fn power_off(&mut self) {
+    pub(crate) fn power_off(&mut self) {
         self.keep();
         self.diagnose.reset_from(0);
     }
 
     /// Stores the contents of the registers in NOVRAM.
-    pub fn keep(&mut self) {
+    pub(crate) fn keep(&mut self) {
         let now = self.registers();
         if now != self.stored {
             self.stored = now;
@@ -112,7 +117,7 @@ impl Ethernet {
     }
 
     /// Contents of NOVRAM, and a number that changes with them.
-    pub fn stored(&self) -> (&Stored, u32) {
+    pub(crate) fn stored(&self) -> (&Stored, u32) {
         (&self.stored, self.generation)
     }
 
@@ -124,7 +129,7 @@ impl Ethernet {
 
     /// Polls the two registers that take effect at once.
     #[inline]
-    pub fn look(&mut self, ctx: &mut Context) {
+    pub(crate) fn look(&mut self, ctx: &mut Context) {
         if !self.poll_changes_nothing() {
             self.take(ctx);
         }
@@ -133,7 +138,7 @@ impl Ethernet {
     /// Called when `d_IP_CONFIG` or `d_ROUTER` was written. Stores everything, or restores address and choice if the
     /// address is not allowed.
     #[cold]
-    pub fn take(&mut self, ctx: &mut Context) {
+    pub(crate) fn take(&mut self, ctx: &mut Context) {
         let new = self.registers();
         let Some((config, address, mask, _)) = parts(&new) else { return };
         if effective(config, address, mask, self.dip).is_some() {

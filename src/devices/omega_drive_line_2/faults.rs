@@ -6,7 +6,7 @@ use crate::identity::DeviceIndex;
 use crate::journal::Journal;
 
 /// Maximum delay of a drive at the BAPS, in emulated microseconds: longer than the function blocks wait.
-pub const MAX_SLOWNESS_US: u32 = 60_000_000;
+pub(crate) const MAX_SLOWNESS_US: u32 = 60_000_000;
 
 /// Fault of the drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,7 +66,7 @@ static SLOW: FaultKind = FaultKind::new(
 .shown("delay=3.5s count=1");
 
 /// All kinds.
-pub static KINDS: &[&FaultKind] = &[&DRIVE_FAULT, &SILENT, &SLOW];
+pub(crate) static KINDS: &[&FaultKind] = &[&DRIVE_FAULT, &SILENT, &SLOW];
 
 /// Speed of the drive at its BAPS; a silent drive is never slow.
 #[inline]

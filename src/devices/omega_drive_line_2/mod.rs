@@ -2,21 +2,21 @@
 //! Ethernet.
 
 #[cfg(feature = "emulator")]
-pub mod baps;
+pub(crate) mod baps;
 #[cfg(feature = "plc")]
 pub mod blocks;
 #[cfg(feature = "emulator")]
-pub mod board;
+pub(crate) mod board;
 #[cfg(feature = "emulator")]
 mod config;
 #[cfg(feature = "emulator")]
 pub(super) mod demo;
 #[cfg(feature = "emulator")]
-pub mod ethernet;
+pub(crate) mod ethernet;
 #[cfg(feature = "emulator")]
 pub(super) mod exercise;
 #[cfg(feature = "emulator")]
-pub mod faults;
+pub(crate) mod faults;
 #[cfg(feature = "emulator")]
 mod plc;
 #[cfg(feature = "emulator")]

@@ -83,7 +83,7 @@ enum LineStep {
 }
 
 /// A PROFIBUS segment with its ports.
-pub struct ProfibusBus {
+pub(crate) struct ProfibusBus {
     pub(super) index: BusIndex,
     name: String,
     pub(super) rate: BusRate,
@@ -105,7 +105,7 @@ pub struct ProfibusBus {
 impl ProfibusBus {
     /// The placeholder for ports that are not connected to a segment. Their firmware runs, but no station receives
     /// their telegrams.
-    pub fn unplugged() -> Self {
+    pub(crate) fn unplugged() -> Self {
         let [slowest, ..] = BusRate::ALL;
         ProfibusBus {
             index: BusIndex::of_number(u16::MAX),
@@ -124,7 +124,7 @@ impl ProfibusBus {
     }
 
     /// Creates bus number `index` of the plant, without ports.
-    pub fn new(index: BusIndex, config: &ProfibusConfig) -> Self {
+    pub(crate) fn new(index: BusIndex, config: &ProfibusConfig) -> Self {
         let name = config.name.clone();
         let slot_bits = config.rate.slot_bits() * u64::from(config.slot_factor);
         ProfibusBus { index, name, rate: config.rate, slot_bits, is_plugged: true, ..Self::unplugged() }
@@ -388,7 +388,7 @@ impl Bus for ProfibusBus {
             origin,
             base: area.first as usize,
             port,
-            station: Station::new(self.rate, self.slot_bits),
+            station: Station::new(self.slot_bits),
             watch: OwnedWatch::of_area(origin.plc, &segment, layout, area)?,
             is_on: false,
         });

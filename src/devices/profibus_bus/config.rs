@@ -14,7 +14,7 @@ use toml::de::{Error, ValueDeserializer};
 
 /// A PROFIBUS segment of the plant file.
 #[derive(Clone, Debug)]
-pub struct ProfibusConfig {
+pub(crate) struct ProfibusConfig {
     /// Name, unique among the buses.
     pub name: String,
     /// Bit rate of the segment.

@@ -6,12 +6,12 @@ mod disturbance;
 pub(super) mod faults;
 mod guests;
 mod port;
-pub mod records;
+pub(crate) mod records;
 mod services;
 
-pub use bus::ProfibusBus;
-pub use config::ProfibusConfig;
-pub use port::{Presence, ProfibusPort, ProfibusSocket, Station};
+pub(crate) use bus::ProfibusBus;
+pub(crate) use config::ProfibusConfig;
+pub(crate) use port::{Presence, ProfibusPort, ProfibusSocket, Station};
 
 /// The family of these buses, and of the ports that fit them.
-pub const FAMILY: &str = "profibus";
+pub(crate) const FAMILY: &str = "profibus";

@@ -5,14 +5,16 @@ use crate::fault::{Effect, Hit};
 use crate::journal::Origin;
 use crate::layout::DeviceLayout;
 use crate::memory::Segment;
-use crate::profibus::{BusRate, Telegram};
+#[cfg(test)]
+use crate::profibus::BusRate;
+use crate::profibus::Telegram;
 use crate::snapshot_fields;
 use crate::snapshot_fields::SnapshotFields;
 use serde::{Deserialize, Serialize};
 
 /// Properties of a station that are visible to others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Presence {
+pub(crate) struct Presence {
     /// Address, 0 to 126.
     pub address: u8,
     /// Activity of the station, in one word with underscores: `data_exchange`.
@@ -23,7 +25,7 @@ pub struct Presence {
 
 /// Firmware of a device's port on PROFIBUS. Events on the line are reported at once, with the bit time in the
 /// [`Station`]. All other times of the firmware are in microseconds of emulated time.
-pub trait ProfibusPort: Send + SnapshotFields {
+pub(crate) trait ProfibusPort: Send + SnapshotFields {
     /// Called when the device starts.
     fn power_on(&mut self, ctx: &mut Context, station: &mut Station) {
         let _ = (ctx, station);
@@ -82,7 +84,7 @@ pub trait ProfibusPort: Send + SnapshotFields {
 }
 
 /// A PROFIBUS port as a device provides it.
-pub struct ProfibusSocket {
+pub(crate) struct ProfibusSocket {
     /// Device and number of the port.
     pub origin: Origin,
     /// Image of the device.
@@ -112,8 +114,7 @@ impl Intent {
 
 /// A station: the telegram that it is about to send, and an alarm in bit times.
 #[derive(Debug)]
-pub struct Station {
-    rate: BusRate,
+pub(crate) struct Station {
     slot_bits: u64,
     /// Present bit time while firmware runs.
     pub(super) now: u64,
@@ -121,47 +122,42 @@ pub struct Station {
     pub(super) alarm: Option<u64>,
 }
 
-snapshot_fields!(Station { values: now, intent, alarm; built: rate, slot_bits });
+snapshot_fields!(Station { values: now, intent, alarm; built: slot_bits });
 
 impl Station {
-    pub(super) fn new(rate: BusRate, slot_bits: u64) -> Self {
-        Station { rate, slot_bits, now: 0, intent: None, alarm: None }
-    }
-
-    /// Returns the bit rate of the segment.
-    pub fn rate(&self) -> BusRate {
-        self.rate
+    pub(super) fn new(slot_bits: u64) -> Self {
+        Station { slot_bits, now: 0, intent: None, alarm: None }
     }
 
     /// Returns the time within which an answer must begin on the segment, in bit times.
-    pub fn slot_bits(&self) -> u64 {
+    pub(crate) fn slot_bits(&self) -> u64 {
         self.slot_bits
     }
 
     /// Returns the present bit time.
-    pub fn now(&self) -> u64 {
+    pub(crate) fn now(&self) -> u64 {
         self.now
     }
 
     /// Sends `telegram` as an answer, `after_bits` bit times from now.
-    pub fn answer(&mut self, after_bits: u64, telegram: &Telegram) {
+    pub(crate) fn answer(&mut self, after_bits: u64, telegram: &Telegram) {
         // The port does not send a telegram above the maximum length.
         self.intent =
             telegram.octets().ok().map(|octets| Intent::At(self.now.saturating_add(after_bits), octets));
     }
 
     /// Sends `telegram` as a request, as soon as the line has been idle for T_SYN.
-    pub fn request(&mut self, telegram: &Telegram) {
+    pub(crate) fn request(&mut self, telegram: &Telegram) {
         self.intent = telegram.octets().ok().map(|octets| Intent::WhenIdle(self.now, octets));
     }
 
     /// Cancels the telegram that the station is about to send.
-    pub fn withdraw(&mut self) {
+    pub(crate) fn withdraw(&mut self) {
         self.intent = None;
     }
 
     /// Sets the alarm to this bit time; `None` clears it.
-    pub fn set_alarm(&mut self, at: Option<u64>) {
+    pub(crate) fn set_alarm(&mut self, at: Option<u64>) {
         self.alarm = at;
     }
 
@@ -174,7 +170,7 @@ impl Station {
 #[cfg(test)]
 impl Station {
     pub(crate) fn alone(rate: BusRate) -> Self {
-        Self::new(rate, rate.slot_bits())
+        Self::new(rate.slot_bits())
     }
 
     /// Sets the present bit time.

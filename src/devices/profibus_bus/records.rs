@@ -8,7 +8,7 @@ use crate::journal::{EventCodec, EventKind, EventText, Fields, Octets, Origin, R
 use crate::profibus::{Frame, Telegram};
 
 /// All event kinds of this module.
-pub static KINDS: &[&EventKind] = &[DpTelegram::KIND, DpShort::KIND, DpGarbled::KIND];
+pub(crate) static KINDS: &[&EventKind] = &[DpTelegram::KIND, DpShort::KIND, DpGarbled::KIND];
 
 event_kinds! {
     /// A request or an answer was on the line. The time is its end, in whole microseconds rounded up.

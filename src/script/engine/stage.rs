@@ -162,6 +162,7 @@ impl Stage {
     }
 
     /// Sets the plant for a script that does not call `plant`. Reports call this plant `name`.
+    #[cfg(feature = "cli")]
     pub(crate) fn set_unnamed(&mut self, name: &str, plant: PlantConfig) {
         name.clone_into(&mut self.plant_name);
         self.unnamed = Some(plant);

@@ -7,7 +7,7 @@ mod bounds;
 mod lot;
 mod shrink;
 
-pub use shrink::shrink;
+pub(crate) use shrink::shrink;
 
 use crate::devices::{self, Exercise, Wrong};
 use crate::plant::{PlantConfig, PlantError};
@@ -30,13 +30,13 @@ const KILLED_OF: u8 = 24;
 const SLICES: core::ops::RangeInclusive<u64> = 300..=30_000;
 
 /// The exercises of all devices.
-pub fn exercises() -> impl Iterator<Item = &'static Exercise> {
+pub(crate) fn exercises() -> impl Iterator<Item = &'static Exercise> {
     devices::all().iter().flat_map(|known| known.emulation.exercises.iter().copied())
 }
 
 /// The aim of a round.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum RoundKind {
+pub(crate) enum RoundKind {
     /// A correct program: the plant behaves as the manual specifies, and the checker has no findings.
     Right,
     /// A correct program on a plant with faults. After the end of the faults the program restarts, and the plant
@@ -53,11 +53,11 @@ pub enum RoundKind {
 
 impl RoundKind {
     /// The kinds of rounds that are scenarios.
-    pub const SCENARIOS: [RoundKind; 4] =
+    pub(crate) const SCENARIOS: [RoundKind; 4] =
         [RoundKind::Right, RoundKind::Disturbed, RoundKind::Hostile, RoundKind::Wrong];
 
     /// Name in tables.
-    pub const fn name(self) -> &'static str {
+    pub(crate) const fn name(self) -> &'static str {
         match self {
             RoundKind::Right => "right",
             RoundKind::Disturbed => "disturbed",
@@ -70,7 +70,7 @@ impl RoundKind {
 
 /// A round.
 #[derive(Clone, Debug)]
-pub struct Round {
+pub(crate) struct Round {
     /// The seed that determines the round.
     pub seed: u64,
     /// The exercise of the moves.
@@ -98,7 +98,7 @@ impl Round {
     ///
     /// # Panics
     /// `exercises` is empty.
-    pub fn draw(seed: u64, exercises: &[&'static Exercise]) -> Result<Self, PlantError> {
+    pub(crate) fn draw(seed: u64, exercises: &[&'static Exercise]) -> Result<Self, PlantError> {
         let mut rng = Rng::with_seed(seed);
         let exercise = exercises[rng.usize(..exercises.len())];
         let setting: &'static [_] = rng.choice(exercise.settings).copied().unwrap_or_default();
@@ -144,19 +144,19 @@ impl Round {
     }
 
     /// The plant file of the round.
-    pub fn plant(&self) -> String {
+    pub(crate) fn plant(&self) -> String {
         filled(self.exercise.plant, self.setting)
     }
 
     /// Returns the same round with other moves.
     #[must_use]
-    pub fn with(&self, moves: Vec<String>) -> Self {
+    pub(crate) fn with(&self, moves: Vec<String>) -> Self {
         Self { moves, ..self.clone() }
     }
 
     /// The text of the scenario. With `another_way` the clock advances in smaller steps, and the detours are made and
     /// undone. The result must not depend on this.
-    pub fn text(&self, another_way: bool) -> String {
+    pub(crate) fn text(&self, another_way: bool) -> String {
         let mut text = format!(
             "// Random scenario: {}, {}, seed {}.\n\n",
             self.exercise.name,

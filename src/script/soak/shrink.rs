@@ -5,7 +5,7 @@
 ///
 /// Removes parts of half, a quarter and so on of the items, as long as the remaining items still fail (Zeller and
 /// Hildebrandt, "Simplifying and Isolating Failure-Inducing Input", 2002).
-pub fn shrink<T: Clone>(items: &[T], tries: usize, mut fails: impl FnMut(&[T]) -> bool) -> Vec<T> {
+pub(crate) fn shrink<T: Clone>(items: &[T], tries: usize, mut fails: impl FnMut(&[T]) -> bool) -> Vec<T> {
     let mut kept = items.to_vec();
     let mut part = kept.len().div_ceil(2);
     let mut tries = tries;

@@ -4,7 +4,7 @@ use core::fmt;
 
 /// Reason for aborting a transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Abort {
+pub(crate) enum Abort {
     /// The toggle bit has not changed.
     Toggle,
     /// No answer arrived within the time.
@@ -25,14 +25,12 @@ pub enum Abort {
     TooShort,
     /// The entry does not accept the value.
     Value,
-    /// The state of the device does not allow the transfer.
-    State,
 }
 
 impl Abort {
     /// Returns the code on the wire.
     #[must_use]
-    pub const fn code(self) -> u32 {
+    pub(crate) const fn code(self) -> u32 {
         match self {
             Abort::Toggle => 0x0503_0000,
             Abort::TimeOut => 0x0504_0000,
@@ -44,7 +42,6 @@ impl Abort {
             Abort::TooShort => 0x0607_0013,
             Abort::NoSub => 0x0609_0011,
             Abort::Value => 0x0609_0030,
-            Abort::State => 0x0800_0022,
         }
     }
 }

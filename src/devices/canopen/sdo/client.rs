@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 /// Result of an answer.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Step {
+pub(crate) enum Step {
     /// The transfer continues: this frame is to be sent.
     Send(Data),
     /// The transfer is complete, with the data that were read; empty after a write.
@@ -33,7 +33,7 @@ enum ClientPhase {
 
 /// Client side of a transfer.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Client {
+pub(crate) struct Client {
     at: EntryAddress,
     /// Maximum number of bytes that can be read.
     most: usize,
@@ -44,13 +44,13 @@ pub struct Client {
 impl Client {
     /// Starts to read an entry of at most `most` bytes: returns the transfer and its first frame.
     #[must_use]
-    pub fn read(at: EntryAddress, most: usize) -> (Self, Data) {
+    pub(crate) fn read(at: EntryAddress, most: usize) -> (Self, Data) {
         (Client { at, most, toggle: false, transfer: ClientPhase::Read }, first(0x40, at, [0; 4]))
     }
 
     /// Starts to write an entry: returns the transfer and its first frame.
     #[must_use]
-    pub fn write(at: EntryAddress, data: &[u8]) -> (Self, Data) {
+    pub(crate) fn write(at: EntryAddress, data: &[u8]) -> (Self, Data) {
         let of = |transfer| Client { at, most: 0, toggle: false, transfer };
         let mut four = [0; 4];
         if let (1..=4, Some(place)) = (data.len(), four.get_mut(..data.len())) {
@@ -65,7 +65,7 @@ impl Client {
 
     /// Returns the frame to send if the server does not answer.
     #[must_use]
-    pub fn give_up(&self) -> Data {
+    pub(crate) fn give_up(&self) -> Data {
         self.abort(Abort::TimeOut)
     }
 
@@ -74,7 +74,7 @@ impl Client {
     }
 
     /// Handles an answer of the server.
-    pub fn answered(&mut self, answer: Data) -> Step {
+    pub(crate) fn answered(&mut self, answer: Data) -> Step {
         let [command, low, high, sub, rest @ ..] = answer;
         let is_of_this = EntryAddress { index: u16::from_le_bytes([low, high]), sub } == self.at;
         let step = match (command >> 5, &mut self.transfer) {

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 /// The drive's control interval is half a PWM period: 125 us at 4 kHz. The drive divides the slot into a power of two
 /// of steps. So the number of masked low bits is the binary logarithm of the number of control intervals, rounded up. A
 /// slot that is not in the table is rounded up to the next slot of the table (decision D-161).
-pub const fn mask(sync_slot_us: u16, pwm_khz: u16) -> u32 {
+pub(crate) const fn mask(sync_slot_us: u16, pwm_khz: u16) -> u32 {
     if sync_slot_us == 0 {
         return 0xFFF8_0000;
     }

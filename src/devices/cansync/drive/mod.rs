@@ -24,7 +24,7 @@
 //! reference values (5.00005.03a p. 135; decision D-82). Actual values are sampled at every edge, so that a master can
 //! observe the drive.
 
-pub mod angle;
+pub(crate) mod angle;
 mod built_in;
 mod card;
 mod card_function;
@@ -49,7 +49,6 @@ pub use config::{DriveConfig, DriveError, ParameterNumbers, ZkError};
 pub use drivecom::{DrivecomState, Enable};
 pub use monitoring::{BapsMonitoring, CardMonitoring, MonitorSettings, Reaction};
 pub use parameters::{ParamFormat, ParameterError, ParameterSpec};
-pub use regler::{MAXIMUM_ELEMENT, MINIMUM_ELEMENT};
 pub use table::{PARAMETERS, ParameterRow, number};
 pub use zk::{ActualMapping, MappingError, ReferenceMapping, Source, ZkParameters};
 

@@ -18,9 +18,9 @@ use crate::snapshot_fields;
 use std::num::NonZeroU32;
 
 /// Element with the lowest value of a parameter (decision D-160).
-pub const MINIMUM_ELEMENT: u8 = par_element::MINIMUM;
+pub(crate) const MINIMUM_ELEMENT: u8 = par_element::MINIMUM;
 /// Element with the highest value of a parameter (decision D-160).
-pub const MAXIMUM_ELEMENT: u8 = par_element::MAXIMUM;
+pub(crate) const MAXIMUM_ELEMENT: u8 = par_element::MAXIMUM;
 /// Value of the operating mode parameter: synchronous reference position.
 const SYNCHRONOUS_POSITION: u32 = 1;
 

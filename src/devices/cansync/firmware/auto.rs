@@ -6,13 +6,13 @@ use serde::{Deserialize, Serialize};
 
 /// Counter for a register that contains a slave number, or 16#80 for automatic numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Counter(Option<u8>);
+pub(crate) struct Counter(Option<u8>);
 
 impl Counter {
     /// Starts a new interval. The counter is 0 in the first interval of active operation. It grows by 1 per interval up
     /// to `max` (`b_MAX_SL_NR`; above 31 it counts as 31, decision D-25), then restarts at 0.
     #[inline]
-    pub fn next_interval(&mut self, max: u8) {
+    pub(crate) fn next_interval(&mut self, max: u8) {
         self.0 = Some(match self.0 {
             Some(n) if n < max.min(LAST_SLAVE) => n + 1,
             _ => 0,
@@ -20,14 +20,14 @@ impl Counter {
     }
 
     /// Returns to the state before active operation.
-    pub fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         self.0 = None;
     }
 
     /// Returns the slave number that `register` selects in this interval; `None` if it selects no slave (decision
     /// D-25).
     #[inline]
-    pub fn resolve(self, register: u8) -> Option<u8> {
+    pub(crate) fn resolve(self, register: u8) -> Option<u8> {
         match register {
             0..=LAST_SLAVE => Some(register),
             request::AUTOMATIC => Some(self.0.unwrap_or(0)),

@@ -13,7 +13,7 @@
 //! - `slave` also has the slave's side of jobs
 
 mod actual;
-pub mod auto;
+pub(crate) mod auto;
 mod block;
 mod broadcast;
 mod command;

@@ -29,7 +29,7 @@ impl Channel {
 }
 
 /// The highest slave number (manual 5.00005.03a p. 22).
-pub const LAST_SLAVE: u8 = 31;
+pub(crate) const LAST_SLAVE: u8 = 31;
 
 /// Kind of a frame according to its identifier.
 ///

@@ -5,12 +5,13 @@
 //! [`SyncLock`] the synchronization of a slave.
 
 pub mod codec;
-pub mod frame;
-pub mod ident;
+pub(crate) mod frame;
+pub(crate) mod ident;
 mod sync;
 pub mod wire;
 
 pub use frame::{Frame, FrameLength};
-pub use ident::{Channel, FrameKind, LAST_SLAVE};
+pub(crate) use ident::LAST_SLAVE;
+pub use ident::{Channel, FrameKind};
 pub use sync::SyncLock;
 pub(crate) use sync::is_in_time;

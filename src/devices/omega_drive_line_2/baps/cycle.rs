@@ -7,7 +7,7 @@ use core::ops::Range;
 use serde::{Deserialize, Serialize};
 
 /// Time slice of the drive for the BAPS, in us.
-pub const SLICE_US: u64 = 500;
+pub(crate) const SLICE_US: u64 = 500;
 /// Number of reference values in the same cycle.
 const SAME_CYCLE_WRITES: usize = 2;
 /// First version of the drive software with four actual values in the same cycle (manual p. 104).
@@ -15,7 +15,7 @@ pub(super) const FOUR_ACTUAL_VALUES: u32 = 309;
 
 /// Selection of reference and actual values, bits 2-1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Method {
+pub(crate) enum Method {
     /// Time-slice method: one of up to eight values in each communication, value x with half the frequency of value
     /// x-1.
     TimeSlice,
@@ -25,7 +25,7 @@ pub enum Method {
 
 /// Cycle times for a value of `w_COMMAND_REG`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Cycle {
+pub(crate) struct Cycle {
     method: Method,
     period: u64,
     first: u64,
@@ -37,7 +37,7 @@ impl Cycle {
 
     /// Reads `w_COMMAND_REG`; `None` if method or number are reserved. The bits `RESERVED` do not matter
     /// (decision D-153).
-    pub fn from_register(word: u16) -> Option<Self> {
+    pub(crate) fn from_register(word: u16) -> Option<Self> {
         let method = match word & METHOD {
             TIME_SLICE => Method::TimeSlice,
             SAME_CYCLE => Method::SameCycle,
@@ -56,23 +56,24 @@ impl Cycle {
 
     /// Selection of the values.
     #[inline]
-    pub fn method(&self) -> Method {
+    pub(crate) fn method(&self) -> Method {
         self.method
     }
 
     /// t_cycK: time between two communications, in us.
     #[inline]
-    pub fn communication_us(&self) -> u64 {
+    pub(crate) fn communication_us(&self) -> u64 {
         self.period
     }
 
     /// Time from the configuration to the first communication, in us.
-    pub fn first_us(&self) -> u64 {
+    pub(crate) fn first_us(&self) -> u64 {
         self.first
     }
 
     /// t_cycP: time between two exchanges of value `x` (0 to 7), in us.
-    pub fn value_us(&self, x: u8) -> u64 {
+    #[cfg(test)]
+    pub(crate) fn value_us(&self, x: u8) -> u64 {
         match self.method {
             Method::TimeSlice => (2 * self.period) << x,
             Method::SameCycle => self.period,
@@ -81,7 +82,7 @@ impl Cycle {
 
     /// Reference and actual values of communication `count`, counted from 1, with this version of the drive
     /// software (D-15).
-    pub fn values(&self, count: u64, software: u32) -> (Range<usize>, Range<usize>) {
+    pub(crate) fn values(&self, count: u64, software: u32) -> (Range<usize>, Range<usize>) {
         match self.method {
             Method::TimeSlice => {
                 let x = count.trailing_zeros() as usize;

@@ -11,8 +11,8 @@ mod hold;
 mod process;
 mod service;
 
-pub use cycle::{Cycle, Method, SLICE_US};
-pub use hold::Pace;
+pub(crate) use cycle::SLICE_US;
+pub(crate) use hold::Pace;
 
 use crate::devices::cansync::drive::{BuiltInDrive, BuiltInDriveConfig};
 use crate::devices::omega_drive_line_2::registers::values::{baps_command, baps_semaphore, baps_status_reg};

@@ -7,7 +7,7 @@ use crate::memory::FirmwareHeader;
 use crate::memory::header::InterruptResult;
 
 /// Interrupt level of an event number, 14 before 13; `None` if the number is reserved (manual p. 43, 48).
-pub fn level(event: usize) -> Option<u8> {
+pub(crate) fn level(event: usize) -> Option<u8> {
     match event {
         0 | 5 | 8 | 11 | 12 => Some(14),
         2 | 4 | 6 => Some(13),

@@ -15,7 +15,7 @@ mod tests;
 mod timers;
 mod triggers;
 
-pub use interrupts::level;
+pub(crate) use interrupts::level;
 
 use crate::devices::Events;
 use crate::devices::records::{BoardEvent, OnBoard};
@@ -28,7 +28,7 @@ use timers::{Timer, Timers};
 use triggers::{Source, Triggers};
 
 /// The board of a PLC.
-pub struct Board {
+pub(crate) struct Board {
     face: FirmwareHeader,
     events: Events,
     timers: Timers,
@@ -48,7 +48,7 @@ impl Board {
     ///
     /// # Errors
     /// The segment is read-only.
-    pub fn new(
+    pub(crate) fn new(
         segment: &Segment,
         option_sync_us: Option<u32>,
         project: header::Project,
@@ -67,7 +67,7 @@ impl Board {
 
     /// Called at power-on or at the end of a reset: no event is enabled, no trigger is routed, and the DIP switches are
     /// read. Returns their number.
-    pub fn start(&mut self, ctx: &mut Context) -> u8 {
+    pub(crate) fn start(&mut self, ctx: &mut Context) -> u8 {
         self.stop();
         self.face.both(|page| {
             page.interrupts.iter().for_each(|interrupt| interrupt.clear());
@@ -82,7 +82,7 @@ impl Board {
     }
 
     /// Called at power-off, or when RESET is held.
-    pub fn stop(&mut self) {
+    pub(crate) fn stop(&mut self) {
         self.events.disable_all();
         self.triggers = Triggers::default();
         self.timers = Timers::default();
@@ -90,34 +90,34 @@ impl Board {
     }
 
     /// True if the board has power and is not held in RESET.
-    pub fn is_up(&self) -> bool {
+    pub(crate) fn is_up(&self) -> bool {
         self.front.is_up()
     }
 
     /// True if the board has supply, with or without RESET.
-    pub fn has_supply(&self) -> bool {
+    pub(crate) fn has_supply(&self) -> bool {
         self.front.has_supply()
     }
 
     /// Switches the supply or RESET from outside, as [`Board::look`] does when a client has turned a switch.
-    pub fn set_power(&mut self, power: Power) -> FrontAction {
+    pub(crate) fn set_power(&mut self, power: Power) -> FrontAction {
         self.front.set_power(&self.face, power)
     }
 
     /// The present DIP number, as latched at power-on or reset.
-    pub fn dip(&self) -> u8 {
+    pub(crate) fn dip(&self) -> u8 {
         self.front.dip()
     }
 
     /// True if a client has turned a switch or entered a request since the last poll. Used for busy polling.
     #[inline]
-    pub fn has_changed(&self) -> bool {
+    pub(crate) fn has_changed(&self) -> bool {
         self.face.requested().board_requests.load() != self.requests || self.front.has_changed(&self.face)
     }
 
     /// Polls switches and requests once. Costs a few loads if nothing has changed.
     #[inline]
-    pub fn look(&mut self, ctx: &mut Context) -> FrontAction {
+    pub(crate) fn look(&mut self, ctx: &mut Context) -> FrontAction {
         if self.has_changed() { self.look_closely(ctx) } else { FrontAction::Nothing }
     }
 
@@ -163,12 +163,12 @@ impl Board {
 
     /// Time of the next timer; `u64::MAX` if none runs.
     #[inline]
-    pub fn next_time(&self) -> u64 {
+    pub(crate) fn next_time(&self) -> u64 {
         self.timers.next_time()
     }
 
     /// Handles all timers that are due at `now`: triggers first, then events by their level (p. 44).
-    pub fn timers_due(&mut self, now: u64) {
+    pub(crate) fn timers_due(&mut self, now: u64) {
         let due = self.timers.take_due(now);
         for (timer, slot) in [(Timer::A, 0), (Timer::B, 1)] {
             if due.has(timer) {
@@ -191,27 +191,27 @@ impl Board {
 
     /// Called at an edge of the CANsync network's SYNC signal. Passes the edge to the triggers, then raises event 12.
     #[inline]
-    pub fn sync_net(&mut self, now: u64) {
+    pub(crate) fn sync_net(&mut self, now: u64) {
         self.triggers.pulse(&self.face, Source::SyncNet, now);
         self.events.fire(&self.face, 12, now);
     }
 
     /// Called when the drive has process data for the BAPS. Raises event 4 or 8, whichever is enabled.
     #[inline]
-    pub fn baps(&mut self, now: u64) {
+    pub(crate) fn baps(&mut self, now: u64) {
         self.events.fire(&self.face, 8, now);
         self.events.fire(&self.face, 4, now);
     }
 
     /// True if the trigger controller of the drive was pulsed since the last call.
     #[inline]
-    pub fn take_controller_pulse(&mut self) -> bool {
+    pub(crate) fn take_controller_pulse(&mut self) -> bool {
         core::mem::take(&mut self.triggers.controller_pulsed)
     }
 
     /// The interrupt events.
     #[inline]
-    pub fn events(&mut self) -> &mut Events {
+    pub(crate) fn events(&mut self) -> &mut Events {
         &mut self.events
     }
 }

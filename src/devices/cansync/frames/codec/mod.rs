@@ -4,12 +4,12 @@
 //! `frame`. To receive, use [`Frame::kind`](crate::devices::cansync::frames::Frame::kind) to select the `decode` function;
 //! an answer is decoded together with its job. [`decode`] decodes any frame for a trace.
 
-pub mod action;
+pub(crate) mod action;
 mod decoded;
 mod error;
-pub mod parameter;
-pub mod process;
-pub mod updown;
+pub(crate) mod parameter;
+pub(crate) mod process;
+pub(crate) mod updown;
 
 pub use action::{Action, ActionCommand};
 pub use decoded::{DecodedFrame, decode, is_up_download};

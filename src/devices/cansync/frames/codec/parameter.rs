@@ -13,12 +13,12 @@ use crate::layout::Meaning;
 use serde::{Deserialize, Serialize};
 
 /// Highest parameter number.
-pub const MAX_NUMBER: u16 = 4095;
+pub(crate) const MAX_NUMBER: u16 = 4095;
 /// The element with the parameter's value, the only writable one.
-pub const VALUE_ELEMENT: u8 = par_element::VALUE;
+pub(crate) const VALUE_ELEMENT: u8 = par_element::VALUE;
 
 /// Returns the meaning of a slave's error number.
-pub fn error_text(number: u16) -> &'static str {
+pub(crate) fn error_text(number: u16) -> &'static str {
     application_error(&descriptor::MEANING_PAR_ERROR, number)
 }
 

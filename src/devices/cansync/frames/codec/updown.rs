@@ -12,9 +12,9 @@ use crate::devices::cansync::registers::values::updown_error;
 use serde::{Deserialize, Serialize};
 
 /// Data bytes of one frame.
-pub const BLOCK: usize = 6;
+pub(crate) const BLOCK: usize = 6;
 /// Highest block length or offset: 12 bits.
-pub const MAX_OFFSET: u16 = 4095;
+pub(crate) const MAX_OFFSET: u16 = 4095;
 
 const SERVICE: u8 = 0x80;
 const DOWNLOAD: u8 = 0x40;
@@ -26,7 +26,7 @@ const BUSY: u8 = 0x40;
 const ERR: u8 = 0x20;
 
 /// Returns the meaning of an error number of an up-/download.
-pub fn error_text(number: u16) -> &'static str {
+pub(crate) fn error_text(number: u16) -> &'static str {
     application_error(&descriptor::MEANING_UPDOWN_ERROR, number)
 }
 
