@@ -29,6 +29,13 @@ const LATEST: f64 = 9_223_372_036.0;
 /// States of federates that have left.
 const GONE: [&str; 2] = ["disconnected", "error"];
 
+/// A federate that the broker knows.
+pub(super) struct KnownFederate {
+    pub(super) name: String,
+    /// True if the federate has disconnected or failed.
+    pub(super) has_left: bool,
+}
+
 /// A federate with values and messages. It must stay on the thread that created it.
 pub(super) struct ValueFederate {
     functions: Functions,
@@ -146,14 +153,14 @@ impl ValueFederate {
         if granted >= LATEST { Err("the federation has ended".to_owned()) } else { Ok(()) }
     }
 
-    /// Names of the federates that have not left; `None` if HELICS gives no answer.
-    pub(super) fn present(&self) -> Option<Vec<String>> {
+    /// The federates that the broker knows; `None` if HELICS gives no answer.
+    pub(super) fn federates(&self) -> Option<Vec<KnownFederate>> {
         #[derive(Deserialize)]
         struct Answer {
-            federates: Vec<Present>,
+            federates: Vec<Entry>,
         }
         #[derive(Deserialize)]
-        struct Present {
+        struct Entry {
             attributes: Attributes,
             state: String,
         }
@@ -173,8 +180,11 @@ impl ValueFederate {
             copy
         };
         let answer: Answer = serde_json::from_str(&answer?).ok()?;
-        let present = answer.federates.into_iter().filter(|it| !GONE.contains(&it.state.as_str()));
-        Some(present.map(|it| it.attributes.name).collect())
+        let known = |it: Entry| KnownFederate {
+            name: it.attributes.name,
+            has_left: GONE.contains(&it.state.as_str()),
+        };
+        Some(answer.federates.into_iter().map(known).collect())
     }
 
     pub(super) fn publish(&self, place: usize, value: Value) -> Result<(), String> {

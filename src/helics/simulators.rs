@@ -114,6 +114,7 @@ fn talk(
     loop {
         let (values, frames) = (federate.values()?, federate.messages());
         let is_idle = values.is_empty() && frames.is_empty();
+        had_company |= !is_idle;
         let have_gone = is_idle && place.is_alone(&federate, name, &mut had_company);
         let sent = outputs.send(Ok(SimulatorOutput { values, frames, have_gone }));
         wake();
@@ -127,13 +128,13 @@ fn talk(
 }
 
 impl HelicsConfig {
-    /// True if all federates except the hosts of the plant have left.
+    /// True if all federates except the hosts of the plant have left. False if the plant was alone from the start.
     fn is_alone(&self, federate: &ValueFederate, plant: &str, had_company: &mut bool) -> bool {
-        let Some(present) = federate.present() else { return false };
-        let is_own = |name: &String| name == plant || (0..self.count).any(|host| *name == self.name_of(host));
-        let has_company = !present.iter().all(is_own);
-        *had_company |= has_company;
-        *had_company && !has_company
+        let Some(federates) = federate.federates() else { return false };
+        let is_own = |name: &str| name == plant || (0..self.count).any(|host| *name == self.name_of(host));
+        let mut others = federates.iter().filter(|it| !is_own(&it.name)).peekable();
+        *had_company |= others.peek().is_some();
+        *had_company && others.all(|it| it.has_left)
     }
 }
 

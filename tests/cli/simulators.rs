@@ -191,6 +191,29 @@ fn a_sensor_in_python_is_on_a_can_bus() {
     assert_eq!(seen[0], seen[1]);
 }
 
+/// A model that publishes at each exchange, or at a single one.
+#[test]
+fn the_plant_ends_after_its_last_model() {
+    let Some(helics) = helics() else { return };
+    let directory = TempDir::new().unwrap();
+    let exchange = written(&directory, "motor.toml", &blocks("toml")[0]);
+    for steps in [20, 1] {
+        let condition = "while h.helicsInputGetBoolean(runs):";
+        let text = blocks("python")[0].replace(condition, &format!("while now < {steps} * STEP:"));
+        let text = text.replace("    speed += ", "    speed += 1 + ");
+        assert!(!text.contains(condition));
+        let broker = Broker::start(&helics, 2);
+        let model = Model::start(&helics, &written(&directory, "ends.py", &text), &broker, &[]);
+        let mut emulator = broker.emulator(&[], &["--exchange", exchange.to_str().unwrap()]);
+        // The emulator may end before it has answered.
+        drop(emulator.run("step", &["100ms"]));
+        model.end();
+        assert_eq!(emulator.wait().code(), Some(0));
+        let complaints = emulator.complaints();
+        assert!(complaints.contains("the other simulators have ended"), "{complaints}");
+    }
+}
+
 #[test]
 fn missing_or_wrong_simulators_are_reported() {
     let Some(helics) = helics() else { return };
