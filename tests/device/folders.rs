@@ -432,6 +432,28 @@ fn a_hostile_script_stops_and_the_emulator_continues() {
         ("fn poll() { loop { copy(\"card.a_IN[0..3]\", \"card.a_OUT\"); } }", ":1:", "does not end"),
         ("fn poll() { loop { reset(\"card\"); } }", ":1:", "does not end"),
         ("fn poll() { let name = \"w_DATUM\"; reset(\"card.\" + name); }", ":1:", "w_DATUM"),
+        (
+            "fn power_on() { this.m = #{}; for n in 0..600 { this.m[`${n}`] = n; } }",
+            ":1:",
+            "after power_on: a map with all maps in it has 600 entries; it has at most 512",
+        ),
+        (
+            "fn power_on() { this.x = []; for k in 0..3 { this.x.push([]); for n in 0..683 { this.x[k].push(n); } } }",
+            ":1:",
+            "an array with all arrays in it has 2052 elements; it has at most 2048",
+        ),
+        (
+            "fn power_on() { let a = []; a.pad(17, 1); after(1, \"many\", a); }
+fn many(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q) {}",
+            ":1:",
+            "17 arguments for `many`; a call has at most 16",
+        ),
+        ("fn poll() { this = 5; }", ":1:", "this` after poll: it is a value of type i64; it must stay a map"),
+        (
+            "fn poll() { let name = \"script\"; write(\"front.\" + name, 1); }",
+            ":1:",
+            "only the emulator writes `front.script`",
+        ),
         ("fn poll() { event(16); }", ":1:", "the events 0 to 15"),
         ("fn poll() { raed(\"card.w_DATA\"); }", ":1:", "did you mean read?"),
         ("fn poll() { let n = 5 / 0; }", ":1:", "zero"),
@@ -452,6 +474,7 @@ fn a_wrong_script_is_refused_with_its_line() {
         ("fn poll() { let f = Fn(\"poll\"); f.curry(f); }", "firmware.rhai:1: "),
         ("fn written(register) { }", "the hook written is a function written(register, old, value)"),
         ("fn poll() {\n  read(\"card.w_DATUM\"); }", "firmware.rhai:2: "),
+        ("fn poll() {\n  output(\"front.script\", 1); }", "only the emulator writes `front.script`"),
         ("fn poll() { after(\"1ms\", \"nothing\"); }", "there is no function `nothing` to call later"),
         ("const WRITTEN = [\"card.w_DATUM\"];\nfn written(register, old, value) {}", "WRITTEN: "),
         (

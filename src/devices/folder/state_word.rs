@@ -1,17 +1,33 @@
 //! The word in the front of a device with a script that shows whether the script runs (D-801).
 
 use super::FolderError;
+use crate::layout::{Owner as RegisterOwner, RegisterRef};
 use commram_layoutc::model::{Device, FrontWord, Meaning, Owner, Provenance, Scalar, Value};
 use std::path::Path;
 
 /// Name of the word in the front.
 pub(crate) const WORD: &str = "script";
 /// Name of the word as a register.
-#[cfg(feature = "script")]
 pub(super) const NAME: &str = "front.script";
 
 /// Number of bytes of the front in the header page.
 const FRONT_BYTES: u32 = 256;
+
+/// Checks that the files of a folder may change a register.
+///
+/// # Errors
+/// Only the program writes the register, or only the emulator does.
+pub(super) fn may_change(register: &RegisterRef) -> Result<(), String> {
+    if register.name() == NAME {
+        return Err(format!("only the emulator writes `{NAME}`, which shows whether the script runs"));
+    }
+    match register.register.owner {
+        RegisterOwner::Plc => Err(format!(
+            "only the program writes {register}; the device changes registers of \"firmware\" or \"both\""
+        )),
+        _ => Ok(()),
+    }
+}
 
 fn decision() -> Provenance {
     Provenance::Inferred("D-801".to_owned())

@@ -14,7 +14,7 @@ use rule::{Change, Rule};
 
 use super::card::Place;
 use super::own_records::{MOST_KINDS, OwnRecord};
-use super::{FolderError, tables};
+use super::{FolderError, state_word, tables};
 use crate::layout::{DeviceLayout, Owner, Provenance, RegisterRef};
 use crate::time::short;
 use commram_layoutc::model;
@@ -254,6 +254,8 @@ impl Reader<'_> {
             Some(format!("{} and {} have other registers", it.from.get_ref(), it.to.get_ref()))
         } else if to.iter().any(|register| register.register.owner == Owner::Plc) {
             Some(format!("the program writes {}; a device mirrors into its own registers", it.to.get_ref()))
+        } else if let Some(what) = to.iter().find_map(|register| state_word::may_change(register).err()) {
+            Some(what)
         } else if *mirrored > MOST_MIRRORED {
             Some(format!(
                 "the mirrors have {mirrored} registers up to here; they have at most {MOST_MIRRORED}"
@@ -296,13 +298,7 @@ impl Reader<'_> {
     }
 
     fn may_write(&self, register: &RegisterRef, place: Range<usize>) -> Result<(), FolderError> {
-        if register.register.owner == Owner::Plc {
-            let what = format!(
-                "only the program writes {register}; the device changes registers of \"firmware\" or \"both\""
-            );
-            return Err(self.wrong(place, what));
-        }
-        Ok(())
+        state_word::may_change(register).map_err(|what| self.wrong(place, what))
     }
 
     fn fits(&self, at: Place, place: Range<usize>, value: u32) -> Result<(), FolderError> {

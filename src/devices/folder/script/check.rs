@@ -2,20 +2,17 @@
 
 use super::budget::{MOST_OPERATIONS, Meter};
 use super::desk::Desk;
-use super::engine::{MISSING, engine};
+use super::engine::{MISSING, MOST_ARGUMENTS, engine};
 use super::mistake::Mistake;
-use super::verbs::{CHANGING, OF_REGISTERS, of_the_device};
+use super::verbs::{CHANGING, OF_REGISTERS};
 use super::{Hooks, MAIN, Script};
 use crate::devices::folder::own_records::OwnRecord;
+use crate::devices::folder::state_word::may_change;
 use crate::layout::{DeviceLayout, Owner, did_you_mean};
 use core::cell::RefCell;
 use rhai::{AST, ASTNode, Array, Dynamic, Expr, FnCallExpr, Position, Scope, Stmt};
 use std::collections::BTreeSet;
 use std::rc::Rc;
-
-/// Maximum number of arguments of a call. A limit is needed because arguments are evaluated before the limits of
-/// variables apply.
-const MOST_ARGUMENTS: usize = 16;
 
 /// The hooks, and the names of the registers of the hook `written` if the script selects them.
 type Found = (Hooks, Option<Vec<String>>, Vec<String>);
@@ -211,7 +208,7 @@ impl Calls<'_> {
             };
             let found = found.map_err(|error| (at, error.to_string()))?;
             if CHANGING.contains(&name) {
-                found.iter().try_for_each(of_the_device).map_err(|what| (at, what))?;
+                found.iter().try_for_each(may_change).map_err(|what| (at, what))?;
             }
             return Ok(());
         }

@@ -3,6 +3,7 @@
 //! A value is a list of items, in which each container precedes its contents. So reading a value from a snapshot of an
 //! unknown author takes no more memory than its bytes, and no more stack than the permitted depth.
 
+use super::engine::{LARGEST_ARRAY, LARGEST_MAP, LONGEST_TEXT};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use core::slice::Iter;
 use rhai::{Array, Blob, Dynamic, INT, Map};
@@ -55,7 +56,19 @@ impl Data {
         let mut data = Data(Vec::new());
         let mut bytes = 0;
         data.push(value, 0, &mut bytes)?;
+        Size::of(value)?;
         Ok(data)
+    }
+
+    /// Converts the state of a script, the map `this`.
+    ///
+    /// # Errors
+    /// The value is no map, or as for [`Data::of`].
+    pub(super) fn of_state(this: &Dynamic) -> Result<Self, String> {
+        if !this.is_map() {
+            return Err(format!("it is a value of type {}; it must stay a map", this.type_name()));
+        }
+        Data::of(this)
     }
 
     fn push(&mut self, value: &Dynamic, depth: usize, bytes: &mut usize) -> Result<(), String> {
@@ -107,6 +120,48 @@ impl Data {
     fn is_whole(&self) -> bool {
         let mut items = self.0.iter();
         self.0.len() <= 2 * MOST_ITEMS && read(&mut items, 0).is_some() && items.next().is_none()
+    }
+}
+
+/// Number of elements and entries in a value, counted as the engine does. The engine checks its limits at some operations
+/// only: an assignment to an element or an entry is none of them.
+#[derive(Clone, Copy, Default)]
+struct Size {
+    elements: usize,
+    entries: usize,
+}
+
+impl Size {
+    /// Counts the elements of all arrays and the entries of all maps in a value that is not nested too deep.
+    ///
+    /// # Errors
+    /// A text, an array or a map in the value is larger than the engine permits.
+    fn of(value: &Dynamic) -> Result<Self, String> {
+        if let Some(array) = value.read_lock::<Array>() {
+            let size = Size { elements: array.len(), entries: 0 }.with(array.iter())?;
+            return size.checked("an array with all arrays in it", size.elements, LARGEST_ARRAY, "elements");
+        }
+        if let Some(map) = value.read_lock::<Map>() {
+            let size = Size { elements: 0, entries: map.len() }.with(map.values())?;
+            return size.checked("a map with all maps in it", size.entries, LARGEST_MAP, "entries");
+        }
+        if let Some(bytes) = value.read_lock::<Blob>() {
+            let size = Size { elements: bytes.len(), entries: 0 };
+            return size.checked("an array of bytes", bytes.len(), LARGEST_ARRAY, "elements");
+        }
+        let bytes = value.as_immutable_string_ref().map_or(0, |text| text.len());
+        Size::default().checked("a text", bytes, LONGEST_TEXT, "bytes")
+    }
+
+    fn with<'a>(self, mut values: impl Iterator<Item = &'a Dynamic>) -> Result<Self, String> {
+        values.try_fold(self, |sum, value| {
+            let Size { elements, entries } = Size::of(value)?;
+            Ok(Size { elements: sum.elements + elements, entries: sum.entries + entries })
+        })
+    }
+
+    fn checked(self, whole: &str, count: usize, most: usize, of: &str) -> Result<Self, String> {
+        if count <= most { Ok(self) } else { Err(format!("{whole} has {count} {of}; it has at most {most}")) }
     }
 }
 

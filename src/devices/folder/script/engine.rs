@@ -18,13 +18,16 @@ const MOST_CALLS: usize = 16;
 /// Deepest nesting of expressions.
 const DEEPEST_EXPRESSION: usize = 32;
 /// Longest text in bytes.
-const LONGEST_TEXT: usize = 4096;
+pub(super) const LONGEST_TEXT: usize = 4096;
 /// Maximum number of elements of an array, including the arrays inside it.
 pub(super) const LARGEST_ARRAY: usize = 2048;
 /// Maximum number of entries of a map, including the maps inside it.
-const LARGEST_MAP: usize = 512;
+pub(super) const LARGEST_MAP: usize = 512;
 /// Maximum number of variables of a function.
 const MOST_VARIABLES: usize = 64;
+/// Maximum number of arguments of a call. A limit is needed because arguments are evaluated before the limits of
+/// variables apply.
+pub(super) const MOST_ARGUMENTS: usize = 16;
 /// Maximum number of functions in a file.
 const MOST_FUNCTIONS: usize = 512;
 

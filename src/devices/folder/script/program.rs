@@ -99,7 +99,7 @@ impl Program {
         self.meter.end();
         let acting = self.desk.borrow_mut().acting.take();
         let state = match result {
-            Ok(_) => Data::of(&this).map_err(|what| {
+            Ok(_) => Data::of_state(&this).map_err(|what| {
                 self.placed(Mistake::new(format!("`this` after {function}: {what}")), function)
             }),
             Err(error) => Err(self.placed(Mistake::ran(&error), function)),

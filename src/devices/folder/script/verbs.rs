@@ -3,11 +3,13 @@
 use super::budget::Meter;
 use super::data::Data;
 use super::desk::{Acting, Desk, Found, Report};
+use super::engine::MOST_ARGUMENTS;
 use crate::devices::folder::card::Place;
 use crate::devices::folder::own_records::OwnRecord;
 use crate::devices::folder::records::LONGEST_NOTE;
+use crate::devices::folder::state_word::may_change;
+use crate::layout::RegType;
 use crate::layout::value;
-use crate::layout::{Owner, RegType, RegisterRef};
 use crate::time;
 use core::cell::RefCell;
 use rhai::{Array, Dynamic, Engine, EvalAltResult, FnPtr, INT, ImmutableString, Map, RhaiNativeFunc};
@@ -323,22 +325,9 @@ fn noted(text: &str) -> String {
     text[..text.floor_char_boundary(LONGEST_NOTE)].to_owned()
 }
 
-/// Refuses a register that only the program writes.
+/// Refuses a register that the device does not write.
 fn own(found: Found) -> Result<Found, String> {
-    of_the_device(&found.register).map(|()| found)
-}
-
-/// Checks that the device may change a register.
-///
-/// # Errors
-/// Only the program writes the register.
-pub(super) fn of_the_device(register: &RegisterRef) -> Result<(), String> {
-    match register.register.owner {
-        Owner::Plc => Err(format!(
-            "only the program writes {register}; the device changes registers of \"firmware\" or \"both\""
-        )),
-        _ => Ok(()),
-    }
+    may_change(&found.register).map(|()| found)
 }
 
 /// The register's value as a number of its type.
@@ -383,6 +372,10 @@ fn order(
 ) -> Fallible<INT> {
     let us = span(time)?;
     let function = called(function)?;
+    if arguments.len() > MOST_ARGUMENTS {
+        let count = arguments.len();
+        return Err(format!("{count} arguments for `{function}`; a call has at most {MOST_ARGUMENTS}").into());
+    }
     let arguments = Data::of(&arguments.clone().into())?;
     desk.device(|device| {
         let due = if is_after { device.now.saturating_add(us) } else { us.max(device.now) };
