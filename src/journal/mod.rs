@@ -140,6 +140,9 @@ pub struct Journal {
     fingerprint: Fingerprint,
     history: History,
     history_id: HistoryId,
+    /// Number of the first possible record: 0, or the number that the snapshot had reached from which the journal
+    /// continues.
+    base: u64,
     /// Emulated time in microseconds of the first possible record: 0, or the time of the snapshot from which the
     /// journal continues.
     since_us: u64,
@@ -164,6 +167,7 @@ impl Journal {
             fingerprint: Fingerprint::new(),
             history: History::new(),
             history_id: HistoryId::default(),
+            base: 0,
             since_us: 0,
             draft: None,
         }

@@ -14,7 +14,8 @@ pub struct HistoryId {
     /// Number of the history. It is incremented at each return to an earlier moment or to a snapshot, and wraps around
     /// after 65535.
     pub number: u16,
-    /// Number of the first record after the last return. Earlier records belong to the previous history.
+    /// Number of the first record after the last return. Earlier records belong to the previous history. In a reply to a
+    /// reader that asks for records before the journal's first one, the number of that first record (D-709).
     pub begin: u64,
 }
 
@@ -59,7 +60,8 @@ impl Journal {
             fingerprint,
             history,
             history_id: _,
-            // Set to the time of the snapshot when it is restored.
+            // Set to the end and the time of the snapshot when it is restored.
+            base: _,
             since_us: _,
             // The journal of a plant is not a draft.
             draft: _,
@@ -90,6 +92,9 @@ impl Journal {
         let end;
         (end, self.next_look, self.written) = from.value()?;
         self.history_id = HistoryId { number: self.history_id.number.wrapping_add(1), begin: end };
+        if !goes_back {
+            self.base = end;
+        }
         self.ring.begin_at(end, goes_back);
         self.tally.restore(from, catalogue)?;
         self.requests.restore(from)?;
@@ -117,6 +122,12 @@ impl Journal {
     #[must_use]
     pub fn history_id(&self) -> HistoryId {
         self.history_id
+    }
+
+    /// The history for a reader of the records from number `from` on. If there never were records with this number, because
+    /// the journal continues from a snapshot, the history begins with the first possible record, also after a return.
+    pub(crate) fn history_from(&self, from: u64) -> HistoryId {
+        if from < self.base { HistoryId { begin: self.base, ..self.history_id } } else { self.history_id }
     }
 
     /// Takes the records out before a search for an earlier moment, which creates records that are not kept.

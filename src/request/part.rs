@@ -61,7 +61,8 @@ pub fn read_journal<E: From<WrongReply>>(
     let (mut next, mut turn) = (from, None);
     loop {
         let mut part = ask(Op::Journal { from: next, max: MAX_RECORDS })?.journal_part()?;
-        if turn.replace(part.turn).is_some_and(|known| known != part.turn) {
+        // Only the number identifies a history: its `begin` also depends on the first requested record.
+        if turn.replace(part.turn.number).is_some_and(|known| known != part.turn.number) {
             records.clear();
             if next > from {
                 next = from;

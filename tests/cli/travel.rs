@@ -99,6 +99,33 @@ fn readers_take_a_journal_that_continues_from_a_snapshot() {
     }
 }
 
+/// The records before the snapshot were never in the journal, so they are not lost: also after going back, at once and with
+/// later records, and with records between the snapshot and the return.
+#[test]
+fn going_back_after_a_snapshot_loses_no_records() {
+    let emulator = Emulator::stepped();
+    let directory = TempDir::new().unwrap();
+    let file = directory.path().join("a.snap");
+    let path = file.to_str().unwrap();
+    emulator.set_up(&[]);
+    emulator.run("snapshot", &[path]).ok();
+    emulator.run("restore", &[path]).ok();
+    let other = Emulator::start(&["--clock", "stepped", "--from", path]);
+    for emulator in [&emulator, &other] {
+        emulator.run("poke", &["node2.w_CPU_CONTROL=0"]).ok();
+        emulator.step(&["5ms"]);
+        for back in ["2ms", "1ms", "2ms"] {
+            emulator.step(&["--back", back]);
+            for format in ["text", "jsonl", "candump"] {
+                let outcome = emulator.run("trace", &["--format", format]);
+                assert_eq!(outcome.code, Some(0), "{outcome:?}");
+                assert!(!outcome.out.contains("lost") && !outcome.err.contains("lost"), "{outcome:?}");
+                assert_eq!(outcome.err.matches("its journal begins with record ").count(), 1, "{outcome:?}");
+            }
+        }
+    }
+}
+
 #[test]
 fn an_invalid_snapshot_or_one_of_another_plant_is_refused_by_name() {
     let emulator = Emulator::stepped();

@@ -24,7 +24,7 @@ impl Work<'_> {
         let pending = if records.len() == left { journal.pending() } else { Vec::new() };
         let pending = pending.into_iter().map(|record| record.judged_at(self.host.plant().now()));
         let records = records.into_iter().chain(pending).collect();
-        Ok(Reply::Journal { records, end: journal.end(), turn: journal.history_id() })
+        Ok(Reply::Journal { records, end: journal.end(), turn: journal.history_from(from) })
     }
 
     pub(super) fn follow(
