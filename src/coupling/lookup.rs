@@ -85,9 +85,20 @@ impl Interface {
                     name: it.name.clone(),
                     why: format!("there is no such bus; the buses are: {}", known.join(", ")),
                 })?;
+            let bus = BusIndex::at(bus);
+            if !plant.is_can(bus) {
+                let kind = plant.buses().get(bus.index()).map_or("", |bus| bus.family());
+                let can = known.iter().enumerate().filter(|(index, _)| plant.is_can(BusIndex::at(*index)));
+                let can: Vec<&str> = can.map(|(_, name)| *name).collect();
+                let can = if can.is_empty() { "none".to_owned() } else { can.join(", ") };
+                let why = format!(
+                    "it is a bus of the kind {kind}; frames are exchanged with buses of the kind can: {can}"
+                );
+                return Err(CouplingError::Unfit { name: it.name.clone(), why });
+            }
             let endpoint = it.endpoint.clone().unwrap_or_else(|| format!("{name}/{}", it.name));
             let (bus_name, to) = (it.name.clone(), it.to.clone());
-            endpoints.push(Endpoint { name: endpoint, bus_name, to, bus: BusIndex::at(bus) });
+            endpoints.push(Endpoint { name: endpoint, bus_name, to, bus });
         }
         let all = publications.iter().map(|it| &it.key).chain(endpoints.iter().map(|it| &it.name));
         let mut keys = BTreeSet::new();

@@ -144,7 +144,7 @@ fn invalid_files_are_refused() {
     }
     for (text, why) in [
         ("[[bus]]\nname = 'nobus'", "the buses are: drives"),
-        ("[[bus]]\nname = 'drives'\n[[bus]]\nname = 'drives'", "twice"),
+        ("[[bus]]\nname = 'drives'", "kind cansync; frames are exchanged with buses of the kind can: none"),
         ("[[publish]]\nvalue = 'node2.w_CPU_CONTROLL'", "w_CPU_CONTROL"),
         ("[[publish]]\nvalue = 'other:node2.w_CPU_CONTROL'", "its PLCs are: line"),
         ("[[publish]]\nvalue = 'drive1.speed'", "speed_demand"),
@@ -159,6 +159,20 @@ fn invalid_files_are_refused() {
     ] {
         assert!(section(text).contains(why), "{text}: {}", section(text));
     }
+}
+
+#[test]
+fn only_can_buses_exchange_frames() {
+    let buses = [("one", "can", 125), ("two", "can", 125), ("dp", "profibus", 1500)];
+    let of = |(name, kind, rate)| format!("[[bus]]\nname = '{name}'\nkind = '{kind}'\nkbit_s = {rate}\n");
+    let plant = host_of(&format!("[[plc]]\nname = 'line'\n{}", buses.map(of).concat())).plant;
+    let refusal = |buses: &str| coupling(&plant, &format!("period = '1ms'\n{buses}")).err();
+    assert_eq!(refusal("[[bus]]\nname = 'one'\n[[bus]]\nname = 'two'"), None);
+    let profibus = refusal("[[bus]]\nname = 'dp'").unwrap();
+    assert!(profibus.contains("'dp': it is a bus of the kind profibus"), "{profibus}");
+    assert!(profibus.ends_with("of the kind can: one, two"), "{profibus}");
+    let twice = refusal("[[bus]]\nname = 'one'\n[[bus]]\nname = 'one'").unwrap();
+    assert!(twice.contains("twice"), "{twice}");
 }
 
 /// The model behaves in the same way as a unit and over a coupling.

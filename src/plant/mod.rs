@@ -35,7 +35,7 @@ pub use schema::schema;
 pub use snapshot::{Snapshot, SnapshotError, SnapshotFile, SnapshotFileError};
 
 use crate::check::DeviceWatch;
-use crate::devices::{BUS_KINDS, BuildError, Bus, Context, Device, Events, World};
+use crate::devices::{BUS_KINDS, BuildError, Bus, Context, Device, Events, World, can_bus};
 use crate::due_queue::{DueQueue, NEVER};
 use crate::fault::Faults;
 use crate::identity::{BusIndex, DeviceIndex};
@@ -441,6 +441,11 @@ impl Plant {
     /// Names of the buses, in the order of the plant file.
     pub fn bus_names(&self) -> impl Iterator<Item = &str> {
         self.buses().iter().map(|bus| bus.name())
+    }
+
+    /// True if bus number `bus` is a CAN bus without a protocol of its own.
+    pub(crate) fn is_can(&self, bus: BusIndex) -> bool {
+        self.buses().get(bus.index()).is_some_and(|it| it.family() == can_bus::FAMILY)
     }
 
     /// Names of PLCs and buses, for reading the journal.
