@@ -1,31 +1,31 @@
 //! A CAN database (DBC) of messages, for analysis tools and `cantools`.
 
 use crate::can::{BitOrder, Id, Message, Presence, Signal};
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::fmt::Write;
 
 /// Placeholder for a node outside the database.
 const UNKNOWN_NODE: &str = "Vector__XXX";
+/// Words of the format that cannot be names, and the placeholder.
+const KEYWORDS: &str = "BA_ BA_DEF_ BA_DEF_DEF_ BA_DEF_DEF_REL_ BA_DEF_REL_ BA_DEF_SGTYPE_ BA_REL_ BA_SGTYPE_ BO_ BO_TX_BU_ BS_ BU_ \
+    BU_BO_REL_ BU_EV_REL_ BU_SG_REL_ CAT_ CAT_DEF_ CM_ DUMMY_NODE_VECTOR0 DUMMY_NODE_VECTOR1 DUMMY_NODE_VECTOR2 \
+    DUMMY_NODE_VECTOR3 DUMMY_NODE_VECTOR8000 DUMMY_NODE_VECTOR8001 DUMMY_NODE_VECTOR8002 DUMMY_NODE_VECTOR8003 ENUM \
+    ENVVAR_DATA_ EV_ EV_DATA_ FILTER FLOAT HEX INT NS_ NS_DESC_ SGTYPE_ SGTYPE_VAL_ SG_ SG_MUL_VAL_ SIGTYPE_VALTYPE_ \
+    SIG_GROUP_ SIG_TYPE_REF_ SIG_VALTYPE_ STRING VAL_ VAL_TABLE_ VERSION Vector__XXX";
 /// Bit 31 of a number marks an identifier with 29 bits.
 const EXTENDED: u32 = 1 << 31;
 
 /// Generates a database of these messages. `about` describes the database.
 #[must_use]
 pub fn dbc(messages: &[Message], about: &str) -> String {
-    let mut nodes: Vec<String> = Vec::new();
-    for name in messages.iter().flat_map(|message| message.senders.iter().chain(&message.receivers)) {
-        let name = identifier(name);
-        if !nodes.contains(&name) {
-            nodes.push(name);
-        }
-    }
-    let mut text = format!("VERSION \"\"\n\nNS_ :\n\nBS_:\n\nBU_: {}\n", nodes.join(" "));
+    let nodes = Nodes::of(messages);
+    let mut text = format!("VERSION \"\"\n\nNS_ :\n\nBS_:\n\nBU_: {}\n", nodes.names.join(" "));
     let names = unique(messages.iter().map(|message| message.name.as_str()));
     for (message, name) in messages.iter().zip(&names) {
-        let sender = message.senders.first().map_or(UNKNOWN_NODE.to_owned(), |name| identifier(name));
+        let sender = nodes.list(message.senders.get(..1).unwrap_or_default(), ",");
         // Writing into a text cannot fail.
         let _ = writeln!(text, "\nBO_ {} {name}: {} {sender}", number(message.id), message.length);
-        let receivers = list(&message.receivers, ",");
+        let receivers = nodes.list(&message.receivers, ",");
         for (signal, name) in message.signals.iter().zip(signal_names(message)) {
             let most = (1_u128 << signal.bits) - 1;
             let Signal { first_bit, bits, .. } = signal;
@@ -46,7 +46,7 @@ pub fn dbc(messages: &[Message], about: &str) -> String {
     }
     text.push('\n');
     for message in messages.iter().filter(|message| message.senders.len() > 1) {
-        let _ = writeln!(text, "BO_TX_BU_ {} : {};", number(message.id), list(&message.senders, ","));
+        let _ = writeln!(text, "BO_TX_BU_ {} : {};", number(message.id), nodes.list(&message.senders, ","));
     }
     let _ = writeln!(text, "\nCM_ {};", quoted(about));
     for message in messages {
@@ -74,18 +74,43 @@ fn signal_names(message: &Message) -> Vec<String> {
     unique(message.signals.iter().map(|signal| signal.name.as_str()))
 }
 
-/// A list of the names of nodes.
-fn list(names: &[String], between: &str) -> String {
-    let names: Vec<_> = names.iter().map(|name| identifier(name)).collect();
-    if names.is_empty() { UNKNOWN_NODE.to_owned() } else { names.join(between) }
+/// The nodes that send or receive a message.
+struct Nodes<'a> {
+    /// Names in the database, in the order of the messages.
+    names: Vec<String>,
+    /// Place in `names` of each name in the plant.
+    places: HashMap<&'a str, usize>,
 }
 
-/// The name as an identifier of C, as the format requires.
+impl<'a> Nodes<'a> {
+    fn of(messages: &'a [Message]) -> Self {
+        let (mut known, mut in_order) = (HashSet::new(), Vec::new());
+        for name in messages.iter().flat_map(|message| message.senders.iter().chain(&message.receivers)) {
+            if known.insert(name.as_str()) {
+                in_order.push(name.as_str());
+            }
+        }
+        let names = unique(in_order.iter().copied());
+        Nodes { places: in_order.into_iter().zip(0..).collect(), names }
+    }
+
+    /// A list of the names in the database.
+    fn list(&self, names: &[String], between: &str) -> String {
+        let of = |name: &String| self.places.get(name.as_str()).and_then(|place| self.names.get(*place));
+        let names: Vec<&str> = names.iter().filter_map(of).map(String::as_str).collect();
+        if names.is_empty() { UNKNOWN_NODE.to_owned() } else { names.join(between) }
+    }
+}
+
+/// The name as an identifier of C, as the format requires, with `_` appended if it is a word of the format.
 fn identifier(name: &str) -> String {
     let mut text: String =
         name.chars().map(|c| if c.is_ascii_alphanumeric() || c == '_' { c } else { '_' }).collect();
     if text.starts_with(|c: char| c.is_ascii_digit()) || text.is_empty() {
         text.insert(0, '_');
+    }
+    if KEYWORDS.split_whitespace().any(|word| word == text) {
+        text.push('_');
     }
     text
 }
@@ -114,6 +139,30 @@ fn quoted(text: &str) -> String {
 mod tests {
     use super::*;
     use crate::can::{ExtendedId, StandardId};
+
+    /// A name that two programs would read in different ways is changed: words of the format, and names that differ only in
+    /// characters that the format does not have.
+    #[test]
+    fn words_of_the_format_are_no_names() {
+        assert_eq!(
+            ["SG_", "Vector__XXX", "VAL-", "sg_", "INT"].map(identifier),
+            ["SG__", "Vector__XXX_", "VAL__", "sg_", "INT_"]
+        );
+        let message = |name: &str, id, sender: &str, receiver: &str| Message {
+            name: name.to_owned(),
+            id: StandardId::new(id).unwrap().into(),
+            length: 1,
+            senders: vec![sender.to_owned()],
+            receivers: vec![receiver.to_owned()],
+            signals: Vec::new(),
+            about: String::new(),
+        };
+        let messages = [message("BO_", 1, "a-b", "BU_"), message("CM_", 2, "a_b", "a-b")];
+        let text = dbc(&messages, "a bus");
+        for line in ["BU_: a_b BU__ a_b_2", "BO_ 1 BO__: 1 a_b", "BO_ 2 CM__: 1 a_b_2"] {
+            assert!(text.lines().any(|it| it == line), "{line}\n{text}");
+        }
+    }
 
     #[test]
     fn names_are_identifiers_and_each_is_there_once() {
