@@ -49,6 +49,10 @@ pub enum Reason {
     BadName(String),
     #[error("`{0}` is already in use here; names must be unique")]
     DuplicateName(String),
+    #[error(
+        "`{0}` differs from `{1}` only in upper and lower case, which not all languages distinguish; rename it"
+    )]
+    DiffersInCase(String, String),
     #[error("register without `{0}`")]
     MissingKey(&'static str),
     #[error("a type needs `name_from`: where its own name comes from")]

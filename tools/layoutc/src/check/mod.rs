@@ -210,18 +210,22 @@ impl Parts {
     }
 }
 
-/// Names that must be unique.
+/// Names that must be unique, also without the distinction of upper and lower case: IEC 61131-3 does not distinguish them,
+/// and constants in C have upper case only (D-787).
 #[derive(Default)]
-struct Names(BTreeMap<String, ()>);
+struct Names(BTreeMap<String, String>);
 
 impl Names {
     fn add(&mut self, sources: &Sources, file: usize, name: &toml::Spanned<String>) -> Result<(), Error> {
         let place = at(file, name.span());
         identifier(sources, place, name.get_ref())?;
-        match self.0.insert(name.get_ref().clone(), ()) {
-            None => Ok(()),
-            Some(()) => Err(sources.error(place, Reason::DuplicateName(name.get_ref().clone()))),
-        }
+        let name = name.get_ref();
+        let reason = match self.0.insert(name.to_ascii_lowercase(), name.clone()) {
+            None => return Ok(()),
+            Some(known) if known == *name => Reason::DuplicateName(known),
+            Some(known) => Reason::DiffersInCase(name.clone(), known),
+        };
+        Err(sources.error(place, reason))
     }
 }
 

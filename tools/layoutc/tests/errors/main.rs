@@ -118,6 +118,13 @@ fn duplicate_structure_area_meaning_and_block() {
         "name = \"node\"",
         "device.toml:23:8: `node` is already in use here; names must be unique",
     );
+    check(
+        "device.toml",
+        "name = \"ram\"",
+        "name = \"NODE\"",
+        "device.toml:23:8: `NODE` differs from `node` only in upper and lower case, which not all languages distinguish; \
+         rename it",
+    );
     let again = "[[meaning]]\nname = \"state\"\n\n[[substructure]]";
     check(
         "parts.toml",

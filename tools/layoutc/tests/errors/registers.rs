@@ -36,6 +36,13 @@ fn duplicate_register() {
         "name = \"w_STATUS\", type = \"WORD\"",
         "CTRL.toml:15:24: `w_STATUS` is already in use here; names must be unique",
     );
+    check(
+        "CTRL.toml",
+        "name = \"d_VALUE\", type = \"DWORD\"",
+        "name = \"w_Status\", type = \"WORD\"",
+        "CTRL.toml:15:24: `w_Status` differs from `w_STATUS` only in upper and lower case, which not all languages \
+         distinguish; rename it",
+    );
 }
 
 #[test]
