@@ -267,24 +267,39 @@ impl Header {
     /// 1000. During the change of both fields the epoch is 0, so [`Header::exact_us`] never combines the epoch of one
     /// clock with the speed of another.
     pub fn set_real_clock(&self, epoch_ns: u64, permille: u32) {
-        self.real_epoch_ns.store(0);
+        self.withdraw_real_clock();
         self.speed.store(permille);
         self.real_epoch_ns.store(epoch_ns);
     }
 
+    /// Begins a change of a real-time clock. Until [`Header::set_real_clock`], programs wait for the new clock.
+    pub(crate) fn withdraw_real_clock(&self) {
+        self.real_epoch_ns.store(0);
+    }
+
     /// Emulated time in microseconds at this very moment: in real time the clock also advances between two actions of
-    /// the firmware.
+    /// the firmware. The time is at most [`LONGEST_LEAD_US`] after the emulator's time, so that it does not fall when the
+    /// speed changes (D-789).
     #[must_use]
     pub fn exact_us(&self) -> u64 {
-        let last_us = self.virtual_time_us.load();
-        let (epoch_ns, permille) = (self.real_epoch_ns.load(), self.speed.load());
-        if epoch_ns == 0 || self.real_epoch_ns.load() != epoch_ns {
-            return last_us;
+        for _ in 0..LONGEST_CHANGE {
+            let (epoch_ns, permille) = (self.real_epoch_ns.load(), self.speed.load());
+            // The speed is 0 in stepped mode, and while the clock is paused.
+            if permille == 0 {
+                break;
+            }
+            let (last_us, now_ns) = (self.virtual_time_us.load(), monotonic_ns());
+            if epoch_ns == 0 || self.real_epoch_ns.load() != epoch_ns {
+                core::hint::spin_loop();
+                continue;
+            }
+            // The epoch of a slow clock may be before the begin of `CLOCK_MONOTONIC`.
+            let passed = u64::try_from(now_ns.wrapping_sub(epoch_ns) as i64).unwrap_or(0);
+            let us = u128::from(passed) * u128::from(permille) / 1_000_000;
+            let us = u64::try_from(us).unwrap_or(u64::MAX);
+            return us.clamp(last_us, last_us.saturating_add(LONGEST_LEAD_US));
         }
-        // The epoch of a slow clock may be before the begin of `CLOCK_MONOTONIC`.
-        let passed = u64::try_from(monotonic_ns().wrapping_sub(epoch_ns) as i64).unwrap_or(0);
-        let us = u128::from(passed) * u128::from(permille) / 1_000_000;
-        u64::try_from(us).unwrap_or(u64::MAX).max(last_us)
+        self.virtual_time_us.load()
     }
 
     /// Value of a word of the device's front.
@@ -309,6 +324,13 @@ impl Header {
         self.doorbell.ring();
     }
 }
+
+/// Longest time in microseconds by which a program computes the emulated time ahead of `virtual_time_us`. It is the longest
+/// step of the emulator in real time: a clock that is later by more drops the rest when its speed changes (D-789).
+pub const LONGEST_LEAD_US: u64 = 100_000;
+
+/// Number of reads after which a program no longer waits for the new clock of an emulator that may have died.
+const LONGEST_CHANGE: u32 = 1_000_000;
 
 /// A name field as text, up to its first zero. Invalid UTF-8 becomes U+FFFD.
 pub fn name<const N: usize>(field: &[Cell8; N]) -> String {

@@ -333,7 +333,8 @@ impl Emulator {
     /// than one step, the rest of this time is dropped.
     pub(super) fn set_real_speed(&mut self, permille: u32) {
         // The plant first advances to the present time. Otherwise a client that has extrapolated the present time could
-        // then see an earlier time.
+        // then see an earlier time. The clients wait meanwhile, so that none of them extrapolates a later time (D-789).
+        self.images.iter().for_each(|image| image.header().withdraw_real_clock());
         let now = self.real_now();
         self.plant.advance_to(now);
         self.run_wall(WallClock::at(now, f64::from(permille) / 1000.0), permille);

@@ -87,22 +87,30 @@ static inline void commram_matiec_leds(uint8_t leds)
     COMMRAM_STORE(commram_matiec_header()->board.leds, leds & 0x0Fu);
 }
 
-/* Emulated time in microseconds at this moment: in real time it goes on between two things the firmware does. */
+/* Emulated time in microseconds at this moment: in real time it goes on between two things the firmware does. At most
+   100 ms after virtual_time_us, so that the time does not fall when the speed changes. */
 static inline uint32_t commram_matiec_exact_us(void)
 {
     commram_header *header = commram_matiec_header();
-    uint64_t us = COMMRAM_LOAD(header->virtual_time_us), epoch = COMMRAM_LOAD(header->real_epoch_ns);
-    uint64_t speed = COMMRAM_LOAD(header->speed);
-    /* The epoch is 0 while the clock is paused, and while the emulator changes the speed. */
-    if (epoch && COMMRAM_LOAD(header->real_epoch_ns) == epoch) {
+    uint32_t tries;
+    for (tries = 0; tries < 1000000u; tries++) {
+        uint64_t epoch = COMMRAM_LOAD(header->real_epoch_ns), speed = COMMRAM_LOAD(header->speed);
+        uint64_t us, ns, exact;
         struct timespec now;
-        uint64_t ns, exact;
+        /* The speed is 0 in stepped mode, and while the clock is paused. */
+        if (speed == 0)
+            break;
+        us = COMMRAM_LOAD(header->virtual_time_us);
         clock_gettime(CLOCK_MONOTONIC, &now);
+        /* The epoch is 0 while the emulator changes the speed. */
+        if (epoch == 0 || COMMRAM_LOAD(header->real_epoch_ns) != epoch)
+            continue;
         ns = (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
         ns -= epoch; /* modulo 2^64: the epoch of a slow clock may be before the begin of CLOCK_MONOTONIC */
         ns = ns >> 63 ? 0 : ns;
         exact = ns / 1000000u * speed + ns % 1000000u * speed / 1000000u;
-        us = exact > us ? exact : us;
+        exact = exact > us ? exact : us;
+        return (uint32_t)(exact - us > 100000u ? us + 100000u : exact);
     }
-    return (uint32_t)us;
+    return (uint32_t)COMMRAM_LOAD(header->virtual_time_us);
 }

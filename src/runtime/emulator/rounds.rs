@@ -6,6 +6,7 @@
 
 use super::Emulator;
 use crate::memory::bell;
+use crate::memory::header::LONGEST_LEAD_US;
 use crate::runtime::lockstep::NoWitness;
 use std::time::Duration;
 
@@ -18,7 +19,7 @@ const UNSEEN_US: u64 = 10_000;
 
 /// Longest step of emulated time. After the machine was suspended, the clock may have to catch up with hours; signals
 /// and clients are handled between the steps.
-const LONGEST_STEP_US: u64 = 100_000;
+const LONGEST_STEP_US: u64 = LONGEST_LEAD_US;
 /// Largest number of register writes that a polling emulator answers at one moment before it does other work.
 const LONGEST_CHAIN: u32 = 16;
 /// Polls without a result that end such a chain.
