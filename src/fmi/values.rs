@@ -38,7 +38,7 @@ impl Shafts {
         self.0.iter().all(|shaft| shaft.1.is_finite())
     }
 
-    /// Sets if a model turns the motor of this drive.
+    /// Sets whether a model turns the motor of this drive.
     pub(crate) fn set_modelled(&mut self, drive: usize, is_modelled: bool) {
         if let Some(shaft) = self.0.get_mut(drive) {
             shaft.0 = is_modelled;
