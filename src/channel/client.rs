@@ -154,7 +154,7 @@ impl Client {
     /// cleared first.
     ///
     /// # Errors
-    /// The errors of [`Client::request`].
+    /// Returns the errors of [`Client::request`].
     pub fn request_into(&self, ops: &[Op], replies: &mut Vec<Reply>) -> Result<(), ClientError> {
         replies.clear();
         if ops.is_empty() {
@@ -296,7 +296,7 @@ impl Client {
     /// Writes a register.
     ///
     /// # Errors
-    /// The errors of [`Client::peek`].
+    /// Returns the errors of [`Client::peek`].
     pub fn poke(&self, plc: DeviceIndex, offset: u32, width: Width, value: u32) -> Result<(), ClientError> {
         self.fitting(self.single(Op::Poke { plc, offset, width, value })?.written())
     }
@@ -304,7 +304,7 @@ impl Client {
     /// Copies bytes.
     ///
     /// # Errors
-    /// The errors of [`Client::peek`].
+    /// Returns the errors of [`Client::peek`].
     pub fn read_range(&self, plc: DeviceIndex, offset: u32, len: u32) -> Result<Vec<u8>, ClientError> {
         self.fitting(self.single(Op::ReadRange { plc, offset, len })?.bytes())
     }
@@ -312,7 +312,7 @@ impl Client {
     /// Advances the clock; returns the new time, in microseconds.
     ///
     /// # Errors
-    /// The errors of [`Client::peek`].
+    /// Returns the errors of [`Client::peek`].
     pub fn advance(&self, us: u64) -> Result<u64, ClientError> {
         self.fitting(self.single(Op::Advance { us })?.time())
     }
@@ -320,7 +320,7 @@ impl Client {
     /// Describes the instance that answers.
     ///
     /// # Errors
-    /// The errors of [`Client::peek`].
+    /// Returns the errors of [`Client::peek`].
     pub fn info(&self) -> Result<InstanceInfo, ClientError> {
         self.fitting(self.single(Op::Info)?.info())
     }
@@ -328,7 +328,7 @@ impl Client {
     /// Asks the emulator to end.
     ///
     /// # Errors
-    /// The errors of [`Client::peek`].
+    /// Returns the errors of [`Client::peek`].
     pub fn stop(&self) -> Result<(), ClientError> {
         self.fitting(self.single(Op::Stop)?.stopping())
     }

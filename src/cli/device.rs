@@ -172,7 +172,7 @@ fn on_any_fit<T>(
 /// Parses a register or address of any device. [`Session::place`] later resolves it for an instance.
 ///
 /// # Errors
-/// The errors of [`on_any_device`].
+/// Returns the errors of [`on_any_device`].
 pub(crate) fn of_any_device(text: &str) -> Result<NamedLocation, CliError> {
     on_any_device(|fitted| NamedLocation::parse(fitted, text))
 }

@@ -175,7 +175,7 @@ impl Blocks {
     /// the first byte in the image, and the number of bytes.
     ///
     /// # Errors
-    /// The errors of [`Blocks::follow`].
+    /// Returns the errors of [`Blocks::follow`].
     pub(crate) fn follow_stretches(
         session: &Session,
         stretches: &[(DeviceIndex, u32, u32)],

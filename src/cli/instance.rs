@@ -118,7 +118,7 @@ impl Instance {
     /// True if another emulator is taking over the files of a killed emulator.
     ///
     /// # Errors
-    /// The errors of [`InstanceLock::holder`].
+    /// Returns the errors of [`InstanceLock::holder`].
     pub(crate) fn is_being_taken_over(&self) -> Result<bool, CliError> {
         Ok(self.connect_timeout > 0 && InstanceLock::holder(self.name())?.is_some())
     }

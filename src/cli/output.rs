@@ -33,7 +33,7 @@ fn print_bytes(bytes: &[u8]) -> Result<(), CliError> {
 /// Writes the output to the file that the user has named; `-` is the standard output.
 ///
 /// # Errors
-/// [`CliError::File`]: the file cannot be written. For the standard output, the errors of [`print()`].
+/// [`CliError::File`]: the file cannot be written. For the standard output, returns the errors of [`print()`].
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
     if input_file::is_standard(path) {
         return print_bytes(bytes);
@@ -44,7 +44,7 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
 /// Writes `bytes` to the standard output and flushes it. For commands that end when the reader closes the output.
 ///
 /// # Errors
-/// [`CliError::BrokenPipe`]: the reader has closed the output. Otherwise the errors of [`print()`].
+/// [`CliError::BrokenPipe`]: the reader has closed the output. Otherwise returns the errors of [`print()`].
 pub(crate) fn print_while_read(bytes: &[u8]) -> Result<(), CliError> {
     bounded::write(|| io::stdout().lock(), bytes).map_err(|reason| match reason.kind() {
         io::ErrorKind::BrokenPipe => CliError::BrokenPipe,
@@ -71,7 +71,7 @@ pub(crate) fn json(value: &impl Serialize) -> Result<String, CliError> {
 /// Formats a value as JSON in one line, with its line end.
 ///
 /// # Errors
-/// The errors of [`json()`].
+/// Returns the errors of [`json()`].
 pub(crate) fn json_line(value: &impl Serialize) -> Result<String, CliError> {
     let text = serde_json::to_string(value).map_err(|error| CliError::Output { reason: error.into() })?;
     Ok(json_escaped(&text) + "\n")
@@ -157,7 +157,7 @@ pub(crate) fn is_verbose() -> bool {
 /// `PAGER`, or `less` if the variable is not set. If the variable is empty, no pager is used.
 ///
 /// # Errors
-/// The errors of [`print()`].
+/// Returns the errors of [`print()`].
 pub(crate) fn page(text: &str) -> Result<(), CliError> {
     let rows = rustix::termios::tcgetwinsize(io::stdout()).map_or(0, |size| usize::from(size.ws_row));
     if !io::stdout().is_terminal() || rows == 0 || text.lines().count() < rows {

@@ -117,7 +117,7 @@ fn end_after_signal(signals: &UnixStream) {
 /// failed write is the first sign of it.
 ///
 /// # Errors
-/// The errors of `follow`.
+/// Returns the errors of `follow`.
 pub(crate) fn following(follow: impl FnOnce() -> Result<(), CliError>) -> Result<(), CliError> {
     follow().map_err(|error| match error {
         CliError::Output { .. } if output::is_closed_terminal() => CliError::Ended(Exit::Interrupted.code()),

@@ -178,7 +178,7 @@ pub(crate) fn read(session: &Session, wanted: &[ReadTarget]) -> Result<Vec<Regis
 /// Reads registers at one moment, and returns the readings of each argument.
 ///
 /// # Errors
-/// The errors of [`read`].
+/// Returns the errors of [`read`].
 pub(crate) fn read_each(
     session: &Session,
     wanted: &[&ReadTarget],

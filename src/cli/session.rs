@@ -181,7 +181,7 @@ impl Session {
     /// Finds the register or address in `text`.
     ///
     /// # Errors
-    /// The errors of [`Session::plc`]. Also fails if the device has no such register or address.
+    /// Returns the errors of [`Session::plc`]. Also fails if the device has no such register or address.
     pub(crate) fn place(&self, text: &str) -> Result<NamedLocation, CliError> {
         let (plc, name) = split_plc(text);
         Ok(NamedLocation::parse(&self.fitted(self.plc(plc, name)?), text)?)
@@ -190,7 +190,7 @@ impl Session {
     /// Finds the indices of the PLC and of the port in `text`. Without a name, returns the first master.
     ///
     /// # Errors
-    /// The errors of [`Session::plc`]. Also fails if the device has no such port.
+    /// Returns the errors of [`Session::plc`]. Also fails if the device has no such port.
     pub(crate) fn port(&self, text: &str) -> Result<(DeviceIndex, u8), CliError> {
         let (plc, name) = split_plc(text);
         let first = || self.fitted(DeviceIndex(0)).first_master().map_or("", |port| port.name);
@@ -202,7 +202,7 @@ impl Session {
     /// Returns the index of the PLC of `place`.
     ///
     /// # Errors
-    /// The errors of [`Session::plc`].
+    /// Returns the errors of [`Session::plc`].
     pub(crate) fn plc_of(&self, place: &NamedLocation) -> Result<DeviceIndex, CliError> {
         self.plc(place.plc.as_deref(), place.text())
     }

@@ -37,7 +37,7 @@ const DYING: Duration = Duration::from_secs(1);
 /// Longest wait for an emulator that has confirmed its end; after it the emulator also gets a signal. The confirmation
 /// in the header page may come from another program.
 const DOUBT: Duration = Duration::from_secs(1);
-/// Pause between two checks for the end.
+/// Pause between two checks of whether the emulator has ended.
 const LOOK: Duration = Duration::from_millis(2);
 /// Time limit for connecting to the channel, and for the answer, before the emulator gets a signal.
 const ANSWER: Duration = Duration::from_millis(500);
@@ -124,8 +124,8 @@ fn is_own(directory: &Path) -> bool {
 /// Finds the emulator of an instance.
 ///
 /// # Errors
-/// The errors of [`RunningInstance::find`]. [`CliError::OpenDirectory`]: an emulator may run, but it holds no lock that
-/// proves it.
+/// Returns the errors of [`RunningInstance::find`]. [`CliError::OpenDirectory`]: an emulator may run, but it holds no
+/// lock that proves it.
 fn find(name: &str) -> Result<Option<RunningInstance>, CliError> {
     RunningInstance::find(name).map_err(|error| match error {
         MemoryError::OpenDirectory { .. } => CliError::OpenDirectory(error),
@@ -154,7 +154,7 @@ fn end(name: &str, clean: bool) -> Result<(), CliError> {
 /// nothing.
 ///
 /// # Errors
-/// The errors of [`remove_remains`], except the error about a new emulator.
+/// Returns the errors of [`remove_remains`], except the error about a new emulator.
 fn clean_up(name: &str) -> Result<Option<String>, CliError> {
     let mut tries = 0;
     loop {
@@ -255,7 +255,7 @@ fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     if refused.is_some() {
         terminate()?;
     }
-    // An invisible emulator gets no signal. Usually it has just ended.
+    // No signal is sent to an emulator that this process cannot see. Usually the emulator has just ended.
     let unseen = refused.filter(|_| process.is_none());
     let patience = if unseen.is_some() { DYING } else { PATIENCE };
     let start = Instant::now();

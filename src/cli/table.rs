@@ -43,7 +43,7 @@ pub(crate) trait Row: Serialize {
 /// Prints the rows; `text` produces the text format.
 ///
 /// # Errors
-/// The errors of [`output::print`].
+/// Returns the errors of [`output::print`].
 pub(crate) fn print<R: Row>(
     format: Format,
     rows: &[R],
@@ -58,7 +58,7 @@ pub(crate) fn print<R: Row>(
 /// The rows in a format; `text` produces the text format.
 ///
 /// # Errors
-/// The errors of [`output::json`].
+/// Returns the errors of [`output::json`].
 pub(crate) fn formatted<R: Row>(
     format: Format,
     rows: &[R],

@@ -246,7 +246,7 @@ pub fn board_of(layout: &Layout) -> &'static [&'static str] {
 /// Attaches to the image of a PLC of any device, and returns the device.
 ///
 /// # Errors
-/// The errors of [`Image::attach`]; [`MemoryError::OtherLayout`] if no device has the layout of the image.
+/// Returns the errors of [`Image::attach`]; [`MemoryError::OtherLayout`] if no device has the layout of the image.
 pub fn attach(
     instance: &str,
     plc: &str,

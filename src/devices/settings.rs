@@ -78,7 +78,7 @@ pub(crate) fn range(
 /// Checks a time in us that may be 0: at most one hour.
 ///
 /// # Errors
-/// The errors of [`range`].
+/// Returns the errors of [`range`].
 pub(crate) fn time(what: &'static str, name: &str, us: u64) -> Result<(), SettingError> {
     range(what, name, us, 0..=HOUR_US, "at most one hour")
 }
@@ -86,7 +86,7 @@ pub(crate) fn time(what: &'static str, name: &str, us: u64) -> Result<(), Settin
 /// Checks a time in us. The time may be omitted, but must not be 0.
 ///
 /// # Errors
-/// The errors of [`range`].
+/// Returns the errors of [`range`].
 pub(crate) fn time_or_none(what: &'static str, name: &str, us: Option<u64>) -> Result<(), SettingError> {
     us.map_or(Ok(()), |us| range(what, name, us, 1..=HOUR_US, "1 to 3600000000"))
 }

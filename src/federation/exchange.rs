@@ -11,7 +11,7 @@ pub trait Exchange: Send {
     /// Returns the next message of another federate, with the number of that federate; does not wait.
     ///
     /// # Errors
-    /// The errors of [`Exchange::send`].
+    /// Returns the errors of [`Exchange::send`].
     fn receive(&mut self) -> Result<Option<(u8, Vec<u8>)>, String>;
 
     /// Describes for what the connection is waiting; `None` if it is established.

@@ -93,7 +93,7 @@ impl Resources {
     /// Returns the resources for the built-in plant.
     ///
     /// # Errors
-    /// The errors of [`Resources::of_file`].
+    /// Returns the errors of [`Resources::of_file`].
     pub fn built_in(registers: Vec<String>) -> Result<Self, ResourcesError> {
         let config = PlantConfig::built_in()?;
         Ok(Self { content: Content::Plant(config.source().to_owned()), config, registers })
@@ -102,7 +102,7 @@ impl Resources {
     /// Reads the resources from the directory `resources` of an unpacked archive.
     ///
     /// # Errors
-    /// The errors of [`Resources::of_file`].
+    /// Returns the errors of [`Resources::of_file`].
     pub fn of_directory(directory: &Path) -> Result<Self, ResourcesError> {
         let list = directory.join(REGISTERS);
         let registers = match input_file::read(&list, input_file::LONGEST_SCRIPT) {

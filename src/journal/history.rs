@@ -494,7 +494,8 @@ mod tests {
         assert!(!history.follow(0, DeviceIndex(1), 0, Width::Byte, Keep::InJournal, &rams));
     }
 
-    /// However much a client follows, there is room for others, and for the client itself after a while.
+    /// Even if a client follows many registers, other clients can follow registers, and the client itself can follow
+    /// more registers after some time.
     #[test]
     fn a_client_leaves_registers_to_others() {
         let (rams, mut history) = (Loose::default(), History::new());

@@ -8,7 +8,7 @@ use vcd::{IdCode, SimulationCommand, TimescaleUnit, Value, VarType, Writer};
 /// Writes waveforms as a value change dump.
 ///
 /// # Errors
-/// The errors of `out`.
+/// Returns the errors of `out`.
 pub fn write(waves: &Waves, out: impl io::Write) -> io::Result<()> {
     let mut writer = Writer::new(out);
     writer.version(concat!("commram ", env!("CARGO_PKG_VERSION")))?;

@@ -100,7 +100,7 @@ impl DeviceLayout {
     /// [`DeviceFit::registers_at`].
     ///
     /// # Errors
-    /// The errors of [`DeviceFit::registers_at`].
+    /// Returns the errors of [`DeviceFit::registers_at`].
     pub fn registers_at(
         &'static self,
         address: Address,
@@ -112,7 +112,7 @@ impl DeviceLayout {
     /// Returns the target of `text`, for a device with unknown ports. See [`DeviceFit::target`].
     ///
     /// # Errors
-    /// The errors of [`DeviceFit::target`].
+    /// Returns the errors of [`DeviceFit::target`].
     pub fn target<'a>(&'static self, text: &'a str) -> Result<Target<'a>, LayoutError> {
         DeviceFit::unknown(self).target(text)
     }

@@ -135,7 +135,7 @@ impl DeviceLayout {
     /// Returns all registers that `name` covers, for a device with unknown ports. See [`DeviceFit::registers`].
     ///
     /// # Errors
-    /// The errors of [`DeviceLayout::register`].
+    /// Returns the errors of [`DeviceLayout::register`].
     pub fn registers(&'static self, name: &str) -> Result<Vec<RegisterRef>, LayoutError> {
         DeviceFit::unknown(self).registers(name)
     }
@@ -165,7 +165,8 @@ impl DeviceFit {
     /// unknown role of the port, the result has the registers of every role.
     ///
     /// # Errors
-    /// The errors of [`DeviceFit::register`], and [`LayoutError::NoMatch`] if no register matches the pattern.
+    /// Returns the errors of [`DeviceFit::register`], and [`LayoutError::NoMatch`] if no register matches the
+    /// pattern.
     pub fn registers(&self, name: &str) -> Result<Vec<RegisterRef>, LayoutError> {
         if Pattern::is_one(name) {
             return self.matching(name);

@@ -203,7 +203,7 @@ impl Attached {
     /// Stores to the register at `%MB3.offset` and rings.
     ///
     /// # Errors
-    /// The errors of [`Segment::store`].
+    /// Returns the errors of [`Segment::store`].
     pub fn post(&self, offset: u32, width: Width, value: u32) -> Result<(), MemoryError> {
         self.segment.store(offset, width, value)?;
         self.ring()
@@ -213,7 +213,7 @@ impl Attached {
     /// real time, independent of the emulated time.
     ///
     /// # Errors
-    /// The errors of [`Segment::load`] and [`Attached::check`], or [`MemoryError::RegisterTimeout`]. A killed
+    /// Returns the errors of [`Segment::load`] and [`Attached::check`], or [`MemoryError::RegisterTimeout`]. A killed
     /// emulator is noticed within 100 ms.
     pub fn wait_register(
         &self,
@@ -236,7 +236,8 @@ impl Attached {
     /// real time.
     ///
     /// # Errors
-    /// The errors of [`Attached::check`], or [`MemoryError::Timeout`]. A killed emulator is noticed within 100 ms.
+    /// Returns the errors of [`Attached::check`], or [`MemoryError::Timeout`]. A killed emulator is noticed within
+    /// 100 ms.
     pub fn wait_until<R>(
         &self,
         what: &str,
@@ -251,7 +252,7 @@ impl Attached {
     /// of occurrences. `timeout` is real time.
     ///
     /// # Errors
-    /// The errors of [`Attached::check`], [`MemoryError::NoSuchEvent`], or [`MemoryError::Timeout`].
+    /// Returns the errors of [`Attached::check`], [`MemoryError::NoSuchEvent`], or [`MemoryError::Timeout`].
     pub fn wait_event(&self, number: usize, seen: u32, timeout: Duration) -> Result<u32, MemoryError> {
         let bell = self.header.as_ref().and_then(|header| header.events.get(number)).map(|event| &event.bell);
         if number >= super::header::EVENT_SLOTS {

@@ -63,7 +63,7 @@ impl FirmwareHeader {
         is_taken.then_some(request)
     }
 
-    /// Stores a request, like a program that submits one.
+    /// Stores a request in a cell, as a program does.
     pub fn ask(&self, cell: impl Fn(&Header) -> &Cell32, request: u32) {
         self.put(cell, request);
         self.requested.board_requests.increment();

@@ -197,7 +197,7 @@ impl Image {
     /// Removes the image of a killed emulator. Returns whether there was one.
     ///
     /// # Errors
-    /// The errors of [`Image::create`].
+    /// Returns the errors of [`Image::create`].
     pub fn remove_dead(instance: &str, plc: &str) -> Result<bool, MemoryError> {
         claim::remove_dead(&ImageSite::new(instance, plc, ())?)
     }

@@ -50,7 +50,7 @@ impl InstanceLock {
     /// lock, no emulator can start under this name. Users need not end that process, because it ends soon.
     ///
     /// # Errors
-    /// The errors of [`InstanceLock::take`].
+    /// Returns the errors of [`InstanceLock::take`].
     pub fn take_to_clean(instance: &str) -> Result<Self, MemoryError> {
         Self::take_as(instance, &format!("{} {CLEANER}\n", ProcessId::own()))
     }

@@ -27,7 +27,7 @@ pub fn check_instance(name: &str) -> Result<(), MemoryError> {
 /// Checks the name of a PLC.
 ///
 /// # Errors
-/// The errors of [`check_instance`].
+/// Returns the errors of [`check_instance`].
 pub(crate) fn check_plc(name: &str) -> Result<(), MemoryError> {
     check("PLC", name)
 }
@@ -46,7 +46,7 @@ pub(crate) fn image_path(instance: &str, plc: &str) -> Result<PathBuf, MemoryErr
 /// have this name, because it has a dot more.
 ///
 /// # Errors
-/// The errors of [`check_instance`].
+/// Returns the errors of [`check_instance`].
 pub fn channel_root(instance: &str) -> Result<PathBuf, MemoryError> {
     check_instance(instance)?;
     Ok(Path::new(IMAGE_DIRECTORY).join(format!("{PREFIX}{instance}{DIRECTORY}")))

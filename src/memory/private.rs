@@ -41,7 +41,7 @@ impl PrivateDir {
                 Ok(()) | Err(Errno::EXIST) => {}
                 Err(errno) => return Err(failed(path, "create", errno)),
             }
-            // A process that ends may have removed it in the meantime.
+            // A process that ends may have removed the directory in the meantime.
             if let Some(directory) = Self::open(path)? {
                 return Ok(directory);
             }
@@ -51,7 +51,7 @@ impl PrivateDir {
     /// Opens the directory; `None` if there is none.
     ///
     /// # Errors
-    /// The errors of [`PrivateDir::create`].
+    /// Returns the errors of [`PrivateDir::create`].
     pub(crate) fn open(path: &Path) -> Result<Option<Self>, MemoryError> {
         let directory = match Directory::open_itself(path) {
             Ok(directory) => directory,
@@ -70,7 +70,7 @@ impl PrivateDir {
     /// not a regular file of this user with exactly one name: another user may have put it there.
     ///
     /// # Errors
-    /// The errors of [`PrivateDir::find_file`].
+    /// Returns the errors of [`PrivateDir::find_file`].
     pub(crate) fn find_own_file(path: &Path, name: &str) -> Result<Option<File>, MemoryError> {
         let Ok(directory) = Directory::open_itself(path) else { return Ok(None) };
         let user = rustix::process::geteuid().as_raw();

@@ -226,7 +226,8 @@ impl Segment {
     /// Stores to the register at `%MB3.offset` (Release).
     ///
     /// # Errors
-    /// The errors of [`Segment::load`]; also a value wider than the register, or a read-only segment.
+    /// Returns the errors of [`Segment::load`]. It is also an error if the value is wider than the register, or the
+    /// segment is read-only.
     pub fn store(&self, offset: u32, width: Width, value: u32) -> Result<(), MemoryError> {
         let register = self.writable_register(offset, width, &[value])?;
         match register {
@@ -241,7 +242,7 @@ impl Segment {
     /// the value replaced, or as its error the value found instead of `current`.
     ///
     /// # Errors
-    /// The errors of [`Segment::store`], for both values.
+    /// Returns the errors of [`Segment::store`], for both values.
     pub fn compare_exchange(
         &self,
         offset: u32,
@@ -265,7 +266,7 @@ impl Segment {
     /// old value.
     ///
     /// # Errors
-    /// The errors of [`Segment::store`], for the value `f` returns.
+    /// Returns the errors of [`Segment::store`], for the value that `f` returns.
     pub fn update(&self, offset: u32, width: Width, f: impl Fn(u32) -> u32) -> Result<u32, MemoryError> {
         let mut seen = self.load(offset, width)?;
         loop {
@@ -279,7 +280,8 @@ impl Segment {
     /// Loads the part of a register at `%MB3.offset`, by one load of the whole register.
     ///
     /// # Errors
-    /// The errors of [`Segment::load`] for the register, or the part is not within it.
+    /// Returns the errors of [`Segment::load`] for the register. It is also an error if the part is not within the
+    /// register.
     pub fn load_within(
         &self,
         register_offset: u32,
@@ -295,7 +297,8 @@ impl Segment {
     /// values that others write at the same time.
     ///
     /// # Errors
-    /// The errors of [`Segment::store`] for the register, or the part is not within it.
+    /// Returns the errors of [`Segment::store`] for the register. It is also an error if the part is not within the
+    /// register.
     pub fn store_within(
         &self,
         register_offset: u32,

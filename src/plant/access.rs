@@ -20,7 +20,7 @@ impl Plant {
     /// it.
     ///
     /// # Errors
-    /// The errors of [`Plant::load`].
+    /// Returns the errors of [`Plant::load`].
     pub fn store(&mut self, plc: DeviceIndex, offset: u32, width: Width, value: u32) -> Result<(), Unmapped> {
         self.keep_changes(By::Program);
         let (widths, ram) = self.ram(plc, offset)?;
@@ -33,7 +33,7 @@ impl Plant {
     /// is the previous value: `Ok` if `new` was written, otherwise `Err`.
     ///
     /// # Errors
-    /// The errors of [`Plant::load`].
+    /// Returns the errors of [`Plant::load`].
     pub fn compare_exchange(
         &mut self,
         plc: DeviceIndex,
@@ -54,7 +54,7 @@ impl Plant {
     /// Copies bytes, independently of the widths of the registers.
     ///
     /// # Errors
-    /// The errors of [`Plant::load`].
+    /// Returns the errors of [`Plant::load`].
     pub fn read_range(&self, plc: DeviceIndex, offset: u32, to: &mut [u8]) -> Result<(), Unmapped> {
         let (widths, ram) = self.ram(plc, offset)?;
         widths.read_range(ram, offset, to)

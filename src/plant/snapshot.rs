@@ -173,7 +173,7 @@ impl Plant {
     /// Returns to a snapshot from this plant's own past. The journal keeps its records up to the snapshot.
     ///
     /// # Errors
-    /// The errors of [`Plant::restore`].
+    /// Returns the errors of [`Plant::restore`].
     pub fn go_back(&mut self, snapshot: &Snapshot) -> Result<(), SnapshotError> {
         self.take_over(snapshot, true)
     }

@@ -125,7 +125,7 @@ impl Emulator {
     /// its NOVRAM replaces the content of the files.
     ///
     /// # Errors
-    /// The errors of [`Emulator::start`], or the snapshot is refused.
+    /// Returns the errors of [`Emulator::start`]. It is also an error if the snapshot is refused.
     pub fn start_from(
         config: &PlantConfig,
         options: Options,
@@ -255,7 +255,7 @@ impl Emulator {
     /// Records in the journal every later change of the registers in the `len` bytes from `offset` on of PLC `plc`.
     ///
     /// # Errors
-    /// The errors of [`Plant::follow_registers`].
+    /// Returns the errors of [`Plant::follow_registers`].
     pub fn keep_changes(&mut self, plc: DeviceIndex, offset: u32, len: u32) -> Result<(), FollowError> {
         self.plant.follow_registers(plc, offset, len, Keep::InJournal)
     }

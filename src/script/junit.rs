@@ -29,7 +29,7 @@ pub fn junit(reports: &[Report]) -> Result<String, SerializeError> {
 /// `2/3`.
 ///
 /// # Errors
-/// The errors of [`junit`].
+/// Returns the errors of [`junit`].
 pub fn junit_of_shard(reports: &[Report], shard: &str) -> Result<String, SerializeError> {
     named(reports, &format!("{NAME} {shard}"))
 }
@@ -50,7 +50,7 @@ fn named(reports: &[Report], name: &str) -> Result<String, SerializeError> {
 /// The XML, in the form of Jenkins' schema.
 ///
 /// # Errors
-/// The errors of [`junit`].
+/// Returns the errors of [`junit`].
 pub(crate) fn junit_text(all: &quick_junit::Report) -> Result<String, SerializeError> {
     // The library removes only control characters, so other forbidden characters are removed here.
     let text = xml_text::allowed(all.to_string()?);

@@ -211,7 +211,7 @@ fn every_command_knows_the_modules() {
     assert!(dump.ok().contains("maxx:slotH.w_SLAVE_NUMBER"), "{}", dump.out);
     let empty = emulator.run("dump", &["maxx:slotJ"]);
     assert!(empty.fails(2).contains("nothing is plugged in"), "{}", empty.err);
-    // Force and unforce.
+    // Forcing a register and ending the force.
     emulator.run("force", &["maxx:slotG.b_MAX_SL_NR=5"]).ok();
     assert!(emulator.run("force", &[]).ok().contains("maxx:slotG.b_MAX_SL_NR"));
     emulator.run("unforce", &["maxx:slotG.b_MAX_SL_NR"]).ok();

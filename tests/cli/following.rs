@@ -113,7 +113,7 @@ fn a_closed_terminal_ends_a_command_like_a_signal() {
             command.stdout(Stdio::null()).stderr(Stdio::null());
             drop(place);
             let mut shown = BufReader::new(File::from(controller));
-            // The note of `watch` and `test --watch`, or the first record.
+            // This line is the note of `watch` and `test --watch`, or the first record.
             assert!(shown.read_line(&mut String::new()).unwrap() > 0);
             if is_writing {
                 emulator.step(&["1ms"]);

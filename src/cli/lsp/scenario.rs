@@ -1,4 +1,4 @@
-//! The meaning of a script: the purpose of the script, its plant, and what its texts name.
+//! The meaning of a script: the purpose of the script, its plant, and the objects that its texts name.
 
 use super::document::Document;
 use super::outline::{Call, Outline};

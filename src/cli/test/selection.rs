@@ -41,7 +41,7 @@ impl Shard {
     /// Parses `0/3`, with the index counted from 0.
     ///
     /// # Errors
-    /// The errors of [`Shard::parse`].
+    /// Returns the errors of [`Shard::parse`].
     pub(crate) fn parse_index(text: &str) -> Result<Self, String> {
         let wrong =
             || "write the index of the shard from 0 and the number of all shards, for example 0/3".to_owned();

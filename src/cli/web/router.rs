@@ -178,7 +178,7 @@ pub(super) async fn body_of(request: Request) -> Result<Map<String, Value>, Prob
 /// Reads the body like [`body_of`], but with a limit of `max` bytes.
 ///
 /// # Errors
-/// The errors of [`body_of`].
+/// Returns the errors of [`body_of`].
 pub(super) async fn body_within(mut request: Request, max: usize) -> Result<Map<String, Value>, Problem> {
     let too_large = || {
         Problem::new(

@@ -64,7 +64,7 @@ fn count_wrong(octets: &[u8]) -> Option<Vec<u8>> {
     Telegram::Frame(frame).octets().ok()
 }
 
-/// Inverts a bit: in the check sum, or in the start delimiter of a telegram without one.
+/// Inverts a bit: in the check sum, or in the start delimiter of a telegram without a check sum.
 fn garble(octets: &mut [u8]) {
     let place = if octets.len() > 3 { octets.len() - 2 } else { 0 };
     if let Some(octet) = octets.get_mut(place) {

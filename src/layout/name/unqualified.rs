@@ -56,8 +56,8 @@ impl DeviceFit {
     /// Returns the area or the registers that `name` means.
     ///
     /// # Errors
-    /// The errors of [`DeviceFit::registers`], and [`LayoutError::UnknownArea`] if `name` looks more like the name of
-    /// an area.
+    /// Returns the errors of [`DeviceFit::registers`], and [`LayoutError::UnknownArea`] if `name` looks more like the
+    /// name of an area.
     pub fn area_or_registers(&self, name: &str) -> Result<AreaOrRegisters, LayoutError> {
         let area = match self.device().area(name) {
             Ok(area) => return Ok(AreaOrRegisters::Area(area)),

@@ -134,8 +134,8 @@ impl LockstepTask<'_> {
     /// time.
     ///
     /// # Errors
-    /// The errors of [`Attached::check`], [`MemoryError::Timeout`], or [`MemoryError::LockstepLost`] if the emulator
-    /// has continued without this task.
+    /// Returns the errors of [`Attached::check`], [`MemoryError::Timeout`], or [`MemoryError::LockstepLost`] if the
+    /// emulator has continued without this task.
     pub fn next_event(&mut self, timeout: Duration) -> Result<u64, MemoryError> {
         self.end_turn(0);
         self.await_turn(timeout)
@@ -145,7 +145,7 @@ impl LockstepTask<'_> {
     /// PLC interrupt it. Returns the emulated time afterwards. Call it within a turn.
     ///
     /// # Errors
-    /// The errors of [`LockstepTask::next_event`].
+    /// Returns the errors of [`LockstepTask::next_event`].
     pub fn run_for(&mut self, us: NonZeroU32, timeout: Duration) -> Result<u64, MemoryError> {
         self.end_turn(us.get());
         self.await_turn(timeout)

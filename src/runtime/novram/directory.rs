@@ -36,7 +36,7 @@ impl Directory {
     /// directory is not an error, because [`Directory::open`] creates it.
     ///
     /// # Errors
-    /// The errors of [`Directory::open`], except [`NovramError::InUse`].
+    /// Returns the errors of [`Directory::open`], except [`NovramError::InUse`].
     pub fn check(path: &Path) -> Result<(), NovramError> {
         let failed = |doing| {
             move |errno: Errno| NovramError::Io { path: path.to_owned(), doing, source: errno.into() }

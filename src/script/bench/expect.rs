@@ -28,7 +28,7 @@ impl Bench {
     /// Waits like [`Bench::wait`], but compares only the bits of `mask`.
     ///
     /// # Errors
-    /// The errors of [`Bench::wait`]; or the value has bits outside the mask.
+    /// Returns the errors of [`Bench::wait`]. It is also an error if the value has bits outside the mask.
     #[track_caller]
     pub fn wait_bits(
         &mut self,
@@ -106,7 +106,7 @@ impl Bench {
     /// Expects that the register's bits under `mask` equal the bits of `value`.
     ///
     /// # Errors
-    /// The errors of [`Bench::expect`]; or the value has bits outside the mask.
+    /// Returns the errors of [`Bench::expect`]. It is also an error if the value has bits outside the mask.
     #[track_caller]
     pub fn expect_bits(
         &mut self,
@@ -122,7 +122,7 @@ impl Bench {
     /// Expects that the register, as a number of its type, differs from `value` by at most `tolerance`.
     ///
     /// # Errors
-    /// The errors of [`Bench::expect`].
+    /// Returns the errors of [`Bench::expect`].
     #[track_caller]
     pub fn expect_near(
         &mut self,

@@ -142,7 +142,7 @@ impl Bench {
     /// Expects a frame like [`Bench::expect_frame`], with any identifier that equals `id` in the bits of `mask`.
     ///
     /// # Errors
-    /// The errors of [`Bench::expect_frame`].
+    /// Returns the errors of [`Bench::expect_frame`].
     #[track_caller]
     pub fn expect_masked_frame(
         &mut self,
@@ -158,7 +158,7 @@ impl Bench {
     /// Expects a frame like [`Bench::expect_frame`], with an identifier of 29 bits.
     ///
     /// # Errors
-    /// The errors of [`Bench::expect_frame`].
+    /// Returns the errors of [`Bench::expect_frame`].
     #[track_caller]
     pub fn expect_extended_frame(
         &mut self,
@@ -214,7 +214,7 @@ impl Bench {
     /// Expects no frame like [`Bench::expect_no_frame`], for an identifier of 29 bits.
     ///
     /// # Errors
-    /// The errors of [`Bench::expect_no_frame`].
+    /// Returns the errors of [`Bench::expect_no_frame`].
     #[track_caller]
     pub fn expect_no_extended_frame(
         &mut self,
@@ -250,7 +250,7 @@ impl Bench {
     /// Sends a remote frame with this identifier and a length of 0.
     ///
     /// # Errors
-    /// The errors of [`Bench::send_frame`].
+    /// Returns the errors of [`Bench::send_frame`].
     pub fn rtr(&mut self, bus: &str, id: u32, extended: bool) -> Result<(), ScenarioError> {
         let frame = Frame::remote(identifier(id, extended)?, 0);
         let bus = self.bus(bus)?;

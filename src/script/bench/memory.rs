@@ -39,7 +39,7 @@ impl MemoryCopy {
     /// of bytes, and reads these bytes.
     ///
     /// # Errors
-    /// The errors of `read`.
+    /// Returns the errors of `read`.
     pub fn read<E>(
         (plc, prefix): (DeviceIndex, String),
         fitted: DeviceFit,

@@ -74,7 +74,7 @@ impl<'a> Trace<'a> {
     /// Prints the notes.
     ///
     /// # Errors
-    /// The errors of [`Trace::print_text`].
+    /// Returns the errors of [`Trace::print_text`].
     pub(crate) fn print(&self) -> Result<(), DemoError> {
         let notes = self.notes.take();
         self.print_text(&notes.iter().map(|note| self.line(note)).collect::<Result<String, _>>()?)
@@ -83,7 +83,7 @@ impl<'a> Trace<'a> {
     /// Prints the notes, then a headline for the following ones.
     ///
     /// # Errors
-    /// The errors of [`Trace::print_text`].
+    /// Returns the errors of [`Trace::print_text`].
     pub(crate) fn headline(&self, text: &str) -> Result<(), DemoError> {
         self.print()?;
         self.print_text(&format!("\n{text}\n"))

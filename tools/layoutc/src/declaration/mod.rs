@@ -147,7 +147,7 @@ impl Declarations {
     /// Reads one more file, which can use the types and constants of the others.
     ///
     /// # Errors
-    /// The errors of [`Declarations::read`].
+    /// Returns the errors of [`Declarations::read`].
     pub fn add(&mut self, path: &Path, found: io::Result<Vec<u8>>) -> Result<(), DeclarationError> {
         let wrong = |wrong| in_file(path, (TextPosition::BEGIN, wrong));
         let bytes = found.map_err(|error| wrong(Wrong::Unreadable(error.to_string())))?;

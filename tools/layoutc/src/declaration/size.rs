@@ -143,7 +143,7 @@ impl<'a> Sizes<'a> {
     /// Returns the members of a structure with their offsets. Other types have no members.
     ///
     /// # Errors
-    /// The errors of [`Sizes::size`].
+    /// Returns the errors of [`Sizes::size`].
     pub fn members(&mut self, ty: TypeId) -> Result<MemberOffsets<'a>, DeclarationError> {
         let Some(record) = self.declarations.record(ty) else { return Ok(Vec::new()) };
         self.place(ty, record, 0).map(|(placed, _)| placed).map_err(|misfit| self.in_file(misfit))
@@ -152,7 +152,7 @@ impl<'a> Sizes<'a> {
     /// Returns the type with names and arrays of arrays resolved.
     ///
     /// # Errors
-    /// The errors of [`Sizes::size`].
+    /// Returns the errors of [`Sizes::size`].
     pub fn shape(&mut self, ty: TypeId) -> Result<Shape, DeclarationError> {
         // If a type has a size, all its parts are known, and the type is finite.
         self.size(ty)?;

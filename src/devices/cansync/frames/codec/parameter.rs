@@ -236,7 +236,7 @@ impl ParameterResponse {
     /// Decodes the data field of an answer to `job`.
     ///
     /// # Errors
-    /// The errors of [`ParameterResponse::decode_alone`]; also [`CodecError::OtherParameter`],
+    /// Returns the errors of [`ParameterResponse::decode_alone`]; also [`CodecError::OtherParameter`],
     /// [`CodecError::OtherSubSlave`] or [`CodecError::Mismatch`] if the answer does not fit `job`.
     #[inline]
     pub fn decode(job: &ParameterJob, payload: &Payload) -> Result<Self, CodecError> {

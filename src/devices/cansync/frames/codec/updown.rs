@@ -261,8 +261,8 @@ impl UpDownResponse {
     /// Decodes the data field of an answer to `job`.
     ///
     /// # Errors
-    /// The errors of [`UpDownResponse::decode_alone`]; also [`CodecError::Mismatch`] if data are unrequested or
-    /// missing, and [`CodecError::OtherOffset`] if another block is acknowledged (the master's error 16#0001). The
+    /// Returns the errors of [`UpDownResponse::decode_alone`]; also [`CodecError::Mismatch`] if data are unrequested
+    /// or missing, and [`CodecError::OtherOffset`] if another block is acknowledged (the master's error 16#0001). The
     /// offset of error answers is not compared: it may be the offset that the slave expects.
     pub fn decode(job: &UpDownJob, payload: &Payload) -> Result<Self, CodecError> {
         let response = Self::decode_alone(payload)?;
