@@ -14,7 +14,7 @@ macro_rules! indices {
         pub struct $name(pub $number);
 
         impl $name {
-            /// The identity of the element at `position` of a list.
+            /// Returns the identity of the element at `position` of a list.
             #[inline]
             #[must_use]
             pub const fn at(position: usize) -> Self {
@@ -22,19 +22,19 @@ macro_rules! indices {
                 $name(position as $number)
             }
 
-            /// Position of this identity's element in lists with one element for each identity.
+            /// Returns the position of this identity's element in lists with one element for each identity.
             #[inline]
             #[must_use]
             pub const fn index(self) -> usize {
                 self.0 as usize
             }
 
-            /// The first `count` identities.
+            /// Returns the first `count` identities.
             pub fn first(count: usize) -> impl DoubleEndedIterator<Item = Self> + ExactSizeIterator {
                 (0..count).map(Self::at)
             }
 
-            /// The elements of a list, each with its identity.
+            /// Returns the elements of a list, each with its identity.
             pub fn enumerate<T: IntoIterator>(list: T) -> impl Iterator<Item = (Self, T::Item)> {
                 list.into_iter().enumerate().map(|(position, element)| (Self::at(position), element))
             }
@@ -57,14 +57,14 @@ indices! {
 }
 
 impl BusIndex {
-    /// The bus with this number in journals, in faults and on the wire.
+    /// Returns the bus with this number in journals, in faults and on the wire.
     #[inline]
     #[must_use]
     pub const fn of_number(number: u16) -> Self {
         BusIndex(number as u32)
     }
 
-    /// Number of the bus in journals, in faults and on the wire. Placeholders do not occur there.
+    /// Returns the number of the bus in journals, in faults and on the wire. Placeholders do not occur there.
     #[inline]
     #[must_use]
     pub const fn number(self) -> u16 {

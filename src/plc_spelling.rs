@@ -68,7 +68,7 @@ impl Dialect<'_> {
     }
 }
 
-/// The line with blanks in place of its texts and its comment. The quotes stay.
+/// Returns the line with blanks in place of its texts and its comment. The quotes stay.
 fn code(line: &str) -> String {
     let (mut code, mut in_text, mut last) = (String::with_capacity(line.len()), false, ' ');
     for (at, sign) in line.char_indices() {
@@ -87,7 +87,7 @@ fn code(line: &str) -> String {
     code
 }
 
-/// The words of the code with their places; a word is a name, a number or an address with all its parts.
+/// Returns the words of the code with their places; a word is a name, a number or an address with all its parts.
 fn words(code: &str) -> Vec<(usize, &str)> {
     let is_part =
         |sign: char| sign.is_ascii_alphanumeric() || matches!(sign, '_' | '#' | '.' | '%' | '[' | ']');
@@ -114,7 +114,7 @@ fn number(word: &str) -> Option<String> {
     Some(format!("{prefix}{digits}, or the text \"{word}\""))
 }
 
-/// The right spelling of a time.
+/// Returns the right spelling of a time.
 fn time(word: &str) -> Option<String> {
     let time = ["T#", "t#", "TIME#"].iter().find_map(|front| word.strip_prefix(front)).unwrap_or(word);
     let unit = time.trim_start_matches(|sign: char| sign.is_ascii_digit() || sign == '.');
@@ -125,7 +125,7 @@ fn is_unit(text: &str) -> bool {
     matches!(text, "us" | "ms" | "s" | "min" | "h")
 }
 
-/// The first text of several characters between single quotes.
+/// Returns the first text of several characters between single quotes.
 fn single_quoted(code: &str) -> Option<&str> {
     let mut parts = code.split('\'').skip(1).step_by(2);
     parts.find(|text| text.chars().count() > 1 && !text.starts_with('\\'))

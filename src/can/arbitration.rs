@@ -29,7 +29,7 @@ impl Arbitration {
         if is_remote { Arbitration(field.0 | field.rtr()) } else { field }
     }
 
-    /// The identifier.
+    /// Returns the identifier.
     #[inline]
     pub fn id(self) -> Id {
         let base = self.0 >> BASE;
@@ -42,7 +42,7 @@ impl Arbitration {
         }
     }
 
-    /// The identifier as a number of 11 or 29 bits.
+    /// Returns the identifier as a number of 11 or 29 bits.
     #[inline]
     pub fn number(self) -> u32 {
         match self.id() {
@@ -63,24 +63,24 @@ impl Arbitration {
         self.0 & self.rtr() != 0
     }
 
-    /// The field, as described at [`Arbitration`].
+    /// Returns the field, as described at [`Arbitration`].
     #[inline]
     pub(super) const fn bits(self) -> u32 {
         self.0
     }
 
-    /// The bit that marks a remote frame.
+    /// Returns the bit that marks a remote frame.
     #[inline]
     pub(super) const fn rtr(self) -> u32 {
         if self.is_extended() { EXTENDED_RTR } else { STANDARD_RTR }
     }
 
-    /// The bits of the field that distinguish the formats.
+    /// Returns the bits of the field that distinguish the formats.
     pub(super) const fn format() -> u32 {
         IDE
     }
 
-    /// Position of the bits of an identifier of this format in the field.
+    /// Returns the position of the bits of an identifier of this format in the field.
     pub(super) const fn place(self, id_bits: u32) -> u32 {
         if self.is_extended() { spread(id_bits) } else { id_bits << BASE }
     }

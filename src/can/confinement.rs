@@ -27,7 +27,7 @@ impl ErrorState {
     pub const ALL: [ErrorState; 4] =
         [ErrorState::Active, ErrorState::Warning, ErrorState::Passive, ErrorState::BusOff];
 
-    /// Name of the state for programs.
+    /// Returns the name of the state for programs.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -68,7 +68,7 @@ impl ErrorCounters {
         self.receive
     }
 
-    /// The error state that follows from the counters.
+    /// Returns the error state that follows from the counters.
     #[must_use]
     pub const fn state(self) -> ErrorState {
         let most = if self.transmit > self.receive { self.transmit } else { self.receive };

@@ -18,19 +18,19 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A data frame.
+    /// Returns a data frame.
     #[inline]
     pub fn new(id: impl Into<Id>, payload: Payload) -> Self {
         Frame { arbitration: Arbitration::new(id, false), payload }
     }
 
-    /// A data frame of the standard format. Only the lower 11 bits of `id` are used.
+    /// Returns a data frame of the standard format. Only the lower 11 bits of `id` are used.
     #[inline]
     pub fn standard(id: u16, payload: Payload) -> Self {
         Frame::new(StandardId::new(id & 0x7FF).unwrap_or(StandardId::MAX), payload)
     }
 
-    /// A frame that requests `length` bytes of data (0..=8); `None` for more.
+    /// Returns a frame that requests `length` bytes of data (0..=8); `None` for more.
     #[inline]
     pub fn remote(id: impl Into<Id>, length: usize) -> Option<Self> {
         let payload = Payload::new([0; 8].get(..length)?)?;
@@ -43,14 +43,14 @@ impl Frame {
         self.arbitration
     }
 
-    /// The length field, 0..=8: the number of bytes that the frame has or requests.
+    /// Returns the length field, 0..=8: the number of bytes that the frame has or requests.
     #[inline]
     pub const fn length(&self) -> usize {
         self.payload.len()
     }
 
-    /// The frame as numbers: the identifier, the length and the data. The identifier has SocketCAN's marks for 29 bits
-    /// (bit 31) and for a remote frame (bit 30). The first data byte is the lowest byte.
+    /// Returns the frame as numbers: the identifier, the length and the data. The identifier has SocketCAN's marks for
+    /// 29 bits (bit 31) and for a remote frame (bit 30). The first data byte is the lowest byte.
     #[must_use]
     pub fn numbers(&self) -> (u32, u8, u64) {
         let field = self.arbitration;
@@ -76,7 +76,7 @@ impl Frame {
         Some(Frame::new(id, Payload::new(data.to_le_bytes().get(..length.into())?)?))
     }
 
-    /// The data of the frame; empty for a remote frame.
+    /// Returns the data of the frame; empty for a remote frame.
     #[inline]
     pub const fn payload(&self) -> Payload {
         if self.arbitration.is_remote() { Payload::EMPTY } else { self.payload }

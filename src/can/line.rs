@@ -105,17 +105,17 @@ impl Line {
         participant.is_none_or(|participant| participant < count)
     }
 
-    /// An idle line at this rate.
+    /// Returns an idle line at this rate.
     pub const fn new(rate: BitRate) -> Self {
         Line { rate, state: LinePhase::Idle { suspended: None }, quiet_ns: 0 }
     }
 
-    /// The bit rate.
+    /// Returns the bit rate.
     pub const fn rate(&self) -> BitRate {
         self.rate
     }
 
-    /// The frame on the wire.
+    /// Returns the frame on the wire.
     pub const fn on_wire(&self) -> Option<&OnWire> {
         match &self.state {
             LinePhase::Busy(frame) => Some(frame),
@@ -123,8 +123,8 @@ impl Line {
         }
     }
 
-    /// Time since which the bus is recessive, in ns. After an error flag it may be in the future. `None` while a frame
-    /// is on the bus.
+    /// Returns the time since which the bus is recessive, in ns. After an error flag it may be in the future. `None`
+    /// while a frame is on the bus.
     pub const fn quiet_ns(&self) -> Option<u64> {
         match self.state {
             LinePhase::Busy(_) => None,
@@ -132,8 +132,8 @@ impl Line {
         }
     }
 
-    /// Time of the next event of the line itself, in ns. `None` while the line is idle, until a participant has a frame
-    /// to send.
+    /// Returns the time of the next event of the line itself, in ns. `None` while the line is idle, until a participant
+    /// has a frame to send.
     pub const fn next_ns(&self) -> Option<u64> {
         match &self.state {
             LinePhase::Idle { suspended: None } => None,
@@ -149,7 +149,7 @@ impl Line {
         matches!(self.state, LinePhase::Idle { .. }) && self.next_sender(now_ns, participants).is_some()
     }
 
-    /// The sender whose frame [`Line::advance`] would start at `now_ns`, and the frame.
+    /// Returns the sender whose frame [`Line::advance`] would start at `now_ns`, and the frame.
     pub fn next_sender(&self, now_ns: u64, participants: &impl Participants) -> Option<(usize, Frame)> {
         let suspended = self.arbitration(now_ns, participants)?;
         participants.first(now_ns, suspended.map(|(participant, _)| participant))

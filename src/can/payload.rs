@@ -51,7 +51,7 @@ impl Payload {
         Self::from_padded(bits.to_le_bytes(), 2 * if count > 4 { 4 } else { count })
     }
 
-    /// Number of data bytes, 0 to 8.
+    /// Returns the number of data bytes, 0 to 8.
     #[inline]
     pub const fn len(&self) -> usize {
         self.len as usize
@@ -63,14 +63,14 @@ impl Payload {
         self.len == 0
     }
 
-    /// The data bytes.
+    /// Returns the data bytes.
     #[inline]
     pub fn data(&self) -> &[u8] {
         // The length never exceeds 8; `min` makes this visible to the compiler.
         &self.bytes[..self.len().min(8)]
     }
 
-    /// All eight bytes; the bytes after the length are 0.
+    /// Returns all eight bytes; the bytes after the length are 0.
     #[inline]
     pub const fn padded(&self) -> [u8; 8] {
         self.bytes

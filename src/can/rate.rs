@@ -16,18 +16,18 @@ impl BitRate {
         }
     }
 
-    /// Bits per second.
+    /// Returns bits per second.
     pub const fn bit_s(self) -> u32 {
         self.0.get()
     }
 
-    /// Duration of `bits` bits in nanoseconds, rounded up.
+    /// Returns the duration of `bits` bits in nanoseconds, rounded up.
     #[inline]
     pub const fn time_ns(self, bits: u32) -> u64 {
         (bits as u64 * 1_000_000_000).div_ceil(self.0.get() as u64)
     }
 
-    /// Number of bits that begin within `ns` nanoseconds.
+    /// Returns the number of bits that begin within `ns` nanoseconds.
     pub(super) const fn bits_begun(self, ns: u64) -> u32 {
         let bits = (ns as u128 * self.0.get() as u128).div_ceil(1_000_000_000);
         if bits > u32::MAX as u128 { u32::MAX } else { bits as u32 }

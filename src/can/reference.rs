@@ -64,13 +64,13 @@ fn with_stuff_bits(frame: &Frame) -> Vec<bool> {
     sent
 }
 
-/// Number of stuff bits.
+/// Returns the number of stuff bits.
 pub(super) fn stuff_bits(frame: &Frame) -> u32 {
     (with_stuff_bits(frame).len() - stuffed_part(frame).len()) as u32
 }
 
-/// The winner if all of these frames begin at once: each station withdraws where it sends a 1 and sees a 0. If several
-/// frames have equal arbitration fields, the first of them wins.
+/// Returns the winner if all of these frames begin at once: each station withdraws where it sends a 1 and sees a 0. If
+/// several frames have equal arbitration fields, the first of them wins.
 pub(super) fn winner(frames: &[Frame]) -> Option<usize> {
     let fields: Vec<_> = frames.iter().map(arbitration_field).collect();
     let mut sending: Vec<_> = (0..frames.len()).collect();
@@ -101,7 +101,7 @@ pub(super) fn arbitration() -> impl Strategy<Value = (Id, bool)> + Clone {
     (id(), any::<bool>())
 }
 
-/// Random data bytes, or long runs of equal bits.
+/// Returns random data bytes, or long runs of equal bits.
 fn bytes() -> impl Strategy<Value = [u8; 8]> {
     let runs = prop::collection::vec(1u32..9, 64).prop_map(|runs| {
         let (mut data, mut used) = (0u64, 0);

@@ -63,7 +63,7 @@ const fn crc_tables() -> [[u16; 256]; EXTENDED_BYTES] {
     tables
 }
 
-/// The CRC of a right-aligned message of at most `BYTES` bytes.
+/// Returns the CRC of a right-aligned message of at most `BYTES` bytes.
 #[inline]
 fn crc<const BYTES: usize>(message: u128) -> u16 {
     CRC[..BYTES]
@@ -120,7 +120,7 @@ const fn stuff_byte(mut state: usize, changes: usize) -> (usize, u64) {
     (state, stuffed)
 }
 
-/// The bits of the stuffed part, right-aligned and without stuff bits, and their number.
+/// Returns the bits of the stuffed part, right-aligned and without stuff bits, and their number.
 #[inline]
 fn stuffed_part(frame: &Frame) -> (u128, u32) {
     let (field, length) = (u64::from(frame.arbitration().bits()), frame.length() as u64);
@@ -153,7 +153,7 @@ fn stuffed_bits(frame: &Frame) -> u32 {
     count + if count <= u8::BITS * standard.len() as u32 { stuff_bits(standard) } else { stuff_bits(&bytes) }
 }
 
-/// The stuff bits among the bits that `changes` describes.
+/// Returns the stuff bits among the bits that `changes` describes.
 #[inline]
 fn stuff_bits<const BYTES: usize>(changes: &[u8; BYTES]) -> u32 {
     let (mut state, mut stuffed) = (0, 0);
@@ -191,7 +191,7 @@ pub struct Airtime {
     pub occupation_ns: u64,
 }
 
-/// Duration of the frame at this rate.
+/// Returns the duration of the frame at this rate.
 #[inline]
 pub fn airtime(frame: &Frame, rate: BitRate) -> Airtime {
     let bits = bits_to_end_of_frame(frame);

@@ -252,7 +252,7 @@ impl Domain {
         shm::is_shortened(&self.prefix)
     }
 
-    /// The shared memory objects of the domain with their lengths in bytes.
+    /// Returns the shared memory objects of the domain with their lengths in bytes.
     pub(crate) fn lengths(&self) -> Vec<(PathBuf, u64)> {
         shm::lengths(&self.prefix)
     }
@@ -381,15 +381,15 @@ fn io_error(path: &FsPath, source: io::Error) -> RootError {
     RootError::Io { path: path.to_owned(), source }
 }
 
-/// The root path for iceoryx2.
+/// Returns the root path for iceoryx2.
 fn canonical(root: &FsPath) -> Result<PathBuf, RootError> {
     let path = root.canonicalize().map_err(|source| io_error(root, source))?;
     let short = path.to_str().is_some_and(|text| text.len() <= MAX_ROOT);
     if short { Ok(path) } else { Err(RootError::Unusable { path }) }
 }
 
-/// The beginning of all prefixes of an instance, by which the owner of an object can be recognized. `root` must be a
-/// path without links.
+/// Returns the beginning of all prefixes of an instance, by which the owner of an object can be recognized. `root` must
+/// be a path without links.
 pub(super) fn tag(instance: &str, root: &FsPath) -> String {
     let hash = fnv1a(&[&root.to_string_lossy(), instance]);
     format!("{CHANNEL_PREFIX}{:08x}", hash >> 32 ^ hash & 0xFFFF_FFFF)

@@ -27,7 +27,7 @@ impl Guest {
         Ok(guest)
     }
 
-    /// The node of the client; `None` while it leaves.
+    /// Returns the node of the client; `None` while it leaves.
     pub(crate) fn node(&self) -> Option<&Node<Threads>> {
         self.node.as_ref()
     }

@@ -43,8 +43,8 @@ pub(super) trait ChannelSite: Sized {
     /// Removes the directory if it is empty.
     fn remove_root(&self);
 
-    /// The directory that now has the name, if it is a new directory without an owner. Such a directory appears if a
-    /// client enters while the owner removes the old one, because iceoryx2 works with paths.
+    /// Returns the directory that now has the name, if it is a new directory without an owner. Such a directory appears
+    /// if a client enters while the owner removes the old one, because iceoryx2 works with paths.
     fn made_again(&self) -> Option<Self>;
 }
 

@@ -134,8 +134,8 @@ impl Server {
         ChannelWatch { objects: self.domain.lengths().into(), damaged: Arc::default() }
     }
 
-    /// Number of waiting or paused requests. While the number is not zero, the caller must poll after every firmware
-    /// step. With a stepped clock, it must poll immediately.
+    /// Returns the number of waiting or paused requests. While the number is not zero, the caller must poll after every
+    /// firmware step. With a stepped clock, it must poll immediately.
     pub fn waiting(&self) -> usize {
         self.waiting.len()
     }
@@ -170,7 +170,7 @@ impl Server {
         }
     }
 
-    /// The clients on these nodes.
+    /// Returns the clients on these nodes.
     fn clients_of(&self, nodes: &[UniqueNodeId]) -> Vec<UniqueClientId> {
         let mut clients = Vec::new();
         if let Some(service) = &self.service {
@@ -184,7 +184,7 @@ impl Server {
         clients
     }
 
-    /// Number of the process of a client; `None` if it has left.
+    /// Returns the number of the process of a client; `None` if it has left.
     fn process_of(&self, client: UniqueClientId) -> Option<u32> {
         let mut process = None;
         self.service.as_ref()?.dynamic_config().list_clients(|it| {

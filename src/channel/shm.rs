@@ -27,12 +27,12 @@ pub(super) fn objects(prefix: &str) -> impl Iterator<Item = PathBuf> {
         .map(|entry| entry.path())
 }
 
-/// The objects with their lengths in bytes.
+/// Returns the objects with their lengths in bytes.
 pub(super) fn lengths(prefix: &str) -> Vec<(PathBuf, u64)> {
     objects(prefix).filter_map(|path| length(&path).map(|length| (path, length))).collect()
 }
 
-/// Length of an object in bytes; `None` if there is none.
+/// Returns the length of an object in bytes; `None` if there is none.
 pub(super) fn length(path: &Path) -> Option<u64> {
     Some(path.symlink_metadata().ok()?.len())
 }

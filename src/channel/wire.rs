@@ -150,7 +150,7 @@ macro_rules! codec {
 
 ops!(codec);
 
-/// The width on the wire: its length in bytes.
+/// Returns the width on the wire: its length in bytes.
 pub(super) const fn width_code(width: Width) -> u16 {
     width.bytes() as u16
 }

@@ -28,7 +28,7 @@ impl Baseline {
         self.0.iter().flat_map(|block| block.words())
     }
 
-    /// All words, for changes.
+    /// Returns all words, for changes.
     pub(crate) fn words_mut(&mut self) -> impl Iterator<Item = &mut u64> {
         self.0.iter_mut().flat_map(|block| block.words_mut())
     }

@@ -9,8 +9,8 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
 const WORD: u32 = word::WORD as u32;
 
-/// The registers of a device that only its own firmware writes, in ascending order. The registers in the areas of ports
-/// belong to the firmware of a bus, which has its own watch for them.
+/// Returns the registers of a device that only its own firmware writes, in ascending order. The registers in the areas
+/// of ports belong to the firmware of a bus, which has its own watch for them.
 pub(crate) fn owned(layout: &'static DeviceLayout) -> impl Iterator<Item = RegisterRef> {
     let is_ports = |area| layout.ports.iter().any(|port| core::ptr::eq(port.area, area));
     let areas = layout.areas.iter().filter(move |area| !is_ports(*area));
@@ -23,7 +23,7 @@ fn owned_in(layout: &'static DeviceLayout, area: &'static Area) -> impl Iterator
     registers.filter(|register| register.owner() == Owner::Firmware)
 }
 
-/// The bits of a register in the 64-bit word that contains it.
+/// Returns the bits of a register in the 64-bit word that contains it.
 fn mask(register: &RegisterRef) -> u64 {
     word::mask(register.offset(), register.width())
 }

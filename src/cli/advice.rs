@@ -89,14 +89,14 @@ pub(super) fn improve(mut error: Error, commands: &clap::Command) -> Error {
     error
 }
 
-/// The text of an error as this program prints it, without the empty lines of removed suggestions.
+/// Returns the text of an error as this program prints it, without the empty lines of removed suggestions.
 pub(super) fn text(error: &Error) -> String {
     let text = error.render().to_string();
     let text = text.strip_prefix("error: ").unwrap_or(&text).trim_end();
     text.replace("\n  tip:\n", "\n").replace("\n\n\n", "\n\n")
 }
 
-/// The command in which the error occurred, without the name of the program: `fault add`.
+/// Returns the command in which the error occurred, without the name of the program: `fault add`.
 fn path(error: &Error, commands: &clap::Command) -> String {
     let Some(ContextValue::StyledStr(usage)) = error.get(ContextKind::Usage) else { return String::new() };
     let usage = usage.to_string();
@@ -125,7 +125,7 @@ fn of_option(
     table.iter().find(|(known, needed, _)| *known == option && has(needed)).map(|(.., right)| *right)
 }
 
-/// The options that the user can give in place of a missing argument.
+/// Returns the options that the user can give in place of a missing argument.
 fn missing(error: &Error, path: &str) -> Option<String> {
     if error.kind() != clap::error::ErrorKind::MissingRequiredArgument {
         return None;

@@ -118,13 +118,13 @@ impl Serialize for Front {
 }
 
 impl Front {
-    /// The words of the front that have named values, without the words of the display text.
+    /// Returns the words of the front that have named values, without the words of the display text.
     fn words(&self) -> impl Iterator<Item = &(&'static FrontWord, u32)> {
         self.0.iter().filter(|(word, _)| !word.is_text)
     }
 }
 
-/// The fronts as lines of text for the terminal.
+/// Returns the fronts as lines of text for the terminal.
 fn front_lines(entries: &[Entry]) -> String {
     let line = |entry: &Entry| {
         let words = entry.front.words().map(|(word, value)| format!("{} {}", word.name, word.called(*value)));
@@ -174,7 +174,7 @@ fn module_json(front: &ModuleFront) -> Value {
     module.into()
 }
 
-/// The modules as lines of text for the terminal.
+/// Returns the modules as lines of text for the terminal.
 fn module_lines(entries: &[Entry]) -> String {
     let mut lines = Vec::new();
     for Entry { plc, modules: Modules(modules), .. } in entries {
@@ -289,7 +289,7 @@ fn get(plc: Option<&str>, format: &FormatArg, instance: &Instance) -> Result<(),
     table::print(format.format, &rows, |rows| table::aligned(rows) + &front_lines(rows) + &module_lines(rows))
 }
 
-/// The boards of all PLCs, or of PLC `plc`.
+/// Returns the boards of all PLCs, or of PLC `plc`.
 ///
 /// # Errors
 /// The instance has no such PLC, or the emulator has ended.
@@ -327,7 +327,7 @@ fn set(instance: &Instance, words: &[BoardAssignment<'_>]) -> Result<(), CliErro
     Ok(())
 }
 
-/// The operation for a setting.
+/// Returns the operation for a setting.
 ///
 /// # Errors
 /// The instance has no such PLC, or the PLC has no such switch.

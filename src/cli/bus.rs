@@ -144,8 +144,8 @@ mod by_channel {
         }
     }
 
-    /// Text of a station that has an address, such as `gw:dp (5, data_exchange)`, or of a station with errors, such as
-    /// `panel:can (bus_off, 256+0)`. `None` for all other stations.
+    /// Returns the text of a station that has an address, such as `gw:dp (5, data_exchange)`, or of a station with
+    /// errors, such as `panel:can (bus_off, 256+0)`. `None` for all other stations.
     fn noteworthy(station: &Station) -> Option<String> {
         let Station { name, address, state, transmit_errors, receive_errors } = station;
         if let Some(address) = address {

@@ -147,14 +147,14 @@ fn text(rows: &[FindingRow], checked: &InstanceFindings) -> String {
     text
 }
 
-/// The note of a finding as a line, if it has one.
+/// Returns the note of a finding as a line, if it has one.
 fn note_line(row: &FindingRow) -> Option<String> {
     let FindingJson { register, note, .. } = &row.finding;
     let place = register.as_ref().map_or_else(String::new, |register| format!("{register}: "));
     note.as_ref().map(|note| format!("  {place}{note}\n"))
 }
 
-/// All rules.
+/// Returns all rules.
 pub(crate) fn rules() -> Vec<RuleRow> {
     devices::catalogue().rules.iter().copied().map(RuleRow::new).collect()
 }

@@ -148,7 +148,7 @@ fn starting(current: &str, all: impl IntoIterator<Item = (String, String)>) -> V
         .collect()
 }
 
-/// Names of registers that begin with `current`; incomplete names can be continued.
+/// Returns names of registers that begin with `current`; incomplete names can be continued.
 pub(crate) fn register_names(current: &str) -> Vec<String> {
     PlcScope::load().registers(current, "").into_iter().map(|(name, _)| name).collect()
 }

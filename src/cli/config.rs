@@ -37,7 +37,7 @@ pub(crate) struct Config {
 /// The defaults of this process, and the notes about configuration files that were ignored.
 static LOADED: OnceLock<(Config, Vec<String>)> = OnceLock::new();
 
-/// The defaults of this process.
+/// Returns the defaults of this process.
 pub(crate) fn get() -> &'static Config {
     &load().0
 }
@@ -62,7 +62,7 @@ fn load() -> &'static (Config, Vec<String>) {
     })
 }
 
-/// The files; the first one has the highest precedence.
+/// Returns the files; the first one has the highest precedence.
 fn places() -> Vec<PathBuf> {
     match std::env::var_os(VARIABLE) {
         Some(file) if file.is_empty() => Vec::new(),
@@ -145,7 +145,7 @@ impl Config {
         self.devices.clone().unwrap_or_default()
     }
 
-    /// The mode that decides whether output has colours.
+    /// Returns the mode that decides whether output has colours.
     pub(crate) fn colour(&self) -> Option<ColourMode> {
         self.color.as_deref().and_then(|color| ColourMode::from_str(color, false).ok())
     }
@@ -183,7 +183,7 @@ impl Config {
     }
 }
 
-/// The values of an option.
+/// Returns the values of an option.
 fn values<T: ValueEnum>() -> Vec<String> {
     let names = T::value_variants().iter().filter_map(ValueEnum::to_possible_value);
     names.map(|value| value.get_name().to_owned()).collect()

@@ -22,12 +22,12 @@ pub(crate) struct DeviceArg {
 }
 
 impl DeviceArg {
-    /// The register map of the device.
+    /// Returns the register map of the device.
     pub(crate) fn layout(&self) -> &'static DeviceLayout {
         self.device.layout
     }
 
-    /// The path of the device's folder, as the user has written it. `None` if the device is not in a folder.
+    /// Returns the path of the device's folder, as the user has written it. `None` if the device is not in a folder.
     pub(crate) fn folder(&self) -> Option<&str> {
         self.device.folder.as_deref()
     }
@@ -123,8 +123,8 @@ pub(crate) fn on_any_device<T>(
 /// Distance if the device has neither the area nor the name.
 const UNKNOWN: u8 = 2;
 
-/// Distance between a name or address and this device, derived from the error of the device. A smaller number means
-/// that the user more probably means this device.
+/// Returns the distance between a name or address and this device, derived from the error of the device. A smaller
+/// number means that the user more probably means this device.
 fn distance(refusal: &LayoutError) -> u8 {
     match refusal {
         LayoutError::UnknownArea { .. } | LayoutError::UnknownName { .. } => UNKNOWN,
@@ -133,7 +133,7 @@ fn distance(refusal: &LayoutError) -> u8 {
     }
 }
 
-/// The addresses of each device that begin with the same letter as `text`; all addresses if no device has such
+/// Returns the addresses of each device that begin with the same letter as `text`; all addresses if no device has such
 /// addresses.
 fn addresses_like(text: &str) -> String {
     let letter =
@@ -220,8 +220,8 @@ pub(crate) fn answer_of_instance<T>(
     })
 }
 
-/// The error that all these devices report for a name or an address. It exists if all devices refuse the text, and if
-/// the devices with such an area or such addresses return the same message.
+/// Returns the error that all these devices report for a name or an address. It exists if all devices refuse the text,
+/// and if the devices with such an area or such addresses return the same message.
 fn common_refusal<T>(
     devices: &[DeviceFit],
     look_up: impl Fn(&DeviceFit) -> Result<T, LayoutError>,

@@ -196,8 +196,8 @@ impl Blocks {
         Ok(())
     }
 
-    /// The selected bytes. Each range consists of the index of the PLC, the first byte in the image, and the number of
-    /// bytes.
+    /// Returns the selected bytes. Each range consists of the index of the PLC, the first byte in the image, and the
+    /// number of bytes.
     pub(crate) fn stretches(&self) -> Vec<(DeviceIndex, u32, u32)> {
         let of_plc = |part: &Part| {
             let plc = part.plc;
@@ -222,12 +222,12 @@ impl Blocks {
         })
     }
 
-    /// The read operations for these blocks.
+    /// Returns the read operations for these blocks.
     pub(crate) fn reads(&self) -> Vec<Read> {
         self.0.iter().flat_map(Part::reads).collect()
     }
 
-    /// The values of the registers, live or not. `data` contains the bytes of the registers in `snapshot`.
+    /// Returns the values of the registers, live or not. `data` contains the bytes of the registers in `snapshot`.
     pub(crate) fn holdings(
         &self,
         session: &Session,
@@ -273,8 +273,8 @@ fn select(fitted: &DeviceFit, name: &str) -> Result<Vec<Selection>, LayoutError>
     Ok(vec![selection])
 }
 
-/// The bytes that a name selects in a plant that does not run yet. Each range consists of the index of the PLC, the
-/// first byte in the image, and the number of bytes.
+/// Returns the bytes that a name selects in a plant that does not run yet. Each range consists of the index of the PLC,
+/// the first byte in the image, and the number of bytes.
 ///
 /// # Errors
 /// No PLC, block or register has this name.
@@ -306,7 +306,7 @@ struct Part {
 }
 
 impl Selection {
-    /// The range to read: the whole area of plain RAM, otherwise the part of the area that has registers.
+    /// Returns the range to read: the whole area of plain RAM, otherwise the part of the area that has registers.
     fn bytes(&self, session: &Session, plc: DeviceIndex) -> Result<Range<u32>, CliError> {
         let area = self.area;
         if let Some(place) = self.place {
@@ -323,7 +323,7 @@ impl Selection {
 }
 
 impl Part {
-    /// The selected bytes as offsets and lengths: one pair for each register, or one for the whole range.
+    /// Returns the selected bytes as offsets and lengths: one pair for each register, or one for the whole range.
     fn stretches(&self) -> Vec<(u32, u32)> {
         match &self.selection.registers {
             Some(registers) => registers.iter().map(|it| (it.offset(), it.width())).collect(),
@@ -384,7 +384,7 @@ impl View<'_> {
         self.selection.area
     }
 
-    /// The value of the register, or of the memory, of `len` bytes at `offset` of the image.
+    /// Returns the value of the register, or of the memory, of `len` bytes at `offset` of the image.
     fn value(&self, offset: u32, len: u32) -> u32 {
         let start = (offset - self.first) as usize;
         number(self.bytes.get(start..start + len as usize).unwrap_or_default())
@@ -395,7 +395,7 @@ impl View<'_> {
         self.area().phase(status)
     }
 
-    /// The selected registers that are live.
+    /// Returns the selected registers that are live.
     fn registers(&self) -> Vec<RegisterRef> {
         let live = self.live();
         match &self.selection.registers {
@@ -415,7 +415,7 @@ impl View<'_> {
         self.registers().iter().map(|register| self.row(register)).collect()
     }
 
-    /// The rows of the live registers. If no selected register is live, the rows of all selected registers.
+    /// Returns the rows of the live registers. If no selected register is live, the rows of all selected registers.
     fn rows_or_dead_ones(&self) -> Vec<DumpRow> {
         match (self.rows(), &self.selection.registers) {
             (rows, Some(registers)) if rows.is_empty() => registers.iter().map(|it| self.row(it)).collect(),

@@ -354,7 +354,7 @@ errors! {
     BrokenPipe => Exit::Done,
 }
 
-/// One line per condition: the value of its register, and the expected value.
+/// Returns one line per condition: the value of its register, and the expected value.
 fn lines(conditions: &[super::wait::UnmetCondition]) -> String {
     let line = |it: &super::wait::UnmetCondition| {
         let state = if it.holds { "as expected" } else { "expected:" };

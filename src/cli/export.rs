@@ -187,7 +187,7 @@ fn of_map(args: &Args, format: Format) -> Result<String, CliError> {
     Ok(export::export_scope(Scope { folder, ..scope }, format)?)
 }
 
-/// The compiler for which the declarations are written.
+/// Returns the compiler for which the declarations are written.
 fn compiler(args: &Args) -> StCompiler {
     match (args.for_matiec, args.for_strucpp) {
         (true, _) => StCompiler::Matiec,

@@ -62,7 +62,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     table::print(args.format.format, &found, |found| text(found, &words))
 }
 
-/// The devices without repetitions.
+/// Returns the devices without repetitions.
 pub(crate) fn distinct(devices: &[DeviceFit]) -> Vec<DeviceFit> {
     let mut all = Vec::new();
     for fitted in devices {
@@ -73,12 +73,12 @@ pub(crate) fn distinct(devices: &[DeviceFit]) -> Vec<DeviceFit> {
     all
 }
 
-/// The words to search for, in lower case, with blanks in place of hyphens and underscores.
+/// Returns the words to search for, in lower case, with blanks in place of hyphens and underscores.
 pub(crate) fn words<'a>(texts: impl IntoIterator<Item = &'a str>) -> Vec<String> {
     texts.into_iter().flat_map(str::split_whitespace).map(folded).collect()
 }
 
-/// The entries that contain all words, the best match first. `all`: includes reserved registers.
+/// Returns the entries that contain all words, the best match first. `all`: includes reserved registers.
 pub(crate) fn entries_with(devices: &[DeviceFit], words: &[String], all: bool) -> Vec<Entry> {
     let candidates = devices.iter().flat_map(entries).filter(|entry| all || !entry.reserved);
     let mut found: Vec<_> = candidates.filter_map(|entry| Some((rank(&entry, words)?, entry))).collect();
@@ -112,7 +112,7 @@ pub(crate) fn rank(entry: &Entry, words: &[String]) -> Option<u8> {
     texts.iter().position(holds_all).map(|rank| rank as u8)
 }
 
-/// Texts of values and bits, each with its meaning.
+/// Returns texts of values and bits, each with its meaning.
 fn values_and_bits(entry: &Entry) -> impl Iterator<Item = (String, String)> {
     let values = entry.values.iter().map(|value| (value.hex.clone(), value.meaning.clone()));
     let bits = entry.bits.iter().map(|bit| {
@@ -126,7 +126,7 @@ fn values_and_bits(entry: &Entry) -> impl Iterator<Item = (String, String)> {
     values.chain(bits)
 }
 
-/// One line per register, with the values and bits that match.
+/// Returns one line per register, with the values and bits that match.
 fn text(found: &[Entry], words: &[String]) -> String {
     let cells =
         |entry: &Entry| [&entry.name, &entry.address, &entry.ty, &entry.owner].map(Clone::clone).to_vec();

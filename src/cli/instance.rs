@@ -67,12 +67,12 @@ pub(crate) struct Instance {
 }
 
 impl Instance {
-    /// An instance that should already run: the command does not wait for its start.
+    /// Returns an instance that should already run: the command does not wait for its start.
     pub(crate) fn running(name: &str) -> Self {
         Self { named: InstanceName { name: name.to_owned() }, connect_timeout: 0 }
     }
 
-    /// An instance that may be starting, with the default waiting time.
+    /// Returns an instance that may be starting, with the default waiting time.
     pub(crate) fn starting(name: &str) -> Self {
         let connect_timeout = time::parse(STARTING).unwrap_or_default();
         Self { connect_timeout, ..Self::running(name) }

@@ -35,13 +35,13 @@ pub(crate) struct Entry {
 }
 
 impl Entry {
-    /// Name of the instance.
+    /// Returns the name of the instance.
     pub(crate) fn name(&self) -> &str {
         &self.name
     }
 }
 
-/// All instances.
+/// Returns all instances.
 ///
 /// # Errors
 /// The directory of the images cannot be read.

@@ -94,7 +94,7 @@ struct Cli {
     command: Command,
 }
 
-/// The part of the help that all commands share.
+/// Returns the part of the help that all commands share.
 fn after_help() -> String {
     let codes = Exit::ALL.map(|exit| format!("  {:<3}  {}\n", exit.code(), exit.meaning()));
     format!("{REGISTERS}\nExit codes:\n{}\n{EXAMPLES}", codes.concat())

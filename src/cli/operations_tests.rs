@@ -27,7 +27,7 @@ fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The source texts of all files in a folder.
+/// Returns the source texts of all files in a folder.
 fn sources(folder: &Path) -> String {
     let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let text = |path: PathBuf| match path.is_dir() {
@@ -37,7 +37,7 @@ fn sources(folder: &Path) -> String {
     entries.map(text).collect()
 }
 
-/// The name in a cell of the table; `None` if the cell contains a reason.
+/// Returns the name in a cell of the table; `None` if the cell contains a reason.
 fn only_name(cell: &str) -> Option<&str> {
     let name = cell.strip_prefix('`')?.strip_suffix('`')?;
     (!name.contains(['`', ' '])).then_some(name)

@@ -34,7 +34,7 @@ pub(super) fn command() -> Command {
     config::get().apply(command.arg(instance)).help_template(template)
 }
 
-/// The help with the commands in groups.
+/// Returns the help with the commands in groups.
 fn template(command: &Command) -> String {
     let head = *clap::builder::Styles::styled().get_header();
     let name = *clap::builder::Styles::styled().get_literal();
@@ -97,7 +97,7 @@ pub(super) fn with_options_after_command(
     kept.into_iter().chain(moved).chain(rest).collect()
 }
 
-/// The arguments of this process after its command, including the options that were before the command.
+/// Returns the arguments of this process after its command, including the options that were before the command.
 pub(super) fn arguments_of_command() -> impl Iterator<Item = OsString> {
     with_options_after_command(std::env::args_os().collect(), 1, &command()).into_iter().skip(2)
 }

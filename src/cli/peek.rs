@@ -127,8 +127,8 @@ impl ReadTarget {
         Ok(Self::One(session.plc_of(&place)?, place))
     }
 
-    /// The ranges of bytes of the registers. Each range consists of the index of the PLC, the first byte in the image,
-    /// and the number of bytes.
+    /// Returns the ranges of bytes of the registers. Each range consists of the index of the PLC, the first byte in the
+    /// image, and the number of bytes.
     pub(crate) fn stretches(&self) -> Vec<(DeviceIndex, u32, u32)> {
         match self {
             Self::One(plc, place) => vec![(*plc, place.offset(), place.width().bytes())],
@@ -136,7 +136,7 @@ impl ReadTarget {
         }
     }
 
-    /// The read operations for the registers.
+    /// Returns the read operations for the registers.
     pub(crate) fn reads(&self) -> Vec<Read> {
         match self {
             // If two structures overlay each other, a status register shows which one is valid. The request reads both

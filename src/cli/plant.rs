@@ -62,7 +62,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     }
 }
 
-/// The schema of plant files.
+/// Returns the schema of plant files.
 pub(super) fn schema() -> String {
     format!("{:#}\n", crate::plant::schema())
 }

@@ -123,7 +123,7 @@ fn called(path: Option<&Path>) -> String {
     path.map_or_else(|| "built-in plant".to_owned(), |path| path.display().to_string())
 }
 
-/// The text of the file, in which line numbers are searched.
+/// Returns the text of the file, in which line numbers are searched.
 fn written(path: Option<&Path>) -> String {
     match path {
         Some(path) => input_file::read(path, input_file::LONGEST_PLANT).unwrap_or_default(),

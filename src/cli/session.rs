@@ -136,12 +136,12 @@ impl Session {
         Self::map(instance, &images_of(instance).ok()?).ok()
     }
 
-    /// Name of the instance.
+    /// Returns the name of the instance.
     pub(crate) fn instance(&self) -> &str {
         &self.instance
     }
 
-    /// The names of the PLCs of the instance.
+    /// Returns the names of the PLCs of the instance.
     pub(crate) fn plcs(&self) -> &[String] {
         &self.plcs
     }
@@ -212,7 +212,7 @@ impl Session {
         plc_prefix(&self.plcs, plc)
     }
 
-    /// Size of the retain flags of PLC `plc`, in bytes.
+    /// Returns the size of the retain flags of PLC `plc`, in bytes.
     ///
     /// # Errors
     /// The emulator has ended.
@@ -220,7 +220,8 @@ impl Session {
         Ok(self.header(plc)?.retain_size.load())
     }
 
-    /// The modules of the PLC with index `plc`, each with the name of its port; `None` if the PLC is not modular.
+    /// Returns the modules of the PLC with index `plc`, each with the name of its port; `None` if the PLC is not
+    /// modular.
     ///
     /// # Errors
     /// The emulator has ended.
@@ -239,7 +240,7 @@ impl Session {
         Ok(self.header(plc)?.front_words(self.device(plc)).collect())
     }
 
-    /// A copy of the header page of PLC `plc`.
+    /// Returns a copy of the header page of PLC `plc`.
     fn header(&self, plc: DeviceIndex) -> Result<Box<Header>, CliError> {
         match &self.door {
             Access::Images(images) if let Some(image) = images.get(plc.index()) => {
@@ -263,7 +264,7 @@ impl Session {
         }
     }
 
-    /// The boards of all PLCs with the names of the PLCs.
+    /// Returns the boards of all PLCs with the names of the PLCs.
     ///
     /// # Errors
     /// The emulator has ended.
@@ -375,7 +376,7 @@ pub(crate) fn is_alive(image: &ImageInfo) -> bool {
     matches!(image.condition, Condition::Alive(_))
 }
 
-/// The process id of the emulator that serves the images.
+/// Returns the process id of the emulator that serves the images.
 pub(crate) fn alive(images: &[ImageInfo]) -> Option<u32> {
     images.iter().find_map(|image| match &image.condition {
         Condition::Alive(ImageSummary { pid, .. }) => Some(*pid),
@@ -383,7 +384,7 @@ pub(crate) fn alive(images: &[ImageInfo]) -> Option<u32> {
     })
 }
 
-/// The process id of the emulator that left the images, if no emulator serves any of them.
+/// Returns the process id of the emulator that left the images, if no emulator serves any of them.
 pub(crate) fn dead(images: &[ImageInfo]) -> Option<u32> {
     let pid = |image: &ImageInfo| match &image.condition {
         Condition::Dead(ImageSummary { pid, .. }) => Some(*pid),

@@ -43,7 +43,7 @@ pub(crate) struct Args {
     instance: Instance,
 }
 
-/// The commands and the verbs.
+/// Returns the commands and the verbs.
 fn help(commands: &clap::Command) -> String {
     let names = |names: Vec<String>| {
         let mut lines = vec![String::new()];
@@ -150,7 +150,7 @@ impl Shell {
         }
     }
 
-    /// The emulated time in microseconds; `None` if the emulator does not answer.
+    /// Returns the emulated time in microseconds; `None` if the emulator does not answer.
     fn now(&self) -> Option<u64> {
         let session = Session::open(&Instance::running(self.instance.name()), 0).ok()?;
         session.ask(Op::Info).ok()?.info().ok().map(|info| info.time_us)
@@ -265,7 +265,7 @@ impl Shell {
     }
 }
 
-/// The command line of this program, without the program name, for this instance.
+/// Returns the command line of this program, without the program name, for this instance.
 fn command(instance: &str) -> clap::Command {
     fn about(command: clap::Command, instance: &str) -> clap::Command {
         let command = command.mut_args(|arg| {

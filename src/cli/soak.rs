@@ -94,7 +94,7 @@ fn exercise(name: &str) -> Result<&'static Exercise, String> {
     })
 }
 
-/// The exercise of a device in a folder.
+/// Returns the exercise of a device in a folder.
 fn exercise_of_folder(dir: &str) -> Result<&'static Exercise, String> {
     let read = folder::find(Path::new(""), dir).and_then(|dir| folder::load(&dir));
     let exercises = read.map_err(|reason| reason.to_string())?.registered.emulation.exercises;
@@ -219,7 +219,7 @@ fn end_with(
     }
 }
 
-/// The kinds of buses of an exercise.
+/// Returns the kinds of buses of an exercise.
 fn buses(exercise: &'static Exercise) -> Result<String, CliError> {
     let plant = Round::draw(0, &[exercise])?.plant();
     let mut families: Vec<_> =

@@ -269,7 +269,7 @@ mod by_channel {
         Ok(word.map(|(word, state)| word.called(state).to_string()))
     }
 
-    /// The nodes of all PLCs with the states that their firmware reports.
+    /// Returns the nodes of all PLCs with the states that their firmware reports.
     fn nodes(session: &Session, buses: &[BusState]) -> Result<Vec<Node>, CliError> {
         let mut ports: Vec<(String, Option<(DeviceIndex, RegisterRef)>)> = Vec::new();
         for (plc, name) in DeviceIndex::enumerate(session.plcs()) {

@@ -43,17 +43,17 @@ pub(crate) fn is_on(stream: &impl RawStream) -> bool {
     AutoStream::choice(stream) != ColorChoice::Never
 }
 
-/// The prefix of an error message.
+/// Returns the prefix of an error message.
 pub(crate) fn error(text: &str) -> String {
     paint(AnsiColor::Red.on_default().bold(), text, &io::stderr())
 }
 
-/// The heading of a table or a block.
+/// Returns the heading of a table or a block.
 pub(crate) fn head(text: &str) -> String {
     paint(Style::new().bold(), text, &io::stdout())
 }
 
-/// The outcome of a test.
+/// Returns the outcome of a test.
 pub(crate) fn outcome(text: &str, is_good: bool) -> String {
     let colour = if is_good { AnsiColor::Green } else { AnsiColor::Red };
     paint(colour.on_default(), text, &io::stdout())
@@ -63,7 +63,7 @@ fn paint(style: Style, text: &str, stream: &impl RawStream) -> String {
     if is_on(stream) && !text.is_empty() { format!("{style}{text}{style:#}") } else { text.to_owned() }
 }
 
-/// Width of the terminal in characters; `None` if the output is not a terminal.
+/// Returns the width of the terminal in characters; `None` if the output is not a terminal.
 pub(crate) fn width() -> Option<usize> {
     let size = rustix::termios::tcgetwinsize(io::stdout()).ok()?;
     Some(usize::from(size.ws_col)).filter(|width| *width > 0)

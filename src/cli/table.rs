@@ -31,10 +31,10 @@ pub(crate) trait Row: Serialize {
     /// Column names for CSV and JSON; the text format shows them without the unit.
     const COLUMNS: &'static [&'static str];
 
-    /// The cells of the row, one text per column.
+    /// Returns the cells of the row, one text per column.
     fn cells(&self) -> Vec<String>;
 
-    /// The cells for the text format, which can omit the last columns.
+    /// Returns the cells for the text format, which can omit the last columns.
     fn text_cells(&self) -> Vec<String> {
         self.cells()
     }
@@ -55,7 +55,7 @@ pub(crate) fn print<R: Row>(
     }
 }
 
-/// The rows in a format; `text` produces the text format.
+/// Returns the rows in a format; `text` produces the text format.
 ///
 /// # Errors
 /// Returns the errors of [`output::json`].
@@ -72,7 +72,7 @@ pub(crate) fn formatted<R: Row>(
     })
 }
 
-/// The rows in aligned columns below a heading.
+/// Returns the rows in aligned columns below a heading.
 pub(crate) fn aligned<R: Row>(rows: &[R]) -> String {
     let lines: Vec<_> = rows.iter().map(Row::text_cells).collect();
     let count = lines.first().map_or(R::COLUMNS.len(), Vec::len);
@@ -81,7 +81,7 @@ pub(crate) fn aligned<R: Row>(rows: &[R]) -> String {
     with_head(head, lines)
 }
 
-/// Lines of cells in columns below a heading.
+/// Returns lines of cells in columns below a heading.
 pub(crate) fn with_head(head: Vec<String>, lines: Vec<Vec<String>>) -> String {
     let lines: Vec<_> = std::iter::once(head).chain(lines).collect();
     let mut rows = rows(&lines).into_iter();
@@ -89,7 +89,7 @@ pub(crate) fn with_head(head: Vec<String>, lines: Vec<Vec<String>>) -> String {
     head + &rows.map(|row| row + "\n").collect::<String>()
 }
 
-/// Lines of cells in aligned columns, two blanks between them.
+/// Returns lines of cells in aligned columns, two blanks between them.
 pub(crate) fn columns(lines: &[Vec<String>]) -> String {
     rows(lines).into_iter().map(|row| row + "\n").collect()
 }

@@ -139,7 +139,7 @@ enum TestFormat {
 }
 
 impl TestFormat {
-    /// The format of a table; `None` for events.
+    /// Returns the format of a table; `None` for events.
     fn table(self) -> Option<Format> {
         match self {
             Self::Text => Some(Format::Text),

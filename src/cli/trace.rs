@@ -105,7 +105,7 @@ enum FormatArg {
 }
 
 impl FormatArg {
-    /// The option as the user writes it.
+    /// Returns the option as the user writes it.
     fn option(self) -> String {
         let value = self.to_possible_value();
         format!("--format {}", value.as_ref().map_or("", |value| value.get_name()))
@@ -122,7 +122,7 @@ impl FormatArg {
     }
 }
 
-/// The selected kinds of records that the format supports.
+/// Returns the selected kinds of records that the format supports.
 fn kinds(args: &Args) -> Result<Vec<&'static EventKind>, CliError> {
     match args.format {
         FormatArg::Text | FormatArg::Jsonl | FormatArg::Csv | FormatArg::Vcd | FormatArg::Fst => {

@@ -24,7 +24,7 @@ impl Simulators for ScriptedSimulators {
     fn leave(&mut self) {}
 }
 
-/// A host with the built-in plant, or with the plant of a plant file.
+/// Returns a host with the built-in plant, or with the plant of a plant file.
 fn host_of(toml: &str) -> TestHost {
     let config = match toml {
         "" => PlantConfig::built_in().unwrap(),

@@ -93,7 +93,7 @@ const FORMAT: Field = Field::new(
     "On a CAN bus, 11 or 29 bits. Left out: that of `id`, extended above 16#7FF; without `id` both",
 );
 
-/// A delay of a frame or an answer.
+/// Returns a delay of a frame or an answer.
 pub(super) const fn delay(least: u64, about: &'static str) -> Field {
     Field::new("delay_us", Form::Time { least, most: MAX_DELAY_US as u64 }, about).or("us")
 }

@@ -49,7 +49,7 @@ fn registrations() -> impl Iterator<Item = Generic> {
     generic().chain(of_devices)
 }
 
-/// The sum of all kinds of events, rules and kinds of faults. From now on no device can be added.
+/// Returns the sum of all kinds of events, rules and kinds of faults. After this call, no device can be added.
 pub fn catalogue() -> &'static Catalogue {
     static SUM: LazyLock<Catalogue> = LazyLock::new(|| {
         let (mut kinds, mut rules): (Vec<&EventKind>, Vec<&Rule>) = Default::default();
@@ -68,7 +68,7 @@ pub fn catalogue() -> &'static Catalogue {
     &SUM
 }
 
-/// All kinds of faults, in the order of their numbers. From now on no device can be added.
+/// Returns all kinds of faults, in the order of their numbers. After this call, no device can be added.
 pub fn fault_kinds() -> &'static [&'static fault::FaultKind] {
     static SUM: LazyLock<Vec<&'static fault::FaultKind>> = LazyLock::new(|| {
         let own = generic().map(|it| it.faults).chain(all().iter().map(|device| device.emulation.faults));
@@ -80,7 +80,7 @@ pub fn fault_kinds() -> &'static [&'static fault::FaultKind] {
     &SUM
 }
 
-/// The kinds of faults that a device has itself.
+/// Returns the kinds of faults that a device has itself.
 pub fn faults_of_device(layout: &DeviceLayout) -> &'static [&'static fault::FaultKind] {
     of_hash(layout.layout_hash).map_or(&[], |known| known.emulation.faults)
 }

@@ -20,7 +20,7 @@ use twox_hash::XxHash3_64;
 
 /// A device as the plant file describes it.
 pub trait DeviceConfig: fmt::Debug + Send + Sync {
-    /// Name of the device, unique among the devices.
+    /// Returns the name of the device, unique among the devices.
     fn name(&self) -> &str;
 
     /// Layout of the device.
@@ -57,25 +57,25 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
         Vec::new()
     }
 
-    /// Frames that the device sends and receives at this port with its program at delivery, as far as they are known
-    /// before the device runs.
+    /// Returns frames that the device sends and receives at this port with its program at delivery, as far as they are
+    /// known before the device runs.
     fn messages(&self, port: u8) -> Vec<Message> {
         let _ = port;
         Vec::new()
     }
 
-    /// Size of the retain flags, in bytes.
+    /// Returns the size of the retain flags, in bytes.
     fn retain_bytes(&self) -> u32 {
         0
     }
 
-    /// The area that NOVRAM stores (its first structure); `None` if the device has no NOVRAM registers.
+    /// Returns the area that NOVRAM stores (its first structure); `None` if the device has no NOVRAM registers.
     /// [`Device::novram`] returns the stored part.
     fn novram(&self) -> Option<&'static layout::Area> {
         None
     }
 
-    /// The folder with the files of the device, if it is not a device of the program.
+    /// Returns the folder with the files of the device, if it is not a device of the program.
     fn folder(&self) -> Option<&Path> {
         None
     }
@@ -88,7 +88,8 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
     -> Result<(Box<dyn Device>, Vec<Plug>), BuildError>;
 }
 
-/// A number that differs between plants with different settings of a device or bus, within one version of commram.
+/// Returns a number that differs between plants with different settings of a device or bus, within one version of
+/// commram.
 #[must_use]
 pub fn settings_number(settings: &dyn fmt::Debug) -> u64 {
     XxHash3_64::oneshot(format!("{settings:?}").as_bytes())
@@ -137,7 +138,7 @@ pub struct Doubt {
 
 /// A bus as the plant file describes it.
 pub trait BusSection: fmt::Debug + Send + Sync {
-    /// Name of the bus, unique among the buses.
+    /// Returns the name of the bus, unique among the buses.
     fn name(&self) -> &str;
 
     /// Checks the settings.
@@ -162,7 +163,7 @@ pub trait BusSection: fmt::Debug + Send + Sync {
         Vec::new()
     }
 
-    /// Frames on the bus that do not depend on its devices.
+    /// Returns frames on the bus that do not depend on its devices.
     fn messages(&self) -> Vec<Message> {
         Vec::new()
     }

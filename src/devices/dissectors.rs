@@ -10,7 +10,7 @@ use crate::layout::Meaning;
 use crate::profibus::{Answer, FunctionCode, Request};
 use std::fmt::Write;
 
-/// The decoders of all kinds of buses: statements in Lua that fill a table `decoders`.
+/// Returns the decoders of all kinds of buses: statements in Lua that fill a table `decoders`.
 #[must_use]
 pub fn dissectors() -> String {
     let mut text = include_str!("dissectors/can.lua").to_owned();
@@ -35,7 +35,7 @@ pub fn dissectors() -> String {
     text
 }
 
-/// The ranges of values and their texts.
+/// Returns the ranges of values and their texts.
 fn texts(meaning: &'static Meaning) -> impl Iterator<Item = (u32, u32, String)> {
     meaning.values.iter().map(|value| (value.first, value.last, value.text.to_owned()))
 }
@@ -45,7 +45,7 @@ fn table(name: &str, rows: impl Iterator<Item = (u32, u32, String)>) -> String {
     format!("local {name} = {{\n{}}}\n", rows.collect::<String>())
 }
 
-/// The meaning of a function code; `None` if slaves and masters do not use it.
+/// Returns the meaning of a function code; `None` if slaves and masters do not use it.
 fn code(octet: u8) -> Option<String> {
     let text = match FunctionCode::parse(octet) {
         FunctionCode::Request { request, fcb, fcv, is_high } => {

@@ -18,7 +18,7 @@ use std::sync::LazyLock;
 const DRAWN: usize = 1000;
 const KEPT: usize = 24;
 
-/// A PLC of each device, named by a number like the buses.
+/// Returns a PLC of each device, named by a number like the buses.
 pub(super) fn names() -> Names {
     Names {
         plcs: (0..all().len()).map(|plc| format!("{plc}")).collect(),
@@ -33,7 +33,7 @@ pub(super) fn line(mut format: impl Format, record: &Record) -> String {
     line
 }
 
-/// Words of a line without numbers and octets.
+/// Returns words of a line without numbers and octets.
 fn shape(line: &str) -> Vec<&str> {
     let words = line.split(|it: char| !it.is_alphanumeric() && it != '_');
     words

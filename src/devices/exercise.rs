@@ -41,7 +41,7 @@ pub struct Move {
 }
 
 impl Move {
-    /// A move with the usual weight.
+    /// Returns a move with the usual weight.
     #[must_use]
     pub const fn new(name: &'static str, parameters: &'static [RangeInclusive<i64>]) -> Self {
         Move { name, parameters, weight: 1 }

@@ -340,7 +340,7 @@ fn each_mistake_names_the_field_and_a_correct_value() {
     }
 }
 
-/// Kinds with each of their fields and a value that suits it.
+/// Returns kinds with each of their fields and a value that suits it.
 fn each_field() -> impl Iterator<Item = (&'static FaultKind, usize)> {
     fault_kinds().iter().flat_map(|kind| (0..kind.fields().len()).map(|index| (*kind, index)))
 }
@@ -401,7 +401,7 @@ fn the_documentation_lists_exactly_these_kinds_and_fields() {
     assert_eq!(table, expected, "{rows:?}");
 }
 
-/// A kind in the table, a row for each of its fields.
+/// Returns a kind in the table, a row for each of its fields.
 fn rows_of(kind: &'static FaultKind) -> Vec<String> {
     let acts_on = match kind.place() {
         TargetKind::Bus => "a bus",

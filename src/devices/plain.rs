@@ -47,7 +47,7 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         false
     }
 
-    /// Time of the next event of the firmware; `u64::MAX` if there is none.
+    /// Returns the time of the next event of the firmware; `u64::MAX` if there is none.
     fn next_time(&self) -> u64 {
         u64::MAX
     }
@@ -57,13 +57,13 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         let _ = ctx;
     }
 
-    /// The area with registers that keep their values at power-on and reset; NOVRAM stores the first structure of the
-    /// area.
+    /// Returns the area with registers that keep their values at power-on and reset; NOVRAM stores the first structure
+    /// of the area.
     fn kept(&self) -> Option<&'static Area> {
         None
     }
 
-    /// Contents of NOVRAM, and a number that changes with them; empty if there is none.
+    /// Returns the contents of NOVRAM, and a number that changes with them; empty if there is none.
     fn novram(&self) -> (&[u8], u32) {
         (&[], 0)
     }

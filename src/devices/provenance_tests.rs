@@ -27,7 +27,7 @@ fn meanings() -> BTreeMap<&'static str, &'static Meaning> {
     registers().filter_map(|register| register.meaning).map(|meaning| (meaning.name, meaning)).collect()
 }
 
-/// All sources of a meaning with the texts that they cover.
+/// Returns all sources of a meaning with the texts that they cover.
 fn sources(meaning: &Meaning) -> Vec<(&'static str, Provenance)> {
     let values = |of: &'static [ValueMeaning]| of.iter().map(|value| (value.text, value.source));
     let bits = meaning.bits.iter().flat_map(|bit| values(bit.values).chain([(bit.name, bit.source)]));

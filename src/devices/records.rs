@@ -130,7 +130,7 @@ pub enum BoardEvent {
 const NO_DIP: u64 = 1 << 8;
 
 impl BoardEvent {
-    /// Number of the event kind, and the numbers of the event.
+    /// Returns the number of the event kind, and the numbers of the event.
     fn words(&self) -> (u8, u64) {
         let address_words =
             |config: u32, address: Ipv4Addr| u64::from(config) << 32 | u64::from(address.to_bits());

@@ -37,7 +37,7 @@ pub struct Registered {
 }
 
 impl Registered {
-    /// A device with registers only. Use it as the base of a struct update to set other properties:
+    /// Returns a device with registers only. Use it as the base of a struct update to set other properties:
     /// `Registered { blocks: BLOCKS, ..Registered::new(&DEVICE) }`.
     #[must_use]
     pub const fn new(layout: &'static Layout) -> Self {
@@ -210,25 +210,25 @@ pub fn register(device: &'static Registered) -> Result<(), RegisterError> {
     REGISTRY.register(device)
 }
 
-/// Every device, the default one first. From now on no device can be added.
+/// Returns every device, the default one first. After this call, no device can be added.
 #[must_use]
 pub fn all() -> &'static [&'static Registered] {
     REGISTRY.all()
 }
 
-/// The device that is used if no name is given.
+/// Returns the device that is used if no name is given.
 #[must_use]
 pub fn default() -> &'static Registered {
     BUILT_IN[0]
 }
 
-/// The device with this name, which `--device` and plant files use.
+/// Returns the device with this name, which `--device` and plant files use.
 #[must_use]
 pub fn find(name: &str) -> Option<&'static Registered> {
     all().iter().copied().find(|it| it.layout.name == name)
 }
 
-/// The device of an image with this layout hash in its header, or of a folder that this process has read.
+/// Returns the device of an image with this layout hash in its header, or of a folder that this process has read.
 #[must_use]
 pub fn of_hash(hash: u64) -> Option<&'static Registered> {
     let known = all().iter().copied().find(|it| it.layout.layout_hash == hash);

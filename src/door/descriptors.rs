@@ -32,8 +32,8 @@ pub(super) fn check_room() -> io::Result<()> {
     Err(io::Error::other(text))
 }
 
-/// Number of open descriptors of this process that are below `limit`. The operating system gives no higher numbers. The
-/// descriptor that this function opens is not counted.
+/// Returns the number of open descriptors of this process that are below `limit`. The operating system gives no higher
+/// numbers. The descriptor that this function opens is not counted.
 fn used_below(limit: u64) -> io::Result<u64> {
     let mut used = 0;
     for entry in std::fs::read_dir("/proc/self/fd")? {

@@ -151,7 +151,7 @@ impl Doors {
         before - self.doors.len()
     }
 
-    /// The doors of a bus, in the order in which they were opened.
+    /// Returns the doors of a bus, in the order in which they were opened.
     #[must_use]
     pub fn of_bus(&self, bus: BusIndex) -> Vec<DoorState> {
         let is_its =

@@ -132,13 +132,13 @@ impl Guest {
         self.inner().has_opened
     }
 
-    /// Number of messages that the plant has not yet taken from the guest.
+    /// Returns the number of messages that the plant has not yet taken from the guest.
     #[must_use]
     pub fn waiting(&self) -> usize {
         self.inner().to_plant.len()
     }
 
-    /// The next message from the guest. [`Guest::sent`] removes it.
+    /// Returns the next message from the guest. [`Guest::sent`] removes it.
     #[must_use]
     pub fn next_to_send(&self) -> Option<BusMessage> {
         self.inner().to_plant.front().cloned()
@@ -185,7 +185,7 @@ impl Guest {
         }
     }
 
-    /// The relation of the guest to emulated time.
+    /// Returns the relation of the guest to emulated time.
     #[must_use]
     pub fn seat(&self) -> GuestTurn {
         self.inner().seat
@@ -209,7 +209,7 @@ impl Guest {
         inner.seat.begin(now);
     }
 
-    /// The bit time on the guest's bus at this emulated time; 0 if the bus counts no bit times.
+    /// Returns the bit time on the guest's bus at this emulated time; 0 if the bus counts no bit times.
     pub(super) fn bit_at(&self, time_us: u64) -> u64 {
         BusRate::new(self.inner().bus_bit_s).map_or(0, |rate| rate.bits_at(time_us))
     }
@@ -323,7 +323,7 @@ impl Adapter for &Guest {
 
 #[cfg(test)]
 impl Guest {
-    /// A guest that the test controls.
+    /// Returns a guest that the test controls.
     pub(crate) fn of_a_test(bus: BusIndex, number: u8) -> std::sync::Arc<Self> {
         Guest::new(bus, number, "slcan-tcp:127.0.0.1:0".parse().unwrap()).into()
     }
@@ -352,7 +352,7 @@ impl Guest {
         self.leave();
     }
 
-    /// The next message to the guest, if it is bus traffic.
+    /// Returns the next message to the guest, if it is bus traffic.
     pub(crate) fn hears(&self) -> Option<BusMessage> {
         match self.take_news()? {
             GuestMessage::Heard { message, .. } => Some(message),
@@ -360,7 +360,7 @@ impl Guest {
         }
     }
 
-    /// Number of frames that wait for the guest.
+    /// Returns the number of frames that wait for the guest.
     pub(crate) fn heard(&self) -> usize {
         self.inner().to_guest.len()
     }

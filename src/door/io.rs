@@ -78,7 +78,7 @@ enum NoPlace {
 }
 
 impl Present {
-    /// Number of known guests that occupy a place.
+    /// Returns the number of known guests that occupy a place.
     fn known(&self) -> usize {
         self.guests.iter().filter(|guest| !guest.is_given_up()).count()
     }
@@ -136,7 +136,7 @@ impl Shared {
         *self.present().refused.entry(door).or_default() += 1;
     }
 
-    /// Number of guests that were rejected at a door.
+    /// Returns the number of guests that were rejected at a door.
     pub(super) fn refused(&self, door: usize) -> u64 {
         self.present().refused.get(&door).copied().unwrap_or_default()
     }

@@ -25,17 +25,18 @@ impl fmt::Display for TrafficKind {
 
 /// A protocol of doors.
 pub(super) trait Protocol: Sync {
-    /// Name of the protocol. The names of its doors begin with this name: `slcan` gives `slcan-tcp`.
+    /// Returns the name of the protocol. The names of its doors begin with this name: `slcan` gives `slcan-tcp`.
     fn name(&self) -> &'static str;
 
     /// Kind of messages. It decides on which buses the protocol's doors can be.
     fn traffic_kind(&self) -> TrafficKind;
 
-    /// Number on the channel of the protocol's doors over TCP. The numbers of all kinds of doors differ, are not 0, and
-    /// never change.
+    /// Returns the number on the channel of the protocol's doors over TCP. The numbers of all kinds of doors differ,
+    /// are not 0, and never change.
     fn tcp_number(&self) -> u16;
 
-    /// Number on the channel of the protocol's doors over a pseudo-terminal; `None` if the protocol has no such doors.
+    /// Returns the number on the channel of the protocol's doors over a pseudo-terminal; `None` if the protocol has no
+    /// such doors.
     fn pty_number(&self) -> Option<u16> {
         None
     }

@@ -72,7 +72,7 @@ impl GuestTurn {
         had_turn
     }
 
-    /// Time of the guest's turn; `u64::MAX` if it waits for no turn, and 0 if the turn has already come.
+    /// Returns the time of the guest's turn; `u64::MAX` if it waits for no turn, and 0 if the turn has already come.
     #[must_use]
     pub fn next_turn(self) -> u64 {
         match self {

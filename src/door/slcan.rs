@@ -55,7 +55,7 @@ impl Rate {
         codes.peek().is_none() || codes.any(|code| code == self.0)
     }
 
-    /// The code: the number that follows `S`.
+    /// Returns the code: the number that follows `S`.
     #[must_use]
     pub const fn code(self) -> u8 {
         self.0

@@ -123,7 +123,7 @@ impl DoorSpec {
         })
     }
 
-    /// Number of this kind of door on the channel.
+    /// Returns the number of this kind of door on the channel.
     #[must_use]
     pub fn number(self) -> u16 {
         let protocol = self.protocol();
@@ -151,7 +151,7 @@ impl DoorSpec {
         self.carrier
     }
 
-    /// Address at which the door listens, if it is a door over TCP.
+    /// Returns the address at which the door listens, if it is a door over TCP.
     #[must_use]
     pub const fn address(self) -> Option<SocketAddrV4> {
         match self.carrier {

@@ -237,12 +237,13 @@ pub(crate) fn c_type(ty: RegType) -> &'static str {
     }
 }
 
-/// The name of a field, with `_` appended if C or C++ has another use of it.
+/// Returns the name of a field, with `_` appended if C or C++ has another use of it.
 fn field_name(name: &str) -> String {
     if KEYWORDS.split_whitespace().any(|word| word == name) { format!("{name}_") } else { name.to_owned() }
 }
 
-/// The name of a type, a function or a macro, with `_` appended if C, C++ or the header itself has another use of it.
+/// Returns the name of a type, a function or a macro, with `_` appended if C, C++ or the header itself has another use
+/// of it.
 fn free_name(name: &str) -> String {
     let is_part = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let is_used = [PROLOGUE, ATTACH, TASKS, EPILOGUE]

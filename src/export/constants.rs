@@ -37,7 +37,7 @@ pub struct Enumeration {
 }
 
 impl Enumeration {
-    /// The enumeration of a meaning.
+    /// Returns the enumeration of a meaning.
     pub(crate) fn of(meaning: &Meaning) -> Self {
         let name = upper(meaning.name);
         let (shifts, members): (Vec<_>, Vec<_>) = of(meaning).into_iter().partition(|it| it.is_shift);
@@ -51,12 +51,13 @@ impl Enumeration {
     }
 }
 
-/// The enumerations of all registers in a scope, in the order of the registers.
+/// Returns the enumerations of all registers in a scope, in the order of the registers.
 pub fn enumerations(scope: &Scope) -> Vec<Enumeration> {
     scope.meanings().iter().map(|(meaning, _)| Enumeration::of(meaning)).collect()
 }
 
-/// The constants of a meaning: first for its values, then for its bits. Reserved values and bits have no constants.
+/// Returns the constants of a meaning: first for its values, then for its bits. Reserved values and bits have no
+/// constants.
 pub(crate) fn of(meaning: &Meaning) -> Vec<Constant> {
     let mut constants = values(&upper(meaning.name), meaning.values, 0);
     for field in meaning.bits.iter().filter(|field| !field.reserved) {
@@ -66,7 +67,7 @@ pub(crate) fn of(meaning: &Meaning) -> Vec<Constant> {
     constants
 }
 
-/// The constants for single values, named by their meaning alone. Ranges and reserved values have none.
+/// Returns the constants for single values, named by their meaning alone. Ranges and reserved values have none.
 pub(crate) fn singles(known: &[ValueMeaning]) -> Vec<Constant> {
     let alone = known.iter().filter(|value| value.first == value.last);
     let mut constants: Vec<_> = alone.flat_map(|value| values("", core::slice::from_ref(value), 0)).collect();

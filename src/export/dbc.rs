@@ -94,7 +94,7 @@ impl<'a> Nodes<'a> {
         Nodes { places: in_order.into_iter().zip(0..).collect(), names }
     }
 
-    /// A list of the names in the database.
+    /// Returns a list of the names in the database.
     fn list(&self, names: &[String], between: &str) -> String {
         let of = |name: &String| self.places.get(name.as_str()).and_then(|place| self.names.get(*place));
         let names: Vec<&str> = names.iter().filter_map(of).map(String::as_str).collect();
@@ -102,7 +102,7 @@ impl<'a> Nodes<'a> {
     }
 }
 
-/// The name as an identifier of C, as the format requires, with `_` appended if it is a word of the format.
+/// Returns the name as an identifier of C, as the format requires, with `_` appended if it is a word of the format.
 fn identifier(name: &str) -> String {
     let mut text: String =
         name.chars().map(|c| if c.is_ascii_alphanumeric() || c == '_' { c } else { '_' }).collect();

@@ -61,7 +61,7 @@ fn texts<'a>(number: usize, values: impl IntoIterator<Item = (u32, &'a str)>) ->
     format!("PrmText={number}\n{}EndPrmText\n\n", values.collect::<String>())
 }
 
-/// The texts of a register with a separate text for every value.
+/// Returns the texts of a register with a separate text for every value.
 fn listed(parameter: &Parameter) -> Option<&'static [ValueMeaning]> {
     let values = parameter.register.meaning?.values;
     (parameter.bit.is_none() && values.iter().all(|value| value.first == value.last)).then_some(values)

@@ -55,7 +55,7 @@ pub(crate) fn by_name() -> String {
     format!("{RULES}{ACCESS}{NAMES}")
 }
 
-/// The rules of located variables, for compilers that pass their addresses as numbers.
+/// Returns the rules of located variables, for compilers that pass their addresses as numbers.
 pub(crate) fn rules() -> &'static str {
     RULES
 }
@@ -136,7 +136,7 @@ fn flags(scope: &Scope) -> Option<&'static Area> {
     })
 }
 
-/// The areas that are memory of programs, in this order: retain flags, other flags, all other areas.
+/// Returns the areas that are memory of programs, in this order: retain flags, other flags, all other areas.
 fn program_memory(scope: &Scope, retain: Option<&'static Area>) -> Vec<&'static Area> {
     let mut memory: Vec<_> = retain.into_iter().chain(flags(scope)).collect();
     for area in scope.areas.iter().copied().filter(|area| is_programs(scope, area)) {
@@ -147,7 +147,7 @@ fn program_memory(scope: &Scope, retain: Option<&'static Area>) -> Vec<&'static 
     memory
 }
 
-/// The ranges of bytes without gaps that the areas cover, each as first byte and end.
+/// Returns the ranges of bytes without gaps that the areas cover, each as first byte and end.
 fn stretches(areas: &[&Area]) -> Vec<(u32, u32)> {
     let mut areas: Vec<_> = areas.iter().map(|area| (area.first, area.first + area.bytes)).collect();
     areas.sort_unstable();
@@ -194,7 +194,7 @@ fn bits(areas: &[&Area]) -> String {
     )
 }
 
-/// The C program around a program that matiec compiled with the glue.
+/// Returns the C program around a program that matiec compiled with the glue.
 pub(crate) fn main(scope: &Scope) -> String {
     runner::generate(scope, &MATIEC)
 }

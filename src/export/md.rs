@@ -155,13 +155,13 @@ fn of_bits(field: &BitField) -> Vec<String> {
     vec![bits, texts.join("; ").replace("{}", "n"), field.source.to_string()]
 }
 
-/// A table with a head.
+/// Returns a table with a head.
 pub fn table<S: AsRef<str>>(head: &[S], rows: impl Iterator<Item = Vec<String>>) -> String {
     let rule = vec!["---"; head.len()];
     line(head) + &line(&rule) + &rows.map(|row| line(&row)).collect::<String>()
 }
 
-/// A row of a table.
+/// Returns a row of a table.
 pub(crate) fn line<S: AsRef<str>>(cells: &[S]) -> String {
     let escape = |cell: &S| cell.as_ref().replace('|', "\\|").replace('\n', " ");
     format!("| {} |\n", cells.iter().map(escape).collect::<Vec<_>>().join(" | "))

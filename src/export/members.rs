@@ -29,12 +29,12 @@ pub(crate) struct Group {
 }
 
 impl Group {
-    /// Name of the member.
+    /// Returns the name of the member.
     pub(crate) const fn member_name(&self) -> &'static str {
         self.first.group
     }
 
-    /// Name of the type.
+    /// Returns the name of the type.
     pub(crate) const fn type_name(&self) -> &'static str {
         self.first.group_type
     }
@@ -49,7 +49,7 @@ impl Group {
         format!("Sub-structure {}.{name}{sources}", self.member_name())
     }
 
-    /// Size of one element in bytes.
+    /// Returns the size of one element in bytes.
     pub(crate) const fn bytes(&self) -> u32 {
         self.first.group_bytes
     }
@@ -59,12 +59,12 @@ impl Group {
         self.first.dims.get(..self.first.group_dims).unwrap_or_default()
     }
 
-    /// Offset of the first element in the structure. The first register of a sub-structure begins with it.
+    /// Returns the offset of the first element in the structure. The first register of a sub-structure begins with it.
     pub(crate) const fn offset(&self) -> u32 {
         self.first.offset
     }
 
-    /// The parts of one element.
+    /// Returns the parts of one element.
     pub(crate) fn members(&self) -> Vec<Member> {
         members(self.registers, self.offset(), self.bytes(), Member::Register)
     }
@@ -75,7 +75,7 @@ pub(crate) fn own_dims(register: &'static Register) -> &'static [Dim] {
     register.dims.get(register.group_dims..).unwrap_or_default()
 }
 
-/// The parts of a structure in ascending order, without gaps.
+/// Returns the parts of a structure in ascending order, without gaps.
 pub(crate) fn of(structure: &'static Structure) -> Vec<Member> {
     members(structure.registers, 0, structure.bytes, |register| {
         if register.group.is_empty() {
@@ -89,7 +89,7 @@ pub(crate) fn of(structure: &'static Structure) -> Vec<Member> {
     })
 }
 
-/// The sub-structure types of several structures, each once.
+/// Returns the sub-structure types of several structures, each once.
 pub(crate) fn groups(structures: &[&'static Structure]) -> Vec<Group> {
     let mut found: Vec<Group> = Vec::new();
     for member in structures.iter().flat_map(|structure| of(structure)) {

@@ -100,7 +100,7 @@ impl Format {
         Self::Md,
     ];
 
-    /// The name on the command line.
+    /// Returns the name on the command line.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -188,7 +188,7 @@ pub fn export(
     export_scope(Scope::new(device, block)?, format)
 }
 
-/// The registers of `scope` in `format`.
+/// Returns the registers of `scope` in `format`.
 ///
 /// # Errors
 /// Like [`export()`].

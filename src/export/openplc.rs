@@ -22,7 +22,7 @@ pub(crate) fn generate(scope: &Scope) -> String {
 
 const FORMAT: &str = "openplc";
 
-/// The hardware layer.
+/// Returns the hardware layer.
 pub(crate) fn hardware_layer(scope: &Scope) -> String {
     text::template(scope, "openplc --main", LAYER)
 }

@@ -181,7 +181,7 @@ fn values(values: &[ValueMeaning]) -> String {
     values.iter().map(value).collect::<String>().trim_end().to_owned()
 }
 
-/// The decision from which a meaning follows, or `None`.
+/// Returns the decision from which a meaning follows, or `None`.
 fn decision(source: &Provenance) -> String {
     source.decision().map_or("None".to_owned(), |decision| format!("{decision:?}"))
 }

@@ -16,7 +16,7 @@ pub struct Scope {
 }
 
 impl Scope {
-    /// The whole device, or only the area with the name `block`.
+    /// Returns the whole device, or only the area with the name `block`.
     ///
     /// # Errors
     /// [`LayoutError`] if there is no such area.
@@ -37,12 +37,12 @@ impl Scope {
         self.block.is_none()
     }
 
-    /// All structures with their places, in ascending order.
+    /// Returns all structures with their places, in ascending order.
     pub fn placed(&self) -> impl Iterator<Item = (&'static Area, &'static AreaStructure)> {
         self.areas.iter().flat_map(|area| area.structures.iter().map(move |placed| (*area, placed)))
     }
 
-    /// The structures, each once.
+    /// Returns the structures, each once.
     pub fn structures(&self) -> Vec<&'static Structure> {
         let mut found: Vec<&'static Structure> = Vec::new();
         for (_, placed) in self.placed() {
@@ -53,7 +53,7 @@ impl Scope {
         found
     }
 
-    /// The meanings that registers refer to, each once, with the first of these registers.
+    /// Returns the meanings that registers refer to, each once, with the first of these registers.
     pub fn meanings(&self) -> Vec<(&'static Meaning, &'static Register)> {
         let mut found: Vec<(&'static Meaning, &'static Register)> = Vec::new();
         for register in self.structures().iter().flat_map(|structure| structure.registers) {

@@ -76,7 +76,7 @@ pub(crate) fn generate(scope: &Scope, form: StForm, blocks: Option<&str>) -> Str
     }
 }
 
-/// A configuration that runs `MAIN`. Configuration and resource have the names that OpenPLC builds.
+/// Returns a configuration that runs `MAIN`. Configuration and resource have the names that OpenPLC builds.
 fn configuration(variables: &str) -> String {
     format!(
         "(* Replace task and program by your own. Declare each register that a program uses in its VAR_EXTERNAL. *)\n\
@@ -104,7 +104,7 @@ fn types(scope: &Scope, form: StForm) -> String {
     format!("{}{small}{}{large}", declare(false), declare(true))
 }
 
-/// The variables with the manual's names.
+/// Returns the variables with the manual's names.
 fn structures(scope: &Scope, form: StForm) -> String {
     let mut out = String::new();
     let mut spellings = Spellings::default();
@@ -138,7 +138,7 @@ impl Spellings {
     }
 }
 
-/// A variable for each register that the node in this area uses.
+/// Returns a variable for each register that the node in this area uses.
 fn elementary(scope: &Scope, compiler: StCompiler) -> String {
     let mut out = String::new();
     let mut spellings = Spellings::default();
@@ -189,7 +189,8 @@ const KEYWORDS: &str = "action and any array at bool by byte case configuration 
     ulint until usint var var_access var_config var_external var_global var_in_out var_input var_output var_temp while with \
     word wstring xor";
 
-/// A name of a structure or of its member: with `r_` in front if it is a word of the language, in which case does not matter.
+/// Returns a name of a structure or of its member: with `r_` in front if it is a word of the language, in which case
+/// does not matter.
 fn identifier(name: &str) -> String {
     let is_keyword = KEYWORDS.split_whitespace().any(|word| word.eq_ignore_ascii_case(name));
     if is_keyword { format!("r_{name}") } else { name.to_owned() }
@@ -217,7 +218,7 @@ impl Array {
         format!("{}{counts}_BMARRAY", self.element)
     }
 
-    /// The element type after the first index, if it is an array.
+    /// Returns the element type after the first index, if it is an array.
     fn inner(&self) -> Option<Self> {
         let (_, rest) = self.counts.split_first()?;
         (!rest.is_empty()).then(|| Self {

@@ -23,7 +23,7 @@ pub(crate) fn generate(scope: &Scope) -> String {
     )
 }
 
-/// The C++ program around a program that STruC++ compiled with the header.
+/// Returns the C++ program around a program that STruC++ compiled with the header.
 pub(crate) fn main(scope: &Scope) -> String {
     runner::generate(scope, &STRUCPP)
 }

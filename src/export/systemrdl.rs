@@ -15,7 +15,7 @@ const KEYWORDS: &str = "abstract accesstype addressingtype addrmap alias all alt
     ruser rw rw1 shortint shortreal signal signed string struct sw this true type unsigned w w1 wclr within with woclr woset \
     wot wr wset wuser wzc wzs wzt";
 
-/// A name in SystemRDL.
+/// Returns a name in SystemRDL.
 fn identifier(name: &str) -> String {
     if KEYWORDS.split_whitespace().any(|word| word == name) { format!("\\{name}") } else { name.to_owned() }
 }
@@ -175,13 +175,13 @@ fn field_name(field: &BitField) -> String {
     format!("f_{}", upper(field.name).to_lowercase())
 }
 
-/// Name of the enumeration for the values of a meaning, or of one of its fields.
+/// Returns the name of the enumeration for the values of a meaning, or of one of its fields.
 fn enumeration_of(meaning: &Meaning, field: Option<&BitField>) -> String {
     let of = field.map_or(String::new(), |field| format!("_{}", upper(field.name).to_lowercase()));
     format!("e_{}{of}", meaning.name)
 }
 
-/// The property that gives a field its enumeration, if it has one.
+/// Returns the property that gives a field its enumeration, if it has one.
 fn encode(enumeration: &str, values: &[ValueMeaning]) -> String {
     if constants::singles(values).is_empty() { String::new() } else { format!(" encode = {enumeration};") }
 }

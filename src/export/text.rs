@@ -4,7 +4,7 @@ use super::scope::Scope;
 use crate::layout::{AreaStructure, DeviceLayout, Dim, Provenance, Register, Space, Structure};
 use std::collections::BTreeSet;
 
-/// Text of the comment at the head of every exported file.
+/// Returns the text of the comment at the head of every exported file.
 pub(crate) fn banner(scope: &Scope, format: &str) -> Vec<String> {
     let device = scope.device;
     let mut banner = vec![
@@ -31,7 +31,7 @@ pub(crate) fn banner(scope: &Scope, format: &str) -> Vec<String> {
     banner
 }
 
-/// The device, and the folder that describes it.
+/// Returns the device, and the folder that describes it.
 fn title(scope: &Scope) -> String {
     let DeviceLayout { title, manual, .. } = scope.device;
     format!("Registers of the {title}{} (manual {manual}).", folder(scope))
@@ -44,8 +44,8 @@ pub(crate) fn folder(scope: &Scope) -> String {
         .map_or_else(String::new, |path| format!(", device {} in the folder {path}", scope.device.name))
 }
 
-/// The path of the device's folder. `?` replaces each character that could end a comment or a word of a shell, for which
-/// a shell then finds the folder.
+/// Returns the path of the device's folder. `?` replaces each character that could end a comment or a word of a shell,
+/// for which a shell then finds the folder.
 fn path(scope: &Scope) -> Option<String> {
     let plain = |sign: char| match sign {
         '.' | '/' | '_' | '-' | '+' | '@' | '~' => sign,
@@ -62,20 +62,20 @@ pub(crate) fn template(scope: &Scope, format: &str, rest: &str) -> String {
     format!("/*\n{head}{rest}")
 }
 
-/// The command that generates the export.
+/// Returns the command that generates the export.
 pub(crate) fn command(scope: &Scope, format: &str) -> String {
     let block = scope.block.map_or_else(String::new, |block| format!(" --block {block}"));
     let device = path(scope).unwrap_or_else(|| scope.device.name.to_owned());
     format!("commram export {format} --device {device}{block}")
 }
 
-/// The decisions from which names of areas follow; `None` if all names come from the manual.
+/// Returns the decisions from which names of areas follow; `None` if all names come from the manual.
 pub(crate) fn names_from(device: &DeviceLayout) -> Option<String> {
     let decisions: BTreeSet<_> = device.areas.iter().filter_map(|area| area.name_from.decision()).collect();
     (!decisions.is_empty()).then(|| decisions.into_iter().collect::<Vec<_>>().join(", "))
 }
 
-/// The addresses of the device and their places in the image.
+/// Returns the addresses of the device and their places in the image.
 pub(crate) fn spaces(device: &DeviceLayout) -> String {
     let describe = |space: &Space| {
         let (first, last) = (space.begin(), space.end());
@@ -84,7 +84,7 @@ pub(crate) fn spaces(device: &DeviceLayout) -> String {
     device.spaces.iter().map(describe).collect::<Vec<_>>().join(", ")
 }
 
-/// The version of commram.
+/// Returns the version of commram.
 pub(crate) const fn version() -> &'static str {
     env!("CARGO_PKG_VERSION")
 }
@@ -102,8 +102,8 @@ pub(crate) fn used(register: &Register) -> Option<String> {
     Some(register.dims.iter().map(|dim| format!("[0..{}]", dim.used.saturating_sub(1))).collect())
 }
 
-/// A register's description on one line: owner, purpose, reserved values, pages, and the facts that are not in the
-/// manual.
+/// Returns a register's description on one line: owner, purpose, reserved values, pages, and the facts that are not in
+/// the manual.
 pub(crate) fn remark(register: &Register) -> String {
     let used = used(register).filter(|_| !register.reserved);
     let used = used.map(|used| format!("; {used} in use")).unwrap_or_default();
@@ -125,7 +125,7 @@ fn inferred(provenance: &str) -> String {
     }
 }
 
-/// The decisions for the facts about the registers of a structure; `None` if all are documented.
+/// Returns the decisions for the facts about the registers of a structure; `None` if all are documented.
 pub(crate) fn sources(registers: &[Register]) -> Option<String> {
     let mut known: Vec<(&str, Vec<&str>)> = Vec::new();
     for (fact, from) in registers.iter().flat_map(Register::facts) {

@@ -41,7 +41,7 @@ pub fn wireshark<'a>(
     text + "}\n\n" + include_str!("wireshark/end.lua")
 }
 
-/// The row of a message, with its signals.
+/// Returns the row of a message, with its signals.
 fn row(message: &Message) -> String {
     let field = Arbitration::new(message.id, false);
     let extended = if field.is_extended() { "x" } else { "" };

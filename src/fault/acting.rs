@@ -128,7 +128,7 @@ impl Faults {
         self.entries.is_empty()
     }
 
-    /// Time at which the next fault begins or ends; `u64::MAX` if none does.
+    /// Returns the time at which the next fault begins or ends; `u64::MAX` if none does.
     #[inline]
     pub fn next_time(&self) -> u64 {
         self.next.unwrap_or(NEVER)
@@ -247,13 +247,13 @@ impl Faults {
         }
     }
 
-    /// The effects of active faults that `owner` applies, each with its target.
+    /// Returns the effects of active faults that `owner` applies, each with its target.
     pub fn acting<E: 'static>(&self, owner: Owner) -> impl Iterator<Item = (Target, &E)> {
         let entries = self.entries.iter().filter(move |entry| entry.status.acting && entry.owner == owner);
         entries.filter_map(|entry| Some((entry.status.fault.target(), entry.effect.get()?)))
     }
 
-    /// All faults in the order in which they were added.
+    /// Returns all faults in the order in which they were added.
     pub fn list(&self) -> impl Iterator<Item = FaultStatus> {
         self.entries.iter().map(|entry| entry.status)
     }

@@ -296,12 +296,12 @@ pub(super) fn list<T: AsRef<str>>(names: &[T]) -> String {
     if names.is_empty() { "none".to_owned() } else { names.join(", ") }
 }
 
-/// Names of kinds.
+/// Returns names of kinds.
 pub(super) fn kind_list(kinds: &[&FaultKind]) -> String {
     list(&kinds.iter().map(|kind| kind.name()).collect::<Vec<_>>())
 }
 
-/// Names of a device's ports.
+/// Returns names of a device's ports.
 pub(super) fn port_list(device: &DeviceLayout) -> String {
     list(&device.ports.iter().map(|port| port.name).collect::<Vec<_>>())
 }

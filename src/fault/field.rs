@@ -84,7 +84,7 @@ impl Field {
         Field { need: Need::Default(value), ..self }
     }
 
-    /// Name of the field in plant files.
+    /// Returns the name of the field in plant files.
     #[must_use]
     pub const fn name(&self) -> &'static str {
         self.name
@@ -102,7 +102,7 @@ impl Field {
         self.about
     }
 
-    /// Type of the value.
+    /// Returns the type of the value.
     #[must_use]
     pub const fn form(&self) -> Form {
         self.form
@@ -142,7 +142,7 @@ impl Field {
         }
     }
 
-    /// Number of bits of the field's largest value.
+    /// Returns the number of bits of the field's largest value.
     #[must_use]
     pub const fn bits(&self) -> u32 {
         let (_, most) = self.range();

@@ -70,7 +70,7 @@ pub(super) static DURATION_US: Field = Field::new(
 .or("for_us");
 
 impl TargetKind {
-    /// The fields for the target.
+    /// Returns the fields for the target.
     pub fn fields(self) -> &'static [&'static Field] {
         match self {
             TargetKind::Bus => const { &[&BUS] },
@@ -159,18 +159,18 @@ impl FaultKind {
         FaultKind { agree, ..self }
     }
 
-    /// Number of the kind. It identifies the kind in journal and channel, and defines the order of lists.
+    /// Returns the number of the kind. It identifies the kind in journal and channel, and defines the order of lists.
     #[must_use]
     pub const fn number(&self) -> u8 {
         self.number
     }
 
-    /// The families of buses to which the ports belong on which this kind acts.
+    /// Returns the families of buses to which the ports belong on which this kind acts.
     pub(super) const fn families(&self) -> &'static [&'static str] {
         self.families
     }
 
-    /// Name of the kind in plant files, on the command line and in the journal.
+    /// Returns the name of the kind in plant files, on the command line and in the journal.
     #[must_use]
     pub const fn name(&self) -> &'static str {
         self.name
@@ -213,7 +213,7 @@ impl FaultKind {
         self.has_hits
     }
 
-    /// All fields in this order: target, own fields, time and limit.
+    /// Returns all fields in this order: target, own fields, time and limit.
     pub fn all_fields(&'static self) -> impl Iterator<Item = &'static Field> {
         self.place.fields().iter().copied().chain(self.fields).chain(Self::COMMON)
     }

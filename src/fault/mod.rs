@@ -152,13 +152,13 @@ impl Fault {
         self.target
     }
 
-    /// Values of the kind's own fields, in their order.
+    /// Returns values of the kind's own fields, in their order.
     #[must_use]
     pub const fn values(&self) -> Values {
         self.values
     }
 
-    /// Value of the kind's own field `name`; `None` if it is left out.
+    /// Returns the value of the kind's own field `name`; `None` if it is left out.
     #[must_use]
     pub fn value(&self, name: &str) -> Option<u32> {
         let index = self.kind.fields().iter().position(|field| field.name() == name)?;

@@ -48,7 +48,8 @@ impl Target {
         }
     }
 
-    /// Index of the bus or PLC, and number of the participant or port; [`Target::of_numbers`] converts them back.
+    /// Returns the index of the bus or PLC, and number of the participant or port; [`Target::of_numbers`] converts them
+    /// back.
     #[must_use]
     pub const fn numbers(self) -> (u16, u8) {
         match self {

@@ -112,7 +112,7 @@ impl<'a> Reader<'a> {
         self.named(TargetKind::Device, &self.names.plcs, unknown).map(DeviceIndex::at)
     }
 
-    /// Index of the bus or PLC. If the name is left out, the installation must have exactly one bus or PLC.
+    /// Returns the index of the bus or PLC. If the name is left out, the installation must have exactly one bus or PLC.
     fn named(
         &self,
         place: TargetKind,
@@ -218,7 +218,7 @@ fn are_numbered(device: &DeviceLayout) -> bool {
         && device.ports.iter().all(|port| matches!(port_given(port), FieldValue::Number(_)))
 }
 
-/// The ports of a device, for messages: `1 (slave) or 2 (master)`.
+/// Returns the ports of a device, for messages: `1 (slave) or 2 (master)`.
 fn choice(device: &DeviceLayout) -> String {
     let port = |port: &Port| {
         let name = match port_given(port) {

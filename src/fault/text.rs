@@ -23,7 +23,7 @@ impl Fault {
         text
     }
 
-    /// The fields of the fault, without the fields that have their default values.
+    /// Returns the fields of the fault, without the fields that have their default values.
     fn given(&self, names: &Names) -> Vec<(&'static Field, FieldValue)> {
         let bus = |index| FieldValue::Text(names.bus(index).into_owned());
         let plc = |index| FieldValue::Text(names.plc(index).into_owned());
@@ -59,7 +59,7 @@ impl Fault {
 }
 
 impl FaultSpec {
-    /// The description of a fault.
+    /// Returns the description of a fault.
     pub fn of(fault: &Fault, names: &Names) -> Self {
         let fields = fault.given(names).into_iter().map(|(field, given)| (field.name().to_owned(), given));
         FaultSpec { kind: fault.kind().name().to_owned(), fields: fields.collect(), required: false }

@@ -142,7 +142,7 @@ impl Federation {
         }
     }
 
-    /// Name of the first federate that has not joined yet.
+    /// Returns the name of the first federate that has not joined yet.
     fn missing(&self) -> String {
         let missing = (0..self.part.count).zip(&self.hellos).filter(|(_, hello)| hello.is_none());
         missing.map(|(federate, _)| federate.to_string()).collect::<Vec<_>>().join(", ")

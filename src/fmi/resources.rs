@@ -115,7 +115,7 @@ impl Resources {
         Self::of_file(&path, registers)
     }
 
-    /// Names and contents of the files.
+    /// Returns names and contents of the files.
     #[must_use]
     pub fn files(&self) -> Vec<(&'static str, Vec<u8>)> {
         let mut files = vec![match &self.content {
@@ -129,13 +129,13 @@ impl Resources {
         files
     }
 
-    /// The plant.
+    /// Returns the plant.
     #[must_use]
     pub fn config(&self) -> &PlantConfig {
         &self.config
     }
 
-    /// The snapshot from which the plant starts; `None` if it starts at power-on.
+    /// Returns the snapshot from which the plant starts; `None` if it starts at power-on.
     #[must_use]
     pub fn snapshot(&self) -> Option<&Snapshot> {
         match &self.content {
@@ -144,7 +144,7 @@ impl Resources {
         }
     }
 
-    /// Names and patterns of the registers that become variables; empty for all registers.
+    /// Returns names and patterns of the registers that become variables; empty for all registers.
     #[must_use]
     pub fn registers(&self) -> &[String] {
         &self.registers

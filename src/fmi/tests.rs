@@ -13,7 +13,7 @@ fn unit(registers: &[&str]) -> Unit {
     Unit::new(&Resources::built_in(registers).unwrap()).unwrap()
 }
 
-/// The reference of a variable.
+/// Returns the reference of a variable.
 fn at(unit: &Unit, name: &str) -> u32 {
     unit.variables().iter().position(|it| it.name == name).unwrap_or_else(|| panic!("{name}")) as u32
 }

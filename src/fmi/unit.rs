@@ -135,13 +135,13 @@ impl Unit {
         Ok(Self { plant, variables, own, reported_findings: 0 })
     }
 
-    /// The variables; the position of a variable is its reference.
+    /// Returns the variables; the position of a variable is its reference.
     #[must_use]
     pub fn variables(&self) -> &[Variable] {
         &self.variables
     }
 
-    /// The plant.
+    /// Returns the plant.
     #[must_use]
     pub fn plant(&self) -> &Plant {
         &self.plant
@@ -172,7 +172,7 @@ impl Unit {
         Ok(())
     }
 
-    /// Time of the co-simulation in seconds.
+    /// Returns the time of the co-simulation in seconds.
     #[must_use]
     pub fn time_s(&self) -> f64 {
         self.own.start_s + (self.plant.now() - self.own.start_us) as f64 / MICROS

@@ -29,7 +29,7 @@ impl Shafts {
         Shafts(vec![(false, 0.0); plant.drives().len()])
     }
 
-    /// Number of drives.
+    /// Returns the number of drives.
     pub(super) fn len(&self) -> usize {
         self.0.len()
     }
@@ -52,7 +52,7 @@ impl Shafts {
         }
     }
 
-    /// The drives with a motor that a model turns, each with its speed in the unit of the plant.
+    /// Returns the drives with a motor that a model turns, each with its speed in the unit of the plant.
     pub(crate) fn turned(&self) -> impl Iterator<Item = (usize, i32)> {
         let all = self.0.iter().enumerate();
         all.filter(|(_, shaft)| shaft.0).map(|(drive, (_, speed))| {
@@ -62,7 +62,7 @@ impl Shafts {
         })
     }
 
-    /// The value of a variable except time.
+    /// Returns the value of a variable except time.
     pub(crate) fn value(&self, plant: &Plant, quantity: Quantity) -> Value {
         match quantity {
             Quantity::Time => Value::Float(plant.now() as f64 * 1e-6),

@@ -45,7 +45,7 @@ pub enum VariableType {
 }
 
 impl VariableType {
-    /// Name in FMI.
+    /// Returns the name in FMI.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -88,7 +88,7 @@ pub enum Causality {
 }
 
 impl Causality {
-    /// Name in FMI.
+    /// Returns the name in FMI.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

@@ -153,7 +153,7 @@ impl ValueFederate {
         if granted >= LATEST { Err("the federation has ended".to_owned()) } else { Ok(()) }
     }
 
-    /// The federates that the broker knows; `None` if HELICS gives no answer.
+    /// Returns the federates that the broker knows; `None` if HELICS gives no answer.
     pub(super) fn federates(&self) -> Option<Vec<KnownFederate>> {
         #[derive(Deserialize)]
         struct Answer {
@@ -202,7 +202,7 @@ impl ValueFederate {
         })
     }
 
-    /// Types of the publications that this federate subscribes to.
+    /// Returns types of the publications that this federate subscribes to.
     pub(super) fn types(&self) -> Vec<String> {
         let of = |input: &Object| {
             // SAFETY: as above; the text is the input's own.

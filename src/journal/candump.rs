@@ -16,8 +16,8 @@ pub struct Candump {
 }
 
 impl Candump {
-    /// A writer with these names. A bus name with more than the 15 characters of an interface name is replaced by the
-    /// bus number: `bus0`.
+    /// Returns a writer with these names. A bus name with more than the 15 characters of an interface name is replaced
+    /// by the bus number: `bus0`.
     pub fn new(names: &Names) -> Self {
         let buses = names.buses.iter().enumerate();
         let interface = |(index, name): (usize, &String)| {
@@ -27,7 +27,7 @@ impl Candump {
     }
 }
 
-/// A name that contains the number of the bus and that no other bus has.
+/// Returns a name that contains the number of the bus and that no other bus has.
 fn number(index: usize, others: &[String]) -> String {
     let mut name = format!("bus{index}");
     while others.contains(&name) {

@@ -26,22 +26,22 @@ pub struct Catalogue {
 }
 
 impl Catalogue {
-    /// The kind of event with this name.
+    /// Returns the kind of event with this name.
     pub fn kind(&self, name: &str) -> Option<&'static EventKind> {
         self.kinds.iter().copied().find(|kind| kind.name() == name)
     }
 
-    /// The rule with this number.
+    /// Returns the rule with this number.
     pub fn rule(&self, number: u8) -> Option<&'static Rule> {
         self.rules.iter().copied().find(|rule| rule.number() == number)
     }
 
-    /// The rule with this name.
+    /// Returns the rule with this name.
     pub fn rule_called(&self, id: &str) -> Option<&'static Rule> {
         self.rules.iter().copied().find(|rule| rule.id() == id)
     }
 
-    /// Name of the kind of fault with this number.
+    /// Returns the name of the kind of fault with this number.
     pub fn fault(&self, number: u8) -> Option<&'static str> {
         self.faults.iter().find(|fault| fault.number == number).map(|fault| fault.name)
     }

@@ -23,8 +23,9 @@ event_kinds! {
 }
 
 impl Changed {
-    /// The change of the register of this `width` at `offset` of device `plc`. It may be only a part of the changed
-    /// register, because structures can overlay each other with different widths. `None` if this part has not changed.
+    /// Returns the change of the register of this `width` at `offset` of device `plc`. It may be only a part of the
+    /// changed register, because structures can overlay each other with different widths. `None` if this part has not
+    /// changed.
     #[must_use]
     pub fn part(&self, plc: DeviceIndex, offset: u32, width: Width) -> Option<Changed> {
         let place = offset.checked_sub(self.offset)?;
@@ -52,7 +53,7 @@ pub enum By {
 impl By {
     const ALL: [By; 4] = [By::Firmware, By::Program, By::Channel, By::Force];
 
-    /// Name of the originator in JSON Lines.
+    /// Returns the name of the originator in JSON Lines.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

@@ -27,7 +27,7 @@ pub trait EventCodec: Copy + 'static {
     /// Decodes the words of this kind; `None` if the words are invalid. Ignores bits that the kind does not use.
     fn read(words: Words) -> Option<Self>;
 
-    /// The device or bus of the event.
+    /// Returns the device or bus of the event.
     fn source(&self) -> Source;
 }
 
@@ -66,7 +66,7 @@ impl Packer {
         self.used += 1;
     }
 
-    /// The words with all parts.
+    /// Returns the words with all parts.
     #[inline]
     pub fn words(self) -> Words {
         let pair = |high: u32, low: u32| u64::from(high) << 32 | u64::from(low);
@@ -91,19 +91,19 @@ impl Unpacker {
         Unpacker { first, halves, used: 0 }
     }
 
-    /// Index of the device or bus.
+    /// Returns the index of the device or bus.
     #[inline]
     pub fn index(&self) -> u16 {
         (self.first >> 16) as u16
     }
 
-    /// Number of the port.
+    /// Returns the number of the port.
     #[inline]
     pub fn number(&self) -> u8 {
         (self.first >> 8) as u8
     }
 
-    /// The next number; 0 after the last one.
+    /// Returns the next number; 0 after the last one.
     #[inline]
     pub fn take(&mut self) -> u32 {
         let number = self.halves.get(self.used).copied().unwrap_or(0);
@@ -182,10 +182,10 @@ impl Part for RegisterPhase {
 
 /// The location of an event, as encoded in the first word.
 pub trait EventSource: Copy {
-    /// Index of device or bus, and number of the port.
+    /// Returns the index of device or bus, and number of the port.
     fn numbers(self) -> (u16, u8);
 
-    /// The inverse of [`EventSource::numbers`].
+    /// Returns the inverse of [`EventSource::numbers`].
     fn of_numbers(index: u16, number: u8) -> Self;
 }
 

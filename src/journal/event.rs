@@ -28,7 +28,7 @@ impl Origin {
         Origin { plc: Self::GUEST, node: guest }
     }
 
-    /// The guest's number, if the origin is a guest.
+    /// Returns the guest's number, if the origin is a guest.
     #[must_use]
     pub const fn guest(self) -> Option<u8> {
         if self.plc.0 == Self::GUEST.0 { Some(self.node) } else { None }
@@ -50,7 +50,7 @@ impl Source {
     /// Indices of devices from this number on mean buses: index minus this number. Only findings on a bus use them.
     pub(super) const BUSES: u16 = 1 << 15;
 
-    /// The device with this index, or the bus.
+    /// Returns the device with this index, or the bus.
     #[inline]
     #[must_use]
     pub const fn of_index(index: DeviceIndex) -> Self {
@@ -112,13 +112,13 @@ impl Event {
         Event { kind, words }
     }
 
-    /// The kind of the event.
+    /// Returns the kind of the event.
     #[inline]
     pub const fn kind(&self) -> &'static EventKind {
         self.kind
     }
 
-    /// The event as words.
+    /// Returns the event as words.
     #[inline]
     pub const fn words(&self) -> Words {
         self.words
@@ -130,49 +130,50 @@ impl Event {
         *self.kind == *T::KIND
     }
 
-    /// The fields of the event, if it is a `T`.
+    /// Returns the fields of the event, if it is a `T`.
     #[inline]
     pub fn get<T: EventCodec>(&self) -> Option<T> {
         if self.is::<T>() { T::read(self.words) } else { None }
     }
 
-    /// The device or bus of the event.
+    /// Returns the device or bus of the event.
     pub fn source(&self) -> Source {
         self.kind.source(self.words)
     }
 
-    /// The event as text for people.
+    /// Returns the event as text for people.
     pub(super) fn text(&self, reader: &mut Reader) -> String {
         self.kind.text(self.words, reader)
     }
 
-    /// The event as fields for programs.
+    /// Returns the event as fields for programs.
     pub(super) fn fields(&self, reader: &mut Reader) -> Fields {
         self.kind.fields(self.words, reader)
     }
 
-    /// The register that the firmware has written, if the event is such a write.
+    /// Returns the register that the firmware has written, if the event is such a write.
     pub(crate) fn stored(&self) -> Option<Stored> {
         self.kind.stored(self.words)
     }
 
-    /// The guest that has sent the frame or telegram, if the event is the end of a frame or telegram.
+    /// Returns the guest that has sent the frame or telegram, if the event is the end of a frame or telegram.
     #[must_use]
     pub fn guest(&self) -> Option<u8> {
         self.frame().map_or_else(|| self.kind.guest(self.words), |carried| carried.guest)
     }
 
-    /// The octets of a telegram, as far as the event contains them. `None` if the event is not a telegram on the line.
+    /// Returns the octets of a telegram, as far as the event contains them. `None` if the event is not a telegram on
+    /// the line.
     pub(super) fn telegram(&self) -> Option<Octets> {
         self.kind.telegram(self.words)
     }
 
-    /// The time slot of the bus in which the frame was sent.
+    /// Returns the time slot of the bus in which the frame was sent.
     pub(super) fn slot(&self) -> Option<&'static str> {
         self.kind.slot(self.words)
     }
 
-    /// The frame, if one has arrived.
+    /// Returns the frame, if one has arrived.
     #[must_use]
     pub fn frame(&self) -> Option<ArrivedFrame> {
         self.kind.frame(self.words)

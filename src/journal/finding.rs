@@ -12,7 +12,7 @@ use crate::identity::{BusIndex, DeviceIndex};
 use crate::layout::{Address, DeviceFit, RegType, RegisterPhase, RegisterRef, Width, format_value};
 use crate::memory::{HEADER_SIZE, header};
 
-/// The text of a note as the journal keeps it.
+/// Returns the text of a note as the journal keeps it.
 pub(super) fn note(text: &str) -> String {
     let text = &text[..text.floor_char_boundary(LONGEST_NOTE)];
     text.replace(|letter: char| letter.is_control(), " ")
@@ -57,7 +57,7 @@ event_kinds! {
 }
 
 impl Found {
-    /// The finding; `None` if no rule has this number.
+    /// Returns the finding; `None` if no rule has this number.
     pub fn finding(&self, catalogue: &Catalogue) -> Option<Finding> {
         let Found { plc, rule, offset, live, value, late_us } = *self;
         Some(Finding { rule: catalogue.rule(rule)?, plc, offset, live, value, late_us })
@@ -72,7 +72,7 @@ impl From<Finding> for Found {
     }
 }
 
-/// The note of the record. Journals may come from unknown authors, so control characters are replaced.
+/// Returns the note of the record. Journals may come from unknown authors, so control characters are replaced.
 fn note_of(reader: &Reader) -> Option<String> {
     reader.octets().map(|octets| note(&String::from_utf8_lossy(&octets)))
 }
@@ -125,13 +125,13 @@ impl Finding {
         Finding { rule, plc, offset, live: RegisterPhase::ALWAYS, value, late_us: 0 }
     }
 
-    /// The device or bus of the finding.
+    /// Returns the device or bus of the finding.
     #[must_use]
     pub const fn source(&self) -> Source {
         Source::of_index(self.plc)
     }
 
-    /// The register; `None` if the finding is in the header page, or not at a register.
+    /// Returns the register; `None` if the finding is in the header page, or not at a register.
     #[must_use]
     pub fn register(&self, fitted: impl Into<DeviceFit>) -> Option<RegisterRef> {
         if self.is_at_bus() {
@@ -143,8 +143,8 @@ impl Finding {
         found.into_iter().find(|register| register.offset() == self.offset)
     }
 
-    /// Name of the register or of the field in the header page, such as `node2.w_OPTION_STATUS` or `header.magic`. For a
-    /// guest or participant, its name: `guest1`, `slave3`.
+    /// Returns the name of the register or of the field in the header page, such as `node2.w_OPTION_STATUS` or
+    /// `header.magic`. For a guest or participant, its name: `guest1`, `slave3`.
     #[must_use]
     pub fn name(&self, fitted: impl Into<DeviceFit>) -> Option<String> {
         match self.register(fitted) {
@@ -158,7 +158,7 @@ impl Finding {
         }
     }
 
-    /// Address at the register's own width: `%MW3.200002`; `None` for a finding on a bus.
+    /// Returns the address at the register's own width: `%MW3.200002`; `None` for a finding on a bus.
     #[must_use]
     pub fn address(&self, fitted: impl Into<DeviceFit>) -> Option<Address> {
         if self.is_at_bus() {
@@ -169,7 +169,7 @@ impl Finding {
         Some(self.register(fitted).map_or_else(byte, |register| register.address()))
     }
 
-    /// The value in the form of the register: `16#0043`.
+    /// Returns the value in the form of the register: `16#0043`.
     #[must_use]
     pub fn value_text(&self, fitted: impl Into<DeviceFit>) -> String {
         if self.is_at_participant() {

@@ -95,7 +95,7 @@ impl Findings {
         }
     }
 
-    /// The parts of the table: entries of single registers, number of records of each entry, further entries.
+    /// Returns the parts of the table: entries of single registers, number of records of each entry, further entries.
     pub(super) fn parts(&self) -> (&[Entry], &[u8], &[Entry]) {
         let Findings { entries, records, further } = self;
         (entries, records, further)
@@ -107,12 +107,12 @@ impl Findings {
         fits.then_some(Findings { entries, records, further })
     }
 
-    /// The entries in the order of their first findings; entries that cover several registers come last.
+    /// Returns the entries in the order of their first findings; entries that cover several registers come last.
     pub fn iter(&self) -> impl Iterator<Item = &Entry> + Clone {
         self.entries.iter().chain(&self.further)
     }
 
-    /// Number of entries.
+    /// Returns the number of entries.
     pub fn len(&self) -> usize {
         self.entries.len() + self.further.len()
     }
@@ -122,12 +122,12 @@ impl Findings {
         self.len() == 0
     }
 
-    /// The broken rules of severity [`Severity::Error`], without repetitions.
+    /// Returns the broken rules of severity [`Severity::Error`], without repetitions.
     pub fn errors(&self) -> Vec<&'static Rule> {
         self.rules(Severity::Error)
     }
 
-    /// The broken rules of one severity, without repetitions, in the order of the rules.
+    /// Returns the broken rules of one severity, without repetitions, in the order of the rules.
     pub fn rules(&self, severity: Severity) -> Vec<&'static Rule> {
         let broken = self.iter().map(|entry| entry.last.rule);
         let mut rules: Vec<_> = broken.filter(|rule| rule.severity() == severity).collect();

@@ -46,7 +46,7 @@ impl Fingerprint {
         }
     }
 
-    /// The hash of all events up to here.
+    /// Returns the hash of all events up to here.
     pub(super) fn get(&self) -> u64 {
         XxHash3_64::oneshot_with_seed(self.before, self.block.get(..self.len).unwrap_or_default())
     }
@@ -74,7 +74,7 @@ mod tests {
     use super::*;
     use std::collections::HashSet;
 
-    /// Frames as the journal feeds them: time, head, eight data bytes.
+    /// Returns frames as the journal feeds them: time, head, eight data bytes.
     fn hash(data: &[u64]) -> u64 {
         let mut fingerprint = Fingerprint::new();
         for (n, &data) in data.iter().enumerate() {

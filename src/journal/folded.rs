@@ -36,7 +36,8 @@ struct Group {
 }
 
 impl Folded {
-    /// A writer with these names. A quiet period ends after `longest_us` microseconds of emulated time at the latest.
+    /// Returns a writer with these names. A quiet period ends after `longest_us` microseconds of emulated time at the
+    /// latest.
     pub(crate) fn new(names: Names, catalogue: &'static Catalogue, longest_us: u64) -> Self {
         Folded { text: Text::new(names, catalogue), groups: Vec::new(), longest_us }
     }
@@ -101,12 +102,12 @@ impl Group {
     }
 }
 
-/// The part of an event's text that repetitions share.
+/// Returns the part of an event's text that repetitions share.
 fn subject(event: &str) -> &str {
     event.split_once(": ").map_or(event, |(subject, _)| subject)
 }
 
-/// The part of an event's text that changes.
+/// Returns the part of an event's text that changes.
 fn values(event: &str) -> &str {
     event.split_once(": ").map_or(event, |(_, values)| values)
 }
@@ -160,7 +161,7 @@ mod tests {
         Names { plcs: vec!["a".into()], buses: vec!["x".into()], ..Names::default() }
     }
 
-    /// The lines of these records, numbered from 0.
+    /// Returns the lines of these records, numbered from 0.
     fn lines(longest_us: u64, records: &[(u64, u32, Event)]) -> Vec<String> {
         let folded = Folded::new(names(), catalogue(), longest_us);
         let mut printer = Printer::new(Box::new(folded), Selection::default(), 0);

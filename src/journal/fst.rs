@@ -47,7 +47,7 @@ pub fn write(waves: &Waves) -> Result<Vec<u8>, FstWriteError> {
     Ok(body.finish()?.into_inner())
 }
 
-/// The length of the longest text that each signal shows, at least 1.
+/// Returns the length of the longest text that each signal shows, at least 1.
 fn lengths(waves: &Waves) -> Vec<usize> {
     let mut lengths = vec![1; waves.signals.len()];
     for Change { signal, content, .. } in &waves.changes {
@@ -97,7 +97,7 @@ fn bits(width: u32, value: u64, known: u64) -> Vec<u8> {
     (0..width).rev().map(bit).collect()
 }
 
-/// A text as bits of `length` characters, its last one lowest.
+/// Returns a text as bits of `length` characters, its last one lowest.
 fn characters(text: &str, length: usize) -> Vec<u8> {
     let filled = std::iter::repeat_n(0, length.saturating_sub(text.len())).chain(text.bytes());
     filled.flat_map(|byte| bits(8, byte.into(), u64::MAX)).collect()

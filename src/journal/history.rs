@@ -62,16 +62,16 @@ pub struct Stored {
 
 /// Access of comparisons to the RAM of devices.
 pub(crate) trait Rams {
-    /// The value of a register of device `plc`.
+    /// Returns the value of a register of device `plc`.
     fn load(&self, plc: DeviceIndex, offset: u32, width: Width) -> Option<u32>;
 
-    /// The phase at this offset: if structures overlay each other, it shows which structure is valid.
+    /// Returns the phase at this offset: if structures overlay each other, it shows which structure is valid.
     fn live(&self, plc: DeviceIndex, offset: u32) -> RegisterPhase;
 
     /// True if the register is forced.
     fn is_forced(&self, plc: DeviceIndex, offset: u32) -> bool;
 
-    /// The originator of a change: the force, if the register is forced, else `by`.
+    /// Returns the originator of a change: the force, if the register is forced, else `by`.
     fn changed_by(&self, plc: DeviceIndex, offset: u32, by: By) -> By {
         if self.is_forced(plc, offset) { By::Force } else { by }
     }
@@ -123,7 +123,7 @@ impl History {
         }
     }
 
-    /// The registers with changes in the journal.
+    /// Returns the registers with changes in the journal.
     pub(super) fn in_journal(&self) -> impl Iterator<Item = &FollowedRegister> {
         self.followed.iter().filter(|register| register.in_journal)
     }

@@ -13,7 +13,7 @@ pub struct Jsonl {
 }
 
 impl Jsonl {
-    /// A writer with these names.
+    /// Returns a writer with these names.
     pub fn new(names: Names, catalogue: &'static Catalogue) -> Self {
         Jsonl { reader: Reader::new(names, catalogue) }
     }
@@ -24,7 +24,7 @@ impl Jsonl {
         self.reader.gap();
     }
 
-    /// The object of the next record.
+    /// Returns the object of the next record.
     pub(crate) fn line(&mut self, record: &Record) -> impl Serialize + use<> {
         self.reader.observe(record);
         let repeated = (record.count > 1).then(|| Repeated {

@@ -59,33 +59,33 @@ pub trait EventText: EventCodec {
         true
     }
 
-    /// The event as text for people.
+    /// Returns the event as text for people.
     fn text(&self, reader: &mut Reader) -> String;
 
-    /// The event as fields for programs, without the fields that all kinds have.
+    /// Returns the event as fields for programs, without the fields that all kinds have.
     fn fields(&self, reader: &mut Reader) -> Fields;
 
-    /// The frame, if one has arrived.
+    /// Returns the frame, if one has arrived.
     fn frame(&self) -> Option<ArrivedFrame> {
         None
     }
 
-    /// The guest that has sent the telegram, if the event is the end of a telegram.
+    /// Returns the guest that has sent the telegram, if the event is the end of a telegram.
     fn guest(&self) -> Option<u8> {
         None
     }
 
-    /// The octets, if the event is a telegram on the line.
+    /// Returns the octets, if the event is a telegram on the line.
     fn telegram(&self) -> Option<Octets> {
         None
     }
 
-    /// The time slot of a frame, on a bus with time slots.
+    /// Returns the time slot of a frame, on a bus with time slots.
     fn slot(&self) -> Option<&'static str> {
         None
     }
 
-    /// The register that the firmware has written, if the event is such a write.
+    /// Returns the register that the firmware has written, if the event is such a write.
     #[inline]
     fn stored(&self) -> Option<Stored> {
         None
@@ -155,24 +155,24 @@ impl EventKind {
         EventKind { number, name, ring, reads }
     }
 
-    /// Number of the kind.
+    /// Returns the number of the kind.
     #[inline]
     pub const fn number(&self) -> u8 {
         self.number
     }
 
-    /// Name of the kind in JSON Lines and on the command line.
+    /// Returns the name of the kind in JSON Lines and on the command line.
     pub const fn name(&self) -> &'static str {
         self.name
     }
 
-    /// The ring that keeps events of this kind.
+    /// Returns the ring that keeps events of this kind.
     #[inline]
     pub const fn ring(&self) -> Ring {
         self.ring
     }
 
-    /// The words, with 0 in all bits that this kind ignores; `None` if the words are invalid.
+    /// Returns the words, with 0 in all bits that this kind ignores; `None` if the words are invalid.
     pub(crate) fn normal(&self, words: Words, catalogue: &Catalogue) -> Option<Words> {
         (self.reads.normal)(words, catalogue)
     }

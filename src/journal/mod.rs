@@ -154,7 +154,7 @@ impl Journal {
     /// Records of each kind kept by default.
     pub const DEFAULT_CAPACITY: usize = 65_536;
 
-    /// A journal that keeps the last `capacity` records (at least one) of each kind: frames, register traffic,
+    /// Returns a journal that keeps the last `capacity` records (at least one) of each kind: frames, register traffic,
     /// missed deadlines, everything else.
     pub fn new(capacity: usize) -> Self {
         Journal {
@@ -345,7 +345,7 @@ impl Journal {
         }
     }
 
-    /// The first time at which [`Journal::tick`] has work to do.
+    /// Returns the first time at which [`Journal::tick`] has work to do.
     pub(crate) fn next_look(&self) -> u64 {
         self.next_look
     }
@@ -363,19 +363,20 @@ impl Journal {
         }
     }
 
-    /// The records that are still kept, oldest first, without records with a running count ([`Journal::pending`]).
+    /// Returns the records that are still kept, oldest first, without records with a running count
+    /// ([`Journal::pending`]).
     pub fn records(&self) -> Records<'_> {
         self.ring.records(0)
     }
 
-    /// The records from number `from` on that are still kept, oldest first. A gap in their numbers shows how many
-    /// records are no longer kept.
+    /// Returns the records from number `from` on that are still kept, oldest first. A gap in their numbers shows how
+    /// many records are no longer kept.
     pub fn read(&self, from: u64) -> Records<'_> {
         self.ring.records(from)
     }
 
-    /// The records with a running count, in the order of time. These records have no number yet. A record appears in
-    /// [`Journal::records`] as soon as its count has ended, at the latest after a second.
+    /// Returns the records with a running count, in the order of time. These records have no number yet. A record
+    /// appears in [`Journal::records`] as soon as its count has ended, at the latest after a second.
     pub fn pending(&self) -> Vec<Record> {
         self.tally.pending()
     }
@@ -391,12 +392,12 @@ impl Journal {
         self.since_us = now_us;
     }
 
-    /// The number that the next record will have.
+    /// Returns the number that the next record will have.
     pub fn end(&self) -> u64 {
         self.ring.end()
     }
 
-    /// The findings of the access checker, counted.
+    /// Returns the findings of the access checker, counted.
     pub fn findings(&self) -> &Findings {
         &self.findings
     }

@@ -17,17 +17,17 @@ pub struct Names {
 }
 
 impl Names {
-    /// The PLC's name; `plc3` if it has none.
+    /// Returns the PLC's name; `plc3` if it has none.
     pub(crate) fn plc(&self, index: DeviceIndex) -> Cow<'_, str> {
         name(&self.plcs, index.index(), "plc")
     }
 
-    /// The bus's name; `bus3` if it has none.
+    /// Returns the bus's name; `bus3` if it has none.
     pub(crate) fn bus(&self, index: BusIndex) -> Cow<'_, str> {
         name(&self.buses, index.index(), "bus")
     }
 
-    /// The device of the PLC; a device without registers if it is not known.
+    /// Returns the device of the PLC; a device without registers if it is not known.
     pub fn device(&self, plc: DeviceIndex) -> &'static DeviceLayout {
         self.fitted(plc).device()
     }
@@ -38,7 +38,8 @@ impl Names {
         known.unwrap_or_else(|| DeviceFit::unknown(&DeviceLayout::UNKNOWN))
     }
 
-    /// Name of a port; `port3` if it has none. Number 0, the device itself, has the name of its separate interface.
+    /// Returns the name of a port; `port3` if it has none. Number 0, the device itself, has the name of its separate
+    /// interface.
     pub(crate) fn port(&self, origin: Origin) -> Cow<'static, str> {
         let device = self.device(origin.plc);
         match (origin.node, device.port_numbered(origin.node)) {

@@ -41,7 +41,7 @@ impl Onlookers {
         }
     }
 
-    /// Number of registers that a client follows.
+    /// Returns the number of registers that a client follows.
     pub(super) fn count(&self, client: u128) -> usize {
         self.all.iter().find(|it| it.client == client).map_or(0, |it| it.registers.len())
     }

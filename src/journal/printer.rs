@@ -49,7 +49,7 @@ pub struct Printer<Out = String> {
 }
 
 impl<Out> Printer<Out> {
-    /// A printer that begins with record number `from`.
+    /// Returns a printer that begins with record number `from`.
     pub fn new(format: Box<dyn Format<Out>>, selection: Selection, from: u64) -> Self {
         Printer { format, selection, next: from, lost: 0, forgetful: [true; RINGS] }
     }
@@ -66,7 +66,7 @@ impl<Out> Printer<Out> {
         kinds.iter().for_each(|kind| self.forgetful[kind.ring() as usize] = true);
     }
 
-    /// Number of the next record, for the next read.
+    /// Returns the number of the next record, for the next read.
     pub fn next(&self) -> u64 {
         self.next
     }

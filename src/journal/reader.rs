@@ -54,12 +54,12 @@ impl Reader {
         self.live.clear();
     }
 
-    /// The octets of the last record, if the record has octets in addition to its event.
+    /// Returns the octets of the last record, if the record has octets in addition to its event.
     pub(crate) fn octets(&self) -> Option<Arc<[u8]>> {
         self.octets.clone()
     }
 
-    /// Name of a kind of fault.
+    /// Returns the name of a kind of fault.
     pub(crate) fn fault(&self, number: u8) -> &'static str {
         self.catalogue.fault(number).unwrap_or("unknown")
     }
@@ -76,14 +76,14 @@ impl Reader {
         }
     }
 
-    /// The register that begins at `offset` of the device's RAM.
+    /// Returns the register that begins at `offset` of the device's RAM.
     fn register(&mut self, plc: DeviceIndex, offset: u32) -> Option<RegisterRef> {
         let device = self.names.device(plc);
         let live = self.live(plc, device.area_at(device.at(Width::Byte, offset)).ok()?);
         self.valid_register(plc, offset, live)
     }
 
-    /// The register that begins at `offset` in phase `live`.
+    /// Returns the register that begins at `offset` in phase `live`.
     fn valid_register(&mut self, plc: DeviceIndex, offset: u32, live: RegisterPhase) -> Option<RegisterRef> {
         let fitted = self.names.fitted(plc);
         let address = fitted.device().at(Width::Byte, offset);
@@ -93,13 +93,13 @@ impl Reader {
         })
     }
 
-    /// The register at `offset`, if an access of `width` bytes covers exactly one register.
+    /// Returns the register at `offset`, if an access of `width` bytes covers exactly one register.
     pub(super) fn accessed(&mut self, plc: DeviceIndex, offset: u32, width: u8) -> RegisterLocation {
         let register = self.register(plc, offset);
         self.place(register, plc, offset, width)
     }
 
-    /// The register of this width at `offset` in phase `live`.
+    /// Returns the register of this width at `offset` in phase `live`.
     pub(super) fn followed(
         &mut self,
         plc: DeviceIndex,
@@ -125,7 +125,7 @@ impl Reader {
         RegisterLocation { register, address, ty: width.bits() }
     }
 
-    /// The register at `offset`, of any width.
+    /// Returns the register at `offset`, of any width.
     pub(crate) fn whole(&mut self, plc: DeviceIndex, offset: u32) -> RegisterLocation {
         match self.register(plc, offset) {
             Some(register) => {
@@ -135,13 +135,13 @@ impl Reader {
         }
     }
 
-    /// Name of a port, with its device as a prefix: `line:node2`.
+    /// Returns the name of a port, with its device as a prefix: `line:node2`.
     #[must_use]
     pub fn port(&self, origin: Origin) -> String {
         self.names.source(Source::Node(origin))
     }
 
-    /// The register `name` of a port.
+    /// Returns the register `name` of a port.
     pub(crate) fn of_port(&self, origin: Origin, name: &str) -> NamedRegister {
         let fitted = self.names.fitted(origin.plc);
         NamedRegister(fitted.register(&format!("{}.{name}", self.names.port(origin))).ok())
@@ -163,7 +163,7 @@ impl NamedRegister {
         self.0.as_ref().map_or_else(|| format!("16#{value:04X}"), |register| register.format_value(value))
     }
 
-    /// The meaning of the value.
+    /// Returns the meaning of the value.
     pub(crate) fn meaning(&self, value: u32) -> String {
         self.0.as_ref().map(|register| register.decode(value)).unwrap_or_default()
     }
@@ -185,17 +185,17 @@ impl RegisterLocation {
         }
     }
 
-    /// Name of the register with the name of its area; `None` if the place is not a register.
+    /// Returns the name of the register with the name of its area; `None` if the place is not a register.
     pub(super) fn name(&self) -> Option<String> {
         self.register.map(|register| register.name())
     }
 
-    /// Width of the register.
+    /// Returns the width of the register.
     pub(super) fn width(&self) -> Width {
         self.address.width()
     }
 
-    /// Address of the register.
+    /// Returns the address of the register.
     pub(super) fn address(&self) -> String {
         self.address.to_string()
     }
@@ -205,7 +205,7 @@ impl RegisterLocation {
         format_value(self.ty, value)
     }
 
-    /// The meaning of the value; `None` if it is just a number.
+    /// Returns the meaning of the value; `None` if it is just a number.
     pub(super) fn meaning(&self, value: u32) -> Option<String> {
         self.register
             .filter(|register| register.register.meaning.is_some())

@@ -32,12 +32,12 @@ impl Record {
     /// Number of a record with an ended count, which has no number yet.
     pub const COUNTED: u64 = u64::MAX - 1;
 
-    /// A record of one event, without number.
+    /// Returns a record of one event, without number.
     pub(super) fn single(time_us: u64, event: Event) -> Self {
         Record { seq: Self::PENDING, time_us, event, count: 1, period_us: 0, latency_us: None, octets: None }
     }
 
-    /// The octets, if the record is a telegram on the line.
+    /// Returns the octets, if the record is a telegram on the line.
     pub fn telegram(&self) -> Option<Octets> {
         let known = self.event.telegram()?;
         let whole =
@@ -55,20 +55,20 @@ impl Record {
         self.seq == Self::PENDING
     }
 
-    /// The record as it is at emulated time `now_us`: if an expected event is missing, the count has ended.
+    /// Returns the record as it is at emulated time `now_us`: if an expected event is missing, the count has ended.
     pub(crate) fn judged_at(self, now_us: u64) -> Self {
         let is_over = self.period_us == 0 || self.time_us.saturating_add(self.period_us.into()) < now_us;
         let seq = if self.is_pending() && is_over { Self::COUNTED } else { self.seq };
         Self { seq, ..self }
     }
 
-    /// Time of the first event of the record, in microseconds.
+    /// Returns the time of the first event of the record, in microseconds.
     pub fn first_us(&self) -> u64 {
         let distance = u64::from(self.count.saturating_sub(1)) * u64::from(self.period_us);
         self.time_us.saturating_sub(distance)
     }
 
-    /// Times of all events of the record, in microseconds, ascending.
+    /// Returns times of all events of the record, in microseconds, ascending.
     pub fn times(&self) -> impl DoubleEndedIterator<Item = u64> + use<> {
         let (first, period) = (self.first_us(), u64::from(self.period_us));
         (0..u64::from(self.count)).map(move |n| first + n * period)

@@ -72,7 +72,7 @@ event_kinds! {
     }
 }
 
-/// Name and address.
+/// Returns the name and address.
 fn named(place: &RegisterLocation) -> Fields {
     Fields::new().with("register", place.name()).with("address", place.address())
 }

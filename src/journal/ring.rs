@@ -26,8 +26,8 @@ struct StoredOctets {
 }
 
 impl StoredOctets {
-    /// Number of bytes of memory, including the overhead of the allocation: two counters, and a header of about the
-    /// same size.
+    /// Returns the number of bytes of memory, including the overhead of the allocation: two counters, and a header of
+    /// about the same size.
     fn bytes(&self) -> usize {
         size_of::<Self>() + 4 * size_of::<usize>() + self.octets.len()
     }
@@ -120,12 +120,12 @@ impl Rings {
         core::mem::replace(self, new)
     }
 
-    /// The number of the next record.
+    /// Returns the number of the next record.
     pub(crate) fn end(&self) -> u64 {
         self.end
     }
 
-    /// The records from number `from` on.
+    /// Returns the records from number `from` on.
     pub(crate) fn records(&self, from: u64) -> Records<'_> {
         let rest = self.lanes.each_ref().map(|lane| {
             let start = lane.lines.partition_point(|line| line.seq < from);
@@ -148,12 +148,12 @@ struct RemainingRecords<'a> {
 }
 
 impl RemainingRecords<'_> {
-    /// Number of the first record.
+    /// Returns the number of the first record.
     fn first(&self) -> Option<u64> {
         self.lines.clone().next().map(|line| line.seq)
     }
 
-    /// Number of the last record.
+    /// Returns the number of the last record.
     fn last(&self) -> Option<u64> {
         self.lines.clone().next_back().map(|line| line.seq)
     }

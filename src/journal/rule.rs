@@ -50,13 +50,13 @@ impl Rule {
         Rule { number, id, severity, source, text }
     }
 
-    /// Number of the rule in journal and channel; rules are listed in this order.
+    /// Returns the number of the rule in journal and channel; rules are listed in this order.
     #[must_use]
     pub const fn number(&self) -> u8 {
         self.number
     }
 
-    /// Name by which people refer to the rule.
+    /// Returns the name by which people refer to the rule.
     #[must_use]
     pub const fn id(&self) -> &'static str {
         self.id
@@ -68,7 +68,7 @@ impl Rule {
         self.severity
     }
 
-    /// The error of the PLC program, and the right use.
+    /// Returns the error of the PLC program, and the right use.
     #[must_use]
     pub const fn text(&self) -> &'static str {
         self.text

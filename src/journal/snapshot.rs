@@ -118,14 +118,15 @@ impl Journal {
         Ok(())
     }
 
-    /// The history that the records belong to.
+    /// Returns the history that the records belong to.
     #[must_use]
     pub fn history_id(&self) -> HistoryId {
         self.history_id
     }
 
-    /// The history for a reader of the records from number `from` on. If there never were records with this number, because
-    /// the journal continues from a snapshot, the history begins with the first possible record, also after a return.
+    /// Returns the history for a reader of the records from number `from` on. If there never were records with this
+    /// number, because the journal continues from a snapshot, the history begins with the first possible record, also
+    /// after a return.
     pub(crate) fn history_from(&self, from: u64) -> HistoryId {
         if from < self.base { HistoryId { begin: self.base, ..self.history_id } } else { self.history_id }
     }

@@ -57,7 +57,7 @@ impl EventText for Refused {
     }
 }
 
-/// A catalogue with these kinds and those of any device.
+/// Returns a catalogue with these kinds and those of any device.
 pub(crate) fn catalogue() -> &'static Catalogue {
     static SUM: LazyLock<Catalogue> = LazyLock::new(|| {
         let kinds = [super::KINDS, &[Edge::KIND, Packet::KIND, Refused::KIND]].concat();

@@ -34,7 +34,7 @@ fn journal(events: &[(u64, Event)]) -> Journal {
     journal
 }
 
-/// Time, count and distance of the records of an event.
+/// Returns the time, count and distance of the records of an event.
 fn counts(records: impl IntoIterator<Item = Record>, event: Event) -> Vec<(u64, u32, u32)> {
     let own = records.into_iter().filter(|record| record.event == event);
     own.map(|record| (record.time_us, record.count, record.period_us)).collect()

@@ -11,14 +11,14 @@ pub struct Text {
 }
 
 impl Text {
-    /// A writer with these names.
+    /// Returns a writer with these names.
     pub fn new(names: Names, catalogue: &'static Catalogue) -> Self {
         let nodes = names.plcs.iter().map(|name| name.len() + ":node1".len());
         let width = nodes.chain(names.buses.iter().map(String::len)).max().unwrap_or(0);
         Text { reader: Reader::new(names, catalogue), width }
     }
 
-    /// The line of the next record, without time and source.
+    /// Returns the line of the next record, without time and source.
     pub(crate) fn description(&mut self, record: &Record) -> String {
         let mut text = self.event(record);
         // Writing to a String cannot fail.
@@ -36,7 +36,7 @@ impl Text {
         text
     }
 
-    /// The text of the event alone, without latency and repetitions.
+    /// Returns the text of the event alone, without latency and repetitions.
     pub(super) fn event(&mut self, record: &Record) -> String {
         self.reader.observe(record);
         record.event.text(&mut self.reader)

@@ -80,7 +80,7 @@ impl Content {
         Content::Bits { width, value, known: u64::MAX }
     }
 
-    /// The data of a frame, its first byte on top; bytes that it does not have are not known.
+    /// Returns the data of a frame, its first byte on top; bytes that it does not have are not known.
     fn data(frame: &Frame) -> Self {
         let payload = frame.payload();
         let data = if frame.arbitration().is_remote() { &[][..] } else { payload.data() };
@@ -157,7 +157,8 @@ impl Waves {
         waves
     }
 
-    /// The values of a register of this width according to the journal. The register may be a part of a recorded one.
+    /// Returns the values of a register of this width according to the journal. The register may be a part of a
+    /// recorded one.
     pub fn register(&self, plc: DeviceIndex, offset: u32, width: Width) -> Past {
         // A signal of this width at the same place comes first, then a recorded one that contains the register. Another
         // width at the same place belongs to another structure, or to an access of a program.
@@ -191,7 +192,7 @@ impl Waves {
         self.recorded.contains(&(plc, offset))
     }
 
-    /// The times of the SYNC edges on all buses, in microseconds, in their order.
+    /// Returns the times of the SYNC edges on all buses, in microseconds, in their order.
     pub fn edges(&self) -> Vec<u64> {
         let mut edges: Vec<_> =
             self.changes_of(|signal| signal.of == SignalSubject::Edge).map(|change| change.time_us).collect();
@@ -355,7 +356,7 @@ impl WaveCollector {
     }
 }
 
-/// Names and texts in the form for waveforms: without blanks, and without brackets, which would mean bits.
+/// Returns names and texts in the form for waveforms: without blanks, and without brackets, which would mean bits.
 fn word(text: &str) -> String {
     let allowed = text.trim().replace("][", "_").replace(']', "").replace('[', "_");
     let allowed = allowed.replace(|c: char| c.is_control() && !c.is_whitespace(), "_");

@@ -19,7 +19,7 @@ impl Window {
     /// The window that contains all events.
     pub(crate) const ALL: Self = Window { from_us: 0, to_us: u64::MAX, grain_us: 0 };
 
-    /// The window of a picture from `from_us` to `to_us`.
+    /// Returns the window of a picture from `from_us` to `to_us`.
     #[cfg(all(feature = "script", feature = "studio"))]
     pub(crate) fn of_picture(from_us: u64, to_us: u64) -> Self {
         Window { from_us, to_us, grain_us: to_us.saturating_sub(from_us) / GRAINS }

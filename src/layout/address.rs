@@ -34,19 +34,19 @@ impl Address {
         Self::new(None, Width::Byte, offset)
     }
 
-    /// Offset of the first byte in the image.
+    /// Returns the offset of the first byte in the image.
     #[must_use]
     pub const fn offset(self) -> u32 {
         self.offset
     }
 
-    /// Width of the access; a single bit is accessed with its byte.
+    /// Returns the width of the access; a single bit is accessed with its byte.
     #[must_use]
     pub const fn width(self) -> Width {
         self.width
     }
 
-    /// Number of the bit in its byte (0..=7), if this is the address of a single bit.
+    /// Returns the number of the bit in its byte (0..=7), if this is the address of a single bit.
     #[must_use]
     pub const fn bit(self) -> Option<u8> {
         self.bit

@@ -37,7 +37,7 @@ impl Compare {
         (">", Self::Greater),
     ];
 
-    /// Words for messages that precede the value, for example `other than `, `less than `; empty for equality.
+    /// Returns words for messages that precede the value, for example `other than `, `less than `; empty for equality.
     #[must_use]
     pub const fn than(self) -> &'static str {
         match self {

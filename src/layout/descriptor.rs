@@ -121,7 +121,7 @@ pub struct Port {
 }
 
 impl Port {
-    /// The role of the port at its medium, if only one is possible.
+    /// Returns the role of the port at its medium, if only one is possible.
     #[must_use]
     pub const fn role(&self) -> Option<Role> {
         match self.roles {
@@ -189,13 +189,13 @@ impl Area {
         self.space.named(self.first)
     }
 
-    /// Address of the area's last byte, or of the word that contains this byte.
+    /// Returns the address of the area's last byte, or of the word that contains this byte.
     #[must_use]
     pub fn end(&self) -> String {
         self.space.named(self.last())
     }
 
-    /// The numbers in the addresses of the area: of bytes, or of words if the device numbers words.
+    /// Returns the numbers in the addresses of the area: of bytes, or of words if the device numbers words.
     #[must_use]
     pub const fn numbers(&self) -> RangeInclusive<u32> {
         self.space.numbers(self.first, self.last())

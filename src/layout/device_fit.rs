@@ -19,7 +19,7 @@ pub enum Fit {
 }
 
 impl Fit {
-    /// The role of the port, if it is known.
+    /// Returns the role of the port, if it is known.
     #[must_use]
     pub const fn role(self) -> Option<Role> {
         match self {
@@ -68,20 +68,20 @@ impl DeviceFit {
         self
     }
 
-    /// The device.
+    /// Returns the device.
     #[must_use]
     pub const fn device(&self) -> &'static DeviceLayout {
         self.device
     }
 
-    /// The known facts about port `number`.
+    /// Returns the known facts about port `number`.
     #[must_use]
     pub fn port(&self, number: u8) -> Fit {
         let mut ports = self.device.ports.iter().zip(self.ports);
         ports.find(|(port, _)| port.number == number).map_or(Fit::Unknown, |(_, fit)| fit)
     }
 
-    /// The first port that is or can be a master. It is the default port for users who name no port.
+    /// Returns the first port that is or can be a master. It is the default port for users who name no port.
     #[must_use]
     pub fn first_master(&self) -> Option<&'static Port> {
         self.device.ports.iter().zip(self.ports).find_map(|(port, fit)| match fit {
@@ -90,14 +90,14 @@ impl DeviceFit {
         })
     }
 
-    /// The known facts about the port that has its registers in `area`.
+    /// Returns the known facts about the port that has its registers in `area`.
     #[must_use]
     pub fn area(&self, area: &Area) -> Fit {
         let mut ports = self.device.ports.iter().zip(self.ports);
         ports.find(|(port, _)| port.area.first == area.first).map_or(Fit::Unknown, |(_, fit)| fit)
     }
 
-    /// The structures that `area` contains or can contain.
+    /// Returns the structures that `area` contains or can contain.
     pub fn placed(
         &self,
         area: &'static Area,
@@ -106,7 +106,7 @@ impl DeviceFit {
         area.structures.iter().filter(move |placed| fit.has(placed.role))
     }
 
-    /// The registers of such a structure, in address order.
+    /// Returns the registers of such a structure, in address order.
     pub(super) fn registers_of(
         &self,
         area: &'static Area,
@@ -116,7 +116,7 @@ impl DeviceFit {
         area.registers_of(placed).map(move |found| RegisterRef { role, ..found })
     }
 
-    /// The registers that are valid in phase `live`, structure by structure, each in address order.
+    /// Returns the registers that are valid in phase `live`, structure by structure, each in address order.
     pub fn registers_in(
         &self,
         area: &'static Area,
@@ -127,8 +127,8 @@ impl DeviceFit {
         placed.flat_map(move |placed| fitted.registers_of(area, placed))
     }
 
-    /// The registers that are used in this area, structure by structure. Where structures of the same role overlay each
-    /// other, their registers have the same widths.
+    /// Returns the registers that are used in this area, structure by structure. Where structures of the same role
+    /// overlay each other, their registers have the same widths.
     pub fn used_registers(&self, area: &'static Area) -> impl Iterator<Item = RegisterRef> + use<> {
         let fitted = *self;
         self.placed(area).flat_map(move |placed| {
@@ -179,7 +179,7 @@ mod tests {
         DeviceFit::unknown(&DEVICE).with(1, fit)
     }
 
-    /// The roles of the structures in the first slot.
+    /// Returns the roles of the structures in the first slot.
     fn roles(fit: Fit, live: RegisterPhase) -> Vec<Option<Role>> {
         let registers = fitted(fit).registers_in(DEVICE.areas.first().unwrap(), live);
         let mut roles: Vec<_> = registers.map(|found| found.placed.role).collect();

@@ -29,7 +29,7 @@ pub struct FrontWord {
 }
 
 impl FrontWord {
-    /// Position of the word in the front, from 0.
+    /// Returns the position of the word in the front, from 0.
     #[must_use]
     pub const fn index(&self) -> usize {
         self.offset as usize / 4
@@ -43,7 +43,7 @@ impl FrontWord {
             .map_or_else(|| value.to_string(), |(_, name)| name.to_owned())
     }
 
-    /// Values that have names.
+    /// Returns values that have names.
     fn named(&self) -> impl Iterator<Item = (u32, &'static str)> {
         let values = self.meaning.map_or(&[][..], |meaning| meaning.values);
         values.iter().filter(|value| value.first == value.last).map(|value| (value.first, value.text))
@@ -68,7 +68,7 @@ impl FrontWord {
         self.meaning.is_none_or(|meaning| meaning.values.is_empty() || known(meaning))
     }
 
-    /// The values that the word can have, for messages: `lock, unlock`, `0 to 15`.
+    /// Returns the values that the word can have, for messages: `lock, unlock`, `0 to 15`.
     #[must_use]
     pub fn choices(&self) -> String {
         let values = self.meaning.map_or(&[][..], |meaning| meaning.values);

@@ -61,7 +61,7 @@ impl Registers {
     }
 }
 
-/// End of the descriptors of the same sub-structure as `start`, exclusive.
+/// Returns the end of the descriptors of the same sub-structure as `start`, exclusive.
 fn run_end(structure: &Structure, start: usize) -> usize {
     let registers = structure.registers.get(start..).unwrap_or_default();
     let run = match registers.first() {
@@ -85,7 +85,7 @@ impl Iterator for Registers {
 }
 
 impl Area {
-    /// The registers of a structure of this area, in address order.
+    /// Returns the registers of a structure of this area, in address order.
     #[must_use]
     pub fn registers_of(&'static self, placed: &'static AreaStructure) -> Registers {
         Registers::new(self, placed)

@@ -35,7 +35,7 @@ fn is_valid(found: &RegisterRef, live: RegisterPhase) -> bool {
 }
 
 impl DeviceLayout {
-    /// End of the last area, exclusive.
+    /// Returns the end of the last area, exclusive.
     #[must_use]
     pub const fn end(&self) -> u32 {
         let areas = match self.areas.last() {
@@ -48,8 +48,8 @@ impl DeviceLayout {
         }
     }
 
-    /// Number of bytes of the device's segment: its image file or its RAM on the heap. It is a multiple of 8, because
-    /// the access checker compares structures up to their end in words of 64 bits.
+    /// Returns the number of bytes of the device's segment: its image file or its RAM on the heap. It is a multiple of
+    /// 8, because the access checker compares structures up to their end in words of 64 bits.
     #[must_use]
     pub const fn segment_size(&self) -> usize {
         (self.end() as usize).next_multiple_of(8)

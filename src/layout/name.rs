@@ -294,8 +294,8 @@ struct Block {
 }
 
 impl Block {
-    /// The structures that the name can mean. Cyclic structures, which come last in the layout, are preferred and come
-    /// first here. For an empty slot, these are all structures that the slot could have.
+    /// Returns the structures that the name can mean. Cyclic structures, which come last in the layout, are preferred
+    /// and come first here. For an empty slot, these are all structures that the slot could have.
     fn placed(&self) -> impl Iterator<Item = &'static AreaStructure> + use<'_> {
         let named = self
             .area
@@ -306,7 +306,7 @@ impl Block {
         named.filter(|placed| self.fit == Fit::Empty || self.fit.has(placed.role))
     }
 
-    /// The registers that `wanted` accepts, each once, in ascending order.
+    /// Returns the registers that `wanted` accepts, each once, in ascending order.
     fn by_address(&self, wanted: impl Fn(&RegisterRef) -> bool) -> Vec<RegisterRef> {
         let role = self.fit.role();
         let all = self.placed().flat_map(|placed| self.area.registers_of(placed));
@@ -354,12 +354,13 @@ impl Found<'_> {
 }
 
 impl Register {
-    /// Name of the register, with the sub-structure as a prefix and without indices: `a_DATA_PARAMETER.w_PAR_NR`.
+    /// Returns the name of the register, with the sub-structure as a prefix and without indices:
+    /// `a_DATA_PARAMETER.w_PAR_NR`.
     fn full_name(&self) -> String {
         full_name(self.group, self.name)
     }
 
-    /// Name of the register with the ranges of its indices: `a_RD_BMARRAY[0..31][0..15]`.
+    /// Returns the name of the register with the ranges of its indices: `a_RD_BMARRAY[0..31][0..15]`.
     #[must_use]
     pub fn pattern(&self) -> String {
         let mut ranges = self.dims.iter().map(|dim| format!("[0..{}]", dim.count - 1));

@@ -46,7 +46,7 @@ pub enum Type {
 }
 
 impl Type {
-    /// The manual's abbreviation.
+    /// Returns the manual's abbreviation.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -58,7 +58,7 @@ impl Type {
         }
     }
 
-    /// Length in bytes; `None` if it is not fixed.
+    /// Returns the length in bytes; `None` if it is not fixed.
     #[must_use]
     pub const fn bytes(self) -> Option<usize> {
         match self {
@@ -82,7 +82,7 @@ pub enum Access {
 }
 
 impl Access {
-    /// The manual's abbreviation.
+    /// Returns the manual's abbreviation.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -107,7 +107,7 @@ pub enum Default {
 }
 
 impl Default {
-    /// The default value as a number, for a device with Node-ID `node`; 0 if it is not a number.
+    /// Returns the default value as a number, for a device with Node-ID `node`; 0 if it is not a number.
     #[must_use]
     pub const fn at_node(self, node: u8) -> u32 {
         match self {

@@ -70,32 +70,32 @@ impl NamedLocation {
         })
     }
 
-    /// The text as given, without the PLC.
+    /// Returns the text as given, without the PLC.
     pub fn text(&self) -> &str {
         &self.text
     }
 
-    /// Offset of the first byte in the image.
+    /// Returns the offset of the first byte in the image.
     pub fn offset(&self) -> u32 {
         self.address.offset()
     }
 
-    /// Width of the access.
+    /// Returns the width of the access.
     pub fn width(&self) -> Width {
         self.address.width()
     }
 
-    /// The bit of the byte, if the place is a single bit.
+    /// Returns the bit of the byte, if the place is a single bit.
     pub fn bit(&self) -> Option<u8> {
         self.address.bit()
     }
 
-    /// The address: `%MW3.200000`.
+    /// Returns the address: `%MW3.200000`.
     pub fn address(&self) -> Address {
         self.address
     }
 
-    /// The register that shows which structure is valid, if structures overlay each other.
+    /// Returns the register that shows which structure is valid, if structures overlay each other.
     pub fn status(&self) -> Option<RegisterRef> {
         status_of(self.area)
     }
@@ -106,12 +106,12 @@ impl NamedLocation {
         self.area.phase(status)
     }
 
-    /// The phase in which the device is operated, for uses that do not depend on the present phase.
+    /// Returns the phase in which the device is operated, for uses that do not depend on the present phase.
     pub fn last_phase(&self) -> RegisterPhase {
         self.area.phase(None)
     }
 
-    /// The area of the place.
+    /// Returns the area of the place.
     pub fn area(&self) -> &'static Area {
         self.area
     }
@@ -134,12 +134,12 @@ impl NamedLocation {
         }
     }
 
-    /// The meanings of values, if the place is a single register and the layout has meanings.
+    /// Returns the meanings of values, if the place is a single register and the layout has meanings.
     pub fn meanings(&self, live: RegisterPhase) -> Option<&'static Meaning> {
         self.exact(live).and_then(|register| register.register.meaning)
     }
 
-    /// The register to which a single bit belongs, and the number of the bit in it.
+    /// Returns the register to which a single bit belongs, and the number of the bit in it.
     pub fn bit_in(&self) -> Option<(RegisterRef, u32)> {
         let register = self.registers.first()?;
         Some((*register, self.bit_of(register)?))
@@ -156,7 +156,8 @@ impl NamedLocation {
         Some(of_register.unwrap_or(BitAccess { offset: self.offset(), width: self.width(), bit: bit.into() }))
     }
 
-    /// The name of the register, with the number of the bit if it was given in this form; otherwise the address.
+    /// Returns the name of the register, with the number of the bit if it was given in this form; otherwise the
+    /// address.
     pub fn name(&self, live: RegisterPhase) -> String {
         if let Some((register, bit)) = self.named_bit() {
             return format!("{register}.{bit}");
@@ -164,18 +165,18 @@ impl NamedLocation {
         self.exact(live).map_or_else(|| self.address.to_string(), |register| register.name())
     }
 
-    /// The register and its bit, if the user has given the bit by the name of the register.
+    /// Returns the register and its bit, if the user has given the bit by the name of the register.
     fn named_bit(&self) -> Option<(&RegisterRef, u32)> {
         let register = self.registers.first().filter(|_| !self.text.starts_with('%'))?;
         Some((register, self.bit_of(register)?))
     }
 
-    /// Number of the bit in `register`.
+    /// Returns the number of the bit in `register`.
     fn bit_of(&self, register: &RegisterRef) -> Option<u32> {
         Some(u32::from(self.bit()?) + 8 * (self.offset() - register.offset()))
     }
 
-    /// Name and address for messages: `node2.w_CPU_CONTROL (%MW3.200000)`.
+    /// Returns the name and address for messages: `node2.w_CPU_CONTROL (%MW3.200000)`.
     pub fn label(&self, live: RegisterPhase) -> String {
         match self.name(live) {
             name if name.starts_with('%') || name == self.address.to_string() => name,
@@ -260,7 +261,7 @@ impl NamedLocation {
     }
 }
 
-/// The register that shows which structure of an area is valid, if structures overlay each other.
+/// Returns the register that shows which structure of an area is valid, if structures overlay each other.
 pub(crate) fn status_of(area: &'static Area) -> Option<RegisterRef> {
     let phases = area.phases?;
     let placed = area.structures.iter().find(|placed| placed.live != RegisterPhase::ALWAYS)?;

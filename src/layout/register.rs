@@ -22,7 +22,7 @@ pub struct RegisterRef {
 }
 
 impl RegisterRef {
-    /// The structure in the area.
+    /// Returns the structure in the area.
     #[must_use]
     pub const fn structure(&self) -> &'static Structure {
         self.placed.structure
@@ -38,7 +38,7 @@ impl RegisterRef {
             && twins.any(|twin| twin.has_name_of(self.register) && !twin.lies_like(self.register))
     }
 
-    /// The prefix of the register's name: the area, or the variable if the register is ambiguous.
+    /// Returns the prefix of the register's name: the area, or the variable if the register is ambiguous.
     #[must_use]
     pub fn front(&self) -> &'static str {
         if self.is_ambiguous() { self.placed.variable } else { self.area.name }
@@ -51,33 +51,33 @@ impl RegisterRef {
         self.to_string()
     }
 
-    /// Name without the area, for example `a_RD_BMARRAY[3][0]`.
+    /// Returns the name without the area, for example `a_RD_BMARRAY[3][0]`.
     #[must_use]
     pub fn path(&self) -> String {
         Path(self).to_string()
     }
 
-    /// The register's first byte in the image.
+    /// Returns the register's first byte in the image.
     #[must_use]
     pub fn offset(&self) -> u32 {
         self.area.first + self.offset_in_structure()
     }
 
-    /// Number of the register's first byte in the structure.
+    /// Returns the number of the register's first byte in the structure.
     #[must_use]
     pub fn offset_in_structure(&self) -> u32 {
         let elements = self.register.dims.iter().zip(self.index);
         self.register.offset + elements.map(|(dim, index)| dim.stride * u32::from(index)).sum::<u32>()
     }
 
-    /// Address at the register's own width, for example `%MW3.200002`.
+    /// Returns the address at the register's own width, for example `%MW3.200002`.
     #[must_use]
     pub fn address(&self) -> Address {
         // The layout compiler has checked the alignment of every register.
         Address::new(Some(self.area.space), Width::of(self.register.ty), self.offset())
     }
 
-    /// Address of bit `bit` of the register; `None` if there is no such bit.
+    /// Returns the address of bit `bit` of the register; `None` if there is no such bit.
     #[must_use]
     pub fn bit_address(&self, bit: u32) -> Option<Address> {
         (bit < 8 * self.width()).then(|| self.address().of_bit(bit))
@@ -99,13 +99,13 @@ impl RegisterRef {
         self.register.ty
     }
 
-    /// Width in bytes: 1, 2 or 4.
+    /// Returns the width in bytes: 1, 2 or 4.
     #[must_use]
     pub const fn width(&self) -> u32 {
         self.register.ty.width()
     }
 
-    /// Value after power-on, as a bit pattern.
+    /// Returns the value after power-on, as a bit pattern.
     #[must_use]
     pub const fn reset(&self) -> u32 {
         self.register.reset

@@ -40,7 +40,7 @@ pub enum Unit {
 }
 
 impl Unit {
-    /// Number of bytes between consecutive numbers in addresses of this width.
+    /// Returns the number of bytes between consecutive numbers in addresses of this width.
     #[must_use]
     pub const fn bytes(self, width: Width) -> u32 {
         match self {
@@ -49,7 +49,7 @@ impl Unit {
         }
     }
 
-    /// Width of the unit in which [`Space::first`] is given, and in which the layout gives areas.
+    /// Returns the width of the unit in which [`Space::first`] is given, and in which the layout gives areas.
     #[must_use]
     pub const fn width(self) -> Width {
         match self {
@@ -75,7 +75,7 @@ impl Space {
         self.offset <= offset && offset - self.offset < self.bytes
     }
 
-    /// The number in the address of the byte, word or double word at byte `offset` of the image.
+    /// Returns the number in the address of the byte, word or double word at byte `offset` of the image.
     #[must_use]
     pub const fn number(&self, offset: u32, width: Width) -> u32 {
         let first = self.first * self.unit.bytes(self.unit.width());
@@ -97,25 +97,25 @@ impl Space {
         self.number(first, width)..=self.number(last, width)
     }
 
-    /// The address of byte `offset` of the image, or of the word that contains it: `%MB3.80000`, `%MW2000`.
+    /// Returns the address of byte `offset` of the image, or of the word that contains it: `%MB3.80000`, `%MW2000`.
     pub(super) fn named(&self, offset: u32) -> String {
         let width = self.unit.width();
         format!("%{}{}{}{}", self.letter, width.letter(), self.segment, self.number(offset, width))
     }
 
-    /// The first address.
+    /// Returns the first address.
     #[must_use]
     pub fn begin(&self) -> String {
         self.named(self.offset)
     }
 
-    /// The last address of the space, in its unit.
+    /// Returns the last address of the space, in its unit.
     #[must_use]
     pub fn end(&self) -> String {
         self.named(self.offset + (self.bytes - 1))
     }
 
-    /// The highest number of a bit in `%MX`.
+    /// Returns the highest number of a bit in `%MX`.
     pub(super) const fn last_bit(&self) -> u32 {
         8 * self.unit.width().bytes() - 1
     }
@@ -129,24 +129,24 @@ impl fmt::Display for Space {
 }
 
 impl DeviceLayout {
-    /// The space that contains byte `offset` of the image.
+    /// Returns the space that contains byte `offset` of the image.
     #[must_use]
     pub fn space_at(&self, offset: u32) -> Option<&'static Space> {
         self.spaces.iter().find(|space| space.contains(offset))
     }
 
-    /// All spaces, for messages.
+    /// Returns all spaces, for messages.
     pub(super) fn known_spaces(&self) -> String {
         let known: Vec<_> = self.spaces.iter().map(Space::to_string).collect();
         if known.is_empty() { "no addresses".to_owned() } else { known.join(", ") }
     }
 
-    /// The areas with named registers: the front, if there is one, and then the others.
+    /// Returns the areas with named registers: the front, if there is one, and then the others.
     pub fn named_areas(&'static self) -> impl Iterator<Item = &'static Area> {
         self.front_area.into_iter().chain(self.areas)
     }
 
-    /// All areas in ascending order, including the front and the retain flags.
+    /// Returns all areas in ascending order, including the front and the retain flags.
     pub fn all_areas(&'static self) -> impl Iterator<Item = &'static Area> {
         let retain = self.retain.map(|retain| &retain.area);
         let before = retain.filter(|area| self.areas.first().is_none_or(|first| area.first < first.first));

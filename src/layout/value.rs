@@ -125,7 +125,7 @@ pub(crate) fn named(
     }
 }
 
-/// The names of values and single bits, each with its bit pattern.
+/// Returns the names of values and single bits, each with its bit pattern.
 #[must_use]
 pub(crate) fn names(meaning: &'static Meaning) -> Vec<(String, u32)> {
     let singles = meaning.values.iter().filter(|value| value.first == value.last && !value.reserved);

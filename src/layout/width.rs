@@ -16,7 +16,7 @@ pub enum Width {
 }
 
 impl Width {
-    /// Length in bytes: 1, 2 or 4. The address must be divisible by it.
+    /// Returns the length in bytes: 1, 2 or 4. The address must be divisible by it.
     pub const fn bytes(self) -> u32 {
         match self {
             Width::Byte => 1,
@@ -25,12 +25,12 @@ impl Width {
         }
     }
 
-    /// The largest value that fits.
+    /// Returns the largest value that fits.
     pub const fn max_value(self) -> u32 {
         u32::MAX >> (32 - 8 * self.bytes())
     }
 
-    /// The IEC type name.
+    /// Returns the IEC type name.
     pub const fn iec_name(self) -> &'static str {
         match self {
             Width::Byte => "BYTE",
@@ -39,7 +39,7 @@ impl Width {
         }
     }
 
-    /// The letter of the width in an address: `W` of `%MW3.200000`.
+    /// Returns the letter of the width in an address: `W` of `%MW3.200000`.
     #[must_use]
     pub const fn letter(self) -> char {
         match self {
@@ -59,7 +59,7 @@ impl Width {
         }
     }
 
-    /// The type for a register if only its width is known.
+    /// Returns the type for a register if only its width is known.
     #[cfg(feature = "emulator")]
     pub(crate) const fn bits(self) -> RegType {
         match self {
@@ -69,7 +69,7 @@ impl Width {
         }
     }
 
-    /// The access that a register of this type needs.
+    /// Returns the access that a register of this type needs.
     #[must_use]
     pub const fn of(ty: RegType) -> Self {
         match ty.width() {
@@ -79,7 +79,7 @@ impl Width {
         }
     }
 
-    /// The address rule of this width, for error messages.
+    /// Returns the address rule of this width, for error messages.
     pub(crate) const fn alignment_rule(self) -> &'static str {
         match self {
             Width::Byte => "a BYTE may have any address",

@@ -123,12 +123,12 @@ impl Attached {
         Ok(Attached { file, segment, header, generation })
     }
 
-    /// The emulated RAM.
+    /// Returns the emulated RAM.
     pub fn segment(&self) -> &Segment {
         &self.segment
     }
 
-    /// The header page.
+    /// Returns the header page.
     ///
     /// # Errors
     /// The image is attached read-only: use [`Attached::header_snapshot`] instead.
@@ -136,17 +136,17 @@ impl Attached {
         self.header.as_ref().ok_or(MemoryError::ReadOnly { offset: 0 })
     }
 
-    /// A private copy of the header page.
+    /// Returns a private copy of the header page.
     pub fn header_snapshot(&self) -> Box<Header> {
         self.segment.header_snapshot()
     }
 
-    /// The image file.
+    /// Returns the image file.
     pub fn path(&self) -> &Path {
         &self.file.path
     }
 
-    /// The emulator's generation at the time of attaching.
+    /// Returns the emulator's generation at the time of attaching.
     pub fn generation(&self) -> u32 {
         self.generation
     }
@@ -306,7 +306,7 @@ impl Attached {
     }
 }
 
-/// The reason why no emulator serves a dead image.
+/// Returns the reason why no emulator serves a dead image.
 fn dead(file: &ImageFile, header: &Header) -> MemoryError {
     let path = file.path.clone();
     match State::from_code(header.state.load()) {

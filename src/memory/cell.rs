@@ -40,7 +40,7 @@ macro_rules! cell {
         unsafe impl SharedRegs for $name {}
 
         impl $name {
-            /// The register's value.
+            /// Returns the register's value.
             #[inline]
             pub fn load(&self) -> $value {
                 // SAFETY: the cell is valid and aligned, and accessed in this way only.
@@ -105,14 +105,14 @@ cell!(
 );
 
 impl Cell32 {
-    /// Address of the cell, for calls of the kernel.
+    /// Returns the address of the cell, for calls of the kernel.
     #[inline]
     pub fn as_ptr(&self) -> *mut u32 {
         self.0.get()
     }
 
-    /// The cell as an argument of futex calls, for words of the header page only. No code accesses the atomic itself,
-    /// because that would bypass `access`.
+    /// Returns the cell as an argument of futex calls, for words of the header page only. No code accesses the atomic
+    /// itself, because that would bypass `access`.
     #[inline]
     pub(super) fn as_futex(&self) -> &AtomicU32 {
         // SAFETY: valid and aligned, and only the kernel accesses it.

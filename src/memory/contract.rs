@@ -22,7 +22,7 @@ pub const CODES: [Codes; 11] = [
     SeatState::CODES,
 ];
 
-/// The structures of the header page, each before those that contain it; the page itself is the last.
+/// Returns the structures of the header page, each before those that contain it; the page itself is the last.
 #[must_use]
 pub fn structures() -> Vec<&'static HeaderStruct> {
     fn add(of: &'static HeaderStruct, found: &mut Vec<&'static HeaderStruct>) {

@@ -101,7 +101,7 @@ impl Directory {
         self.remove(from)
     }
 
-    /// A path to the directory for this process, valid even if the directory was renamed.
+    /// Returns a path to the directory for this process, valid even if the directory was renamed.
     pub(crate) fn path_by_descriptor(&self) -> PathBuf {
         format!("/proc/self/fd/{}", self.0.as_raw_fd()).into()
     }

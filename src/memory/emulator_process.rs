@@ -25,7 +25,7 @@ pub(crate) fn is_from_stop(signal: &libc::siginfo_t) -> bool {
     (signal.si_signo, signal.si_code, signal.si_errno) == (libc::SIGTERM, libc::SI_QUEUE, STOP_MARK)
 }
 
-/// The process that has sent the signal; `None` for a signal of the kernel.
+/// Returns the process that has sent the signal; `None` for a signal of the kernel.
 #[cfg(feature = "cli")]
 pub(crate) fn sender_of(signal: &libc::siginfo_t) -> Option<u32> {
     matches!(signal.si_code, libc::SI_USER | libc::SI_QUEUE | libc::SI_TKILL)

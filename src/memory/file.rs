@@ -75,7 +75,7 @@ impl ImageFile {
         Ok(header)
     }
 
-    /// The header, if the file begins with the magic.
+    /// Returns the header, if the file begins with the magic.
     pub(crate) fn own_header(&self) -> Result<Box<Header>, MemoryError> {
         let header = self.header()?;
         match header.magic.load() {
@@ -84,7 +84,7 @@ impl ImageFile {
         }
     }
 
-    /// Length of the file in bytes.
+    /// Returns the length of the file in bytes.
     pub(crate) fn size(&self) -> Result<u64, MemoryError> {
         Ok(u64::try_from(self.stat()?.st_size).unwrap_or(0))
     }
@@ -156,7 +156,7 @@ impl LockableFile for ImageFile {
     }
 }
 
-/// The process named in a header.
+/// Returns the process named in a header.
 pub(super) fn emulator(header: &Header) -> ProcessId {
     ProcessId { pid: header.firmware_pid.load(), start: header.firmware_start.load() }
 }
@@ -172,7 +172,7 @@ fn judge(path: &Path, stat: &Stat) -> Result<(), MemoryError> {
     }
 }
 
-/// The error for `errno`, with a reason that the user can act on.
+/// Returns the error for `errno`, with a reason that the user can act on.
 fn why_not_opened(path: &Path, errno: Errno) -> MemoryError {
     let failed = MemoryError::System { path: path.to_owned(), doing: "open", reason: errno.into() };
     rustix::fs::lstat(path).ok().and_then(|stat| judge(path, &stat).err()).unwrap_or(failed)

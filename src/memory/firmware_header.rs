@@ -27,7 +27,7 @@ impl FirmwareHeader {
         FirmwareHeader { current, requested }
     }
 
-    /// The page with everything that programs write: switches, requests, the state of a program.
+    /// Returns the page with everything that programs write: switches, requests, the state of a program.
     #[inline]
     #[must_use]
     pub fn requested(&self) -> &Header {

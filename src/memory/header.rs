@@ -203,7 +203,7 @@ codes! {
     }
 }
 
-/// Name of the field, array or bell that contains byte `offset` of the header page.
+/// Returns the name of the field, array or bell that contains byte `offset` of the header page.
 pub fn field_at(offset: usize) -> Option<&'static str> {
     let field = Header::STRUCT.fields.iter().rev().find(|field| field.offset <= offset)?;
     (offset < HEADER_SIZE).then_some(field.name)
@@ -302,14 +302,14 @@ impl Header {
         self.virtual_time_us.load()
     }
 
-    /// Value of a word of the device's front.
+    /// Returns the value of a word of the device's front.
     #[must_use]
     pub fn front_value(&self, word: &FrontWord) -> u32 {
         self.front.get(word.index()).map_or(0, Cell32::load)
     }
 
-    /// Values of the front of `device`, which must be the device of this image. Words that [`Board`] or [`Program`]
-    /// contain under the same name are left out.
+    /// Returns values of the front of `device`, which must be the device of this image. Words that [`Board`] or
+    /// [`Program`] contain under the same name are left out.
     pub fn front_words(
         &self,
         device: &'static DeviceLayout,
@@ -332,7 +332,7 @@ pub const LONGEST_LEAD_US: u64 = 100_000;
 /// Number of reads after which a program no longer waits for the new clock of an emulator that may have died.
 const LONGEST_CHANGE: u32 = 1_000_000;
 
-/// A name field as text, up to its first zero. Invalid UTF-8 becomes U+FFFD.
+/// Returns a name field as text, up to its first zero. Invalid UTF-8 becomes U+FFFD.
 pub fn name<const N: usize>(field: &[Cell8; N]) -> String {
     let bytes: Vec<u8> = field.iter().map(Cell8::load).take_while(|&b| b != 0).collect();
     String::from_utf8_lossy(&bytes).into_owned()
@@ -347,7 +347,7 @@ pub fn set_name<const N: usize>(field: &[Cell8; N], text: &str) {
     }
 }
 
-/// Value of `CLOCK_MONOTONIC` in nanoseconds.
+/// Returns the value of `CLOCK_MONOTONIC` in nanoseconds.
 pub(crate) fn monotonic_ns() -> u64 {
     let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64

@@ -146,28 +146,28 @@ impl Image {
         self.header.announce();
     }
 
-    /// The other processes that have the registers mapped for writing, as text.
+    /// Returns the other processes that have the registers mapped for writing, as text.
     #[cfg(feature = "emulator")]
     pub(crate) fn writers(&self) -> Vec<String> {
         super::writers::writers_of(&self.file.path)
     }
 
-    /// The emulated RAM.
+    /// Returns the emulated RAM.
     pub fn segment(&self) -> &Segment {
         &self.segment
     }
 
-    /// The header page.
+    /// Returns the header page.
     pub fn header(&self) -> &View<Header> {
         &self.header
     }
 
-    /// The image file.
+    /// Returns the image file.
     pub fn path(&self) -> &Path {
         &self.file.path
     }
 
-    /// Number of emulators that have used this file, from 1.
+    /// Returns the number of emulators that have used this file, from 1.
     pub fn generation(&self) -> u32 {
         self.header.generation.load()
     }
@@ -252,7 +252,7 @@ impl ImageFileWatch {
         }
     }
 
-    /// The image file.
+    /// Returns the image file.
     pub fn path(&self) -> &Path {
         &self.file.path
     }

@@ -135,7 +135,7 @@ impl InstanceLock {
         written.map_err(|reason| MemoryError::System { path, doing: "write", reason })
     }
 
-    /// The folders of a running instance's devices; empty if it has none.
+    /// Returns the folders of a running instance's devices; empty if it has none.
     #[cfg(feature = "emulator")]
     pub(crate) fn device_folders(instance: &str) -> Vec<std::path::PathBuf> {
         let read = || {
@@ -206,7 +206,7 @@ fn signature(file: &File) -> Option<String> {
     core::str::from_utf8(text.get(..length)?).ok().map(str::to_owned)
 }
 
-/// The emulator named in a lock file. Any program of this user can write this name.
+/// Returns the emulator named in a lock file. Any program of this user can write this name.
 pub(super) fn signer(file: &File) -> Option<ProcessId> {
     ProcessId::parse(&signature(file)?)
 }

@@ -13,7 +13,8 @@ const OPEN_FILES: &str = "/proc/self/fd";
 #[cfg(feature = "emulator")]
 const STATUS: &str = "/proc/self/status";
 
-/// Text about the limit that explains a system error, to append to a message; empty if no limit explains it.
+/// Returns the text about the limit that explains a system error, to append to a message; empty if no limit explains
+/// it.
 pub(crate) fn named(reason: &io::Error) -> String {
     match Errno::from_io_error(reason) {
         Some(Errno::MFILE) => getrlimit(Resource::Nofile).current.map_or_else(String::new, |most| {
@@ -101,7 +102,7 @@ pub(crate) fn allow_memory(more: u64) -> Result<(), MemoryLimit> {
     Ok(())
 }
 
-/// The number of bytes in a line of [`STATUS`], or 0 if it cannot be read.
+/// Returns the number of bytes in a line of [`STATUS`], or 0 if it cannot be read.
 #[cfg(feature = "emulator")]
 fn used(name: &str) -> u64 {
     let status = fs::read_to_string(STATUS).unwrap_or_default();

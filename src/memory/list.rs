@@ -68,7 +68,7 @@ impl From<&Header> for ImageSummary {
     }
 }
 
-/// All images, sorted by instance and PLC.
+/// Returns all images, sorted by instance and PLC.
 ///
 /// # Errors
 /// [`IMAGE_DIRECTORY`] cannot be read. A single unreadable file is reported in its entry.
@@ -79,7 +79,7 @@ pub fn list() -> Result<Vec<ImageInfo>, MemoryError> {
     Ok(images)
 }
 
-/// Names of all instances with an image or a directory, in any condition.
+/// Returns names of all instances with an image or a directory, in any condition.
 ///
 /// # Errors
 /// [`IMAGE_DIRECTORY`] cannot be read.
@@ -92,7 +92,7 @@ pub fn instances() -> Result<BTreeSet<String>, MemoryError> {
     Ok(instances)
 }
 
-/// The PLCs of all entries with the name of an image of `instance`, except those that belong to another user.
+/// Returns the PLCs of all entries with the name of an image of `instance`, except those that belong to another user.
 pub(super) fn named(instance: &str) -> Result<Vec<String>, MemoryError> {
     let mut plcs = Vec::new();
     for_each_name(|of, plc| {

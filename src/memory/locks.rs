@@ -15,7 +15,7 @@ pub(super) fn holder_of(file: &File) -> Option<u32> {
     table.lines().find_map(|line| holder_in(line, &stat))
 }
 
-/// The holder in a line of the table, if the line describes an exclusive `flock` lock of this file.
+/// Returns the holder in a line of the table, if the line describes an exclusive `flock` lock of this file.
 fn holder_in(line: &str, stat: &Stat) -> Option<u32> {
     // The line of a process that waits for a lock has `->` instead of the kind.
     let mut fields = line.split_ascii_whitespace().skip(1);

@@ -32,7 +32,7 @@ pub(crate) fn check_plc(name: &str) -> Result<(), MemoryError> {
     check("PLC", name)
 }
 
-/// The image file of a PLC: `/dev/shm/commram.<instance>.<plc>`.
+/// Returns the image file of a PLC: `/dev/shm/commram.<instance>.<plc>`.
 ///
 /// # Errors
 /// One of the names breaks the rules.
@@ -42,7 +42,7 @@ pub(crate) fn image_path(instance: &str, plc: &str) -> Result<PathBuf, MemoryErr
     Ok(Path::new(IMAGE_DIRECTORY).join(format!("{PREFIX}{instance}.{plc}")))
 }
 
-/// The directory of the instance's iceoryx2 files: `/dev/shm/commram.<instance>.iox.d`. No image can
+/// Returns the directory of the instance's iceoryx2 files: `/dev/shm/commram.<instance>.iox.d`. No image can
 /// have this name, because it has a dot more.
 ///
 /// # Errors

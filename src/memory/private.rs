@@ -86,7 +86,7 @@ impl PrivateDir {
         }))
     }
 
-    /// The path by which the directory was opened.
+    /// Returns the path by which the directory was opened.
     #[cfg(feature = "channel")]
     pub(crate) fn path(&self) -> &Path {
         &self.path
@@ -141,7 +141,7 @@ impl PrivateDir {
         is_same(self.directory.stat_of(name), rustix::fs::fstat(file))
     }
 
-    /// The text of the file `name`; `None` if there is no such file.
+    /// Returns the text of the file `name`; `None` if there is no such file.
     #[cfg(feature = "channel")]
     pub(crate) fn read(&self, name: &str) -> Option<String> {
         let mut text = String::new();
@@ -233,7 +233,7 @@ fn judge(path: &Path, stat: &Stat) -> Result<(), MemoryError> {
     }
 }
 
-/// The error for `errno`, with a reason that the user can act on.
+/// Returns the error for `errno`, with a reason that the user can act on.
 fn why_not_opened(path: &Path, errno: Errno) -> MemoryError {
     rustix::fs::lstat(path)
         .ok()

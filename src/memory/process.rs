@@ -20,7 +20,7 @@ impl ProcessId {
         Self { pid, start }
     }
 
-    /// The process that has this number now; `None` if it has ended or is in another pid namespace.
+    /// Returns the process that has this number now; `None` if it has ended or is in another pid namespace.
     pub(crate) fn of(pid: u32) -> Option<Self> {
         running_since(pid).map(|start| Self { pid, start })
     }
@@ -55,7 +55,7 @@ impl core::fmt::Display for ProcessId {
     }
 }
 
-/// Start time of the process with this number; `None` if it has ended. A zombie has ended.
+/// Returns the start time of the process with this number; `None` if it has ended. A zombie has ended.
 fn running_since(pid: u32) -> Option<u64> {
     let (state, start) = state(pid)?;
     (!matches!(state, 'Z' | 'X' | 'x')).then_some(start)

@@ -29,7 +29,7 @@ pub(crate) struct StoredBytes {
     pub(crate) value: u32,
 }
 
-/// The words that differ; the first word is at offset `first`.
+/// Returns the words that differ; the first word is at offset `first`.
 fn differences(first: usize, now: &[u32], before: &[u32]) -> impl Iterator<Item = StoredBytes> {
     let words = now.iter().zip(before).enumerate().filter(|(_, (now, before))| now != before);
     words.map(move |(n, (now, before))| {

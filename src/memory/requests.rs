@@ -5,8 +5,8 @@ use crate::layout::{FrontWord, Owner};
 use core::iter;
 
 impl Header {
-    /// The cells that programs write, for a device with this front. Requests come before their parameters. Programs
-    /// store the parameters first, so a reader in this order that finds a request also finds its parameters.
+    /// Returns the cells that programs write, for a device with this front. Requests come before their parameters.
+    /// Programs store the parameters first, so a reader in this order that finds a request also finds its parameters.
     fn request_cells<'a>(&'a self, front: &'a [FrontWord]) -> impl Iterator<Item = &'a Cell32> {
         let Header { board, program, initial_flag: flag, opt_init, .. } = self;
         let requests =
@@ -86,7 +86,7 @@ impl Segment {
         }
     }
 
-    /// The pages of firmware and programs; `None` if both are the same page.
+    /// Returns the pages of firmware and programs; `None` if both are the same page.
     fn both_pages(&self) -> Option<FirmwareHeader> {
         self.asked.as_ref().and_then(|_| self.firmware_header().ok())
     }

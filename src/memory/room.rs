@@ -22,7 +22,8 @@ pub(crate) fn free() -> Option<u64> {
 /// error.
 const FEW_INODES: u64 = 32;
 
-/// Text about free inodes, to append to the error of a system call at `path`; empty if inodes do not explain the error.
+/// Returns the text about free inodes, to append to the error of a system call at `path`; empty if inodes do not
+/// explain the error.
 pub(crate) fn named(path: &Path, reason: &io::Error) -> String {
     if Errno::from_io_error(reason) != Some(Errno::NOSPC) {
         return String::new();
@@ -82,8 +83,8 @@ pub(crate) fn check<'a>(
     }
 }
 
-/// Number of bytes that the images may use, according to a text like `/proc/meminfo`. A tenth of the available memory
-/// stays free for other programs.
+/// Returns the number of bytes that the images may use, according to a text like `/proc/meminfo`. A tenth of the
+/// available memory stays free for other programs.
 #[cfg(feature = "emulator")]
 fn available(meminfo: &str) -> Option<u64> {
     let kibibytes = |name: &str| -> Option<u64> {

@@ -156,7 +156,7 @@ impl LockedFile {
     }
 }
 
-/// The lock file in the instance's directory.
+/// Returns the lock file in the instance's directory.
 fn lock_file(instance: &str) -> Result<Option<LockedFile>, MemoryError> {
     let path = names::channel_root(instance)?;
     let Some(directory) = PrivateDir::open(&path)? else { return Ok(None) };

@@ -19,7 +19,7 @@ const WORDS: usize = CHUNK / size_of::<u32>();
 /// Marks the end of the saved registers, after the last run of lines.
 const END: u32 = u32::MAX;
 
-/// The lines that these ranges touch, grouped into chunks. No line occurs twice.
+/// Returns the lines that these ranges touch, grouped into chunks. No line occurs twice.
 fn chunks(ranges: &[Range<usize>]) -> impl Iterator<Item = Range<usize>> {
     let mut next = HEADER_SIZE;
     ranges.iter().flat_map(move |range| {
@@ -30,7 +30,7 @@ fn chunks(ranges: &[Range<usize>]) -> impl Iterator<Item = Range<usize>> {
     })
 }
 
-/// The lines of a chunk that are not zero, as contiguous runs.
+/// Returns the lines of a chunk that are not zero, as contiguous runs.
 fn runs(bytes: &[u8]) -> impl Iterator<Item = Range<usize>> {
     let mut lines = bytes.as_chunks::<LINE>().0.iter().map(|line| *line != [0; LINE]).enumerate().peekable();
     core::iter::from_fn(move || {
@@ -118,7 +118,7 @@ impl Segment {
 }
 
 impl Header {
-    /// The fields that belong to the plant, in saved order.
+    /// Returns the fields that belong to the plant, in saved order.
     fn kept(&self) -> impl Iterator<Item = &Cell32> {
         let Header { board, program, initial_flag, opt_init, .. } = self;
         let board = [&board.dip, &board.leds, &board.display, &board.switch];
@@ -144,7 +144,7 @@ impl Header {
         front.chain(opt_init).chain(ports).chain([&self.board_requests]).chain(&self.front)
     }
 
-    /// Times of the last events.
+    /// Returns times of the last events.
     fn kept_times(&self) -> impl Iterator<Item = &Cell64> {
         self.events.iter().chain(&self.triggers).chain(&self.timers).map(|slot| &slot.time_us)
     }

@@ -72,7 +72,7 @@ pub struct Segment {
 }
 
 impl Segment {
-    /// A zeroed segment for a device, private to this process; its header page describes the device.
+    /// Returns a zeroed segment for a device, private to this process; its header page describes the device.
     pub fn of(device: &'static DeviceLayout) -> Segment {
         let segment = Segment::heap(device.segment_size());
         if let Ok(header) = segment.header() {
@@ -81,8 +81,8 @@ impl Segment {
         segment
     }
 
-    /// A zeroed segment of `size` bytes, at least the header page, private to this process. The kernel allocates pages
-    /// when they are first accessed.
+    /// Returns a zeroed segment of `size` bytes, at least the header page, private to this process. The kernel
+    /// allocates pages when they are first accessed.
     ///
     /// Uses an anonymous map, not a `Vec`, because the allocator would clear page-aligned memory itself, and so access
     /// all of its pages. Running out of address space is fatal, as for a `Vec`.
@@ -95,20 +95,20 @@ impl Segment {
         }
     }
 
-    /// The segment in the first `size` bytes of a mapped file; `None` if the map is shorter, or `size` is less than the
-    /// header page.
+    /// Returns the segment in the first `size` bytes of a mapped file; `None` if the map is shorter, or `size` is less
+    /// than the header page.
     pub(super) fn mapped(map: MmapRaw, size: usize, writable: bool) -> Option<Segment> {
         Some(Self::from_backing(Arc::new(Backing::new(map, size, writable)?)))
     }
 
-    /// Length of the segment in bytes.
+    /// Returns the length of the segment in bytes.
     pub fn size(&self) -> usize {
         self.backing.size
     }
 
-    /// Address of the memory in this process, for programs in other languages that access it directly. It is valid as
-    /// long as a handle on the segment exists. Follow the rules of [`super::cell`]: access a register at its own width,
-    /// expect its value to change at any time, and do not write a read-only segment.
+    /// Returns the address of the memory in this process, for programs in other languages that access it directly. It
+    /// is valid as long as a handle on the segment exists. Follow the rules of [`super::cell`]: access a register at
+    /// its own width, expect its value to change at any time, and do not write a read-only segment.
     #[must_use]
     pub fn base(&self) -> *const u8 {
         self.backing.base.as_ptr()
@@ -140,7 +140,7 @@ impl Segment {
         View::new(Arc::clone(&self.backing), offset)
     }
 
-    /// The header page.
+    /// Returns the header page.
     ///
     /// # Errors
     /// The segment is read-only; use [`Segment::header_snapshot`] instead.
@@ -149,7 +149,7 @@ impl Segment {
         View::new(Arc::clone(&self.backing), 0)
     }
 
-    /// The header page for firmware.
+    /// Returns the header page for firmware.
     ///
     /// # Errors
     /// The segment is read-only.
@@ -171,7 +171,7 @@ impl Segment {
         Segment { asked: Some(page.backing), ..self }
     }
 
-    /// The beginning of the header page in 64-bit words, for comparing it as a whole.
+    /// Returns the beginning of the header page in 64-bit words, for comparing it as a whole.
     ///
     /// # Errors
     /// The segment is read-only, or the words reach beyond the header page.
@@ -341,7 +341,7 @@ impl Segment {
         }
     }
 
-    /// The bytes of the 32-bit word at `offset`, in memory order.
+    /// Returns the bytes of the 32-bit word at `offset`, in memory order.
     #[inline]
     fn word(&self, offset: usize) -> [u8; 4] {
         debug_assert!(offset.is_multiple_of(4) && offset + 4 <= self.size());
@@ -434,7 +434,7 @@ fn fits(offset: u32, width: Width, value: u32) -> Result<(), MemoryError> {
     Ok(())
 }
 
-/// Number of bits by which the part is shifted inside its register.
+/// Returns the number of bits by which the part is shifted inside its register.
 fn shift_within(
     register_offset: u32,
     register_width: Width,

@@ -47,7 +47,7 @@ pub struct Field {
 }
 
 impl FieldKind {
-    /// Size in bytes.
+    /// Returns the size in bytes.
     #[must_use]
     pub const fn bytes(self) -> usize {
         match self {
@@ -58,12 +58,12 @@ impl FieldKind {
 }
 
 impl Field {
-    /// The field of `S` that `_get` returns, at `offset`.
+    /// Returns the field of `S` that `_get` returns, at `offset`.
     pub(super) const fn of<S, T: Described>(offset: usize, name: &'static str, _get: fn(&S) -> &T) -> Self {
         Self { offset, name, kind: T::KIND, count: T::COUNT }
     }
 
-    /// Size in bytes, with all elements.
+    /// Returns the size in bytes, with all elements.
     #[must_use]
     pub const fn bytes(&self) -> usize {
         self.kind.bytes()

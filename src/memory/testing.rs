@@ -62,7 +62,7 @@ const fn area(name: &'static str, space: &'static Space) -> Area {
     }
 }
 
-/// A device of plain RAM.
+/// Returns a device of plain RAM.
 pub(crate) const fn test_device() -> DeviceLayout {
     DeviceLayout {
         name: "test-device",

@@ -19,7 +19,7 @@ unsafe impl<T: SharedRegs> Send for View<T> {}
 unsafe impl<T: SharedRegs> Sync for View<T> {}
 
 impl<T: SharedRegs> View<T> {
-    /// The view of `T` at `offset`. The caller has checked that the backing is writable.
+    /// Returns the view of `T` at `offset`. The caller has checked that the backing is writable.
     pub(super) fn new(keep: Arc<Backing>, offset: usize) -> Result<Self, MemoryError> {
         let (size, align) = (size_of::<T>(), align_of::<T>());
         if offset.checked_add(size).is_none_or(|end| end > keep.size()) {
@@ -38,7 +38,7 @@ impl<T: SharedRegs> View<T> {
         Ok(Self { cells, keep })
     }
 
-    /// A view of a part of this one: a field or an array element.
+    /// Returns a view of a part of this one: a field or an array element.
     ///
     /// ```
     /// # use commram::memory::{Cell16, Segment};
@@ -52,7 +52,7 @@ impl<T: SharedRegs> View<T> {
         View { cells: NonNull::from(part(self)), keep: Arc::clone(&self.keep) }
     }
 
-    /// The segment of this view.
+    /// Returns the segment of this view.
     pub fn segment(&self) -> Segment {
         Segment::from_backing(Arc::clone(&self.keep))
     }

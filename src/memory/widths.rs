@@ -44,8 +44,8 @@ struct PartialAccess {
 }
 
 impl RegisterWidths {
-    /// The widths of the device's registers, with its options. An area is plain RAM if it depends on a port of unknown
-    /// kind.
+    /// Returns the widths of the device's registers, with its options. An area is plain RAM if it depends on a port of
+    /// unknown kind.
     #[must_use]
     pub fn of(fitted: &DeviceFit) -> Self {
         let device = fitted.device();
@@ -71,8 +71,8 @@ impl RegisterWidths {
         RegisterWidths { device, areas: areas.collect() }
     }
 
-    /// The area that contains all of `offset .. offset + len`; the error is the first byte outside all areas. The
-    /// number of retain flags of a PLC is read from the header page.
+    /// Returns the area that contains all of `offset .. offset + len`; the error is the first byte outside all areas.
+    /// The number of retain flags of a PLC is read from the header page.
     fn area(&self, segment: &Segment, offset: u32, len: u32) -> Result<&AreaWidths, Unmapped> {
         let area = self
             .areas
@@ -159,8 +159,8 @@ impl RegisterWidths {
         Ok(Ok(seen))
     }
 
-    /// The registers of which `len` bytes from `offset` on contain a part: the offset and width of each register, in
-    /// ascending order. Plain RAM counts as doublewords, or as one item if it fills the whole range.
+    /// Returns the registers of which `len` bytes from `offset` on contain a part: the offset and width of each
+    /// register, in ascending order. Plain RAM counts as doublewords, or as one item if it fills the whole range.
     ///
     /// # Errors
     /// No register area covers one of the bytes.
@@ -195,7 +195,7 @@ impl RegisterWidths {
 }
 
 impl AreaWidths {
-    /// Offset and width of the register that contains the byte; `None` in plain RAM.
+    /// Returns the offset and width of the register that contains the byte; `None` in plain RAM.
     fn register(&self, at: u32) -> Option<(u32, Width)> {
         let byte = self.bytes.get((at - self.first) as usize).copied().unwrap_or(0);
         Some((at - u32::from(byte >> 4), Width::of_bytes(u32::from(byte & 0x0F))?))
@@ -213,7 +213,7 @@ impl AreaWidths {
     }
 }
 
-/// Size of the PLC's retain flags, in bytes.
+/// Returns the size of the PLC's retain flags, in bytes.
 fn retain_bytes(segment: &Segment) -> u32 {
     segment.header().map_or(0, |header| header.retain_size.load())
 }

@@ -5,9 +5,9 @@ use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
-/// The other processes that have the registers of this file mapped for writing, as `NAME (process NUMBER)`. Processes
-/// of other users are not visible, but only the owner of an image can open it. Clients of the channel map only the
-/// header page and are not listed.
+/// Returns the other processes that have the registers of this file mapped for writing, as `NAME (process NUMBER)`.
+/// Processes of other users are not visible, but only the owner of an image can open it. Clients of the channel map
+/// only the header page and are not listed.
 pub(crate) fn writers_of(file: &Path) -> Vec<String> {
     let Ok(file) = fs::metadata(file) else { return Vec::new() };
     let Ok(processes) = fs::read_dir("/proc") else { return Vec::new() };
@@ -21,7 +21,8 @@ pub(crate) fn writers_of(file: &Path) -> Vec<String> {
     others.filter(has_mapped).map(describe_process).collect()
 }
 
-/// Name and number of a process, as in messages: `NAME (process NUMBER)`, or `process NUMBER` if the process has ended.
+/// Returns the name and number of a process, as in messages: `NAME (process NUMBER)`, or `process NUMBER` if the
+/// process has ended.
 pub(crate) fn describe_process(number: u32) -> String {
     let name = fs::read_to_string(format!("/proc/{number}/comm")).unwrap_or_default();
     match name.trim_end() {

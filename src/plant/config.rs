@@ -51,7 +51,7 @@ pub struct PlantConfig {
 }
 
 impl PlantConfig {
-    /// The built-in plant: PLC `line`, its node 2 master of three drives with slave numbers 1, 2, 3 at
+    /// Returns the built-in plant: PLC `line`, its node 2 master of three drives with slave numbers 1, 2, 3 at
     /// 500 kbit/s.
     pub fn built_in() -> Result<Self, PlantError> {
         Self::parse("built-in plant", BUILT_IN)
@@ -90,12 +90,12 @@ impl PlantConfig {
         Ok(config)
     }
 
-    /// The text of the plant file, in which the paths of device folders are absolute.
+    /// Returns the text of the plant file, in which the paths of device folders are absolute.
     pub fn source(&self) -> &str {
         &self.text
     }
 
-    /// The text of the plant file.
+    /// Returns the text of the plant file.
     pub(crate) fn text(&self) -> &Arc<str> {
         &self.text
     }
@@ -111,12 +111,12 @@ impl PlantConfig {
         [u64::from(*processor_cycle_us)].into_iter().chain(devices).chain(buses).collect()
     }
 
-    /// The device with this name.
+    /// Returns the device with this name.
     pub fn device(&self, name: &str) -> Option<&dyn DeviceConfig> {
         self.devices.iter().find(|device| device.name() == name).map(|device| &**device)
     }
 
-    /// The faults of the file, checked.
+    /// Returns the faults of the file, checked.
     ///
     /// # Errors
     /// [`PlantError::Fault`] names the field and a correct value.
@@ -151,7 +151,7 @@ impl PlantConfig {
         }
     }
 
-    /// The possible targets of faults. The numbers in the plant must have been checked before.
+    /// Returns the possible targets of faults. The numbers in the plant must have been checked before.
     pub(super) fn sites(&self) -> Sites {
         let ports = self.ports_of_buses();
         let mask = |bus: &Arc<dyn BusSection>| {
@@ -178,15 +178,15 @@ impl PlantConfig {
         Sites { buses: buses.collect(), devices: devices.collect() }
     }
 
-    /// The messages of a bus, as far as its devices define the messages before they run.
+    /// Returns the messages of a bus, as far as its devices define the messages before they run.
     pub fn messages(&self, bus: &str) -> Vec<Message> {
         let mut found = self.messages_of_buses(|name| name == bus);
         found.next().map(|(_, messages)| messages).unwrap_or_default()
     }
 
-    /// The selected buses with their messages, as far as the devices define the messages before they run. A plant can
-    /// have many buses. So the iterator creates the messages of a bus only when it reaches the bus, and searches the
-    /// devices only once.
+    /// Returns the selected buses with their messages, as far as the devices define the messages before they run. A
+    /// plant can have many buses. So the iterator creates the messages of a bus only when it reaches the bus, and
+    /// searches the devices only once.
     pub fn messages_of_buses(
         &self,
         is_selected: impl Fn(&str) -> bool,
@@ -208,7 +208,7 @@ impl PlantConfig {
         })
     }
 
-    /// The ports on each bus, by its name, each with its device's name.
+    /// Returns the ports on each bus, by its name, each with its device's name.
     fn ports_of_buses(&self) -> BTreeMap<&str, Vec<PortOf<'_>>> {
         let mut found: BTreeMap<_, Vec<_>> = BTreeMap::new();
         for device in &self.devices {
@@ -224,9 +224,9 @@ impl PlantConfig {
 /// A port, with its device's name.
 type PortOf<'a> = (&'a str, PortConfig<'a>);
 
-/// The participants of a bus that have a number: `ports` first, then the participants that the section of the bus
-/// declares. A port has the name of its device, or a name like `maxx:slotG` if several ports of the device are on this
-/// bus.
+/// Returns the participants of a bus that have a number: `ports` first, then the participants that the section of the
+/// bus declares. A port has the name of its device, or a name like `maxx:slotG` if several ports of the device are on
+/// this bus.
 fn numbers_on<'a>(bus: &'a dyn BusSection, ports: &'a [PortOf<'a>]) -> Vec<(Cow<'a, str>, u8)> {
     let mut counts: HashMap<&str, usize> = HashMap::new();
     ports.iter().for_each(|(name, _)| *counts.entry(name).or_default() += 1);

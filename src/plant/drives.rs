@@ -24,8 +24,8 @@ pub struct PlantDrive {
 }
 
 impl Plant {
-    /// The drives: first the drives on buses in the order of the plant file, then the drives of devices. The number of
-    /// a drive is its index in this list.
+    /// Returns the drives: first the drives on buses in the order of the plant file, then the drives of devices. The
+    /// number of a drive is its index in this list.
     pub fn drives(&self) -> Vec<PlantDrive> {
         let on_bus = self.buses().iter().flat_map(|bus| {
             let drive = |(name, state): (&str, _)| PlantDrive {
@@ -55,7 +55,7 @@ impl Plant {
         on_bus.chain(own).nth(number)
     }
 
-    /// All details of drive `number`; `None` if there is no such drive.
+    /// Returns all details of drive `number`; `None` if there is no such drive.
     pub fn drive(&self, number: usize) -> Option<DriveDetails> {
         match self.drive_at(number)? {
             DriveLocation::Bus(bus, drive) => self.buses().get(bus)?.drives()?.details(drive),

@@ -100,7 +100,7 @@ impl Plant {
         ended
     }
 
-    /// The forced registers, in the order of PLCs and addresses.
+    /// Returns the forced registers, in the order of PLCs and addresses.
     pub fn forces(&self) -> &[Forced] {
         self.forces.list()
     }

@@ -12,13 +12,13 @@ use crate::profibus::Burst;
 use std::sync::Arc;
 
 impl Plant {
-    /// The guests of bus number `bus`, for an action of a guest.
+    /// Returns the guests of bus number `bus`, for an action of a guest.
     fn guests_of(&mut self, bus: BusIndex) -> Option<&mut dyn BusGuests> {
         (self.has_looked, self.is_seen) = (false, false);
         self.guests_seen(bus)
     }
 
-    /// The guests of bus number `bus`, for reading the state of a guest.
+    /// Returns the guests of bus number `bus`, for reading the state of a guest.
     fn guests_seen(&mut self, bus: BusIndex) -> Option<&mut dyn BusGuests> {
         self.buses[..self.named_buses].get_mut(bus.index())?.guests()
     }
@@ -33,8 +33,8 @@ impl Plant {
         self.journal.push(now, GuestNews { bus, guest, news });
     }
 
-    /// The guests that take part in buses with known stations, each as bus and number. The list does not include guest
-    /// 0, which acts for requests of clients.
+    /// Returns the guests that take part in buses with known stations, each as bus and number. The list does not
+    /// include guest 0, which acts for requests of clients.
     pub(crate) fn guests(&self) -> Vec<(BusIndex, u8)> {
         let mut found = Vec::new();
         for (index, bus) in BusIndex::enumerate(self.buses()) {
@@ -66,7 +66,7 @@ impl Plant {
         self.journal.push(self.now, GuestNews { bus, guest, news });
     }
 
-    /// The error state of a guest's controller; error-active on buses without error states.
+    /// Returns the error state of a guest's controller; error-active on buses without error states.
     pub(crate) fn guest_errors(&mut self, bus: BusIndex, guest: u8) -> ErrorState {
         self.guests_seen(bus).map_or_else(ErrorState::default, |guests| guests.guest_errors(guest))
     }
@@ -162,7 +162,7 @@ mod tests {
         BusMessage::Frame(Frame::standard(id, Payload::new(data).unwrap()))
     }
 
-    /// Frames that have arrived: time, identifier and sender.
+    /// Returns frames that have arrived: time, identifier and sender.
     fn arrived(plant: &Plant) -> Vec<(u64, u32, Option<u8>)> {
         let carried = plant.journal().records().filter(|it| it.event.source() == Source::Bus(BusIndex(0)));
         let frames = carried.filter_map(|it| Some((it.time_us, Event::frame(&it.event)?)));

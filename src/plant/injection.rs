@@ -34,7 +34,7 @@ impl Plant {
         cleared.count() as u16 // at most MAX_FAULTS
     }
 
-    /// The pending and active faults, in the order in which they were added.
+    /// Returns the pending and active faults, in the order in which they were added.
     pub fn faults(&self) -> impl Iterator<Item = FaultStatus> {
         self.faults.list()
     }

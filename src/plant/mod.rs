@@ -176,7 +176,7 @@ impl Plant {
         self.now
     }
 
-    /// Time of the next event; the next processor cycle at the latest.
+    /// Returns the time of the next event; the next processor cycle at the latest.
     pub fn next_event(&self) -> u64 {
         let first = self.next_cycle.min(self.next_device).min(self.faults.next_time());
         self.buses.iter().map(|bus| bus.next_time()).fold(first, u64::min)
@@ -428,17 +428,17 @@ impl Plant {
         }
     }
 
-    /// The devices, in the order of the plant file.
+    /// Returns the devices, in the order of the plant file.
     pub fn devices(&self) -> &[Box<dyn Device>] {
         &self.devices
     }
 
-    /// The buses, in the order of the plant file.
+    /// Returns the buses, in the order of the plant file.
     pub fn buses(&self) -> &[Box<dyn Bus>] {
         &self.buses[..self.named_buses]
     }
 
-    /// Names of the buses, in the order of the plant file.
+    /// Returns names of the buses, in the order of the plant file.
     pub fn bus_names(&self) -> impl Iterator<Item = &str> {
         self.buses().iter().map(|bus| bus.name())
     }
@@ -448,7 +448,7 @@ impl Plant {
         self.buses().get(bus.index()).is_some_and(|it| it.family() == can_bus::FAMILY)
     }
 
-    /// Names of PLCs and buses, for reading the journal.
+    /// Returns names of PLCs and buses, for reading the journal.
     pub fn names(&self) -> Names {
         Names {
             plcs: self.devices.iter().map(|device| device.name().to_owned()).collect(),
@@ -457,7 +457,7 @@ impl Plant {
         }
     }
 
-    /// The journal.
+    /// Returns the journal.
     pub fn journal(&self) -> &Journal {
         &self.journal
     }
@@ -468,7 +468,7 @@ impl Plant {
     }
 }
 
-/// The events of all devices that have any.
+/// Returns the events of all devices that have any.
 fn events_of(devices: &mut [Box<dyn Device>]) -> impl Iterator<Item = &mut Events> {
     devices.iter_mut().filter_map(|device| device.events())
 }

@@ -104,19 +104,19 @@ impl Ports {
         Arc::clone(&self.seats)
     }
 
-    /// The port with this number.
+    /// Returns the port with this number.
     pub(super) fn find(&self, device: DeviceIndex, number: u8) -> Option<&Port> {
         self.of_device.get(device.index())?.iter().find(|port| port.number == number)
     }
 
-    /// The ports of each device, in the order in which they were plugged in.
+    /// Returns the ports of each device, in the order in which they were plugged in.
     pub(super) fn of_devices(&self) -> impl Iterator<Item = &[Port]> {
         self.of_device.iter().map(Vec::as_slice)
     }
 }
 
 impl Plant {
-    /// The ports that are connected to bus number `bus`.
+    /// Returns the ports that are connected to bus number `bus`.
     pub fn ports_at(&self, bus: BusIndex) -> Vec<Origin> {
         self.ports.at(bus).collect()
     }
@@ -222,7 +222,7 @@ impl Plant {
         None
     }
 
-    /// The port that receives the SYNC signal that the master of bus `bus` passes on at present.
+    /// Returns the port that receives the SYNC signal that the master of bus `bus` passes on at present.
     fn sync_comes_from(&self, bus: BusIndex) -> Option<Port> {
         let sync = self.buses.get(bus.index())?.sync()?;
         let takes_it = |&&(device, to, _): &&(DeviceIndex, usize, usize)| {

@@ -52,7 +52,7 @@ pub fn schema() -> Value {
     })
 }
 
-/// Names of devices, buses and drives.
+/// Returns names of devices, buses and drives.
 fn name() -> Value {
     json!({
         "type": "string",
@@ -85,7 +85,7 @@ fn read(text: &str) -> Value {
     serde_json::from_str(text).expect("our own schemas are JSON")
 }
 
-/// The schema of a section; its definitions are added to the common definitions.
+/// Returns the schema of a section; its definitions are added to the common definitions.
 fn section(mut schema: Value, definitions: &mut Map<String, Value>) -> Value {
     if let Some(Value::Object(own)) = schema.as_object_mut().and_then(|schema| schema.remove("definitions")) {
         definitions.extend(own);
@@ -142,7 +142,7 @@ mod tests {
     use crate::plant::PlantConfig;
     use std::collections::BTreeSet;
 
-    /// The schema itself, or the schema that it refers to.
+    /// Returns the schema itself, or the schema that it refers to.
     fn resolved<'a>(root: &'a Value, schema: &'a Value) -> &'a Value {
         let reference = schema.get("$ref").or_else(|| schema["allOf"][0].get("$ref"));
         match reference.and_then(Value::as_str) {
@@ -151,7 +151,7 @@ mod tests {
         }
     }
 
-    /// The keys that the parser lists in its error for an unknown key, in a plant made by `plant`.
+    /// Returns the keys that the parser lists in its error for an unknown key, in a plant made by `plant`.
     fn keys_of_the_parser(plant: &dyn Fn(&str) -> String) -> BTreeSet<String> {
         let text = plant("{ no_such_key = 1 }");
         let refusal = PlantConfig::parse("plant", &text).unwrap_err().to_string();

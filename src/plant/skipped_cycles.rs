@@ -26,7 +26,7 @@ impl Plant {
         }
     }
 
-    /// Time of the next event other than a processor cycle.
+    /// Returns the time of the next event other than a processor cycle.
     fn next_besides_cycle(&self) -> u64 {
         let first = self.next_device.min(self.faults.next_time());
         self.buses.iter().map(|bus| bus.next_time()).fold(first, u64::min)
@@ -66,7 +66,7 @@ impl Plant {
         true
     }
 
-    /// The last processor cycle up to `time` that must run, as far as can be determined now. Buses that run
+    /// Returns the last processor cycle up to `time` that must run, as far as can be determined now. Buses that run
     /// independently make the earlier cycles that would change something.
     pub(super) fn last_needed_cycle(&mut self, time: u64) -> u64 {
         let first = self.next_cycle;

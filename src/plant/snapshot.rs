@@ -98,7 +98,7 @@ impl Snapshot {
         self.time_us
     }
 
-    /// Size of the snapshot in memory, in bytes.
+    /// Returns the size of the snapshot in memory, in bytes.
     #[must_use]
     pub fn size(&self) -> usize {
         let names = self.layouts.iter().map(|(name, _)| name).chain(&self.buses);
@@ -129,7 +129,7 @@ impl Plant {
         self.buses.iter_mut().filter_map(|bus| bus.drives_mut()).for_each(|drives| drives.settle());
     }
 
-    /// The present state of the plant. Taking it changes nothing.
+    /// Returns the present state of the plant. Taking it changes nothing.
     #[must_use]
     pub fn snapshot(&self) -> Snapshot {
         self.snapshot_reusing(Vec::new())
@@ -141,7 +141,7 @@ impl Plant {
         self.file_of(self.snapshot())
     }
 
-    /// A snapshot of this plant as a file.
+    /// Returns a snapshot of this plant as a file.
     pub(crate) fn file_of(&self, snapshot: Snapshot) -> SnapshotFile {
         SnapshotFile { plant: self.text.as_ref().to_owned(), snapshot }
     }
@@ -262,7 +262,7 @@ impl Plant {
         listed(differs.map(|(name, _)| name).collect())
     }
 
-    /// Names and layouts of the devices, names and kinds of the buses.
+    /// Returns names and layouts of the devices, names and kinds of the buses.
     fn shape(&self) -> (Vec<(String, u64)>, Vec<String>) {
         let devices = self.devices.iter();
         let layouts = devices.map(|device| (device.name().to_owned(), device.layout().layout_hash));

@@ -27,7 +27,7 @@ pub trait FunctionBlock: Default + 'static {
     /// The registers of the block do not fit at this place.
     fn connect(place: &BlockContext<'_>) -> Result<Self::Wires, MemoryError>;
 
-    /// The value of a pin; `None` if there is no such pin.
+    /// Returns the value of a pin; `None` if there is no such pin.
     fn pin(&self, wires: &Self::Wires, name: &str) -> Option<PinValue>;
 
     /// Mutable access to a pin; `None` if there is no such pin.
@@ -52,7 +52,7 @@ pub struct BlockContext<'a> {
 pub struct Variables(RefCell<HashMap<TypeId, Rc<dyn Any>>>);
 
 impl Variables {
-    /// The variable of a type.
+    /// Returns the variable of a type.
     fn get<T: Default + 'static>(&self) -> Shared<T> {
         let mut variables = self.0.borrow_mut();
         let variable =
@@ -119,7 +119,7 @@ impl<T: Default + 'static> Wire for Shared<T> {
 
 /// A connected block of any type.
 pub trait BlockInstance {
-    /// The value of a pin; `None` if there is no such pin.
+    /// Returns the value of a pin; `None` if there is no such pin.
     fn get(&self, pin: &str) -> Option<PinValue>;
 
     /// Sets a pin; `None` if there is no such pin.
@@ -161,7 +161,7 @@ pub struct BlockKind {
 }
 
 impl BlockKind {
-    /// The kind of block `B`. Its area must have the structure with this name.
+    /// Returns the kind of block `B`. Its area must have the structure with this name.
     pub const fn of<B: FunctionBlock>(structure: Option<&'static str>) -> Self {
         BlockKind { name: B::NAME, structure, pins: B::PINS, make: make::<B> }
     }

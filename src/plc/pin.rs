@@ -98,7 +98,7 @@ fn wrong(given: &PinValue, right: impl Into<String>) -> PinError {
 
 /// The type of an input or output.
 pub trait PinType {
-    /// The value of the pin.
+    /// Returns the value of the pin.
     fn get(&self) -> PinValue;
 
     /// Sets the pin to a given value.
@@ -107,7 +107,7 @@ pub trait PinType {
     /// The value has another type or is out of range; the error names a correct value.
     fn set(&mut self, given: &PinValue) -> Result<(), PinError>;
 
-    /// The elements of a STRING with this text; `None` if this type is not the type of characters.
+    /// Returns the elements of a STRING with this text; `None` if this type is not the type of characters.
     fn characters(text: &str) -> Option<Vec<Self>>
     where
         Self: Sized,

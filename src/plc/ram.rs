@@ -13,7 +13,7 @@ pub struct Ram {
 }
 
 impl Ram {
-    /// The RAM in a segment.
+    /// Returns the RAM in a segment.
     ///
     /// # Errors
     /// The segment is read-only.
@@ -21,8 +21,8 @@ impl Ram {
         Ok(Ram { segment: segment.clone(), header: segment.header()? })
     }
 
-    /// A structure at byte `offset` of the image, as `_NAME AT %MB3.offset : T` declares it in an IEC program. `T` is a
-    /// cell, or a structure from the module `registers` of the device.
+    /// Returns a structure at byte `offset` of the image, as `_NAME AT %MB3.offset : T` declares it in an IEC program.
+    /// `T` is a cell, or a structure from the module `registers` of the device.
     ///
     /// ```
     /// use commram::memory::{Cell16, Segment};
@@ -49,12 +49,12 @@ impl Ram {
         }
     }
 
-    /// The image.
+    /// Returns the image.
     pub(crate) fn segment(&self) -> &Segment {
         &self.segment
     }
 
-    /// The header page.
+    /// Returns the header page.
     pub fn header(&self) -> &View<Header> {
         &self.header
     }
@@ -64,7 +64,7 @@ impl Ram {
         self.header.virtual_time_us.load()
     }
 
-    /// A monitoring time that begins now.
+    /// Returns a monitoring time that begins now.
     pub(crate) fn watch(&self, time: Duration) -> Watch {
         let time_us = u64::try_from(time.as_micros()).unwrap_or(u64::MAX);
         Watch { ends_us: self.now_us().saturating_add(time_us) }
@@ -86,12 +86,12 @@ pub struct Base<T: SharedRegs> {
 }
 
 impl<T: SharedRegs> Base<T> {
-    /// The RAM that contains the structure.
+    /// Returns the RAM that contains the structure.
     pub(crate) fn ram(&self) -> &Ram {
         &self.ram
     }
 
-    /// The structure as another type with the same layout.
+    /// Returns the structure as another type with the same layout.
     pub(crate) fn viewed<V>(&self) -> Viewed<'_, V>
     where
         T: Like<V>,
@@ -122,7 +122,7 @@ pub(crate) struct Viewed<'a, V> {
 }
 
 impl<V> Viewed<'_, V> {
-    /// The RAM that contains the structure.
+    /// Returns the RAM that contains the structure.
     pub(crate) fn ram(&self) -> &Ram {
         self.ram
     }

@@ -11,7 +11,7 @@ pub struct StPart {
 }
 
 impl StPart {
-    /// The text with all words replaced.
+    /// Returns the text with all words replaced.
     #[must_use]
     pub fn written_out(&self) -> String {
         let put_in =

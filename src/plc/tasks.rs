@@ -144,13 +144,13 @@ impl<P: Program> Tasks<P> {
         }
     }
 
-    /// The program.
+    /// Returns the program.
     pub fn program(&self) -> &P {
         &self.program
     }
 
-    /// Time at which the start task or the cyclic task is due, in microseconds of emulated time; `None` while the
-    /// program is stopped.
+    /// Returns the time at which the start task or the cyclic task is due, in microseconds of emulated time; `None`
+    /// while the program is stopped.
     pub fn next_us(&self) -> Option<u64> {
         (self.phase != Phase::Stopped).then_some(self.next_us)
     }
@@ -309,7 +309,7 @@ impl<P: Program> Tasks<P> {
     }
 }
 
-/// Number of events.
+/// Returns the number of events.
 fn count(ram: &Ram, event: usize) -> u32 {
     ram.header().events.get(event).map_or(0, |slot| slot.bell.rings())
 }

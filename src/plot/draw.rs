@@ -50,12 +50,12 @@ fn height(row: &Row) -> i32 {
     if row.style == Style::Line { LINE } else { OTHER }
 }
 
-/// Start of the first row.
+/// Returns the start of the first row.
 fn top(plot: &Plot) -> i32 {
     if plot.sections.is_empty() { HEAD } else { HEAD + SECTIONS }
 }
 
-/// Width and height in pixels.
+/// Returns the width and height in pixels.
 pub(super) fn size(plot: &Plot) -> (u32, u32) {
     let rows: i32 = plot.rows.iter().map(height).sum();
     (WIDTH as u32, (top(plot) + rows + SCALE) as u32)
@@ -84,7 +84,7 @@ struct Sheet<'a, DB: DrawingBackend> {
 }
 
 impl<DB: DrawingBackend> Sheet<'_, DB> {
-    /// The horizontal position of a time.
+    /// Returns the horizontal position of a time.
     fn x(&self, time_us: u64) -> i32 {
         let Plot { from_us, to_us, .. } = self.plot;
         let part = time_us.saturating_sub(*from_us) as f64 / (to_us - from_us) as f64;

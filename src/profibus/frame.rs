@@ -208,7 +208,7 @@ impl Telegram {
         Ok(octets)
     }
 
-    /// Duration of `octets` octets on the line, in bit times.
+    /// Returns the duration of `octets` octets on the line, in bit times.
     #[must_use]
     pub const fn bits(octets: usize) -> u64 {
         octets as u64 * OCTET_BITS

@@ -73,7 +73,7 @@ impl FunctionCode {
         octet & (RESERVED | IS_REQUEST) == IS_REQUEST && code != time_event && code != low && code != high
     }
 
-    /// The meaning of the octet.
+    /// Returns the meaning of the octet.
     #[must_use]
     pub const fn parse(octet: u8) -> Self {
         if octet & RESERVED != 0 {
@@ -101,7 +101,7 @@ impl FunctionCode {
         FunctionCode::Request { request, fcb: octet & FCB != 0, fcv: octet & FCV != 0, is_high }
     }
 
-    /// The octet.
+    /// Returns the octet.
     #[must_use]
     pub const fn octet(self) -> u8 {
         match self {

@@ -58,7 +58,7 @@ impl Line {
         self.sendings.insert(place, Sending { sender, begin: at, end, octets, is_garbled, passage });
     }
 
-    /// End of the transmission that ends next, in bit times; `None` if the line is idle.
+    /// Returns the end of the transmission that ends next, in bit times; `None` if the line is idle.
     #[must_use]
     pub fn next_end(&self) -> Option<u64> {
         self.sendings.first().map(|sending| sending.end)
@@ -77,12 +77,12 @@ impl Line {
         self.sendings.iter_mut().filter(|it| it.sender == sender).for_each(|it| it.is_garbled = true);
     }
 
-    /// The stations that are sending.
+    /// Returns the stations that are sending.
     pub(crate) fn senders(&self) -> impl Iterator<Item = usize> {
         self.sendings.iter().map(|sending| sending.sender)
     }
 
-    /// Time since which the line is idle, in bit times; `None` during a transmission.
+    /// Returns the time since which the line is idle, in bit times; `None` during a transmission.
     #[must_use]
     pub fn idle_since(&self) -> Option<u64> {
         self.sendings.is_empty().then_some(self.idle_since)

@@ -20,13 +20,13 @@ impl BusRate {
         BusRate(12_000_000),
     ];
 
-    /// The rate with `bit_s` bit/s, if PROFIBUS has it.
+    /// Returns the rate with `bit_s` bit/s, if PROFIBUS has it.
     #[must_use]
     pub fn new(bit_s: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|rate| rate.0 == bit_s)
     }
 
-    /// Bits per second.
+    /// Returns bits per second.
     #[must_use]
     pub const fn bit_s(self) -> u32 {
         self.0
@@ -44,13 +44,13 @@ impl BusRate {
         }
     }
 
-    /// The number of whole bit times that have passed at microsecond `us`.
+    /// Returns the number of whole bit times that have passed at microsecond `us`.
     #[must_use]
     pub const fn bits_at(self, us: u64) -> u64 {
         scale(us, self.0 as u64, 1_000_000, 0)
     }
 
-    /// The first microsecond at which `bits` bit times have passed.
+    /// Returns the first microsecond at which `bits` bit times have passed.
     #[must_use]
     pub const fn us_at(self, bits: u64) -> u64 {
         scale(bits, 1_000_000, self.0 as u64, self.0 as u64 - 1)

@@ -29,13 +29,13 @@ pub struct Responder {
 snapshot_fields!(Responder { values: last; built: address });
 
 impl Responder {
-    /// The station with this address, 0 to 126.
+    /// Returns the station with this address, 0 to 126.
     #[must_use]
     pub const fn new(address: u8) -> Self {
         Responder { address, last: None }
     }
 
-    /// Address of the station.
+    /// Returns the address of the station.
     #[must_use]
     pub const fn address(&self) -> u8 {
         self.address

@@ -64,12 +64,12 @@ pub(crate) struct Field {
     pub schema: Value,
 }
 
-/// The lines of a documentation as one text.
+/// Returns the lines of a documentation as one text.
 fn joined(lines: &[&str]) -> String {
     lines.iter().map(|line| line.trim()).collect::<Vec<_>>().join(" ")
 }
 
-/// Name of the reply with this variant.
+/// Returns the name of the reply with this variant.
 fn reply_name(variant: &str) -> String {
     let replies = replies().into_iter();
     replies.filter(|(known, _)| *known == variant).map(|(_, reply)| reply.name.to_owned()).collect()
@@ -85,7 +85,7 @@ macro_rules! operations {
             $field:ident: $type:ty $([..=$most:ident, $code:ident])? => $($column:ident)+
         ),+ $(,)?})?
     ),+ $(,)?) => {
-        /// All operations, in the order of the table.
+        /// Returns all operations, in the order of the table.
         pub(crate) fn operations() -> Vec<Operation> {
             vec![$(Operation {
                 name: stringify!($name),
@@ -115,7 +115,7 @@ macro_rules! answers {
             $field:ident: $field_type:ty
         ),+ $(,)?})?
     ),+ $(,)?) => {
-        /// The replies with their variants.
+        /// Returns the replies with their variants.
         fn replies() -> Vec<(&'static str, Answer)> {
             vec![$((stringify!($reply), Answer {
                 name: stringify!($name),
@@ -140,7 +140,7 @@ pub fn describe() -> impl Serialize {
     Description { operations: operations(), replies: answers() }
 }
 
-/// All replies, in the order of the table.
+/// Returns all replies, in the order of the table.
 pub(crate) fn answers() -> Vec<Answer> {
     replies().into_iter().map(|(_, reply)| reply).collect()
 }

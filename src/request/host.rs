@@ -10,10 +10,10 @@ use crate::plant::Plant;
 /// The effects of operations on the plant are not defined here: [`super::Execution`] applies them, equally for all
 /// hosts.
 pub trait Host {
-    /// The plant.
+    /// Returns the plant.
     fn plant(&self) -> &Plant;
 
-    /// The plant, for changes.
+    /// Returns the plant, for changes.
     fn plant_mut(&mut self) -> &mut Plant;
 
     /// True if the clock advances only on request.
@@ -38,8 +38,8 @@ pub trait Host {
     /// makes a request in the header page, and then one through the channel, always gets the same result.
     fn begin_request(&mut self);
 
-    /// Time of the next event; `u64::MAX` if there is none. After [`Host::advance_to`] has reached this time, the
-    /// function returns a later time.
+    /// Returns the time of the next event; `u64::MAX` if there is none. After [`Host::advance_to`] has reached this
+    /// time, the function returns a later time.
     fn next_event(&self) -> u64;
 
     /// Returns a time like [`Host::next_event`], but ignores polls that change nothing. Before this time, only outside
@@ -66,20 +66,20 @@ pub trait Host {
         false
     }
 
-    /// The doors to the plant's buses, for changes; `None` if this host has no doors.
+    /// Returns the doors to the plant's buses, for changes; `None` if this host has no doors.
     fn doors(&mut self) -> Option<&mut Doors> {
         None
     }
 
-    /// The doors to the plant's buses, for reading.
+    /// Returns the doors to the plant's buses, for reading.
     fn doors_seen(&self) -> Option<&Doors> {
         None
     }
 
-    /// The plant, and the history by which it can return to an earlier moment.
+    /// Returns the plant, and the history by which it can return to an earlier moment.
     fn plant_and_travel(&mut self) -> (&mut Plant, &mut Travel);
 
-    /// Names of outside participants, which cannot go back in time with the plant; `None` if there are none.
+    /// Returns names of outside participants, which cannot go back in time with the plant; `None` if there are none.
     fn outsiders(&mut self) -> Option<String> {
         None
     }

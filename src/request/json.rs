@@ -22,7 +22,7 @@ use serde::{Serialize, Serializer};
 
 /// The type of a field of a reply.
 trait InJson {
-    /// The field as a value for serde, with these names of PLCs and buses.
+    /// Returns the field as a value for serde, with these names of PLCs and buses.
     fn form(&self, names: &Names) -> impl Serialize;
 }
 
@@ -112,7 +112,8 @@ macro_rules! json {
 replies!(json);
 
 impl Reply {
-    /// The reply for serde, with these names of PLCs and buses ([`InstanceInfo::names`](super::InstanceInfo::names)).
+    /// Returns the reply for serde, with these names of PLCs and buses
+    /// ([`InstanceInfo::names`](super::InstanceInfo::names)).
     ///
     /// ```
     /// use commram::{journal::Names, request::Reply};

@@ -135,7 +135,7 @@ impl Op {
         }
     }
 
-    /// The operations that send a snapshot file to the emulator, in order.
+    /// Returns the operations that send a snapshot file to the emulator, in order.
     pub fn bring(file: &[u8]) -> impl Iterator<Item = Op> {
         let parts = file.chunks(FilePart::MAX).filter_map(FilePart::new);
         (0..).step_by(FilePart::MAX).zip(parts).map(|(at, part)| Op::BringSaved { at, part })
@@ -155,7 +155,7 @@ impl FilePart {
     /// Maximum number of bytes.
     pub const MAX: usize = 16;
 
-    /// The part with these bytes; `None` if there are more than [`FilePart::MAX`].
+    /// Returns the part with these bytes; `None` if there are more than [`FilePart::MAX`].
     #[must_use]
     pub fn new(part: &[u8]) -> Option<Self> {
         let mut bytes = [0; Self::MAX];
@@ -163,7 +163,7 @@ impl FilePart {
         Some(Self { count: part.len() as u8, bytes })
     }
 
-    /// The bytes.
+    /// Returns the bytes.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         self.bytes.get(..self.count.into()).unwrap_or(&self.bytes)

@@ -26,7 +26,7 @@ impl JournalPart {
         JournalPart { records, pending, end, turn }
     }
 
-    /// Number of the first record of the next part. A part without records reaches the end of the journal.
+    /// Returns the number of the first record of the next part. A part without records reaches the end of the journal.
     #[must_use]
     pub fn next(&self) -> u64 {
         self.records.last().map_or(self.end, |last| last.seq.saturating_add(1))
@@ -38,8 +38,8 @@ impl JournalPart {
         self.next() >= self.end
     }
 
-    /// Number of the first possible record, if the plant has continued from a snapshot and the part was read from an
-    /// earlier number. The earlier records were never in this journal, so they are not lost.
+    /// Returns the number of the first possible record, if the plant has continued from a snapshot and the part was
+    /// read from an earlier number. The earlier records were never in this journal, so they are not lost.
     #[must_use]
     pub fn begins_at(&self, from: u64) -> Option<u64> {
         let HistoryId { number, begin } = self.turn;

@@ -126,7 +126,7 @@ pub struct Refused {
 }
 
 impl Refused {
-    /// A refusal with its text.
+    /// Returns a refusal with its text.
     pub(crate) fn new(code: Code, text: impl fmt::Display) -> Self {
         Self { code, text: text.to_string(), waited: None }
     }
@@ -162,7 +162,7 @@ impl Refused {
         Self::new(Code::SHUTTING_DOWN, format_args!("instance '{instance}' is ending{reason}"))
     }
 
-    /// The refusal of a fault, with this text.
+    /// Returns the refusal of a fault, with this text.
     pub(super) fn fault(refusal: &fault::Refusal, text: impl fmt::Display) -> Self {
         let code = match refusal {
             fault::Refusal::TooMany => Code::TOO_MANY_FAULTS,

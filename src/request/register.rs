@@ -30,7 +30,8 @@ impl Register {
         Ok(Self { plc, device, address })
     }
 
-    /// Name and address for messages, with the PLC if there are several: `saw:node2.w_CPU_CONTROL (%MW3.200000)`.
+    /// Returns the name and address for messages, with the PLC if there are several: `saw:node2.w_CPU_CONTROL
+    /// (%MW3.200000)`.
     pub(crate) fn label(self, host: &dyn Host) -> String {
         let names = host.plant().names();
         let plc = self.plc;

@@ -92,7 +92,7 @@ impl TestHost {
         }
     }
 
-    /// Time of the next action of the script.
+    /// Returns the time of the next action of the script.
     fn next_of_script(&self) -> u64 {
         let ahead = self.script.iter().map(|event| event.0).filter(|time| *time > self.plant.now());
         ahead.fold(u64::MAX, u64::min)
@@ -120,7 +120,7 @@ impl TestHost {
         replies
     }
 
-    /// The refusal of an operation.
+    /// Returns the refusal of an operation.
     #[track_caller]
     pub(crate) fn refused(&mut self, op: Op) -> Refused {
         match self.request(&[op]).pop() {

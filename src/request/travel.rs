@@ -202,7 +202,7 @@ impl Travel {
         format!("nothing is kept to go back to: {why}")
     }
 
-    /// The stretch that contains this moment, if it is kept.
+    /// Returns the stretch that contains this moment, if it is kept.
     fn stretch_of(&self, time_us: u64) -> Option<usize> {
         self.history.partition_point(|it| it.begin.time_us() <= time_us).checked_sub(1)
     }

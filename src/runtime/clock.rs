@@ -69,18 +69,18 @@ pub(super) struct WallClock {
 }
 
 impl WallClock {
-    /// A clock paused at emulated time 0.
+    /// Returns a clock paused at emulated time 0.
     pub(super) fn paused() -> Self {
         Self::at(0, 0.0)
     }
 
-    /// A clock that has emulated time `from_us` now, and continues with speed `speed`.
+    /// Returns a clock that has emulated time `from_us` now, and continues with speed `speed`.
     pub(super) fn at(from_us: u64, speed: f64) -> Self {
         WallClock { since: Instant::now(), since_ns: monotonic_ns(), from_us, speed }
     }
 
-    /// Value of `CLOCK_MONOTONIC` at emulated time 0, in ns, extrapolated. The value is modulo 2^64: for a slow clock,
-    /// emulated time 0 may be before the start of the machine. 0 while the clock is paused.
+    /// Returns the value of `CLOCK_MONOTONIC` at emulated time 0, in ns, extrapolated. The value is modulo 2^64: for a
+    /// slow clock, emulated time 0 may be before the start of the machine. 0 while the clock is paused.
     pub(super) fn epoch_ns(&self) -> u64 {
         if self.speed == 0.0 {
             return 0;
@@ -93,7 +93,7 @@ impl WallClock {
         self.since_ns.wrapping_sub(real_ns).max(1)
     }
 
-    /// The present emulated time.
+    /// Returns the present emulated time.
     pub(super) fn now(&self) -> u64 {
         let real = self.since.elapsed();
         let passed = if self.speed == 1.0 {

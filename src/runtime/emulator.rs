@@ -225,12 +225,12 @@ impl Emulator {
         })
     }
 
-    /// The images, one for each PLC.
+    /// Returns the images, one for each PLC.
     pub fn images(&self) -> &[Image] {
         &self.images
     }
 
-    /// The open doors, each with the name of its bus.
+    /// Returns the open doors, each with the name of its bus.
     pub fn doors(&self) -> Vec<(&str, DoorSpec)> {
         let buses = BusIndex::enumerate(self.plant.buses());
         let of_bus = |index: BusIndex| self.guests.open_doors(index).into_iter();
@@ -247,7 +247,7 @@ impl Emulator {
         self.plant.set_cores(count);
     }
 
-    /// The plant.
+    /// Returns the plant.
     pub fn plant(&self) -> &Plant {
         &self.plant
     }
@@ -265,7 +265,7 @@ impl Emulator {
         StopHandle { stop: Arc::clone(&self.stop), header: self.header().clone() }
     }
 
-    /// The header page of the first PLC, which also serves for the whole instance.
+    /// Returns the header page of the first PLC, which also serves for the whole instance.
     pub(super) fn header(&self) -> &View<Header> {
         // `Plant::new` refuses a plant without a PLC.
         self.images[0].header()
@@ -282,7 +282,7 @@ impl Emulator {
         self.stop.is_made() || self.shortened().is_some()
     }
 
-    /// The first image that another process has shortened.
+    /// Returns the first image that another process has shortened.
     fn shortened(&self) -> Option<&Image> {
         self.images.iter().find(|image| image.was_shortened())
     }

@@ -21,7 +21,7 @@ impl EndRequest {
         self.is_made.load(Ordering::Acquire)
     }
 
-    /// The reason, if the request is made and its reason is known.
+    /// Returns the reason, if the request is made and its reason is known.
     pub(super) fn reason(&self) -> Option<&str> {
         self.reason.get()?.as_deref()
     }

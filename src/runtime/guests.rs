@@ -55,17 +55,17 @@ impl Guests {
         Ok(Guests { doors, present: Vec::new() })
     }
 
-    /// The doors.
+    /// Returns the doors.
     pub(super) fn doors(&mut self) -> &mut Doors {
         &mut self.doors
     }
 
-    /// The doors, for reading.
+    /// Returns the doors, for reading.
     pub(super) fn doors_seen(&self) -> &Doors {
         &self.doors
     }
 
-    /// The doors of a bus.
+    /// Returns the doors of a bus.
     pub(super) fn open_doors(&self, bus: BusIndex) -> Vec<DoorState> {
         self.doors.of_bus(bus)
     }
@@ -163,7 +163,7 @@ impl Guests {
         self.present.iter().any(|it| it.has_seat)
     }
 
-    /// Time of the first requested turn; `u64::MAX` if there is none.
+    /// Returns the time of the first requested turn; `u64::MAX` if there is none.
     pub(super) fn next_turn(&self) -> u64 {
         self.present.iter().map(|it| it.guest.seat().next_turn()).fold(u64::MAX, u64::min)
     }

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 const SLICE: Duration = Duration::from_millis(5);
 
 impl Emulator {
-    /// Time of the next possible action of a task, guest or simulator.
+    /// Returns the time of the next possible action of a task, guest or simulator.
     fn next_from_outside(&self) -> u64 {
         let next = self.lockstep.next_turn().min(self.guests.next_turn());
         #[cfg(feature = "channel")]

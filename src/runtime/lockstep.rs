@@ -247,7 +247,7 @@ impl Lockstep {
         ))
     }
 
-    /// Time of the next turn of the tasks that run or wait; `u64::MAX` if there is none.
+    /// Returns the time of the next turn of the tasks that run or wait; `u64::MAX` if there is none.
     pub(crate) fn next_turn(&self) -> u64 {
         let held_up = |task: &Task| task.wakes.filter(|_| !self.is_held_up(task));
         self.tasks.iter().filter_map(|task| task.until.or_else(|| held_up(task))).fold(u64::MAX, u64::min)
@@ -275,7 +275,7 @@ impl Lockstep {
         }
     }
 
-    /// The task that must run now: the one with the highest level.
+    /// Returns the task that must run now: the one with the highest level.
     fn due(&self, now: u64) -> Option<usize> {
         let ready = |task: &Task| match task.until {
             Some(until) => until <= now,

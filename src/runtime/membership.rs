@@ -57,7 +57,7 @@ impl Membership {
         others.or_else(|| self.is_exchange_due(now).then(|| "the other simulators".to_owned()))
     }
 
-    /// Time of the next exchange with other simulators, which may change registers.
+    /// Returns the time of the next exchange with other simulators, which may change registers.
     pub(super) fn next_exchange(&self, now: u64) -> u64 {
         self.federation.as_ref().map_or(u64::MAX, |federation| federation.next_exchange(now))
     }

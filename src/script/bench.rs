@@ -96,7 +96,7 @@ impl Bench {
     /// Default limit on the emulated time of a scenario: 1 h, in microseconds (D-233).
     pub const LIMIT_US: u64 = 3_600_000_000;
 
-    /// The built-in plant: PLC `line` with node 2 as the master of bus `drives`, which has drives 1, 2, 3.
+    /// Returns the built-in plant: PLC `line` with node 2 as the master of bus `drives`, which has drives 1, 2, 3.
     ///
     /// # Errors
     /// No error is expected, because the built-in plant is valid.
@@ -104,7 +104,7 @@ impl Bench {
         Self::new(&PlantConfig::built_in()?)
     }
 
-    /// The plant that a plant file describes, given as its text.
+    /// Returns the plant that a plant file describes, given as its text.
     ///
     /// # Errors
     /// The text is not a plant file, or the plant is refused.
@@ -112,7 +112,7 @@ impl Bench {
         Self::new(&PlantConfig::parse("plant", toml)?)
     }
 
-    /// The plant of a plant file.
+    /// Returns the plant of a plant file.
     ///
     /// # Errors
     /// The file cannot be read, is not a plant file, or the plant is refused.
@@ -120,7 +120,7 @@ impl Bench {
         Self::new(&PlantConfig::load(path.as_ref())?)
     }
 
-    /// A plant on heap memory, at power-on.
+    /// Returns a plant on heap memory, at power-on.
     ///
     /// # Errors
     /// The plant is refused.
@@ -145,7 +145,7 @@ impl Bench {
         self.carrier.journal_hash()
     }
 
-    /// A running instance, reached through its channel. Its clock should be stepped.
+    /// Returns a running instance, reached through its channel. Its clock should be stepped.
     ///
     /// # Errors
     /// The instance does not answer.
@@ -180,7 +180,7 @@ impl Bench {
         self.interrupt = Some(Box::new(interrupt));
     }
 
-    /// Names of the PLCs and buses.
+    /// Returns names of the PLCs and buses.
     pub fn names(&self) -> &Names {
         &self.names
     }
@@ -229,7 +229,7 @@ impl Bench {
         Ok(register.number(live, value))
     }
 
-    /// The value of the register in words: `waiting for "take over initialization data"`.
+    /// Returns the value of the register in words: `waiting for "take over initialization data"`.
     ///
     /// # Errors
     /// There is no such register.
@@ -240,7 +240,7 @@ impl Bench {
         Ok(register.place.meaning(live, value))
     }
 
-    /// The register with its value and meaning: `node2.w_OPTION_STATUS = 16#0043  synchronous ...`.
+    /// Returns the register with its value and meaning: `node2.w_OPTION_STATUS = 16#0043  synchronous ...`.
     ///
     /// # Errors
     /// There is no such register.
@@ -288,7 +288,7 @@ impl Bench {
         Ok(self.ask(Op::CompareExchange { plc, offset, width, current, new })?.exchanged()?.is_ok())
     }
 
-    /// The RAM of a PLC, for its function blocks and tasks. `""` means the only PLC.
+    /// Returns the RAM of a PLC, for its function blocks and tasks. `""` means the only PLC.
     ///
     /// # Errors
     /// There is no such PLC, or its RAM cannot be mapped.
@@ -297,7 +297,7 @@ impl Bench {
         self.ram_of(plc)
     }
 
-    /// The memory of a PLC, for accesses like those of a program on this PLC. `""` means the only PLC.
+    /// Returns the memory of a PLC, for accesses like those of a program on this PLC. `""` means the only PLC.
     ///
     /// # Errors
     /// There is no such PLC, or its RAM cannot be mapped.
@@ -319,7 +319,7 @@ impl Bench {
         Ok(Ram::of(&self.carrier.segment(plc)?)?)
     }
 
-    /// A failure at the present moment.
+    /// Returns a failure at the present moment.
     pub(super) fn failure(&mut self, what: String, at: &Location<'_>) -> Result<Failure, ScenarioError> {
         let found = self.findings()?;
         let first = found.iter().take(FIRST_FINDINGS).map(|entry| self.finding_line(entry));
@@ -344,7 +344,7 @@ impl Bench {
         })
     }
 
-    /// The pending and active faults, each as a line: `lose_frame bus=drives count=3 (acting, 2 hits)`.
+    /// Returns the pending and active faults, each as a line: `lose_frame bus=drives count=3 (acting, 2 hits)`.
     fn fault_lines(&mut self) -> Result<Vec<String>, ScenarioError> {
         let faults = self.ask(Op::FaultList)?.faults()?;
         let line = |status: FaultStatus| {
@@ -354,8 +354,8 @@ impl Bench {
         Ok(faults.into_iter().map(line).collect())
     }
 
-    /// The last records of the journal, at most `count`, oldest first. A record that counts several events has the time
-    /// of the last event.
+    /// Returns the last records of the journal, at most `count`, oldest first. A record that counts several events has
+    /// the time of the last event.
     ///
     /// # Errors
     /// The instance has ended.

@@ -13,7 +13,7 @@ pub(super) trait Carrier: Send {
     /// The operation was refused, or the instance has ended.
     fn ask(&mut self, op: Op) -> Result<Reply, ScenarioError>;
 
-    /// The RAM of a PLC, for accesses like those of a program on this PLC.
+    /// Returns the RAM of a PLC, for accesses like those of a program on this PLC.
     ///
     /// # Errors
     /// There is no such PLC, or its RAM cannot be mapped.

@@ -10,12 +10,12 @@ use std::rc::Rc;
 pub(super) struct Caught(pub Rc<ScenarioError>);
 
 impl Caught {
-    /// The error on its way into the script.
+    /// Returns the error on its way into the script.
     pub(super) fn thrown(error: ScenarioError) -> Box<EvalAltResult> {
         EvalAltResult::ErrorRuntime(Dynamic::from(Self(Rc::new(error))), rhai::Position::NONE).into()
     }
 
-    /// The error in one line.
+    /// Returns the error in one line.
     pub(super) fn message(&self) -> String {
         match &*self.0 {
             ScenarioError::Failed(failure) => failure.what.clone(),
@@ -23,7 +23,7 @@ impl Caught {
         }
     }
 
-    /// The kind of the failure; `wrong_use` if it is not a failure.
+    /// Returns the kind of the failure; `wrong_use` if it is not a failure.
     fn kind(&self) -> &'static str {
         self.0.failure_kind().map_or("wrong_use", |kind| kind.name())
     }

@@ -48,7 +48,7 @@ pub(crate) struct Checker {
 }
 
 impl Checker {
-    /// An engine with the verbs and limits of scenarios.
+    /// Returns an engine with the verbs and limits of scenarios.
     pub(crate) fn new() -> Self {
         let stage = Rc::new(RefCell::new(Stage::new(None, PathBuf::new(), Bench::LIMIT_US)));
         let mut engine = engine(&stage);
@@ -59,7 +59,7 @@ impl Checker {
         Self { engine, functions }
     }
 
-    /// The first error of the parser.
+    /// Returns the first error of the parser.
     pub(crate) fn misreading(&self, text: &str) -> Option<Misreading> {
         let ParseError(reason, position) = self.engine.compile(text).err()?;
         let line = position.line();
@@ -74,18 +74,19 @@ impl Checker {
     }
 }
 
-/// The message for a call of a function that does not exist, in a script with these verbs.
+/// Returns the message for a call of a function that does not exist, in a script with these verbs.
 pub(crate) fn unknown_function(name: &str, verbs: &[Verb]) -> String {
     no_function_among(name, &[], verbs)
 }
 
-/// The message for a call of a verb with the wrong number of arguments; `None` if one of `verbs` has this number.
+/// Returns the message for a call of a verb with the wrong number of arguments; `None` if one of `verbs` has this
+/// number.
 pub(crate) fn argument_count(verbs: &[Verb], name: &str, count: usize) -> Option<String> {
     let fits = verbs.iter().any(|verb| verb.parameters.len() == count);
     (!fits).then(|| wrong_count(verbs, name, count).to_string())
 }
 
-/// The message for a value that the register cannot hold.
+/// Returns the message for a value that the register cannot hold.
 pub(crate) fn refused_value(place: &NamedLocation, value: &Value) -> Option<String> {
     value.bits(place).err().map(|error| error.to_string())
 }
@@ -122,7 +123,7 @@ pub(crate) enum ArgumentKind {
 }
 
 impl ArgumentKind {
-    /// The kind of a verb's parameter; `None` if any text is right.
+    /// Returns the kind of a verb's parameter; `None` if any text is right.
     pub(crate) fn of(verb: &str, parameter: &str) -> Option<Self> {
         Some(match (verb, parameter) {
             (_, "register" | "address") => Self::Register,

@@ -15,7 +15,7 @@ pub(super) fn name_types(engine: &mut Engine) {
     engine.register_type_with_name::<INT>("integer").register_type_with_name::<FLOAT>("float");
 }
 
-/// The message for users: replaces the internal type name that the engine prints.
+/// Returns the message for users: replaces the internal type name that the engine prints.
 pub(super) fn in_words(message: &str) -> Cow<'_, str> {
     if message.contains(TEXT) { message.replace(TEXT, "string").into() } else { message.into() }
 }
@@ -43,12 +43,12 @@ const TYPES: [(&str, &str); 19] = [
     ("range=", "a range"),
 ];
 
-/// The name of a type of the engine in messages; other names are unchanged.
+/// Returns the name of a type of the engine in messages; other names are unchanged.
 pub(super) fn kind(name: &str) -> &str {
     TYPES.iter().find(|(known, _)| *known == name).map_or(name, |(_, kind)| kind)
 }
 
-/// The error without its position; `line` is the text of the script's line.
+/// Returns the error without its position; `line` is the text of the script's line.
 pub(super) fn complaint(error: &EvalAltResult, line: &str) -> String {
     match error {
         EvalAltResult::ErrorFunctionNotFound(signature, _) => no_function(signature),
@@ -98,7 +98,7 @@ pub(super) fn no_function_among(name: &str, given: &[&str], verbs: &[Verb]) -> S
     }
 }
 
-/// The error of the parser in a line.
+/// Returns the error of the parser in a line.
 pub(super) fn misread(reason: &dyn core::fmt::Display, line: &str) -> String {
     spelling::mistake(line).unwrap_or_else(|| format!("{reason}{}", with_underscores(line)))
 }
@@ -113,7 +113,7 @@ fn with_underscores(line: &str) -> String {
     meant.map_or_else(String::new, |name| format!("; the verb is `{name}`, with `_`"))
 }
 
-/// The beginning of a text of any length, in characters.
+/// Returns the beginning of a text of any length, in characters.
 pub(super) fn cut(text: String, most: usize) -> String {
     match text.char_indices().nth(most) {
         None => text,

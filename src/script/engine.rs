@@ -31,7 +31,7 @@ pub(super) use wrong::wrong_count;
 
 type Fallible<T> = Result<T, Box<EvalAltResult>>;
 
-/// An engine with verbs that act on the stage.
+/// Returns an engine with verbs that act on the stage.
 pub(super) fn engine(stage: &Rc<RefCell<Stage>>) -> Engine {
     let mut verbs = Verbs { engine: Engine::new(), stage: Shared(Rc::clone(stage)), names: Vec::new() };
     verbs.all();
@@ -251,8 +251,8 @@ impl Verbs {
     }
 }
 
-/// The line that calls a verb. The file is the name that the engine has for the script; it is empty for the scenario
-/// itself.
+/// Returns the line that calls a verb. The file is the name that the engine has for the script; it is empty for the
+/// scenario itself.
 fn place_of(context: &NativeCallContext) -> ScriptLocation {
     let line = context.call_position().line().and_then(|line| u32::try_from(line).ok());
     ScriptLocation {

@@ -124,7 +124,7 @@ impl ScenarioError {
         self.failure_kind().is_some()
     }
 
-    /// The kind of failure; `None` if the scenario itself is wrong.
+    /// Returns the kind of failure; `None` if the scenario itself is wrong.
     pub(super) fn failure_kind(&self) -> Option<FailureKind> {
         match self {
             Self::Failed(failure) => Some(failure.kind),

@@ -21,7 +21,7 @@ thread_local! {
     static FEDERATES: Cell<(u8, u8)> = const { Cell::new((1, 0)) };
 }
 
-/// The plant of a scenario.
+/// Returns the plant of a scenario.
 pub(super) fn carrier(config: &PlantConfig) -> Result<Box<dyn Carrier>, ScenarioError> {
     match FEDERATES.get() {
         (1, _) => Ok(Box::new(Local::new(config)?)),
@@ -236,8 +236,8 @@ mod tests {
         report.journal_hash
     }
 
-    /// A program at federate `number`. After each answer of the board of PLC 0, the program requests another event, but
-    /// never in the turn of this federate. It collects the results of the answers.
+    /// Returns a program at federate `number`. After each answer of the board of PLC 0, the program requests another
+    /// event, but never in the turn of this federate. It collects the results of the answers.
     fn asks(number: u8, plant: &Plant, answers: &Arc<Mutex<Vec<u32>>>) -> Program {
         let image = plant.devices()[0].segment().clone();
         let event = [5, 12][usize::from(number)];

@@ -145,7 +145,7 @@ fn same_file(a: &Path, b: &Path) -> bool {
     a == b || real(a) == real(b)
 }
 
-/// The file of an imported script.
+/// Returns the file of an imported script.
 pub(super) fn module_file(source: &str, directory: &Path) -> PathBuf {
     let path = Path::new(source);
     let path = if path.is_absolute() || path.starts_with(directory) {

@@ -11,10 +11,10 @@ const NAME: &str = "commram";
 /// Type of a skipped result if the scenario has called `skip`.
 pub(crate) const SKIP: &str = "skip";
 
-/// The reports as JUnit XML. Each scenario file is a test suite with one test case. Times are real time. The emulated
-/// time, the number of expectations and the line of a failure are properties of the suite, as far as they are known. A
-/// scenario that died or is broken is an error. A scenario that was not run is skipped. A scenario that has called
-/// `skip` is skipped with the type `skip`.
+/// Returns the reports as JUnit XML. Each scenario file is a test suite with one test case. Times are real time. The
+/// emulated time, the number of expectations and the line of a failure are properties of the suite, as far as they are
+/// known. A scenario that died or is broken is an error. A scenario that was not run is skipped. A scenario that has
+/// called `skip` is skipped with the type `skip`.
 ///
 /// The XML conforms to Jenkins' schema (junit-10), which has no properties, file or line in a test case, and no
 /// `skipped` in the root element (D-552).
@@ -34,7 +34,7 @@ pub fn junit_of_shard(reports: &[Report], shard: &str) -> Result<String, Seriali
     named(reports, &format!("{NAME} {shard}"))
 }
 
-/// The shard in the name of a report, for example `2/3`.
+/// Returns the shard in the name of a report, for example `2/3`.
 #[cfg(feature = "cli")]
 pub(crate) fn shard_of_junit(name: &str) -> Option<&str> {
     name.strip_prefix(NAME)?.strip_prefix(' ')
@@ -47,7 +47,7 @@ fn named(reports: &[Report], name: &str) -> Result<String, SerializeError> {
     junit_text(&all)
 }
 
-/// The XML, in the form of Jenkins' schema.
+/// Returns the XML, in the form of Jenkins' schema.
 ///
 /// # Errors
 /// Returns the errors of [`junit`].

@@ -46,7 +46,7 @@ impl ModuleResolver for Nothing {
     }
 }
 
-/// The files that a scenario imports, and the files that these import, if their names are literal texts.
+/// Returns the files that a scenario imports, and the files that these import, if their names are literal texts.
 pub fn needs(scenario: &Path) -> Vec<PathBuf> {
     let directory = scenario.parent().unwrap_or(Path::new(""));
     let (mut found, mut next): (Vec<PathBuf>, _) = (Vec::new(), Some(scenario.to_owned()));
@@ -64,7 +64,7 @@ pub fn needs(scenario: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// The quoted texts after the word `import`, even in comments.
+/// Returns the quoted texts after the word `import`, even in comments.
 fn imports(text: &str) -> impl Iterator<Item = &str> {
     text.split("import").skip(1).filter_map(|rest| {
         let rest = rest.trim_start().strip_prefix(['"', '`'])?;

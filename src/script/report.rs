@@ -25,7 +25,7 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// Name in reports.
+    /// Returns the name in reports.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Passed => "passed",
@@ -139,7 +139,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// A report that contains only the outcome, because nothing else is known.
+    /// Returns a report that contains only the outcome, because nothing else is known.
     pub fn bare(file: PathBuf, outcome: Outcome) -> Self {
         Self {
             file,
@@ -158,7 +158,7 @@ impl Report {
         }
     }
 
-    /// The scenario's name: its file without directory and extension.
+    /// Returns the scenario's name: its file without directory and extension.
     pub fn name(&self) -> String {
         self.file.file_stem().unwrap_or(self.file.as_os_str()).to_string_lossy().into_owned()
     }

@@ -79,7 +79,7 @@ pub fn run_file(
     run_on(file, Stage::new(bench, directory, limits.time_us), limits, print)
 }
 
-/// The directory of a script.
+/// Returns the directory of a script.
 fn directory_of(file: &Path) -> PathBuf {
     file.parent().unwrap_or(Path::new("")).to_owned()
 }
@@ -214,7 +214,7 @@ pub(super) fn limit(engine: &mut Engine, limits: Limits, start: Instant) {
     engine.set_max_map_size(1 << 16);
 }
 
-/// The outcome of the scenario after an error of the engine.
+/// Returns the outcome of the scenario after an error of the engine.
 pub(super) fn ended(
     error: &EvalAltResult,
     file: &Path,
@@ -269,7 +269,7 @@ fn judge(error: &ScenarioError, place: ScriptLocation, stage: &Rc<RefCell<Stage>
     }
 }
 
-/// A failure that no expectation has caused.
+/// Returns a failure that no expectation has caused.
 fn failed(kind: FailureKind, what: &str, place: ScriptLocation, stage: &Rc<RefCell<Stage>>) -> Outcome {
     match stage.borrow_mut().failure(what) {
         Some(failure) => failure_at(Failure { kind, ..failure }, place),
@@ -277,7 +277,7 @@ fn failed(kind: FailureKind, what: &str, place: ScriptLocation, stage: &Rc<RefCe
     }
 }
 
-/// A failure in a line of a script, with its texts shortened to a readable length.
+/// Returns a failure in a line of a script, with its texts shortened to a readable length.
 fn failure_at(failure: Failure, place: ScriptLocation) -> Outcome {
     let what = cut(failure.what, LONGEST_TEXT);
     let section = failure.section.map(|section| cut(section, LONGEST_SOURCE));

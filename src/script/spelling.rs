@@ -26,7 +26,7 @@ const CALLS: &[(&str, &str)] = &[
     ("fail", "throw \"text\""),
 ];
 
-/// The correct call instead of a function that scenarios do not have.
+/// Returns the correct call instead of a function that scenarios do not have.
 pub(super) fn call(name: &str) -> Option<&'static str> {
     CALLS.iter().find(|(known, _)| *known == name).map(|(_, right)| *right)
 }

@@ -17,7 +17,7 @@ pub enum Value {
 }
 
 impl Value {
-    /// The value as the bits of the register at `place`.
+    /// Returns the value as the bits of the register at `place`.
     ///
     /// # Errors
     /// The register cannot hold the value.
@@ -85,7 +85,7 @@ pub enum Span {
 }
 
 impl Span {
-    /// A number of microseconds.
+    /// Returns a number of microseconds.
     ///
     /// # Errors
     /// The text is not a time.

@@ -24,17 +24,17 @@ impl Verb {
     }
 }
 
-/// All verbs, in the order of the definition file.
+/// Returns all verbs, in the order of the definition file.
 pub fn verbs() -> Vec<Verb> {
     defined(DEFINITIONS)
 }
 
-/// The verbs with this name.
+/// Returns the verbs with this name.
 pub(super) fn called(name: &str) -> Vec<Verb> {
     verbs().into_iter().filter(|verb| verb.name == name).collect()
 }
 
-/// The verbs of a definition file. A verb without a description has that of the verb before it.
+/// Returns the verbs of a definition file. A verb without a description has that of the verb before it.
 pub(crate) fn defined(definitions: &'static str) -> Vec<Verb> {
     let mut about = "";
     let mut found = Vec::new();

@@ -70,13 +70,13 @@ impl Saving {
         self.value(&words);
     }
 
-    /// Bytes written so far.
+    /// Returns bytes written so far.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// Bytes written so far.
+    /// Returns bytes written so far.
     #[must_use]
     pub fn into_bytes(self) -> Vec<u8> {
         self.bytes
@@ -97,7 +97,7 @@ impl<'a> Saved<'a> {
         Saved { all: bytes, rest: bytes }
     }
 
-    /// The next value.
+    /// Returns the next value.
     ///
     /// # Errors
     /// [`Damaged`]: there is no valid value.
@@ -112,7 +112,7 @@ impl<'a> Saved<'a> {
         }
     }
 
-    /// The next `count` bytes.
+    /// Returns the next `count` bytes.
     ///
     /// # Errors
     /// [`Damaged`]: fewer than `count` bytes are left.
@@ -122,7 +122,7 @@ impl<'a> Saved<'a> {
         Ok(bytes)
     }
 
-    /// Words that [`Saving::sparse`] has written.
+    /// Returns words that [`Saving::sparse`] has written.
     ///
     /// # Errors
     /// [`Damaged`]: there are no valid words.

@@ -522,7 +522,7 @@ fn jenkins_accepts_the_junit_report() {
     assert_eq!(outcome.ok(), "valid by 1 schemas\n");
 }
 
-/// The keys of an event in docs/reference/scenarios.md.
+/// Returns the keys of an event in docs/reference/scenarios.md.
 fn documented_keys(event: &str) -> Vec<String> {
     let page = include_str!("../../docs/reference/scenarios.md");
     let row = page.lines().find(|line| line.starts_with(&format!("| `{event}` | "))).unwrap();

@@ -99,7 +99,7 @@ pub(crate) fn run(args: &[&str]) -> Outcome {
     finish(commram().args(args))
 }
 
-/// The names of all devices of the program, in the order of the registry.
+/// Returns the names of all devices of the program, in the order of the registry.
 pub(crate) fn devices() -> impl Iterator<Item = &'static str> {
     commram::devices::all().iter().map(|device| device.layout.name)
 }

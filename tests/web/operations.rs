@@ -23,7 +23,7 @@ pub(crate) fn sample(operation: &Value) -> (String, Value) {
     (operation["name"].as_str().unwrap().to_owned(), Value::Object(fields.collect::<Map<_, _>>()))
 }
 
-/// A test of a register, a setting of a board, or a fault.
+/// Returns a test of a register, a setting of a board, or a fault.
 fn sample_object(schema: &Value) -> Value {
     let has = |name: &str| !schema["properties"][name].is_null();
     if has("compare") {

@@ -65,7 +65,7 @@ impl Participants for Stations {
     }
 }
 
-/// Duration of bits at the rate of these tests.
+/// Returns the duration of bits at the rate of these tests.
 fn bits(count: u32) -> u64 {
     RATE.time_ns(count)
 }
@@ -255,8 +255,9 @@ fn the_wire_is_quiet_after_each_frame() {
     assert_eq!(line.quiet_ns(), Some(second.end_ns + bits(6)));
 }
 
-/// The expected traffic, computed in another way than in the line. At each start of a frame, this function arbitrates
-/// between the first frames of the queues bit by bit. It counts the bits of the winner for the duration of the frame.
+/// Returns the expected traffic, computed in another way than in the line. At each start of a frame, this function
+/// arbitrates between the first frames of the queues bit by bit. It counts the bits of the winner for the duration of
+/// the frame.
 fn expected(stations: &Stations, bit_ns: u64) -> Vec<(u64, usize, Frame)> {
     let (mut queues, mut free, mut traffic) = (stations.queues.clone(), 0, Vec::new());
     while let Some(earliest) = queues.iter().filter_map(|queue| queue.front()).map(|(ready, _)| *ready).min()

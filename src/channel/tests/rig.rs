@@ -144,12 +144,12 @@ impl InstanceFiles {
         self.connect(Patience { connect: LONG, reply: LONG, ..Patience::default() }).unwrap()
     }
 
-    /// The domain; creates its root directory.
+    /// Returns the domain; creates its root directory.
     pub(crate) fn domain(&self) -> Domain {
         Domain::own(&self.instance, &self.root()).unwrap().0
     }
 
-    /// The beginning of the names of the instance's shared memory.
+    /// Returns the beginning of the names of the instance's shared memory.
     fn tag(&self) -> String {
         // The path is the same as while the root directory existed.
         let directory = self.directory.canonicalize().unwrap();

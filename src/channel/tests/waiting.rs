@@ -125,7 +125,7 @@ fn closing_answers_waiting_requests() {
     });
 }
 
-/// A host with operations that pause wherever possible.
+/// Returns a host with operations that pause wherever possible.
 fn pausing() -> TestHost {
     let mut host = TestHost::new(true);
     host.pauses = true;

@@ -25,7 +25,7 @@ fn tcp() -> DoorSpec {
     "slcan-tcp:127.0.0.1:29536".parse().unwrap()
 }
 
-/// A fault of each kind, under the name of the kind.
+/// Returns a fault of each kind, under the name of the kind.
 fn faults() -> Vec<(&'static str, Fault)> {
     let fault = |kind: &'static crate::fault::FaultKind, is_given: [bool; MAX_FIELDS]| {
         let mut draft = Draft::new(kind, Target::of_numbers(kind.place(), 1, 2));

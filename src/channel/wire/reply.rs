@@ -10,7 +10,7 @@ use zerocopy::IntoBytes;
 /// too long replies.
 const ERROR_BLOCKS: usize = 1 + blocks_for(size_of::<u32>() + MAX_TEXT);
 
-/// Number of blocks for `len` bytes of data.
+/// Returns the number of blocks for `len` bytes of data.
 const fn blocks_for(len: usize) -> usize {
     len.div_ceil(size_of::<Block>())
 }
@@ -25,7 +25,7 @@ pub(crate) struct ReplyBuffer {
 }
 
 impl ReplyBuffer {
-    /// The blocks so far.
+    /// Returns the blocks so far.
     pub(crate) fn blocks(&self) -> &[Block] {
         &self.blocks
     }

@@ -145,7 +145,7 @@ fn a_field_above_its_range_is_refused_by_its_name() {
     }
 }
 
-/// Numbers in a text: `5, 6 or 7`.
+/// Returns numbers in a text: `5, 6 or 7`.
 fn numbers_in(text: &str) -> Vec<u16> {
     let words = text.split(|c: char| !c.is_ascii_digit());
     words.filter(|word| !word.is_empty()).map(|word| word.parse().unwrap()).collect()

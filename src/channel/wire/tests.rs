@@ -332,7 +332,7 @@ fn reply() -> impl Strategy<Value = Reply> {
 /// Longest time that an operation of a fuzzer may take, in microseconds. Longer operations would only wait.
 const FUZZED_US: u64 = 20_000;
 
-/// An operation with the same encoding, or none.
+/// Returns an operation with the same encoding, or none.
 fn operation(wire: WireOp) -> Option<Op> {
     let op = Op::try_from(wire).ok()?;
     assert_eq!(WireOp::from(&op), wire);

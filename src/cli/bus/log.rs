@@ -191,7 +191,7 @@ impl PassedOver {
     }
 }
 
-/// The error for a log without a selected message.
+/// Returns the error for a log without a selected message.
 fn nothing(path: &Path, right: &str) -> CliError {
     CliError::Argument { text: path.display().to_string(), right: right.to_owned() }
 }

@@ -50,7 +50,7 @@ pub(crate) fn within<T>(words: &[String], complete: impl FnOnce() -> T) -> T {
     found
 }
 
-/// The words of the command line.
+/// Returns the words of the command line.
 pub(super) fn words() -> Vec<String> {
     if let Some(words) = LINE.with_borrow(Clone::clone) {
         return words;

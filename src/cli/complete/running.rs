@@ -23,14 +23,14 @@ pub(super) fn known_faults() -> Vec<(String, String)> {
     faults.map(|it| (it.id.to_string(), it.fault.text(&names))).collect()
 }
 
-/// The drives with their states.
+/// Returns the drives with their states.
 pub(super) fn known_drives() -> Vec<(String, String)> {
     use crate::request::Op;
     let drives = session().and_then(|session| Ok(session.ask(Op::Drives)?.drives()?)).unwrap_or_default();
     drives.into_iter().map(|drive| (drive.name, drive.state.state)).collect()
 }
 
-/// The parameters of a drive that can be set, with their descriptions.
+/// Returns the parameters of a drive that can be set, with their descriptions.
 pub(super) fn known_parameters(drive: u16) -> Vec<(String, String)> {
     use crate::request::Op;
     let details = session().and_then(|session| Ok(session.ask(Op::Drive { drive })?.drive()?));

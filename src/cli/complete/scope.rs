@@ -39,12 +39,12 @@ impl PlcScope {
         Self { plcs: vec![(String::new(), DeviceFit::unknown(device))] }
     }
 
-    /// The PLCs of a plant.
+    /// Returns the PLCs of a plant.
     pub(in crate::cli) fn of(names: &Names) -> Self {
         Self { plcs: names.plcs.iter().cloned().zip(names.devices.iter().copied()).collect() }
     }
 
-    /// The PLCs with their devices.
+    /// Returns the PLCs with their devices.
     pub(in crate::cli) fn plcs(&self) -> impl Iterator<Item = (&str, &DeviceFit)> {
         self.plcs.iter().map(|(name, fitted)| (name.as_str(), fitted))
     }
@@ -57,7 +57,7 @@ impl PlcScope {
         }
     }
 
-    /// The PLCs that match the start of `current`, each with its prefix.
+    /// Returns the PLCs that match the start of `current`, each with its prefix.
     pub(in crate::cli) fn each(&self, current: &str) -> Vec<(String, DeviceFit)> {
         let named = split_plc(current).0;
         let prefix = named.map(|plc| format!("{plc}:")).unwrap_or_default();
@@ -70,8 +70,8 @@ impl PlcScope {
         }
     }
 
-    /// Areas with their prefix and description; the declared variables of an area if its name is typed. `suffix` follows
-    /// a complete name.
+    /// Returns areas with their prefix and description; the declared variables of an area if its name is typed.
+    /// `suffix` follows a complete name.
     pub(in crate::cli) fn areas(&self, current: &str, suffix: &str) -> Vec<(String, String)> {
         let mut all = Vec::new();
         for (prefix, fitted) in self.each(current) {
@@ -87,8 +87,8 @@ impl PlcScope {
         all
     }
 
-    /// Names of registers step by step, with their descriptions: the area, then the register, then each index. `suffix`
-    /// follows a complete name.
+    /// Returns names of registers step by step, with their descriptions: the area, then the register, then each index.
+    /// `suffix` follows a complete name.
     pub(in crate::cli) fn registers(&self, current: &str, suffix: &str) -> Vec<(String, String)> {
         let (_, name) = split_plc(current);
         let Some((front, _)) = name.split_once('.') else { return self.areas(current, ".") };
@@ -121,7 +121,7 @@ impl PlcScope {
         names.into_iter().map(described).collect()
     }
 
-    /// The values of a register that have names.
+    /// Returns the values of a register that have names.
     pub(in crate::cli) fn values(&self, register: &str) -> Vec<NamedValue> {
         let (_, name) = split_plc(register);
         let found = self.each(register).into_iter();

@@ -19,7 +19,7 @@ pub(super) fn without(mut blocks: String, names: &[String]) -> Result<String, Cl
     Ok(blocks)
 }
 
-/// Names of the function blocks, without the helpers of other blocks.
+/// Returns names of the function blocks, without the helpers of other blocks.
 fn block_names(blocks: &str) -> Vec<&str> {
     let names = blocks.lines().filter_map(|line| line.strip_prefix(BLOCK));
     names.filter(|name| !name.starts_with("COMMRAM_")).collect()

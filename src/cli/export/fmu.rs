@@ -66,7 +66,7 @@ fn found() -> Result<PathBuf, CliError> {
     })
 }
 
-/// The directory from which cargo has installed commram: `text` is cargo's list of the installed programs.
+/// Returns the directory from which cargo has installed commram: `text` is cargo's list of the installed programs.
 fn checkout(text: &str) -> Option<PathBuf> {
     let list: toml::Table = text.parse().ok()?;
     let of_commram = format!("commram {} (path+file://", env!("CARGO_PKG_VERSION"));

@@ -90,7 +90,7 @@ pub(super) fn in_files(inputs: &[(PathBuf, String)], register: &RegisterRef) -> 
     Some(Target { path: Some(path.clone()), range: Text::new(text.clone()).range(&range) })
 }
 
-/// The names of all registers in a file: for each, the structure, the name, and the range of bytes.
+/// Returns the names of all registers in a file: for each, the structure, the name, and the range of bytes.
 fn names_of(table: &DeTable<'_>) -> Vec<(String, String, Range<usize>)> {
     let text_at = |table: &DeTable<'_>, key: &str| {
         table.get(key).and_then(|it| it.get_ref().as_str().map(str::to_owned))

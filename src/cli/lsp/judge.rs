@@ -79,7 +79,7 @@ impl Judge<'_> {
         found
     }
 
-    /// The error of the parser.
+    /// Returns the error of the parser.
     fn misreading(&self, document: &Document) -> Option<Mistake> {
         let check::Misreading { line, column, what } = self.checker.misreading(self.view.text)?;
         let whole = document.text.line(line);
@@ -98,7 +98,8 @@ impl Judge<'_> {
         Some(Mistake::error(range.unwrap_or(whole), what))
     }
 
-    /// The range where an error of the plant is shown: the argument of the verb `plant`, otherwise the first line.
+    /// Returns the range where an error of the plant is shown: the argument of the verb `plant`, otherwise the first
+    /// line.
     fn plant_range(&self, document: &Document) -> Range<usize> {
         let mut calls = self.view.outline.calls.iter();
         let call = calls.find(|call| self.view.name(call) == "plant" && !self.view.verbs_of(call).is_empty());
@@ -156,7 +157,7 @@ impl Judge<'_> {
         (!is_own && !is_known).then(|| Mistake::error(at, check::unknown_function(name, &view.verbs)))
     }
 
-    /// The errors in the texts and values of a call.
+    /// Returns the errors in the texts and values of a call.
     fn arguments<'t>(
         &mut self,
         call: &Call,

@@ -89,7 +89,7 @@ impl Outline {
         Some((call, call.commas.iter().filter(|comma| **comma < offset).count()))
     }
 
-    /// The function of this name.
+    /// Returns the function of this name.
     pub(super) fn function(&self, name: &str) -> Option<&Function> {
         self.functions.iter().find(|function| function.name == name)
     }

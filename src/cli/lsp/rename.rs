@@ -31,7 +31,7 @@ pub(super) fn function_at(view: &ScriptView<'_>, offset: usize) -> Option<(Strin
     places(view.text, view.outline, name, None).contains(&range).then(|| (name.to_owned(), range))
 }
 
-/// All occurrences of the function `name` in its own script, or in a script that imports it under `alias`.
+/// Returns all occurrences of the function `name` in its own script, or in a script that imports it under `alias`.
 pub(super) fn places(text: &str, outline: &Outline, name: &str, alias: Option<&str>) -> Vec<Range<usize>> {
     let all = &outline.tokens.all;
     let is = |index: Option<usize>, wanted: &str| {

@@ -201,7 +201,7 @@ impl Schema {
     }
 }
 
-/// The alternatives of a section with this kind, if any has it; a path of a folder has no fixed kind.
+/// Returns the alternatives of a section with this kind, if any has it; a path of a folder has no fixed kind.
 fn of_kind<'a>(sections: Vec<&'a Value>, kind: Option<&str>) -> Vec<&'a Value> {
     let Some(kind) = kind else { return sections };
     let has = |section: &&&Value| section["properties"]["kind"]["const"] == kind;

@@ -4,7 +4,7 @@ use super::entry::Entry;
 use crate::cli::table;
 use crate::layout::DeviceLayout;
 
-/// The address, with the CPU address if it is known.
+/// Returns the address, with the CPU address if it is known.
 fn address(entry: &Entry) -> String {
     match entry.cpu_address.as_str() {
         "" => entry.address.clone(),

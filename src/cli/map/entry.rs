@@ -122,7 +122,7 @@ impl Row for Entry {
 }
 
 impl Entry {
-    /// The columns that fit on a terminal.
+    /// Returns the columns that fit on a terminal.
     pub(crate) fn text_cells(&self) -> Vec<String> {
         let page = format!("p. {}", self.page);
         let meaning = self.meaning.to_owned();
@@ -146,7 +146,7 @@ impl Sources {
     }
 }
 
-/// All entries of an area; a register that several structures of the area share is listed once.
+/// Returns all entries of an area; a register that several structures of the area share is listed once.
 pub(crate) fn of_area(fitted: &DeviceFit, area: &'static Area) -> Vec<Entry> {
     if area.structures.is_empty() {
         return vec![plain(area)];
@@ -154,7 +154,7 @@ pub(crate) fn of_area(fitted: &DeviceFit, area: &'static Area) -> Vec<Entry> {
     firsts(fitted, area).iter().map(of_array).collect()
 }
 
-/// The registers of an area, only the first element of each array; a register that several structures share is
+/// Returns the registers of an area, only the first element of each array; a register that several structures share is
 /// listed once.
 pub(crate) fn firsts(fitted: &DeviceFit, area: &'static Area) -> Vec<RegisterRef> {
     let mut firsts: Vec<RegisterRef> = Vec::new();
@@ -172,7 +172,7 @@ pub(crate) fn firsts(fitted: &DeviceFit, area: &'static Area) -> Vec<RegisterRef
     firsts
 }
 
-/// The entries of registers; the registers of a whole array become one entry.
+/// Returns the entries of registers; the registers of a whole array become one entry.
 pub(crate) fn of_registers(registers: &[RegisterRef]) -> Vec<Entry> {
     let mut entries = Vec::new();
     let mut rest = registers;
@@ -191,7 +191,7 @@ pub(crate) fn of_registers(registers: &[RegisterRef]) -> Vec<Entry> {
     entries
 }
 
-/// The entry of bit `bit` of a register, at this address.
+/// Returns the entry of bit `bit` of a register, at this address.
 pub(crate) fn of_bit(register: &RegisterRef, bit: u32, address: &Address) -> Entry {
     let whole = of_register(register);
     let reset = register.reset() >> bit & 1;
@@ -208,7 +208,7 @@ pub(crate) fn of_bit(register: &RegisterRef, bit: u32, address: &Address) -> Ent
     }
 }
 
-/// The entry of a single register.
+/// Returns the entry of a single register.
 pub(crate) fn of_register(register: &RegisterRef) -> Entry {
     Entry {
         name: register.name(),
@@ -220,7 +220,7 @@ pub(crate) fn of_register(register: &RegisterRef) -> Entry {
     }
 }
 
-/// The entry of a register, or of the whole array that begins with `first`.
+/// Returns the entry of a register, or of the whole array that begins with `first`.
 pub(crate) fn of_array(first: &RegisterRef) -> Entry {
     let RegisterRef { area, register, .. } = *first;
     Entry {

@@ -44,7 +44,7 @@ pub(super) fn files(directory: &Path) -> Result<Vec<(&'static str, String)>, Cli
     Ok(own.into_iter().chain(rendered).collect())
 }
 
-/// The next commands for the user, one per line.
+/// Returns the next commands for the user, one per line.
 pub(super) fn commands(directory: &Path) -> String {
     let to = format!("cd {}", quoted(&directory.display().to_string()));
     [&to, "commram device check ./", "commram device test ./", "make run"]
@@ -53,7 +53,7 @@ pub(super) fn commands(directory: &Path) -> String {
         .collect()
 }
 
-/// The name of the device: the name of the directory if it is valid, otherwise [`NAME`].
+/// Returns the name of the device: the name of the directory if it is valid, otherwise [`NAME`].
 fn name_of(directory: &Path) -> String {
     let name = directory.file_name().and_then(|name| name.to_str()).unwrap_or(NAME).to_ascii_lowercase();
     let is_name = name.len() <= LONGEST_NAME

@@ -146,7 +146,7 @@ impl Project {
         }
     }
 
-    /// The next commands for the user, one per line.
+    /// Returns the next commands for the user, one per line.
     pub(super) fn commands(&self, directory: &Path) -> String {
         let to = format!("cd {}", quoted(&directory.display().to_string()));
         let all = [to.as_str(), "commram plant check plant.toml", "commram test scenarios"];

@@ -149,7 +149,7 @@ impl Line {
         Ok(Some((number, is_recorded)))
     }
 
-    /// The events that the record counts.
+    /// Returns the events that the record counts.
     fn run(&self, line: usize, (value, is_recorded): (u32, bool)) -> Run {
         let (count, period_us) = (self.count.unwrap_or(1), self.period_us.unwrap_or(0));
         Run { line, last_us: self.time_us, count, period_us, value, is_recorded }

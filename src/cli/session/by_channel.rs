@@ -155,7 +155,7 @@ impl Session {
         Ok(self.ask(Op::Info)?.info()?)
     }
 
-    /// Number of the next record of the journal.
+    /// Returns the number of the next record of the journal.
     ///
     /// # Errors
     /// The emulator has ended.
@@ -283,7 +283,7 @@ fn slowdown(attached: &Attached) -> f64 {
     }
 }
 
-/// The time by which the operations advance the clock, if it is known in advance.
+/// Returns the time by which the operations advance the clock, if it is known in advance.
 fn advance(ops: &[Op]) -> Option<u64> {
     ops.iter().find_map(|op| match op {
         Op::Advance { us } => Some(*us),

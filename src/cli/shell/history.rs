@@ -4,7 +4,8 @@ use std::fs::{DirBuilder, OpenOptions};
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
-/// Path of the history file, which only its owner can read and write. `None` if no directory for the file exists.
+/// Returns the path of the history file, which only its owner can read and write. `None` if no directory for the file
+/// exists.
 pub(super) fn file() -> Option<PathBuf> {
     let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let state = absolute("XDG_STATE_HOME").or_else(|| Some(absolute("HOME")?.join(".local/state")))?;

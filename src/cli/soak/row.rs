@@ -57,7 +57,7 @@ impl Row {
         sums
     }
 
-    /// The sum of these rows.
+    /// Returns the sum of these rows.
     pub(super) fn sum<'a>(name: &'static str, rows: impl IntoIterator<Item = &'a Self>) -> Self {
         rows.into_iter().fold(Self::of(name, String::new()), |mut all, row| {
             all.rounds += row.rounds;

@@ -72,7 +72,7 @@ fn facts(reports: &[Report], origin: &Origin) -> String {
     format!("<dl class=\"facts\">\n{}</dl>\n", rows.into_iter().filter_map(row).collect::<String>())
 }
 
-/// The inputs that select rows of the table.
+/// Returns the inputs that select rows of the table.
 fn filter() -> String {
     let option = |name: &str| format!("<option>{name}</option>");
     format!(
@@ -82,7 +82,7 @@ fn filter() -> String {
     )
 }
 
-/// The head of a column. A click on it sorts the table by the column.
+/// Returns the head of a column. A click on it sorts the table by the column.
 fn head((name, is_number): (&str, bool)) -> String {
     let class = if is_number { " class=\"n\"" } else { "" };
     format!("<th{class} aria-sort=\"none\"><button>{name}</button></th>")

@@ -20,7 +20,7 @@ pub(crate) struct ScenarioRow {
 }
 
 impl ScenarioRow {
-    /// The row of a file.
+    /// Returns the row of a file.
     pub(crate) fn of(file: &Path) -> Self {
         let scenario = file.file_stem().unwrap_or(file.as_os_str()).to_string_lossy().into_owned();
         Self { scenario, file: file.display().to_string() }

@@ -53,12 +53,12 @@ impl Shard {
         })
     }
 
-    /// Number of the shard, from 1.
+    /// Returns the number of the shard, from 1.
     pub(crate) const fn index(self) -> usize {
         self.index
     }
 
-    /// Number of all shards.
+    /// Returns the number of all shards.
     pub(crate) const fn count(self) -> usize {
         self.count.get()
     }

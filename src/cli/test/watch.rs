@@ -39,7 +39,7 @@ impl WatchedFiles {
         }
     }
 
-    /// The scenarios that have changed since their last run, or are new.
+    /// Returns the scenarios that have changed since their last run, or are new.
     pub(crate) fn changed(&self, scenarios: &[PathBuf]) -> Vec<PathBuf> {
         let is_same =
             |looks: &BTreeMap<PathBuf, FileStamp>| looks.iter().all(|(file, old)| stamp_of(file) == *old);
@@ -47,7 +47,7 @@ impl WatchedFiles {
         scenarios.iter().filter(has_changed).cloned().collect()
     }
 
-    /// Number of watched files.
+    /// Returns the number of watched files.
     pub(crate) fn files(&self) -> usize {
         self.scenarios.values().flat_map(BTreeMap::keys).collect::<BTreeSet<_>>().len()
     }

@@ -44,7 +44,7 @@ impl Pane {
         }
     }
 
-    /// A sentence about the content of the pane, for the help.
+    /// Returns a sentence about the content of the pane, for the help.
     fn what(self) -> &'static str {
         match self {
             Self::Plant => "the plant: PLCs with their ports, buses with their drives",
@@ -107,7 +107,7 @@ pub(super) struct Binding {
 const NONE: KeyModifiers = KeyModifiers::NONE;
 const CTRL: KeyModifiers = KeyModifiers::CONTROL;
 
-/// A key that changes nothing in the plant.
+/// Returns a key that changes nothing in the plant.
 const fn looks(
     keys: &'static [(KeyCode, KeyModifiers)],
     action: Action,
@@ -117,7 +117,7 @@ const fn looks(
     Binding { keys, action, text, more, changes: false }
 }
 
-/// A key that changes something in the plant.
+/// Returns a key that changes something in the plant.
 const fn changes(
     keys: &'static [(KeyCode, KeyModifiers)],
     action: Action,
@@ -229,7 +229,7 @@ pub(super) fn changes_the_plant(action: Action) -> bool {
     KEYS.iter().any(|binding| binding.action == action && binding.changes)
 }
 
-/// All keys with their short and long descriptions.
+/// Returns all keys with their short and long descriptions.
 pub(super) fn key_table() -> Vec<(String, &'static str, &'static str)> {
     let panes = (1..).zip(Pane::ALL).map(|(number, pane)| (number.to_string(), pane.name(), pane.what()));
     let keys = KEYS.iter().map(|binding| {
@@ -239,7 +239,7 @@ pub(super) fn key_table() -> Vec<(String, &'static str, &'static str)> {
     panes.chain(keys).collect()
 }
 
-/// Name of a key.
+/// Returns the name of a key.
 fn name(code: KeyCode, modifiers: KeyModifiers) -> String {
     let name = match code {
         KeyCode::Char(' ') => "Space".to_owned(),

@@ -54,7 +54,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme) {
     }
 }
 
-/// Line at the top: instance, clock and connection.
+/// Returns the line at the top: instance, clock and connection.
 fn head_line(model: &Model, theme: Theme, width: usize) -> Line<'static> {
     let mut left = format!(" commram view  {}", model.instance);
     if let Some(info) = &model.info {
@@ -95,8 +95,8 @@ fn draw_tabs(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
     }
 }
 
-/// Lines at the bottom. A message takes as many lines as it needs, up to a quarter of the screen; without a message the
-/// line shows the most important keys.
+/// Returns lines at the bottom. A message takes as many lines as it needs, up to a quarter of the screen; without a
+/// message the line shows the most important keys.
 fn foot_lines(model: &Model, theme: Theme, area: Rect) -> Vec<Line<'static>> {
     let (text, style) = match (&model.connection, &model.message) {
         (Connection::Absent(why), _) => (why, theme.bad()),

@@ -154,7 +154,7 @@ impl Frames {
         self.held.is_some()
     }
 
-    /// The displayed window.
+    /// Returns the displayed window.
     pub(super) fn window(&self, info: &InstanceInfo, scene: &[BusScene]) -> Window {
         let place = self.place(info);
         let begin = self.edges.get(self.bus.index()).zip(place);
@@ -174,7 +174,7 @@ impl Frames {
         }
     }
 
-    /// Index of the edge that begins the displayed interval; `None` if there is no edge.
+    /// Returns the index of the edge that begins the displayed interval; `None` if there is no edge.
     fn place(&self, info: &InstanceInfo) -> Option<usize> {
         let edges = self.edges.get(self.bus.index())?;
         match self.held {
@@ -183,15 +183,15 @@ impl Frames {
         }
     }
 
-    /// Index of the edge that begins the latest complete interval. If the clock runs, the interval must have ended
-    /// before the time was read: the journal is read later and already contains newer, incomplete intervals.
+    /// Returns the index of the edge that begins the latest complete interval. If the clock runs, the interval must
+    /// have ended before the time was read: the journal is read later and already contains newer, incomplete intervals.
     fn latest(&self, info: &InstanceInfo) -> Option<usize> {
         let edges = self.edges.get(self.bus.index())?;
         let come = edges.partition_point(|edge| *edge <= info.time_us);
         come.checked_sub(1 + usize::from(!info.is_stepped))
     }
 
-    /// The frames of the displayed bus that are in the window.
+    /// Returns the frames of the displayed bus that are in the window.
     pub(super) fn within(&self, window: Window) -> Vec<BusFrame> {
         let of_bus = self.wires.iter().filter(|wire| wire.bus == self.bus);
         let mut found: Vec<_> = of_bus.filter(|wire| wire.is_in(window)).cloned().collect();
@@ -229,7 +229,7 @@ impl Frames {
         }
     }
 
-    /// The last complete windows of a bus, at most `count`, the oldest first.
+    /// Returns the last complete windows of a bus, at most `count`, the oldest first.
     pub(crate) fn latest_windows(
         &mut self,
         bus: BusIndex,
@@ -262,7 +262,7 @@ impl Frames {
     }
 }
 
-/// The last frame of a record, or the entry for a missing frame; `None` for records of other kinds.
+/// Returns the last frame of a record, or the entry for a missing frame; `None` for records of other kinds.
 fn last_of(record: &Record, text: &mut Text, names: &Names, scene: &[BusScene]) -> Option<BusFrame> {
     let (event, source) = (record.event, record.event.source());
     let is_bad = event.kind().ring() == Ring::Missed;

@@ -269,7 +269,8 @@ impl Model {
         self.is_stepped()
     }
 
-    /// The port for the command "go to the next SYNC": the port of the chosen register, otherwise the first master.
+    /// Returns the port for the command "go to the next SYNC": the port of the chosen register, otherwise the first
+    /// master.
     fn sync_port(&self) -> Option<(DeviceIndex, u8)> {
         let names = self.names();
         let first = DeviceIndex::enumerate(&names.devices)

@@ -50,7 +50,7 @@ impl List {
         self.top..(self.top + height).min(len)
     }
 
-    /// The range of lines that were visible when the list was last drawn.
+    /// Returns the range of lines that were visible when the list was last drawn.
     pub(super) fn seen(&self, len: usize) -> core::ops::Range<usize> {
         let end = (self.top + self.height).min(len);
         self.top.min(end)..end

@@ -233,7 +233,7 @@ impl Model {
         self.show_message("another emulator of this name has started");
     }
 
-    /// The panes on the screen: the active pane and, on a wide screen, the changes or the registers beside it.
+    /// Returns the panes on the screen: the active pane and, on a wide screen, the changes or the registers beside it.
     pub(super) fn shown(&self) -> (Pane, Option<Pane>) {
         match self.pane {
             pane if !self.is_wide => (pane, None),
@@ -283,7 +283,7 @@ impl Model {
         }
     }
 
-    /// The status registers of all ports, each with the index of its PLC.
+    /// Returns the status registers of all ports, each with the index of its PLC.
     fn ports(&self) -> impl Iterator<Item = (DeviceIndex, RegisterRef)> {
         let devices = self.info.iter().flat_map(|info| DeviceIndex::enumerate(&info.names.devices));
         devices.flat_map(|(plc, fitted)| {
@@ -291,7 +291,7 @@ impl Model {
         })
     }
 
-    /// Names of PLCs and buses.
+    /// Returns names of PLCs and buses.
     pub(super) fn names(&self) -> &Names {
         static NOT_YET: LazyLock<Names> = LazyLock::new(Names::default);
         self.info.as_ref().map_or(&NOT_YET, |info| &info.names)
@@ -306,7 +306,7 @@ impl Model {
         self.info.as_ref().is_some_and(|info| info.is_stepped)
     }
 
-    /// The value of a register, if it was read.
+    /// Returns the value of a register, if it was read.
     pub(super) fn value(&self, location: MemoryLocation) -> Option<u32> {
         self.values.get(&location).copied()
     }
@@ -315,13 +315,13 @@ impl Model {
         self.forces.iter().any(|forced| (forced.plc, forced.offset) == (location.plc, location.offset))
     }
 
-    /// The overlaid structure that the area currently contains, derived from the value of the status register.
+    /// Returns the overlaid structure that the area currently contains, derived from the value of the status register.
     pub(super) fn live(&self, plc: DeviceIndex, area: &'static Area) -> RegisterPhase {
         let status = status_of(area);
         area.phase(status.and_then(|status| self.value(MemoryLocation::register(plc, &status))))
     }
 
-    /// The chosen register and its PLC.
+    /// Returns the chosen register and its PLC.
     pub(super) fn chosen(&self) -> Option<(DeviceIndex, NamedLocation)> {
         match self.pane {
             Pane::Registers if self.on_pins => {
@@ -346,7 +346,7 @@ impl Model {
         }
     }
 
-    /// The list that the keys control, and its number of lines.
+    /// Returns the list that the keys control, and its number of lines.
     pub(super) fn list(&mut self) -> (&mut List, usize) {
         let which = match self.pane {
             Pane::Registers if self.on_pins => ListId::Pins,
@@ -361,7 +361,7 @@ impl Model {
         self.list_of(which)
     }
 
-    /// A list and its number of lines.
+    /// Returns a list and its number of lines.
     pub(super) fn list_of(&mut self, which: ListId) -> (&mut List, usize) {
         match which {
             ListId::Tree => {

@@ -61,7 +61,8 @@ impl Pin {
         (what.from ^ what.to) >> bit.min(31) & 1 != 0
     }
 
-    /// Number of changes in the last second of emulated time. Changes from before the pinning are not counted.
+    /// Returns the number of changes in the last second of emulated time. Changes from before the pinning are not
+    /// counted.
     pub(super) fn rate(&self, now_us: u64) -> usize {
         self.times.iter().filter(|time| time.saturating_add(WINDOW_US) > now_us).count()
     }
@@ -114,8 +115,8 @@ impl Pins {
         }
     }
 
-    /// The displayed changes, the oldest first: changes of the pinned registers or, if none is pinned, of all registers
-    /// that the journal records.
+    /// Returns the displayed changes, the oldest first: changes of the pinned registers or, if none is pinned, of all
+    /// registers that the journal records.
     pub(super) fn shown(&self) -> &[Change] {
         &self.shown
     }

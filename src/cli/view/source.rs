@@ -44,7 +44,7 @@ pub(super) trait Source {
     /// The emulator does not reply, or it refuses the request.
     fn request(&mut self, ops: &[Op], kind: RequestKind) -> Result<Vec<Reply>, RequestError>;
 
-    /// A copy of the header page of the PLC with index `plc`.
+    /// Returns a copy of the header page of the PLC with index `plc`.
     fn header(&mut self, plc: DeviceIndex) -> Option<Box<Header>>;
 }
 

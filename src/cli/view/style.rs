@@ -67,13 +67,13 @@ pub(super) fn cut(text: &str, width: usize) -> String {
     if width == 0 { kept } else { kept + "\u{2026}" }
 }
 
-/// The text in exactly `width` columns.
+/// Returns the text in exactly `width` columns.
 pub(super) fn padded(text: &str, width: usize) -> String {
     let text = cut(text, width);
     format!("{text:width$}")
 }
 
-/// The text in exactly `width` columns, right-aligned.
+/// Returns the text in exactly `width` columns, right-aligned.
 pub(super) fn at_right(text: &str, width: usize) -> String {
     let text = cut(text, width);
     format!("{text:>width$}")
@@ -134,7 +134,7 @@ fn broken(text: &str, width: usize) -> Vec<String> {
     lines.into_iter().map(String::from_iter).collect()
 }
 
-/// The name in exactly `width` columns.
+/// Returns the name in exactly `width` columns.
 pub(super) fn padded_name(name: &str, width: usize) -> String {
     let name = cut_name(name, width);
     format!("{name:width$}")

@@ -127,7 +127,7 @@ fn is_closed(longest: Duration) -> io::Result<bool> {
     }
 }
 
-/// The part of a terminal of this size in which the view draws.
+/// Returns the part of a terminal of this size in which the view draws.
 fn area_to_draw(size: Size) -> Rect {
     Rect::new(0, 0, size.width.min(LARGEST), size.height.min(LARGEST))
 }

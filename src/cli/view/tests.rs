@@ -64,7 +64,7 @@ impl User {
         Self::at(TestHost::of(&config, true), read_only)
     }
 
-    /// A user at the built-in plant, with power on and a stepped clock.
+    /// Returns a user at the built-in plant, with power on and a stepped clock.
     fn built_in() -> Self {
         Self::at(TestHost::of(&PlantConfig::built_in().unwrap(), true), false)
     }
@@ -123,7 +123,7 @@ impl User {
         self.terminal.backend().buffer()
     }
 
-    /// The screen as text, without trailing blanks.
+    /// Returns the screen as text, without trailing blanks.
     fn screen(&self) -> String {
         let buffer = self.buffer();
         let width = usize::from(buffer.area.width);

@@ -47,14 +47,14 @@ pub(super) struct Tree {
 }
 
 impl Row {
-    /// The PLC of the line.
+    /// Returns the PLC of the line.
     pub(super) fn plc(&self) -> DeviceIndex {
         match self {
             Row::Plc(plc) | Row::Block(plc, _) | Row::Array(plc, _) | Row::Register(plc, _) => *plc,
         }
     }
 
-    /// The register of the line, if it is one.
+    /// Returns the register of the line, if it is one.
     pub(super) fn register(&self) -> Option<(DeviceIndex, &RegisterRef)> {
         match self {
             Row::Register(plc, register) => Some((*plc, register)),
@@ -80,7 +80,7 @@ impl Row {
 }
 
 impl Tree {
-    /// The tree of a plant.
+    /// Returns the tree of a plant.
     pub(super) fn of(names: Names) -> Self {
         let mut tree = Self { names, ..Self::default() };
         if tree.names.plcs.len() == 1 {
@@ -98,12 +98,12 @@ impl Tree {
         self.rows.get(self.list.chosen)
     }
 
-    /// The visible lines.
+    /// Returns the visible lines.
     pub(super) fn seen(&self) -> &[Row] {
         self.rows.get(self.list.seen(self.rows.len())).unwrap_or_default()
     }
 
-    /// The open blocks with the numbers of their PLCs.
+    /// Returns the open blocks with the numbers of their PLCs.
     pub(super) fn open_blocks(&self) -> impl Iterator<Item = (DeviceIndex, &'static Area)> {
         self.rows.iter().filter_map(|row| match row {
             Row::Block(plc, area) if self.is_open(row) => Some((*plc, *area)),
@@ -130,7 +130,7 @@ impl Tree {
         }
     }
 
-    /// Text of a line in the tree.
+    /// Returns the text of a line in the tree.
     pub(super) fn label(&self, row: &Row) -> String {
         let prefix = |plc| plc_prefix(&self.names.plcs, plc);
         let is_found = self.sought.is_some();
@@ -338,14 +338,14 @@ fn is_element(register: &RegisterRef) -> bool {
     register.register.dims.iter().map(|dim| usize::from(dim.count)).product::<usize>() > 1
 }
 
-/// The elements of an array, without reserved ones.
+/// Returns the elements of an array, without reserved ones.
 fn elements(plc: DeviceIndex, first: &RegisterRef) -> Vec<Row> {
     let all = first.area.registers_of(first.placed).map(|it| RegisterRef { role: first.role, ..it });
     let own = all.filter(|it| core::ptr::eq(it.register, first.register) && !it.is_reserved());
     own.map(|register| Row::Register(plc, register)).collect()
 }
 
-/// The blocks that have registers, with the options of this device.
+/// Returns the blocks that have registers, with the options of this device.
 fn blocks(fitted: &DeviceFit) -> impl Iterator<Item = &'static Area> + use<> {
     let fitted = *fitted;
     let areas = fitted.device().named_areas();

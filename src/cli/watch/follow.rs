@@ -68,8 +68,8 @@ fn show(args: &Args) -> Result<(), CliError> {
     }
 }
 
-/// The change, or the part of it that concerns a watched register. `None` if it concerns no watched register: the
-/// emulator also records registers that other clients watch.
+/// Returns the change, or the part of it that concerns a watched register. `None` if it concerns no watched register:
+/// the emulator also records registers that other clients watch.
 fn watched(stretches: &[(DeviceIndex, u32, u32)], what: &journal::Changed) -> Option<journal::Changed> {
     let of = |&(plc, first, len): &(DeviceIndex, u32, u32)| {
         let has_begin = plc == what.plc && (first..first + len).contains(&what.offset);

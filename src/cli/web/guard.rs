@@ -145,7 +145,7 @@ impl Guard {
         self.keys_in(headers).find(|key| self.sessions.contains(key)).unwrap_or_default().to_owned()
     }
 
-    /// The keys in the cookies of a request.
+    /// Returns the keys in the cookies of a request.
     pub(super) fn keys_in<'a>(&'a self, headers: &'a HeaderMap) -> impl Iterator<Item = &'a str> {
         let cookies = headers.get_all(header::COOKIE).iter().filter_map(|cookie| cookie.to_str().ok());
         let pairs = cookies.flat_map(|all| all.split(';')).filter_map(|cookie| cookie.trim().split_once('='));

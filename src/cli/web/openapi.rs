@@ -111,7 +111,7 @@ fn responses_of(media_type: &str, schema: Value) -> Value {
     })
 }
 
-/// The paths that do not belong to operations of the table.
+/// Returns the paths that do not belong to operations of the table.
 fn fixed_paths() -> Map<String, Value> {
     let of_instance = |rest: &str| format!("/api/v1/instances/{{instance}}/{rest}");
     let mut paths = Map::new();
@@ -143,7 +143,7 @@ fn fixed_paths() -> Map<String, Value> {
     paths
 }
 
-/// A field of a query. It may be omitted or repeated.
+/// Returns a field of a query. It may be omitted or repeated.
 fn query_field(name: &str) -> Value {
     json!({"name": name, "in": "query", "schema": {"type": "array", "items": {"type": "string"}}})
 }
@@ -202,7 +202,7 @@ fn scenario() -> Value {
     })
 }
 
-/// Name of the schema of a reply.
+/// Returns the name of the schema of a reply.
 fn reply_name(reply: &str) -> String {
     let words = reply.split('_').map(|word| {
         let (first, rest) = word.split_at_checked(1).unwrap_or((word, ""));
@@ -220,7 +220,7 @@ fn schemas() -> Map<String, Value> {
     schemas
 }
 
-/// The JSON form of a reply: only its name, or an object with its name and its content.
+/// Returns the JSON form of a reply: only its name, or an object with its name and its content.
 fn reply(answer: &Answer) -> Value {
     let content = match &answer.value {
         Some(value) => value.clone(),

@@ -19,7 +19,7 @@ pub(super) fn find(name: &str) -> Option<&'static Operation> {
     TABLE.iter().find(|operation| operation.name == name)
 }
 
-/// The HTTP method of an operation: GET if the operation changes nothing, otherwise POST.
+/// Returns the HTTP method of an operation: GET if the operation changes nothing, otherwise POST.
 pub(super) fn method(operation: &Operation) -> Method {
     if operation.class == Class::Looks { Method::GET } else { Method::POST }
 }

@@ -35,7 +35,7 @@ impl Problem {
         Self { status, kind, title, detail: detail.into(), members: Map::new(), is_gone: false }
     }
 
-    /// An invalid request.
+    /// Returns an invalid request.
     pub(super) fn wrong_use(detail: impl Into<String>) -> Self {
         Self::new(StatusCode::BAD_REQUEST, "wrong-use", detail).with("exit_code", Exit::WrongUse.code())
     }
@@ -45,7 +45,7 @@ impl Problem {
         Self::new(StatusCode::NOT_FOUND, "not-found", detail)
     }
 
-    /// The request would exceed a limit of the server.
+    /// Returns the request would exceed a limit of the server.
     pub(super) fn too_many(detail: impl Into<String>) -> Self {
         Self::new(StatusCode::SERVICE_UNAVAILABLE, "too-many", detail)
             .with("exit_code", Exit::NotThere.code())
@@ -57,7 +57,7 @@ impl Problem {
         self
     }
 
-    /// The emulator refused an operation.
+    /// Returns the emulator refused an operation.
     pub(super) fn refused(refused: &Refused) -> Self {
         let error = CliError::Client(ClientError::Refused(refused.clone()));
         let mut problem = Self::of(&error, "refused").with("code", refused.code.0);
@@ -88,7 +88,7 @@ impl Problem {
         self.is_gone
     }
 
-    /// The explanation for users.
+    /// Returns the explanation for users.
     #[cfg(test)]
     pub(super) fn detail(&self) -> &str {
         &self.detail

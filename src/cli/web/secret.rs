@@ -43,7 +43,7 @@ impl Secret {
         self.0.as_bytes().ct_eq(text).into()
     }
 
-    /// The hexadecimal digits.
+    /// Returns the hexadecimal digits.
     pub(super) fn digits(&self) -> &str {
         &self.0
     }

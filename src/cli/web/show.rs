@@ -33,7 +33,7 @@ const FRAME_RECORDS: u64 = 4 * MAX_RECORDS as u64;
 /// Maximum number of intervals in an answer.
 const MAX_INTERVALS: usize = 64;
 
-/// The instances that this server serves.
+/// Returns the instances that this server serves.
 ///
 /// # Errors
 /// The directory of the images cannot be read.
@@ -65,7 +65,7 @@ impl Fields<'_> {
         self.pairs.iter().find(|(known, _)| known == name).map(|(_, text)| text.as_str())
     }
 
-    /// A field that may be repeated.
+    /// Returns a field that may be repeated.
     fn all<'b>(&'b self, name: &'b str) -> impl Iterator<Item = &'b str> {
         self.pairs.iter().filter(move |(known, _)| known == name).map(|(_, text)| text.as_str())
     }
@@ -169,7 +169,7 @@ pub(super) async fn answer(
     }
 }
 
-/// An object with one field.
+/// Returns an object with one field.
 fn named(name: &str, value: impl Serialize) -> Result<Shown, Problem> {
     let value = serde_json::to_value(value).map_err(|reason| Problem::wrong_use(reason.to_string()))?;
     Ok(Shown::Json(json!({ name: value })))

@@ -224,8 +224,8 @@ impl Bm4Config {
         }
     }
 
-    /// A slave of the controller as a drive of its bus, called as `maxx:slotH`: with the mapping and the parameters of a drive with
-    /// CANsync card (decision D-649).
+    /// Returns a slave of the controller as a drive of its bus, called as `maxx:slotH`: with the mapping and the
+    /// parameters of a drive with CANsync card (decision D-649).
     pub(super) fn drive_of(&self, module: &ModuleConfig, kbit_s: Option<u16>) -> DriveConfig {
         let name = format!("{}:{}", self.name, module.port.name);
         DriveConfig {
@@ -240,7 +240,7 @@ impl Bm4Config {
 }
 
 impl ModuleSection {
-    /// The module, and the slot that can give it a SYNC signal.
+    /// Returns the module, and the slot that can give it a SYNC signal.
     fn read(self, plc: &str) -> Result<(ModuleConfig, Option<Spanned<String>>), Error> {
         let Some(port) = port_of(self.slot.get_ref()) else {
             let text = format!("there is no slot '{}'; slots are: {}", self.slot.get_ref(), slots());
@@ -294,7 +294,7 @@ impl ModuleSection {
     }
 }
 
-/// The letter of a slot.
+/// Returns the letter of a slot.
 fn letter(port: &Port) -> &'static str {
     port.name.trim_start_matches("slot")
 }

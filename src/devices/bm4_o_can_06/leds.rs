@@ -26,14 +26,14 @@ pub(super) struct LedConditions {
 }
 
 impl Leds {
-    /// The LEDs of a master.
+    /// Returns the LEDs of a master.
     pub(super) fn of_master(option: &Cell16, can: &Cell16, seen: LedConditions) -> Self {
         let LedConditions { takes_part, has_traffic, .. } = seen;
         let h1 = green(option, can, takes_part && has_traffic);
         Leds { h: [h1, fault(can, takes_part), Led::Off, Led::Off] }
     }
 
-    /// The LEDs of a slave.
+    /// Returns the LEDs of a slave.
     pub(super) fn of_slave(option: &Cell16, can: &Cell16, seen: LedConditions) -> Self {
         let LedConditions { takes_part, interval_us, has_traffic } = seen;
         let h1 = green(option, can, takes_part && has_traffic);
@@ -42,8 +42,8 @@ impl Leds {
         Leds { h: [h1, h2, h3, fault(can, takes_part)] }
     }
 
-    /// The LEDs of a slave for the controller (p. 30-31): the slave waits for the master until SYNC has come for the
-    /// first time; `has_sync` is true after that.
+    /// Returns the LEDs of a slave for the controller (p. 30-31): the slave waits for the master until SYNC has come
+    /// for the first time; `has_sync` is true after that.
     pub(super) fn of_controllers_slave(has_sync: bool, seen: LedConditions) -> Self {
         let LedConditions { interval_us, has_traffic, .. } = seen;
         if !has_sync {
@@ -77,7 +77,7 @@ impl Leds {
         u32::from_le_bytes(self.h.map(code))
     }
 
-    /// The LEDs that a code of the header page means.
+    /// Returns the LEDs that a code of the header page means.
     pub fn of_code(code: u32) -> Self {
         let led = |byte| match byte {
             0 => Led::Off,
@@ -89,12 +89,13 @@ impl Leds {
     }
 }
 
-/// State of H3: 1, 2, 4 and 8 flashes for an interval of as many milliseconds.
+/// Returns the state of H3: 1, 2, 4 and 8 flashes for an interval of as many milliseconds.
 fn interval(interval_us: Option<u64>) -> Led {
     interval_us.map_or(Led::Off, |us| Led::Flashes(((us + 500) / 1000).clamp(1, 8) as u8)) // at most 8
 }
 
-/// State of H1: lit while the module waits for the program; then it shows frames. A controller in BUS-off has none.
+/// Returns the state of H1: lit while the module waits for the program; then it shows frames. A controller in BUS-off
+/// has none.
 fn green(option: &Cell16, can: &Cell16, has_traffic: bool) -> Led {
     if option.load() <= option_status::WAITING_FOR_INIT {
         Led::On
@@ -105,8 +106,8 @@ fn green(option: &Cell16, can: &Cell16, has_traffic: bool) -> Led {
     }
 }
 
-/// State of H2 of a master, or of H4 of a slave: flashes in the case of a fault, which is BUS-off here (decision
-/// D-367).
+/// Returns the state of H2 of a master, or of H4 of a slave: flashes in the case of a fault, which is BUS-off here
+/// (decision D-367).
 fn fault(can: &Cell16, takes_part: bool) -> Led {
     if takes_part && is_bus_off(can) { Led::Flashes(1) } else { Led::Off }
 }

@@ -330,7 +330,7 @@ impl DevicePorts for Bm4Plc {
         }
     }
 
-    /// The DIP switches of a slave; a master has none.
+    /// Returns the DIP switches of a slave; a master has none.
     fn address(&self, port: u8) -> u8 {
         let module = self.modules.iter().find(|module| module.number == port);
         module.map_or(0, |module| module.dip)

@@ -49,8 +49,8 @@ pub struct CanBus {
 }
 
 impl CanBus {
-    /// The placeholder for ports that are not connected to a bus. Their firmware runs, but no station receives their
-    /// frames.
+    /// Returns the placeholder for ports that are not connected to a bus. Their firmware runs, but no station receives
+    /// their frames.
     pub fn unplugged() -> Self {
         CanBus {
             index: BusIndex::of_number(u16::MAX),

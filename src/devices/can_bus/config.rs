@@ -44,7 +44,7 @@ plant_keys! {
 }
 
 impl CanBusConfig {
-    /// The JSON Schema of the section.
+    /// Returns the JSON Schema of the section.
     pub(crate) fn schema() -> serde_json::Value {
         Section::schema()
     }

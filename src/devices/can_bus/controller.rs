@@ -65,7 +65,7 @@ impl Controller {
         self.queue.truncate(self.is_sending.into());
     }
 
-    /// Number of frames to be sent, including the frame on the wire.
+    /// Returns the number of frames to be sent, including the frame on the wire.
     pub fn to_send(&self) -> usize {
         self.queue.len()
     }

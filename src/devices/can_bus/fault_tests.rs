@@ -13,7 +13,7 @@ fn kind(name: &str) -> &'static FaultKind {
     OF_CAN.iter().find(|kind| kind.name() == name).unwrap()
 }
 
-/// A fault of frames with this identifier.
+/// Returns a fault of frames with this identifier.
 fn of_id(kind: &'static FaultKind, id: u64, us: Option<u64>, count: Option<u64>) -> Fault {
     let mut draft = Draft { count, ..Draft::new(kind, Target::Bus(BusIndex(0))) };
     for (value, field) in draft.values.iter_mut().zip(kind.fields()) {
@@ -50,7 +50,7 @@ impl Bench {
         self.faults.list().map(|fault| fault.hits).sum()
     }
 
-    /// Times and first data bytes of the frames in the journal.
+    /// Returns times and first data bytes of the frames in the journal.
     fn marks(&self) -> Vec<(u64, u8)> {
         self.frames().iter().map(|(at, frame, _)| (*at, frame.payload().data()[0])).collect()
     }

@@ -70,7 +70,7 @@ impl Station {
         }
     }
 
-    /// A guest that does not take part yet.
+    /// Returns a guest that does not take part yet.
     pub(super) fn guest(number: u8) -> Self {
         Station::new(Origin::of_guest(number), 0, Box::new(NoFirmware), None)
     }

@@ -73,7 +73,7 @@ impl Stations {
         &mut self.ends[station]
     }
 
-    /// Number of stations that take part.
+    /// Returns the number of stations that take part.
     pub(super) fn members(&self) -> usize {
         self.members
     }

@@ -93,7 +93,7 @@ pub(super) struct Bench {
 }
 
 impl Bench {
-    /// A bus at `bit_s` with ports that run these scripts, all on.
+    /// Returns a bus at `bit_s` with ports that run these scripts, all on.
     pub(super) fn new(bit_s: u32, scripts: Vec<Script>) -> Self {
         let rate = BitRate::new(bit_s).unwrap();
         let bus =
@@ -150,7 +150,7 @@ impl Bench {
         core::mem::take(&mut self.log.lock().unwrap())
     }
 
-    /// Times, frames and senders in the journal.
+    /// Returns times, frames and senders in the journal.
     pub(super) fn frames(&self) -> Vec<(u64, Frame, u16)> {
         let transmitted = |record: crate::journal::Record| {
             let it: Transmitted = record.event.get()?;
@@ -283,7 +283,7 @@ fn a_frame_whose_sender_goes_off_is_cut_off_even_if_it_comes_back() {
     assert_eq!(bench.errors(), [(0, 0), (0, 1)]);
 }
 
-/// A bus of 1 Mbit/s. Station 2 sends, and is BUS-off from 50 us on.
+/// Returns a bus of 1 Mbit/s. Station 2 sends, and is BUS-off from 50 us on.
 fn with_one_off(others: Vec<(u64, Frame)>) -> Bench {
     let scripts = vec![(vec![], others), (vec![], vec![]), (vec![], vec![(10, frame(0x100, 7))])];
     let mut bench = Bench::new(1_000_000, scripts);

@@ -89,7 +89,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// A gateway just powered on; PROFIBUS with 500 kbit/s, CAN with 125.
+    /// Returns a gateway just powered on; PROFIBUS with 500 kbit/s, CAN with 125.
     fn new(switches: u8) -> Self {
         Self::with_segment(switches, "kbit_s = 500")
     }
@@ -131,7 +131,7 @@ impl Bench {
         bench
     }
 
-    /// A gateway in data exchange with this configuration and these flags.
+    /// Returns a gateway in data exchange with this configuration and these flags.
     fn exchanging(flags_1: u8, flags_2: u8, cfg: &[u8]) -> Self {
         let mut bench = Bench::new(5);
         bench.commission(flags_1, flags_2, cfg);

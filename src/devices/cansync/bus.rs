@@ -116,8 +116,8 @@ pub struct SimBus {
 }
 
 impl SimBus {
-    /// The placeholder for nodes without a connected bus. A master generates its SYNC signal and sends there, but no station
-    /// receives it. The journal has no record of that traffic (decision D-645).
+    /// Returns the placeholder for nodes without a connected bus. A master generates its SYNC signal and sends there,
+    /// but no station receives it. The journal has no record of that traffic (decision D-645).
     pub fn unplugged() -> Self {
         Self::empty(BusIndex::of_number(u16::MAX), false, &BusConfig::default())
     }

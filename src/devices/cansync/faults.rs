@@ -47,7 +47,7 @@ pub(super) enum OffsetAt {
     Answer,
 }
 
-/// The slot in which frames of a kind travel, as an index into [`SLOTS`](crate::devices::can_faults::SLOTS).
+/// Returns the slot in which frames of a kind travel, as an index into [`SLOTS`](crate::devices::can_faults::SLOTS).
 const fn slot_of(kind: FrameKind) -> u32 {
     match kind {
         FrameKind::ReferenceValue(Channel::One, _) => 0,

@@ -223,7 +223,7 @@ impl EventText for SyncEdge {
     }
 }
 
-/// The decoded frame, or its bytes and the decoding error.
+/// Returns the decoded frame, or its bytes and the decoding error.
 fn frame_text(frame: &Frame) -> String {
     match codec::decode(frame) {
         Ok(decoded) => format!("16#{:03X} {decoded}", frame.id()),

@@ -27,7 +27,7 @@ impl Model {
         }
     }
 
-    /// Number of configuration values: one for each connector, or pair.
+    /// Returns the number of configuration values: one for each connector, or pair.
     #[must_use]
     pub const fn values(self) -> usize {
         match self {

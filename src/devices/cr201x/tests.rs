@@ -35,7 +35,7 @@ fn read(keys: &str) -> Result<Arc<dyn DeviceConfig>, toml::de::Error> {
 }
 
 impl Bench {
-    /// A module just powered on, with these keys in the plant file in addition to name and Node-ID.
+    /// Returns a module just powered on, with these keys in the plant file in addition to name and Node-ID.
     fn new(keys: &str) -> Self {
         let segment = Segment::of(&DEVICE);
         let config = read(&format!("node_id = {NODE}, {keys}")).unwrap();

@@ -45,7 +45,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// A controller just powered on, with these keys in the plant file in addition to its name.
+    /// Returns a controller just powered on, with these keys in the plant file in addition to its name.
     fn new(keys: &str) -> Self {
         let text = format!("{{ name = 'panel'{}{keys} }}", if keys.is_empty() { "" } else { ", " });
         let config = Cs0015Config::read(ValueDeserializer::parse(&text).unwrap()).unwrap();
@@ -60,7 +60,7 @@ impl Bench {
         bench
     }
 
-    /// A controller after its reset and the first cycles of its program.
+    /// Returns a controller after its reset and the first cycles of its program.
     fn running(keys: &str) -> Self {
         let mut bench = Bench::new(keys);
         bench.run(250 * MS);
@@ -68,7 +68,7 @@ impl Bench {
         bench
     }
 
-    /// A running controller in Operational.
+    /// Returns a running controller in Operational.
     fn operational(keys: &str) -> Self {
         let mut bench = Bench::running(keys);
         bench.send(0, &[1, 0]);

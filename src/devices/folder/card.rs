@@ -105,7 +105,7 @@ impl Card {
         page.front.get(cell.index)
     }
 
-    /// The present value. The image has all registers of the layout.
+    /// Returns the present value. The image has all registers of the layout.
     pub(super) fn load(&self, place: Place) -> u32 {
         match place.front {
             Some(cell) => self.front_cell(cell).map_or(0, Cell32::load),
@@ -243,7 +243,7 @@ impl Card {
         changes
     }
 
-    /// The phase of an area.
+    /// Returns the phase of an area.
     #[cfg(feature = "script")]
     pub(super) fn phase(&self, area: &'static Area) -> RegisterPhase {
         let status = status_of(area).map(|status| self.load(Place::of(&status)));
@@ -272,7 +272,7 @@ impl Card {
         });
     }
 
-    /// The events, if the device has any.
+    /// Returns the events, if the device has any.
     pub(super) fn events(&mut self) -> Option<&mut Events> {
         self.has_events.then_some(&mut self.events)
     }

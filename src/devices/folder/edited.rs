@@ -65,7 +65,7 @@ pub(crate) fn check_script(dir: &Path, name: &str, text: &str) -> Result<(), Fol
     }
 }
 
-/// The saved layout in `dir`.
+/// Returns the saved layout in `dir`.
 ///
 /// # Errors
 /// A file of the layout is wrong, or this process has read too many folders.
@@ -83,7 +83,7 @@ pub(crate) fn layout(dir: &Path) -> Result<&'static DeviceLayout, FolderError> {
     Ok(loaded.table(fingerprint, &read))
 }
 
-/// The keys of a table of `handshakes.toml`.
+/// Returns the keys of a table of `handshakes.toml`.
 pub(crate) fn handshake_keys(table: &str) -> Vec<String> {
     handshakes::keys(table)
 }

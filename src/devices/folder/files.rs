@@ -14,7 +14,7 @@ const OF_COMMANDS: [&str; 2] = ["plant.toml", "commram.toml"];
 /// Maximum number of entries of a folder that are compared.
 const MOST_ENTRIES: usize = 4096;
 
-/// Names of the TOML files and scripts in the folder itself. Editors and tools may have hidden files there.
+/// Returns names of the TOML files and scripts in the folder itself. Editors and tools may have hidden files there.
 ///
 /// # Errors
 /// The folder cannot be read.
@@ -48,7 +48,7 @@ pub(super) fn check(dir: &Path, inputs: &BTreeSet<String>) -> Result<(), FolderE
     Ok(())
 }
 
-/// Files that the device does not read, beside the files `inputs`.
+/// Returns files that the device does not read, beside the files `inputs`.
 ///
 /// # Errors
 /// The folder cannot be read.

@@ -80,7 +80,7 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Names of the hooks of the device's script; empty if it has no script.
+    /// Returns names of the hooks of the device's script; empty if it has no script.
     #[must_use]
     pub fn hooks(&self) -> Vec<String> {
         self.script.as_ref().map(Script::hooks).unwrap_or_default()
@@ -113,7 +113,7 @@ struct Loaded {
 }
 
 impl Loaded {
-    /// The tables of a layout, with the fingerprint of its files.
+    /// Returns the tables of a layout, with the fingerprint of its files.
     fn table(&mut self, fingerprint: u64, read: &Layout) -> &'static DeviceLayout {
         if let Some((_, layout)) = self.tables.iter().find(|(known, _)| *known == fingerprint) {
             return layout;
@@ -207,8 +207,8 @@ fn check_names(dir: &Path, read: &Layout) -> Result<(), FolderError> {
     }
 }
 
-/// The device of a folder with this layout hash: the last one read, if several folders differ only in facts other than
-/// addresses.
+/// Returns the device of a folder with this layout hash: the last one read, if several folders differ only in facts
+/// other than addresses.
 pub(super) fn of_hash(hash: u64) -> Option<&'static Registered> {
     let loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
     let folders = loaded.folders.iter().rev().map(|folder| &folder.registered);
@@ -278,7 +278,7 @@ pub fn find(base: &Path, path: &str) -> Result<PathBuf, FolderError> {
     }
 }
 
-/// Number over the names and texts of the layout's files, and of other files.
+/// Returns the number over the names and texts of the layout's files, and of other files.
 fn fingerprint<'a>(dir: &Path, read: &'a Layout, others: impl Iterator<Item = (&'a str, &'a str)>) -> u64 {
     let mut all = Vec::new();
     let inputs = read.inputs.iter().map(|(path, text)| {

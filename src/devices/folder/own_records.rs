@@ -53,7 +53,7 @@ impl OwnRecord {
         }
     }
 
-    /// The kind of this name.
+    /// Returns the kind of this name.
     ///
     /// # Errors
     /// The list does not contain the kind.
@@ -65,8 +65,8 @@ impl OwnRecord {
         })
     }
 
-    /// A record as the journal keeps it: `limit count=5 mode=1: the counter has reached its limit`. `value` gives the
-    /// value of a field.
+    /// Returns a record as the journal keeps it: `limit count=5 mode=1: the counter has reached its limit`. `value`
+    /// gives the value of a field.
     ///
     /// # Errors
     /// The error of `value`.
@@ -80,7 +80,7 @@ impl OwnRecord {
     }
 }
 
-/// Name, fields and text of a line. Journals may come from unknown authors, so any text is accepted.
+/// Returns the name, fields and text of a line. Journals may come from unknown authors, so any text is accepted.
 pub(super) fn parts(line: &str) -> (&str, &str, &str) {
     let (head, text) = line.split_once(": ").unwrap_or((line, ""));
     let (name, values) = head.split_once(' ').unwrap_or((head, ""));

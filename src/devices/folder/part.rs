@@ -22,7 +22,7 @@ pub(super) trait Part: SnapshotFields + Send {
     /// True if the last poll changed nothing, and the next polls will change nothing until a register is written.
     fn is_quiescent(&self) -> bool;
 
-    /// Time of the next action; `u64::MAX` if there is none.
+    /// Returns the time of the next action; `u64::MAX` if there is none.
     fn next_time(&self) -> u64;
 
     /// Carries out the actions that are due at `ctx.now`.

@@ -81,13 +81,13 @@ impl EventText for DeviceRecord {
     }
 }
 
-/// The beginning of a text up to its limit, and its sum.
+/// Returns the beginning of a text up to its limit, and its sum.
 fn shortened(text: &str) -> (&str, u64) {
     let text = &text[..text.floor_char_boundary(LONGEST_NOTE)];
     (text, XxHash3_64::oneshot(text.as_bytes()))
 }
 
-/// The text of the record. Journals may come from unknown authors, so control characters are replaced.
+/// Returns the text of the record. Journals may come from unknown authors, so control characters are replaced.
 fn text(reader: &Reader) -> String {
     let octets = reader.octets().unwrap_or_default();
     String::from_utf8_lossy(&octets).chars().map(|it| if it.is_control() { ' ' } else { it }).collect()

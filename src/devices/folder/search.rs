@@ -15,8 +15,8 @@ pub fn search_first(directories: Vec<PathBuf>) {
     let _ = CONFIGURED.set(directories);
 }
 
-/// The directories in their order: those of [`search_first`], `commram/devices` in the user's data directory, and
-/// `share/commram/devices` of the installation.
+/// Returns the directories in their order: those of [`search_first`], `commram/devices` in the user's data directory,
+/// and `share/commram/devices` of the installation.
 #[must_use]
 pub fn search_path() -> Vec<PathBuf> {
     let home = || std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".local/share"));
@@ -28,7 +28,7 @@ pub fn search_path() -> Vec<PathBuf> {
     CONFIGURED.get().cloned().unwrap_or_default().into_iter().chain(user).chain(installed).collect()
 }
 
-/// The folder of this name in the search path, if there is one with a `device.toml`.
+/// Returns the folder of this name in the search path, if there is one with a `device.toml`.
 #[must_use]
 pub fn search(name: &str) -> Option<PathBuf> {
     let is_plain = |letter: char| letter.is_ascii_alphanumeric() || matches!(letter, '-' | '_');
@@ -37,7 +37,7 @@ pub fn search(name: &str) -> Option<PathBuf> {
     directories.find(|dir| is_device(dir))
 }
 
-/// Names of the devices in the search path, for messages.
+/// Returns names of the devices in the search path, for messages.
 #[must_use]
 pub fn names_in_search_path() -> Vec<String> {
     let entries = search_path().into_iter().filter_map(|dir| std::fs::read_dir(dir).ok());

@@ -45,13 +45,13 @@ impl Source {
         Ok(Some(new))
     }
 
-    /// The number for the settings of the device with its present files.
+    /// Returns the number for the settings of the device with its present files.
     pub(super) fn settings(&self) -> u64 {
         settings_number(&self.config)
     }
 }
 
-/// State of the folder, which changes with new names, and of each file that the device has read.
+/// Returns the state of the folder, which changes with new names, and of each file that the device has read.
 fn stamp(config: &FolderConfig) -> Vec<FileState> {
     let FolderConfig { dir, folder, .. } = config;
     let state = |path: PathBuf| {

@@ -13,7 +13,7 @@ use commram_layoutc::front;
 use commram_layoutc::model;
 use std::collections::HashMap;
 
-/// The tables of this layout, for the lifetime of the process.
+/// Returns the tables of this layout, for the lifetime of the process.
 pub(super) fn of(read: &commram_layoutc::Layout) -> &'static DeviceLayout {
     let device = &read.device;
     let mut tables = Tables::default();
@@ -58,7 +58,7 @@ fn leaked<T>(items: Vec<T>) -> &'static [T] {
     Box::leak(items.into_boxed_slice())
 }
 
-/// The source of a fact; `lasting` makes its text static.
+/// Returns the source of a fact; `lasting` makes its text static.
 pub(super) fn provenance(from: &model::Provenance, lasting: impl FnOnce(&str) -> &'static str) -> Provenance {
     match from {
         model::Provenance::Manual => Provenance::Manual,
@@ -270,7 +270,7 @@ impl Tables {
         }
     }
 
-    /// The only structure of the front's area.
+    /// Returns the only structure of the front's area.
     fn front_words(&mut self, structure: &'static Structure) -> AreaStructure {
         AreaStructure {
             structure,

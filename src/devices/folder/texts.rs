@@ -24,7 +24,7 @@ pub(super) fn check(path: &Path, text: &str) -> Result<(), FolderError> {
     Err(FolderError::Table { path: path.to_owned(), line: line_of(text, &found), what: why })
 }
 
-/// The first text of a value that is refused, and why.
+/// Returns the first text of a value that is refused, and why.
 fn refused_in(value: &Value) -> Option<(String, String)> {
     match value {
         Value::String(text) => refused(text),
@@ -52,7 +52,7 @@ fn refused(text: &str) -> Option<(String, String)> {
     Some((text.to_owned(), why))
 }
 
-/// Number of the line with the longest part of a text that is written without escapes, from 1.
+/// Returns the number of the line with the longest part of a text that is written without escapes, from 1.
 fn line_of(file: &str, text: &str) -> usize {
     let parts = text.split(|sign: char| sign.is_control() || matches!(sign, '"' | '\\'));
     let longest = parts.max_by_key(|part| part.len()).unwrap_or_default();

@@ -153,7 +153,7 @@ impl DeviceConfig for PlcConfig {
         self.retain_bytes
     }
 
-    /// The Ethernet configuration (p. 61, 76).
+    /// Returns the Ethernet configuration (p. 61, 76).
     fn novram(&self) -> Option<&'static Area> {
         DEVICE.areas.iter().find(|area| area.first == ETHERNET_CONFIG as u32)
     }

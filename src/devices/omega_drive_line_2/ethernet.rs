@@ -24,8 +24,8 @@ const DELIVERY: (Ipv4Addr, Ipv4Addr) = (Ipv4Addr::new(192, 168, 1, 1), Ipv4Addr:
 /// Content of `ETHERNET_CONFIG_BMSTRUCT`, byte by byte.
 pub(crate) type Stored = [u8; ETHERNET_CONFIG_BYTES];
 
-/// Address and mask that follow from a configuration and the DIP number; `None` if the last byte would be 0, 255 or
-/// more, which is not allowed for devices (p. 79-80).
+/// Returns the address and mask that follow from a configuration and the DIP number; `None` if the last byte would be
+/// 0, 255 or more, which is not allowed for devices (p. 79-80).
 pub(crate) fn effective(
     ip_config: u32,
     address: Ipv4Addr,
@@ -74,7 +74,7 @@ impl SnapshotFields for Ethernet {
 }
 
 impl Ethernet {
-    /// The interface with a link of `speed` Mbit/s; 0 is no link.
+    /// Returns the interface with a link of `speed` Mbit/s; 0 is no link.
     ///
     /// # Errors
     /// The segment is read-only.
@@ -116,7 +116,7 @@ impl Ethernet {
         self.seen = self.watched();
     }
 
-    /// Contents of NOVRAM, and a number that changes with them.
+    /// Returns the contents of NOVRAM, and a number that changes with them.
     pub(crate) fn stored(&self) -> (&Stored, u32) {
         (&self.stored, self.generation)
     }
@@ -210,7 +210,8 @@ impl Ethernet {
     }
 }
 
-/// The registers `d_IP_CONFIG`, address, mask and `d_ROUTER`. The result is never `None`, because the size is correct.
+/// Returns the registers `d_IP_CONFIG`, address, mask and `d_ROUTER`. The result is never `None`, because the size is
+/// correct.
 fn parts(bytes: &Stored) -> Option<(u32, Ipv4Addr, Ipv4Addr, u32)> {
     let (words, _) = <[[u8; 4]; 4]>::read_from_prefix(bytes).ok()?;
     let [config, address, mask, router] = words;

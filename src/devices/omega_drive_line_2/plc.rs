@@ -95,17 +95,17 @@ impl Plc {
         Ok((device, ports))
     }
 
-    /// Number set at the DIP switches, 0..=31, as read at the last power-on or reset.
+    /// Returns the number set at the DIP switches, 0..=31, as read at the last power-on or reset.
     pub fn dip(&self) -> u8 {
         self.board.dip()
     }
 
-    /// The BAPS with its drive.
+    /// Returns the BAPS with its drive.
     pub fn baps(&self) -> &Baps {
         &self.baps
     }
 
-    /// All details of the drive that contains the device.
+    /// Returns all details of the drive that contains the device.
     fn drive_details(&self) -> DriveDetails {
         let mut details = self.baps.drive().details();
         if !self.board.has_supply() {

@@ -103,8 +103,8 @@ pub(crate) struct ProfibusBus {
 }
 
 impl ProfibusBus {
-    /// The placeholder for ports that are not connected to a segment. Their firmware runs, but no station receives
-    /// their telegrams.
+    /// Returns the placeholder for ports that are not connected to a segment. Their firmware runs, but no station
+    /// receives their telegrams.
     pub(crate) fn unplugged() -> Self {
         let [slowest, ..] = BusRate::ALL;
         ProfibusBus {

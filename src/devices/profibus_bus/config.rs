@@ -53,7 +53,7 @@ plant_keys! {
     }
 }
 
-/// The rates in kbit/s.
+/// Returns the rates in kbit/s.
 fn rates() -> Vec<serde_json::Value> {
     let kbit_s = |rate: BusRate| match rate.bit_s() {
         bit_s if bit_s.is_multiple_of(1000) => (bit_s / 1000).into(),
@@ -70,7 +70,7 @@ fn rates_text() -> String {
 }
 
 impl ProfibusConfig {
-    /// The JSON Schema of the section.
+    /// Returns the JSON Schema of the section.
     pub(crate) fn schema() -> serde_json::Value {
         Section::schema()
     }

@@ -75,7 +75,7 @@ impl DpTelegram {
         self.octets() > self.first.to_le_bytes().len() || self.octets_on_line() != octets.len()
     }
 
-    /// The telegram, with the octets of its record, or with the data that the event has.
+    /// Returns the telegram, with the octets of its record, or with the data that the event has.
     fn frame(&self, octets: Option<&[u8]>) -> Frame {
         if let Some(Ok(Telegram::Frame(frame))) = octets.map(Telegram::parse) {
             return frame;
@@ -85,7 +85,8 @@ impl DpTelegram {
         Frame { da, sa, fc, dsap, ssap, data }
     }
 
-    /// Number of octets on the line, including header and trailer, which are shorter in a telegram without data.
+    /// Returns the number of octets on the line, including header and trailer, which are shorter in a telegram without
+    /// data.
     pub(super) fn octets_on_line(&self) -> usize {
         match self.octets() + self.saps().into_iter().flatten().count() {
             0 => 6,
@@ -163,7 +164,7 @@ impl EventText for DpTelegram {
 }
 
 impl DpShort {
-    /// Number of octets on the line: three for a token, one for a receipt.
+    /// Returns the number of octets on the line: three for a token, one for a receipt.
     pub(super) fn octets_on_line(&self) -> usize {
         if self.token == RECEIPT { 1 } else { 3 }
     }

@@ -33,7 +33,7 @@ pub struct Emulation {
 }
 
 impl Emulation {
-    /// A device with firmware. `read` reads its section of a plant file.
+    /// Returns a device with firmware. `read` reads its section of a plant file.
     #[must_use]
     pub const fn of(read: Read<dyn DeviceConfig>) -> Self {
         Emulation { read: Some(read), ..Self::NONE }

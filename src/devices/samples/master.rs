@@ -45,7 +45,7 @@ impl CanPort for Master {
     }
 }
 
-/// A bus of 125 kbit/s with the port of a device, at place 0, and the station at place 1.
+/// Returns a bus of 125 kbit/s with the port of a device, at place 0, and the station at place 1.
 pub(crate) fn bus_with(plugs: Vec<Plug>) -> (Box<dyn Bus>, Arc<Mutex<Wires>>) {
     let bus = ValueDeserializer::parse("{ name = 'open', kbit_s = 125 }").unwrap();
     let mut bus = CanBusConfig::read(bus).unwrap().build(BusIndex(0)).unwrap();

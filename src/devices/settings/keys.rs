@@ -31,7 +31,7 @@ macro_rules! plant_keys {
         }
 
         impl $section {
-            /// The JSON Schema of the section.
+            /// Returns the JSON Schema of the section.
             fn schema() -> serde_json::Value {
                 $crate::devices::settings::keys::section(
                     $about,
@@ -39,7 +39,7 @@ macro_rules! plant_keys {
                 )
             }
 
-            /// The lines of the keys in the page of plant files.
+            /// Returns the lines of the keys in the page of plant files.
             #[cfg(test)]
             fn lines() -> String {
                 [$($crate::devices::settings::keys::line(stringify!($key), $example, &$note)),+].concat()
@@ -50,7 +50,8 @@ macro_rules! plant_keys {
 
 pub(crate) use plant_keys;
 
-/// The schema of a section with these keys: name, type in Rust, description, and schema without the description.
+/// Returns the schema of a section with these keys: name, type in Rust, description, and schema without the
+/// description.
 pub(crate) fn section<const N: usize>(about: &str, keys: [(&str, &str, &str, Value); N]) -> Value {
     let mut properties = Map::new();
     properties.insert("name".to_owned(), json!({ "$ref": "#/definitions/name" }));
@@ -71,7 +72,7 @@ pub(crate) fn section<const N: usize>(about: &str, keys: [(&str, &str, &str, Val
     })
 }
 
-/// A key of an example with a note.
+/// Returns a key of an example with a note.
 #[cfg(test)]
 pub(crate) fn line(key: &str, example: &str, note: &str) -> String {
     let text = format!("{key} = {example}");

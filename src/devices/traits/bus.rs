@@ -81,11 +81,11 @@ pub trait Bus: BusView + Any + Send + SnapshotFields {
         false
     }
 
-    /// Time of the next event; `u64::MAX` if there is none. Only calls of the bus change this time.
+    /// Returns the time of the next event; `u64::MAX` if there is none. Only calls of the bus change this time.
     fn next_time(&self) -> u64;
 
-    /// Time up to which the events of the bus are independent of all other buses and devices, so that they may run on
-    /// another core. 0 if they never are.
+    /// Returns the time up to which the events of the bus are independent of all other buses and devices, so that they
+    /// may run on another core. 0 if they never are.
     fn apart_until(&self) -> u64 {
         0
     }
@@ -94,14 +94,14 @@ pub trait Bus: BusView + Any + Send + SnapshotFields {
     /// line.
     fn event(&mut self, world: &mut World) -> Option<SyncSignal>;
 
-    /// Time of the last frame that a port sent or received since it joined, in emulated microseconds; `None` if there
-    /// was none, or the bus does not record it.
+    /// Returns the time of the last frame that a port sent or received since it joined, in emulated microseconds;
+    /// `None` if there was none, or the bus does not record it.
     fn last_frame(&self, place: usize) -> Option<u64> {
         let _ = place;
         None
     }
 
-    /// The access checker for the registers of the bus's ports; `None` if no port has registers.
+    /// Returns the access checker for the registers of the bus's ports; `None` if no port has registers.
     fn watch(&mut self) -> Option<&mut dyn PortWatch> {
         None
     }
@@ -121,7 +121,7 @@ pub trait Bus: BusView + Any + Send + SnapshotFields {
         None
     }
 
-    /// The drives on the bus, if buses of its kind have drives.
+    /// Returns the drives on the bus, if buses of its kind have drives.
     fn drives(&self) -> Option<&dyn Drives> {
         None
     }
@@ -131,7 +131,8 @@ pub trait Bus: BusView + Any + Send + SnapshotFields {
         None
     }
 
-    /// The part that applies faults of the bus, its participants and its ports; `None` if the bus can have no faults.
+    /// Returns the part that applies faults of the bus, its participants and its ports; `None` if the bus can have no
+    /// faults.
     fn faults(&mut self) -> Option<&mut dyn Faulty> {
         None
     }

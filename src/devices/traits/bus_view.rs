@@ -37,7 +37,7 @@ pub enum ParticipantId {
 
 /// The visible state of a bus. Reading it changes nothing.
 pub trait BusView {
-    /// Name of the bus in the plant.
+    /// Returns the name of the bus in the plant.
     fn name(&self) -> &str;
 
     /// Kind of the bus, one of [`BUS_KINDS`](crate::devices::BUS_KINDS).
@@ -46,7 +46,7 @@ pub trait BusView {
     /// Present bit rate of the bus, in bit/s.
     fn bit_s(&self) -> u32;
 
-    /// The attached ports, in the order of attachment.
+    /// Returns the attached ports, in the order of attachment.
     fn ports(&self) -> Vec<Origin>;
 
     /// Returns the stations that have power. The list is empty if the bus has no list of stations.
@@ -59,7 +59,7 @@ pub trait BusView {
         Vec::new()
     }
 
-    /// The interval that repeats on the bus; `None` while no interval repeats.
+    /// Returns the interval that repeats on the bus; `None` while no interval repeats.
     fn interval(&self) -> Option<Interval> {
         None
     }
@@ -69,7 +69,7 @@ pub trait BusView {
         0
     }
 
-    /// Time for which a journal event of this bus, a frame, has kept the wire busy, in nanoseconds.
+    /// Returns the time for which a journal event of this bus, a frame, has kept the wire busy, in nanoseconds.
     fn busy_ns(&self, event: &Event) -> u64 {
         let rate = BitRate::new(self.bit_s());
         let taken = event.frame().zip(rate).map(|(carried, rate)| can::wire::airtime(&carried.frame, rate));

@@ -26,7 +26,7 @@ impl Context<'_> {
         self.journal.push(self.now, event);
     }
 
-    /// Position in the RAM of the register at `offset` of the area.
+    /// Returns the position in the RAM of the register at `offset` of the area.
     #[inline]
     pub fn at(&self, offset: usize) -> u32 {
         (self.base + offset) as u32 // areas lie in segments of a few megabytes

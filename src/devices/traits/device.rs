@@ -50,7 +50,7 @@ pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
         false
     }
 
-    /// Time of the next event of the device itself; `u64::MAX` if there is none.
+    /// Returns the time of the next event of the device itself; `u64::MAX` if there is none.
     fn next_time(&self) -> u64 {
         u64::MAX
     }
@@ -65,12 +65,12 @@ pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
         None
     }
 
-    /// The part of the device that takes part in events of its ports, if it has such a part.
+    /// Returns the part of the device that takes part in events of its ports, if it has such a part.
     fn ports(&mut self) -> Option<&mut dyn DevicePorts> {
         None
     }
 
-    /// The drive that contains the device, if there is such a drive. The list then has only this drive.
+    /// Returns the drive that contains the device, if there is such a drive. The list then has only this drive.
     fn drives(&self) -> Option<&dyn Drives> {
         None
     }
@@ -90,24 +90,24 @@ pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
         None
     }
 
-    /// The part that answers writes by address, if the device has such a part.
+    /// Returns the part that answers writes by address, if the device has such a part.
     fn address_writes(&mut self) -> Option<&mut dyn AddressWrites> {
         None
     }
 
-    /// The part that takes over changed files of the device, if it is described by files that may change.
+    /// Returns the part that takes over changed files of the device, if it is described by files that may change.
     fn file_changes(&mut self) -> Option<&mut dyn FileChanges> {
         None
     }
 
-    /// The part that applies faults of the device itself; `None` if the device can have no faults.
+    /// Returns the part that applies faults of the device itself; `None` if the device can have no faults.
     fn faults(&mut self) -> Option<&mut dyn Faulty> {
         None
     }
 }
 
 impl dyn Device {
-    /// State of the front.
+    /// Returns the state of the front.
     pub fn board(&self) -> BoardState {
         BoardState::of(self.header())
     }

@@ -11,7 +11,7 @@ pub trait DevicePorts {
         let _ = (port, bit_s);
     }
 
-    /// The number of `port` on its bus: the number of the switches at the last start.
+    /// Returns the number of `port` on its bus: the number of the switches at the last start.
     fn address(&self, port: u8) -> u8;
 
     /// Called if another station has the number of `port`, so that the port is not connected.

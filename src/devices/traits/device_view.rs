@@ -5,7 +5,7 @@ use crate::memory::{Header, Segment};
 
 /// The visible state of a device. Reading it changes nothing.
 pub trait DeviceView {
-    /// Name of the device in the plant.
+    /// Returns the name of the device in the plant.
     fn name(&self) -> &str;
 
     /// Image of the device.
@@ -14,7 +14,7 @@ pub trait DeviceView {
     /// Layout of the registers of the device.
     fn layout(&self) -> &'static DeviceLayout;
 
-    /// The header page of the device's image.
+    /// Returns the header page of the device's image.
     fn header(&self) -> &Header;
 
     /// Returns the device with its options: which ports exist, and their roles. In a modular device the modules decide

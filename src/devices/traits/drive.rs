@@ -101,10 +101,10 @@ pub enum ParameterRefusal {
 /// The drives of a bus or device ([`Bus::drives`](crate::devices::Bus::drives), [`Device::drives`](crate::devices::Device::drives)). The
 /// position of a drive in [`Drives::list`] is its number here.
 pub trait Drives {
-    /// The drives in the order of the plant file: names and states.
+    /// Returns the drives in the order of the plant file: names and states.
     fn list(&self) -> Vec<(&str, DriveState)>;
 
-    /// All details of the drive at this place in [`Drives::list`].
+    /// Returns all details of the drive at this place in [`Drives::list`].
     fn details(&self, drive: usize) -> Option<DriveDetails>;
 
     /// Sets a parameter of the drive at this place, as a user does at the drive itself.

@@ -37,8 +37,8 @@ pub trait Front {
     /// `false` if there is no such switch.
     fn turn(&self, setting: BoardSetting) -> bool;
 
-    /// The reason why the device would refuse this setting now, because of its switches or its state. `None` if the
-    /// device would carry it out.
+    /// Returns the reason why the device would refuse this setting now, because of its switches or its state. `None` if
+    /// the device would carry it out.
     fn refusal(&self, setting: BoardSetting) -> Option<&'static str> {
         let _ = setting;
         None

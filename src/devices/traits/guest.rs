@@ -47,7 +47,7 @@ pub trait BusGuests {
         let _ = (guest, now);
     }
 
-    /// The error state of a guest's controller, on buses with error states.
+    /// Returns the error state of a guest's controller, on buses with error states.
     fn guest_errors(&self, guest: u8) -> ErrorState {
         let _ = guest;
         ErrorState::Active

@@ -45,7 +45,7 @@ pub trait SyncLine {
     /// Handles an edge of a SYNC signal that another bus forwards.
     fn forwarded_edge(&mut self, place: usize, now: u64, signal: SyncSignal, journal: &mut Journal);
 
-    /// Time of the next SYNC edge, if this bus generates the signal.
+    /// Returns the time of the next SYNC edge, if this bus generates the signal.
     fn next_sync(&self) -> Option<u64>;
 
     /// Source of the bus's SYNC signal.

@@ -40,7 +40,7 @@ impl<'a> Dictionary<'a> {
         dictionary
     }
 
-    /// The indices in ascending order, each once.
+    /// Returns the indices in ascending order, each once.
     pub(super) fn indices(&self) -> Vec<u16> {
         let mut indices: Vec<u16> = self.objects.iter().map(|object| object.index).collect();
         indices.push(IDENTITY);
@@ -53,7 +53,7 @@ impl<'a> Dictionary<'a> {
         self.objects.iter().copied().filter(|object| object.index == index).collect()
     }
 
-    /// The sections of one index.
+    /// Returns the sections of one index.
     pub(super) fn sections(&self, index: u16) -> String {
         let own = self.of(index);
         match &own[..] {
@@ -63,7 +63,7 @@ impl<'a> Dictionary<'a> {
         }
     }
 
-    /// The comments on all entries, one line each, without characters that end a value for some readers.
+    /// Returns the comments on all entries, one line each, without characters that end a value for some readers.
     pub(super) fn comments(&self) -> Vec<String> {
         let mut lines = Vec::new();
         for index in self.indices() {
@@ -81,7 +81,7 @@ impl<'a> Dictionary<'a> {
         lines.iter().map(|line| line.replace(" = ", " is ").replace('=', ":").replace(';', ",")).collect()
     }
 
-    /// The comment on an entry of the device. `is_record`: the object has several entries.
+    /// Returns the comment on an entry of the device. `is_record`: the object has several entries.
     fn about(&self, object: &Object, is_record: bool) -> String {
         let mut text = documented(object);
         if is_record && object.sub == 0 && object.ty != Some(Type::U8) {
@@ -96,7 +96,7 @@ impl<'a> Dictionary<'a> {
         text
     }
 
-    /// The name of an object, with the index if several objects have this name in the manual.
+    /// Returns the name of an object, with the index if several objects have this name in the manual.
     fn name(&self, own: &[&Object]) -> String {
         let name = manuals_name(own);
         let index = own.first().map_or(0, |object| object.index);
@@ -123,7 +123,7 @@ impl<'a> Dictionary<'a> {
         text
     }
 
-    /// The section of one entry with a value.
+    /// Returns the section of one entry with a value.
     fn variable(&self, object: &Object, section: &str, name: &str) -> String {
         // A domain is a variable of the type DOMAIN: eds-utils accepts no other object type with a single entry.
         let data = match object.ty {
@@ -154,7 +154,7 @@ impl<'a> Dictionary<'a> {
     }
 }
 
-/// The manual's description of an entry, and the decisions about it.
+/// Returns the manual's description of an entry, and the decisions about it.
 fn documented(object: &Object) -> String {
     let facts = [("entry", object.row_from), ("default", object.default_from)];
     let from = match Provenance::summary(&facts) {
@@ -192,7 +192,7 @@ fn manuals_name(own: &[&Object]) -> String {
     }
 }
 
-/// The entries in the default mappings of PDOs.
+/// Returns the entries in the default mappings of PDOs.
 fn carriers(objects: &[&Object]) -> HashMap<(u16, u8), Carrier> {
     let mapped = objects.iter().filter(|object| object.sub > 0).filter_map(|object| {
         let carrier = match object.index {

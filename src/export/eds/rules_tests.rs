@@ -33,7 +33,7 @@ impl Sheet {
         self.0.get(name).unwrap_or_else(|| panic!("no section [{name}]"))
     }
 
-    /// The indices of a list of objects, numbered from 1 on.
+    /// Returns the indices of a list of objects, numbered from 1 on.
     fn list(&self, name: &str) -> Vec<u16> {
         let section = self.section(name);
         let count: usize = section["SupportedObjects"].parse().unwrap();
@@ -41,7 +41,7 @@ impl Sheet {
         (1..=count).map(|number| u16::try_from(numeral(&section[&number.to_string()])).unwrap()).collect()
     }
 
-    /// The sub-indices of an object that have a section.
+    /// Returns the sub-indices of an object that have a section.
     fn subs(&self, index: u16) -> Vec<u8> {
         let prefix = format!("{index:04X}sub");
         let mut subs: Vec<u8> = self

@@ -93,7 +93,7 @@ impl Section {
         Some(if self.is_big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) })
     }
 
-    /// Type, content and length of the first block.
+    /// Returns the type, content and length of the first block.
     fn block<'a>(&self, rest: &'a [u8]) -> Option<(u32, &'a [u8], usize)> {
         let (kind, length) = (self.word(rest, 0)?, self.word(rest, 4)? as usize);
         let block = rest.get(..length).filter(|_| length >= 12 && length.is_multiple_of(4))?;
@@ -196,7 +196,7 @@ impl Section {
 }
 
 impl Interface {
-    /// A time in microseconds, if the ticks are valid.
+    /// Returns a time in microseconds, if the ticks are valid.
     fn time_us(&self, ticks: u64) -> Option<u64> {
         let millions = u128::from(ticks) * 1_000_000;
         let power = u32::from(self.resolution & 0x7F);

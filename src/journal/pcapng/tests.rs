@@ -17,7 +17,7 @@ fn block(kind: u32, body: &[u8], is_big: bool, out: &mut Vec<u8>) {
 /// Codes and values.
 type Options<'a> = &'a [(u16, &'a [u8])];
 
-/// A log with one interface of these options and one packet.
+/// Returns a log with one interface of these options and one packet.
 fn log(is_big: bool, link: u16, options: Options, ticks: u64, packet: &[u8]) -> Vec<u8> {
     log_with(is_big, link, options, ticks, packet, &[])
 }
@@ -150,7 +150,7 @@ fn each_bus_is_an_interface() {
     assert_eq!(out.len(), blocks.iter().sum::<usize>());
 }
 
-/// A frame of any kind.
+/// Returns a frame of any kind.
 fn frames() -> impl Strategy<Value = Frame> {
     let (standard, extended) = (0..0x800_u16, 0..0x2000_0000_u32);
     (any::<bool>(), standard, extended, any::<[u8; 8]>(), 0..=8_usize, any::<bool>()).prop_map(

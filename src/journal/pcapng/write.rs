@@ -15,7 +15,7 @@ pub struct Pcapng {
 }
 
 impl Pcapng {
-    /// A writer for these buses, in the order of the plant: one interface for each.
+    /// Returns a writer for these buses, in the order of the plant: one interface for each.
     pub fn new(buses: Vec<(String, Link)>) -> Self {
         Pcapng { buses }
     }
@@ -40,7 +40,7 @@ fn option(code: u16, value: &[u8], out: &mut Vec<u8>) {
     out.extend([0; 3].iter().take(value.len().next_multiple_of(4) - value.len()));
 }
 
-/// A frame in the form of SocketCAN.
+/// Returns a frame in the form of SocketCAN.
 pub(super) fn packet(frame: &Frame) -> [u8; 16] {
     let field = frame.arbitration();
     let mut id = match field.id() {

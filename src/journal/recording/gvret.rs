@@ -19,7 +19,7 @@ pub(super) struct Columns {
 }
 
 impl Columns {
-    /// The columns, if the line is the head of such a file.
+    /// Returns the columns, if the line is the head of such a file.
     pub(super) fn of_head(line: &str) -> Option<Self> {
         let names: Vec<_> = line.split(',').map(|name| name.trim().to_ascii_lowercase()).collect();
         let find = |name: &str| names.iter().position(|other| other == name);

@@ -80,7 +80,7 @@ impl Line {
         Payload::new(&data).map(|payload| Frame::new(id, payload)).ok_or(NO_FRAME)
     }
 
-    /// The data of a telegram, if the line contains all of them.
+    /// Returns the data of a telegram, if the line contains all of them.
     fn data(&self) -> Option<Vec<u8>> {
         let text = self.data.as_deref().or(self.first.as_deref())?;
         bytes(text).filter(|data| self.octets.is_none_or(|octets| octets == data.len()))
@@ -94,7 +94,7 @@ impl Line {
         Telegram::Frame(frame).octets().map_err(|_| NO_TELEGRAM)
     }
 
-    /// The octets of a token, or of a short acknowledgement, which has no addresses.
+    /// Returns the octets of a token, or of a short acknowledgement, which has no addresses.
     fn short(&self) -> Result<Vec<u8>, &'static str> {
         let telegram = match (self.da, self.sa) {
             (Some(da), Some(sa)) => Telegram::Token { da, sa },

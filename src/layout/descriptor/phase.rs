@@ -18,7 +18,7 @@ impl RegisterPhase {
         Self(number)
     }
 
-    /// The number of the phase, from 1; 0 is [`ALWAYS`](Self::ALWAYS).
+    /// Returns the number of the phase, from 1; 0 is [`ALWAYS`](Self::ALWAYS).
     #[must_use]
     pub const fn number(self) -> u8 {
         self.0
@@ -61,13 +61,13 @@ impl Area {
         RegisterPhase::numbered(phases.phases.partition_point(|phase| phase.from <= status) as u8)
     }
 
-    /// The first phase. A device is in this phase at power-on.
+    /// Returns the first phase. A device is in this phase at power-on.
     #[must_use]
     pub fn first_phase(&self) -> RegisterPhase {
         self.phase(Some(0))
     }
 
-    /// All phases in their order; only [`RegisterPhase::ALWAYS`] if no structure has a phase.
+    /// Returns all phases in their order; only [`RegisterPhase::ALWAYS`] if no structure has a phase.
     pub fn all_phases(&self) -> impl DoubleEndedIterator<Item = RegisterPhase> + use<> {
         (self.first_phase().number()..=self.phase(None).number()).map(RegisterPhase::numbered)
     }

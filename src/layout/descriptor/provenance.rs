@@ -14,7 +14,7 @@ pub enum Provenance {
 }
 
 impl Provenance {
-    /// The decision from which the fact follows; `None` if the fact is documented.
+    /// Returns the decision from which the fact follows; `None` if the fact is documented.
     #[must_use]
     pub const fn decision(self) -> Option<&'static str> {
         match self {

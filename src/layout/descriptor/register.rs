@@ -56,8 +56,8 @@ pub struct Register {
 }
 
 impl Register {
-    /// The facts about the register itself, each with its source. The meaning is not included, because it has its own
-    /// sources.
+    /// Returns the facts about the register itself, each with its source. The meaning is not included, because it has
+    /// its own sources.
     #[must_use]
     pub const fn facts(&self) -> [(&'static str, Provenance); 5] {
         [
@@ -132,7 +132,7 @@ pub enum RegType {
 }
 
 impl RegType {
-    /// Width in bytes: 1, 2 or 4. It is also the alignment.
+    /// Returns the width in bytes: 1, 2 or 4. It is also the alignment.
     #[must_use]
     pub const fn width(self) -> u32 {
         match self {
@@ -142,7 +142,7 @@ impl RegType {
         }
     }
 
-    /// Name in IEC 61131-3.
+    /// Returns the name in IEC 61131-3.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

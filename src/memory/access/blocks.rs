@@ -21,13 +21,13 @@ impl Block {
         Block(words)
     }
 
-    /// The words.
+    /// Returns the words.
     #[inline]
     pub(crate) fn words(&self) -> &[u64; BLOCK] {
         &self.0
     }
 
-    /// The words, for changes.
+    /// Returns the words, for changes.
     #[inline]
     pub(crate) fn words_mut(&mut self) -> &mut [u64; BLOCK] {
         &mut self.0
@@ -41,7 +41,8 @@ impl Block {
         unsafe { load(cells.as_ptr().cast(), &mut blocks[..count]) }
     }
 
-    /// Index of the first block, at or after `from`, with a changed cell. The comparison ends with the shorter slice.
+    /// Returns the index of the first block, at or after `from`, with a changed cell. The comparison ends with the
+    /// shorter slice.
     #[inline]
     pub(crate) fn first_unlike(blocks: &[Block], cells: &[[Cell64; BLOCK]], from: usize) -> Option<usize> {
         let count = blocks.len().min(cells.len());

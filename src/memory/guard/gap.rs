@@ -30,7 +30,7 @@ pub(super) fn prepare() {
     PAGE.store(page_size(), Ordering::Relaxed);
 }
 
-/// Size of a page of memory, in bytes; 0 if it is unknown.
+/// Returns the size of a page of memory, in bytes; 0 if it is unknown.
 pub(crate) fn page_size() -> usize {
     // SAFETY: a question without side effects.
     let page = unsafe { libc::sysconf(libc::_SC_PAGESIZE) };

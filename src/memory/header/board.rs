@@ -194,7 +194,7 @@ impl BoardState {
             && self.program != ProgramState::None.code()
     }
 
-    /// The display as text: a character, followed by a point if it is lit; a blank if it is dark.
+    /// Returns the display as text: a character, followed by a point if it is lit; a blank if it is dark.
     pub fn display_text(&self) -> String {
         let character = match self.display as u8 {
             0 => ' ',

@@ -100,7 +100,7 @@ impl<'a> BoardAssignment<'a> {
         Self { text, plc, what: AssignmentTarget::Setting(setting) }
     }
 
-    /// The setting for a PLC of this device type.
+    /// Returns the setting for a PLC of this device type.
     ///
     /// # Errors
     /// The device has no such port or switch, or the switch cannot have this value.
@@ -133,7 +133,7 @@ impl<'a> BoardAssignment<'a> {
 }
 
 impl BoardSetting {
-    /// The word for this value in [`BoardAssignment::parse`].
+    /// Returns the word for this value in [`BoardAssignment::parse`].
     pub fn name(self) -> &'static str {
         match self {
             BoardSetting::Dip(_) | BoardSetting::ModuleDip { .. } => "dip",
@@ -148,8 +148,9 @@ impl BoardSetting {
         }
     }
 
-    /// The text from which [`BoardAssignment`] makes this setting of a device, without the PLC. `None` for RESET and an
-    /// interruption of the supply, which have no such text, and for a setting that the device does not have.
+    /// Returns the text from which [`BoardAssignment`] makes this setting of a device, without the PLC. `None` for
+    /// RESET and an interruption of the supply, which have no such text, and for a setting that the device does not
+    /// have.
     #[cfg(feature = "cli")]
     pub(crate) fn word(self, device: &DeviceLayout) -> Option<String> {
         Some(match self {
@@ -212,8 +213,8 @@ impl BoardWords {
 }
 
 impl BoardState {
-    /// The state as text, limited to the fields `has`, which are names of [`BoardWords::NAMES`]. A code without a name
-    /// becomes a number.
+    /// Returns the state as text, limited to the fields `has`, which are names of [`BoardWords::NAMES`]. A code without
+    /// a name becomes a number.
     pub fn words(&self, has: &[&str]) -> BoardWords {
         let has = |name| has.contains(&name);
         let if_has = |name, text: String| has(name).then_some(text);
@@ -232,7 +233,7 @@ impl BoardState {
     }
 }
 
-/// The name of a code as separate words: `boot project copied`.
+/// Returns the name of a code as separate words: `boot project copied`.
 fn named(name: Option<impl core::fmt::Debug>, code: u32) -> String {
     let Some(name) = name else { return code.to_string() };
     let mut words = String::new();

@@ -16,12 +16,12 @@ macro_rules! codes {
                 codes: &[$(($value, stringify!($variant), concat!($($vdoc),*))),*],
             };
 
-            /// The meaning of a number in the header page; `None` if the number has no meaning.
+            /// Returns the meaning of a number in the header page; `None` if the number has no meaning.
             pub fn from_code(code: u32) -> Option<Self> {
                 bytemuck::checked::try_cast(code).ok()
             }
 
-            /// The number in the header.
+            /// Returns the number in the header.
             pub const fn code(self) -> u32 {
                 self as u32
             }

@@ -140,7 +140,7 @@ impl Interrupt {
         request
     }
 
-    /// The result of `request`; `None` while the firmware has not answered.
+    /// Returns the result of `request`; `None` while the firmware has not answered.
     pub fn outcome(&self, request: u32) -> Option<u32> {
         (self.answer.load() == request).then(|| self.result.load())
     }
@@ -161,7 +161,7 @@ impl OptInit {
         request
     }
 
-    /// The result of `request`; `None` while the firmware has not answered.
+    /// Returns the result of `request`; `None` while the firmware has not answered.
     pub fn outcome(&self, request: u32) -> Option<u32> {
         (self.answer.load() == request).then(|| self.result.load())
     }

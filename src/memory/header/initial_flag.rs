@@ -56,7 +56,7 @@ impl InitialFlag {
         request
     }
 
-    /// The result of `request`; `None` while the firmware has not answered.
+    /// Returns the result of `request`; `None` while the firmware has not answered.
     pub fn outcome(&self, request: u32) -> Option<u32> {
         (self.answer.load() == request).then(|| self.result.load())
     }

@@ -121,7 +121,7 @@ impl PortEntry {
         });
     }
 
-    /// The device option that [`PortEntry::role`] describes; `Fit::Unknown` for an invalid code.
+    /// Returns the device option that [`PortEntry::role`] describes; `Fit::Unknown` for an invalid code.
     pub(super) fn fit(&self) -> Fit {
         match self.role.load() {
             0 => Fit::Empty,

@@ -172,7 +172,7 @@ fn in_line(line: Option<usize>) -> String {
     line.map_or_else(String::new, |line| format!("line {line}: "))
 }
 
-/// The plural of a noun.
+/// Returns the plural of a noun.
 fn several(what: &str) -> String {
     format!("{what}{}", if what.ends_with('s') { "es" } else { "s" })
 }

@@ -84,14 +84,14 @@ pub(super) fn read(base: &Path, file: &str, text: &str) -> Result<(PlantConfig, 
     Ok((PlantConfig { processor_cycle_us, devices, buses: read_buses, faults, text }, places))
 }
 
-/// The line, from 1, of an offset. The function counts the lines from the beginning of the text, which is slow, so it
-/// is for errors only.
+/// Returns the line, from 1, of an offset. The function counts the lines from the beginning of the text, which is slow,
+/// so it is for errors only.
 pub(super) fn line_of(text: &str, offset: usize) -> usize {
     1 + text.as_bytes().iter().take(offset).filter(|byte| **byte == b'\n').count()
 }
 
 impl PlantError {
-    /// The line, from 1, of the plant file that the error is about; none if it has no line.
+    /// Returns the line, from 1, of the plant file that the error is about; none if it has no line.
     #[must_use]
     pub fn line(&self) -> Option<usize> {
         match self {
@@ -128,7 +128,7 @@ impl Source<'_> {
         PlantError::Syntax { file: self.file.to_owned(), line, what }
     }
 
-    /// An error of the reader in a section.
+    /// Returns an error of the reader in a section.
     fn wrong(&self, error: &Error, section: &Section) -> PlantError {
         match self.syntax(error) {
             PlantError::Syntax { file, line, what } => {

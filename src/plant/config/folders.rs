@@ -26,8 +26,8 @@ impl<'a> Folders<'a> {
         Folders { source, base, read: HashMap::new(), places: Vec::new() }
     }
 
-    /// The folder of a device, if its section names one by its path or by its name in the search path; takes `kind` out of
-    /// the section. Devices of the program come first.
+    /// Returns the folder of a device, if its section names one by its path or by its name in the search path; takes
+    /// `kind` out of the section. Devices of the program come first.
     ///
     /// # Errors
     /// [`PlantError::Folder`] with the line of the path.
@@ -66,7 +66,8 @@ impl<'a> Folders<'a> {
         Ok(Some((known, dir)))
     }
 
-    /// The text of the plant file with absolute paths, so that it means the same plant in any working directory.
+    /// Returns the text of the plant file with absolute paths, so that it means the same plant in any working
+    /// directory.
     pub(super) fn absolute(mut self, text: &str) -> String {
         self.places.sort_by_key(|(place, _)| place.start);
         let mut whole = text.to_owned();

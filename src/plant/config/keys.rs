@@ -52,7 +52,7 @@ pub(super) fn describe(message: &str, text: &str, place: Option<Range<usize>>, s
     format!("{key}{front}expected {right}")
 }
 
-/// The unknown key of a message, and the known keys.
+/// Returns the unknown key of a message, and the known keys.
 fn unknown_key(message: &str) -> Option<(&str, Vec<&str>)> {
     let rest = message.strip_prefix("unknown field `")?;
     let (key, rest) = rest.split_once('`')?;
@@ -60,7 +60,7 @@ fn unknown_key(message: &str) -> Option<(&str, Vec<&str>)> {
     Some((key, rest.split('`').skip(1).step_by(2).collect()))
 }
 
-/// The key of the value that begins at `start`.
+/// Returns the key of the value that begins at `start`.
 fn key_before(text: &str, start: usize) -> Option<&str> {
     let before = text.get(..start)?.trim_end().strip_suffix('=')?.trim_end();
     let is_key = |sign: char| sign.is_ascii_alphanumeric() || matches!(sign, '_' | '-' | '.');

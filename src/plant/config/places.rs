@@ -13,7 +13,7 @@ const BUS_KEYS: [&str; 3] = ["node1", "node2", "bus"];
 
 type Value<'t> = Spanned<DeValue<'t>>;
 
-/// Offset in the text for `error`; `None` if the text does not contain the subject of the error.
+/// Returns the offset in the text for `error`; `None` if the text does not contain the subject of the error.
 pub(super) fn offset_of(error: &PlantError, text: &str) -> Option<usize> {
     let table = DeTable::parse(text).ok()?;
     let root = table.get_ref();
@@ -51,7 +51,7 @@ impl<'a, 't> NamedSections<'a, 't> {
         Self(sections)
     }
 
-    /// Offset of a key in the section of this name, or of the section if it does not contain the key.
+    /// Returns the offset of a key in the section of this name, or of the section if it does not contain the key.
     pub(super) fn offset_of_key(&self, section: &str, key: &str) -> Option<usize> {
         let named = |name: &str| self.0.get(name).into_iter().flatten().copied();
         let section = named(section).last().or_else(|| {
@@ -62,14 +62,14 @@ impl<'a, 't> NamedSections<'a, 't> {
     }
 }
 
-/// Value at a path in a section, or in the table `drive` in it; the section itself if there is no value.
+/// Returns the value at a path in a section, or in the table `drive` in it; the section itself if there is no value.
 fn inside<'a, 't>(section: &'a Value<'t>, path: &str) -> &'a Value<'t> {
     let at = |section: &'a Value<'t>| path.split('.').try_fold(section, |it, key| it.get_ref().get(key));
     let own_drive = || section.get_ref().get("drive").and_then(at);
     at(section).or_else(own_drive).unwrap_or(section)
 }
 
-/// The value that is out of its range.
+/// Returns the value that is out of its range.
 fn setting<'a, 't>(root: &'a DeTable<'t>, error: &SettingError) -> Option<&'a Value<'t>> {
     let SettingError { what, name, value, .. } = error;
     let at = |section: &'a Value<'t>| {
@@ -81,13 +81,13 @@ fn setting<'a, 't>(root: &'a DeTable<'t>, error: &SettingError) -> Option<&'a Va
     own.or_else(|| named(root, name).chain(module).find_map(at))
 }
 
-/// The section of the module at port `name`, for example `maxx:slotG`.
+/// Returns the section of the module at port `name`, for example `maxx:slotG`.
 fn module<'a, 't>(root: &'a DeTable<'t>, name: &str) -> Option<&'a Value<'t>> {
     let (device, port) = name.split_once(':')?;
     module_at(named(root, device), port)
 }
 
-/// The section of the module at `port`, searched in the sections of its device.
+/// Returns the section of the module at `port`, searched in the sections of its device.
 fn module_at<'a, 't>(devices: impl Iterator<Item = &'a Value<'t>>, port: &str) -> Option<&'a Value<'t>>
 where
     't: 'a,
@@ -101,7 +101,7 @@ fn is_port_of(port: &str, slot: &str) -> bool {
     port.strip_prefix("slot") == Some(slot)
 }
 
-/// The number of the later one of two devices on a bus. If that device has no number in the file, its bus.
+/// Returns the number of the later one of two devices on a bus. If that device has no number in the file, its bus.
 fn slave_number<'a, 't>(root: &'a DeTable<'t>, bus: &str, number: u8, second: &str) -> Option<&'a Value<'t>> {
     let buses = sections_of(root, "bus").filter(|section| is_named(section, bus));
     let drives = buses.flat_map(|section| below(section.get_ref(), "drive"));
@@ -119,8 +119,8 @@ fn slave_number<'a, 't>(root: &'a DeTable<'t>, bus: &str, number: u8, second: &s
     })
 }
 
-/// The connections of devices to a bus, in the order of the file. Each item consists of the section and of the name of
-/// the bus in it.
+/// Returns the connections of devices to a bus, in the order of the file. Each item consists of the section and of the
+/// name of the bus in it.
 fn plugged_at<'a, 't>(
     root: &'a DeTable<'t>,
     device: &str,
@@ -137,7 +137,7 @@ fn plugged_at<'a, 't>(
     found.into_iter()
 }
 
-/// All sections of a kind that [`PlantError`] calls "PLC", "bus" or "drive".
+/// Returns all sections of a kind that [`PlantError`] calls "PLC", "bus" or "drive".
 fn sections_of<'a, 't>(root: &'a DeTable<'t>, what: &str) -> impl Iterator<Item = &'a Value<'t>> {
     let arrays: &[&str] = match what {
         "PLC" => &["plc", "device"],
@@ -152,12 +152,12 @@ fn sections_of<'a, 't>(root: &'a DeTable<'t>, what: &str) -> impl Iterator<Item 
     sections.into_iter()
 }
 
-/// All sections with this name.
+/// Returns all sections with this name.
 fn named<'a, 't>(root: &'a DeTable<'t>, name: &str) -> impl Iterator<Item = &'a Value<'t>> {
     all_sections(root).filter(move |section| is_named(section, name))
 }
 
-/// All sections that can have a name.
+/// Returns all sections that can have a name.
 fn all_sections<'a, 't>(root: &'a DeTable<'t>) -> impl Iterator<Item = &'a Value<'t>> {
     ["PLC", "bus", "drive"].into_iter().flat_map(|what| sections_of(root, what))
 }

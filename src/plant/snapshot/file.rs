@@ -55,7 +55,7 @@ impl SnapshotFile {
         bytes.starts_with(&MAGIC)
     }
 
-    /// The content of the file.
+    /// Returns the content of the file.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut to = Saving::default();

@@ -13,7 +13,7 @@ fn plant(text: &str) -> Plant {
     Plant::new(&config, |_, device| Ok::<_, Box<dyn std::error::Error>>(Segment::of(device))).unwrap()
 }
 
-/// A plant of each device.
+/// Returns a plant of each device.
 fn templates() -> impl Iterator<Item = &'static str> {
     devices::all().iter().filter_map(|device| device.emulation.template)
 }

@@ -102,7 +102,7 @@ impl Work<'_> {
     }
 }
 
-/// The error for a frame or telegram that a bus refuses.
+/// Returns the error for a frame or telegram that a bus refuses.
 fn refused(host: &dyn Host, bus: BusIndex, refusal: GuestRefusal) -> Refused {
     let found = host.plant().buses().get(bus.index());
     let (name, family) = found.map_or(("", ""), |bus| (bus.name(), bus.family()));

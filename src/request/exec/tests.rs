@@ -85,7 +85,7 @@ fn set(name: &str, value: u32) -> Op {
     poke(place.offset(), place.width(), value)
 }
 
-/// A host with a master that sends SYNC.
+/// Returns a host with a master that sends SYNC.
 fn with_sync() -> TestHost {
     let mut host = TestHost::new(true);
     let status = |value| {

@@ -110,8 +110,8 @@ fn last_unrepeatable(host: &mut dyn Host) -> Option<[u64; 2]> {
     })
 }
 
-/// The last moment in a stretch, or at the beginning of the next one, at which `look` began to return a result. Also
-/// returns the start of this stretch, and whether `look` returns a result there.
+/// Returns the last moment in a stretch, or at the beginning of the next one, at which `look` began to return a result.
+/// Also returns the start of this stretch, and whether `look` returns a result there.
 fn last_in<T>(
     host: &mut dyn Host,
     place: usize,

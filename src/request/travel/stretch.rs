@@ -92,7 +92,7 @@ impl Stretch {
 pub(super) struct RemainingStores<'a>(&'a [Store]);
 
 impl RemainingStores<'_> {
-    /// Time of the next store; `u64::MAX` if there is none.
+    /// Returns the time of the next store; `u64::MAX` if there is none.
     pub(super) fn next_store(&self) -> u64 {
         self.0.first().map_or(u64::MAX, |store| store.time_us)
     }

@@ -39,7 +39,7 @@ impl Emulator {
         }
     }
 
-    /// The time of the real-time clock, limited to one step after the plant's time.
+    /// Returns the time of the real-time clock, limited to one step after the plant's time.
     pub(super) fn real_now(&self) -> u64 {
         self.wall.now().min(self.plant.now() + LONGEST_STEP_US)
     }

@@ -74,7 +74,7 @@ impl Directory {
         }
     }
 
-    /// Path of a file in the directory.
+    /// Returns the path of a file in the directory.
     pub(super) fn path_of(&self, name: &str) -> PathBuf {
         self.path.join(name)
     }

@@ -35,7 +35,7 @@ impl Content {
         Content { bytes: vec![0; registers], registers }
     }
 
-    /// Registers and retain flags.
+    /// Returns registers and retain flags.
     #[cfg(test)]
     pub(crate) fn new(registers: &[u8], retain: &[u8]) -> Self {
         Content { bytes: [registers, retain].concat(), registers: registers.len() }

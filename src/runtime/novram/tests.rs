@@ -50,7 +50,7 @@ fn power_on(
     restored(&open(directory), "[[plc]]\nname = 'line'\n", segment)
 }
 
-/// Names of the files in the directory, without its lock file.
+/// Returns names of the files in the directory, without its lock file.
 fn names(directory: &tempfile::TempDir) -> Vec<String> {
     let entries = fs::read_dir(directory.path()).unwrap();
     let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
@@ -285,7 +285,7 @@ fn the_keeper_has_written_everything_when_it_ends() {
     }
 }
 
-/// The NOVRAM of a PLC with its keeper, which has not written yet.
+/// Returns the NOVRAM of a PLC with its keeper, which has not written yet.
 fn keeper(directory: &tempfile::TempDir) -> Keeper {
     let opened = open(directory);
     let (novram, _) = restored(&opened, "[[plc]]\nname = 'line'\n", &segment()).unwrap();

@@ -79,7 +79,7 @@ impl Bench {
         Ok(())
     }
 
-    /// The longest advance of the clock in one operation.
+    /// Returns the longest advance of the clock in one operation.
     fn slice_us(&self) -> u64 {
         if self.interrupt.is_some() { SLICE_US } else { MAX_ADVANCE_US }
     }
@@ -129,7 +129,7 @@ impl Bench {
         }
     }
 
-    /// The forced registers.
+    /// Returns the forced registers.
     pub(super) fn forces(&mut self) -> Result<Vec<Forced>, ScenarioError> {
         Ok(self.ask(Op::Forces)?.forces()?)
     }
@@ -146,14 +146,14 @@ impl Bench {
         Ok(self.ask(Op::Findings)?.findings()?)
     }
 
-    /// Number that the next record of the journal will have.
+    /// Returns the number that the next record of the journal will have.
     pub(super) fn journal_end(&mut self) -> Result<u64, ScenarioError> {
         // With a number that no record has yet, the reply has no records, only the end.
         Ok(self.ask(Op::Journal { from: u64::MAX, max: 0 })?.journal()?.1)
     }
 
-    /// The journal from record number `from` on, and the number of the next record. Records with a running count
-    /// come last.
+    /// Returns the journal from record number `from` on, and the number of the next record. Records with a running
+    /// count come last.
     pub(super) fn records(&mut self, from: u64) -> Result<(Vec<Record>, u64), ScenarioError> {
         let mut part = read_journal(from, |op| self.ask(op))?;
         part.records.append(&mut part.pending);

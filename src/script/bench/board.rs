@@ -11,8 +11,8 @@ use crate::script::{ScenarioError, Value};
 const PATIENCE_US: u64 = 100_000;
 
 impl Bench {
-    /// The displays and switch positions of the board of a PLC, as numbers and as words. Words are present only for
-    /// elements that the device has. `""` means the only PLC.
+    /// Returns the displays and switch positions of the board of a PLC, as numbers and as words. Words are present only
+    /// for elements that the device has. `""` means the only PLC.
     ///
     /// # Errors
     /// There is no such PLC.
@@ -22,8 +22,8 @@ impl Bench {
         Ok((state, state.words(devices::board_of(self.names.device(plc)))))
     }
 
-    /// The displays and switch positions of the modules of a modular PLC, by the names of their ports. `None` if the
-    /// PLC is not modular. `""` means the only PLC.
+    /// Returns the displays and switch positions of the modules of a modular PLC, by the names of their ports. `None`
+    /// if the PLC is not modular. `""` means the only PLC.
     ///
     /// # Errors
     /// There is no such PLC.
@@ -33,7 +33,7 @@ impl Bench {
         Ok(devices::modules(ram.header(), self.names.device(plc)))
     }
 
-    /// The front elements that are specific to the device of a PLC, with their values. `""` means the only PLC.
+    /// Returns the front elements that are specific to the device of a PLC, with their values. `""` means the only PLC.
     ///
     /// # Errors
     /// There is no such PLC.
@@ -113,8 +113,8 @@ impl Bench {
         }
     }
 
-    /// Number of occurrences of an event of a PLC since power-on. An event is counted only while it is enabled. The
-    /// overview page of the device has the numbers of the events. `""` means the only PLC.
+    /// Returns the number of occurrences of an event of a PLC since power-on. An event is counted only while it is
+    /// enabled. The overview page of the device has the numbers of the events. `""` means the only PLC.
     ///
     /// # Errors
     /// There is no such PLC or event.
@@ -128,8 +128,8 @@ impl Bench {
         Ok(slot.bell.rings())
     }
 
-    /// Number of pulses of a trigger of a PLC since power-on. Triggers are 1, 2, and 3, the trigger controller;
-    /// `OPT_INIT` routes them. `""` is the only PLC.
+    /// Returns the number of pulses of a trigger of a PLC since power-on. Triggers are 1, 2, and 3, the trigger
+    /// controller; `OPT_INIT` routes them. `""` is the only PLC.
     ///
     /// # Errors
     /// There is no such PLC or trigger.

@@ -6,7 +6,7 @@ use crate::request::Op;
 use crate::script::ScenarioError;
 
 impl Bench {
-    /// The names of all drives.
+    /// Returns the names of all drives.
     ///
     /// # Errors
     /// The emulator of the instance has ended.
@@ -16,8 +16,8 @@ impl Bench {
         Ok(drives.into_iter().map(|drive| drive.name).collect())
     }
 
-    /// State and parameters of a drive. `name` is its name in the plant file, or `line:drive` for the drive that
-    /// contains PLC `line`.
+    /// Returns the state and parameters of a drive. `name` is its name in the plant file, or `line:drive` for the drive
+    /// that contains PLC `line`.
     ///
     /// # Errors
     /// There is no such drive.

@@ -45,7 +45,7 @@ enum PictureLine {
 }
 
 impl Bench {
-    /// The exchanges of program, firmware and bus that may have led to the present state, oldest first.
+    /// Returns the exchanges of program, firmware and bus that may have led to the present state, oldest first.
     pub(super) fn last_exchanges(&mut self) -> Result<Vec<ExchangeStep>, ScenarioError> {
         let from = self.journal_end()?.saturating_sub(LOOK_BACK);
         let (records, _) = self.records(from)?;
@@ -71,7 +71,7 @@ impl Bench {
     }
 }
 
-/// The register to which an event refers.
+/// Returns the register to which an event refers.
 fn register(event: &Event) -> Option<RegisterKey> {
     let changed = event.get().map(|Changed { plc, offset, .. }| (plc, offset));
     let written = || event.get().map(|ChannelWrite { plc, offset, .. }| (plc, offset));
@@ -80,7 +80,7 @@ fn register(event: &Event) -> Option<RegisterKey> {
     changed.or_else(written).or_else(found).or_else(stored)
 }
 
-/// The lines of the picture.
+/// Returns the lines of the picture.
 fn picture(steps: &[(Event, ExchangeStep)]) -> Vec<ExchangeStep> {
     let keys: Vec<_> = steps.iter().map(|(event, _)| *event).collect();
     let pieces = folded(&keys);
@@ -113,7 +113,7 @@ fn picture(steps: &[(Event, ExchangeStep)]) -> Vec<ExchangeStep> {
     lines
 }
 
-/// A line in place of steps that are left out.
+/// Returns a line in place of steps that are left out.
 fn note_line(time_us: u64, what: String) -> ExchangeStep {
     let line = JournalLine { time_us, kind: String::new(), text: format!("{}  {what}", seconds(time_us)) };
     ExchangeStep { kind: ExchangeKind::More, line }
@@ -167,7 +167,7 @@ fn chosen(line_steps: &[Option<(ExchangeKind, Option<RegisterKey>)>], finding: O
     shown
 }
 
-/// The handshakes by register: ranges from the program's request to the firmware's answer.
+/// Returns the handshakes by register: ranges from the program's request to the firmware's answer.
 fn handshakes(
     line_steps: &[Option<(ExchangeKind, Option<RegisterKey>)>],
 ) -> HashMap<RegisterKey, Vec<Range<usize>>> {

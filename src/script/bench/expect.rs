@@ -236,20 +236,20 @@ impl Bench {
     }
 }
 
-/// The expected value, as short as possible.
+/// Returns the expected value, as short as possible.
 fn wanted(register: &Register, live: RegisterPhase, mask: u32, value: u32) -> String {
     let (whole, _) = register.pattern(0);
     let text = register.place.format(live, value);
     if mask == whole { text } else { format!("{text} under mask {}", register.place.format(live, mask)) }
 }
 
-/// The expected value, with its meaning if all bits count.
+/// Returns the expected value, with its meaning if all bits count.
 fn expected(register: &Register, live: RegisterPhase, mask: u32, value: u32) -> String {
     let (whole, _) = register.pattern(0);
     if mask == whole { register.describe(live, value, false) } else { wanted(register, live, mask, value) }
 }
 
-/// The expected and the actual value, as numbers.
+/// Returns the expected and the actual value, as numbers.
 fn numbers(register: &Register, live: RegisterPhase, mask: u32, value: u32, found: u32) -> Numbers {
     let (whole, _) = register.pattern(0);
     let number = |bits| register.place.ty(live).number(bits);

@@ -10,7 +10,7 @@ use crate::time::seconds;
 use core::panic::Location;
 
 impl Bench {
-    /// The findings of the access checker up to now, by rule and register, in the order of the first findings.
+    /// Returns the findings of the access checker up to now, by rule and register, in the order of the first findings.
     ///
     /// # Errors
     /// The emulator of the instance has ended.
@@ -54,8 +54,8 @@ impl Bench {
         Err(failure.into())
     }
 
-    /// The register of a finding, with the PLC as a prefix if there are several. The address of the register if it has
-    /// no name.
+    /// Returns the register of a finding, with the PLC as a prefix if there are several. The address of the register if
+    /// it has no name.
     pub fn finding_place(&self, entry: &Entry) -> String {
         let fitted = self.names.fitted(entry.last.plc);
         let address = || entry.last.address(fitted).map(|address| address.to_string());
@@ -77,7 +77,7 @@ impl Bench {
         }
     }
 
-    /// The line of a finding with its note, without advice.
+    /// Returns the line of a finding with its note, without advice.
     pub(super) fn finding_line(&self, entry: &Entry) -> String {
         let Entry { last, count, first_us, note, .. } = entry;
         let note = note.as_ref().map_or_else(String::new, |note| format!(": {note}"));

@@ -36,7 +36,7 @@ struct Pattern {
 }
 
 impl Pattern {
-    /// A pattern with an identifier of 11 bits.
+    /// Returns a pattern with an identifier of 11 bits.
     fn new(id: u16, mask: u16, data: &str) -> Result<Self, ScenarioError> {
         if id > STANDARD || mask > STANDARD || id & !mask != 0 {
             let text = format!("16#{id:X} under mask 16#{mask:X}");
@@ -46,7 +46,7 @@ impl Pattern {
         Ok(Self { id: id.into(), mask: mask.into(), extended: false, data: parse_data(data)? })
     }
 
-    /// A pattern with an identifier of 29 bits.
+    /// Returns a pattern with an identifier of 29 bits.
     fn extended(id: u32, data: &str) -> Result<Self, ScenarioError> {
         extended_id(id)?;
         Ok(Self { id, mask: EXTENDED, extended: true, data: parse_data(data)? })
@@ -272,7 +272,8 @@ impl Bench {
         Err(failure.into())
     }
 
-    /// The frames on a bus that have ended at time `since` (microseconds) or later and that the journal still keeps.
+    /// Returns the frames on a bus that have ended at time `since` (microseconds) or later and that the journal still
+    /// keeps.
     ///
     /// # Errors
     /// There is no such bus.
@@ -282,7 +283,7 @@ impl Bench {
         Ok(records.iter().filter_map(|record| frame_of(record, bus)).collect())
     }
 
-    /// The records that end at time `since` (microseconds) or later and that the journal still keeps.
+    /// Returns the records that end at time `since` (microseconds) or later and that the journal still keeps.
     ///
     /// # Errors
     /// The emulator of the instance has ended.
@@ -320,7 +321,7 @@ impl Bench {
     }
 }
 
-/// The frame that a record describes, if it was on this bus.
+/// Returns the frame that a record describes, if it was on this bus.
 fn transmitted(record: &Record, on: BusIndex) -> Option<Frame> {
     let carried = record.event.frame()?;
     (record.event.source() == Source::Bus(on)).then_some(carried.frame)

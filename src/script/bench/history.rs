@@ -39,7 +39,7 @@ impl Bench {
         Ok(self.ask(Op::Follow { plc, offset, len, keep: Keep::InJournal })?.written()?)
     }
 
-    /// The changes of a register since [`Bench::record`] that the journal still keeps.
+    /// Returns the changes of a register since [`Bench::record`] that the journal still keeps.
     ///
     /// # Errors
     /// There is no such register, or it is a single bit.

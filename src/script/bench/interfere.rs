@@ -77,7 +77,7 @@ impl Bench {
         self.required.iter_mut().for_each(|it| it.place = Some(place.clone()));
     }
 
-    /// Number of faults that must take effect.
+    /// Returns the number of faults that must take effect.
     pub(in crate::script) fn required_faults(&self) -> usize {
         self.required.len()
     }
@@ -115,7 +115,7 @@ impl Bench {
         Err(failure.into())
     }
 
-    /// The faults that wait or act, in the order in which they were added.
+    /// Returns the faults that wait or act, in the order in which they were added.
     ///
     /// # Errors
     /// The emulator of the instance has ended.

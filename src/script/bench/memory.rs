@@ -50,7 +50,7 @@ impl MemoryCopy {
         Ok(Self { plc, prefix, fitted, area, bytes: read(area.first, len)? })
     }
 
-    /// Name of the area, with the PLC as a prefix if there are several.
+    /// Returns the name of the area, with the PLC as a prefix if there are several.
     pub fn area(&self) -> String {
         format!("{}{}", self.prefix, self.area.name)
     }
@@ -61,16 +61,16 @@ impl MemoryCopy {
             && core::ptr::eq(self.area, other.area)
     }
 
-    /// The registers with their values in the copy, in the order of their addresses. If structures overlay each other,
-    /// the copy contains only the registers of the valid structure.
+    /// Returns the registers with their values in the copy, in the order of their addresses. If structures overlay each
+    /// other, the copy contains only the registers of the valid structure.
     pub fn registers(&self) -> Vec<(String, i64)> {
         let number = |register: &RegisterRef| register.ty().number(self.value(register));
         let registers = self.live_registers(self.live(), |_| true);
         registers.iter().map(|register| (format!("{}{register}", self.prefix), number(register))).collect()
     }
 
-    /// The changes from this copy to `now`, in the order of the addresses. If structures overlay each other, only
-    /// registers of the valid structure in `now` count. Both copies must be of the same area.
+    /// Returns the changes from this copy to `now`, in the order of the addresses. If structures overlay each other,
+    /// only registers of the valid structure in `now` count. Both copies must be of the same area.
     pub fn changes(&self, now: &Self) -> Vec<Change> {
         let is_other = |register: &RegisterRef| self.value(register) != now.value(register);
         let changed = now.live_registers(now.live(), is_other);
@@ -107,7 +107,7 @@ impl MemoryCopy {
     }
 }
 
-/// The area with this name, if it has registers.
+/// Returns the area with this name, if it has registers.
 pub(super) fn register_area(
     device: &'static DeviceLayout,
     name: &str,
@@ -137,7 +137,7 @@ impl Bench {
         })
     }
 
-    /// The registers that have changed since the snapshot, in the order of their addresses.
+    /// Returns the registers that have changed since the snapshot, in the order of their addresses.
     ///
     /// # Errors
     /// The emulator of the instance has ended.

@@ -12,8 +12,8 @@ use crate::time::short;
 const MOST: usize = 64;
 
 impl Bench {
-    /// The values of these registers from time `from_us` (microseconds) to now, as far as the journal has them. For
-    /// recorded registers ([`Bench::record`]) it has every change.
+    /// Returns the values of these registers from time `from_us` (microseconds) to now, as far as the journal has them.
+    /// For recorded registers ([`Bench::record`]) it has every change.
     ///
     /// # Errors
     /// There is no such register, there are more than 64, or `from_us` is later than now.

@@ -21,7 +21,7 @@ impl Register {
         &self.place
     }
 
-    /// Number of the PLC in the plant.
+    /// Returns the number of the PLC in the plant.
     pub fn plc(&self) -> DeviceIndex {
         self.spot.plc
     }
@@ -37,7 +37,7 @@ impl Register {
         }
     }
 
-    /// The register that a write accesses. For a single bit, the register that contains the bit.
+    /// Returns the register that a write accesses. For a single bit, the register that contains the bit.
     pub(super) fn written_spot(&self) -> Spot {
         self.place.bit_access().map_or(self.spot, |bit| Spot {
             plc: self.spot.plc,
@@ -46,24 +46,25 @@ impl Register {
         })
     }
 
-    /// Name of the register: `node2.w_CPU_CONTROL`, with the PLC as a prefix if there are several.
+    /// Returns the name of the register: `node2.w_CPU_CONTROL`, with the PLC as a prefix if there are several.
     pub(super) fn name(&self, live: RegisterPhase) -> String {
         format!("{}{}", self.prefix, self.place.name(live))
     }
 
-    /// Name and address of the register: `node2.w_CPU_CONTROL (%MW3.200000)`.
+    /// Returns the name and address of the register: `node2.w_CPU_CONTROL (%MW3.200000)`.
     pub(super) fn label(&self, live: RegisterPhase) -> String {
         format!("{}{}", self.prefix, self.place.label(live))
     }
 
-    /// The value with its meaning, in the form of `commram peek`: `16#0043  [forced] synchronous operation ...`.
+    /// Returns the value with its meaning, in the form of `commram peek`: `16#0043  [forced] synchronous operation
+    /// ...`.
     pub(super) fn describe(&self, live: RegisterPhase, value: u32, forced: bool) -> String {
         let mark = if forced { "[forced] " } else { "" };
         let meaning = self.place.meaning(live, value);
         format!("{}  {mark}{meaning}", self.place.format(live, value)).trim_end().to_owned()
     }
 
-    /// The value as a number of the register's type.
+    /// Returns the value as a number of the register's type.
     pub(super) fn number(&self, live: RegisterPhase, value: u32) -> i64 {
         match self.place.bit() {
             Some(bit) => i64::from(value >> bit & 1),
@@ -78,7 +79,7 @@ impl Register {
         numbers.all(|number| Some(number) == first)
     }
 
-    /// The mask of the register's bits, and `value` shifted to these bits.
+    /// Returns the mask of the register's bits, and `value` shifted to these bits.
     pub(super) fn pattern(&self, value: u32) -> (u32, u32) {
         match self.place.bit() {
             Some(bit) => (1 << bit, value << bit),
@@ -88,7 +89,7 @@ impl Register {
 }
 
 impl Bench {
-    /// The PLC with this name; `""` means the only PLC.
+    /// Returns the PLC with this name; `""` means the only PLC.
     pub(in crate::script) fn only_plc(&self, name: &str) -> Result<DeviceIndex, ScenarioError> {
         match self.names.plcs.as_slice() {
             [_] if name.is_empty() => Ok(DeviceIndex(0)),
@@ -96,7 +97,7 @@ impl Bench {
         }
     }
 
-    /// The PLC and the area that a text such as `node2` or `line2:node1` means.
+    /// Returns the PLC and the area that a text such as `node2` or `line2:node1` means.
     ///
     /// # Errors
     /// There is no such PLC or area of registers.
@@ -106,7 +107,7 @@ impl Bench {
         Ok((plc, memory::register_area(self.names.device(plc), name)?))
     }
 
-    /// The register with this name or address.
+    /// Returns the register with this name or address.
     ///
     /// # Errors
     /// There is no such register.
@@ -124,12 +125,12 @@ impl Bench {
         Ok(register)
     }
 
-    /// The prefix of names of this PLC.
+    /// Returns the prefix of names of this PLC.
     pub(super) fn prefix(&self, plc: DeviceIndex) -> String {
         plc_prefix(&self.names.plcs, plc)
     }
 
-    /// Number of the PLC that the prefix `plc` of `text` names.
+    /// Returns the number of the PLC that the prefix `plc` of `text` names.
     pub(in crate::script) fn plc(&self, plc: Option<&str>, text: &str) -> Result<DeviceIndex, ScenarioError> {
         match (plc, self.names.plcs.as_slice()) {
             (Some(name), all) => position("PLC", all, name).map(DeviceIndex::at),
@@ -146,7 +147,8 @@ impl Bench {
         position("bus", &self.names.buses, name).map(BusIndex::at)
     }
 
-    /// The phase at the register's address: if structures overlay each other, it shows which structure is valid.
+    /// Returns the phase at the register's address: if structures overlay each other, it shows which structure is
+    /// valid.
     pub(super) fn live(&mut self, register: &Register) -> Result<RegisterPhase, ScenarioError> {
         let status = register.place.status();
         let status = status.map(|status| self.load(Spot::new(register.spot.plc, status.address())));

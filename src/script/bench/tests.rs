@@ -15,7 +15,7 @@ fn failure<T>(outcome: Result<T, ScenarioError>) -> Failure {
     }
 }
 
-/// A bench with a master in set-up mode.
+/// Returns a bench with a master in set-up mode.
 fn set_up() -> Result<Bench, ScenarioError> {
     let mut bench = Bench::built_in()?;
     for (command, status) in [(1, 2), (2, 3), (0x20, 0x43)] {

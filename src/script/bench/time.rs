@@ -63,7 +63,7 @@ impl Bench {
         Ok(())
     }
 
-    /// The time in microseconds, if it is within the limit of the scenario.
+    /// Returns the time in microseconds, if it is within the limit of the scenario.
     pub(in crate::script) fn span(&mut self, time: impl Into<Span>) -> Result<u64, ScenarioError> {
         let us = time.into().us()?;
         self.within_limit(us)?;

@@ -4,7 +4,7 @@ use super::shown::value_text;
 use crate::script::{ScenarioError, Span, Value};
 use rhai::{Dynamic, INT};
 
-/// A value for a register: a number, a text such as `16#0040`, or true and false for 1 and 0.
+/// Returns a value for a register: a number, a text such as `16#0040`, or true and false for 1 and 0.
 pub(crate) fn value(given: &Dynamic) -> Result<Value, ScenarioError> {
     if let Ok(number) = given.as_int() {
         return Ok(Value::Number(number));
@@ -18,7 +18,7 @@ pub(crate) fn value(given: &Dynamic) -> Result<Value, ScenarioError> {
     })
 }
 
-/// A time: a text with a unit, or a number of microseconds.
+/// Returns a time: a text with a unit, or a number of microseconds.
 pub(crate) fn span(given: &Dynamic) -> Result<Span, ScenarioError> {
     if let Ok(number) = given.as_int() {
         return number_us(number);
@@ -39,13 +39,13 @@ pub(crate) fn number<T: TryFrom<INT>>(given: INT, what: &str) -> Result<T, Scena
     T::try_from(given).map_err(|_| ScenarioError::argument(&given.to_string(), &right))
 }
 
-/// An identifier of a frame, or a mask for it.
+/// Returns an identifier of a frame, or a mask for it.
 pub(crate) fn identifier(given: INT) -> Result<u16, ScenarioError> {
     u16::try_from(given)
         .map_err(|_| ScenarioError::argument(&given.to_string(), "identifiers have 11 bits, 0 to 16#7FF"))
 }
 
-/// The data of a frame: `44 33 ..`, or an array of bytes.
+/// Returns the data of a frame: `44 33 ..`, or an array of bytes.
 pub(crate) fn data_bytes(given: &Dynamic) -> Result<String, ScenarioError> {
     if let Ok(text) = given.as_immutable_string_ref() {
         return Ok(text.to_string());
@@ -57,7 +57,7 @@ pub(crate) fn data_bytes(given: &Dynamic) -> Result<String, ScenarioError> {
     Ok(bytes.iter().map(hex).collect::<Result<Vec<_>, _>>()?.join(" "))
 }
 
-/// An array of names, for example of registers. `what` is the kind of names for messages.
+/// Returns an array of names, for example of registers. `what` is the kind of names for messages.
 pub(crate) fn names(given: &[Dynamic], what: &str) -> Result<Vec<String>, ScenarioError> {
     let right = format!("this is no {what}'s name");
     let name = |item: &Dynamic| item.clone().into_string().map_err(|_| wrong(item, &right));

@@ -45,7 +45,7 @@ fn unknown(name: &str, device: &Registered) -> ScenarioError {
     ScenarioError::argument(name, &format!("no such function block{near}{end} {title} has {known}"))
 }
 
-/// The device of a PLC.
+/// Returns the device of a PLC.
 fn device_of(bench: &mut Bench, plc: DeviceIndex) -> Result<&'static Registered, ScenarioError> {
     let hash = bench.ram_of(plc)?.header().layout_hash.load();
     Ok(devices::of_hash(hash).unwrap_or(devices::default()))
@@ -101,7 +101,7 @@ impl Block {
         ScenarioError::argument(pin, &right)
     }
 
-    /// The value of a BOOL output.
+    /// Returns the value of a BOOL output.
     fn is(&self, pin: &str) -> Result<bool, ScenarioError> {
         let not_bool = |_| ScenarioError::argument(pin, "this output is no BOOL");
         self.get(pin)?.as_bool().map_err(not_bool)
@@ -140,14 +140,14 @@ impl Block {
         }
     }
 
-    /// The block as text: `NAME at node2: x_EN FALSE, w_ERR 16#0000`.
+    /// Returns the block as text: `NAME at node2: x_EN FALSE, w_ERR 16#0000`.
     pub(super) fn text(&self) -> String {
         let Self { kind, place, .. } = self;
         let at = if place.is_empty() { String::new() } else { format!(" at {place}") };
         format!("{}{at}: {}", kind.name, self.pins())
     }
 
-    /// Values of all pins that are not arrays: `x_OK FALSE, w_ERR 16#0801`.
+    /// Returns values of all pins that are not arrays: `x_OK FALSE, w_ERR 16#0801`.
     fn pins(&self) -> String {
         let mut text = String::new();
         for pin in self.kind.pins.iter().map(|pin| pin.name) {

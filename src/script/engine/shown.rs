@@ -8,7 +8,7 @@ use rhai::{Dynamic, Engine, FnPtr};
 /// Deepest nesting of arrays and maps that is shown.
 const DEEPEST: usize = 8;
 
-/// The text of a value, as `print` shows it. Types of commram have their own text, in place of a name in Rust.
+/// Returns the text of a value, as `print` shows it. Types of commram have their own text, in place of a name in Rust.
 pub(in crate::script) fn value_text(value: &Dynamic) -> String {
     nested(value, 0)
 }
@@ -39,7 +39,7 @@ fn nested(value: &Dynamic, depth: usize) -> String {
     value.to_string()
 }
 
-/// An item of an array or a map: texts are quoted.
+/// Returns an item of an array or a map: texts are quoted.
 fn item_text(item: &Dynamic, depth: usize) -> String {
     match item.is_string() || item.is_char() {
         true => format!("{item:?}"),
@@ -81,7 +81,7 @@ mod tests {
     use std::path::PathBuf;
     use std::rc::Rc;
 
-    /// The value of an expression after these statements, as the engine and as messages show it.
+    /// Returns the value of an expression after these statements, as the engine and as messages show it.
     fn texts(script: &str) -> [String; 2] {
         let bench = Bench::built_in().unwrap();
         let stage = Rc::new(RefCell::new(Stage::new(Some(bench), PathBuf::new(), Bench::LIMIT_US)));

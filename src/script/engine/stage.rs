@@ -77,12 +77,12 @@ impl Stage {
         self.bench.as_ref().and_then(Bench::journal_hash)
     }
 
-    /// Number of expectations.
+    /// Returns the number of expectations.
     pub(crate) fn expectations(&self) -> u64 {
         self.expectations
     }
 
-    /// The file of the plant, if the scenario names one.
+    /// Returns the file of the plant, if the scenario names one.
     pub(crate) fn plant_file(&mut self) -> Option<PathBuf> {
         self.plant_file.take()
     }
@@ -103,7 +103,7 @@ impl Stage {
         Ok(())
     }
 
-    /// The sections, each with the number of its expectations.
+    /// Returns the sections, each with the number of its expectations.
     pub(crate) fn steps(&mut self) -> Vec<Step> {
         let from_us = self.bench.as_ref().map_or(0, Bench::started_us);
         let mut steps = vec![Step { name: None, from_us, expectations: 0 }];
@@ -116,7 +116,7 @@ impl Stage {
         steps
     }
 
-    /// The findings of the access checker; empty if the plant no longer answers.
+    /// Returns the findings of the access checker; empty if the plant no longer answers.
     pub(crate) fn found(&mut self) -> Vec<FoundLine> {
         let Some(bench) = &mut self.bench else { return Vec::new() };
         let found = bench.findings().unwrap_or_default();
@@ -132,7 +132,7 @@ impl Stage {
         found.iter().map(line).collect()
     }
 
-    /// The plots that the script has drawn.
+    /// Returns the plots that the script has drawn.
     pub(crate) fn plots(&mut self) -> Vec<PlotFile> {
         core::mem::take(&mut self.plots)
     }
@@ -151,7 +151,7 @@ impl Stage {
         }
     }
 
-    /// A failure at the present moment; `None` if the plant no longer answers.
+    /// Returns a failure at the present moment; `None` if the plant no longer answers.
     pub(crate) fn failure(&mut self, what: &str) -> Option<Failure> {
         self.bench().ok()?.failure(what.to_owned(), Location::caller()).ok()
     }
@@ -168,8 +168,8 @@ impl Stage {
         self.unnamed = Some(plant);
     }
 
-    /// The plant of the script. If the script has not called `plant`, the plant of [`Stage::set_unnamed`] or the
-    /// built-in one.
+    /// Returns the plant of the script. If the script has not called `plant`, the plant of [`Stage::set_unnamed`] or
+    /// the built-in one.
     pub(super) fn bench(&mut self) -> Result<&mut Bench, ScenarioError> {
         let bench = match (self.bench.take(), &self.unnamed) {
             (Some(bench), _) => bench,

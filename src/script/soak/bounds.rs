@@ -4,15 +4,15 @@ use crate::layout::{DeviceLayout, Owner, RegisterRef};
 use crate::plant::PlantConfig;
 use core::fmt::Write;
 
-/// Registers that only the firmware writes, if their values have meanings: states, error numbers, and counters. The
-/// meaning of a counter is its range.
+/// Returns registers that only the firmware writes, if their values have meanings: states, error numbers, and counters.
+/// The meaning of a counter is its range.
 pub(super) fn bounded(device: &DeviceLayout) -> impl Iterator<Item = RegisterRef> {
     let areas =
         device.areas.iter().flat_map(|area| area.structures.iter().flat_map(|it| area.registers_of(it)));
     areas.filter(|it| it.owner() == Owner::Firmware && it.register.meaning.is_some() && !it.is_reserved())
 }
 
-/// The text of a scenario function that fails if a register has an invalid value.
+/// Returns the text of a scenario function that fails if a register has an invalid value.
 pub(super) fn function(plant: &PlantConfig) -> String {
     let mut text =
         "// Registers of the firmware hold what their layout gives a meaning.\nfn in_bounds() {\n".to_owned();

@@ -13,7 +13,7 @@ const LONGEST_US: u64 = 300_000;
 /// Maximum of the numbers in most faults. With larger numbers, faults would rarely concern an actual event.
 const MOSTLY: u64 = 32;
 
-/// A random call of a move of the exercise.
+/// Returns a random call of a move of the exercise.
 pub(super) fn made(exercise: &Exercise, is_right: bool, rng: &mut Rng) -> String {
     let all: u32 = exercise.moves.iter().map(|it| it.weight).sum();
     let mut at = rng.u32(..all.max(1));
@@ -27,7 +27,7 @@ pub(super) fn made(exercise: &Exercise, is_right: bool, rng: &mut Rng) -> String
     format!("{}({is_right}{});", chosen.name, parameters.collect::<String>())
 }
 
-/// A random fault of any kind at any target. The plant may refuse it.
+/// Returns a random fault of any kind at any target. The plant may refuse it.
 pub(super) fn fault(plant: &PlantConfig, rng: &mut Rng) -> String {
     let Some(kind) = rng.choice(devices::fault_kinds()) else { return String::new() };
     let device = rng.choice(&plant.devices);
@@ -60,7 +60,7 @@ fn port(device: &Arc<dyn DeviceConfig>, rng: &mut Rng) -> Option<&'static str> {
     rng.choice(device.layout().ports).map(|port| port.name)
 }
 
-/// A random store to any register, or a force of a register for some time.
+/// Returns a random store to any register, or a force of a register for some time.
 pub(super) fn store(plant: &PlantConfig, rng: &mut Rng) -> String {
     let device = &plant.devices[rng.usize(..plant.devices.len())];
     let registers = device

@@ -29,7 +29,7 @@ const KILLED_OF: u8 = 24;
 /// Steps in which the repetition of a round advances the clock, in microseconds.
 const SLICES: core::ops::RangeInclusive<u64> = 300..=30_000;
 
-/// The exercises of all devices.
+/// Returns the exercises of all devices.
 pub(crate) fn exercises() -> impl Iterator<Item = &'static Exercise> {
     devices::all().iter().flat_map(|known| known.emulation.exercises.iter().copied())
 }
@@ -56,7 +56,7 @@ impl RoundKind {
     pub(crate) const SCENARIOS: [RoundKind; 4] =
         [RoundKind::Right, RoundKind::Disturbed, RoundKind::Hostile, RoundKind::Wrong];
 
-    /// Name in tables.
+    /// Returns the name in tables.
     pub(crate) const fn name(self) -> &'static str {
         match self {
             RoundKind::Right => "right",
@@ -91,7 +91,7 @@ pub(crate) struct Round {
 }
 
 impl Round {
-    /// The round that the seed determines, with one of these exercises.
+    /// Returns the round that the seed determines, with one of these exercises.
     ///
     /// # Errors
     /// The plant of an exercise is refused, which is an error in the code of its device.
@@ -143,7 +143,7 @@ impl Round {
         })
     }
 
-    /// The plant file of the round.
+    /// Returns the plant file of the round.
     pub(crate) fn plant(&self) -> String {
         filled(self.exercise.plant, self.setting)
     }
@@ -154,8 +154,8 @@ impl Round {
         Self { moves, ..self.clone() }
     }
 
-    /// The text of the scenario. With `another_way` the clock advances in smaller steps, and the detours are made and
-    /// undone. The result must not depend on this.
+    /// Returns the text of the scenario. With `another_way` the clock advances in smaller steps, and the detours are
+    /// made and undone. The result must not depend on this.
     pub(crate) fn text(&self, another_way: bool) -> String {
         let mut text = format!(
             "// Random scenario: {}, {}, seed {}.\n\n",
@@ -209,7 +209,7 @@ impl Round {
     }
 }
 
-/// Lines that execute `lines` and then restore the earlier state.
+/// Returns lines that execute `lines` and then restore the earlier state.
 fn taken_back(lines: &[String]) -> String {
     let lines: String = lines.iter().map(|line| format!("    {line}\n")).collect();
     format!("let before = save();\ntry {{\n{lines}}} catch {{}}\nback_to(before);\n")

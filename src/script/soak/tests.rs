@@ -36,7 +36,7 @@ fn a_seed_decides_everything() {
     }
 }
 
-/// Every move of an exercise, once with the least and once with the largest parameters.
+/// Returns every move of an exercise, once with the least and once with the largest parameters.
 fn with_all_moves(exercise: &'static Exercise) -> Round {
     let call = |pick: fn(&core::ops::RangeInclusive<i64>) -> i64| {
         exercise.moves.iter().map(move |it| {

@@ -168,7 +168,7 @@ impl Space {
         self.offset.checked_add(bytes)
     }
 
-    /// End of the space in the image: the offset after its last byte.
+    /// Returns the end of the space in the image: the offset after its last byte.
     pub(crate) fn end(&self) -> u64 {
         u64::from(self.offset) + u64::from(self.bytes)
     }
@@ -356,7 +356,7 @@ impl Scalar {
         self.row().2
     }
 
-    /// Width in bytes, which is also the alignment.
+    /// Returns the width in bytes, which is also the alignment.
     pub(crate) fn width(self) -> u32 {
         self.row().3
     }

@@ -15,7 +15,7 @@ pub(super) enum Message {
 }
 
 impl Message {
-    /// The message of a record, if the record contains a complete message.
+    /// Returns the message of a record, if the record contains a complete message.
     pub(super) fn of_record(record: &Record) -> Option<Self> {
         let frame = record.event.frame().map(|carried| Message::Frame(carried.frame));
         frame.or_else(|| {

@@ -305,7 +305,7 @@ impl<'a> Player<'a> {
         Ok(timing)
     }
 
-    /// The emulated time at which a frame is to be sent.
+    /// Returns the emulated time at which a frame is to be sent.
     fn due_us(&self, it: &AddressedMessage, begin_us: u64) -> u64 {
         begin_us + it.time_us.saturating_sub(self.start_us)
     }

@@ -110,7 +110,7 @@ fn front_lines(face: &DeviceFront, has: &'static [&'static str], theme: Theme) -
     all
 }
 
-/// The five DIP switches, and the number that their positions form.
+/// Returns the five DIP switches, and the number that their positions form.
 fn dip_spans(dip: u32, latched: Option<u32>, theme: Theme) -> Vec<Span<'static>> {
     let one = |bit: u32| {
         let on = dip >> bit & 1 != 0;
@@ -134,7 +134,7 @@ fn lamp(is_lit: bool, theme: Theme) -> Span<'static> {
     if is_lit { Span::styled("\u{25cf} ", theme.good()) } else { Span::styled("\u{25cb} ", theme.dim()) }
 }
 
-/// A module in one line: its type, LEDs and switches.
+/// Returns a module in one line: its type, LEDs and switches.
 fn module_line(port: &str, module: &ModuleFront, theme: Theme) -> FrontLine {
     let mut spans = vec![Span::styled(padded(module.kind, 14), theme.name())];
     for (name, led) in &module.leds {
@@ -191,7 +191,7 @@ const SEGMENTS: [(char, u8); 28] = [
     ('-', 0x40),
 ];
 
-/// The display in three lines; characters without segments are printed as text.
+/// Returns the display in three lines; characters without segments are printed as text.
 fn segments(shown: &str) -> [String; 3] {
     let mut lines = [String::new(), String::new(), String::new()];
     for character in shown.chars() {

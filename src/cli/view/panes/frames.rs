@@ -78,7 +78,7 @@ fn ruler(window: Window, width: usize) -> String {
     text.into_iter().collect()
 }
 
-/// The names of the slots, each at the column where its slot begins.
+/// Returns the names of the slots, each at the column where its slot begins.
 fn slot_line(slots: &[Slot], window: Window, width: usize) -> String {
     let mut text = vec![' '; width + 1];
     for slot in slots {

@@ -18,7 +18,7 @@ fn colour(colour: Color) -> &'static str {
     }
 }
 
-/// The screen as SVG; runs of characters with the same style form one element.
+/// Returns the screen as SVG; runs of characters with the same style form one element.
 pub(super) fn svg(buffer: &Buffer, title: &str) -> String {
     let (cell_width, cell_height, size) = CELL;
     let (columns, rows) = (usize::from(buffer.area.width), usize::from(buffer.area.height));

@@ -385,7 +385,7 @@ fn quitting_and_interrupting_have_different_exit_codes() {
     assert!(user.model.quits && !user.model.is_interrupted);
 }
 
-/// Lines of the screen that contain the name of a register of the master.
+/// Returns lines of the screen that contain the name of a register of the master.
 fn changes_of(user: &User, name: &str) -> Vec<String> {
     user.screen().lines().filter(|line| line.contains(name)).map(str::to_owned).collect()
 }

@@ -40,7 +40,7 @@ impl StateKind {
     const ALL: [Self; 7] =
         [Self::Boards, Self::Buses, Self::Drives, Self::Faults, Self::Findings, Self::Forces, Self::Scene];
 
-    /// Name of the state, as a field of the query and as an event.
+    /// Returns the name of the state, as a field of the query and as an event.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Boards => "boards",
@@ -53,7 +53,8 @@ impl StateKind {
         }
     }
 
-    /// The operation that returns the state. `None` for the fronts of the boards, which need several operations.
+    /// Returns the operation that returns the state. `None` for the fronts of the boards, which need several
+    /// operations.
     pub(super) fn op(self) -> Option<Op> {
         Some(match self {
             Self::Boards => return None,

@@ -35,7 +35,7 @@ pub(super) fn quoted(text: &str) -> String {
     quoted + "\""
 }
 
-/// All lines, with a step before each line that begins later than the end of the previous one.
+/// Returns all lines, with a step before each line that begins later than the end of the previous one.
 pub(super) fn text(lines: &[Line]) -> String {
     let mut text = String::new();
     let mut now = 0;
@@ -76,7 +76,7 @@ pub(super) struct Condition {
 }
 
 impl Condition {
-    /// The mask of the condition, if the mask does not select all bits.
+    /// Returns the mask of the condition, if the mask does not select all bits.
     fn mask(&self) -> Option<u32> {
         (self.test.mask != self.width.max_value()).then_some(self.test.mask)
     }
@@ -289,8 +289,8 @@ fn verb(connection: &Connection, op: &Op, register: Option<&str>) -> Result<Verb
     }))
 }
 
-/// The name of a register, with the PLC if the instance has several. Returns the given name if it denotes the same
-/// register.
+/// Returns the name of a register, with the PLC if the instance has several. Returns the given name if it denotes the
+/// same register.
 fn register_of(
     connection: &Connection,
     given: Option<&str>,

@@ -39,7 +39,7 @@ impl PlacedEntry {
     }
 }
 
-/// The PLC that the field `plc` names. Without the field, the only PLC of the instance.
+/// Returns the PLC that the field `plc` names. Without the field, the only PLC of the instance.
 fn plc_of(connection: &Connection, fields: &Fields<'_>, what: &str) -> Result<DeviceIndex, Problem> {
     connection.session.plc(fields.text("plc"), what).map_err(|error| match error {
         CliError::WhichPlc { instance, plcs, .. } => {
@@ -74,7 +74,7 @@ fn of_area(plc: DeviceIndex, fitted: &DeviceFit, area: &'static Area) -> Vec<Pla
     entry::firsts(fitted, area).iter().map(|register| PlacedEntry::new(plc, register)).collect()
 }
 
-/// The devices of all PLCs.
+/// Returns the devices of all PLCs.
 pub(super) fn devices(connection: &mut Connection, _: &Fields<'_>) -> Result<Shown, Problem> {
     let session = &connection.session;
     let device = |(plc, name): (DeviceIndex, &String)| {
@@ -104,7 +104,7 @@ fn front_word(word: &FrontWord) -> Value {
     })
 }
 
-/// The object dictionary of a PLC's device.
+/// Returns the object dictionary of a PLC's device.
 pub(super) fn objects(connection: &mut Connection, fields: &Fields<'_>) -> Result<Shown, Problem> {
     let plc = plc_of(connection, fields, "")?;
     let object = |object: &crate::layout::object::Object| {

@@ -133,7 +133,7 @@ impl Gateway {
         self.state
     }
 
-    /// State of the CAN bus.
+    /// Returns the state of the CAN bus.
     pub(in crate::devices::can_dp2) fn bus(&self) -> u8 {
         self.bus
     }

@@ -252,12 +252,12 @@ fn the_printed_example_of_fb4_receives() {
     assert_eq!(entry(0x182), [0; 13], "it is not enabled");
 }
 
-/// An entry of a list (p. 84-85).
+/// Returns an entry of a list (p. 84-85).
 fn entry(index: u16, sub: u8, ccs: u8, length: u8, data: [u8; 4]) -> Vec<u8> {
     [&index.to_be_bytes()[..], &[sub, ccs, length], &data, &[0]].concat()
 }
 
-/// Lists as in DB99: one entry reads, others write words and a byte, high byte first.
+/// Returns lists as in DB99: one entry reads, others write words and a byte, high byte first.
 fn list() -> Vec<u8> {
     let mut list = [
         entry(0x1000, 0, 2, 0, [0; 4]),

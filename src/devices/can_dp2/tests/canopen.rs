@@ -11,7 +11,7 @@ fn timed(flags_1: u8, wakeup: u8, sync: u16) -> Vec<u8> {
     octets
 }
 
-/// A gateway in data exchange with outputs of 1, after this time.
+/// Returns a gateway in data exchange with outputs of 1, after this time.
 fn started(octets: &[u8], us: u64) -> Bench {
     let mut bench = Bench::new(5);
     assert_eq!(bench.ask(61, octets).0, mst_result::RECEIPT);

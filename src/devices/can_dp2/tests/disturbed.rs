@@ -23,7 +23,7 @@ impl Bench {
         self.faults.advance(self.now, &mut self.journal);
     }
 
-    /// Number of records of a kind.
+    /// Returns the number of records of a kind.
     fn count<T: EventCodec>(&self) -> usize {
         self.journal.records().filter(|record| record.event.is::<T>()).count()
     }

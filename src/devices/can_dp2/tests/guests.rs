@@ -7,7 +7,7 @@ use crate::door::{BusMessage, Guest};
 use crate::identity::BusIndex;
 use crate::profibus::{Burst, MIN_TSDR_BITS, SYN_BITS, Telegram};
 
-/// Bits in a microsecond of the bench's segment.
+/// Returns bits in a microsecond of the bench's segment.
 const fn bits(us: u64) -> u64 {
     us / 2
 }

@@ -227,7 +227,7 @@ fn exchanges(rate: Baudrate, factor: u32, slot_bits: u16, lag: u64) {
     panic!("no data exchange at {rate:?}, factor {factor}, lag {lag}: in the ring {rings:?}");
 }
 
-/// The usual slot time of a rate.
+/// Returns the usual slot time of a rate.
 const fn usual(rate: Baudrate) -> u16 {
     match rate {
         Baudrate::B12000000 | Baudrate::B6000000 | Baudrate::B3000000 => 1000,

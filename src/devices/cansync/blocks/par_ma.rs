@@ -68,7 +68,7 @@ impl Inputs {
     }
 }
 
-/// The registers of one slave's job.
+/// Returns the registers of one slave's job.
 fn registers(base: &CANsync_MA_CTRL_BMSTRUCT, slave: i8) -> Option<(Job<'_>, &DATA_PARAMETER)> {
     let index = slave_index(slave)?;
     let job = base.a_CTRLREG_PAR_CMD_SL.get(index)?;

@@ -49,7 +49,7 @@ pub(super) enum ControlWordReader {
 }
 
 impl ControlWordReader {
-    /// Value that this block writes to `b_STATREG_CONTROLWORD` for the other block.
+    /// Returns the value that this block writes to `b_STATREG_CONTROLWORD` for the other block.
     const fn mark(self) -> u8 {
         match self {
             ControlWordReader::Broadcast => 0x10,

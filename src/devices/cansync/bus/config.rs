@@ -40,7 +40,7 @@ fn default_kbit_s() -> u16 {
 }
 
 impl Default for BusConfig {
-    /// A bus without a name and without drives.
+    /// Returns a bus without a name and without drives.
     fn default() -> Self {
         BusConfig {
             name: String::new(),
@@ -58,7 +58,7 @@ impl BusConfig {
         Ok(Arc::new(Self::deserialize(value)?))
     }
 
-    /// The JSON Schema of the section.
+    /// Returns the JSON Schema of the section.
     ///
     /// # Panics
     /// The text beside this file is valid JSON, as a test checks.

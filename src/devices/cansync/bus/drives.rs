@@ -157,7 +157,7 @@ mod tests {
     use crate::devices::cansync::drive::{DriveConfig, ParamFormat, ReferenceMapping, Source, ZkParameters};
     use crate::devices::cansync::frames::Channel;
 
-    /// A drive that takes a reference value from the frames of this slave.
+    /// Returns a drive that takes a reference value from the frames of this slave.
     fn follower(slave: u8) -> Drive {
         let (channel, format) = (Channel::One, ParamFormat::Doubleword);
         let mapping = ReferenceMapping { word: 0, channel, format, source: Source::Slave(slave) };

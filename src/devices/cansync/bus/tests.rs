@@ -37,7 +37,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// A bus with a drive at `kbit_s`. The nodes are restarted.
+    /// Returns a bus with a drive at `kbit_s`. The nodes are restarted.
     fn new(kbit_s: u16, master: &'static [BaudRate], slave: &'static [BaudRate]) -> Self {
         let config = format!(
             "name = 'b'\nkbit_s = {kbit_s}\nframe_length = 'variable'\n\
@@ -75,7 +75,8 @@ impl Bench {
         bench
     }
 
-    /// A bus in active operation: all stations are locked, and every frame has one word. An interval begins now.
+    /// Returns a bus in active operation: all stations are locked, and every frame has one word. An interval begins
+    /// now.
     fn active(rate: &BaudRate) -> Self {
         let mut bench = Bench::started(rate);
         bench.run_to(20 * interval_us(rate));

@@ -160,7 +160,7 @@ impl<'a> Trace<'a> {
         counter.map_or(0, |counter| counter.load())
     }
 
-    /// Name of the port.
+    /// Returns the name of the port.
     pub(crate) fn port(&self) -> &'static str {
         self.port.name
     }

@@ -216,12 +216,12 @@ impl BuiltInDrive {
         self.regler.parameter(number)
     }
 
-    /// The status word (parameter 121).
+    /// Returns the status word (parameter 121).
     pub fn status_word(&self) -> u16 {
         self.regler.status_word()
     }
 
-    /// State of the drive's state machine.
+    /// Returns the state of the drive's state machine.
     pub fn state(&self) -> DrivecomState {
         self.regler.state()
     }

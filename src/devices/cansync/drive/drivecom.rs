@@ -41,7 +41,7 @@ pub enum DrivecomState {
 }
 
 impl DrivecomState {
-    /// Bits 0-3, 5 and 6 of the status word.
+    /// Returns bits 0-3, 5 and 6 of the status word.
     pub const fn status_bits(self) -> u16 {
         const ENABLED: u16 = status::READY | status::SWITCHED_ON | status::OPERATION_ENABLED;
         match self {
@@ -65,7 +65,7 @@ pub(crate) struct StateMachine {
 }
 
 impl StateMachine {
-    /// The state machine after power-on.
+    /// Returns the state machine after power-on.
     pub(crate) const fn new(enable: Enable) -> Self {
         let (state, control_word) = match enable {
             Enable::AtPowerOn => (DrivecomState::OperationEnabled, 0x000F),
@@ -74,13 +74,13 @@ impl StateMachine {
         StateMachine { state, control_word, warning: false }
     }
 
-    /// The state.
+    /// Returns the state.
     #[inline]
     pub(crate) const fn state(&self) -> DrivecomState {
         self.state
     }
 
-    /// The control word last received.
+    /// Returns the control word last received.
     pub(crate) const fn control_word(&self) -> u16 {
         self.control_word
     }

@@ -182,7 +182,7 @@ impl Drive {
         self.regler.store.share(&other.regler.store);
     }
 
-    /// Name in the plant file.
+    /// Returns the name in the plant file.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -448,7 +448,7 @@ impl Drive {
         self.sync.is_locked()
     }
 
-    /// State of the drive's state machine.
+    /// Returns the state of the drive's state machine.
     pub fn state(&self) -> DrivecomState {
         self.regler.state()
     }

@@ -35,7 +35,7 @@ impl Motion {
         self.turned = speed;
     }
 
-    /// The angle.
+    /// Returns the angle.
     #[inline]
     pub(crate) const fn angle(&self) -> u32 {
         self.angle

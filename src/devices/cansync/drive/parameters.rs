@@ -18,7 +18,7 @@ pub enum ParamFormat {
 }
 
 impl ParamFormat {
-    /// Number of bytes, 2 or 4.
+    /// Returns the number of bytes, 2 or 4.
     pub const fn bytes(self) -> usize {
         match self {
             ParamFormat::Word => 2,
@@ -63,7 +63,7 @@ pub struct ParameterSpec {
 }
 
 impl ParameterSpec {
-    /// A parameter with value 0 and without limits.
+    /// Returns a parameter with value 0 and without limits.
     pub const fn new(number: u16, format: ParamFormat) -> Self {
         ParameterSpec { number, format, initial: 0, min: None, max: None, read_only: false, settle_us: 0 }
     }
@@ -266,7 +266,7 @@ impl ParameterStore {
         self.specs.binary_search_by_key(&number, |spec| spec.number).ok().map(ParameterSlot::at)
     }
 
-    /// All parameters.
+    /// Returns all parameters.
     pub(super) fn slots(&self) -> impl Iterator<Item = ParameterSlot> {
         (0..self.specs.len()).map(ParameterSlot::at)
     }
@@ -276,7 +276,7 @@ impl ParameterStore {
         &self.specs[slot.index()]
     }
 
-    /// Width of a parameter.
+    /// Returns the width of a parameter.
     pub(crate) fn format(&self, slot: ParameterSlot) -> ParamFormat {
         self.specs[slot.index()].format
     }
@@ -286,7 +286,7 @@ impl ParameterStore {
         self.specs[slot.index()].read_only
     }
 
-    /// Value of a parameter.
+    /// Returns the value of a parameter.
     #[inline]
     pub(crate) fn get(&self, slot: ParameterSlot) -> u32 {
         self.values[slot.index()]

@@ -293,7 +293,7 @@ impl VRegler {
         self.store.slot(number).is_some()
     }
 
-    /// Width of parameter `number`.
+    /// Returns the width of parameter `number`.
     pub(crate) fn format_of(&self, number: u16) -> Option<ParamFormat> {
         self.store.slot(number).map(|slot| self.store.format(slot))
     }
@@ -340,7 +340,7 @@ impl VRegler {
         self.synchronized = on;
     }
 
-    /// State of the state machine.
+    /// Returns the state of the state machine.
     #[inline]
     pub(crate) fn state(&self) -> DrivecomState {
         self.machine.state()

@@ -90,7 +90,7 @@ impl Master {
         self.regs.reset_from(0);
     }
 
-    /// The present state.
+    /// Returns the present state.
     pub fn state(&self) -> NodeState {
         self.node.state()
     }

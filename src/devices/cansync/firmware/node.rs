@@ -151,7 +151,7 @@ impl Node {
         }
     }
 
-    /// The present state.
+    /// Returns the present state.
     #[inline]
     pub(super) fn state(&self) -> NodeState {
         self.state

@@ -99,13 +99,13 @@ impl Slave {
         self.regs.reset_from(0);
     }
 
-    /// The slave number.
+    /// Returns the slave number.
     #[inline]
     pub fn number(&self) -> u8 {
         self.number
     }
 
-    /// The present state.
+    /// Returns the present state.
     pub fn state(&self) -> NodeState {
         self.node.state()
     }

@@ -23,13 +23,13 @@ impl Frame {
         Some(Frame { id, payload: Payload::new(data)? })
     }
 
-    /// A CANsync frame.
+    /// Returns a CANsync frame.
     #[inline]
     pub const fn of(kind: FrameKind, payload: Payload) -> Self {
         Frame { id: kind.id(), payload }
     }
 
-    /// The 11-bit identifier.
+    /// Returns the 11-bit identifier.
     #[inline]
     pub const fn id(&self) -> u16 {
         self.id
@@ -41,7 +41,7 @@ impl Frame {
         FrameKind::from_id(self.id)
     }
 
-    /// The data field.
+    /// Returns the data field.
     #[inline]
     pub const fn payload(&self) -> &Payload {
         &self.payload

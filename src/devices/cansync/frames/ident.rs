@@ -89,7 +89,7 @@ impl FrameKind {
         }
     }
 
-    /// The identifier, 0..=16#5FF.
+    /// Returns the identifier, 0..=16#5FF.
     #[inline]
     pub const fn id(self) -> u16 {
         let (base, number) = match self {

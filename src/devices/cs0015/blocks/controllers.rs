@@ -48,7 +48,8 @@ impl Controller {
     }
 }
 
-/// The part that follows from the setpoint alone (p. 127, 131). If the largest setpoint is 0, the output is off.
+/// Returns the part that follows from the setpoint alone (p. 127, 131). If the largest setpoint is 0, the output is
+/// off.
 fn reference(setpoint: u16, most: u16) -> f64 {
     if most == 0 { RANGE } else { RANGE - f64::from(setpoint) / f64::from(most) * RANGE }
 }

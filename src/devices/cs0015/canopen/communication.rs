@@ -28,7 +28,7 @@ pub enum PdoDirection {
 }
 
 impl PdoDirection {
-    /// Index of the first PDO's parameters.
+    /// Returns the index of the first PDO's parameters.
     fn first(self) -> u16 {
         match self {
             PdoDirection::Receive => 0x1400,

@@ -4,7 +4,7 @@ use super::*;
 use embedded_can::ExtendedId;
 use proptest::prelude::*;
 
-/// Frames, chosen so that many have a meaning for the controller.
+/// Returns frames, chosen so that many have a meaning for the controller.
 fn frame() -> impl Strategy<Value = Frame> {
     let known =
         prop_oneof![Just(0), Just(0x80), Just(0x620), Just(0x720), Just(0x220), Just(0x387), 0..0x800_u16];

@@ -7,7 +7,7 @@ use crate::devices::cs0015::registers::values::{job, job_error};
 const DONE: u32 = 1;
 const NOT_YET: u32 = 2;
 
-/// A master of node 3, by `COP_MSTR_BOOTUP`; the test has simulated the node's answers.
+/// Returns a master of node 3, by `COP_MSTR_BOOTUP`; the test has simulated the node's answers.
 fn booted() -> Bench {
     let mut bench = Bench::running("node_id = 32, program = 'attached'");
     bench.order(0, job::COP_MSTR_BOOTUP, &[3, 500, 9]);

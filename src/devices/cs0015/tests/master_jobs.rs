@@ -6,7 +6,7 @@ use crate::devices::cs0015::registers::values::{job, job_error};
 const NOT_MASTER: u32 = 255;
 const WRONG: u32 = 2;
 
-/// A master with node 5, which is guarded every 100 ms.
+/// Returns a master with node 5, which is guarded every 100 ms.
 fn master() -> Bench {
     let mut bench = Bench::running("node_id = 1, program = 'attached'");
     // Both jobs are started in the first cycle.

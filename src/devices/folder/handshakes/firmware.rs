@@ -198,7 +198,7 @@ fn fire(rule: &Rule, step: &mut Step, card: &mut Card, ctx: &mut Context) {
     }
 }
 
-/// The bits of a mask, each as a mask.
+/// Returns the bits of a mask, each as a mask.
 fn single_bits(mask: u32) -> impl Iterator<Item = u32> {
     (0..u32::BITS).map(|bit| 1 << bit).filter(move |bit| mask & bit != 0)
 }

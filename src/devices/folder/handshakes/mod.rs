@@ -71,7 +71,7 @@ pub(super) fn read(path: &Path, text: &str, layout: &'static DeviceLayout) -> Re
     Ok(Tables { rows: reader.rows(file)?, records })
 }
 
-/// Offset of the register, and the request, of an answer.
+/// Returns the offset of the register, and the request, of an answer.
 fn answer_of(row: &Row) -> Option<(u32, u16)> {
     match &row.rule {
         Rule::Answer { at, request, .. } => Some((at.offset, *request)),
@@ -311,7 +311,7 @@ impl Reader<'_> {
         ))
     }
 
-    /// The changes, and their description.
+    /// Returns the changes, and their description.
     fn changes(&self, changes: &[Spanned<file::Change>]) -> Result<(Vec<Change>, String), FolderError> {
         let mut texts = Vec::new();
         let mut checked = Vec::new();

@@ -113,7 +113,7 @@ fn processor_time() -> Duration {
     Duration::try_from(clock_gettime(ClockId::ThreadCPUTime)).unwrap_or_default()
 }
 
-/// An address in the stack of this thread.
+/// Returns an address in the stack of this thread.
 #[inline(never)]
 pub(crate) fn stack_position() -> usize {
     let here = 0_u8;

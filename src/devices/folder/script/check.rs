@@ -60,7 +60,7 @@ pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Fo
     Ok((hooks, written, named.imports))
 }
 
-/// The names in the constant `WRITTEN`.
+/// Returns the names in the constant `WRITTEN`.
 fn written_registers(
     scope: &Scope<'_>,
     layout: &'static DeviceLayout,
@@ -85,12 +85,12 @@ fn written_registers(
     Ok(names)
 }
 
-/// Names of the functions in the file.
+/// Returns names of the functions in the file.
 fn functions(ast: &AST) -> BTreeSet<String> {
     ast.iter_functions().map(|function| function.name.to_owned()).collect()
 }
 
-/// The hooks of the main file.
+/// Returns the hooks of the main file.
 fn hooks_of(ast: &AST) -> Result<Hooks, Mistake> {
     let mut hooks = Hooks::default();
     for function in ast.iter_functions() {
@@ -160,7 +160,7 @@ impl Named {
     }
 }
 
-/// The line of a function of the main file.
+/// Returns the line of a function of the main file.
 fn line_of(script: &Script, function: &str) -> Option<usize> {
     let (_, text) = script.files.first()?;
     let head = format!("fn {function}(");
@@ -248,7 +248,7 @@ fn any_call(call: &FnCallExpr, at: Position) -> Result<(), Wrong> {
     Ok(())
 }
 
-/// The argument, if it is a text.
+/// Returns the argument, if it is a text.
 fn text(call: &FnCallExpr, argument: usize) -> Option<&str> {
     match call.args.get(argument)? {
         Expr::StringConstant(text, _) => Some(text),

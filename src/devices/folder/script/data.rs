@@ -38,12 +38,12 @@ enum Item {
 pub(super) struct Data(Vec<Item>);
 
 impl Data {
-    /// An empty map.
+    /// Returns an empty map.
     pub(super) fn empty_map() -> Self {
         Data(vec![Item::Map(0)])
     }
 
-    /// An empty array.
+    /// Returns an empty array.
     pub(super) fn empty_array() -> Self {
         Data(vec![Item::Array(0)])
     }
@@ -105,7 +105,7 @@ impl Data {
         Ok(())
     }
 
-    /// The value for the engine.
+    /// Returns the value for the engine.
     pub(super) fn value(&self) -> Dynamic {
         read(&mut self.0.iter(), 0).unwrap_or(Dynamic::UNIT)
     }
@@ -165,7 +165,7 @@ impl Size {
     }
 }
 
-/// The item of a value. For an array or a map, this is only its head.
+/// Returns the item of a value. For an array or a map, this is only its head.
 fn item(value: &Dynamic) -> Result<Item, String> {
     if value.is_unit() {
         return Ok(Item::Nothing);
@@ -186,7 +186,7 @@ fn item(value: &Dynamic) -> Result<Item, String> {
     }
 }
 
-/// The next value; `None` if there is none within the limits.
+/// Returns the next value; `None` if there is none within the limits.
 fn read(items: &mut Iter<'_, Item>, depth: usize) -> Option<Dynamic> {
     if depth > DEEPEST {
         return None;

@@ -125,7 +125,7 @@ impl Desk {
         Desk { layout, records, names, blocks, remembered: 0, acting: None }
     }
 
-    /// The device.
+    /// Returns the device.
     ///
     /// # Errors
     /// No hook is running.
@@ -135,7 +135,7 @@ impl Desk {
         self.acting.as_mut().ok_or_else(|| refused.to_owned())
     }
 
-    /// The register of this name.
+    /// Returns the register of this name.
     ///
     /// # Errors
     /// There is no such register, or the name covers several registers.
@@ -149,7 +149,7 @@ impl Desk {
         }
     }
 
-    /// All registers of this name: one register, an array, or a pattern.
+    /// Returns all registers of this name: one register, an array, or a pattern.
     ///
     /// # Errors
     /// There is no such register, or the name covers too many registers.
@@ -173,7 +173,7 @@ impl Desk {
         Ok(found)
     }
 
-    /// The consecutive registers of this name.
+    /// Returns the consecutive registers of this name.
     ///
     /// # Errors
     /// There are no such registers, there are too many, or there is a gap between them.

@@ -79,7 +79,7 @@ fn engine() -> Engine {
 
 type Declared = (Vec<Move>, Vec<&'static str>);
 
-/// The moves and the allowed rules.
+/// Returns the moves and the allowed rules.
 fn declared(scope: &Scope, ast: &AST) -> Result<Declared, String> {
     let parameters = |name: &str| {
         ast.iter_functions().find(|function| function.name == name).map(|function| function.params.len())

@@ -30,12 +30,12 @@ impl fmt::Display for Mistake {
 }
 
 impl Mistake {
-    /// An error that concerns no particular line.
+    /// Returns an error that concerns no particular line.
     pub(super) fn new(what: impl Into<String>) -> Self {
         Mistake { file: super::MAIN.to_owned(), line: None, what: what.into() }
     }
 
-    /// An error for a text that is not a script.
+    /// Returns an error for a text that is not a script.
     pub(super) fn misread(file: &str, text: &str, layout: &'static DeviceLayout, error: &ParseError) -> Self {
         let line = error.position().line();
         let hint = line.and_then(|line| text.lines().nth(line - 1)).and_then(|line| spelled(line, layout));
@@ -43,7 +43,7 @@ impl Mistake {
         Mistake { file: file.to_owned(), line, what: shortened(what) }
     }
 
-    /// An error of a running script, with the innermost line.
+    /// Returns an error of a running script, with the innermost line.
     pub(super) fn ran(error: &EvalAltResult) -> Self {
         let (mut file, mut line) = (super::MAIN.to_owned(), error.position().line());
         let mut at = error;
@@ -68,7 +68,7 @@ fn spelled(line: &str, layout: &'static DeviceLayout) -> Option<String> {
     Dialect { store, is_register: &is_register, is_verb: &is_verb }.mistake(line)
 }
 
-/// The error without its position.
+/// Returns the error without its position.
 fn description(error: &EvalAltResult) -> String {
     match error {
         EvalAltResult::ErrorTerminated(reason, _) => match reason.clone().try_cast::<Exceeded>() {

@@ -139,7 +139,7 @@ impl Script {
         Script { files: files.collect(), ..self }
     }
 
-    /// Name and text of each file.
+    /// Returns the name and text of each file.
     pub(super) fn files(&self) -> &[(String, String)] {
         &self.files
     }
@@ -165,7 +165,7 @@ impl Script {
         Ok(imports)
     }
 
-    /// Names of the script's hooks.
+    /// Returns names of the script's hooks.
     pub(super) fn hooks(&self) -> Vec<String> {
         let mut hooks = self.hooks;
         let has = |(name, _): &(&str, _)| hooks.flag(name).is_some_and(|flag| *flag);
@@ -177,12 +177,13 @@ impl Script {
         self.hooks.written
     }
 
-    /// Names of the registers that the script wants to be notified of; `None` for all registers that programs write.
+    /// Returns names of the registers that the script wants to be notified of; `None` for all registers that programs
+    /// write.
     pub(super) fn written(&self) -> Option<&[String]> {
         self.written.as_deref()
     }
 
-    /// The firmware of a device with this layout.
+    /// Returns the firmware of a device with this layout.
     pub(super) fn firmware(&'static self, layout: &'static DeviceLayout) -> Box<dyn Part> {
         Box::new(ScriptFirmware::new(self, layout))
     }
@@ -197,7 +198,7 @@ pub(super) fn read_exercise(dir: &Path, name: &str) -> Result<Option<&'static Ex
     text.map(|text| exercise::read(dir, name, &text)).transpose()
 }
 
-/// Names of the scripts other than the main script, in alphabetical order.
+/// Returns names of the scripts other than the main script, in alphabetical order.
 fn other_names(dir: &Path) -> Result<Vec<String>, FolderError> {
     let missing = |reason| FolderError::Missing { dir: dir.to_owned(), reason };
     let mut names = Vec::new();

@@ -45,7 +45,7 @@ pub(super) struct Outcome {
 }
 
 impl Program {
-    /// The script of this thread.
+    /// Returns the script of this thread.
     ///
     /// # Errors
     /// The text is not a script.

@@ -51,7 +51,7 @@ impl Timers {
         self.waiting.clear();
     }
 
-    /// Time of the next function.
+    /// Returns the time of the next function.
     pub(super) fn next(&self) -> u64 {
         self.waiting.iter().map(|timer| timer.due).min().unwrap_or(u64::MAX)
     }

@@ -320,7 +320,7 @@ fn note(desk: &Hands, text: &str) -> Fallible<()> {
     })
 }
 
-/// The beginning of a text, limited to the length that the journal keeps.
+/// Returns the beginning of a text, limited to the length that the journal keeps.
 fn noted(text: &str) -> String {
     text[..text.floor_char_boundary(LONGEST_NOTE)].to_owned()
 }
@@ -330,7 +330,7 @@ fn own(found: Found) -> Result<Found, String> {
     may_change(&found.register).map(|()| found)
 }
 
-/// The register's value as a number of its type.
+/// Returns the register's value as a number of its type.
 fn number(found: Found, device: &Acting) -> INT {
     found.register.ty().number(device.card.load(found.place))
 }
@@ -383,7 +383,7 @@ fn order(
     })
 }
 
-/// A time in microseconds.
+/// Returns a time in microseconds.
 fn span(time: &Dynamic) -> Result<u64, String> {
     if let Ok(us) = time.as_int() {
         return u64::try_from(us).map_err(|_| format!("{us} us is no time; a time is at least 0"));
@@ -394,7 +394,7 @@ fn span(time: &Dynamic) -> Result<u64, String> {
     time::parse(&text).map_err(|reason| format!("`{}` is no time: {reason}", &*text))
 }
 
-/// Name of the function to call later.
+/// Returns the name of the function to call later.
 fn called(function: &Dynamic) -> Result<String, String> {
     let name = match function.read_lock::<FnPtr>() {
         Some(pointer) => pointer.fn_name().to_owned(),

@@ -66,7 +66,7 @@ impl Cycle {
         self.period
     }
 
-    /// Time from the configuration to the first communication, in us.
+    /// Returns the time from the configuration to the first communication, in us.
     pub(crate) fn first_us(&self) -> u64 {
         self.first
     }

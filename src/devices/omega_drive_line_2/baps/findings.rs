@@ -29,7 +29,7 @@ pub(super) fn find(ctx: &mut Context, rule: &'static Rule, offset: usize, value:
     ctx.find(rule, RegisterPhase::ALWAYS, offset, value);
 }
 
-/// The cycle times in `w_COMMAND_REG`; `None` if they are reserved. Reserved values are reported.
+/// Returns the cycle times in `w_COMMAND_REG`; `None` if they are reserved. Reserved values are reported.
 pub(super) fn cycle_of(ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT) -> Option<Cycle> {
     let word = regs.w_COMMAND_REG.load();
     let cycle = Cycle::from_register(word);

@@ -105,18 +105,18 @@ impl Baps {
         (self.next, self.last, self.phase) = (Self::NEVER, None, 0);
     }
 
-    /// The drive.
+    /// Returns the drive.
     pub fn drive(&self) -> &BuiltInDrive {
         &self.drive
     }
 
-    /// Number of exchanges of process data since power-on: each exchange is an event "BAPS process data" (events 4 and
-    /// 8, manual 5.00005.03a p. 83).
+    /// Returns the number of exchanges of process data since power-on: each exchange is an event "BAPS process data"
+    /// (events 4 and 8, manual 5.00005.03a p. 83).
     pub fn process_data_events(&self) -> u64 {
         self.process.events()
     }
 
-    /// Time of the next time slice.
+    /// Returns the time of the next time slice.
     #[inline]
     pub fn next_time(&self) -> u64 {
         self.next
@@ -146,7 +146,7 @@ impl Baps {
         self.last = Some(self.next.saturating_sub(SLICE_US));
     }
 
-    /// The first slice at `earliest` or later.
+    /// Returns the first slice at `earliest` or later.
     fn slice_from(&self, earliest: u64) -> u64 {
         let earliest = self.last.map_or(earliest, |last| earliest.max(last + 1));
         earliest + (self.phase + SLICE_US - earliest % SLICE_US) % SLICE_US

@@ -291,7 +291,7 @@ impl Front {
         core::mem::take(&mut self.started)
     }
 
-    /// The character on the display (manual p. 40).
+    /// Returns the character on the display (manual p. 40).
     fn character(&self, now: u64) -> u32 {
         let program = self.program;
         let stopped = if program == ProgramState::None { '0' } else { '1' };

@@ -15,7 +15,7 @@ pub(crate) fn level(event: usize) -> Option<u8> {
     }
 }
 
-/// The event that must not be enabled together with `event` (manual p. 48).
+/// Returns the event that must not be enabled together with `event` (manual p. 48).
 fn excluded_by(event: usize) -> Option<usize> {
     match event {
         4 => Some(8),

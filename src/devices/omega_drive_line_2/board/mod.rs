@@ -104,7 +104,7 @@ impl Board {
         self.front.set_power(&self.face, power)
     }
 
-    /// The present DIP number, as latched at power-on or reset.
+    /// Returns the present DIP number, as latched at power-on or reset.
     pub(crate) fn dip(&self) -> u8 {
         self.front.dip()
     }
@@ -161,7 +161,7 @@ impl Board {
         FrontAction::Answered
     }
 
-    /// Time of the next timer; `u64::MAX` if none runs.
+    /// Returns the time of the next timer; `u64::MAX` if none runs.
     #[inline]
     pub(crate) fn next_time(&self) -> u64 {
         self.timers.next_time()
@@ -209,7 +209,7 @@ impl Board {
         core::mem::take(&mut self.triggers.controller_pulsed)
     }
 
-    /// The interrupt events.
+    /// Returns the interrupt events.
     #[inline]
     pub(crate) fn events(&mut self) -> &mut Events {
         &mut self.events

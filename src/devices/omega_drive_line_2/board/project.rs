@@ -27,13 +27,13 @@ pub(super) struct Projects {
 }
 
 impl Projects {
-    /// The projects at the first power-on.
+    /// Returns the projects at the first power-on.
     pub(crate) fn new(loaded: Project) -> Self {
         let flash = if loaded == Project::Boot { Flash::Boot } else { Flash::Empty };
         Projects { loaded, flash, cold: true, boot_cold: true, lost: false }
     }
 
-    /// The loaded project.
+    /// Returns the loaded project.
     pub(crate) fn loaded(&self) -> Project {
         self.loaded
     }

@@ -172,7 +172,7 @@ impl Home {
         !matches!(self.raw.offsets, raw::Provenance::Inferred(_))
     }
 
-    /// Size in bytes.
+    /// Returns the size in bytes.
     pub(crate) fn size(&self) -> u32 {
         self.raw.size.as_ref().map_or(0, |size| *size.get_ref())
     }

@@ -76,7 +76,7 @@ fn demo() -> DriveConfig {
     DriveConfig::demo("drive", 3)
 }
 
-/// The demo drive with another card configuration.
+/// Returns the demo drive with another card configuration.
 fn with_zk(change: impl FnOnce(&mut ZkParameters)) -> DriveConfig {
     let mut zk = demo().standard_mapping();
     change(&mut zk);

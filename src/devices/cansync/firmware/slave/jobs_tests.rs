@@ -76,7 +76,7 @@ fn every_pair<R: PartialEq + Debug>(
     }
 }
 
-/// The pair with bit 6 cleared.
+/// Returns the pair with bit 6 cleared.
 fn not_busy(pair: [u8; 2]) -> [u8; 2] {
     pair.map(|byte| byte & 0xBF)
 }
