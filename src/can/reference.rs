@@ -9,7 +9,7 @@ fn push(bits: &mut Vec<bool>, value: u32, count: u32) {
     bits.extend((0..count).rev().map(|i| value >> i & 1 != 0));
 }
 
-/// The arbitration field, without the start bit.
+/// Returns the arbitration field, without the start bit.
 fn arbitration_field(frame: &Frame) -> Vec<bool> {
     let mut bits = Vec::new();
     match frame.id() {

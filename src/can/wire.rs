@@ -10,7 +10,7 @@
 
 use super::{BitRate, Frame};
 
-/// Number of bits from start bit to CRC, without data bytes and stuff bits.
+/// Returns the number of bits from start bit to CRC, without data bytes and stuff bits.
 const STANDARD_PART: u32 = 34;
 const EXTENDED_PART: u32 = 54;
 /// Number of bits of CRC delimiter, acknowledge slot, acknowledge delimiter and end of frame.
@@ -140,7 +140,7 @@ fn stuffed_part(frame: &Frame) -> (u128, u32) {
     (message << CRC_BITS | u128::from(crc), rest + data_bits)
 }
 
-/// Number of bits from start bit to CRC with stuff bits.
+/// Returns the number of bits from start bit to CRC with stuff bits.
 #[inline]
 fn stuffed_bits(frame: &Frame) -> u32 {
     let (bits, count) = stuffed_part(frame);
@@ -164,19 +164,21 @@ fn stuff_bits<const BYTES: usize>(changes: &[u8; BYTES]) -> u32 {
     stuffed as u32
 }
 
-/// Number of bits from the start bit to the end of the intermission. The frame occupies the bus during these bits.
+/// Returns the number of bits from the start bit to the end of the intermission. The frame occupies the bus during
+/// these bits.
 #[inline]
 pub fn bits(frame: &Frame) -> u32 {
     bits_to_end_of_frame(frame) + INTERMISSION
 }
 
-/// Number of bits from the start bit to the end of the end-of-frame field, at which the receivers have the frame.
+/// Returns the number of bits from the start bit to the end of the end-of-frame field, at which the receivers have the
+/// frame.
 #[inline]
 pub fn bits_to_end_of_frame(frame: &Frame) -> u32 {
     stuffed_bits(frame) + FIXED_PART
 }
 
-/// Number of bits from the start bit to the acknowledge slot, exclusive.
+/// Returns the number of bits from the start bit to the acknowledge slot, exclusive.
 #[inline]
 pub(crate) fn bits_to_acknowledgement(frame: &Frame) -> u32 {
     stuffed_bits(frame) + 1

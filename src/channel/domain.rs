@@ -441,7 +441,8 @@ mod tests {
         assert!(Domain::find("a", root.path()).unwrap().is_none());
     }
 
-    /// The path of a domain after the end of its owner, and the domain as a client has found it before this end.
+    /// Returns the path of a domain after the end of its owner, and the domain as a client has found it before this
+    /// end.
     fn found_before_the_end() -> (TempDir, PathBuf, Domain) {
         let parent = TempDir::new().unwrap();
         let path = parent.path().join("iox.d");

@@ -23,7 +23,7 @@ impl Baseline {
         Some(&mut self.0.get_mut(index / Block::WORDS)?.words_mut()[index % Block::WORDS])
     }
 
-    /// All words in the order of the block, followed by zeros up to its end.
+    /// Returns all words in the order of the block, followed by zeros up to its end.
     pub(crate) fn words(&self) -> impl Iterator<Item = &u64> {
         self.0.iter().flat_map(|block| block.words())
     }

@@ -140,7 +140,7 @@ impl Config {
         Ok(())
     }
 
-    /// Directories with folders of devices. They are searched before the usual directories.
+    /// Returns the directories with folders of devices. They are searched before the usual directories.
     pub(crate) fn devices(&self) -> Vec<PathBuf> {
         self.devices.clone().unwrap_or_default()
     }

@@ -407,7 +407,7 @@ impl Journal {
         self.findings.clear();
     }
 
-    /// Number of events written since the start, including those that are no longer kept.
+    /// Returns the number of events written since the start, including those that are no longer kept.
     pub fn written(&self) -> u64 {
         self.written
     }

@@ -192,8 +192,8 @@ impl<P: Program> Tasks<P> {
     ///
     /// In stepped mode the emulated time waits for the event tasks (lockstep): the task of an event runs at the
     /// emulated time of the event, and takes no emulated time. A start or stop that the board requests takes effect at
-    /// the emulated time of the request. If the program has event tasks, the emulated time waits for its start tasks, too.
-    /// It does not wait for the cyclic task.
+    /// the emulated time of the request. If the program has event tasks, the emulated time waits for its start tasks,
+    /// too. It does not wait for the cyclic task.
     ///
     /// # Errors
     /// The program has ended with an error, the emulator has ended, or no task was due within `patience`.
@@ -224,14 +224,14 @@ impl<P: Program> Tasks<P> {
         }
     }
 
-    /// Time until the next call of the start task, in microseconds; `None` if no start task runs.
+    /// Returns the time until the next call of the start task, in microseconds; `None` if no start task runs.
     fn start_task_due_in(&self) -> Option<u32> {
         let is_starting = matches!(self.phase, Phase::Starting(_));
         is_starting.then(|| u32::try_from(self.next_us.saturating_sub(self.ram.now_us())).unwrap_or(u32::MAX))
     }
 
-    /// True if a task must run now. `obeys_in_turns`: the emulator announces a start or stop of the board by a turn, and
-    /// the next call of the start task, so this function does not poll for them.
+    /// True if a task must run now. `obeys_in_turns`: the emulator announces a start or stop of the board by a turn,
+    /// and the next call of the start task, so this function does not poll for them.
     fn is_due(&self, obeys_in_turns: bool) -> bool {
         let header = self.ram.header();
         let has_turns = obeys_in_turns && matches!(self.phase, Phase::Starting(_));

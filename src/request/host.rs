@@ -84,8 +84,8 @@ pub trait Host {
         None
     }
 
-    /// Called when an operation is about to advance the stepped clock. A host with its own clock and its own instance lets the
-    /// devices take over changed files.
+    /// Called when an operation is about to advance the stepped clock. A host with its own clock and its own instance
+    /// lets the devices take over changed files.
     fn take_over_files(&mut self) {}
 
     /// Called when the plant has moved to another moment of its history.
@@ -98,7 +98,7 @@ pub trait Host {
     /// then on.
     fn request_stop(&mut self, by: Option<u32>);
 
-    /// The reason why the host ends, as text, if it is known.
+    /// Returns the reason why the host ends, as text, if it is known.
     fn end_reason(&self) -> Option<&str> {
         None
     }

@@ -341,7 +341,7 @@ fn reach(subset: u32, damage: Damage, state: ProcessState) {
     }
     hit.iter().for_each(|path| damage.hit(path));
     if let ProcessState::Dying = state {
-        // The parent process does not wait for it, so it remains a zombie.
+        // The parent process does not wait for the killed process, which remains a zombie.
         emulator.signal("-KILL");
     }
     let stop = promised(Duration::from_secs(2), || emulator.run("stop", &[]));

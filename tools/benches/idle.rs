@@ -35,7 +35,8 @@ fn main() {
     let seconds = std::env::args().find_map(|arg| arg.parse().ok()).unwrap_or(SECONDS);
     let [_, there] = cpu::pair();
     let share = |child: &Child| {
-        // Wait for the end of earlier activity: the emulator checks five times a second whether a process has an image open.
+        // Waits for the end of earlier activity: the emulator checks five times a second whether a process has an image
+        // open.
         std::thread::sleep(Duration::from_secs(1));
         let (start, before) = (Instant::now(), child.cpu_ns());
         std::thread::sleep(Duration::from_secs(seconds));

@@ -56,7 +56,7 @@ impl Bench {
     }
 }
 
-/// Time until the frame arrives, and until the next frame may begin, in us.
+/// Returns the time until the frame arrives, and until the next frame may begin, in us.
 fn lasts(frame: &Frame) -> (u64, u64) {
     let airtime = wire::airtime(frame, BitRate::new(BIT_S).unwrap());
     (airtime.delivery_ns / 1000, airtime.occupation_ns / 1000)

@@ -13,7 +13,8 @@ const MASTER: &str = "master";
 const PARAMETER: Presence = Presence::If(0);
 const UP_DOWNLOAD: Presence = Presence::If(1);
 
-/// The frames of all 32 slave numbers, whether or not such a slave is on the bus: a master may request any of them.
+/// Returns the frames of all 32 slave numbers, whether or not such a slave is on the bus: a master may request any of
+/// them.
 pub(super) fn all() -> Vec<Message> {
     let action = vec![
         low("slave_group", 0, 32, "Bit n: the command is for slave n"),
@@ -104,7 +105,7 @@ fn number() -> Signal {
     }
 }
 
-/// The words from a bit on to the end of the frame; a short frame ends earlier.
+/// Returns the words from a bit on to the end of the frame; a short frame ends earlier.
 fn words(first_bit: u8) -> Vec<Signal> {
     (1..)
         .zip((first_bit..64).step_by(16))

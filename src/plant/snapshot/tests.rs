@@ -99,7 +99,7 @@ fn other_formats_are_refused_by_number_and_version() {
     }
 }
 
-/// Bytes of the state in a file, and what comes after it.
+/// Returns the bytes of the state in a file, and the bytes after the state.
 fn file_state(bytes: &[u8]) -> usize {
     SnapshotFile::of_bytes(bytes).unwrap().snapshot.state.len() + size_of::<u64>()
 }

@@ -60,7 +60,7 @@ fn lasting(text: String) -> &'static str {
     String::leak(text)
 }
 
-/// An engine without the verbs of scenarios, because outside of functions the file has only constants.
+/// Returns an engine without the verbs of scenarios, because outside of functions the file has only constants.
 fn engine() -> Engine {
     let mut engine = Engine::new();
     engine.set_max_operations(MOST_OPERATIONS);

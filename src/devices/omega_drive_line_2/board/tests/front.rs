@@ -23,7 +23,7 @@ impl Rig {
         (char::from(display as u8), display & 0x100 != 0)
     }
 
-    /// Number of ordered starts, and the last one.
+    /// Returns the number of ordered starts, and the last one.
     pub(super) fn ordered(&self) -> (u32, Start) {
         let kind = Start::from_code(self.header.program.start_kind.load()).unwrap();
         (self.header.program.start.rings(), kind)
