@@ -127,9 +127,12 @@ fn open(path: &Path) -> Result<File> {
     if kind.is_fifo() {
         rustix::fs::fcntl_setfl(&file, rustix::fs::OFlags::empty())?;
     } else if kind.is_dir() {
-        return Err(Error::new(ErrorKind::IsADirectory, "it is a directory; a text file is needed"));
+        return Err(Error::new(ErrorKind::IsADirectory, "it is a directory; a regular file is needed"));
     } else if !kind.is_file() {
-        return Err(Error::new(ErrorKind::InvalidInput, "it is a device or socket; a text file is needed"));
+        return Err(Error::new(
+            ErrorKind::InvalidInput,
+            "it is a device or socket; a regular file is needed",
+        ));
     }
     Ok(file)
 }
@@ -142,7 +145,7 @@ mod tests {
     #[test]
     fn endless_files_are_refused() {
         let message = read(Path::new("/dev/zero"), LONGEST).unwrap_err().to_string();
-        assert_eq!(message, "it is a device or socket; a text file is needed");
+        assert_eq!(message, "it is a device or socket; a regular file is needed");
         let directory = tempfile::tempdir().unwrap();
         assert!(read(directory.path(), LONGEST).unwrap_err().to_string().starts_with("it is a directory"));
         let long = directory.path().join("long");

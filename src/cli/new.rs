@@ -103,6 +103,12 @@ fn create_device(args: &Args) -> Result<(), CliError> {
     if is_standard(&args.directory) {
         return refused("-", "a device has several files; give a directory");
     }
+    // A path with other characters is refused by all commands that read the folder.
+    let path = std::path::absolute(&args.directory).unwrap_or_else(|_| args.directory.clone());
+    if path.to_str().is_none_or(|path| path.chars().any(char::is_control)) {
+        let right = "the path of a device's folder is text in UTF-8 without control characters";
+        return refused(&args.directory.display().to_string(), right);
+    }
     if args.device.known.layout.name != devices::default().layout.name {
         return refused("--device", "the template makes a new type of device; omit --device");
     }

@@ -12,7 +12,7 @@ use super::place::NamedLocation;
 use crate::devices;
 use crate::devices::ModuleFront;
 use crate::identity::{BusIndex, DeviceIndex};
-use crate::layout::{DeviceFit, DeviceLayout, FrontWord, RegisterRef, plc_prefix, split_plc};
+use crate::layout::{DeviceFit, DeviceLayout, FrontWord, LayoutError, RegisterRef, plc_prefix, split_plc};
 use crate::memory::header::BoardState;
 use crate::memory::{
     AttachMode, Attached, Condition, EmulatorProcess, Header, ImageInfo, ImageSummary, MemoryError,
@@ -193,8 +193,8 @@ impl Session {
     /// Returns the errors of [`Session::plc`]. Also fails if the device has no such port.
     pub(crate) fn port(&self, text: &str) -> Result<(DeviceIndex, u8), CliError> {
         let (plc, name) = split_plc(text);
-        let first = || self.fitted(DeviceIndex(0)).first_master().map_or("", |port| port.name);
-        let name = if name.is_empty() { first() } else { name };
+        let first = || self.fitted(DeviceIndex(0)).first_master().map(|port| port.name);
+        let name = if name.is_empty() { first().ok_or(LayoutError::NoMaster)? } else { name };
         let plc = self.plc(plc, name)?;
         Ok((plc, self.device(plc).port_named(name)?.number))
     }

@@ -155,6 +155,48 @@ impl Args {
     fn shard(&self) -> Option<Shard> {
         self.shard.or(self.shard_index)
     }
+
+    /// The files of the reports.
+    fn outputs(&self) -> impl Iterator<Item = &PathBuf> {
+        self.junit.iter().chain(self.report.iter().map(|file| &file.path))
+    }
+
+    /// Returns how the results are shown.
+    ///
+    /// # Errors
+    /// The events and a report would both go to the standard output.
+    fn shown(&self) -> Result<Shown, CliError> {
+        let beside_report = self.outputs().any(|path| input_file::is_standard(path));
+        let format = self.format.table();
+        if format.is_none() && beside_report {
+            return Err(CliError::Argument {
+                text: "--format events".to_owned(),
+                right: "a report goes to the standard output; write it into a file".to_owned(),
+            });
+        }
+        Ok(Shown { format, shard: self.shard(), beside_report })
+    }
+}
+
+/// How the results of a round are shown.
+#[derive(Clone, Copy)]
+struct Shown {
+    /// `None` for events.
+    format: Option<Format>,
+    shard: Option<Shard>,
+    /// True if a report goes to the standard output. The results then go to the standard error output, so that the report
+    /// stays readable for programs.
+    beside_report: bool,
+}
+
+impl Shown {
+    fn print(self, text: &str) -> Result<(), CliError> {
+        if self.beside_report {
+            output::relay(text.as_bytes());
+            return Ok(());
+        }
+        output::print_while_read(text.as_bytes())
+    }
 }
 
 /// Further commands of `commram test`.
@@ -193,7 +235,8 @@ pub(crate) fn run_for_device(
     let files = selection::scenarios(files, &[], None)?;
     let setting = RunOptions { attach: None, device: Some(dir.to_owned()), limits, allow_empty: false };
     let round = Round { setting, jobs: None, fail_fast: false };
-    let (reports, shown) = play_round(&round, &files, (Some(format), None), &interrupts)?;
+    let shown = Shown { format: Some(format), shard: None, beside_report: false };
+    let (reports, shown) = play_round(&round, &files, shown, &interrupts)?;
     let ending = if interrupts.any() { Err(CliError::Interrupted) } else { verdict(&reports) };
     first_of(ending, [shown])
 }
@@ -207,6 +250,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         return define(directory);
     }
     check_reports(args)?;
+    args.shown()?;
     process::allow_memory()?;
     let interrupts = Interrupts::catch()?;
     let files = selection::scenarios(&args.files, &args.filter, args.shard())?;
@@ -273,8 +317,7 @@ fn check_input(args: &Args, files: &[PathBuf]) -> Result<(), CliError> {
 
 /// Refuses a report in the file of a scenario, an import or a plant.
 fn check_outputs<'a>(args: &Args, inputs: impl Iterator<Item = &'a PathBuf> + Clone) -> Result<(), CliError> {
-    let mut outputs = args.junit.iter().chain(args.report.iter().map(|file| &file.path));
-    outputs.try_for_each(|output| refuse_inputs(Some(output), inputs.clone().map(PathBuf::as_path)))
+    args.outputs().try_for_each(|output| refuse_inputs(Some(output), inputs.clone().map(PathBuf::as_path)))
 }
 
 /// Creates the missing directories of the reports. Refuses two reports in one file: the second would replace the first.
@@ -333,19 +376,19 @@ fn play(
         jobs: if args.attach.is_some() { NonZero::new(1) } else { args.jobs },
         fail_fast: args.fail_fast,
     };
-    play_round(&round, files, (args.format.table(), args.shard()), interrupts)
+    play_round(&round, files, args.shown()?, interrupts)
 }
 
 /// Runs the scenarios of a round. Shows their results, or their events if the format is not a table.
 fn play_round(
     round: &Round,
     files: &[PathBuf],
-    (format, shard): (Option<Format>, Option<Shard>),
+    results: Shown,
     interrupts: &Interrupts,
 ) -> Result<(Vec<Report>, Result<(), CliError>), CliError> {
     let mut reports = Vec::with_capacity(files.len());
     let mut shown = Ok(());
-    let Some(format) = format else {
+    let Some(format) = results.format else {
         let events = Events::default();
         events.start(files);
         let heard = |file: &Path, moment: &Moment<'_>| events.moment(file, moment);
@@ -355,16 +398,16 @@ fn play_round(
     };
     round.run(files, &|| interrupts.any(), &|_, _| {}, |report| {
         if shown.is_ok() && format == Format::Text {
-            shown = output::print_while_read(line::text(&report).as_bytes());
+            shown = results.print(&line::text(&report));
         }
         reports.push(report);
     })?;
-    let lines = |reports: &[Report]| reports.iter().map(|it| Line::of(it, shard)).collect::<Vec<_>>();
+    let lines = |reports: &[Report]| reports.iter().map(|it| Line::of(it, results.shard)).collect::<Vec<_>>();
     let last = || match format {
         Format::Text => Ok(summary(&reports)),
         format => table::formatted(format, &lines(&reports), |_| String::new()),
     };
-    shown = shown.and_then(|()| output::print_while_read(last()?.as_bytes()));
+    shown = shown.and_then(|()| results.print(&last()?));
     Ok((reports, shown))
 }
 

@@ -144,7 +144,7 @@ fn invalid_files_are_refused() {
     }
     for (text, why) in [
         ("[[bus]]\nname = 'nobus'", "the buses are: drives"),
-        ("[[bus]]\nname = 'drives'", "kind cansync; frames are exchanged with buses of the kind can: none"),
+        ("[[bus]]\nname = 'drives'", "frames are exchanged with buses of the kind can: none"),
         ("[[publish]]\nvalue = 'node2.w_CPU_CONTROLL'", "w_CPU_CONTROL"),
         ("[[publish]]\nvalue = 'other:node2.w_CPU_CONTROL'", "its PLCs are: line"),
         ("[[publish]]\nvalue = 'drive1.speed'", "speed_demand"),

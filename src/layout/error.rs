@@ -91,8 +91,11 @@ pub enum LayoutError {
         /// Names that the user may have meant.
         hint: String,
     },
+    /// A command needs the port of a master, and the first device has none.
+    #[error("the first device has no port that is a master of a bus; name a port of another device")]
+    NoMaster,
     /// A port that the device does not have.
-    #[error("unknown port `{port}`; the ports are {known}")]
+    #[error("{}", if known.is_empty() { format!("unknown port `{port}`; the device has no ports") } else { format!("unknown port `{port}`; the ports are {known}") })]
     UnknownPort {
         /// The given text.
         port: String,

@@ -123,7 +123,26 @@ fn a_scenario_comes_from_the_standard_input() {
     assert!(failed.out.starts_with("failed  -  ") && failed.out.contains(line), "{}", failed.out);
     let passed =
         with_input(commram().args(["test", "-", "--junit", "-"]), "expect(\"node1.w_CPU_CONTROL\", 0);");
-    assert!(passed.ok().contains("<testsuite name=\"-\""), "{}", passed.out);
+    assert_eq!(passed.code, Some(0), "{passed:?}");
+    assert!(passed.out.contains("<testsuite name=\"-\""), "{}", passed.out);
+    // The results go to the standard error output, so that a program can read the report.
+    assert!(passed.out.starts_with("<?xml ") && passed.err.contains("1 passed"), "{passed:?}");
+    for (report, begin) in [("json=-", "["), ("html=-", "<!")] {
+        for format in ["text", "json", "csv"] {
+            let mut command = commram();
+            let passed =
+                with_input(command.args(["test", "-", "--format", format, "--report", report]), "now();");
+            assert!(
+                passed.code == Some(0) && passed.out.starts_with(begin) && passed.err.contains("passed"),
+                "{passed:?}"
+            );
+        }
+    }
+    let refused = with_input(commram().args(["test", "-", "--format", "events", "--junit", "-"]), "now();");
+    assert!(
+        refused.fails(2).contains("`--format events`: a report goes to the standard output"),
+        "{refused:?}"
+    );
     let refused = with_input(commram().args(["test", "-", "--watch"]), text);
     assert!(refused.fails(2).contains("`-`: the standard input does not change"), "{}", refused.err);
     let long = with_input(commram().args(["test", "-"]), &"// long\n".repeat(10_000));

@@ -308,7 +308,7 @@ fn a_report_is_well_formed_for_any_text() {
 fn devices_and_pipes_are_refused_as_plant_scenario_import_and_dump() {
     let scripts = Scripts::new(&[("import.rhai", "import \"endless\" as e;\n")]);
     std::os::unix::fs::symlink("/dev/zero", scripts.0.path().join("endless.rhai")).unwrap();
-    let why = "it is a device or socket; a text file is needed";
+    let why = "it is a device or socket; a regular file is needed";
     for (args, code) in [
         (&["test", "import.rhai"][..], 2),
         (&["test", "/dev/zero"][..], 2),

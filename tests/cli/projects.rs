@@ -198,3 +198,14 @@ fn a_dash_prints_the_plant_alone() {
     assert!(message.contains("`-`: only a plant goes to the standard output"), "{message}");
     assert!(run(&["plant", "new", "x.toml"]).fails(2).contains("tip: write `commram new DIR`"));
 }
+
+/// All commands that read the folder would refuse its path.
+#[test]
+fn a_device_with_control_characters_in_its_path_is_not_made() {
+    let directory = TempDir::new().unwrap();
+    let mut command = commram();
+    command.args(["new", "--template", "device", "nl\nx"]).current_dir(directory.path());
+    let refused = finish(&mut command);
+    assert!(refused.fails(2).contains("text in UTF-8 without control characters"), "{}", refused.err);
+    assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 0);
+}

@@ -209,6 +209,18 @@ fn stepping_to_sync_meets_each_interval() {
 }
 
 #[test]
+fn a_plant_without_a_master_has_no_sync_to_step_to() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/devices/mailbox");
+    let plant = tempfile::NamedTempFile::with_suffix(".toml").unwrap();
+    std::fs::write(plant.path(), format!("[[device]]\nname = 'card'\nkind = '{folder}'\n")).unwrap();
+    let emulator = Emulator::start(&[plant.path().to_str().unwrap(), "--clock", "stepped"]);
+    let unnamed = emulator.run("step", &["--to-sync"]);
+    assert!(unnamed.fails(2).contains("no port that is a master of a bus"), "{}", unnamed.err);
+    let named = emulator.run("step", &["--to-sync", "node2"]);
+    assert!(named.fails(2).contains("unknown port `node2`; the device has no ports"), "{}", named.err);
+}
+
+#[test]
 fn a_wait_that_is_not_met_says_what_the_register_held() {
     let emulator = Emulator::stepped();
     let outcome = emulator.run("wait", &["node2.w_OPTION_STATUS==16#0002", "--within", "10ms"]);

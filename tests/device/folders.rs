@@ -464,6 +464,17 @@ fn many(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q) {}",
     }
 }
 
+/// Each file alone takes less than the permitted time.
+#[test]
+fn the_files_of_a_script_share_its_time() {
+    let card = Card::new("fn poll() {}");
+    let slow = "let a = []; for i in 0..2000 { a.push((i * 7919) % 2003); }\nfor j in 0..300 { let b = a; b.sort(); }\n";
+    for number in 0..15 {
+        card.write(&format!("slow{number}.rhai"), slow);
+    }
+    assert!(card.refused().contains("the script is too slow"), "{}", card.refused());
+}
+
 #[test]
 fn a_wrong_script_is_refused_with_its_line() {
     for (script, message) in [

@@ -2,7 +2,7 @@
 
 use super::Bench;
 use crate::identity::DeviceIndex;
-use crate::layout::split_plc;
+use crate::layout::{LayoutError, split_plc};
 use crate::request::Op;
 use crate::script::{ScenarioError, Span};
 
@@ -23,8 +23,8 @@ impl Bench {
     /// There is no such port, or there is no SYNC signal.
     pub fn step_to_sync(&mut self, port: &str) -> Result<(), ScenarioError> {
         let (plc, name) = split_plc(port);
-        let first = || self.names.fitted(DeviceIndex(0)).first_master().map_or("", |port| port.name);
-        let name = if name.is_empty() { first() } else { name };
+        let first = || self.names.fitted(DeviceIndex(0)).first_master().map(|port| port.name);
+        let name = if name.is_empty() { first().ok_or(LayoutError::NoMaster)? } else { name };
         let plc = self.plc(plc, name)?;
         let node = self.names.device(plc).port_named(name)?.number;
         self.within_limit(0)?;

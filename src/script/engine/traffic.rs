@@ -107,7 +107,7 @@ impl Verbs {
     }
 }
 
-/// Creates the map of a frame: `#{time, id, extended, data}`.
+/// Creates the map of a frame: `#{time, id, extended, remote, data}`.
 fn seen_map(seen: &SeenFrame) -> Map {
     let payload = seen.frame.payload();
     let data: Array = payload.data().iter().map(|byte| INT::from(*byte).into()).collect();
@@ -116,6 +116,7 @@ fn seen_map(seen: &SeenFrame) -> Map {
         ("time".into(), int(seen.time_us).into()),
         ("id".into(), INT::from(field.number()).into()),
         ("extended".into(), field.is_extended().into()),
+        ("remote".into(), field.is_remote().into()),
         ("data".into(), data.into()),
     ])
 }

@@ -44,10 +44,13 @@ pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Fo
         if file == MAIN {
             hooks = hooks_of(&ast)?;
         }
-        // Runs the statements outside of functions. They may be constants and imports; verbs are refused here.
+        // Runs the statements outside of functions. They may be constants and imports; verbs are refused here. All files
+        // share the processor time of one millisecond.
         meter.begin(MOST_OPERATIONS, 0);
         let mut scope = Scope::new();
-        engine.run_ast_with_scope(&mut scope, &ast).map_err(|error| {
+        let ran = engine.run_ast_with_scope(&mut scope, &ast);
+        meter.end();
+        ran.map_err(|error| {
             let mistake = Mistake::ran(&error);
             // The engine names no file for an error in the statements of the file itself.
             if mistake.file == MAIN { Mistake { file: file.clone(), ..mistake } } else { mistake }
