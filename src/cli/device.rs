@@ -220,8 +220,8 @@ pub(crate) fn answer_of_instance<T>(
     })
 }
 
-/// Returns the error that all these devices report for a name or an address. It exists if all devices refuse the text,
-/// and if the devices with such an area or such addresses return the same message.
+/// Returns the error that `devices` have in common for the name or address that `look_up` searches: `None` if a device
+/// accepts it, or if the errors differ. Devices that have neither its area nor its address range are not compared.
 fn common_refusal<T>(
     devices: &[DeviceFit],
     look_up: impl Fn(&DeviceFit) -> Result<T, LayoutError>,

@@ -1,10 +1,10 @@
 //! Couples a plant with other simulators, such as models of motors, machines or other controllers. The plant and the
 //! simulators exchange values and frames.
 //!
-//! Exchanges happen at regular intervals of emulated time. At an exchange, the values that the other simulators have
-//! published first enter the plant, in the same way as requests of a client. Then the plant publishes its values.
-//! Neither side advances further than the next exchange (decision D-576). [`Simulators`] transports the values and
-//! frames.
+//! Exchanges happen at regular intervals of emulated time. An exchange has two steps. First the plant takes the values
+//! that the other simulators have published, in the same way as requests of a client. Then the plant publishes its own
+//! values. Neither side advances further than the next exchange (decision D-576). [`Simulators`] transports the values
+//! and frames.
 
 mod config;
 mod conversion;

@@ -158,7 +158,7 @@ impl Log {
     }
 }
 
-/// Numbers of messages that no bus can play, by reason.
+/// Numbers of messages that are not played, by reason.
 #[derive(Default)]
 struct PassedOver {
     not_selected: u64,

@@ -60,7 +60,7 @@ pub enum Program {
 pub(super) struct Firmware {
     pub(super) node: Node,
     pub(super) program: Program,
-    /// Operating state, as in `state` of the front.
+    /// Operating state: a value of the register `front.state`.
     pub(super) state: u32,
     /// State of the node that the journal has last recorded.
     reported: State,

@@ -12,12 +12,12 @@ pub(crate) static KINDS: &[&EventKind] =
 event_kinds! {
     /// The operating state of the controller has changed (p. 13).
     ControllerState = 60, "controller_state", Rare, at plc {
-        /// Operating state, as in `state` of the front.
+        /// Operating state: a value of the register `front.state`.
         to: u8,
     }
     /// A command of the programming system was not carried out.
     CommandRefused = 62, "command_refused", Rare, at plc {
-        /// Command, as in `program` of the front.
+        /// Command: a value of the register `front.program`.
         command: u8,
         /// Reason, a [`RefusalReason`].
         why: u8,

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-/// Maximum number of names of a directory that are listed in messages.
+/// Number of entries of each directory that are examined for the names in a message.
 const MOST_LISTED: usize = 64;
 
 /// Directories of the configuration.

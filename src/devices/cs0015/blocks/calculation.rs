@@ -40,7 +40,8 @@ impl NORM {
 /// Values with their times; each value is valid until the next one.
 #[derive(Clone, Debug)]
 pub struct ValueHistory<T> {
-    /// Begin and value, the oldest first; the first value is valid now and earlier.
+    /// Start time and value, the oldest first. After a call of `ago`, the first entry is the value at the time of the
+    /// question, if the history is that long.
     values: VecDeque<(u64, T)>,
 }
 

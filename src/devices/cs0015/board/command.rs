@@ -16,12 +16,12 @@ pub(crate) struct Readiness {
     pub has_program: bool,
     /// True if the operating system was erased since the last reset.
     pub has_been_erased: bool,
-    /// Operating state, as in `state` of the front.
+    /// Operating state: a value of the register `front.state`.
     pub state: u32,
 }
 
 impl Readiness {
-    /// Checks whether `command`, as in `program` of the front, is permitted (p. 11-17).
+    /// Checks whether `command`, a value of the register `front.program`, is permitted (p. 11-17).
     ///
     /// # Errors
     /// The reason for a refusal.

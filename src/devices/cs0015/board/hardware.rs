@@ -89,7 +89,7 @@ impl Hardware {
         Ok(Hardware { retained, shared, flags, face, has_program, pulses, events })
     }
 
-    /// Returns the operating state, as in `state` of the front.
+    /// Returns the operating state: a value of the register `front.state`.
     fn state(&self) -> u32 {
         self.face.front[FRONT_STATE].load()
     }
