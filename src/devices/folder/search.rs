@@ -4,7 +4,9 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-/// Number of entries of each directory that are examined for the names in a message.
+/// Maximum number of entries of each directory that are examined for the names in a message.
+const MOST_EXAMINED: usize = 4096;
+/// Maximum number of names in a message.
 const MOST_LISTED: usize = 64;
 
 /// Directories of the configuration.
@@ -41,10 +43,15 @@ pub fn search(name: &str) -> Option<PathBuf> {
 #[must_use]
 pub fn names_in_search_path() -> Vec<String> {
     let entries = search_path().into_iter().filter_map(|dir| std::fs::read_dir(dir).ok());
-    let folders = entries.flat_map(|entries| entries.flatten().take(MOST_LISTED)).map(|entry| entry.path());
+    let folders = entries.flat_map(|entries| entries.flatten().take(MOST_EXAMINED)).map(|entry| entry.path());
     let names =
         folders.filter(|dir| is_device(dir)).filter_map(|dir| Some(dir.file_name()?.to_str()?.to_owned()));
-    names.filter(|name| search(name).is_some()).collect::<BTreeSet<_>>().into_iter().collect()
+    names
+        .filter(|name| search(name).is_some())
+        .collect::<BTreeSet<_>>()
+        .into_iter()
+        .take(MOST_LISTED)
+        .collect()
 }
 
 fn is_device(dir: &Path) -> bool {
