@@ -75,6 +75,16 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
         None
     }
 
+    /// Returns the number of slots for option cards; the slots are numbered from 1.
+    fn card_slots(&self) -> u8 {
+        0
+    }
+
+    /// Returns the slot of the device in a controller, if it is an option card.
+    fn card_place(&self) -> Option<CardPlace<'_>> {
+        None
+    }
+
     /// Returns the folder with the files of the device, if it is not a device of the program.
     fn folder(&self) -> Option<&Path> {
         None
@@ -93,6 +103,17 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
 #[must_use]
 pub fn settings_number(settings: &dyn fmt::Debug) -> u64 {
     XxHash3_64::oneshot(format!("{settings:?}").as_bytes())
+}
+
+/// The slot of an option card as the plant file describes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CardPlace<'a> {
+    /// Name of the controller.
+    pub controller: &'a str,
+    /// Number of the slot, from 1.
+    pub slot: u8,
+    /// Trigger that is connected to the card: 1 or 2.
+    pub trigger: u8,
 }
 
 /// A port as the plant file describes it.

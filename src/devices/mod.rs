@@ -68,7 +68,9 @@ pub use canopen::node_sends;
 #[cfg(feature = "emulator")]
 pub use catalogue::{bus_site, catalogue, door_fits, fault_kinds, faults_of_device};
 #[cfg(feature = "emulator")]
-pub use config::{BusKind, BusSection, DeviceConfig, Doubt, MasterConfig, PortConfig, Read, settings_number};
+pub use config::{
+    BusKind, BusSection, CardPlace, DeviceConfig, Doubt, MasterConfig, PortConfig, Read, settings_number,
+};
 #[cfg(feature = "emulator")]
 pub use dissectors::dissectors;
 #[cfg(feature = "emulator")]
@@ -86,10 +88,11 @@ pub use registry::{RegisterError, Registered, all, attach, board_of, default, fi
 pub use settings::{BuildError, SettingError};
 #[cfg(feature = "emulator")]
 pub use traits::{
-    AddressWrites, Attendance, Bus, BusGuests, BusView, Context, Device, DevicePorts, DeviceView,
-    DriveDetails, DriveState, Drives, Events, Faulty, FileChanges, Front, FrontAction, GuestNews,
-    GuestRefusal, Interval, NovramContents, ParameterRefusal, ParameterState, ParticipantId, Plug, PortWatch,
-    Power, RateMismatch, Shaft, Slot, StationState, SyncLine, SyncOrigin, SyncSignal, World,
+    AddressWrites, Attendance, Bus, BusGuests, BusView, CardPulses, Context, ControllerPulses, Device,
+    DevicePorts, DeviceView, DriveDetails, DriveState, Drives, Events, Faulty, FileChanges, Front,
+    FrontAction, GuestNews, GuestRefusal, Interval, NovramContents, OptionCard, OptionSlots,
+    ParameterRefusal, ParameterState, ParticipantId, Plug, PortWatch, Power, RateMismatch, Shaft, Slot,
+    StationState, SyncLine, SyncOrigin, SyncSignal, World,
 };
 
 #[cfg(feature = "emulator")]

@@ -3,8 +3,8 @@
 use super::program::Starts;
 use super::supply::Supply;
 use super::{
-    Context, Device, DeviceView, Events, Faulty, FileChanges, Front, FrontAction, NovramContents, Power,
-    World,
+    Context, Device, DeviceView, Events, Faulty, FileChanges, Front, FrontAction, NovramContents, OptionCard,
+    Power, World,
 };
 use crate::fault::{Effect, Faults, Hit, Owner, Target};
 use crate::identity::DeviceIndex;
@@ -107,6 +107,11 @@ pub trait Firmware: SnapshotFields + Send + 'static {
 
     /// Does the same as [`Device::file_changes`].
     fn file_changes(&mut self) -> Option<&mut dyn FileChanges> {
+        None
+    }
+
+    /// Same as [`Device::option_card`].
+    fn option_card(&mut self) -> Option<&mut dyn OptionCard> {
         None
     }
 
@@ -297,6 +302,10 @@ impl<F: Firmware> Device for Plain<F> {
         self.firmware.file_changes()
     }
 
+    fn option_card(&mut self) -> Option<&mut dyn OptionCard> {
+        self.firmware.option_card()
+    }
+
     fn faults(&mut self) -> Option<&mut dyn Faulty> {
         Some(self)
     }
@@ -334,6 +343,6 @@ mod tests {
         let kept = (none.next_time(), none.novram(), (0..16).find_map(|event| none.event_level(event)));
         assert_eq!(kept, (u64::MAX, (&[][..], 0), None));
         assert_eq!(none.refusal(BoardSetting::Reset), None);
-        assert!(none.file_changes().is_none());
+        assert!(none.file_changes().is_none() && none.option_card().is_none());
     }
 }

@@ -5,6 +5,7 @@
 
 mod access;
 mod boards;
+mod cards;
 mod config;
 mod cores;
 mod drives;
@@ -42,6 +43,7 @@ use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::{By, Journal, Names, Origin};
 use crate::layout::DeviceLayout as Layout;
 use crate::memory::{MemoryError, RegisterWidths, Segment};
+use cards::PluggedCard;
 use core::num::NonZero;
 use force::Forces;
 use ports::Ports;
@@ -88,6 +90,8 @@ pub struct Plant {
     watches: Vec<DeviceWatch>,
     /// Ports with a SYNC edge of which their devices must still be notified; empty between events.
     edges: Vec<Origin>,
+    /// The option cards with their controllers.
+    cards: Arc<[PluggedCard]>,
     /// Register widths of each device, for accesses from outside.
     widths: Vec<RegisterWidths>,
     /// The text of the plant file, and numbers for its settings.
@@ -156,6 +160,7 @@ impl Plant {
             forces: Forces::default(),
             faults: Faults::default(),
             edges: Vec::new(),
+            cards: cards::plug_in(&config.devices),
             text: Arc::clone(config.text()),
             settings: config.settings(),
         };
@@ -328,6 +333,7 @@ impl Plant {
         for device in devices.iter_mut().filter(|device| device.next_time() == *now) {
             device.due(&mut world);
         }
+        self.pass_card_pulses();
         self.find_next_device();
     }
 
@@ -364,6 +370,7 @@ impl Plant {
                 self.ports_look(plc);
             }
         }
+        self.pass_card_pulses();
         self.is_seen = !self.forces.apply(&self.devices);
         self.find_next_device();
         self.is_seen
@@ -425,6 +432,10 @@ impl Plant {
                 }
                 self.next_device = self.next_device.min(device.next_time());
             }
+        }
+        if self.pass_card_pulses() {
+            self.is_seen = false;
+            self.find_next_device();
         }
     }
 

@@ -141,6 +141,7 @@ impl Plant {
                 of_device.address_taken(&mut Context { now, journal, origin, base: 0 }, port.number);
             }
         }
+        self.pass_card_pulses();
     }
 
     /// Stops device `index`, then lets its ports leave their buses.
@@ -160,6 +161,7 @@ impl Plant {
                 ports.port_joined(port.number, false);
             }
         }
+        self.pass_card_pulses();
     }
 
     /// Carries out the action that results from polling the front of device `index`.

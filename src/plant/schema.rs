@@ -76,7 +76,24 @@ fn of_folder() -> Value {
         "type": "object",
         "additionalProperties": false,
         "required": ["name", "kind"],
-        "properties": { "name": name(), "kind": path },
+        "properties": { "name": name(), "kind": path, "option": card() },
+    })
+}
+
+/// Schema of the slot of an option card.
+fn card() -> Value {
+    let number = |about: &str| json!({ "enum": [1, 2], "description": about });
+    let plc = json!({ "type": "string", "description": "Name of the PLC" });
+    json!({
+        "type": "object",
+        "description": "Slot of the device as an option card of a PLC",
+        "additionalProperties": false,
+        "required": ["plc", "slot"],
+        "properties": {
+            "plc": plc,
+            "slot": number("Number of the slot"),
+            "trigger": number("Trigger that is connected to the card, 1 if left out"),
+        },
     })
 }
 

@@ -297,6 +297,7 @@ impl Plant {
             watches,
             // Empty between events.
             edges: _,
+            cards: _,
             widths: _,
             text: _,
             settings: _,

@@ -2,6 +2,7 @@
 
 use commram::devices::folder;
 use commram::fmi::{Resources, Unit, Value, VariableType};
+use commram::plant::PlantConfig;
 use commram::script::{Bench, Limits, Outcome, run_file};
 use std::fs;
 use std::path::Path;
@@ -106,6 +107,14 @@ fn the_examples_pass_their_scenarios() {
             .sum();
         assert!(lines <= 120, "{example}: {lines}");
     }
+}
+
+/// The encoder in a slot of a PLC: trigger, interrupt, SYNC signal.
+#[test]
+fn the_encoder_is_an_option_card() {
+    let tests = Path::new(EXAMPLES).join("encoder/tests");
+    let report = run_file(&tests.join("option.rhai"), None, Limits::default(), |_| {});
+    assert!(matches!(report.outcome, Outcome::Passed), "{:?}", report.outcome);
 }
 
 #[test]
@@ -569,4 +578,95 @@ fn a_front_may_have_words_of_its_own() {
     assert_eq!((bench.peek("front.led").unwrap(), bench.peek("front.script").unwrap()), (1, 0));
     card.write("device.toml", &(device + &word("script", 0, "firmware")));
     assert!(card.refused().contains("the front has a word `script`"), "{}", card.refused());
+}
+
+/// A PLC with this card in slot 2, with trigger 2. The SYNC signal of the card is the source of trigger 2 and of the trigger controller.
+fn with_option_card(card: &Card) -> Bench {
+    let plant = format!(
+        "[[plc]]\nname = 'line'\n[[device]]\nname = 'card'\nkind = '{}'\n\
+         option = {{ plc = 'line', slot = 2, trigger = 2 }}\n",
+        card.dir().display()
+    );
+    let mut bench = Bench::plant(&plant).unwrap();
+    let ram = bench.ram("line").unwrap();
+    let header = ram.header();
+    header.opt_init.triggers.iter().zip([0, 2, 0]).for_each(|(cell, mode)| cell.store(mode));
+    header.opt_init.ask();
+    header.interrupts[11].ask(0, true);
+    header.submit_request();
+    bench.step("1ms").unwrap();
+    bench
+}
+
+/// Number of events 11, of pulses of trigger 2, and of pulses of the trigger controller.
+fn pulses(bench: &mut Bench) -> [u32; 3] {
+    let triggers = [2, 3].map(|trigger| bench.trigger_count("line", trigger).unwrap());
+    [bench.event_count("line", 11).unwrap(), triggers[0], triggers[1]]
+}
+
+#[test]
+fn an_option_card_exchanges_pulses_with_its_plc() {
+    let card = Card::new(
+        "fn power_on() { this.count = 0; sync_pulse(); }
+fn written(register, old, value) { if register == \"card.w_DATA\" { sync_pulse(); sync_pulse(); } }
+fn trigger() { this.count += 1; output(\"card.w_COUNT\", this.count); }
+",
+    );
+    let mut bench = with_option_card(&card);
+    assert_eq!((pulses(&mut bench), bench.peek("card:card.w_COUNT").unwrap()), ([0; 3], 0));
+    bench.poke("card:card.w_DATA", 1).unwrap();
+    bench.step("1ms").unwrap();
+    assert_eq!((pulses(&mut bench), bench.peek("card:card.w_COUNT").unwrap()), ([1; 3], 1));
+    // The pulse of a power-on comes at once, so a snapshot after it needs no pulse.
+    bench.power_cycle("card").unwrap();
+    assert_eq!((pulses(&mut bench), bench.peek("card:card.w_COUNT").unwrap()), ([2; 3], 1));
+    // A PLC without power gets no pulses, and has no triggers afterwards.
+    bench.set_board("line:power=off").unwrap();
+    bench.poke("card:card.w_DATA", 2).unwrap();
+    bench.step("1ms").unwrap();
+    bench.set_board("line:power=on").unwrap();
+    bench.poke("card:card.w_DATA", 3).unwrap();
+    bench.step("1ms").unwrap();
+    assert_eq!((pulses(&mut bench), bench.peek("card:card.w_COUNT").unwrap()), ([2; 3], 1));
+    assert_eq!(bench.peek("card:front.script").unwrap(), 0);
+}
+
+/// A card that answers each trigger pulse with the source of this trigger stops; the emulator does not.
+#[test]
+fn an_option_card_that_triggers_itself_stops() {
+    let card = Card::new(
+        "fn written(register, old, value) { sync_pulse(); }
+fn trigger() { sync_pulse(); }
+",
+    );
+    let mut bench = with_option_card(&card);
+    bench.poke("card:card.w_DATA", 1).unwrap();
+    bench.step("1ms").unwrap();
+    assert_eq!(bench.peek("card:front.script").unwrap(), 1);
+    let now = bench.now().unwrap();
+    bench.step("1s").unwrap();
+    assert_eq!(bench.now().unwrap(), now + 1_000_000);
+    let lines = journal(&mut bench);
+    assert!(lines.iter().any(|line| line.contains(" stopped: ") && line.contains("steps")), "{lines:#?}");
+}
+
+#[test]
+fn a_place_of_an_option_card_that_does_not_exist_is_refused() {
+    let card = Card::new("fn trigger() { }");
+    let refused = |option: &str| {
+        let kind = card.dir().display();
+        let section =
+            |name: &str| format!("[[device]]\nname = '{name}'\nkind = '{kind}'\noption = {{ {option} }}\n");
+        let plant = format!("[[plc]]\nname = 'line'\n{}{}", section("card"), section("other"));
+        PlantConfig::parse("p.toml", &plant).unwrap_err().to_string()
+    };
+    let line = |line: usize, what: &str| format!("p.toml: line {line}: {what}");
+    let slot = "'card': 'line' has no slot 3 for option cards; use 1 to 2";
+    assert_eq!(refused("plc = 'line', slot = 3"), line(6, slot));
+    let plc = "'card': the plant has no device 'card' with slots for option cards; devices with slots: line";
+    assert_eq!(refused("plc = 'card', slot = 1"), line(6, plc));
+    let taken = "'other': slot 1 of 'line' already has the option card 'card'; use another slot";
+    assert_eq!(refused("plc = 'line', slot = 1"), line(10, taken));
+    let trigger = "option.trigger of 'card' is 3; it must be 1 or 2";
+    assert_eq!(refused("plc = 'line', slot = 1, trigger = 3"), line(6, trigger));
 }

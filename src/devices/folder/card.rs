@@ -1,6 +1,6 @@
 //! Access of tables and script to the registers and events of a device in a folder.
 
-use crate::devices::{Context, Events};
+use crate::devices::{CardPulses, Context, Events};
 use crate::journal::Register;
 #[cfg(feature = "script")]
 use crate::layout::place::{is_live, status_of};
@@ -76,12 +76,15 @@ pub(super) struct Card {
     has_events: bool,
     /// Requests of clients seen so far.
     requests: u32,
+    /// Pulses for the controller of an option card. The plant takes them at the moment at which they occur.
+    pulses: CardPulses,
 }
 
 impl Card {
     pub(super) fn new(segment: Segment, face: FirmwareHeader, has_events: bool) -> Self {
         let face = Arc::new(face);
-        Card { segment, face, watched: Vec::new(), events: Events::default(), has_events, requests: 0 }
+        let (events, pulses) = (Events::default(), CardPulses::default());
+        Card { segment, face, watched: Vec::new(), events, has_events, requests: 0, pulses }
     }
 
     /// Moves registers and events to a new card for a call of the script. [`Card::give_back`] takes the changes back.
@@ -97,7 +100,7 @@ impl Card {
 
     #[cfg(feature = "script")]
     pub(super) fn give_back(&mut self, lent: Card) {
-        (self.watched, self.events) = (lent.watched, lent.events);
+        (self.watched, self.events, self.pulses) = (lent.watched, lent.events, lent.pulses);
     }
 
     fn front_cell(&self, cell: FrontCell) -> Option<&Cell32> {
@@ -282,6 +285,17 @@ impl Card {
         (self.has_events && event < EVENTS).then_some(0)
     }
 
+    /// Pulses for the controller, which the script adds to.
+    #[cfg(feature = "script")]
+    pub(super) fn pulses(&mut self) -> &mut CardPulses {
+        &mut self.pulses
+    }
+
+    /// Returns the pulses for the controller since the last call.
+    pub(super) fn take_pulses(&mut self) -> CardPulses {
+        mem::take(&mut self.pulses)
+    }
+
     /// Raises an event at `now`; returns false if the device has no such event.
     #[cfg(feature = "script")]
     pub(super) fn raise(&mut self, event: usize, now: u64) -> bool {
@@ -295,7 +309,7 @@ impl Card {
 /// The registers themselves are not saved here: they are in the plant's snapshot.
 impl SnapshotFields for Card {
     fn save(&self, to: &mut Saving) {
-        let Self { segment: _, face: _, watched, events, has_events: _, requests } = self;
+        let Self { segment: _, face: _, watched, events, has_events: _, requests, pulses: _ } = self;
         to.value(&watched.iter().map(|watched| watched.last).collect::<Vec<_>>());
         to.value(requests);
         events.save(to);

@@ -6,7 +6,8 @@ use super::firmware::FolderFirmware;
 use super::handshakes::Handshakes;
 use super::part::Part;
 use super::source::Source;
-use crate::devices::{BuildError, Device, DeviceConfig, Plain, Plug};
+use crate::devices::settings::range;
+use crate::devices::{BuildError, CardPlace, Device, DeviceConfig, Plain, Plug};
 use crate::identity::DeviceIndex;
 use crate::layout::DeviceLayout;
 use crate::memory::Segment;
@@ -22,6 +23,7 @@ pub(crate) struct FolderConfig {
     name: String,
     pub(super) folder: &'static Folder,
     pub(super) dir: PathBuf,
+    card: Option<CardSection>,
 }
 
 /// Keys of the section in the plant file, except `kind`.
@@ -30,6 +32,23 @@ pub(crate) struct FolderConfig {
 #[serde(expecting = "a device in a folder: a table with its settings")]
 struct Section {
     name: String,
+    option: Option<CardSection>,
+}
+
+/// The slot of an option card.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[serde(expecting = "the slot of an option card: a table with plc and slot")]
+struct CardSection {
+    plc: String,
+    slot: u8,
+    #[serde(default = "default_trigger")]
+    trigger: u8,
+}
+
+/// Trigger of the option card IEI-02 (5.00005.03a p. 57).
+fn default_trigger() -> u8 {
+    1
 }
 
 impl FolderConfig {
@@ -39,18 +58,19 @@ impl FolderConfig {
         dir: PathBuf,
         section: ValueDeserializer<'_>,
     ) -> Result<Arc<dyn DeviceConfig>, Error> {
-        let Section { name } = Section::deserialize(section)?;
-        Ok(Arc::new(FolderConfig { name, folder, dir }))
+        let Section { name, option: card } = Section::deserialize(section)?;
+        Ok(Arc::new(FolderConfig { name, folder, dir, card }))
     }
 }
 
 /// Settings by which plants are compared with a snapshot: the files of the device, but not the path of the folder.
 impl fmt::Debug for FolderConfig {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { name, folder, dir: _ } = self;
+        let Self { name, folder, dir: _, card } = self;
         f.debug_struct(folder.registered.layout.name)
             .field("name", name)
             .field("files", &folder.fingerprint)
+            .field("card", card)
             .finish()
     }
 }
@@ -62,6 +82,23 @@ impl DeviceConfig for FolderConfig {
 
     fn layout(&self) -> &'static DeviceLayout {
         self.folder.registered.layout
+    }
+
+    fn check(&self) -> Result<(), BuildError> {
+        let Some(card) = &self.card else { return Ok(()) };
+        range("option.trigger", &self.name, card.trigger.into(), 1..=2, "1 or 2")?;
+        if self.folder.script.is_none() {
+            let dir = self.dir.display();
+            let reason =
+                format!("'{}' is no option card: {dir} has no firmware.rhai, which serves pulses", self.name);
+            return Err(BuildError::own(&self.name, "option", reason));
+        }
+        Ok(())
+    }
+
+    fn card_place(&self) -> Option<CardPlace<'_>> {
+        let CardSection { plc, slot, trigger } = self.card.as_ref()?;
+        Some(CardPlace { controller: plc, slot: *slot, trigger: *trigger })
     }
 
     fn folder(&self) -> Option<&Path> {

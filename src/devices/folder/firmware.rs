@@ -4,7 +4,7 @@ use super::card::Card;
 use super::part::Part;
 use super::records::Reload;
 use super::source::Source;
-use crate::devices::{Context, Events, FileChanges, Firmware};
+use crate::devices::{CardPulses, Context, Events, FileChanges, Firmware, OptionCard};
 use crate::memory::header::Start;
 use crate::snapshot_fields;
 
@@ -72,12 +72,30 @@ impl Firmware for FolderFirmware {
         Some(self)
     }
 
+    fn option_card(&mut self) -> Option<&mut dyn OptionCard> {
+        Some(self)
+    }
+
     /// No event occurs while the program is stopped (D-300).
     fn ordered(&mut self, ctx: &mut Context, order: Start) {
         if let Some(events) = self.card.events() {
             events.held = order == Start::Stop;
         }
         self.each(|part, card| part.ordered(ctx, card, order));
+    }
+}
+
+impl OptionCard for FolderFirmware {
+    fn take_pulses(&mut self) -> CardPulses {
+        self.card.take_pulses()
+    }
+
+    fn sync_edge(&mut self, ctx: &mut Context) {
+        self.each(|part, card| part.sync_edge(ctx, card));
+    }
+
+    fn trigger(&mut self, ctx: &mut Context) {
+        self.each(|part, card| part.trigger(ctx, card));
     }
 }
 

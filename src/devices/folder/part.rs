@@ -28,6 +28,16 @@ pub(super) trait Part: SnapshotFields + Send {
     /// Carries out the actions that are due at `ctx.now`.
     fn due(&mut self, ctx: &mut Context, card: &mut Card);
 
+    /// A trigger pulse of the controller of an option card.
+    fn trigger(&mut self, ctx: &mut Context, card: &mut Card) {
+        let _ = (ctx, card);
+    }
+
+    /// Called at an edge of the SYNC signal of the controller's network.
+    fn sync_edge(&mut self, ctx: &mut Context, card: &mut Card) {
+        let _ = (ctx, card);
+    }
+
     /// Called when the script of the device has changed.
     fn take_over(&mut self, ctx: &mut Context, card: &mut Card, script: &'static Script) {
         let _ = (ctx, card, script);

@@ -153,6 +153,11 @@ impl DeviceConfig for PlcConfig {
         self.retain_bytes
     }
 
+    /// Returns the number of option card slots (p. 9).
+    fn card_slots(&self) -> u8 {
+        2
+    }
+
     /// Returns the Ethernet configuration (p. 61, 76).
     fn novram(&self) -> Option<&'static Area> {
         DEVICE.areas.iter().find(|area| area.first == ETHERNET_CONFIG as u32)

@@ -14,8 +14,9 @@ use crate::devices::omega_drive_line_2::ethernet::Ethernet;
 use crate::devices::omega_drive_line_2::registers::{BAPS, BAUD_RATES, DEVICE, ETHERNET_CONFIG};
 use crate::devices::records::{BoardEvent, OnBoard};
 use crate::devices::{
-    AddressWrites, BuildError, Context, Device, DevicePorts, DeviceView, DriveDetails, DriveState, Drives,
-    Events, Faulty, Front, FrontAction, NovramContents, ParameterRefusal, Plug, Power, Shaft, World,
+    AddressWrites, BuildError, CardPulses, Context, ControllerPulses, Device, DevicePorts, DeviceView,
+    DriveDetails, DriveState, Drives, Events, Faulty, Front, FrontAction, NovramContents, OptionSlots,
+    ParameterRefusal, Plug, Power, Shaft, World,
 };
 use crate::fault::{self, Hit, Target};
 use crate::identity::DeviceIndex;
@@ -273,6 +274,10 @@ impl Device for Plc {
     fn faults(&mut self) -> Option<&mut dyn Faulty> {
         Some(self)
     }
+
+    fn option_slots(&mut self) -> Option<&mut dyn OptionSlots> {
+        Some(self)
+    }
 }
 
 impl DevicePorts for Plc {
@@ -306,6 +311,17 @@ impl DevicePorts for Plc {
             self.board.sync_net(now);
             self.pass_trigger(now);
         }
+    }
+}
+
+impl OptionSlots for Plc {
+    fn take_pulses(&mut self) -> ControllerPulses {
+        self.board.take_card_pulses()
+    }
+
+    fn card_pulses(&mut self, slot: u8, pulses: CardPulses, now: u64) {
+        self.board.option_card(slot, pulses, now);
+        self.pass_trigger(now);
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::devices::{
     AddressWrites, Context, DevicePorts, DeviceView, Drives, Events, Faulty, FileChanges, Front,
-    NovramContents, World,
+    NovramContents, OptionCard, OptionSlots, World,
 };
 use crate::memory::Width;
 use crate::memory::header::BoardState;
@@ -97,6 +97,16 @@ pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
 
     /// Returns the part that takes over changed files of the device, if it is described by files that may change.
     fn file_changes(&mut self) -> Option<&mut dyn FileChanges> {
+        None
+    }
+
+    /// Returns the slots of the device for option cards, if it has any.
+    fn option_slots(&mut self) -> Option<&mut dyn OptionSlots> {
+        None
+    }
+
+    /// Returns the part that exchanges pulses with a controller, if the device can be an option card.
+    fn option_card(&mut self) -> Option<&mut dyn OptionCard> {
         None
     }
 

@@ -3,7 +3,7 @@
 use super::{MOST, PlantConfig, PlantError, PortOf, equal_numbers};
 use crate::devices;
 use crate::devices::settings::range;
-use crate::devices::{BuildError, BusSection, DeviceConfig};
+use crate::devices::{BuildError, BusSection, CardPlace, DeviceConfig};
 use std::collections::{BTreeSet, HashMap};
 
 impl PlantConfig {
@@ -31,6 +31,7 @@ impl PlantConfig {
             device.check()?;
             self.check_ports(&**device, &buses)?;
         }
+        self.check_cards()?;
         for bus in &self.buses {
             bus.check()?;
             for door in bus.doors() {
@@ -63,6 +64,42 @@ impl PlantConfig {
             if right != bus.family() {
                 let (port, bus, kind) = (port.name.to_owned(), name.to_owned(), bus.family());
                 return Err(PlantError::OtherKind { plc, port, bus, kind, right });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl PlantConfig {
+    /// Checks that each option card is in a separate slot of a controller with slots.
+    fn check_cards(&self) -> Result<(), PlantError> {
+        let mut taken: HashMap<(&str, u8), &str> = HashMap::new();
+        for device in &self.devices {
+            let Some(CardPlace { controller, slot, .. }) = device.card_place() else { continue };
+            let name = device.name();
+            let refused = |at: &str, reason: String| Err(BuildError::own(name, at, reason).into());
+            let slots = |name| self.device(name).map_or(0, |device| device.card_slots());
+            let with_slots: Vec<_> =
+                self.devices.iter().map(|device| device.name()).filter(|name| slots(name) > 0).collect();
+            if slots(controller) == 0 {
+                let known = if with_slots.is_empty() { "none".to_owned() } else { with_slots.join(", ") };
+                let reason = format!(
+                    "'{name}': the plant has no device '{controller}' with slots for option cards; devices with slots: \
+                     {known}"
+                );
+                return refused("option.plc", reason);
+            }
+            if !(1..=slots(controller)).contains(&slot) {
+                let most = slots(controller);
+                let reason =
+                    format!("'{name}': '{controller}' has no slot {slot} for option cards; use 1 to {most}");
+                return refused("option.slot", reason);
+            }
+            if let Some(other) = taken.insert((controller, slot), name) {
+                let reason = format!(
+                    "'{name}': slot {slot} of '{controller}' already has the option card '{other}'; use another slot"
+                );
+                return refused("option.slot", reason);
             }
         }
         Ok(())

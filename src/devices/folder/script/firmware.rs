@@ -171,6 +171,18 @@ impl Part for ScriptFirmware {
         self.show_state(card);
     }
 
+    fn trigger(&mut self, ctx: &mut Context, card: &mut Card) {
+        if self.script.hooks.trigger {
+            self.call(ctx, card, "trigger", Vec::new());
+        }
+    }
+
+    fn sync_edge(&mut self, ctx: &mut Context, card: &mut Card) {
+        if self.script.hooks.sync_edge {
+            self.call(ctx, card, "sync_edge", Vec::new());
+        }
+    }
+
     fn ordered(&mut self, ctx: &mut Context, card: &mut Card, order: Start) {
         if self.script.hooks.board {
             let order = format!("{order:?}").to_lowercase();

@@ -69,16 +69,20 @@ struct Hooks {
     poll: bool,
     written: bool,
     board: bool,
+    trigger: bool,
+    sync_edge: bool,
 }
 
 impl Hooks {
     /// Names of the hooks, each with its parameters.
-    const ALL: [(&'static str, &'static [&'static str]); 5] = [
+    const ALL: [(&'static str, &'static [&'static str]); 7] = [
         ("power_on", &[]),
         ("power_off", &[]),
         ("poll", &[]),
         ("written", &["register", "old", "value"]),
         ("board", &["order"]),
+        ("trigger", &[]),
+        ("sync_edge", &[]),
     ];
 
     fn flag(&mut self, name: &str) -> Option<&mut bool> {
@@ -88,6 +92,8 @@ impl Hooks {
             "poll" => Some(&mut self.poll),
             "written" => Some(&mut self.written),
             "board" => Some(&mut self.board),
+            "trigger" => Some(&mut self.trigger),
+            "sync_edge" => Some(&mut self.sync_edge),
             _ => None,
         }
     }

@@ -19,7 +19,7 @@ use std::sync::Arc;
 type Fallible<T> = Result<T, Box<EvalAltResult>>;
 
 /// Names of the verbs, for suggestions.
-pub(super) const NAMES: [&str; 18] = [
+pub(super) const NAMES: [&str; 20] = [
     "after",
     "at",
     "cancel",
@@ -27,6 +27,7 @@ pub(super) const NAMES: [&str; 18] = [
     "copy",
     "event",
     "exchange",
+    "interrupt",
     "journal",
     "now",
     "output",
@@ -36,6 +37,7 @@ pub(super) const NAMES: [&str; 18] = [
     "record",
     "reset",
     "set_bits",
+    "sync_pulse",
     "violation",
     "write",
 ];
@@ -272,6 +274,23 @@ impl Verbs<'_> {
                     is_one
                         .then_some(())
                         .ok_or_else(|| format!("a device has the events 0 to 15, not {event}"))
+                })
+            }
+        });
+        // Without a controller, the pulses have no effect.
+        self.on("interrupt", |desk| {
+            move || {
+                desk.device(|device| {
+                    device.card.pulses().interrupt = true;
+                    Ok(())
+                })
+            }
+        });
+        self.on("sync_pulse", |desk| {
+            move || {
+                desk.device(|device| {
+                    device.card.pulses().sync = true;
+                    Ok(())
                 })
             }
         });

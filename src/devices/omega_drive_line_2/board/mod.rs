@@ -19,7 +19,7 @@ pub(crate) use interrupts::level;
 
 use crate::devices::Events;
 use crate::devices::records::{BoardEvent, OnBoard};
-use crate::devices::{Context, FrontAction, Power};
+use crate::devices::{CardPulses, Context, ControllerPulses, FrontAction, Power};
 use crate::memory::header;
 use crate::memory::{FirmwareHeader, MemoryError, Segment};
 use flags::Flags;
@@ -38,9 +38,11 @@ pub(crate) struct Board {
     requests: u32,
     /// Period of the SYNC signal of a simulated option card, in us.
     option_sync_us: Option<u32>,
+    /// True if the SYNC signal of the network had an edge since the last call of [`Board::take_card_pulses`].
+    sync_net: bool,
 }
 
-snapshot_fields!(Board { values: requests, triggers, timers; parts: events, front; built: face, option_sync_us });
+snapshot_fields!(Board { values: requests, triggers, timers; parts: events, front; built: face, option_sync_us, sync_net });
 
 impl Board {
     /// Creates the board with its header page in `segment`, and with the `project` of the first power-on;
@@ -62,6 +64,7 @@ impl Board {
             timers: Timers::default(),
             triggers: Triggers::default(),
             option_sync_us,
+            sync_net: false,
         })
     }
 
@@ -192,6 +195,7 @@ impl Board {
     /// Called at an edge of the CANsync network's SYNC signal. Passes the edge to the triggers, then raises event 12.
     #[inline]
     pub(crate) fn sync_net(&mut self, now: u64) {
+        self.sync_net = true;
         self.triggers.pulse(&self.face, Source::SyncNet, now);
         self.events.fire(&self.face, 12, now);
     }
@@ -201,6 +205,26 @@ impl Board {
     pub(crate) fn baps(&mut self, now: u64) {
         self.events.fire(&self.face, 8, now);
         self.events.fire(&self.face, 4, now);
+    }
+
+    /// Handles pulses of the option card in slot 1 or 2: pulses the triggers, then raises event 11.
+    pub(crate) fn option_card(&mut self, slot: u8, pulses: CardPulses, now: u64) {
+        if pulses.interrupt {
+            let source = if slot == 1 { Source::InterruptOption1 } else { Source::InterruptOption2 };
+            self.triggers.pulse(&self.face, source, now);
+        }
+        if pulses.sync {
+            self.triggers.pulse(&self.face, Source::SyncOption, now);
+            self.events.fire(&self.face, 11, now);
+        }
+    }
+
+    /// Returns the pulses for option cards since the last call.
+    pub(crate) fn take_card_pulses(&mut self) -> ControllerPulses {
+        ControllerPulses {
+            triggers: core::mem::take(&mut self.triggers.card_pulsed),
+            sync_net: core::mem::take(&mut self.sync_net),
+        }
     }
 
     /// True if the trigger controller of the drive was pulsed since the last call.

@@ -265,11 +265,12 @@ fn trigger_modes_are_those_of_the_manual() {
         Card,
         Net,
         TimerA,
+        Interrupt(u8),
         Refused,
     }
-    use Pulsed::{Card, Net, Nothing, Refused, TimerA};
-    let one_and_two = [Nothing, Refused, Card, Net, TimerA, Refused, Nothing, Refused];
-    let controller = [Card, Net, TimerA, Refused, Nothing, Nothing, Refused, Refused];
+    use Pulsed::{Card, Interrupt, Net, Nothing, Refused, TimerA};
+    let one_and_two = [Nothing, Refused, Card, Net, TimerA, Refused, Interrupt(1), Refused];
+    let controller = [Card, Net, TimerA, Refused, Interrupt(1), Interrupt(2), Refused, Refused];
     for (place, table) in [(0, one_and_two), (1, one_and_two), (2, controller)] {
         for (mode, wanted) in table.into_iter().enumerate() {
             let mut rig = Rig::with_option_card(Some(700));
@@ -280,6 +281,14 @@ fn trigger_modes_are_those_of_the_manual() {
             let mut seen = Vec::new();
             rig.board.sync_net(1);
             seen.extend((pulses(&rig) == 1).then_some(Net));
+            for slot in [1, 2] {
+                let before = pulses(&rig);
+                rig.board.option_card(slot, CardPulses { interrupt: true, sync: false }, 2);
+                seen.extend((pulses(&rig) == before + 1).then_some(Interrupt(slot)));
+            }
+            let is_card_pulsed = rig.board.take_card_pulses().triggers;
+            let wanted_pulses = |index| index == place && !seen.is_empty();
+            assert_eq!(is_card_pulsed, [0, 1].map(wanted_pulses), "trigger {place}, mode {mode}");
             rig.run_to(700);
             seen.extend((pulses(&rig) == 1 && seen.is_empty()).then_some(Card));
             rig.run_to(1000);
@@ -312,6 +321,16 @@ fn events_that_are_not_enabled_leave_no_trace() {
 
 #[test]
 fn an_option_card_makes_event_11() {
+    let mut rig = Rig::new();
+    rig.set_event(11, 0, true);
+    rig.board.option_card(2, CardPulses { interrupt: true, sync: false }, 1);
+    assert_eq!(rig.counts(), []);
+    rig.board.option_card(2, CardPulses { interrupt: false, sync: true }, 2);
+    assert_eq!(rig.counts(), [(11, 1)]);
+}
+
+#[test]
+fn a_simulated_option_card_makes_event_11() {
     let mut rig = Rig::with_option_card(Some(500));
     rig.set_event(11, 0, true);
     rig.run_to(1_600);

@@ -6,7 +6,7 @@ use crate::memory::header::{OptInit, OptInitResult, TRIGGERS, TimerSetup, Trigge
 use crate::memory::{FirmwareHeader, Header};
 use serde::{Deserialize, Serialize};
 
-/// An emulated source of trigger pulses. Interrupts of option cards can be selected but give no pulses.
+/// A source of trigger pulses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Source {
     /// SYNC signal of an option card.
@@ -15,6 +15,10 @@ pub(super) enum Source {
     SyncNet,
     /// Board timer A.
     TimerA,
+    /// Interrupt of the option card in slot 1.
+    InterruptOption1,
+    /// Interrupt of the option card in slot 2.
+    InterruptOption2,
 }
 
 /// Shortest period of a board timer, 50 us: no PLC can follow a shorter one (decision D-183).
@@ -30,6 +34,10 @@ pub(super) struct Triggers {
     closed: bool,
     /// True if the trigger controller was pulsed.
     pub controller_pulsed: bool,
+    /// True for trigger 1 or 2 if it was pulsed. The plant takes these pulses at the moment at which they occur, so a
+    /// snapshot does not contain them.
+    #[serde(skip)]
+    pub card_pulsed: [bool; 2],
 }
 
 impl Triggers {
@@ -39,9 +47,12 @@ impl Triggers {
         if !self.routed {
             return;
         }
-        for (route, slot) in self.routes.iter().zip(&header.triggers) {
+        for (index, (route, slot)) in self.routes.iter().zip(&header.triggers).enumerate() {
             if *route == Some(source) {
                 slot.fire(now);
+                if let Some(pulsed) = self.card_pulsed.get_mut(index) {
+                    *pulsed = true;
+                }
             }
         }
         self.controller_pulsed |= self.routes[Trigger::Controller as usize] == Some(source);
@@ -88,8 +99,8 @@ impl Triggers {
                 None => timers.stop(timer),
             }
         }
-        *self =
-            Triggers { routes: [one, two, controller], routed: true, closed: true, controller_pulsed: false };
+        let routes = [one, two, controller];
+        *self = Triggers { routes, routed: true, closed: true, controller_pulsed: false, ..*self };
         OptInitResult::Done
     }
 }
@@ -98,10 +109,11 @@ impl Triggers {
 /// outer `None` means a reserved mode.
 fn option_mode(mode: u32) -> Option<Option<Source>> {
     match mode {
-        0 | 6 => Some(None),
+        0 => Some(None),
         2 => Some(Some(Source::SyncOption)),
         3 => Some(Some(Source::SyncNet)),
         4 => Some(Some(Source::TimerA)),
+        6 => Some(Some(Source::InterruptOption1)),
         _ => None,
     }
 }
@@ -112,7 +124,8 @@ fn controller_mode(mode: u32) -> Option<Option<Source>> {
         0 => Some(Some(Source::SyncOption)),
         1 => Some(Some(Source::SyncNet)),
         2 => Some(Some(Source::TimerA)),
-        4 | 5 => Some(None),
+        4 => Some(Some(Source::InterruptOption1)),
+        5 => Some(Some(Source::InterruptOption2)),
         _ => None,
     }
 }

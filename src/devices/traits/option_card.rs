@@ -1,0 +1,43 @@
+//! Pulses between a controller and the option cards in its slots.
+
+use crate::devices::Context;
+
+/// Pulses that a controller sends to its option cards at one moment.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ControllerPulses {
+    /// Pulses of trigger 1 and trigger 2.
+    pub triggers: [bool; 2],
+    /// An edge of the SYNC signal of the network.
+    pub sync_net: bool,
+}
+
+/// Pulses that an option card sends to its controller at one moment.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CardPulses {
+    /// Interrupt of the card.
+    pub interrupt: bool,
+    /// SYNC signal of the card.
+    pub sync: bool,
+}
+
+/// A controller with slots for option cards ([`Device::option_slots`](crate::devices::Device::option_slots)). The plant
+/// passes the pulses on at the moment at which they occur, so no pulse is pending in a snapshot.
+pub trait OptionSlots {
+    /// Returns the pulses since the last call.
+    fn take_pulses(&mut self) -> ControllerPulses;
+
+    /// Handles the pulses of the card in slot `slot`, from 1.
+    fn card_pulses(&mut self, slot: u8, pulses: CardPulses, now: u64);
+}
+
+/// A device that can be the option card of a controller ([`Device::option_card`](crate::devices::Device::option_card)).
+pub trait OptionCard {
+    /// Returns the pulses since the last call.
+    fn take_pulses(&mut self) -> CardPulses;
+
+    /// Handles an edge of the SYNC signal of the controller's network.
+    fn sync_edge(&mut self, ctx: &mut Context);
+
+    /// Handles a pulse of the trigger that is connected to the card.
+    fn trigger(&mut self, ctx: &mut Context);
+}
