@@ -8,6 +8,7 @@ mod check;
 mod complete;
 mod completions;
 mod config;
+mod dap;
 mod demo;
 mod detach;
 mod device;
@@ -167,6 +168,7 @@ enum Command {
     Soak(soak::Args),
     Check(check::Args),
     Demo(demo::Args),
+    Dap(dap::Args),
     #[command(hide = true)]
     DemoPlc(demo::plc::Args),
     Board(board::Args),
@@ -248,6 +250,7 @@ impl Command {
             Command::Soak(args) => soak::run(&args),
             Command::Check(args) => check::run(&args),
             Command::Demo(args) => demo::run(&args),
+            Command::Dap(args) => dap::run(&args),
             Command::DemoPlc(args) => demo::plc::run(&args),
             Command::Board(args) => board::run(&args),
             Command::Bus(args) => bus::run(&args),

@@ -17,7 +17,7 @@ const GROUPS: &[(&str, &[&str])] = &[
     ("Analysis", &["view", "web", "shell", "trace", "plot", "check"]),
     ("Tests", &["test", "soak"]),
     ("Register map", &["map", "find", "export", "layout", "device"]),
-    ("Setup", &["lsp", "completions", "man", "help"]),
+    ("Setup", &["lsp", "dap", "completions", "man", "help"]),
 ];
 
 /// Returns the command line of this program.

@@ -42,6 +42,22 @@ pub(super) fn engine(stage: &Rc<RefCell<Stage>>) -> Engine {
     verbs.engine
 }
 
+/// An engine whose verbs only read the stage, for expressions of a debugger.
+#[cfg(feature = "cli")]
+pub(super) fn reader(stage: &Rc<RefCell<Stage>>) -> Engine {
+    let mut verbs = Verbs { engine: Engine::new(), stage: Shared(Rc::clone(stage)), names: Vec::new() };
+    verbs.on("peek", |stage| move |register: &str| stage.act(|bench| bench.peek(register)));
+    verbs.on("describe", |stage| move |register: &str| stage.act(|bench| bench.describe(register)));
+    verbs.on("now", |stage| move || stage.act(|bench| Ok(int(bench.now()?))));
+    caught::register(&mut verbs.engine);
+    shown::register(&mut verbs.engine);
+    name_types(&mut verbs.engine);
+    // An expression prints nothing: the standard output belongs to the protocol of the debugger.
+    verbs.engine.on_print(|_| {});
+    verbs.engine.on_debug(|_, _, _| {});
+    verbs.engine
+}
+
 /// The reason that a script has given to its verb `skip`. It ends the script, and the script cannot catch it.
 #[derive(Clone)]
 pub(super) struct Skipped(pub(super) String);

@@ -11,6 +11,8 @@ mod caught;
 #[cfg(feature = "cli")]
 pub(crate) mod check;
 mod complaint;
+#[cfg(feature = "cli")]
+pub(crate) mod debug;
 mod engine;
 mod error;
 mod failure;
@@ -43,7 +45,7 @@ pub use part::{is_part, needs};
 pub use report::{FoundLine, Mistake, Outcome, PlotFile, Report, Step};
 pub use run::{Limits, run_file};
 #[cfg(feature = "cli")]
-pub(crate) use run::{run_observed, with_stack};
+pub(crate) use run::{run_debugged, run_observed, spawn_with_stack, with_stack};
 pub use value::{Span, Value};
 #[cfg(feature = "cli")]
 pub(crate) use verb::defined;

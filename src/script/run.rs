@@ -45,6 +45,15 @@ pub(crate) fn with_stack<T: Send>(work: impl FnOnce() -> T + Send) -> std::io::R
     })
 }
 
+/// Starts a thread with the stack that scripts need. The thread ends with the process at the latest.
+///
+/// # Errors
+/// The system refuses another thread.
+#[cfg(feature = "cli")]
+pub(crate) fn spawn_with_stack(work: impl FnOnce() + Send + 'static) -> std::io::Result<()> {
+    std::thread::Builder::new().stack_size(STACK).spawn(work).map(drop)
+}
+
 /// Maximum length of a message, in characters. Only messages that contain text of a script can be longer.
 const LONGEST_TEXT: usize = 2000;
 /// Longest line of a script in a report.
@@ -76,7 +85,7 @@ pub fn run_file(
     print: impl FnMut(&str) + 'static,
 ) -> Report {
     let directory = directory_of(file);
-    run_on(file, Stage::new(bench, directory, limits.time_us), limits, print)
+    run_on(file, Stage::new(bench, directory, limits.time_us), limits, print, engine_as_it_is)
 }
 
 /// Returns the directory of a script.
@@ -100,10 +109,64 @@ pub(crate) fn run_observed(
         stage.set_unnamed(&name, plant);
     }
     stage.on_section(sections);
-    run_on(file, stage, limits, print)
+    run_on(file, stage, limits, print, engine_as_it_is)
 }
 
-fn run_on(file: &Path, stage: Stage, limits: Limits, print: impl FnMut(&str) + 'static) -> Report {
+/// Runs a script like [`run_file_for`] under a debugger, which also stops where the scenario fails.
+#[cfg(feature = "cli")]
+pub(crate) fn run_debugged(
+    file: &Path,
+    plant: Option<(String, PlantConfig)>,
+    limits: Limits,
+    print: impl FnMut(&str) + 'static,
+    debugger: Rc<dyn super::debug::ScriptDebugger>,
+) -> Report {
+    let directory = directory_of(file);
+    let mut stage = Stage::new(None, directory.clone(), limits.time_us);
+    if let Some((name, plant)) = plant {
+        stage.set_unnamed(&name, plant);
+    }
+    run_on(file, stage, limits, print, |engine, stage| {
+        let last = super::debug::attach(engine, Rc::clone(&debugger), file, &directory, stage);
+        let stage = Rc::clone(stage);
+        Some(Box::new(move |outcome: &Outcome| {
+            let (what, at) = match outcome {
+                Outcome::Failed(failure) => (failure.what.clone(), failure.location.as_ref()),
+                Outcome::Broken(mistake) => (mistake.what.clone(), Some(&mistake.location)),
+                _ => return,
+            };
+            let mut frames = last.take();
+            // The failure may be in a later part of the line, or in a file that does not compile.
+            if let Some(at) = at {
+                let (file, line) = (PathBuf::from(&at.file), at.line.map_or(0, |line| line as usize));
+                match frames.first_mut() {
+                    Some(top) if top.file == file => top.line = line,
+                    _ => {
+                        frames =
+                            vec![super::debug::DebugFrame { function: String::new(), file, line, column: 0 }]
+                    }
+                }
+            }
+            super::debug::stop_on_failure(&*debugger, what, &frames, &stage);
+        }))
+    })
+}
+
+/// Called with the outcome of a script, before the plant is dropped.
+type AtEnd = Option<Box<dyn FnOnce(&Outcome)>>;
+
+/// Leaves the engine of a script as it is.
+fn engine_as_it_is(_: &mut Engine, _: &Rc<RefCell<Stage>>) -> AtEnd {
+    None
+}
+
+fn run_on(
+    file: &Path,
+    stage: Stage,
+    limits: Limits,
+    print: impl FnMut(&str) + 'static,
+    prepare: impl FnOnce(&mut Engine, &Rc<RefCell<Stage>>) -> AtEnd,
+) -> Report {
     let (started, start) = (SystemTime::now(), Instant::now());
     let directory = directory_of(file);
     let stage = Rc::new(RefCell::new(stage));
@@ -118,7 +181,12 @@ fn run_on(file: &Path, stage: Stage, limits: Limits, print: impl FnMut(&str) + '
             engine.on_print(move |line| printing.borrow_mut().line(line));
             let printing = Rc::clone(&printed);
             engine.on_debug(move |line, _, _| printing.borrow_mut().line(line));
-            run_text(&engine, file, &text, &directory, &stage, limits)
+            let at_end = prepare(&mut engine, &stage);
+            let outcome = run_text(&engine, file, &text, &directory, &stage, limits);
+            if let Some(at_end) = at_end {
+                at_end(&outcome);
+            }
+            outcome
         }
         Err(reason) => broken(&reason, place(file, None)),
     };
@@ -236,6 +304,10 @@ pub(super) fn ended(
         EvalAltResult::ErrorTerminated(reason, _) if reason.is::<Skipped>() => {
             let Skipped(reason) = reason.clone().cast();
             Outcome::Skipped(cut(reason, LONGEST_TEXT))
+        }
+        #[cfg(feature = "cli")]
+        EvalAltResult::ErrorTerminated(reason, _) if reason.is::<super::debug::DebuggerLeft>() => {
+            Outcome::NotRun("the debugger has ended the scenario".to_owned())
         }
         EvalAltResult::ErrorTerminated(reason, _) if reason.is::<TooManySteps>() => {
             let text = format!(

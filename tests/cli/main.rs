@@ -14,6 +14,7 @@ mod completion;
 mod configuration;
 mod cs0015;
 mod damaged;
+mod dap;
 mod demo;
 mod doors;
 mod drives;

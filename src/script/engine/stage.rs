@@ -156,6 +156,12 @@ impl Stage {
         self.bench().ok()?.failure(what.to_owned(), Location::caller()).ok()
     }
 
+    /// The plant, if a verb has used it.
+    #[cfg(feature = "cli")]
+    pub(in crate::script) fn existing_bench(&mut self) -> Option<&mut Bench> {
+        self.bench.as_mut()
+    }
+
     fn limited(&self, mut bench: Bench) -> Bench {
         bench.set_limit(self.limit_us);
         bench

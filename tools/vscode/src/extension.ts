@@ -1,7 +1,8 @@
-// The extension for VS Code: starts the language server and offers scenarios as tests.
+// The extension for VS Code: starts the language server, debugs scenarios, and offers them as tests.
 
 import * as vscode from "vscode";
 import { LanguageClient } from "vscode-languageclient/node";
+import { registerDebugger } from "./debug";
 import { ScenarioTests } from "./tests";
 
 let client: LanguageClient | undefined;
@@ -29,7 +30,7 @@ export async function activate(context: vscode.ExtensionContext): Promise<void> 
     await client?.stop();
     await start();
   });
-  context.subscriptions.push(restart, new ScenarioTests(program));
+  context.subscriptions.push(restart, new ScenarioTests(program), registerDebugger(program));
   await start();
 }
 

@@ -3,6 +3,7 @@
 import { type ChildProcess, spawn } from "node:child_process";
 import * as readline from "node:readline";
 import * as vscode from "vscode";
+import { configurationOf } from "./debug";
 
 /** An event of `commram test`, with the keys that this extension uses. */
 interface TestEvent {
@@ -29,6 +30,8 @@ export class ScenarioTests implements vscode.Disposable {
   constructor(private readonly program: () => string) {
     const run = (request: vscode.TestRunRequest, token: vscode.CancellationToken) => this.run(request, token);
     this.controller.createRunProfile("Run", vscode.TestRunProfileKind.Run, run, true);
+    const debug = (request: vscode.TestRunRequest, token: vscode.CancellationToken) => this.debug(request, token);
+    this.controller.createRunProfile("Debug", vscode.TestRunProfileKind.Debug, debug, true);
     this.controller.refreshHandler = () => this.find();
     this.watcher.onDidCreate(() => this.find());
     this.watcher.onDidDelete(() => this.find());
@@ -62,6 +65,16 @@ export class ScenarioTests implements vscode.Disposable {
       child.on("error", () => resolve(""));
       child.on("close", () => resolve(text));
     });
+  }
+
+  /** Starts a debug session for each scenario. The debug console shows the results. */
+  private async debug(request: vscode.TestRunRequest, token: vscode.CancellationToken): Promise<void> {
+    const wanted = request.include ?? [...this.controller.items].map(([, item]) => item);
+    for (const item of wanted) {
+      if (item.uri && !request.exclude?.includes(item) && !token.isCancellationRequested) {
+        await vscode.debug.startDebugging(vscode.workspace.getWorkspaceFolder(item.uri), configurationOf(item.uri));
+      }
+    }
   }
 
   private async run(request: vscode.TestRunRequest, token: vscode.CancellationToken): Promise<void> {

@@ -1,0 +1,228 @@
+//! The thread of the debugged scenario, and the questions that it answers while the scenario is stopped.
+
+use super::session::Event;
+use crate::layout::Fit;
+use crate::plant::PlantConfig;
+use crate::script::debug::{DebugFrame, Resume, ScriptDebugger, StopReason, StoppedScript};
+use crate::script::{Bench, Limits, run_debugged, spawn_with_stack};
+use core::cell::RefCell;
+use core::sync::atomic::{AtomicBool, Ordering};
+use serde_json::{Value, json};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::sync::mpsc::{Receiver, Sender, SyncSender};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Reference of the variables of the script.
+pub(super) const VARIABLES: u64 = 1;
+/// Reference of the areas of registers.
+pub(super) const AREAS: u64 = 2;
+/// Reference of the first area.
+const FIRST_AREA: u64 = 1000;
+/// Most variables in one answer; the editor asks for further ones.
+const MOST_VARIABLES: usize = 2000;
+
+/// Requests of the editor that also concern a running script.
+#[derive(Default)]
+pub(super) struct Shared {
+    /// Lines with breakpoints, by the real path of the file.
+    pub breakpoints: Mutex<BTreeMap<PathBuf, BTreeSet<usize>>>,
+    /// A requested pause.
+    pub pause: AtomicBool,
+}
+
+/// A question to a stopped script.
+pub(super) enum Question {
+    /// Children of a reference, from a first one, with a count; a count of 0 means all.
+    Variables { reference: u64, start: usize, count: usize },
+    /// The value of a register or of an expression.
+    Evaluate(String),
+    /// A write of a register of an area.
+    Poke { reference: u64, name: String, value: String },
+}
+
+/// A command for a stopped script.
+pub(super) enum Command {
+    Ask(Question, SyncSender<Result<Value, String>>),
+    Resume(Resume),
+}
+
+/// What the editor wants to run.
+pub(super) struct Launch {
+    pub program: PathBuf,
+    pub stop_on_entry: bool,
+    pub device: Option<(String, PlantConfig)>,
+    pub time_us: u64,
+}
+
+/// Starts the scenario. Its events go to `events`.
+pub(super) fn start(
+    launch: Launch,
+    shared: Arc<Shared>,
+    commands: Receiver<Command>,
+    events: Sender<Event>,
+) -> std::io::Result<()> {
+    spawn_with_stack(move || {
+        let Launch { program, stop_on_entry, device, time_us } = launch;
+        // A stop takes real time, and an editor can pause an endless script.
+        let limits = Limits { operations: 0, time_us, real: core::time::Duration::MAX };
+        let printed = events.clone();
+        let print = move |line: &str| {
+            let _ = printed.send(Event::Output(line.to_owned()));
+        };
+        let stops = events.clone();
+        let stopper = Stopper { shared, commands, events: stops, stop_on_entry, paths: RefCell::default() };
+        let report = run_debugged(&program, device, limits, print, Rc::new(stopper));
+        let _ = events.send(Event::Ended(Box::new(report)));
+    })
+}
+
+/// The debugger in the thread of the script.
+struct Stopper {
+    shared: Arc<Shared>,
+    commands: Receiver<Command>,
+    events: Sender<Event>,
+    stop_on_entry: bool,
+    /// Real paths of the files.
+    paths: RefCell<BTreeMap<PathBuf, PathBuf>>,
+}
+
+impl ScriptDebugger for Stopper {
+    fn stops_on_entry(&self) -> bool {
+        self.stop_on_entry
+    }
+
+    fn takes_pause(&self) -> bool {
+        self.shared.pause.load(Ordering::Relaxed) && self.shared.pause.swap(false, Ordering::Relaxed)
+    }
+
+    fn has_breakpoint(&self, file: &Path, line: usize) -> bool {
+        let breakpoints = self.shared.breakpoints.lock().unwrap_or_else(PoisonError::into_inner);
+        if breakpoints.is_empty() {
+            return false;
+        }
+        let mut paths = self.paths.borrow_mut();
+        let real = match paths.get(file) {
+            Some(real) => real,
+            None => paths.entry(file.to_owned()).or_insert_with(|| real_path(file)),
+        };
+        breakpoints.get(real).is_some_and(|lines| lines.contains(&line))
+    }
+
+    fn wait(&self, reason: StopReason, frames: &[DebugFrame], state: &mut StoppedScript<'_>) -> Resume {
+        let time_us = state.time_us();
+        if self.events.send(Event::Stopped { reason, frames: frames.to_vec(), time_us }).is_err() {
+            return Resume::End;
+        }
+        loop {
+            match self.commands.recv() {
+                Ok(Command::Ask(question, reply)) => {
+                    let _ = reply.send(answer(question, state));
+                }
+                Ok(Command::Resume(resume)) => return resume,
+                // The session has ended.
+                Err(_) => return Resume::End,
+            }
+        }
+    }
+}
+
+/// The path of a file without links; the path as it is if there is no such file.
+pub(super) fn real_path(file: &Path) -> PathBuf {
+    file.canonicalize().unwrap_or_else(|_| file.to_owned())
+}
+
+fn answer(question: Question, state: &mut StoppedScript<'_>) -> Result<Value, String> {
+    match question {
+        Question::Variables { reference: VARIABLES, start, count } => {
+            let all = state.variables().into_iter().map(|(name, value)| {
+                json!({ "name": name, "value": value, "evaluateName": name, "variablesReference": 0 })
+            });
+            Ok(json!({ "variables": page(all, start, count) }))
+        }
+        Question::Variables { reference: AREAS, start, count } => {
+            let areas = state.plant(|bench| Ok(areas(bench)))?;
+            let all = areas.iter().zip(FIRST_AREA..).map(|(area, reference)| {
+                json!({
+                    "name": area.name,
+                    "value": area.doc,
+                    "variablesReference": reference,
+                    "indexedVariables": area.registers.len(),
+                })
+            });
+            Ok(json!({ "variables": page(all, start, count) }))
+        }
+        Question::Variables { reference, start, count } => {
+            let area = area(state, reference)?;
+            let all = area.registers.iter().map(|name| {
+                let full = format!("{}.{name}", area.name);
+                let value = described(state, &full).unwrap_or_else(|error| error);
+                json!({ "name": name, "value": value, "evaluateName": full, "variablesReference": 0 })
+            });
+            Ok(json!({ "variables": page(all, start, count) }))
+        }
+        Question::Evaluate(text) => {
+            let result = state.evaluate(&text)?;
+            Ok(json!({ "result": result, "variablesReference": 0 }))
+        }
+        Question::Poke { reference, name, value } => {
+            if reference < FIRST_AREA {
+                return Err(format!("{name}: only a register can be changed, not a variable of the script"));
+            }
+            let full = format!("{}.{name}", area(state, reference)?.name);
+            state.plant(|bench| bench.poke(&full, value.trim()))?;
+            Ok(json!({ "value": described(state, &full)? }))
+        }
+    }
+}
+
+/// The value of a register with its meaning.
+fn described(state: &mut StoppedScript<'_>, register: &str) -> Result<String, String> {
+    let text = state.plant(|bench| bench.describe(register))?;
+    Ok(text.split_once(" = ").map_or_else(|| text.clone(), |(_, value)| value.to_owned()))
+}
+
+fn page(all: impl Iterator<Item = Value>, start: usize, count: usize) -> Vec<Value> {
+    let count = if count == 0 { MOST_VARIABLES } else { count.min(MOST_VARIABLES) };
+    all.skip(start).take(count).collect()
+}
+
+/// An area of registers.
+struct AreaView {
+    /// The name with its PLC, if there are several.
+    name: String,
+    doc: String,
+    /// Names of the registers in the area.
+    registers: Vec<String>,
+}
+
+fn area(state: &mut StoppedScript<'_>, reference: u64) -> Result<AreaView, String> {
+    let mut areas = state.plant(|bench| Ok(areas(bench)))?;
+    let index = reference.checked_sub(FIRST_AREA).and_then(|index| usize::try_from(index).ok());
+    let index = index.filter(|index| *index < areas.len());
+    index.map(|index| areas.swap_remove(index)).ok_or_else(|| {
+        format!("variablesReference {reference}: unknown; right is a number of an answer to `scopes` or `variables`")
+    })
+}
+
+/// The areas of the plant that have registers.
+fn areas(bench: &Bench) -> Vec<AreaView> {
+    let names = bench.names();
+    let mut all = Vec::new();
+    for (plc, fitted) in names.plcs.iter().zip(&names.devices) {
+        let prefix = if names.plcs.len() > 1 { format!("{plc}:") } else { String::new() };
+        for area in fitted.device().named_areas().filter(|area| fitted.area(area) != Fit::Empty) {
+            let registers: Vec<_> =
+                fitted.used_registers(area).map(|register| register.path().to_string()).collect();
+            if !registers.is_empty() {
+                all.push(AreaView {
+                    name: format!("{prefix}{}", area.name),
+                    doc: area.doc.to_owned(),
+                    registers,
+                });
+            }
+        }
+    }
+    all
+}

@@ -1,0 +1,326 @@
+//! Stops of a script for a debugger. An engine without a debugger calls nothing of this module.
+
+use super::Bench;
+use super::ScenarioError;
+use super::engine::{Stage, reader, value_text};
+use super::imports::module_file;
+use core::cell::{Cell, RefCell};
+use rhai::debugger::DebuggerCommand;
+use rhai::{
+    ASTNode, Dynamic, Engine, EvalAltResult, EvalContext, Expr, OptimizationLevel, Position, Scope, Stmt,
+};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+/// Steps that an expression of the debugger may take.
+const STEPS_OF_EXPRESSION: u64 = 100_000;
+/// Deepest nesting of an expression of the debugger.
+const DEEPEST_EXPRESSION: usize = 32;
+
+/// A function of a script, and the line that it executes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct DebugFrame {
+    /// Name of the function; empty outside of functions.
+    pub function: String,
+    /// The file with the line.
+    pub file: PathBuf,
+    /// The line, from 1; 0 if it is not known.
+    pub line: usize,
+    /// The column, from 1; 0 if it is not known.
+    pub column: usize,
+}
+
+/// Reason for a stop.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum StopReason {
+    /// The first statement.
+    Entry,
+    /// The end of a step.
+    Step,
+    /// A line with a breakpoint.
+    Breakpoint,
+    /// The debugger has requested a pause.
+    Pause,
+    /// The scenario fails with this message.
+    Failure(String),
+}
+
+/// Next action of a script that has stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Resume {
+    /// Run to the next breakpoint.
+    Continue,
+    /// Run to the next line of this function or of a caller.
+    Over,
+    /// Run to the next line of any function.
+    Into,
+    /// Run to the next line of a caller.
+    Out,
+    /// End the script.
+    End,
+}
+
+/// Ends a script because the debugger has left. The script cannot catch it.
+#[derive(Clone, Copy)]
+pub(super) struct DebuggerLeft;
+
+/// A debugger, called in the thread of the script.
+pub(crate) trait ScriptDebugger {
+    /// Whether the first statement is a stop.
+    fn stops_on_entry(&self) -> bool;
+
+    /// Takes a request for a pause: true once for each request.
+    fn takes_pause(&self) -> bool;
+
+    /// Whether a line of a file has a breakpoint.
+    fn has_breakpoint(&self, file: &Path, line: usize) -> bool;
+
+    /// Waits at a stop. The frames begin with the innermost function.
+    fn wait(&self, reason: StopReason, frames: &[DebugFrame], state: &mut StoppedScript<'_>) -> Resume;
+}
+
+/// Variables and plant of a script that has stopped.
+pub(crate) struct StoppedScript<'a> {
+    variables: Vec<(String, Dynamic)>,
+    stage: &'a Rc<RefCell<Stage>>,
+}
+
+impl StoppedScript<'_> {
+    /// The local variables of the innermost function, as names and texts, the latest first.
+    pub(crate) fn variables(&self) -> Vec<(String, String)> {
+        self.variables.iter().rev().map(|(name, value)| (name.clone(), value_text(value))).collect()
+    }
+
+    /// Calls `act` with the plant.
+    ///
+    /// # Errors
+    /// The plant is refused, or `act` returns an error.
+    pub(crate) fn plant<T>(
+        &mut self,
+        act: impl FnOnce(&mut Bench) -> Result<T, ScenarioError>,
+    ) -> Result<T, String> {
+        let mut stage = self.stage.try_borrow_mut().map_err(|_| "the plant executes a verb".to_owned())?;
+        stage.existing_bench().map_or_else(
+            || Err("the scenario has no plant yet: no verb has used it".to_owned()),
+            |bench| act(bench).map_err(|error| error.to_string()),
+        )
+    }
+
+    /// Emulated time in microseconds; 0 before the first verb.
+    pub(crate) fn time_us(&mut self) -> u64 {
+        self.plant(Bench::now).unwrap_or(0)
+    }
+
+    /// The value of a register with its meaning, or of an expression that only reads: no verb except `peek`, `describe`
+    /// and `now`, and copies of the variables.
+    ///
+    /// # Errors
+    /// The text is neither a register nor such an expression.
+    pub(crate) fn evaluate(&mut self, text: &str) -> Result<String, String> {
+        if let Ok(text) = self.plant(|bench| bench.describe(text.trim())) {
+            return Ok(text);
+        }
+        let mut engine = reader(self.stage);
+        engine.set_max_operations(STEPS_OF_EXPRESSION);
+        engine.set_max_expr_depths(DEEPEST_EXPRESSION, DEEPEST_EXPRESSION);
+        engine.set_max_string_size(1 << 16);
+        engine.set_max_array_size(1 << 16);
+        engine.set_max_map_size(1 << 16);
+        engine.disable_symbol("eval");
+        let mut scope = Scope::new();
+        for (name, value) in &self.variables {
+            scope.push_dynamic(name.as_str(), value.flatten_clone());
+        }
+        let value = engine.eval_expression_with_scope::<Dynamic>(&mut scope, text);
+        value.map(|value| value_text(&value)).map_err(|error| error.to_string())
+    }
+}
+
+/// The lines of a script on which a breakpoint may be set: those on which a statement begins.
+///
+/// # Errors
+/// The text is not a script; the message has the reason.
+pub(crate) fn lines_of_statements(text: &str) -> Result<BTreeSet<usize>, String> {
+    let mut engine = Engine::new();
+    engine.set_optimization_level(OptimizationLevel::None);
+    engine.set_max_expr_depths(64, 64);
+    let ast = engine.compile(text).map_err(|error| error.to_string())?;
+    let mut lines = BTreeSet::new();
+    ast.walk(&mut |path| {
+        if let Some(ASTNode::Stmt(stmt)) = path.last()
+            && !is_structure(stmt)
+        {
+            lines.extend(stmt.position().line());
+        }
+        true
+    });
+    Ok(lines)
+}
+
+/// Statements that only contain other ones: a stop there would be a second stop of the same line.
+fn is_structure(stmt: &Stmt) -> bool {
+    matches!(stmt, Stmt::Block(..) | Stmt::Noop(..))
+}
+
+/// Position in a file, for comparison.
+type Line = (Option<String>, usize);
+
+/// Decides about stops.
+struct Stepper {
+    debugger: Rc<dyn ScriptDebugger>,
+    directory: PathBuf,
+    scenario: PathBuf,
+    stage: Rc<RefCell<Stage>>,
+    /// The present step with the depth of the function in which it began.
+    step: Cell<(Resume, usize)>,
+    is_first: Cell<bool>,
+    /// The last line of each function in the call stack, the outermost first.
+    lines: RefCell<Vec<Line>>,
+    /// The functions at the last statement, for a failure.
+    last: Rc<RefCell<Vec<DebugFrame>>>,
+}
+
+/// Attaches a debugger to the engine of a scenario. The result has the functions at the last statement.
+pub(super) fn attach(
+    engine: &mut Engine,
+    debugger: Rc<dyn ScriptDebugger>,
+    scenario: &Path,
+    directory: &Path,
+    stage: &Rc<RefCell<Stage>>,
+) -> Rc<RefCell<Vec<DebugFrame>>> {
+    // Each line of the file is also a line of the program.
+    engine.set_optimization_level(OptimizationLevel::None);
+    let last = Rc::default();
+    let stepper = Stepper {
+        debugger,
+        directory: directory.to_owned(),
+        scenario: scenario.to_owned(),
+        stage: Rc::clone(stage),
+        step: Cell::new((Resume::Continue, 0)),
+        is_first: Cell::new(true),
+        lines: RefCell::default(),
+        last: Rc::clone(&last),
+    };
+    #[expect(deprecated, reason = "Rhai marks an interface that may change; `~1.27` in Cargo.toml keeps it")]
+    engine.register_debugger(
+        |_, debugger| debugger,
+        move |context, _, node, source, position| stepper.visit(&context, node, source, position),
+    );
+    last
+}
+
+/// A stop after the failure of a scenario. The variables are gone; the plant is as the failure has left it.
+pub(super) fn stop_on_failure(
+    debugger: &dyn ScriptDebugger,
+    what: String,
+    frames: &[DebugFrame],
+    stage: &Rc<RefCell<Stage>>,
+) {
+    let mut state = StoppedScript { variables: Vec::new(), stage };
+    let _ = debugger.wait(StopReason::Failure(what), frames, &mut state);
+}
+
+impl Stepper {
+    fn visit(
+        &self,
+        context: &EvalContext<'_, '_, '_, '_, '_, '_>,
+        node: ASTNode<'_>,
+        source: Option<&str>,
+        position: Position,
+    ) -> Result<DebuggerCommand, Box<EvalAltResult>> {
+        let Some(line) = position.line() else { return Ok(DebuggerCommand::StepInto) };
+        let calls = context.debugger().map_or(&[][..], |debugger| debugger.call_stack());
+        let is_statement = match node {
+            ASTNode::Stmt(stmt) if is_structure(stmt) => return Ok(DebuggerCommand::StepInto),
+            ASTNode::Stmt(_) => true,
+            // Parts of a call over several lines are no statements.
+            ASTNode::Expr(Expr::FnCall(..) | Expr::Dot(..) | Expr::MethodCall(..)) => false,
+            _ => return Ok(DebuggerCommand::StepInto),
+        };
+        let depth = calls.len();
+        let here = (source.map(str::to_owned), line);
+        let mut lines = self.lines.borrow_mut();
+        let is_new = lines.len() <= depth || lines.get(depth) != Some(&here);
+        lines.truncate(depth + 1);
+        lines.resize(depth, (None, 0));
+        lines.push(here);
+        drop(lines);
+        if !is_statement && !is_new {
+            return Ok(DebuggerCommand::StepInto);
+        }
+        let file = self.file(source);
+        let Some(reason) = self.reason(depth, &file, line) else {
+            *self.last.borrow_mut() = self.frames(context, source, position);
+            return Ok(DebuggerCommand::StepInto);
+        };
+        let frames = self.frames(context, source, position);
+        let variables =
+            context.scope().iter().map(|(name, _, value)| (name.to_owned(), value.flatten_clone()));
+        let mut state = StoppedScript { variables: variables.collect(), stage: &self.stage };
+        let resume = self.debugger.wait(reason, &frames, &mut state);
+        *self.last.borrow_mut() = frames;
+        if resume == Resume::End {
+            return Err(EvalAltResult::ErrorTerminated(Dynamic::from(DebuggerLeft), position).into());
+        }
+        self.step.set((resume, depth));
+        Ok(DebuggerCommand::StepInto)
+    }
+
+    fn reason(&self, depth: usize, file: &Path, line: usize) -> Option<StopReason> {
+        let is_first = self.is_first.replace(false);
+        if is_first && self.debugger.stops_on_entry() {
+            return Some(StopReason::Entry);
+        }
+        if self.debugger.takes_pause() {
+            return Some(StopReason::Pause);
+        }
+        if self.debugger.has_breakpoint(file, line) {
+            return Some(StopReason::Breakpoint);
+        }
+        let (step, from) = self.step.get();
+        let is_end = match step {
+            Resume::Into => true,
+            Resume::Over => depth <= from,
+            Resume::Out => depth < from,
+            Resume::Continue | Resume::End => false,
+        };
+        is_end.then_some(StopReason::Step)
+    }
+
+    fn file(&self, source: Option<&str>) -> PathBuf {
+        match source {
+            None | Some("") => self.scenario.clone(),
+            Some(source) => module_file(source, &self.directory),
+        }
+    }
+
+    /// The functions that run, the innermost first. A call has the file of its function and the place of its caller.
+    fn frames(
+        &self,
+        context: &EvalContext<'_, '_, '_, '_, '_, '_>,
+        source: Option<&str>,
+        position: Position,
+    ) -> Vec<DebugFrame> {
+        let calls = context.debugger().map_or(&[][..], |debugger| debugger.call_stack());
+        let frame = |function: &str, source: Option<&str>, position: Position| DebugFrame {
+            function: function.to_owned(),
+            file: self.file(source),
+            line: position.line().unwrap_or(0),
+            column: position.position().unwrap_or(0),
+        };
+        let mut at = position;
+        let mut source = source;
+        let mut frames = Vec::with_capacity(calls.len() + 1);
+        for (index, call) in calls.iter().enumerate().rev() {
+            frames.push(frame(&call.fn_name, source, at));
+            at = call.pos;
+            source = index
+                .checked_sub(1)
+                .and_then(|below| calls.get(below))
+                .and_then(|call| call.source.as_deref());
+        }
+        frames.push(frame("", source, at));
+        frames
+    }
+}

@@ -1,0 +1,272 @@
+//! Tests `commram dap` as a process: an editor debugs a scenario.
+
+use crate::common::commram;
+use serde_json::{Value, json};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::path::Path;
+use std::process::{Child, ChildStdin, ChildStdout, Stdio};
+
+/// A scenario with a function; its last line fails.
+const SCENARIO: &str = "\
+import \"common\" as common;
+let speed = 7;
+
+fn start(node) {
+    let name = node + \".w_CPU_CONTROL\";
+    poke(name, 1);
+}
+
+start(\"node2\");
+step(\"2ms\");
+speed += 1;
+common::twice(speed);
+print(\"started\");
+expect(\"node2.w_CPU_CONTROL\", 5);
+";
+const COMMON: &str = "fn twice(number) {\n    let result = number * 2;\n    result\n}\n";
+
+/// An editor with its adapter.
+struct Editor {
+    child: Child,
+    input: ChildStdin,
+    output: BufReader<ChildStdout>,
+    sent: u64,
+    /// Events that no test has asked for.
+    events: Vec<Value>,
+}
+
+impl Editor {
+    fn new() -> Self {
+        let mut child = commram()
+            .arg("dap")
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let input = child.stdin.take().unwrap();
+        let output = BufReader::new(child.stdout.take().unwrap());
+        Self { child, input, output, sent: 0, events: Vec::new() }
+    }
+
+    /// Starts a scenario with breakpoints; the result has the answer for the breakpoints.
+    fn launch(program: &Path, arguments: &Value, breakpoints: &[(&Path, &[u32])]) -> (Self, Vec<Value>) {
+        let mut editor = Self::new();
+        editor.ok("initialize", json!({ "adapterID": "commram" }));
+        editor.event("initialized");
+        let mut all = json!({ "program": program });
+        all.as_object_mut().unwrap().extend(arguments.as_object().unwrap().clone());
+        editor.ok("launch", all);
+        let mut set = Vec::new();
+        for (file, lines) in breakpoints {
+            let lines: Vec<_> = lines.iter().map(|line| json!({ "line": line })).collect();
+            let answer =
+                editor.ok("setBreakpoints", json!({ "source": { "path": file }, "breakpoints": lines }));
+            set.extend(answer["breakpoints"].as_array().unwrap().clone());
+        }
+        editor.ok("configurationDone", json!({}));
+        (editor, set)
+    }
+
+    fn message(&mut self) -> Value {
+        let mut line = String::new();
+        self.output.read_line(&mut line).unwrap();
+        let length = line.trim().strip_prefix("Content-Length: ").unwrap().parse().unwrap();
+        self.output.read_line(&mut line).unwrap();
+        let mut text = vec![0_u8; length];
+        self.output.read_exact(&mut text).unwrap();
+        serde_json::from_slice(&text).unwrap()
+    }
+
+    fn request(&mut self, command: &str, arguments: Value) -> Value {
+        self.sent += 1;
+        let message =
+            json!({ "seq": self.sent, "type": "request", "command": command, "arguments": arguments });
+        let text = message.to_string();
+        write!(self.input, "Content-Length: {}\r\n\r\n{text}", text.len()).unwrap();
+        loop {
+            let message = self.message();
+            if message["type"] == "response" {
+                assert_eq!(message["request_seq"], self.sent, "{message}");
+                return message;
+            }
+            self.events.push(message);
+        }
+    }
+
+    fn ok(&mut self, command: &str, arguments: Value) -> Value {
+        let mut answer = self.request(command, arguments);
+        assert_eq!(answer["success"], true, "{answer}");
+        answer["body"].take()
+    }
+
+    fn refused(&mut self, command: &str, arguments: Value) -> String {
+        let answer = self.request(command, arguments);
+        assert_eq!(answer["success"], false, "{answer}");
+        answer["message"].as_str().unwrap().to_owned()
+    }
+
+    /// The body of the next event with this name.
+    fn event(&mut self, name: &str) -> Value {
+        loop {
+            if let Some(at) = self.events.iter().position(|event| event["event"] == name) {
+                return self.events.remove(at)["body"].take();
+            }
+            let message = self.message();
+            assert_eq!(message["type"], "event", "{message}");
+            self.events.push(message);
+        }
+    }
+
+    /// The reason of the next stop, with the functions and lines of the call stack.
+    fn stop(&mut self) -> (String, Vec<(String, u64)>) {
+        let reason = self.event("stopped")["reason"].as_str().unwrap().to_owned();
+        let stack = self.ok("stackTrace", json!({ "threadId": 1 }));
+        let frame = |frame: &Value| {
+            let name = frame["name"].as_str().unwrap();
+            (name.split(" at ").next().unwrap().to_owned(), frame["line"].as_u64().unwrap())
+        };
+        (reason, stack["stackFrames"].as_array().unwrap().iter().map(frame).collect())
+    }
+
+    fn resume(&mut self, command: &str) -> (String, Vec<(String, u64)>) {
+        self.ok(command, json!({ "threadId": 1 }));
+        self.stop()
+    }
+
+    fn value(&mut self, expression: &str) -> String {
+        let answer = self.ok("evaluate", json!({ "expression": expression, "frameId": 0 }));
+        answer["result"].as_str().unwrap().to_owned()
+    }
+
+    /// Ends the session, and expects that the adapter ends well.
+    fn disconnect(mut self) {
+        self.ok("disconnect", json!({}));
+        assert_eq!(self.child.wait().unwrap().code(), Some(0));
+    }
+}
+
+/// A directory with the scenario, its import, and their paths.
+fn scenario() -> (tempfile::TempDir, std::path::PathBuf, std::path::PathBuf) {
+    let directory = tempfile::tempdir().unwrap();
+    let (own, common) = (directory.path().join("own.rhai"), directory.path().join("common.rhai"));
+    std::fs::write(&own, SCENARIO).unwrap();
+    std::fs::write(&common, COMMON).unwrap();
+    (directory, own, common)
+}
+
+fn at(reason: &str, frames: &[(&str, u64)]) -> (String, Vec<(String, u64)>) {
+    (reason.to_owned(), frames.iter().map(|(name, line)| ((*name).to_owned(), *line)).collect())
+}
+
+#[test]
+fn breakpoints_and_steps_stop_at_their_lines() {
+    let (_directory, own, common) = scenario();
+    let (mut editor, set) = Editor::launch(&own, &json!({}), &[(&own, &[3, 4, 200]), (&common, &[2])]);
+    // Line 3 is empty, and line 4 has no statement of its own.
+    let lines: Vec<_> = set.iter().map(|point| (point["verified"].clone(), point["line"].clone())).collect();
+    assert_eq!(
+        lines,
+        [
+            (json!(true), json!(5)),
+            (json!(true), json!(5)),
+            (json!(false), Value::Null),
+            (json!(true), json!(2))
+        ]
+    );
+    assert_eq!(editor.stop(), at("breakpoint", &[("start", 5), ("(scenario)", 9)]));
+    assert_eq!(editor.value("node"), "node2");
+    assert_eq!(editor.resume("next"), at("step", &[("start", 6), ("(scenario)", 9)]));
+    assert_eq!(editor.resume("stepOut"), at("step", &[("(scenario)", 10)]));
+    assert_eq!(editor.resume("next"), at("step", &[("(scenario)", 11)]));
+    assert_eq!(editor.value("now()"), "2000");
+    assert_eq!(editor.resume("next"), at("step", &[("(scenario)", 12)]));
+    assert_eq!(editor.resume("continue"), at("breakpoint", &[("twice", 2), ("(scenario)", 12)]));
+    editor.disconnect();
+}
+
+#[test]
+fn variables_and_registers_are_shown_and_registers_are_changed() {
+    let (_directory, own, _) = scenario();
+    let (mut editor, _) = Editor::launch(&own, &json!({}), &[(&own, &[12])]);
+    assert_eq!(editor.stop(), at("breakpoint", &[("(scenario)", 12)]));
+    let scopes = editor.ok("scopes", json!({ "frameId": 0 }));
+    let variables =
+        editor.ok("variables", json!({ "variablesReference": scopes["scopes"][0]["variablesReference"] }));
+    let speed = variables["variables"].as_array().unwrap().iter().find(|it| it["name"] == "speed").unwrap();
+    assert_eq!(speed["value"], "8");
+    let areas =
+        editor.ok("variables", json!({ "variablesReference": scopes["scopes"][1]["variablesReference"] }));
+    let node = areas["variables"].as_array().unwrap().iter().find(|it| it["name"] == "node2").unwrap();
+    let reference = node["variablesReference"].clone();
+    let page = editor.ok("variables", json!({ "variablesReference": reference, "start": 1, "count": 2 }));
+    assert_eq!(page["variables"].as_array().unwrap().len(), 2);
+    let changed = editor.ok(
+        "setVariable",
+        json!({ "variablesReference": reference, "name": "w_CPU_CONTROL", "value": "16#0005" }),
+    );
+    assert!(changed["value"].as_str().unwrap().starts_with("16#0005"), "{changed}");
+    assert!(editor.value("node2.w_CPU_CONTROL").contains("16#0005"));
+    // An expression has no effects.
+    assert_eq!(editor.value("speed * 2"), "16");
+    assert!(
+        editor
+            .refused("evaluate", json!({ "expression": "poke(\"node2.w_CPU_CONTROL\", 2)" }))
+            .contains("poke")
+    );
+    let refusal =
+        editor.refused("setVariable", json!({ "variablesReference": 1, "name": "speed", "value": "1" }));
+    assert!(refusal.contains("only a register can be changed"), "{refusal}");
+    // With the changed register the scenario passes.
+    editor.ok("continue", json!({}));
+    assert_eq!(editor.event("output")["output"], "started\n");
+    assert_eq!(editor.event("exited")["exitCode"], 0);
+    editor.event("terminated");
+    editor.disconnect();
+}
+
+#[test]
+fn a_failure_stops_the_scenario_where_it_fails() {
+    let (_directory, own, _) = scenario();
+    let (mut editor, _) = Editor::launch(&own, &json!({ "stopOnEntry": true }), &[]);
+    assert_eq!(editor.stop(), at("entry", &[("(scenario)", 1)]));
+    assert_eq!(editor.resume("continue"), at("exception", &[("(scenario)", 14)]));
+    let info = editor.ok("exceptionInfo", json!({ "threadId": 1 }));
+    assert!(info["description"].as_str().unwrap().contains("w_CPU_CONTROL"), "{info}");
+    assert!(editor.value("node2.w_CPU_CONTROL").contains("16#0001"));
+    editor.ok("continue", json!({}));
+    assert_eq!(editor.event("exited")["exitCode"], 1);
+    editor.disconnect();
+}
+
+#[test]
+fn an_endless_scenario_is_paused_and_ended_at_once() {
+    let directory = tempfile::tempdir().unwrap();
+    let own = directory.path().join("own.rhai");
+    std::fs::write(&own, "let count = 0;\nprint(\"begins\");\nloop {\n    count += 1;\n}\n").unwrap();
+    let (mut editor, _) = Editor::launch(&own, &json!({}), &[]);
+    editor.event("output");
+    assert!(editor.refused("stackTrace", json!({ "threadId": 1 })).contains("pause it first"));
+    editor.ok("pause", json!({ "threadId": 1 }));
+    let (reason, _) = editor.stop();
+    assert_eq!(reason, "pause");
+    editor.ok("continue", json!({}));
+    editor.ok("terminate", json!({}));
+    editor.event("terminated");
+    editor.disconnect();
+}
+
+#[test]
+fn wrong_launches_and_hostile_input_get_an_error() {
+    let mut editor = Editor::new();
+    let refusal = editor.refused("launch", json!({ "program": "/nonexistent/own.rhai" }));
+    assert_eq!(refusal, "program: /nonexistent/own.rhai is not a file; name a scenario");
+    assert_eq!(editor.refused("stepBack", json!({})), "this adapter has no request `stepBack`");
+    write!(editor.input, "Content-Length: x\r\n\r\n").unwrap();
+    let output = editor.child.wait().unwrap();
+    assert_eq!(output.code(), Some(2));
+    // An editor that dies closes the input.
+    let Editor { mut child, input, .. } = Editor::new();
+    drop(input);
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+}
