@@ -67,13 +67,13 @@ pub(super) struct DebuggerLeft;
 
 /// A debugger, called in the thread of the script.
 pub(crate) trait ScriptDebugger {
-    /// Whether the first statement is a stop.
+    /// True if the script stops at its first statement.
     fn stops_on_entry(&self) -> bool;
 
     /// Takes a request for a pause: true once for each request.
     fn takes_pause(&self) -> bool;
 
-    /// Whether a line of a file has a breakpoint.
+    /// True if a line of a file has a breakpoint.
     fn has_breakpoint(&self, file: &Path, line: usize) -> bool;
 
     /// Waits at a stop. The frames begin with the innermost function.

@@ -240,6 +240,16 @@ fn a_failure_stops_the_scenario_where_it_fails() {
 }
 
 #[test]
+fn a_scenario_without_debugging_stops_nowhere() {
+    let (_directory, own, _) = scenario();
+    let arguments = json!({ "stopOnEntry": true, "noDebug": true });
+    let (mut editor, _) = Editor::launch(&own, &arguments, &[(&own, &[9])]);
+    assert_eq!(editor.event("exited")["exitCode"], 1);
+    assert!(editor.events.iter().all(|event| event["event"] != "stopped"), "{:?}", editor.events);
+    editor.disconnect();
+}
+
+#[test]
 fn an_endless_scenario_is_paused_and_ended_at_once() {
     let directory = tempfile::tempdir().unwrap();
     let own = directory.path().join("own.rhai");

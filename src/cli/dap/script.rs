@@ -20,7 +20,7 @@ pub(super) const VARIABLES: u64 = 1;
 pub(super) const AREAS: u64 = 2;
 /// Reference of the first area.
 const FIRST_AREA: u64 = 1000;
-/// Most variables in one answer; the editor asks for further ones.
+/// Maximum number of variables in one answer; the editor requests more.
 const MOST_VARIABLES: usize = 2000;
 
 /// Requests of the editor that also concern a running script.
@@ -48,10 +48,12 @@ pub(super) enum Command {
     Resume(Resume),
 }
 
-/// What the editor wants to run.
+/// A scenario that the editor starts.
 pub(super) struct Launch {
     pub program: PathBuf,
     pub stop_on_entry: bool,
+    /// False if the editor runs the scenario without debugging: only a pause stops it.
+    pub is_debugged: bool,
     pub device: Option<(String, PlantConfig)>,
     pub time_us: u64,
 }
@@ -64,7 +66,7 @@ pub(super) fn start(
     events: Sender<Event>,
 ) -> std::io::Result<()> {
     spawn_with_stack(move || {
-        let Launch { program, stop_on_entry, device, time_us } = launch;
+        let Launch { program, stop_on_entry, is_debugged, device, time_us } = launch;
         // A stop takes real time, and an editor can pause an endless script.
         let limits = Limits { operations: 0, time_us, real: core::time::Duration::MAX };
         let printed = events.clone();
@@ -72,7 +74,9 @@ pub(super) fn start(
             let _ = printed.send(Event::Output(line.to_owned()));
         };
         let stops = events.clone();
-        let stopper = Stopper { shared, commands, events: stops, stop_on_entry, paths: RefCell::default() };
+        let stop_on_entry = stop_on_entry && is_debugged;
+        let paths = RefCell::default();
+        let stopper = Stopper { shared, commands, events: stops, stop_on_entry, is_debugged, paths };
         let report = run_debugged(&program, device, limits, print, Rc::new(stopper));
         let _ = events.send(Event::Ended(Box::new(report)));
     })
@@ -84,6 +88,7 @@ struct Stopper {
     commands: Receiver<Command>,
     events: Sender<Event>,
     stop_on_entry: bool,
+    is_debugged: bool,
     /// Real paths of the files.
     paths: RefCell<BTreeMap<PathBuf, PathBuf>>,
 }
@@ -98,6 +103,9 @@ impl ScriptDebugger for Stopper {
     }
 
     fn has_breakpoint(&self, file: &Path, line: usize) -> bool {
+        if !self.is_debugged {
+            return false;
+        }
         let breakpoints = self.shared.breakpoints.lock().unwrap_or_else(PoisonError::into_inner);
         if breakpoints.is_empty() {
             return false;
@@ -111,6 +119,9 @@ impl ScriptDebugger for Stopper {
     }
 
     fn wait(&self, reason: StopReason, frames: &[DebugFrame], state: &mut StoppedScript<'_>) -> Resume {
+        if !self.is_debugged && matches!(reason, StopReason::Failure(_)) {
+            return Resume::Continue;
+        }
         let time_us = state.time_us();
         if self.events.send(Event::Stopped { reason, frames: frames.to_vec(), time_us }).is_err() {
             return Resume::End;

@@ -259,11 +259,9 @@ impl Session {
             Value::String(dir) => Some(plant_of(Path::new(dir)).map_err(|error| format!("device: {error}"))?),
             other => return Err(format!("device: {other} is no text; name the folder of a device")),
         };
-        if arguments["noDebug"] == true {
-            self.shared.breakpoints.lock().unwrap_or_else(PoisonError::into_inner).clear();
-        }
         let stop_on_entry = arguments["stopOnEntry"] == true;
-        self.state = State::Ready(Box::new(Launch { program, stop_on_entry, device, time_us }));
+        let is_debugged = arguments["noDebug"] != true;
+        self.state = State::Ready(Box::new(Launch { program, stop_on_entry, is_debugged, device, time_us }));
         Ok(json!({}))
     }
 
