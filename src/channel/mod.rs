@@ -7,11 +7,11 @@
 //!
 //! | part | content |
 //! |---|---|
-//! | [`wire`] | operations and replies ([`crate::request`]) as blocks of bytes, with checked decoding |
-//! | [`server`], [`client`] | the two sides over iceoryx2 |
-//! | [`bells`] | how the two sides wake each other |
+//! | `wire` | operations and replies ([`crate::request`]) as blocks of bytes, with checked decoding |
+//! | `server`, [`client`] | the two sides over iceoryx2 |
+//! | `bells` | how the two sides wake each other |
 //!
-//! Rules: an instance has one server and up to [`server::MAX_CLIENTS`] clients. A client has only one request in
+//! Rules: an instance has one server and up to `MAX_CLIENTS` clients. A client has only one request in
 //! progress and always waits for its reply.
 
 pub(crate) mod bells;

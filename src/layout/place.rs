@@ -184,10 +184,10 @@ impl NamedLocation {
         }
     }
 
-    /// Parses a value for this place: a number, or a name of the register's values or bits ([`value::named`]).
+    /// Parses a value for this place: a number, or a name of the register's values or bits (`value::named`).
     ///
     /// # Errors
-    /// [`BadValue`], which names the register.
+    /// `BadValue`, which names the register.
     pub fn parse_value(&self, text: &str) -> Result<u32, BadValue> {
         // The valid structure is not known here, but the result is the same: the types at the same address differ only
         // in their names.

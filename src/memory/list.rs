@@ -71,7 +71,7 @@ impl From<&Header> for ImageSummary {
 /// Returns all images, sorted by instance and PLC.
 ///
 /// # Errors
-/// [`IMAGE_DIRECTORY`] cannot be read. A single unreadable file is reported in its entry.
+/// `/dev/shm` cannot be read. A single unreadable file is reported in its entry.
 pub fn list() -> Result<Vec<ImageInfo>, MemoryError> {
     let mut images = Vec::new();
     for_each_name(|instance, plc| images.extend(look_at(instance, plc)))?;
@@ -82,7 +82,7 @@ pub fn list() -> Result<Vec<ImageInfo>, MemoryError> {
 /// Returns names of all instances with an image or a directory, in any condition.
 ///
 /// # Errors
-/// [`IMAGE_DIRECTORY`] cannot be read.
+/// `/dev/shm` cannot be read.
 pub fn instances() -> Result<BTreeSet<String>, MemoryError> {
     let mut instances = BTreeSet::new();
     for_each_file(|name| {

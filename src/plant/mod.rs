@@ -455,6 +455,7 @@ impl Plant {
     }
 
     /// True if bus number `bus` is a CAN bus without a protocol of its own.
+    #[cfg(feature = "channel")]
     pub(crate) fn is_can(&self, bus: BusIndex) -> bool {
         self.buses().get(bus.index()).is_some_and(|it| it.family() == can_bus::FAMILY)
     }

@@ -112,7 +112,8 @@ pub(crate) fn run_observed(
     run_on(file, stage, limits, print, engine_as_it_is)
 }
 
-/// Runs a script like [`run_file_for`] under a debugger, which also stops where the scenario fails.
+/// Does the same as [`run_file`] under a debugger, which also stops where the scenario fails. A script that does not call
+/// `plant` gets `plant`, which the report calls by the name beside it.
 #[cfg(feature = "cli")]
 pub(crate) fn run_debugged(
     file: &Path,
