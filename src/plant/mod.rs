@@ -36,7 +36,7 @@ pub use schema::schema;
 pub use snapshot::{Snapshot, SnapshotError, SnapshotFile, SnapshotFileError};
 
 use crate::check::DeviceWatch;
-use crate::devices::{BUS_KINDS, BuildError, Bus, Context, Device, Events, World, can_bus};
+use crate::devices::{BUS_KINDS, BuildError, Bus, Context, Device, Events, World};
 use crate::due_queue::{DueQueue, NEVER};
 use crate::fault::Faults;
 use crate::identity::{BusIndex, DeviceIndex};
@@ -457,7 +457,7 @@ impl Plant {
     /// True if bus number `bus` is a CAN bus without a protocol of its own.
     #[cfg(feature = "channel")]
     pub(crate) fn is_can(&self, bus: BusIndex) -> bool {
-        self.buses().get(bus.index()).is_some_and(|it| it.family() == can_bus::FAMILY)
+        self.buses().get(bus.index()).is_some_and(|it| it.family() == crate::devices::can_bus::FAMILY)
     }
 
     /// Returns names of PLCs and buses, for reading the journal.
