@@ -65,6 +65,8 @@ fn arguments() -> impl Strategy<Value = Value> {
 }
 
 proptest! {
+    #![proptest_config(crate::property_tests())]
+
     /// Every request gets one answer with its number, whatever its arguments are.
     #[test]
     fn random_requests_get_one_answer_each(
