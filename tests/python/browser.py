@@ -1,9 +1,12 @@
 """A headless Chromium, driven over its DevTools port, for tests of pages."""
 
 import base64
+import contextlib
 import json
 import os
+import shutil
 import subprocess
+import tempfile
 import time
 import urllib.request
 
@@ -52,6 +55,30 @@ class Browser:
         result = self.ask("Runtime.evaluate", expression=expression, returnByValue=True)
         assert "exceptionDetails" not in result, result
         return result["result"]["value"]
+
+
+@contextlib.contextmanager
+def browsing(program):
+    """Runs a browser with a new profile, and removes the profile at the end."""
+    profile = tempfile.mkdtemp()
+    try:
+        browser = Browser(program, profile)
+        try:
+            yield browser
+        finally:
+            browser.process.terminate()
+            browser.process.wait(PATIENCE)
+    finally:
+        remove(profile)
+
+
+def remove(profile):
+    """Removes a profile. Processes of the browser can write into the profile after the first process has ended."""
+    end = time.monotonic() + PATIENCE
+    while os.path.exists(profile):
+        assert time.monotonic() < end, f"{profile} cannot be removed"
+        shutil.rmtree(profile, ignore_errors=True)
+        time.sleep(0.05)
 
 
 KEYS = {"Enter": 13, "Escape": 27, "ArrowDown": 40, "ArrowUp": 38, "End": 35, "Home": 36, "Tab": 9}

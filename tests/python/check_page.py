@@ -3,9 +3,8 @@ its table after a click on a column and with a filter. Fails if the page reports
 
 import os
 import sys
-import tempfile
 
-from browser import PATIENCE, Browser
+from browser import browsing
 
 
 def shown(browser, address):
@@ -51,10 +50,5 @@ def shown(browser, address):
     )
 
 
-with tempfile.TemporaryDirectory() as profile:
-    browser = Browser(sys.argv[1], profile)
-    try:
-        print(shown(browser, "file://" + os.path.abspath(sys.argv[2])))
-    finally:
-        browser.process.terminate()
-        browser.process.wait(PATIENCE)
+with browsing(sys.argv[1]) as browser:
+    print(shown(browser, "file://" + os.path.abspath(sys.argv[2])))

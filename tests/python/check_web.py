@@ -14,7 +14,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from browser import PATIENCE, Browser, Page
+from browser import PATIENCE, Page, browsing
 
 PAGES = ["plant", "registers", "followed", "bus", "panel", "drives", "canopen", "faults", "findings", "journal"]
 EXAMPLE = Path(__file__).parents[2] / "tools" / "examples" / "wrong-order"
@@ -630,26 +630,21 @@ def main():
     arguments.add_argument("--load", action="store_true")
     given = arguments.parse_args()
     program = os.path.abspath(given.commram)
-    with tempfile.TemporaryDirectory() as profile:
-        browser = Browser(given.chromium, profile)
-        result = {"passed": True}
+    result = {"passed": True}
+    with browsing(given.chromium) as browser:
+        emulator = Emulator(program, "--clock", "stepped")
         try:
-            emulator = Emulator(program, "--clock", "stepped")
-            try:
-                page = Page(browser)
-                page.size(1280, 800)
-                Check(emulator, page).all()
-            finally:
-                emulator.stop()
-            read_only(program, browser)
-            restarted(program, browser)
-            real_time(program, browser)
-            debugging(program, browser, given)
-            if given.load:
-                result |= load(program, browser)
+            page = Page(browser)
+            page.size(1280, 800)
+            Check(emulator, page).all()
         finally:
-            browser.process.terminate()
-            browser.process.wait(PATIENCE)
+            emulator.stop()
+        read_only(program, browser)
+        restarted(program, browser)
+        real_time(program, browser)
+        debugging(program, browser, given)
+        if given.load:
+            result |= load(program, browser)
     print(json.dumps(result))
 
 
