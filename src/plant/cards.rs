@@ -33,10 +33,13 @@ impl Plant {
     /// Passes the pulses of this moment on, until there are none. Cards without power get no pulses. Returns whether there
     /// were pulses.
     pub(super) fn pass_card_pulses(&mut self) -> bool {
+        if self.cards.is_empty() {
+            return false;
+        }
         let cards = Arc::clone(&self.cards);
         let mut has_passed = false;
         // A card that answers each of its own pulses stops after the steps that its script may take.
-        while !cards.is_empty() && self.pass_pulses(&cards) {
+        while self.pass_pulses(&cards) {
             has_passed = true;
         }
         has_passed
