@@ -63,9 +63,9 @@ pub enum RootError {
     /// The directory cannot be created or found.
     #[error("channel directory {}: {source}{}", .path.display(), room::named(.path, .source))]
     Io {
-        /// The directory.
+        /// Directory of the channels that cannot be used.
         path: PathBuf,
-        /// Error of the system.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// The directory is accessible to other users.
@@ -74,13 +74,13 @@ pub enum RootError {
     /// The path is too long for iceoryx2, or not UTF-8.
     #[error("channel directory {}: the path must be UTF-8 of at most {MAX_ROOT} bytes; choose a shorter one", .path.display())]
     Unusable {
-        /// The directory.
+        /// Path of the directory, too long or not UTF-8.
         path: PathBuf,
     },
     /// A leaving client hangs.
     #[error("channel directory {}: a client that is leaving has it locked and is stopped; end it", .path.display())]
     Held {
-        /// The directory.
+        /// Directory of the channels that a client has locked.
         path: PathBuf,
     },
 }

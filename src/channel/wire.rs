@@ -94,9 +94,9 @@ const _: () = assert!(size_of::<WireOp>() == 32 && size_of::<Block>() == 16);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{field} is 16#{value:X}")]
 pub struct BadField {
-    /// The field: "the kind".
+    /// Name of the invalid field with an article, for example "the kind".
     pub field: &'static str,
-    /// Content of the field.
+    /// Value of the field in the request or reply.
     pub value: u32,
 }
 

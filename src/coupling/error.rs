@@ -10,7 +10,7 @@ pub enum CouplingError {
     /// The file cannot be read or has an invalid value.
     #[error("{file}: {what}")]
     File {
-        /// Path of the file.
+        /// Path of the file with the exchanges.
         file: String,
         /// The error in the file.
         what: String,
@@ -18,15 +18,15 @@ pub enum CouplingError {
     /// The plant has no such value.
     #[error("the exchange names '{name}': {why}")]
     Unknown {
-        /// Name in the file.
+        /// Name of a value, as the file with the exchanges gives it.
         name: String,
-        /// The reason.
+        /// Reason why the name has no value in the plant.
         why: VariablesError,
     },
     /// The value cannot be exchanged in this way.
     #[error("the exchange names '{name}': {why}")]
     Unfit {
-        /// Name in the file.
+        /// Name of a value, as the file with the exchanges gives it.
         name: String,
         /// The reason, and a correct use.
         why: String,

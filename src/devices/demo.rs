@@ -41,11 +41,11 @@ pub enum DemoError {
     /// A register did not get the awaited value in time.
     #[error("{what}: {place} did not become {wanted} within {seconds} s, it holds {found}")]
     Stuck {
-        /// Description of the wait.
+        /// Description of the awaited step of the demonstration.
         what: String,
         /// Name and address of the register.
         place: String,
-        /// Expected value.
+        /// Value that the register should have reached.
         wanted: String,
         /// Value of the register, with its meaning.
         found: String,

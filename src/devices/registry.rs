@@ -69,17 +69,17 @@ pub enum RegisterError {
     /// A device has already been looked up.
     #[error("device '{name}' comes too late: add devices before their first use")]
     TooLate {
-        /// The device.
+        /// Name of the device that was added too late.
         name: &'static str,
     },
     /// The name, number or hash is already taken.
     #[error("device '{name}' has {what} {taken} of '{other}'; each belongs to one device or family")]
     Taken {
-        /// The device.
+        /// Name of the device that cannot be added.
         name: &'static str,
         /// The duplicate part: "the name", "the layout hash", "the number of record" ...
         what: &'static str,
-        /// The name or number.
+        /// Name or number that another device or family already has.
         taken: String,
         /// Device or family that already has the name or number.
         other: &'static str,

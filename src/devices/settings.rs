@@ -17,11 +17,11 @@ const HOUR_US: u64 = 3_600_000_000;
 #[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
 #[error("{what} of '{name}' is {value}; it must be {right}")]
 pub struct SettingError {
-    /// The key.
+    /// Key of the setting in the plant file.
     pub what: &'static str,
     /// Name of the device or bus.
     pub name: String,
-    /// The value.
+    /// Value of the setting in the plant file.
     pub value: u64,
     /// Description of a correct value.
     pub right: &'static str,

@@ -19,7 +19,7 @@ use std::thread::JoinHandle;
 #[derive(Debug, thiserror::Error)]
 #[error("{door}: {reason}{}", limits::named(.reason))]
 pub struct DoorError {
-    /// The door.
+    /// Specification of the door that failed.
     pub door: DoorSpec,
     /// Reason for which the door could not be opened.
     pub reason: io::Error,

@@ -34,15 +34,15 @@ pub enum BadDoor {
     /// There is no such kind of door.
     #[error("there is no door `{text}`; doors are {}", known_doors())]
     Unknown {
-        /// The text.
+        /// Text that should specify a door.
         text: String,
     },
     /// The text has no address.
     #[error("`{text}` names no IPv4 address with a port; write for example {kind}:127.0.0.1:0 (0: any port)")]
     NoAddress {
-        /// The text.
+        /// Text that should specify a door with an address.
         text: String,
-        /// The kind of door.
+        /// Kind of the door: the text before the first colon.
         kind: String,
     },
     /// Other machines can reach the address.
@@ -51,7 +51,7 @@ pub enum BadDoor {
          wanted"
     )]
     NotLoopback {
-        /// The text.
+        /// Text with an address that other machines can reach.
         text: String,
         /// Kind of door that may have such an address.
         anybody: String,

@@ -166,11 +166,11 @@ pub enum ExportError {
         "`{block}` of {device} is in the header page, for which {format} has no addresses; take c, python or a table"
     )]
     NoAddresses {
-        /// The device.
+        /// Name of the device with the area.
         device: &'static str,
-        /// The area.
+        /// Name of the area in the header page.
         block: &'static str,
-        /// The format.
+        /// Format of the export that cannot express the area.
         format: Format,
     },
 }

@@ -13,19 +13,19 @@ pub enum Refusal {
     /// A number outside its range.
     #[error("{field} is {}; it must be {} to {}", .field.show_with_unit(*.value), .field.show_with_unit(*.least), .field.show_with_unit(*.most))]
     Range {
-        /// The field.
+        /// Field of the fault with the value.
         field: &'static Field,
-        /// The refused value.
+        /// Value outside the range, in the unit of the field.
         value: u64,
-        /// Smallest value.
+        /// Smallest permitted value, in the unit of the field.
         least: u64,
-        /// Largest value.
+        /// Largest permitted value, in the unit of the field.
         most: u64,
     },
     /// A missing field.
     #[error("{field} is missing; {right}")]
     Missing {
-        /// The field.
+        /// Field that the fault needs.
         field: &'static Field,
         /// Description of a correct value.
         right: String,
@@ -42,7 +42,7 @@ pub enum Refusal {
     /// A count for a fault that has no hits.
     #[error("count has no meaning for {}; give duration_us, or clear the fault", .kind.name())]
     NotCounted {
-        /// The kind.
+        /// Kind of the fault, which has no hits to count.
         kind: &'static FaultKind,
     },
     /// The fault has a count and a duration.
@@ -51,25 +51,25 @@ pub enum Refusal {
     /// There is no such bus.
     #[error("bus {bus} does not exist; there are {count}, numbered from 0")]
     UnknownBus {
-        /// The bus.
+        /// Number of the bus that does not exist, from 0.
         bus: BusIndex,
-        /// Number of buses.
+        /// Number of buses in the plant.
         count: u16,
     },
     /// There is no such PLC.
     #[error("PLC {plc} does not exist; there are {count}, numbered from 0")]
     UnknownPlc {
-        /// The PLC.
+        /// Number of the PLC that does not exist, from 0.
         plc: DeviceIndex,
-        /// Number of PLCs.
+        /// Number of PLCs in the plant.
         count: u16,
     },
     /// There is no such slave.
     #[error("bus {bus} has no slave {slave}; its slaves are: {}", slave_list(*.present))]
     NoSlave {
-        /// The bus.
+        /// Number of the bus on which the fault should act, from 0.
         bus: BusIndex,
-        /// The slave number.
+        /// Slave number that no slave of the bus has.
         slave: u8,
         /// The slaves of the bus, bit n for slave n.
         present: u32,
@@ -77,19 +77,19 @@ pub enum Refusal {
     /// There is no such port.
     #[error("PLC {plc} has no port {port}; its ports are: {}", port_list(.layout))]
     NoPort {
-        /// The PLC.
+        /// Number of the PLC on which the fault should act, from 0.
         plc: DeviceIndex,
-        /// The port.
+        /// Number of the port that the PLC does not have.
         port: u8,
-        /// Device of the PLC.
+        /// Layout of the PLC, which has the list of its ports.
         layout: &'static DeviceLayout,
     },
     /// The port is not on a bus.
     #[error("{port} of PLC {plc} is not on a bus; ports on a bus: {}", list(.plugged))]
     NotPlugged {
-        /// The PLC.
+        /// Number of the PLC on which the fault should act, from 0.
         plc: DeviceIndex,
-        /// The port.
+        /// Name of the port without a bus.
         port: &'static str,
         /// The ports of the PLC that are on a bus.
         plugged: Vec<&'static str>,
@@ -97,7 +97,7 @@ pub enum Refusal {
     /// The bus cannot have such a fault.
     #[error("bus {bus} cannot have it; its faults are: {}", kind_list(.known))]
     NotOfBus {
-        /// The bus.
+        /// Number of the bus on which the fault should act, from 0.
         bus: BusIndex,
         /// The faults that buses of this family can have.
         known: &'static [&'static FaultKind],
@@ -105,7 +105,7 @@ pub enum Refusal {
     /// The PLC cannot have such a fault.
     #[error("PLC {plc} cannot have it; its faults are: {}", kind_list(.known))]
     NotOfPlc {
-        /// The PLC.
+        /// Number of the PLC on which the fault should act, from 0.
         plc: DeviceIndex,
         /// The faults that the PLC can have.
         known: &'static [&'static FaultKind],
@@ -116,7 +116,7 @@ pub enum Refusal {
     /// There is no fault of that number.
     #[error("there is no fault {id}; it may have ended")]
     UnknownFault {
-        /// The number.
+        /// Number of a fault that the plant does not have.
         id: u16,
     },
 }
@@ -131,13 +131,13 @@ pub enum FaultError {
         kind: String,
         /// Kind that may be meant.
         hint: String,
-        /// The known kinds.
+        /// Names of all kinds of fault, separated by commas.
         known: String,
     },
     /// A field that no kind has.
     #[error("{}: unknown field `{field}`{}; its fields are: {}", .kind.name(), did_you_mean(.field, .kind.all_fields().map(Field::name)), field_list(.kind))]
     UnknownField {
-        /// The kind.
+        /// Kind of the fault, which has a list of valid fields.
         kind: &'static FaultKind,
         /// The text in the description.
         field: String,
@@ -145,25 +145,25 @@ pub enum FaultError {
     /// The kind does not have the field.
     #[error("{}: {field} has no meaning; its fields are: {}", .kind.name(), field_list(.kind))]
     NotForKind {
-        /// The kind.
+        /// Kind of the fault.
         kind: &'static FaultKind,
-        /// The field.
+        /// Field that this kind of fault does not have.
         field: &'static Field,
     },
     /// The description has a field twice, under both of its names.
     #[error("{}: {field} is given twice", .kind.name())]
     Twice {
-        /// The kind.
+        /// Kind of the fault.
         kind: &'static FaultKind,
-        /// The field.
+        /// Field that the description has twice.
         field: &'static Field,
     },
     /// The description has a text for a number, or a number for a text.
     #[error("{}: {field} = {given}; it must be {right}", .kind.name())]
     Form {
-        /// The kind.
+        /// Kind of the fault.
         kind: &'static FaultKind,
-        /// The field.
+        /// Field that has a value of the wrong type.
         field: &'static Field,
         /// The value in the description. A text has quotation marks.
         given: String,
@@ -173,29 +173,29 @@ pub enum FaultError {
     /// The bus does not exist.
     #[error("{}: bus \"{bus}\" does not exist; buses are: {known}", .kind.name())]
     UnknownBus {
-        /// The kind.
+        /// Kind of the fault.
         kind: &'static FaultKind,
         /// The text in the description.
         bus: String,
-        /// The known buses.
+        /// Names of all buses of the plant, separated by commas.
         known: String,
     },
     /// The PLC does not exist.
     #[error("{}: PLC \"{plc}\" does not exist; PLCs are: {known}", .kind.name())]
     UnknownPlc {
-        /// The kind.
+        /// Kind of the fault.
         kind: &'static FaultKind,
         /// The text in the description.
         plc: String,
-        /// The known PLCs.
+        /// Names of all PLCs of the plant, separated by commas.
         known: String,
     },
     /// The PLC does not have the port.
     #[error("{}: PLC \"{plc}\" has no port {port}; its ports are: {known}", .kind.name())]
     NoPort {
-        /// The kind.
+        /// Kind of the fault.
         kind: &'static FaultKind,
-        /// The PLC.
+        /// Name of the PLC on which the fault should act.
         plc: String,
         /// The text in the description.
         port: String,
@@ -205,11 +205,11 @@ pub enum FaultError {
     /// The bus does not have the slave.
     #[error("{}: bus \"{bus}\" has no slave {slave}; its slaves are: {}", .kind.name(), slave_list(*.present))]
     NoSlave {
-        /// The kind.
+        /// Kind of the fault.
         kind: &'static FaultKind,
-        /// The bus.
+        /// Name of the bus on which the fault should act.
         bus: String,
-        /// The slave number.
+        /// Slave number that no slave of the bus has.
         slave: u8,
         /// The slaves of the bus, bit n for slave n.
         present: u32,
@@ -217,11 +217,11 @@ pub enum FaultError {
     /// The port is not on a bus.
     #[error("{}: {port} of PLC \"{plc}\" is not on a bus; ports on a bus: {}", .kind.name(), list(.plugged))]
     NotPlugged {
-        /// The kind.
+        /// Kind of the fault.
         kind: &'static FaultKind,
-        /// The PLC.
+        /// Name of the PLC on which the fault should act.
         plc: String,
-        /// The port.
+        /// Name of the port without a bus.
         port: &'static str,
         /// The ports of the PLC that are on a bus.
         plugged: Vec<&'static str>,
@@ -229,9 +229,9 @@ pub enum FaultError {
     /// The bus cannot have such a fault.
     #[error("{}: bus \"{bus}\" cannot have it; its faults are: {}", .kind.name(), kind_list(.known))]
     NotOfBus {
-        /// The kind.
+        /// Kind of the fault.
         kind: &'static FaultKind,
-        /// The bus.
+        /// Name of the bus on which the fault should act.
         bus: String,
         /// The faults that buses of this family can have.
         known: &'static [&'static FaultKind],
@@ -239,9 +239,9 @@ pub enum FaultError {
     /// The PLC cannot have such a fault.
     #[error("{}: PLC \"{plc}\" cannot have it; its faults are: {}", .kind.name(), kind_list(.known))]
     NotOfPlc {
-        /// The kind.
+        /// Kind of the fault.
         kind: &'static FaultKind,
-        /// The PLC.
+        /// Name of the PLC on which the fault should act.
         plc: String,
         /// The faults that the PLC can have.
         known: &'static [&'static FaultKind],
@@ -249,9 +249,9 @@ pub enum FaultError {
     /// The description could be read, but the fault is impossible.
     #[error("{}: {refusal}", .kind.name())]
     Refused {
-        /// The kind.
+        /// Kind of the fault.
         kind: &'static FaultKind,
-        /// Reason for the refusal.
+        /// Reason why the fault is impossible.
         refusal: Refusal,
     },
 }

@@ -11,7 +11,7 @@ use thiserror::Error;
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("`{text}`: {right}")]
 pub struct WordError {
-    /// The word.
+    /// Invalid word of the description.
     pub text: String,
     /// Description of a correct word.
     pub right: String,

@@ -22,24 +22,24 @@ pub enum FederationError {
         .limit.as_secs_f64()
     )]
     Silent {
-        /// The silent federate.
+        /// Number of the silent federate, or the numbers of all missing federates.
         federate: String,
-        /// Duration of the wait.
+        /// Real time for which the reporting federate waited.
         limit: Duration,
     },
     /// Another federate reported that it failed.
     #[error("federate {federate} has failed: {reason}")]
     Failed {
-        /// Number of the federate.
+        /// Number of the federate that has failed.
         federate: u8,
-        /// The reported reason.
+        /// Reason that the failed federate reported.
         reason: String,
     },
     /// Another federate has another version of commram.
     #[error("federate {federate} is commram {theirs}, this is commram {}; use the same program on all \
         hosts", env!("CARGO_PKG_VERSION"))]
     OtherVersion {
-        /// Number of the federate.
+        /// Number of the federate that has another version.
         federate: u8,
         /// Version of commram that the other federate uses.
         theirs: String,
@@ -49,7 +49,7 @@ pub enum FederationError {
         "federate {federate} was started for {theirs} federates, this one for {ours}; use the same number everywhere"
     )]
     OtherCount {
-        /// Number of the federate.
+        /// Number of the federate that was started for another number of federates.
         federate: u8,
         /// Number of federates according to that federate.
         theirs: u8,
@@ -59,9 +59,9 @@ pub enum FederationError {
     /// Another federate has another plant.
     #[error("federate {federate} has another plant: {why}; start all of them with the same plant file")]
     OtherPlant {
-        /// Number of the federate.
+        /// Number of the federate that has another plant.
         federate: u8,
-        /// Difference between the plants.
+        /// Difference between the two plants.
         why: String,
     },
     /// All federates only follow, so no federate advances the clock.
@@ -74,7 +74,7 @@ pub enum FederationError {
             channel; let it take part in lockstep"
     )]
     Apart {
-        /// Number of the federate.
+        /// Number of the federate that has another journal.
         federate: u8,
         /// Emulated time at which the difference was found.
         at_us: u64,

@@ -36,7 +36,7 @@ pub enum ResourcesError {
     /// A file cannot be read.
     #[error("{}: {reason}", .path.display())]
     Read {
-        /// The file.
+        /// Path of the file that cannot be read.
         path: PathBuf,
         /// The error of the operating system.
         reason: io::Error,
@@ -47,9 +47,9 @@ pub enum ResourcesError {
     /// An invalid snapshot file.
     #[error("{}: {reason}", .path.display())]
     SnapshotFile {
-        /// The file.
+        /// Path of the snapshot file.
         path: PathBuf,
-        /// The error.
+        /// Reason why the snapshot cannot be used.
         reason: SnapshotFileError,
     },
     /// The plant cannot start from the snapshot.

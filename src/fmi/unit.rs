@@ -30,39 +30,39 @@ pub enum UnitError {
     /// There is no variable with this reference.
     #[error("there is no variable with value reference {reference}; the highest is {last}")]
     NoVariable {
-        /// The given value.
+        /// Value reference that no variable has.
         reference: u32,
-        /// The highest reference.
+        /// Highest value reference of the unit.
         last: usize,
     },
     /// The variable has another type.
     #[error("{name} is of type {right}, it was taken for {asked}")]
     OtherKind {
-        /// The variable.
+        /// Name of the variable.
         name: String,
-        /// Type of the variable.
+        /// FMI type that the variable has.
         right: &'static str,
-        /// The requested type.
+        /// FMI type of the function that the caller used.
         asked: &'static str,
     },
     /// The variable cannot be set from outside.
     #[error("{name} is an output; inputs and parameters can be set")]
     Output {
-        /// The variable.
+        /// Name of the output that cannot be set.
         name: String,
     },
     /// The number is NaN or infinite.
     #[error("{name} cannot be {value}")]
     NotFinite {
-        /// Name of the variable.
+        /// Name of the variable that cannot have the value.
         name: String,
-        /// The given value.
+        /// Value that the caller gave.
         value: f64,
     },
     /// The step does not begin at the end of the last step.
     #[error("a step begins at {given} s, but the unit is at {now} s")]
     OtherTime {
-        /// The given value.
+        /// Time at which the caller wants to begin the step, in seconds.
         given: f64,
         /// Present time of the unit.
         now: f64,
@@ -70,7 +70,7 @@ pub enum UnitError {
     /// The length of the step is zero, negative, or too long.
     #[error("a step of {size} s; it must not be negative, and the time at its end must be below 9e9 s")]
     Step {
-        /// The given value.
+        /// Size of the step that the caller gave, in seconds.
         size: f64,
     },
     /// The state belongs to another unit.

@@ -129,19 +129,19 @@ pub enum VariablesError {
     /// The plant does not have this PLC.
     #[error("there is no PLC '{plc}' in the plant; its PLCs are: {known}")]
     UnknownPlc {
-        /// The given text.
+        /// Name of a PLC, as the caller gave it.
         plc: String,
-        /// The known PLCs.
+        /// Names of all PLCs of the plant, separated by commas.
         known: String,
     },
     /// No drive has this value.
     #[error("drive '{drive}' has no value '{value}'; it has: {known}")]
     UnknownOfDrive {
-        /// The drive.
+        /// Name of the drive.
         drive: String,
-        /// The given text.
+        /// Name of a value that the drive does not have.
         value: String,
-        /// The known names.
+        /// Names of all values of the drive, separated by commas.
         known: String,
     },
     /// Two variables have the same name.

@@ -41,9 +41,9 @@ pub enum HelicsError {
             .unwrap_or_default()
     )]
     NoLibrary {
-        /// Value of the variable.
+        /// Path in the environment variable that names the library, if the variable is set.
         given: Option<PathBuf>,
-        /// Error of the loader.
+        /// Error of the dynamic loader.
         reason: String,
     },
     /// The federation cannot be joined.
@@ -52,7 +52,7 @@ pub enum HelicsError {
             for this federate?"
     )]
     NotJoined {
-        /// Error of HELICS.
+        /// Error text of HELICS.
         reason: String,
     },
     /// No broker answers.
@@ -61,9 +61,9 @@ pub enum HelicsError {
             --broker", .limit.as_secs_f64()
     )]
     NoBroker {
-        /// Address of the broker.
+        /// Address of the broker that did not answer.
         broker: String,
-        /// Duration of the wait.
+        /// Real time for which the emulator waited.
         limit: Duration,
     },
     /// The broker runs, but other federates are missing.
@@ -72,9 +72,9 @@ pub enum HelicsError {
             fewer federates", .limit.as_secs_f64()
     )]
     Incomplete {
-        /// Address of the broker.
+        /// Address of the broker that waits for more federates.
         broker: String,
-        /// Duration of the wait.
+        /// Real time for which the emulator waited.
         limit: Duration,
     },
     /// The thread cannot be started.

@@ -121,9 +121,9 @@ pub enum ConditionError<E> {
     /// The text is not a condition, or has no effect.
     #[error("`{text}`: {right}")]
     Notation {
-        /// The given text.
+        /// Text that should be a condition.
         text: String,
-        /// A correct example.
+        /// Description or example of a correct condition.
         right: &'static str,
     },
 }

@@ -10,7 +10,7 @@ pub enum LayoutError {
         "`{text}` is no address; this device has {known}, with W for words, D for double words, and X and .bit for bits"
     )]
     BadAddress {
-        /// The given text.
+        /// Text that should be an address.
         text: String,
         /// The spaces of the device.
         known: String,
@@ -18,9 +18,9 @@ pub enum LayoutError {
     /// A bit number above the limit.
     #[error("{text}: a {of} has bits 0 to {last}, not {bit}")]
     BadBit {
-        /// The given text.
+        /// Address with its bit number, as the user wrote it.
         text: String,
-        /// The bit number.
+        /// Number of the bit that does not exist.
         bit: u32,
         /// The object that should have the bit.
         of: &'static str,
@@ -30,7 +30,7 @@ pub enum LayoutError {
     /// An address in none of the device's spaces.
     #[error("{text} is no address of this device, which has {known}")]
     NoSpace {
-        /// The given text.
+        /// Address in none of the device's spaces, as the user wrote it.
         text: String,
         /// The spaces of the device.
         known: String,
@@ -38,7 +38,7 @@ pub enum LayoutError {
     /// An address not divisible by the access width.
     #[error("{address}: {rule}")]
     Misaligned {
-        /// The address.
+        /// Address, not divisible by the width of the access.
         address: String,
         /// The alignment that the width requires.
         rule: &'static str,
@@ -46,7 +46,7 @@ pub enum LayoutError {
     /// An address in no area.
     #[error("{address} is not in any area; {hint}")]
     NoArea {
-        /// The address.
+        /// Address outside all areas.
         address: String,
         /// The areas before and after the address.
         hint: String,
@@ -54,9 +54,9 @@ pub enum LayoutError {
     /// An address in an area, but in no register.
     #[error("{address}: area `{area}` has no register there ({hint})")]
     NoRegister {
-        /// The address.
+        /// Address at which no register is.
         address: String,
-        /// The area.
+        /// Name of the area that contains the address.
         area: &'static str,
         /// The registers before and after the address.
         hint: String,
@@ -64,29 +64,29 @@ pub enum LayoutError {
     /// The text is not a name.
     #[error("`{text}` is no register name: {reason}; write for example node2.a_RD_BMARRAY[3][0]")]
     BadName {
-        /// The given text.
+        /// Text that should be the name of a register.
         text: String,
-        /// The error.
+        /// Description of the syntax error in the text.
         reason: &'static str,
     },
     /// The device has no object dictionary.
     #[error("{title} has no object dictionary")]
     NoObjects {
-        /// The device.
+        /// The vendor's name for the device.
         title: &'static str,
     },
     /// The device is not a PROFIBUS-DP slave.
     #[error("{title} is no PROFIBUS-DP slave: it has no device description file")]
     NoGsd {
-        /// The device.
+        /// The vendor's name for the device.
         title: &'static str,
     },
     /// An area that the device does not have.
     #[error("unknown area `{area}`; the areas are {known}{hint}")]
     UnknownArea {
-        /// The given text.
+        /// Name of the area, as the user wrote it.
         area: String,
-        /// All areas.
+        /// Names of all areas of the device, separated by commas.
         known: String,
         /// Names that the user may have meant.
         hint: String,
@@ -97,25 +97,25 @@ pub enum LayoutError {
     /// A port that the device does not have.
     #[error("{}", if known.is_empty() { format!("unknown port `{port}`; the device has no ports") } else { format!("unknown port `{port}`; the ports are {known}") })]
     UnknownPort {
-        /// The given text.
+        /// Name of the port, as the user wrote it.
         port: String,
-        /// All ports.
+        /// Names of all ports of the device, separated by commas; empty if it has none.
         known: String,
     },
     /// A name with wrong upper or lower case, or an address without its `%`.
     #[error("`{given}` is spelled `{right}`")]
     WrongCase {
-        /// The given text.
+        /// Name or address with the wrong spelling, as the user wrote it.
         given: String,
-        /// The right spelling.
+        /// Correct spelling of the name or address.
         right: String,
     },
     /// A variable that the device does not have.
     #[error("unknown variable `{variable}`; the variables are {known}{hint}")]
     UnknownVariable {
-        /// The given text.
+        /// Name of the variable, as the user wrote it.
         variable: String,
-        /// All variables.
+        /// Names of all variables of the device, separated by commas.
         known: String,
         /// Names that the user may have meant.
         hint: String,
@@ -123,7 +123,7 @@ pub enum LayoutError {
     /// The place of the register depends on the role of the port, and the role is not known.
     #[error("`{name}` is ambiguous: {names}")]
     Ambiguous {
-        /// The given text.
+        /// Name of the register, as the user wrote it.
         name: String,
         /// The names to use instead.
         names: String,
@@ -131,7 +131,7 @@ pub enum LayoutError {
     /// A variable that belongs to another role than the role of the port.
     #[error("`{variable}` belongs to a {variable_role}, but `{area}` is a {port_role}")]
     WrongRole {
-        /// The variable.
+        /// Name of the variable, which has another role than the port.
         variable: &'static str,
         /// The role to which the variable belongs.
         variable_role: Role,
@@ -143,9 +143,9 @@ pub enum LayoutError {
     /// A register that the area does not have.
     #[error("area `{area}` has no register `{name}`{hint}")]
     UnknownRegister {
-        /// The area.
+        /// Name of the area that does not have the register.
         area: &'static str,
-        /// The given text.
+        /// Name of the register, as the user wrote it.
         name: String,
         /// Names that the user may have meant.
         hint: String,
@@ -153,7 +153,7 @@ pub enum LayoutError {
     /// A register name without an area. No area has such a register.
     #[error("no area has a register `{name}`{hint}")]
     UnknownName {
-        /// The given text.
+        /// Name of the register, as the user wrote it.
         name: String,
         /// Names that the user may have meant.
         hint: String,
@@ -163,25 +163,25 @@ pub enum LayoutError {
         "`{name}` is a block of registers, not one register; `commram dump {name}` shows what they hold, `commram map {name}` what they are"
     )]
     NotOneRegister {
-        /// The given text.
+        /// Name of the block of registers, as the user wrote it.
         name: String,
     },
     /// A pattern that no register matches.
     #[error("no register matches `{pattern}`; `commram find` looks for names and meanings")]
     NoMatch {
-        /// The given text.
+        /// Pattern that no register matches, as the user wrote it.
         pattern: String,
     },
     /// A pattern where a single register was expected.
     #[error("`{pattern}` can mean several registers; name one of them")]
     Several {
-        /// The given text.
+        /// Pattern, as the user wrote it, where one register is needed.
         pattern: String,
     },
     /// A sub-structure where a register was expected.
     #[error("`{name}` is a sub-structure, not a register; its registers are {registers}")]
     NotARegister {
-        /// The given text.
+        /// Name of the sub-structure, as the user wrote it.
         name: String,
         /// The registers in the area.
         registers: String,
@@ -189,19 +189,19 @@ pub enum LayoutError {
     /// The name has too many or too few indices.
     #[error("`{name}` {needs}")]
     IndexCount {
-        /// The given text.
+        /// Name of the register, as the user wrote it.
         name: String,
-        /// The required indices.
+        /// Description of the indices that the name needs.
         needs: String,
     },
     /// An index beyond the array.
     #[error("`{name}`: index {index} is out of range, {of} has elements 0 to {last}")]
     IndexRange {
-        /// The given text.
+        /// Name of the register with its indices, as the user wrote it.
         name: String,
-        /// The index.
+        /// Index above the last element of the array.
         index: u32,
-        /// The array.
+        /// Name of the array to which the index belongs.
         of: &'static str,
         /// Index of the last element.
         last: u16,

@@ -12,13 +12,13 @@ pub enum ValueError {
         "`{text}` is no number; write it decimal (67), hexadecimal (16#43 or 0x43) or binary (2#100_0011)"
     )]
     Notation {
-        /// The given text.
+        /// Text that should be a number.
         text: String,
     },
     /// The text is neither a number nor the name of a value of the register.
     #[error("`{text}` is no number and no value of this register; its values are {known}{hint}")]
     Unknown {
-        /// The given text.
+        /// Text that should be a number or the name of a value.
         text: String,
         /// The names of the register's values.
         known: String,
@@ -28,23 +28,23 @@ pub enum ValueError {
     /// The text is the name of several values of the register.
     #[error("`{text}` is more than one value of this register: {values}; write the number")]
     Ambiguous {
-        /// The given text.
+        /// Text that matches several values of the register.
         text: String,
-        /// The numbers.
+        /// Numbers of the values that match the text.
         values: String,
     },
     /// The number is outside the range of the data type.
     #[error("`{text}` is out of range, {} {ty} holds {least} to {most} (16#0 to 16#{mask:X})", article(*.ty))]
     Range {
-        /// The given text.
+        /// Number outside the range of the data type, as the user wrote it.
         text: String,
-        /// The data type.
+        /// Data type of the register.
         ty: RegType,
-        /// The smallest number.
+        /// Smallest number that the data type can hold.
         least: i64,
-        /// The largest number.
+        /// Largest number that the data type can hold.
         most: i64,
-        /// The largest bit pattern.
+        /// Largest bit pattern of the data type, as an unsigned number.
         mask: u32,
     },
 }

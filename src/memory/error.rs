@@ -12,13 +12,13 @@ pub enum MemoryError {
     /// The address does not suit the width.
     #[error("{address}: {}", .address.width().alignment_rule())]
     Misaligned {
-        /// The refused access.
+        /// Address and width of the access; the address is not divisible by the width.
         address: Address,
     },
     /// The access ends after the last byte of the segment.
     #[error("{address} is after the last one, byte {}", end - 1)]
     OutOfRange {
-        /// The refused access.
+        /// Address and width of the access after the end of the image.
         address: Address,
         /// Offset of the first byte after the segment.
         end: usize,
@@ -26,7 +26,7 @@ pub enum MemoryError {
     /// The access touches the header page, which belongs to the attach contract and holds no registers.
     #[error("{address} is in the header page; registers begin at byte {}", HEADER_SIZE)]
     InHeader {
-        /// The refused access.
+        /// Address and width of the access to the header page.
         address: Address,
     },
     /// A block (typed view or copy) does not fit into the segment.
@@ -34,7 +34,7 @@ pub enum MemoryError {
     BlockOutOfRange {
         /// First byte of the block.
         offset: usize,
-        /// Length in bytes.
+        /// Length of the access in bytes.
         size: usize,
         /// Offset of the first byte after the permitted range.
         end: usize,
@@ -52,15 +52,15 @@ pub enum MemoryError {
     /// The value has more bits than the register.
     #[error("{address}: 16#{value:X} does not fit, a {} holds at most 16#{:X}", .address.width(), .address.width().max_value())]
     ValueTooWide {
-        /// The register.
+        /// Address and width of the register.
         address: Address,
-        /// The refused value.
+        /// Value, too large for the register.
         value: u32,
     },
     /// A partial access outside the register that it names.
     #[error("{part} is not a part of the register there: {register}")]
     NotWithin {
-        /// The whole register.
+        /// Address of the whole register.
         register: Address,
         /// The access of which the given access should have been a part.
         part: Address,
@@ -76,9 +76,9 @@ pub enum MemoryError {
     /// The name of an instance or a PLC breaks the rules.
     #[error("{what} name {name:?}: use 1 to 31 characters of A-Z a-z 0-9 _ -")]
     BadName {
-        /// `instance` or `PLC`.
+        /// Kind of the name: `instance` or `PLC`.
         what: &'static str,
-        /// The refused name.
+        /// Name that breaks the rules.
         name: String,
     },
     /// Another emulator holds the image.
@@ -87,9 +87,9 @@ pub enum MemoryError {
             instance name", process(*.pid)
     )]
     AlreadyRunning {
-        /// Name of the instance.
+        /// Name of the running instance.
         instance: String,
-        /// Name of the PLC.
+        /// Name of the PLC with the image; the other emulator serves it.
         plc: String,
         /// Process id of the emulator that holds it, if known.
         pid: Option<u32>,
@@ -98,9 +98,9 @@ pub enum MemoryError {
     #[error("{}: no room for an image of {} KiB, {} has {free_kib} KiB left; enlarge it (`mount -o remount,size=...`, \
              in Docker `--shm-size`) or end another instance", .path.display(), needed.div_ceil(1024), IMAGE_DIRECTORY)]
     NoRoom {
-        /// The image.
+        /// Path of the image that cannot be created.
         path: PathBuf,
-        /// Length in bytes.
+        /// Length of the image in bytes.
         needed: usize,
         /// Free memory there, in KiB.
         free_kib: u64,
@@ -113,19 +113,19 @@ pub enum MemoryError {
         IMAGE_DIRECTORY
     )]
     NoRoomForAll {
-        /// Name of the instance.
+        /// Name of the instance that should start.
         instance: String,
         /// Number of images of the plant.
         count: usize,
         /// Memory that the images still need, in KiB.
         needed_kib: u64,
-        /// Available memory, in KiB.
+        /// Available memory of the machine, in KiB.
         free_kib: u64,
     },
     /// Another emulator has the instance, or a process is removing the files of a killed one.
     #[error("instance '{instance}' is already running{}; stop it first or choose another instance name", process(*.pid))]
     InstanceTaken {
-        /// Name of the instance.
+        /// Name of the running instance.
         instance: String,
         /// Process id of the emulator that has it, if known.
         pid: Option<u32>,
@@ -134,28 +134,28 @@ pub enum MemoryError {
     #[error("{} does not exist, no emulator with this name runs; start it with `commram run -i \
         {instance}`", .path.display())]
     NotThere {
-        /// Name of the instance.
+        /// Name of the instance that does not run.
         instance: String,
-        /// The missing file.
+        /// Path of the image that does not exist.
         path: PathBuf,
     },
     /// The path is a symbolic link, which could lead anywhere.
     #[error("{} is a symbolic link; it is left alone, remove it yourself", .path.display())]
     Symlink {
-        /// The refused path.
+        /// Path of the symbolic link.
         path: PathBuf,
     },
     /// The path is a directory, a pipe or the like.
     #[error("{} is no regular file; it is left alone, remove it yourself", .path.display())]
     NotAFile {
-        /// The refused path.
+        /// Path that should be a regular file.
         path: PathBuf,
     },
     /// The file, or another kind of entry with this name, belongs to another user.
     #[error("{} belongs to user {owner}, not to user {user}; an image is used by its owner only: choose another instance \
         name, or ask user {owner} or root to remove it", .path.display())]
     ForeignOwner {
-        /// The refused path.
+        /// Path of the image that belongs to another user.
         path: PathBuf,
         /// User id of the file's owner.
         owner: u32,
@@ -166,7 +166,7 @@ pub enum MemoryError {
     #[error("{} belongs to user {owner}, not to user {user}, and that user has taken this instance name; choose \
         another one, or ask user {owner} or root to remove it", .path.display())]
     ForeignDirectory {
-        /// The refused path.
+        /// Path of the file that belongs to another user.
         path: PathBuf,
         /// User id of the directory's owner.
         owner: u32,
@@ -177,21 +177,21 @@ pub enum MemoryError {
     #[error("{} can be written by other users (mode {mode:o}), and its content is not reliable; remove it \
         yourself", .path.display())]
     OpenDirectory {
-        /// The refused path.
+        /// Path of the directory that other users can write.
         path: PathBuf,
-        /// Mode of the directory.
+        /// Permission bits of the directory.
         mode: u32,
     },
     /// An entry of another kind has the name of the instance's directory.
     #[error("{} is no directory; it is left alone, remove it yourself", .path.display())]
     NotADirectory {
-        /// The refused path.
+        /// Path that should be a directory.
         path: PathBuf,
     },
     /// The file is not an image: it does not begin with the magic.
     #[error("{} is no commram image (it begins with 16#{found:016X}); it is left alone, remove it yourself", .path.display())]
     WrongMagic {
-        /// The refused path.
+        /// Path of the file, which is not an image.
         path: PathBuf,
         /// First eight bytes of the file, as a little-endian number.
         found: u64,
@@ -199,9 +199,9 @@ pub enum MemoryError {
     /// The image follows another version of the attach contract.
     #[error("{} has ABI version {found}, this program knows {expected}; use programs of one commram version", .path.display())]
     OtherAbi {
-        /// The refused path.
+        /// Path of the image that has another ABI version.
         path: PathBuf,
-        /// Version of the image.
+        /// ABI version of the image.
         found: u32,
         /// Version that this program uses.
         expected: u32,
@@ -212,9 +212,9 @@ pub enum MemoryError {
              16#{expected:016X}; remove it with `commram stop --clean -i {instance}`",
              .path.display(), env!("CARGO_PKG_VERSION"))]
     LeftByOther {
-        /// The refused path.
+        /// Path of the image that has another register map.
         path: PathBuf,
-        /// Name of the instance.
+        /// Name of the instance to which the image belongs.
         instance: String,
         /// The hash in the image.
         found: u64,
@@ -225,11 +225,11 @@ pub enum MemoryError {
     #[error("{} holds {device} with register map 16#{found:016X}, this program is made for 16#{expected:016X}; \
              rebuild it against this emulator's layout", .path.display())]
     OtherLayout {
-        /// The refused path.
+        /// Path of the image that has another register map.
         path: PathBuf,
         /// Name of the emulated device.
         device: String,
-        /// The image's layout hash.
+        /// Layout hash in the header page of the image.
         found: u64,
         /// Hash that the caller expects.
         expected: u64,
@@ -238,7 +238,7 @@ pub enum MemoryError {
     #[error("{} holds {device}, whose registers are described by a folder, which is gone or has changed since the emulator \
              started: {changes}; restore the folder, or start the instance again", .path.display())]
     LostFolder {
-        /// The refused path.
+        /// Path of the image of the device.
         path: PathBuf,
         /// Name of the emulated device.
         device: String,
@@ -248,9 +248,9 @@ pub enum MemoryError {
     /// The file ends before the segment does.
     #[error("{} is {size} bytes long, an image has {}; it is damaged, restart the emulator", .path.display(), expected)]
     TooShort {
-        /// The refused path.
+        /// Path of the image that has the wrong length.
         path: PathBuf,
-        /// Length in bytes.
+        /// Length of the file in bytes.
         size: u64,
         /// The length according to its header page.
         expected: u32,
@@ -258,7 +258,7 @@ pub enum MemoryError {
     /// The emulator runs, but does not answer yet or no longer answers.
     #[error("{} is not ready, its emulator is {}; try again when it is ready", .path.display(), state_name(*.state))]
     NotReady {
-        /// The refused path.
+        /// Path of the image, which is not ready yet or has no emulator any more.
         path: PathBuf,
         /// State of the emulator; `None` for a number without meaning.
         state: Option<State>,
@@ -267,7 +267,7 @@ pub enum MemoryError {
     #[error("{}: the emulator (process {pid}) has died; restart it, or attach read-only to read its last \
         values", .path.display())]
     EmulatorDied {
-        /// The image.
+        /// Path of the image; its emulator has died.
         path: PathBuf,
         /// The process that has ended.
         pid: u32,
@@ -275,24 +275,24 @@ pub enum MemoryError {
     /// The emulator has ended normally while this client was attached.
     #[error("{}: the emulator has stopped; attach again when it runs", .path.display())]
     EmulatorStopped {
-        /// The image.
+        /// Path of the image; its emulator has stopped.
         path: PathBuf,
     },
     /// Another emulator has taken the image over while this client was attached; all registers are
     /// reset.
     #[error("{}: the emulator was restarted (generation {found} instead of {attached}) and all registers are reset; attach again", .path.display())]
     EmulatorRestarted {
-        /// The image.
+        /// Path of the image; its emulator was restarted.
         path: PathBuf,
         /// Generation at the time of attaching.
         attached: u32,
-        /// Generation now.
+        /// Generation that the image has now.
         found: u32,
     },
     /// A register did not get the awaited value in time.
     #[error("{address} still holds 16#{last:0digits$X} after {timeout:?}", digits = 2 * .address.width().bytes() as usize)]
     RegisterTimeout {
-        /// The register.
+        /// Address of the register that the program polled.
         address: Address,
         /// Value of the register at the end of the wait.
         last: u32,
@@ -302,7 +302,7 @@ pub enum MemoryError {
     /// A condition was not met in time.
     #[error("{what} did not happen within {timeout:?}")]
     Timeout {
-        /// The awaited condition.
+        /// Description of the awaited condition.
         what: String,
         /// Length of the wait, in real time.
         timeout: Duration,
@@ -310,13 +310,13 @@ pub enum MemoryError {
     /// There is no event of this number.
     #[error("event {number}: events have the numbers 0 to {}", EVENT_SLOTS - 1)]
     NoSuchEvent {
-        /// The refused number.
+        /// Refused number; no event has it.
         number: usize,
     },
     /// Too many tasks take part in lockstep.
     #[error("all {seats} places for tasks in lockstep are taken")]
     NoSeat {
-        /// Number of seats.
+        /// Number of seats of the image, all taken.
         seats: usize,
     },
     /// A task may not take part in lockstep.
@@ -324,7 +324,7 @@ pub enum MemoryError {
         "the task of event {event} cannot take part in lockstep: the clock must be stepped, and the event one of 0, 2, 4, 5, 6, 8, 11, 12"
     )]
     LockstepRefused {
-        /// Event of the task.
+        /// Number of the event that starts the task.
         event: usize,
     },
     /// The emulator has continued without a task.
@@ -333,17 +333,17 @@ pub enum MemoryError {
             join again"
     )]
     LockstepLost {
-        /// Event of the task.
+        /// Number of the event that starts the task.
         event: usize,
     },
     /// The operating system refused.
     #[error("{}: cannot {doing}: {reason}{}{}", .path.display(), limits::named(.reason), room::named(.path, .reason))]
     System {
-        /// The file.
+        /// Path of the file or directory.
         path: PathBuf,
-        /// The attempted operation.
+        /// The operation that failed, for example "open".
         doing: &'static str,
-        /// The reason.
+        /// Error of the operating system.
         reason: io::Error,
     },
 }

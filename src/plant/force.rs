@@ -41,7 +41,7 @@ pub enum ForceError {
     /// The access covers only a part of a register, or several registers.
     #[error("{asked}: only a whole register can be forced, here {right}")]
     NotWhole {
-        /// The refused access.
+        /// Address and width that the client wanted to force.
         asked: Address,
         /// The register at this address.
         right: Address,
@@ -49,9 +49,9 @@ pub enum ForceError {
     /// The value has more bits than the register.
     #[error("{address}: 16#{value:X} does not fit, a {} holds at most 16#{:X}", .address.width(), .address.width().max_value())]
     TooWide {
-        /// The register.
+        /// Address and width of the register.
         address: Address,
-        /// The value.
+        /// Value, too large for the register.
         value: u32,
     },
     /// The address is misaligned or outside the RAM.

@@ -50,7 +50,7 @@ pub enum SnapshotError {
          take it back to the version of commram and of the layout that it was made with"
     )]
     OtherLayout {
-        /// The device.
+        /// Name of the PLC with different layouts.
         plc: String,
         /// Hash of the device's layout in the snapshot.
         found: u64,
@@ -62,9 +62,9 @@ pub enum SnapshotError {
         "PLC '{plc}' is another device in it, {theirs}, here {ours}; start its plant by `commram run --from`"
     )]
     OtherDevice {
-        /// The device.
+        /// Name of the PLC, which is another device in the snapshot.
         plc: String,
-        /// Name in the snapshot.
+        /// The vendor's name for the device in the snapshot.
         theirs: &'static str,
         /// Name of the device in this plant.
         ours: &'static str,
@@ -72,7 +72,7 @@ pub enum SnapshotError {
     /// The devices and buses of the snapshot have other settings.
     #[error("its plant file has another setting of {what}; start its plant by `commram run --from`")]
     OtherSettings {
-        /// The settings that differ.
+        /// The parts of the plant with different settings, for example "PLC 'line'".
         what: String,
     },
     /// A file in the folder of a device has changed since the snapshot. All other settings agree.

@@ -77,17 +77,17 @@ pub enum PinError {
     /// The value has another type, or is out of range.
     #[error("`{given}` is not {right}")]
     Wrong {
-        /// The value.
+        /// Value that the pin cannot have.
         given: String,
-        /// A correct value.
+        /// Description of a correct value.
         right: String,
     },
     /// The text is not a time.
     #[error("`{text}` is no time: {source}")]
     Time {
-        /// The text.
+        /// Text that should be a time.
         text: String,
-        /// Cause of the error.
+        /// Reason why the text is not a time.
         source: time::TimeError,
     },
 }

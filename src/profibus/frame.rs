@@ -73,9 +73,9 @@ pub enum TelegramError {
     /// The number of octets does not match the start delimiter or the length.
     #[error("{found} octets where there must be {expected}")]
     Length {
-        /// Number of octets.
+        /// Number of octets of the telegram or of its part.
         found: usize,
-        /// Expected number of octets.
+        /// Number of octets that would be correct.
         expected: usize,
     },
     /// The two copies of the length differ, or the length is invalid.
@@ -86,7 +86,7 @@ pub enum TelegramError {
     Sum {
         /// Check sum of the telegram.
         found: u8,
-        /// Correct check sum.
+        /// Check sum that the octets of the telegram require.
         expected: u8,
     },
     /// The telegram has a wrong end delimiter.

@@ -6,15 +6,15 @@ use super::{Code, Refused};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{field}` of `{operation}` is {value}; it may be 0 to {most}")]
 pub(crate) struct OutOfRange {
-    /// Name of the operation.
+    /// Name of the operation with the field.
     operation: &'static str,
-    /// Name of the field.
+    /// Name of the field with the value.
     field: &'static str,
-    /// Value of the field.
+    /// Value that the client gave to the field.
     value: u64,
     /// Largest value that the field may have.
     most: u64,
-    /// Code of the refusal.
+    /// Code of the refusal that the client receives.
     code: Code,
 }
 

@@ -117,7 +117,7 @@ impl Code {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, thiserror::Error)]
 #[error("{text}")]
 pub struct Refused {
-    /// Code of the refusal.
+    /// Code by which a client can distinguish the reasons.
     pub code: Code,
     /// The reason in words, for people.
     pub text: String,

@@ -34,13 +34,13 @@ pub enum RuntimeError {
     #[error("{}: another program has shortened it while it was in use, so the registers are lost; none of them \
         was written to NOVRAM, start again", .path.display())]
     Shortened {
-        /// The image.
+        /// Path of the image that was shortened.
         path: PathBuf,
     },
     /// No thread can be started.
     #[error("cannot start a thread: {reason}{}", limits::named(.reason))]
     Thread {
-        /// The reason.
+        /// Error of the operating system.
         reason: std::io::Error,
     },
     /// The process may not open enough files for its PLCs.
@@ -49,7 +49,7 @@ pub enum RuntimeError {
          (`ulimit -Hn {needed}` as root)", if *.plcs == 1 { "" } else { "s" }
     )]
     OpenFiles {
-        /// Number of PLCs.
+        /// Number of PLCs in the plant.
         plcs: usize,
         /// Number of open files that the emulator needs.
         needed: u64,
@@ -62,7 +62,7 @@ pub enum RuntimeError {
          (`ulimit {option}`)", if *.plcs == 1 { "" } else { "s" }, .needed.div_ceil(1024), .most / 1024
     )]
     MemoryLimit {
-        /// Number of PLCs.
+        /// Number of PLCs in the plant.
         plcs: usize,
         /// The limited memory, for example `data`.
         what: &'static str,
@@ -76,7 +76,7 @@ pub enum RuntimeError {
     /// A speed factor out of range.
     #[error("speed {speed}: must be {} to {}", Clock::SLOWEST, Clock::FASTEST)]
     Speed {
-        /// The factor.
+        /// Speed factor outside the range.
         speed: f64,
     },
 }

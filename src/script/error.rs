@@ -22,11 +22,11 @@ pub enum ScenarioError {
     /// The scenario would take more emulated time than it may.
     #[error("{} of emulated time at {} would go beyond the {} that a scenario may take; does it end at all?", long(*.us), seconds(*.now_us), long(*.limit_us))]
     TooLong {
-        /// Requested time, in microseconds.
+        /// Emulated time that the scenario requests, in microseconds.
         us: u64,
-        /// Emulated time.
+        /// Emulated time at the request, in microseconds.
         now_us: u64,
-        /// The limit.
+        /// Longest emulated time of a scenario, in microseconds.
         limit_us: u64,
     },
     /// The caller of the scenario has ended the verb: [`Bench::set_interrupt`](super::Bench::set_interrupt).
@@ -41,7 +41,7 @@ pub enum ScenarioError {
     /// The text is not a time.
     #[error("`{text}`: {source}")]
     Time {
-        /// The given text.
+        /// Text that should be a time.
         text: String,
         /// The error in the text.
         source: TimeError,
@@ -49,17 +49,17 @@ pub enum ScenarioError {
     /// An argument has the wrong notation.
     #[error("`{text}`: {right}")]
     Argument {
-        /// The given text.
+        /// Argument of the scenario with the wrong notation.
         text: String,
-        /// A correct example.
+        /// Description or example of the right notation.
         right: String,
     },
     /// A register is named without its PLC, and several PLCs have such a register.
     #[error("`{text}`: the plant has several PLCs ({plcs}); write for example {example}:{text}")]
     WhichPlc {
-        /// The given text.
+        /// Name of the register, as the scenario gives it.
         text: String,
-        /// The PLCs.
+        /// Names of all PLCs of the plant, separated by commas.
         plcs: String,
         /// An example of a PLC.
         example: String,
@@ -69,9 +69,9 @@ pub enum ScenarioError {
     Unknown {
         /// "PLC", "bus", "area" or "drive".
         what: &'static str,
-        /// The given text.
+        /// Name that the scenario gives.
         name: String,
-        /// The known names.
+        /// Names that exist in the plant, separated by commas.
         known: String,
     },
     /// The text is not a setting of a board.

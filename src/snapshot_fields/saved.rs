@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("there is no {what} at byte {at} of the state")]
 pub struct Damaged {
-    /// Expected content.
+    /// Description of the content that should be at this position.
     pub what: &'static str,
     /// Position, counted from the beginning of the state.
     pub at: usize,

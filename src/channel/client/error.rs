@@ -16,9 +16,9 @@ pub enum ClientError {
     /// No emulator serves the channel.
     #[error("instance '{instance}' is not running (no channel in {root}); start it with `commram run`")]
     NotRunning {
-        /// Name of the instance.
+        /// Name of the instance that the client wants to connect to.
         instance: String,
-        /// Directory of the channel.
+        /// Directory with the channels of all instances, as the message shows it.
         root: String,
     },
     /// The channel's directory cannot be used.
@@ -27,9 +27,9 @@ pub enum ClientError {
     /// Another program has emptied a part of the channel.
     #[error("instance '{instance}': the channel is damaged, {} is empty; restart the emulator (`commram stop` ends it)", .path.display())]
     Damaged {
-        /// Name of the instance.
+        /// Name of the instance with the damaged channel.
         instance: String,
-        /// Path of the part.
+        /// Path of the empty file of the channel.
         path: PathBuf,
     },
     /// Entering takes too long: iceoryx2 waits for a part that another program has damaged.
@@ -39,17 +39,17 @@ pub enum ClientError {
             --clean -i {instance}`"
     )]
     Stuck {
-        /// Name of the instance.
+        /// Name of the instance that the client wants to connect to.
         instance: String,
-        /// Length of the attempt.
+        /// Real time for which the client has tried to enter the channel.
         after: Duration,
     },
     /// The operating system cannot start a thread, which a client needs to enter the channel with a time limit.
     #[error("instance '{instance}': a client cannot start a thread: {reason}{}", limits::named(.reason))]
     NoThread {
-        /// Name of the instance.
+        /// Name of the instance that the client wants to connect to.
         instance: String,
-        /// Error of the system.
+        /// Error of the operating system at the start of the thread.
         reason: std::io::Error,
     },
     /// A part of the channel is invalid.
@@ -58,15 +58,15 @@ pub enum ClientError {
             remove its remaining files with `commram stop --clean -i {instance}`"
     )]
     Broken {
-        /// Name of the instance.
+        /// Name of the instance with the damaged channel.
         instance: String,
     },
     /// The memory file system is nearly full.
     #[error("instance '{instance}': /dev/shm has only {free_kib} KiB left, a client needs {} KiB", ROOM / 1024)]
     NoRoom {
-        /// Name of the instance.
+        /// Name of the instance that the client wants to connect to.
         instance: String,
-        /// Free space, in KiB.
+        /// Free space in `/dev/shm`, in KiB.
         free_kib: u64,
     },
     /// The limit of open files of this process is too low.
@@ -75,7 +75,7 @@ pub enum ClientError {
          limit (`ulimit -n`)"
     )]
     OpenFiles {
-        /// Name of the instance.
+        /// Name of the instance that the client wants to connect to.
         instance: String,
         /// Number of open files that the client needs.
         needed: u64,
@@ -88,7 +88,7 @@ pub enum ClientError {
          limit (`ulimit -v`)", .needed.div_ceil(1024), .most / 1024
     )]
     AddressSpace {
-        /// Name of the instance.
+        /// Name of the instance that the client wants to connect to.
         instance: String,
         /// Address space that the client needs, in bytes.
         needed: u64,
@@ -101,7 +101,7 @@ pub enum ClientError {
         MAX_CLIENTS
     )]
     TooManyClients {
-        /// Name of the instance.
+        /// Name of the instance, which has the maximum number of clients.
         instance: String,
     },
     /// The emulator has a version with another format.
@@ -111,11 +111,11 @@ pub enum ClientError {
         env!("CARGO_PKG_VERSION")
     )]
     Incompatible {
-        /// Name of the instance.
+        /// Name of the instance; its channel has another format.
         instance: String,
         /// Format of the emulator's channel.
         found: String,
-        /// Error of iceoryx2.
+        /// Error of iceoryx2 when the client opens the channel.
         reason: OpenError,
     },
     /// iceoryx2 cannot connect.
@@ -125,15 +125,15 @@ pub enum ClientError {
         room::describe_lack()
     )]
     Connect {
-        /// Name of the instance.
+        /// Name of the instance that the client wants to connect to.
         instance: String,
-        /// Error of iceoryx2.
+        /// Error of iceoryx2 in words.
         reason: String,
     },
     /// The emulator's process has ended.
     #[error("instance '{instance}' has ended; start it again and connect again")]
     EmulatorGone {
-        /// Name of the instance.
+        /// Name of the instance; its emulator has ended.
         instance: String,
     },
     /// The emulator was killed, and another one has taken the instance over.
@@ -141,7 +141,7 @@ pub enum ClientError {
         "the emulator of instance '{instance}' (process {pid}) was killed, and another one runs now; connect again"
     )]
     Replaced {
-        /// Name of the instance.
+        /// Name of the instance that another emulator runs now.
         instance: String,
         /// Process id of the killed emulator.
         pid: u32,
@@ -149,29 +149,29 @@ pub enum ClientError {
     /// The emulator runs, but did not answer in time.
     #[error("instance '{instance}' did not answer within {} ms; is it busy or stopped?", .after.as_millis())]
     Timeout {
-        /// Name of the instance.
+        /// Name of the instance that did not answer.
         instance: String,
-        /// Length of the wait.
+        /// Real time for which the client waited for the answer.
         after: Duration,
     },
     /// The request has too many operations.
     #[error("{count} operations in one request are too many, at most {MAX_OPS}; split the request")]
     TooManyOperations {
-        /// Number of operations.
+        /// Number of operations in the refused request.
         count: usize,
     },
     /// The request could not be sent.
     #[error("instance '{instance}': the request could not be sent ({reason})")]
     Send {
-        /// Name of the instance.
+        /// Name of the instance to which the request was addressed.
         instance: String,
-        /// Error of iceoryx2.
+        /// Error of iceoryx2 in words.
         reason: String,
     },
     /// The emulator closed the request without an answer.
     #[error("instance '{instance}' closed the request without an answer; is /dev/shm full?")]
     Unanswered {
-        /// Name of the instance.
+        /// Name of the instance to which the request was addressed.
         instance: String,
     },
     /// The reply is malformed.
@@ -182,7 +182,7 @@ pub enum ClientError {
         "instance '{instance}' gave a reply that does not fit the operation; use the same version on both sides"
     )]
     WrongReply {
-        /// Name of the instance.
+        /// Name of the instance that gave the reply.
         instance: String,
     },
     /// The emulator refused the operation.

@@ -18,7 +18,7 @@ pub enum ServerError {
         "instance '{instance}': another emulator already serves the channel; end it or choose another name"
     )]
     AlreadyServed {
-        /// Name of the instance.
+        /// Name of the instance; another emulator serves its channel.
         instance: String,
     },
     /// A client of another version still uses the old service.
@@ -26,17 +26,17 @@ pub enum ServerError {
         "instance '{instance}': a client of another version is still connected ({reason:?}); end it first"
     )]
     Incompatible {
-        /// Name of the instance.
+        /// Name of the instance to which the client of another version is connected.
         instance: String,
-        /// Error of iceoryx2.
+        /// Error of iceoryx2 when the server opens the channel.
         reason: OpenError,
     },
     /// The memory file system is nearly full.
     #[error("instance '{instance}': /dev/shm has only {free_kib} KiB left, the channel needs {} KiB", ROOM / 1024)]
     NoRoom {
-        /// Name of the instance.
+        /// Name of the instance that the server wants to start.
         instance: String,
-        /// Free space, in KiB.
+        /// Free space in `/dev/shm`, in KiB.
         free_kib: u64,
     },
     /// iceoryx2 cannot create a node.
@@ -46,9 +46,9 @@ pub enum ServerError {
         room::describe_lack()
     )]
     Node {
-        /// Name of the instance.
+        /// Name of the instance that the server wants to start.
         instance: String,
-        /// Error of iceoryx2.
+        /// Error of iceoryx2 at the creation of the node.
         reason: NodeCreationFailure,
     },
     /// iceoryx2 cannot create the service or its server port.
@@ -59,9 +59,9 @@ pub enum ServerError {
         room::describe_lack()
     )]
     Service {
-        /// Name of the instance.
+        /// Name of the instance that the server wants to start.
         instance: String,
-        /// Error of iceoryx2.
+        /// Error of iceoryx2 in words.
         reason: String,
     },
 }

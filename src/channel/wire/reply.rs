@@ -118,7 +118,7 @@ replies!(codec);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("reply {index} at block {block} is malformed; do client and emulator have the same version?")]
 pub struct DecodeError {
-    /// Index of the reply.
+    /// Index of the malformed reply among the replies of a request, from 0.
     pub index: usize,
     /// Index of the reply's head block.
     pub block: usize,

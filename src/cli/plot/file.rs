@@ -37,7 +37,7 @@ enum JournalFileError {
     OtherVersion {
         /// Number of the line, from 1.
         line: usize,
-        /// Format of the record.
+        /// Number of the format that the record names.
         found: u64,
     },
     /// A value that no register can have.
@@ -53,9 +53,9 @@ enum JournalFileError {
     TooWide {
         /// Number of the line, from 1.
         line: usize,
-        /// The value.
+        /// Value, too large for the register.
         value: u32,
-        /// Address of the register.
+        /// Address of the register, which determines the largest value.
         address: String,
     },
     /// The counted records have more events than a plot can have.

@@ -11,9 +11,9 @@ pub enum FolderError {
     /// A table of handshakes is wrong.
     #[error("{}:{line}: {what}", path.display())]
     Table {
-        /// The file.
+        /// Path of the file of the folder that has the error.
         path: PathBuf,
-        /// The line, from 1.
+        /// Line of the error in the file, from 1.
         line: usize,
         /// Description of the error, and of the correct form.
         what: String,
@@ -21,9 +21,9 @@ pub enum FolderError {
     /// The script is wrong.
     #[error("{}:{line}: {what}", path.display())]
     Script {
-        /// The file.
+        /// Path of the file of the folder that has the error.
         path: PathBuf,
-        /// The line, from 1.
+        /// Line of the error in the file, from 1.
         line: usize,
         /// Description of the error, and of the correct form.
         what: String,
@@ -31,27 +31,27 @@ pub enum FolderError {
     /// The folder has a script, but this library was built without feature `script`.
     #[error("{}: the device has a firmware.rhai; this library was built without the feature `script`", dir.display())]
     NoScripts {
-        /// The folder.
+        /// Path of the device's folder.
         dir: PathBuf,
     },
     /// The folder cannot be opened.
     #[error("{}: {reason}; name a folder with a device.toml", dir.display())]
     Missing {
-        /// The folder.
+        /// Path of the folder that cannot be read.
         dir: PathBuf,
-        /// Cause of the error.
+        /// Error of the operating system.
         reason: std::io::Error,
     },
     /// The path has control characters, or is not text.
     #[error("{}: the path of a device's folder is text in UTF-8 without control characters", dir.display())]
     BadPath {
-        /// The folder.
+        /// Path of the folder, which is not UTF-8 or has control characters.
         dir: PathBuf,
     },
     /// A file has nearly the name of a file that devices read, and the folder does not have that file.
     #[error("{}: no device reads a file of this name{hint}", path.display())]
     Misnamed {
-        /// The file.
+        /// Path of the file with the unknown name.
         path: PathBuf,
         /// `; did you mean ...?`
         hint: String,
@@ -59,45 +59,45 @@ pub enum FolderError {
     /// The device exceeds a limit.
     #[error("{}: the device has {count} {what}; a device in a folder has at most {most}", dir.display())]
     TooMuch {
-        /// The folder.
+        /// Path of the device's folder.
         dir: PathBuf,
-        /// "registers", "areas" ...
+        /// Plural of the items that are too many: "registers", "areas" ...
         what: &'static str,
         /// Number of items that exceeds the limit.
         count: u64,
-        /// The limit.
+        /// Largest number of these items in a device.
         most: u64,
     },
     /// A name is too long for the header page.
     #[error("{}: the name '{name}' of {what} has {} bytes; it has at most {most}", dir.display(), name.len())]
     LongName {
-        /// The folder.
+        /// Path of the device's folder.
         dir: PathBuf,
         /// "the device" or "an area".
         what: &'static str,
-        /// The name.
+        /// Name with too many bytes.
         name: String,
-        /// The limit in bytes.
+        /// Largest length of such a name, in bytes.
         most: usize,
     },
     /// The name or the hash belongs to a device of the program.
     #[error("{}: '{name}' has {what} of the device '{other}'; give it another name", dir.display())]
     Taken {
-        /// The folder.
+        /// Path of the device's folder.
         dir: PathBuf,
         /// "the name" or "the layout hash".
         what: &'static str,
         /// Name of the folder's device.
         name: String,
-        /// The owner.
+        /// Name of the device that already has this name or this layout hash.
         other: &'static str,
     },
     /// This process has already read as many folders as it can.
     #[error("{}: this process has read {most} folders of devices; start another one", dir.display())]
     TooManyFolders {
-        /// The folder.
+        /// Path of the folder that exceeds the limit.
         dir: PathBuf,
-        /// The limit.
+        /// Largest number of folders that a process can read.
         most: usize,
     },
 }

@@ -88,9 +88,9 @@ pub enum ParameterRefusal {
     /// The value lies outside of its limits.
     #[error("it takes {min} to {max}")]
     Range {
-        /// Lowest value.
+        /// Smallest value that the parameter takes.
         min: i64,
-        /// Highest value.
+        /// Largest value that the parameter takes.
         max: i64,
     },
     /// The drive has no supply.

@@ -14,7 +14,7 @@ use crate::profibus::MAX_OCTETS;
 pub struct BadLog {
     /// First byte of the block.
     pub at: usize,
-    /// The expected content.
+    /// Description of the content that would be right at this position.
     pub right: String,
 }
 

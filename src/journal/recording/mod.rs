@@ -79,7 +79,7 @@ impl Recording {
 pub struct BadLine {
     /// Number of the line, from 1.
     pub line: usize,
-    /// The expected text.
+    /// Description of a correct line.
     pub right: &'static str,
 }
 

@@ -7,7 +7,7 @@ use crate::layout::{DeviceLayout, LayoutError, Owner, RegType, split_plc, value}
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{text}`: {expected}")]
 pub struct BoardAssignmentError {
-    /// The refused text.
+    /// Assignment to the board that cannot be read, as the user wrote it.
     pub text: String,
     /// The accepted values, as a sentence.
     pub expected: String,

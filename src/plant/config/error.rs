@@ -13,15 +13,15 @@ pub enum PlantError {
     /// The file cannot be read.
     #[error("{}: {source}", path.display())]
     Read {
-        /// The file.
+        /// Path of the plant file that cannot be read.
         path: PathBuf,
-        /// Cause of the error.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// The file is not a plant file.
     #[error("{file}: {}{what}", in_line(*.line))]
     Syntax {
-        /// The file.
+        /// Path of the plant file.
         file: String,
         /// The line, from 1, if it is known.
         line: Option<usize>,
@@ -31,11 +31,11 @@ pub enum PlantError {
     /// An error at a place in a plant file.
     #[error("{file}: {}{source}", in_line(*.line))]
     At {
-        /// The file.
+        /// Path of the plant file.
         file: String,
         /// The line, from 1; none if the error has no line, because something is missing.
         line: Option<usize>,
-        /// The error.
+        /// Error of the plant that the file describes.
         source: Box<PlantError>,
     },
     /// The plant has no PLC.
@@ -44,79 +44,79 @@ pub enum PlantError {
     /// The plant has more entries of a kind than journal and channel can number.
     #[error("the plant has {count} {}; there can be at most {MOST}", several(what))]
     TooMany {
-        /// "PLC" or "bus".
+        /// Kind of the entries: "PLC" or "bus".
         what: &'static str,
-        /// Number of entries.
+        /// Number of entries in the plant.
         count: usize,
     },
     /// A name that cannot be used.
     #[error("{what} name '{name}': use 1 to 31 characters of A-Z, a-z, 0-9, '_' and '-'")]
     Name {
-        /// "PLC", "bus" or "drive".
+        /// Kind of the entry with the name: "PLC", "bus" or "drive".
         what: &'static str,
-        /// The name.
+        /// Name that breaks the rules.
         name: String,
     },
     /// A name is given twice.
     #[error("there are two {} named '{name}'; names must be unique", several(what))]
     Duplicate {
-        /// "PLC", "bus" or "drive".
+        /// Kind of the entries with the name: "PLC", "bus" or "drive".
         what: &'static str,
-        /// The name.
+        /// Name that two entries have.
         name: String,
     },
     /// An entry with the name of a section is not a section.
     #[error("{file}: line {line}: [[{name}]] begins a section; there can be several")]
     NoSection {
-        /// The file.
+        /// Path of the plant file.
         file: String,
-        /// The line, from 1.
+        /// Line of the entry in the plant file, from 1.
         line: usize,
-        /// Name of the sections.
+        /// Name of the sections, for example `plc`.
         name: &'static str,
     },
     /// A section has an unknown kind.
     #[error("{file}: line {line}: there is no {what} of kind '{kind}'; kinds are: {known}")]
     Kind {
-        /// The file.
+        /// Path of the plant file.
         file: String,
-        /// The line, from 1.
+        /// Line of the kind in the plant file, from 1.
         line: usize,
-        /// "device" or "bus".
+        /// Object that the section describes: "device" or "bus".
         what: &'static str,
-        /// The kind.
+        /// Kind that the section names.
         kind: String,
-        /// The known kinds.
+        /// Names of all kinds that the section can have, separated by commas.
         known: String,
     },
     /// The folder that `kind` names is not a device.
     #[error("{file}: line {line}: {source}")]
     Folder {
-        /// The file.
+        /// Path of the plant file.
         file: String,
-        /// The line, from 1.
+        /// Line of the kind in the plant file, from 1.
         line: usize,
-        /// Cause of the error.
+        /// Reason why the folder is not a device.
         source: FolderError,
     },
     /// A device refers to a bus that does not exist.
     #[error("{port} of PLC '{plc}' is on bus '{bus}', which does not exist; buses are: {known}")]
     UnknownBus {
-        /// The device.
+        /// Name of the PLC that refers to the bus.
         plc: String,
-        /// Port of the device.
+        /// Name of the port that should be on the bus.
         port: String,
         /// Name of the bus in the device's section.
         bus: String,
-        /// The known buses.
+        /// Names of all buses of the plant, separated by commas.
         known: String,
     },
     /// A device refers to a bus of a kind that its port does not fit.
     #[error("{port} of PLC '{plc}' is on bus '{bus}' of kind '{kind}'; it needs one of kind '{right}'")]
     OtherKind {
-        /// The device.
+        /// Name of the PLC that refers to the bus.
         plc: String,
-        /// Port of the device.
+        /// Name of the port that should be on the bus.
         port: String,
         /// Name of the bus in the device's section.
         bus: String,
@@ -130,27 +130,27 @@ pub enum PlantError {
         "bus '{bus}' has two masters, {first_port} of '{first}' and {second_port} of '{second}'; a bus of its kind has one"
     )]
     TwoMasters {
-        /// The bus.
+        /// Name of the bus with two masters.
         bus: String,
         /// The device of the first port.
         first: String,
-        /// Port of the device.
+        /// Name of the first master port on the bus.
         first_port: String,
         /// The device of the second port; it may be the same device.
         second: String,
-        /// Port of the device.
+        /// Name of the second master port on the bus.
         second_port: String,
     },
     /// Two slaves with one number.
     #[error("slave number {number} is used twice on bus '{bus}', by '{first}' and '{second}'")]
     SlaveNumber {
-        /// The bus.
+        /// Name of the bus on which both slaves are.
         bus: String,
-        /// The number.
+        /// Slave number that both slaves have.
         number: u8,
-        /// A participant.
+        /// Name of the first slave with the number.
         first: String,
-        /// Another participant.
+        /// Name of the second slave with the number.
         second: String,
     },
     /// A device or bus cannot be built: a number is out of its range, or a check of the device or bus itself has
@@ -162,7 +162,7 @@ pub enum PlantError {
     Fault {
         /// Number of the fault in the file, from 1.
         number: usize,
-        /// Cause of the error.
+        /// Reason why the fault is refused.
         source: FaultError,
     },
 }

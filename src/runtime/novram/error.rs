@@ -11,11 +11,11 @@ pub enum NovramError {
     /// The operating system refuses the operation.
     #[error("NOVRAM {}: cannot {doing}: {source}; --novram needs a writable directory", path.display())]
     Io {
-        /// The file or directory.
+        /// Path of the file or directory for which the operation failed.
         path: PathBuf,
-        /// The attempted operation.
+        /// The operation that failed, for example "open it".
         doing: &'static str,
-        /// The reason.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// Another emulator uses the directory for its NOVRAM.
@@ -24,7 +24,7 @@ pub enum NovramError {
         path.display()
     )]
     InUse {
-        /// The directory.
+        /// Path of the directory that another emulator uses.
         path: PathBuf,
     },
     /// The directory belongs to another user, and that user could exchange the files.
@@ -33,7 +33,7 @@ pub enum NovramError {
         path.display()
     )]
     Foreign {
-        /// The directory.
+        /// Path of the directory that belongs to another user.
         path: PathBuf,
         /// User id of the directory's owner.
         owner: u32,
@@ -47,9 +47,9 @@ pub enum NovramError {
         path.display()
     )]
     Writable {
-        /// The directory.
+        /// Path of the directory to which other users can write.
         path: PathBuf,
-        /// Mode of the directory.
+        /// Permission bits of the directory.
         mode: u32,
     },
     /// The file is not a regular file.
@@ -58,9 +58,9 @@ pub enum NovramError {
         path.display()
     )]
     NotAFile {
-        /// The file.
+        /// Path at which a NOVRAM file should be.
         path: PathBuf,
-        /// Type of the file.
+        /// Type of the object at the path, for example "a directory".
         found: &'static str,
     },
     /// The file has another version.
@@ -70,9 +70,9 @@ pub enum NovramError {
         path.display(), env!("CARGO_PKG_VERSION")
     )]
     OtherVersion {
-        /// The file.
+        /// Path of the NOVRAM file that has another version.
         path: PathBuf,
-        /// Version of the file.
+        /// Version of the file format in the file.
         found: u32,
         /// Version that this program reads.
         read: u32,
@@ -80,7 +80,7 @@ pub enum NovramError {
     /// The last attempt to write has failed, too.
     #[error("the last changes are lost, and there is no further attempt: {source}")]
     Lost {
-        /// The error.
+        /// Error of the last attempt to write.
         source: Box<NovramError>,
     },
     /// An access to the RAM is refused.

@@ -158,9 +158,9 @@ pub enum DriveError {
     /// Slave number above 31.
     #[error("drive {drive}: slave number {number} is above 31")]
     SlaveNumber {
-        /// Name of the drive.
+        /// Name of the drive with the invalid slave number.
         drive: String,
-        /// The invalid number.
+        /// Slave number above 31.
         number: u8,
     },
     /// The card does not run at the bus's baud rate (manual 5.01010.01 p. 10).
@@ -169,7 +169,7 @@ pub enum DriveError {
         u8::from(*.function)
     )]
     Rate {
-        /// Name of the drive.
+        /// Name of the drive with the invalid baud rate.
         drive: String,
         /// Function of the drive's card.
         function: CardFunction,
@@ -179,23 +179,23 @@ pub enum DriveError {
     /// A parameter definition is wrong.
     #[error("drive {drive}: parameter {number}: {reason}")]
     Parameter {
-        /// Name of the drive.
+        /// Name of the drive with the invalid parameter.
         drive: String,
-        /// Parameter number.
+        /// Number of the invalid parameter.
         number: u16,
-        /// Reason.
+        /// Reason why the drive cannot have the parameter.
         reason: ParameterError,
     },
     /// A card parameter has a wrong value.
     #[error("drive {drive}: ZK {zk} = 16#{value:04X}: {reason}")]
     Zk {
-        /// Name of the drive.
+        /// Name of the drive with the invalid card parameter.
         drive: String,
         /// Number of the card parameter.
         zk: u8,
         /// Value of the card parameter.
         value: u16,
-        /// Reason.
+        /// Reason why the card parameter cannot have the value.
         reason: ZkError,
     },
 }

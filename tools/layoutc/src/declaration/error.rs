@@ -8,7 +8,7 @@ use std::path::Path;
 #[derive(Debug, thiserror::Error)]
 #[error("{at}: {reason}")]
 pub struct DeclarationError {
-    /// Place of the error.
+    /// Place of the error in the file of declarations.
     pub at: Location,
     /// The error, and the correct form.
     pub reason: Wrong,

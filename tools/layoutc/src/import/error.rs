@@ -19,17 +19,17 @@ pub enum ImportError {
     NothingDeclared {
         /// The file with the declarations.
         path: String,
-        /// Structures of the layout.
+        /// Names of the structures of the layout.
         known: String,
-        /// Structures of the file.
+        /// Names of the structures that the file declares.
         declared: String,
     },
     /// A pair of names of which one name does not exist.
     #[error("`{ours}={theirs}`: {right}")]
     Called {
-        /// Name in the layout.
+        /// Name of a structure or register in the layout.
         ours: String,
-        /// Name in the declarations.
+        /// Name of a structure or register in the declarations.
         theirs: String,
         /// The error, and the correct form.
         right: String,
@@ -40,7 +40,7 @@ pub enum ImportError {
          and the layout has `{part}` once for both{why}"
     )]
     Conflict {
-        /// The sub-structure or block.
+        /// Name of the shared sub-structure or block.
         part: String,
         /// The register with different offsets, or `size`.
         register: String,
@@ -63,7 +63,7 @@ pub enum ImportError {
     NoLibrary {
         /// The file with the declarations.
         path: String,
-        /// Name of the device.
+        /// Name of the device, which has no library of types.
         device: String,
     },
     /// The library of another device has confirmed another offset of a shared register.
@@ -78,11 +78,11 @@ pub enum ImportError {
         path: PathBuf,
         /// The shared structure, sub-structure or block.
         structure: String,
-        /// The register, or `size`.
+        /// Name of the register that would move, or `size` for the end of the structure.
         register: Box<str>,
-        /// Offset in the layout.
+        /// Offset in the layout, in bytes.
         before: u32,
-        /// Offset in the declarations.
+        /// Offset in the declarations, in bytes.
         after: u32,
         /// The file with confirmed offsets.
         confirmed: PathBuf,
@@ -95,9 +95,9 @@ pub enum ImportError {
     /// A file cannot be edited in its present form.
     #[error("{}: write the registers of `{name}` as a list of inline tables, one per line", .path.display())]
     Form {
-        /// The file.
+        /// Path of the file of the layout that cannot be edited.
         path: PathBuf,
-        /// The structure.
+        /// Name of the structure in this file.
         name: String,
     },
 }

@@ -11,7 +11,7 @@ pub enum CodecError {
     /// The number of data bytes does not fit the kind of frame.
     #[error("{frame} with {found} data bytes, {expected} would be right")]
     Length {
-        /// Kind of frame.
+        /// Name of the kind of frame, for example "parameter job".
         frame: &'static str,
         /// Number of data bytes in the frame.
         found: u8,
@@ -24,7 +24,7 @@ pub enum CodecError {
     /// Bit 7 of data byte 0 selects "parameter" where up-/download is expected, or vice versa.
     #[error("{found} frame where {expected} is expected (bit 7 of data byte 0)")]
     OtherService {
-        /// Service of the frame.
+        /// Name of the service that bit 7 of the frame indicates.
         found: &'static str,
         /// Name of the expected service.
         expected: &'static str,
@@ -41,9 +41,9 @@ pub enum CodecError {
     /// The answer has another parameter number than the job.
     #[error("answer for parameter {found} to a job for parameter {asked}")]
     OtherParameter {
-        /// Number in the job.
+        /// Parameter number in the job.
         asked: u16,
-        /// Number in the answer.
+        /// Parameter number in the answer.
         found: u16,
     },
     /// The answer has another sub-slave address than the job.
@@ -57,17 +57,17 @@ pub enum CodecError {
     /// The answer acknowledges another block than the block of the job.
     #[error("answer for offset {found} to an up-/download job for offset {asked}")]
     OtherOffset {
-        /// Offset in the job.
+        /// Offset in the job, in bytes.
         asked: u16,
-        /// Offset in the answer.
+        /// Offset in the answer, in bytes.
         found: u16,
     },
     /// The answer does not fit the job: unrequested data, or missing data.
     #[error("{answer} as answer to {job}")]
     Mismatch {
-        /// Description of the answer.
+        /// Name of the kind of answer.
         answer: &'static str,
-        /// Description of the job.
+        /// Name of the kind of job.
         job: &'static str,
     },
 }
