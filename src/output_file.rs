@@ -9,7 +9,7 @@ use std::io::{ErrorKind, Result, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
-/// Maximum number of temporary names to try. Killed processes may have left files with the same names.
+/// Maximum number of temporary names to try. Files of killed processes may have the same names.
 const TRIES: u32 = 16;
 /// Maximum number of symbolic links in a chain.
 const MOST_LINKS: u32 = 40;
@@ -120,7 +120,7 @@ pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
 }
 
 /// The temporary name of a new file. If the file was not renamed, it is removed when this value is dropped. The open
-/// file holds a lock, which distinguishes it from files that killed processes have left.
+/// file holds a lock, which distinguishes it from files of killed processes.
 struct Unfinished(PathBuf, #[expect(dead_code, reason = "holds the lock")] File);
 
 impl Drop for Unfinished {
@@ -140,8 +140,8 @@ fn begin(path: &Path, bytes: &[u8], like: Option<&Metadata>) -> Result<Unfinishe
     Ok(unfinished)
 }
 
-/// Removes files that killed processes have left when they wrote `path`. Errors are ignored, because such files do not
-/// prevent writing.
+/// Removes temporary files of processes that were killed while they wrote `path`. Errors are ignored, because such
+/// files do not prevent writing.
 fn remove_leftovers(path: &Path) {
     let Some(directory) = path.parent() else { return };
     let directory = if directory.as_os_str().is_empty() { Path::new(".") } else { directory };

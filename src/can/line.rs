@@ -233,16 +233,16 @@ impl Line {
         }
     }
 
-    /// Called when the sender of the frame on the wire has left the bus. All other stations find an error six recessive
-    /// bits later, or after the acknowledge delimiter because of the wrong checksum, if this is earlier. A frame with a
-    /// complete checksum arrives.
+    /// Called when the sender of the frame on the wire has disconnected from the bus. All other stations find an error
+    /// six recessive bits later, or after the acknowledge delimiter because of the wrong checksum, if this is earlier.
+    /// A frame with a complete checksum arrives.
     pub fn sender_gone(&mut self, now_ns: u64) {
         self.spoil(now_ns, Fate::SenderGone, |over, to_acknowledgement| {
             (over < to_acknowledgement).then(|| (over + ERROR_FLAG).min(to_acknowledgement + 2))
         });
     }
 
-    /// Called when the last station that could acknowledge the frame on the wire has left the bus.
+    /// Called when the last station that could acknowledge the frame on the wire has disconnected from the bus.
     pub fn nobody_left(&mut self, now_ns: u64) {
         self.spoil(now_ns, Fate::NotAcknowledged, |over, to_acknowledgement| {
             (over <= to_acknowledgement).then_some(to_acknowledgement + 1)

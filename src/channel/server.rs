@@ -184,7 +184,7 @@ impl Server {
         clients
     }
 
-    /// Returns the number of the process of a client; `None` if it has left.
+    /// Returns the number of the process of a client; `None` if the client has disconnected.
     fn process_of(&self, client: UniqueClientId) -> Option<u32> {
         let mut process = None;
         self.service.as_ref()?.dynamic_config().list_clients(|it| {

@@ -42,7 +42,7 @@ impl DeviceWatch {
     /// Creates the watch over device number `plc` of the plant, with the present registers as baseline.
     ///
     /// # Errors
-    /// The segment is too small for the device.
+    /// The memory segment is too small for the device.
     pub fn new(
         plc: DeviceIndex,
         segment: &Segment,

@@ -38,11 +38,11 @@ enum Command {
 /// List the buses, their doors and the guests connected to them.
 ///
 /// `seat`: the guest takes part in emulated time; a stepped clock waits for it. `dropped` counts the frames that a
-/// guest did not read in time, `refused` the frames of the guest that the bus did not accept. `sent_away` counts
-/// the guests that were rejected because there was no place or no file descriptor left. `stations` are the stations
-/// on a PROFIBUS with their addresses and states, and the stations on CAN that have counted errors, with transmit
-/// and receive errors. `other_rates` are the stations that are set to another rate, in kbit/s, and receive nothing;
-/// while a bus waits for its master, its rate is the one in the plant file.
+/// guest did not read in time, `refused` the frames of the guest that the bus did not accept. `sent_away` counts the
+/// guests that were rejected because the list of guests was full or no file descriptor was free. `stations` are the
+/// stations on a PROFIBUS with their addresses and states, and the stations on CAN that have counted errors, with
+/// transmit and receive errors. `other_rates` are the stations that are set to another rate, in kbit/s, and receive
+/// nothing; while a bus waits for its master, its rate is the one in the plant file.
 #[derive(ClapArgs)]
 #[command(after_help = "\
 Examples:
@@ -59,8 +59,8 @@ struct List {
 ///
 /// Doors are `slcan-tcp:127.0.0.1:0` (SLCAN over TCP; port 0 selects any free port) and `slcan-pty` (SLCAN over a
 /// pseudo-terminal), on a PROFIBUS `profibus-tcp:127.0.0.1:0` (telegrams over TCP) and `profibus-pty` (octets over a
-/// pseudo-terminal, as a serial adapter has them). Any user of this machine can connect to a TCP port; other machines can connect only to a door named `slcan-tcp-anybody:ADDRESS:PORT` or
-/// `profibus-tcp-anybody:ADDRESS:PORT`.
+/// pseudo-terminal, as a serial adapter has them). Any user of this machine can connect to a TCP port; other machines
+/// can connect only to a door named `slcan-tcp-anybody:ADDRESS:PORT` or `profibus-tcp-anybody:ADDRESS:PORT`.
 #[derive(ClapArgs)]
 #[command(after_help = "\
 Examples:

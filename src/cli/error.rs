@@ -17,7 +17,8 @@ use std::io;
 use std::path::PathBuf;
 use thiserror::Error;
 
-/// Defines the errors, each with its exit code: `Variant => Exit::X`, or `Variant(error) as error => (error) exit_of(error)`.
+/// Defines the errors, each with its exit code: `Variant => Exit::X`, or `Variant(error) as error => (error)
+/// exit_of(error)`.
 macro_rules! errors {
     ($(
         $(#[$($attribute:tt)*])*
@@ -161,7 +162,7 @@ errors! {
     /// emulator.
     #[error("{0}")]
     OpenDirectory(MemoryError) => Exit::Failed,
-    /// The emulator was killed, and only its files are left.
+    /// The emulator was killed, and only its files remain.
     #[error(
         "instance '{instance}' is dead, its emulator (process {pid}) was killed; start it again with \
          `commram run -i {instance}` or remove its files with `commram stop --clean -i {instance}`"

@@ -384,7 +384,7 @@ pub(crate) fn alive(images: &[ImageInfo]) -> Option<u32> {
     })
 }
 
-/// Returns the process id of the emulator that left the images, if no emulator serves any of them.
+/// Returns the process id of the killed emulator that owned the images, if no emulator serves any of them.
 pub(crate) fn dead(images: &[ImageInfo]) -> Option<u32> {
     let pid = |image: &ImageInfo| match &image.condition {
         Condition::Dead(ImageSummary { pid, .. }) => Some(*pid),

@@ -192,7 +192,7 @@ fn why_not(name: &str) -> CliError {
     }
 }
 
-/// Returns the process id of a killed emulator that has left images. If a process has released its locks and still
+/// Returns the process id of a killed emulator with remaining images. If a process has released its locks and still
 /// exists, it was just killed; the function gives the system time to remove it. Returns `None` if no image exists, or
 /// if a new emulator runs.
 fn killed(name: &str) -> Result<Option<u32>, CliError> {

@@ -44,7 +44,7 @@ pub struct SimulatorOutput {
     pub values: Vec<(usize, f64)>,
     /// Frames as text, by their index in [`Interface::endpoints`].
     pub frames: Vec<(usize, Vec<u8>)>,
-    /// True if all other simulators have left.
+    /// True if all other simulators have disconnected.
     pub have_gone: bool,
 }
 

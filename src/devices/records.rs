@@ -96,7 +96,7 @@ pub enum BoardEvent {
         /// The number.
         number: u8,
     },
-    /// A task requested to take part in lockstep, or left it.
+    /// A task has requested to take part in lockstep, or has stopped taking part.
     Lockstep {
         /// Event number of the task.
         event: u8,

@@ -10,10 +10,10 @@ pub(crate) const RESERVED: u64 = 32;
 /// Number by which a process raises its limit of descriptors if doors or guests need more.
 const MORE: u64 = 128;
 
-/// Checks, after a descriptor was opened, that enough descriptors are left.
+/// Checks, after a descriptor was opened, that enough descriptors are free.
 ///
 /// # Errors
-/// Only reserved descriptors are left and this process cannot raise its limit.
+/// Only reserved descriptors are free, and this process cannot raise its limit.
 pub(super) fn check_room() -> io::Result<()> {
     let Rlimit { current, maximum } = getrlimit(Resource::Nofile);
     let Some(limit) = current else { return Ok(()) };

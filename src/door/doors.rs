@@ -93,7 +93,7 @@ impl Doors {
     ///
     /// # Errors
     /// [`DoorError`], if the address is in use or does not belong to this machine, if no pseudo-terminal or no place
-    /// for its guest is free, or if only reserved descriptors are left. The door is then not open.
+    /// for its guest is free, or if only reserved descriptors are free. The door is then not open.
     pub fn open(&mut self, bus: BusIndex, door: DoorSpec) -> Result<DoorSpec, DoorError> {
         self.try_open(bus, door).map_err(|reason| DoorError { door, reason })
     }
@@ -174,7 +174,7 @@ impl Doors {
         &self.guests
     }
 
-    /// Removes a guest that has left.
+    /// Removes a disconnected guest.
     pub fn forget(&mut self, guest: &Arc<Guest>) {
         self.guests.retain(|it| !Arc::ptr_eq(it, guest));
         if let Some(io) = &self.io {

@@ -30,7 +30,7 @@ struct Inner {
     open: Option<bool>,
     rate: Option<Rate>,
     has_gone: bool,
-    /// True if the guest's unsent messages were discarded after it had left.
+    /// True if the guest's unsent messages were discarded after the guest had disconnected.
     is_given_up: bool,
     /// True if the guest has ever taken part or listened.
     has_opened: bool,
@@ -74,7 +74,7 @@ pub struct GuestRequests {
     pub takes_part: bool,
     /// The rate that the guest has named.
     pub rate: Option<Rate>,
-    /// True if the guest has left. It does not come back.
+    /// True if the guest has disconnected. It does not come back.
     pub has_gone: bool,
     /// An invalid number of octets that the guest has announced.
     pub bad_length: Option<u16>,
@@ -122,7 +122,7 @@ impl Guest {
         }
     }
 
-    /// True if the guest has left.
+    /// True if the guest has disconnected.
     pub(super) fn has_gone(&self) -> bool {
         self.inner().has_gone
     }
@@ -248,7 +248,7 @@ impl Guest {
         inner.seat = GuestTurn::Free;
     }
 
-    /// Discards the messages that the plant has not taken from a guest that has left.
+    /// Discards the messages that the plant has not taken from a disconnected guest.
     pub(super) fn give_up_unsent(&self) {
         let mut inner = self.inner();
         inner.to_plant.clear();

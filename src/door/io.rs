@@ -111,9 +111,9 @@ impl Shared {
         present.guests.remove(at);
     }
 
-    /// Admits a guest, which gets the first free number of its bus. Guests that have left occupy no place. If too many
-    /// guests are known, a new guest in real time replaces the guest that left first. The unsent frames of that guest
-    /// are discarded, because a slow bus would need seconds for them (D-820).
+    /// Admits a guest, which gets the first free number of its bus. Disconnected guests occupy no place. If too many
+    /// guests are known, a new guest in real time replaces the guest that disconnected first. The unsent frames of that
+    /// guest are discarded, because a slow bus would need seconds for them (D-820).
     fn admit(&self, bus: BusIndex, door: DoorSpec) -> Result<Arc<Guest>, NoPlace> {
         let mut present = self.present();
         if present.guests.iter().filter(|it| !it.has_gone()).count() >= MAX_GUESTS {
@@ -403,7 +403,7 @@ impl Io {
                     }
                     Err(error) if is_of_the_guest(&error) => {}
                     Err(error) => {
-                        // No descriptor or memory is left. The guest waits, and no further event will report it, so the
+                        // No descriptor or memory is free. The guest waits, and no further event will report it, so the
                         // doors must try again.
                         if let Some(others) = self.complaints.complains(now) {
                             tracing::warn!("{spec}: no guest can be accepted at the moment: {error}{others}");
@@ -474,7 +474,7 @@ impl Io {
 
     fn remove(&mut self, token: usize) {
         if let Some(Station::Guest(mut visit)) = self.stations.remove(&token) {
-            // Messages that the guest sent before it left are still valid.
+            // Messages that the guest sent before it disconnected are still valid.
             for _ in 0..ROOM_TO_GUEST {
                 if !visit.may_read() || visit.read().1 == Presence::Leaves {
                     break;

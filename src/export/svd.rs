@@ -155,7 +155,7 @@ fn fields(xml: &mut Xml, meaning: &Meaning, width: u32) {
     }
 }
 
-/// Ranges of values cannot be expressed and are left out.
+/// Ranges of values cannot be expressed and are omitted.
 fn field(xml: &mut Xml, name: &str, doc: &str, offset: u32, width: u32, values: &[ValueMeaning]) {
     // A name must begin with a letter or `_`.
     let begin = if name.starts_with(|first: char| first.is_ascii_digit()) { "_" } else { "" };

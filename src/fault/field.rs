@@ -53,14 +53,14 @@ pub enum Form {
 #[derive(Clone, Copy, Debug)]
 enum Need {
     Optional,
-    /// The field may be left out; then it has this value.
+    /// The field may be omitted; then it has this value.
     Default(u32),
     /// The field is required; the text describes a correct value.
     Required(&'static str),
 }
 
 impl Field {
-    /// Creates a field of this form, which may be left out.
+    /// Creates a field of this form, which may be omitted.
     #[must_use]
     pub const fn new(name: &'static str, form: Form, about: &'static str) -> Self {
         Field { name, other_name: None, about, form, need: Need::Optional }
@@ -116,7 +116,7 @@ impl Field {
         }
     }
 
-    /// True if the field must not be left out.
+    /// True if the field must not be omitted.
     #[cfg(feature = "cli")]
     pub(crate) const fn is_required(&self) -> bool {
         self.missing().is_some()

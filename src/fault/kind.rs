@@ -110,7 +110,7 @@ impl FaultKind {
         }
     }
 
-    /// Limits the kind to ports to buses of these families. If a device has only one such port, `node` may be left out.
+    /// Limits the kind to ports to buses of these families. If a device has only one such port, `node` may be omitted.
     #[must_use]
     pub const fn at_ports_to(self, families: &'static [&'static str]) -> Self {
         FaultKind { families, ..self }

@@ -158,7 +158,7 @@ impl Fault {
         self.values
     }
 
-    /// Returns the value of the kind's own field `name`; `None` if it is left out.
+    /// Returns the value of the kind's own field `name`; `None` if it is omitted.
     #[must_use]
     pub fn value(&self, name: &str) -> Option<u32> {
         let index = self.kind.fields().iter().position(|field| field.name() == name)?;

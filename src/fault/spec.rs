@@ -112,7 +112,7 @@ impl<'a> Reader<'a> {
         self.named(TargetKind::Device, &self.names.plcs, unknown).map(DeviceIndex::at)
     }
 
-    /// Returns the index of the bus or PLC. If the name is left out, the installation must have exactly one bus or PLC.
+    /// Returns the index of the bus or PLC. If the name is omitted, the installation must have exactly one bus or PLC.
     fn named(
         &self,
         place: TargetKind,

@@ -26,7 +26,7 @@ const SHORTEST: f64 = 1e-9;
 /// Latest time of HELICS, in seconds.
 const LATEST: f64 = 9_223_372_036.0;
 
-/// States of federates that have left.
+/// States of federates that have left the federation.
 const GONE: [&str; 2] = ["disconnected", "error"];
 
 /// A federate that the broker knows.
@@ -55,8 +55,8 @@ impl ValueFederate {
     /// # Errors
     /// There is no broker, or the name is in use.
     pub(super) fn create(functions: Functions, name: &str, init: &str) -> Result<Self, String> {
-        // SAFETY: here and below: the objects are the library's own and are used on this thread only; texts and bytes live
-        // through the calls.
+        // SAFETY: here and below: the objects are the library's own and are used on this thread only; texts and bytes
+        // live through the calls.
         let set_up = |info| unsafe {
             functions.checked(|it, status| (it.set_time)(info, TIME_DELTA, SHORTEST, status))?;
             functions.checked(|it, status| (it.set_integer)(info, LOG_LEVEL, NO_PRINT, status))?;

@@ -128,7 +128,8 @@ fn talk(
 }
 
 impl HelicsConfig {
-    /// True if all federates except the hosts of the plant have left. False if the plant was alone from the start.
+    /// True if all federates except the hosts of the plant have left the federation. False if the plant was alone from
+    /// the start.
     fn is_alone(&self, federate: &ValueFederate, plant: &str, had_company: &mut bool) -> bool {
         let Some(federates) = federate.federates() else { return false };
         let is_own = |name: &str| name == plant || (0..self.count).any(|host| *name == self.name_of(host));

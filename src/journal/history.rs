@@ -6,8 +6,8 @@
 //! as well: they show a request that was answered between two comparisons. If a program makes several writes between
 //! two polls, their order is not known. The changes are then reported in the order of their addresses.
 //!
-//! A comparison changes nothing in the plant. Changes for the journal become records ([`Changed`]). Other changes go
-//! to a bounded list with separate numbers. Clients that only observe ("onlookers", for example a view) read that list, so
+//! A comparison changes nothing in the plant. Changes for the journal become records ([`Changed`]). Other changes go to
+//! a bounded list with separate numbers. Clients that only observe ("onlookers", for example a view) read that list, so
 //! they do not change the journal.
 
 use super::changed::{By, ChangeDetails, Changed};
@@ -208,8 +208,8 @@ impl History {
         true
     }
 
-    /// True if a client may follow this register: a client may have at most as many registers as are left to the
-    /// others.
+    /// True if a client may follow this register: a client may follow at most as many registers as are still free for
+    /// the others.
     fn has_room_for(&mut self, client: u128, place: (DeviceIndex, u32), now: Instant) -> bool {
         let has_room = |this: &Self| {
             let left = MAX_FOLLOWED - this.followed.len().min(MAX_FOLLOWED);

@@ -11,7 +11,7 @@ const GRAINS: u64 = 4096;
 pub(crate) struct Window {
     from_us: u64,
     to_us: u64,
-    /// Minimum distance of events in microseconds; events at smaller distances are left out.
+    /// Minimum distance of events in microseconds; events at smaller distances are omitted.
     grain_us: u64,
 }
 

@@ -15,12 +15,12 @@ pub enum MemoryError {
         /// Address and width of the access; the address is not divisible by the width.
         address: Address,
     },
-    /// The access ends after the last byte of the segment.
+    /// The access ends after the last byte of the memory segment.
     #[error("{address} is after the last one, byte {}", end - 1)]
     OutOfRange {
         /// Address and width of the access after the end of the image.
         address: Address,
-        /// Offset of the first byte after the segment.
+        /// Offset of the first byte after the memory segment.
         end: usize,
     },
     /// The access touches the header page, which belongs to the attach contract and holds no registers.
@@ -29,7 +29,7 @@ pub enum MemoryError {
         /// Address and width of the access to the header page.
         address: Address,
     },
-    /// A block (typed view or copy) does not fit into the segment.
+    /// A block (typed view or copy) does not fit into the memory segment.
     #[error("byte {offset} of the image: {size} bytes from there end after the last one, byte {}", end - 1)]
     BlockOutOfRange {
         /// First byte of the block.
@@ -206,7 +206,7 @@ pub enum MemoryError {
         /// Version that this program uses.
         expected: u32,
     },
-    /// An emulator of another build was killed and has left its image. Clients that still map the image use the
+    /// An emulator of another build was killed, and its image still exists. Clients that still map the image use the
     /// registers of that build.
     #[error("{} was left by a commram with register map 16#{found:016X}, this one (version {}) was built with \
              16#{expected:016X}; remove it with `commram stop --clean -i {instance}`",
@@ -245,7 +245,7 @@ pub enum MemoryError {
         /// The error or the change of each folder of the instance.
         changes: String,
     },
-    /// The file ends before the segment does.
+    /// The file ends before the memory segment does.
     #[error("{} is {size} bytes long, an image has {}; it is damaged, restart the emulator", .path.display(), expected)]
     TooShort {
         /// Path of the image that has the wrong length.

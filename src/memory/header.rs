@@ -1,4 +1,4 @@
-//! The header page: the first 4096 bytes of the segment, below the device's first register.
+//! The header page: the first 4096 bytes of the memory segment, below the device's first register.
 //!
 //! The header page is the data structure of the attach contract; `docs/reference/attach.md` describes it byte by byte.
 //! Every value in it is a cell in little-endian order. A participant that is not named as a writer of a field only
@@ -56,7 +56,7 @@ pub struct Header {
     pub header_size: Cell32,
     /// Hash of the device's register map; equal hashes mean equal registers at equal offsets.
     pub layout_hash: Cell64,
-    /// Length of the segment in bytes, including the header page: the minimum length of the file.
+    /// Length of the memory segment in bytes, including the header page: the minimum length of the file.
     pub segment_size: Cell32,
     /// Number of emulators that have used this file, from 1.
     pub generation: Cell32,
@@ -278,8 +278,8 @@ impl Header {
     }
 
     /// Emulated time in microseconds at this very moment: in real time the clock also advances between two actions of
-    /// the firmware. The time is at most [`LONGEST_LEAD_US`] after the emulator's time, so that it does not fall when the
-    /// speed changes (D-789).
+    /// the firmware. The time is at most [`LONGEST_LEAD_US`] after the emulator's time, so that it does not fall when
+    /// the speed changes (D-789).
     #[must_use]
     pub fn exact_us(&self) -> u64 {
         for _ in 0..LONGEST_CHANGE {
@@ -309,7 +309,7 @@ impl Header {
     }
 
     /// Returns values of the front of `device`, which must be the device of this image. Words that [`Board`] or
-    /// [`Program`] contain under the same name are left out.
+    /// [`Program`] contain under the same name are omitted.
     pub fn front_words(
         &self,
         device: &'static DeviceLayout,
@@ -325,8 +325,9 @@ impl Header {
     }
 }
 
-/// Longest time in microseconds by which a program computes the emulated time ahead of `virtual_time_us`. It is the longest
-/// step of the emulator in real time: a clock that is later by more drops the rest when its speed changes (D-789).
+/// Longest time in microseconds by which a program computes the emulated time ahead of `virtual_time_us`. It is the
+/// longest step of the emulator in real time: a clock that is later by more drops the rest when its speed changes
+/// (D-789).
 pub const LONGEST_LEAD_US: u64 = 100_000;
 
 /// Number of reads after which a program no longer waits for the new clock of an emulator that may have died.

@@ -56,8 +56,8 @@ impl Segment {
         let mut rest = into.as_mut_slice();
         for block in self.blocks(ranges).filter(|block| !block.is_empty()) {
             let (words, following) = core::mem::take(&mut rest).split_at_mut(block.len() / 4);
-            // SAFETY: the block is inside the segment, which has a length divisible by 4, and begins at a line; the memory is
-            // mapped for as long as `self` lives.
+            // SAFETY: the block is inside the memory segment, which has a length divisible by 4, and begins at a line;
+            // the memory is mapped for as long as `self` lives.
             unsafe { load_words(self.base().add(block.start).cast(), words) };
             rest = following;
         }
@@ -94,8 +94,8 @@ impl Segment {
         stored
     }
 
-    /// Applies to this segment a store that another process made in another segment of the same device. Ignores words
-    /// outside the segment.
+    /// Applies to this memory segment a store that another process made in another memory segment of the same device.
+    /// Ignores words outside the memory segment.
     pub(crate) fn store_bytes(&self, stored: &StoredBytes) {
         let StoredBytes { offset, mask, value } = *stored;
         let _ = self.update(offset, Width::Dword, |word| word & !mask | value & mask);
@@ -133,7 +133,7 @@ mod tests {
         assert_eq!(segment.stored_since(&ranges, &mut copy), []);
         stored.iter().for_each(|stored| other.store_bytes(stored));
         assert_eq!(other.stored_since(&ranges, &mut copy), []);
-        // Outside the segment.
+        // Outside the memory segment.
         other.store_bytes(&StoredBytes { offset: u32::MAX - 3, mask: 1, value: 1 });
     }
 }

@@ -60,8 +60,8 @@ impl Segment {
         changed
     }
 
-    /// Applies to this segment a change that was delivered in another segment of the same device. Ignores an index
-    /// without a cell.
+    /// Applies to this memory segment a change that was delivered in another memory segment of the same device. Ignores
+    /// an index without a cell.
     pub(crate) fn store_request(&self, front: &[FrontWord], index: u16, value: u32) {
         self.for_each_request_cell(front, |at, asked, written| {
             if at == index {

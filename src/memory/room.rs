@@ -52,7 +52,7 @@ fn describe_inodes(directory: &Path) -> String {
 }
 
 /// Checks that the images of `instance`, each given as PLC and length in bytes, fit into the free memory together.
-/// Images that a killed emulator has left already have their memory. A single image is not checked, because its
+/// Images of a killed emulator already have their memory. A single image is not checked, because its
 /// creation reports the error.
 ///
 /// # Errors

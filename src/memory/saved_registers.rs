@@ -44,13 +44,13 @@ fn runs(bytes: &[u8]) -> impl Iterator<Item = Range<usize>> {
 }
 
 impl Segment {
-    /// Copies a chunk; bytes after the end of the segment are 0.
+    /// Copies a chunk; bytes after the end of the memory segment are 0.
     fn copy_chunk<'a>(&self, chunk: &Range<usize>, into: &'a mut [u32; WORDS]) -> &'a [u8] {
         let words = &mut into[..chunk.len() / size_of::<u32>()];
         let existing = self.size().saturating_sub(chunk.start) / size_of::<u32>();
         let (copied, missing) = words.split_at_mut(existing.min(words.len()));
-        // SAFETY: as many words as the segment has from here on; the start is aligned, since it is a multiple of a line and
-        // the base is aligned to pages; the memory is mapped for as long as `self` lives.
+        // SAFETY: as many words as the memory segment has from here on; the start is aligned, since it is a multiple of
+        // a line and the base is aligned to pages; the memory is mapped for as long as `self` lives.
         unsafe { load_words(self.base().add(chunk.start).cast(), copied) };
         missing.fill(0);
         words.as_bytes()
@@ -101,11 +101,11 @@ impl Segment {
         from.check(saved == END, "line of registers")
     }
 
-    /// Stores words that differ, up to the end of the segment.
+    /// Stores words that differ, up to the end of the memory segment.
     fn put(&self, at: usize, bytes: &[u8]) {
         for (at, word) in (at..self.size()).step_by(4).zip(bytes.as_chunks().0) {
-            // SAFETY: inside the segment, with a length that is a multiple of 4, aligned and mapped as above; only a segment
-            // that is writable has firmware.
+            // SAFETY: inside the memory segment, with a length that is a multiple of 4, aligned and mapped as above;
+            // only a memory segment that is writable has firmware.
             unsafe {
                 let to = self.base().add(at).cast_mut().cast::<u32>();
                 let word = u32::from_ne_bytes(*word);

@@ -4,7 +4,7 @@
 //!
 //! 1. No code gets a `&T` of plain data. Only cells (see [`super::cell`]) cover the memory, and all accesses are
 //!    functions of [`super::access`], which allows different widths.
-//! 2. A register is written at its own width. The segment has no list of registers, so the caller of the raw accesses
+//! 2. A register is written at its own width. The memory segment has no list of registers, so the caller of the raw accesses
 //!    takes the width from the register map. To write a part of a register, use [`Segment::store_within`], which
 //!    replaces the whole register by compare-exchange.
 //! 3. Bulk copies and comparisons ([`Segment::read_range`], [`Segment::snapshot`], the access checker) load aligned
@@ -72,7 +72,7 @@ pub struct Segment {
 }
 
 impl Segment {
-    /// Returns a zeroed segment for a device, private to this process; its header page describes the device.
+    /// Returns a zeroed memory segment for a device, private to this process; its header page describes the device.
     pub fn of(device: &'static DeviceLayout) -> Segment {
         let segment = Segment::heap(device.segment_size());
         if let Ok(header) = segment.header() {
@@ -81,7 +81,7 @@ impl Segment {
         segment
     }
 
-    /// Returns a zeroed segment of `size` bytes, at least the header page, private to this process. The kernel
+    /// Returns a zeroed memory segment of `size` bytes, at least the header page, private to this process. The kernel
     /// allocates pages when they are first accessed.
     ///
     /// Uses an anonymous map, not a `Vec`, because the allocator would clear page-aligned memory itself, and so access
@@ -95,20 +95,20 @@ impl Segment {
         }
     }
 
-    /// Returns the segment in the first `size` bytes of a mapped file; `None` if the map is shorter, or `size` is less
-    /// than the header page.
+    /// Returns the memory segment in the first `size` bytes of a mapped file; `None` if the map is shorter, or `size`
+    /// is less than the header page.
     pub(super) fn mapped(map: MmapRaw, size: usize, writable: bool) -> Option<Segment> {
         Some(Self::from_backing(Arc::new(Backing::new(map, size, writable)?)))
     }
 
-    /// Returns the length of the segment in bytes.
+    /// Returns the length of the memory segment in bytes.
     pub fn size(&self) -> usize {
         self.backing.size
     }
 
     /// Returns the address of the memory in this process, for programs in other languages that access it directly. It
-    /// is valid as long as a handle on the segment exists. Follow the rules of [`super::cell`]: access a register at
-    /// its own width, expect its value to change at any time, and do not write a read-only segment.
+    /// is valid as long as a handle on the memory segment exists. Follow the rules of [`super::cell`]: access a
+    /// register at its own width, expect its value to change at any time, and do not write a read-only memory segment.
     #[must_use]
     pub fn base(&self) -> *const u8 {
         self.backing.base.as_ptr()
@@ -130,8 +130,8 @@ impl Segment {
     /// Returns a typed view of the registers that begin at `%MB3.offset`.
     ///
     /// # Errors
-    /// The range is out of bounds or misaligned, or the segment is read-only. A read-only segment has no views, because
-    /// the cells of a view can be written; use [`Segment::snapshot`] instead.
+    /// The range is out of bounds or misaligned, or the memory segment is read-only. A read-only memory segment has no
+    /// views, because the cells of a view can be written; use [`Segment::snapshot`] instead.
     pub fn view<T: SharedRegs>(&self, offset: usize) -> Result<View<T>, MemoryError> {
         self.need_writable(offset)?;
         if offset < HEADER_SIZE && size_of::<T>() > 0 {
@@ -143,7 +143,7 @@ impl Segment {
     /// Returns the header page.
     ///
     /// # Errors
-    /// The segment is read-only; use [`Segment::header_snapshot`] instead.
+    /// The memory segment is read-only; use [`Segment::header_snapshot`] instead.
     pub fn header(&self) -> Result<View<Header>, MemoryError> {
         self.need_writable(0)?;
         View::new(Arc::clone(&self.backing), 0)
@@ -152,7 +152,7 @@ impl Segment {
     /// Returns the header page for firmware.
     ///
     /// # Errors
-    /// The segment is read-only.
+    /// The memory segment is read-only.
     #[cfg(feature = "emulator")]
     pub fn firmware_header(&self) -> Result<FirmwareHeader, MemoryError> {
         let shown = self.header()?;
@@ -174,7 +174,7 @@ impl Segment {
     /// Returns the beginning of the header page in 64-bit words, for comparing it as a whole.
     ///
     /// # Errors
-    /// The segment is read-only, or the words reach beyond the header page.
+    /// The memory segment is read-only, or the words reach beyond the header page.
     #[cfg_attr(not(any(feature = "emulator", test)), expect(dead_code, reason = "for the access checker"))]
     pub(crate) fn header_words<const N: usize>(&self) -> Result<View<[Cell64; N]>, MemoryError> {
         self.need_writable(0)?;
@@ -202,8 +202,8 @@ impl Segment {
     pub fn header_snapshot(&self) -> Box<Header> {
         let mut copy = new_box::<Header>();
         for (i, chunk) in copy.as_mut_bytes().chunks_exact_mut(8).enumerate() {
-            // SAFETY: the segment is longer than the header page, and the base is page-aligned and mapped for as long
-            // as `self` exists.
+            // SAFETY: the memory segment is longer than the header page, and the base is page-aligned and mapped for as
+            // long as `self` exists.
             let word = unsafe { u64::load(self.backing.base.as_ptr().cast::<u64>().add(i)) };
             chunk.copy_from_slice(&word.to_ne_bytes());
         }
@@ -227,7 +227,7 @@ impl Segment {
     ///
     /// # Errors
     /// Returns the errors of [`Segment::load`]. It is also an error if the value is wider than the register, or the
-    /// segment is read-only.
+    /// memory segment is read-only.
     pub fn store(&self, offset: u32, width: Width, value: u32) -> Result<(), MemoryError> {
         let register = self.writable_register(offset, width, &[value])?;
         match register {
@@ -345,7 +345,7 @@ impl Segment {
     #[inline]
     fn word(&self, offset: usize) -> [u8; 4] {
         debug_assert!(offset.is_multiple_of(4) && offset + 4 <= self.size());
-        // SAFETY: all offsets are aligned and inside the segment, which has a length divisible by 4;
+        // SAFETY: all offsets are aligned and inside the memory segment, which has a length divisible by 4;
         // the memory is mapped for as long as `self` lives.
         unsafe { u32::load(self.backing.base.as_ptr().add(offset).cast::<u32>()) }.to_ne_bytes()
     }

@@ -16,7 +16,7 @@ use zerocopy::{FromZeros, IntoBytes};
 pub(crate) const PLC: &str = "plc";
 /// The layout hash in all tests.
 pub(crate) const HASH: u64 = 0x0123_4567_89AB_CDEF;
-/// Length of the segment in all tests.
+/// Length of the memory segment in all tests.
 pub(crate) const SEGMENT_SIZE: usize = test_device().segment_size();
 /// The device in all tests.
 pub(crate) static DEVICE: DeviceLayout = test_device();

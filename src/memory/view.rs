@@ -4,7 +4,7 @@ use super::{MemoryError, Segment, cell::SharedRegs, segment::Backing};
 use core::{fmt, ops::Deref, ptr::NonNull};
 use std::sync::Arc;
 
-/// A block of register cells in a segment, checked once for bounds and alignment.
+/// A block of register cells in a memory segment, checked once for bounds and alignment.
 ///
 /// Dereferencing is one pointer load. The view keeps the memory mapped for its own lifetime, even after
 /// the [`Segment`] it came from is dropped.
@@ -52,7 +52,7 @@ impl<T: SharedRegs> View<T> {
         View { cells: NonNull::from(part(self)), keep: Arc::clone(&self.keep) }
     }
 
-    /// Returns the segment of this view.
+    /// Returns the memory segment of this view.
     pub fn segment(&self) -> Segment {
         Segment::from_backing(Arc::clone(&self.keep))
     }

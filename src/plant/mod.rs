@@ -68,8 +68,8 @@ pub struct Plant {
     /// True if a watched event is to stop [`Plant::advance_until`].
     watching: bool,
     devices: Vec<Box<dyn Device>>,
-    /// The buses of the plant file, then placeholders for unconnected ports: one for each kind, and one for each port that
-    /// runs alone.
+    /// The buses of the plant file, then placeholders for unconnected ports: one for each kind, and one for each port
+    /// that runs alone.
     buses: Vec<Box<dyn Bus>>,
     /// Number of buses in the plant file.
     named_buses: usize,
@@ -104,7 +104,7 @@ impl Plant {
     /// layout: heap or image.
     ///
     /// # Errors
-    /// The configuration is refused, or a segment is not accessible or is too small.
+    /// The configuration is refused, or a memory segment is not accessible or is too small.
     pub fn new<E>(
         config: &PlantConfig,
         mut segment: impl FnMut(&str, &'static Layout) -> Result<Segment, E>,
@@ -187,8 +187,8 @@ impl Plant {
         self.buses.iter().map(|bus| bus.next_time()).fold(first, u64::min)
     }
 
-    /// Lets devices take over changes of their files. Returns whether a device has done so: snapshots from before then belong to
-    /// other settings.
+    /// Lets devices take over changes of their files. Returns whether a device has done so: snapshots from before then
+    /// belong to other settings.
     pub(crate) fn take_over_files(&mut self) -> bool {
         let Plant { now, devices, journal, settings, .. } = self;
         let mut has_changed = false;

@@ -5,7 +5,7 @@ use crate::memory::{Header, MemoryError, Segment, SharedRegs, View};
 use core::ops::Deref;
 use core::time::Duration;
 
-/// The RAM of one PLC: a segment of this process or of an attached image.
+/// The RAM of one PLC: a memory segment of this process or of an attached image.
 #[derive(Clone, Debug)]
 pub struct Ram {
     segment: Segment,
@@ -13,10 +13,10 @@ pub struct Ram {
 }
 
 impl Ram {
-    /// Returns the RAM in a segment.
+    /// Returns the RAM in a memory segment.
     ///
     /// # Errors
-    /// The segment is read-only.
+    /// The memory segment is read-only.
     pub fn of(segment: &Segment) -> Result<Self, MemoryError> {
         Ok(Ram { segment: segment.clone(), header: segment.header()? })
     }

@@ -112,15 +112,15 @@ macro_rules! ops {
                 /// Maximum advance, in microseconds.
                 within_us: u64 [..=MAX_ADVANCE_US, ADVANCE_TOO_LONG] => time_us,
             },
-            /// Changes the speed of a real-time clock, at the present emulated time, or pauses it. Does not influence the
-            /// plant. The reply is the time from which the speed applies.
+            /// Changes the speed of a real-time clock, at the present emulated time, or pauses it. Does not influence
+            /// the plant. The reply is the time from which the speed applies.
             SetSpeed = 15, set_speed, Manages -> Time {
                 /// Emulated time per real time x 1000: 1000 is real time, 0 a pause.
                 permille: u32 [..=MAX_SPEED, SPEED_TOO_HIGH] => value,
             },
             /// Reads the journal from record number `from` on.
             Journal = 10, journal, Looks -> Journal {
-                /// Number of the first wanted record. Records that are no longer kept are left out.
+                /// Number of the first wanted record. Records that are no longer kept are omitted.
                 from: u64 => time_us,
                 /// Maximum number of records; a reply never has more than 1024.
                 max: u32 => value,
@@ -147,7 +147,7 @@ macro_rules! ops {
             /// Reads the changes of registers followed with `for_onlookers`, from number `from` on. The emulator stops
             /// collecting these changes if it gets no such request for ten seconds of real time.
             Changes = 71, changes, Looks -> Changes {
-                /// Number of the first wanted change. Changes that are no longer kept are left out.
+                /// Number of the first wanted change. Changes that are no longer kept are omitted.
                 from: u64 => time_us,
                 /// Maximum number of changes; a reply never has more than 1024.
                 max: u32 => value,

@@ -17,7 +17,7 @@ impl Emulator {
     }
 
     /// Exchanges values with other simulators if it is time for an exchange and this federate has the turn. Returns
-    /// true if an exchange took place. If the other simulators have left, stops the emulator.
+    /// true if an exchange took place. If all other simulators have disconnected, stops the emulator.
     pub(super) fn exchange(&mut self) -> Result<bool, FederationError> {
         if !self.membership.has_turn() {
             return Ok(false);

@@ -390,7 +390,7 @@ impl Emulator {
     fn close_channel(&mut self) {}
 }
 
-/// Takes the lock of the instance. Removes the images that a killed emulator has left for PLCs that this plant does not
+/// Takes the lock of the instance. Removes the images of a killed emulator for PLCs that this plant does not
 /// have.
 fn take_instance(config: &PlantConfig, instance: &str) -> Result<InstanceLock, MemoryError> {
     let lock = InstanceLock::take(instance)?;

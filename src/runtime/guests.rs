@@ -113,7 +113,7 @@ impl Guests {
         self.forget_departed();
     }
 
-    /// Removes guests that have left, after the plant has removed them and all their frames have been passed on.
+    /// Removes disconnected guests, after the plant has removed them and all their frames have been passed on.
     fn forget_departed(&mut self) {
         let is_over = |it: &mut GuestEntry| {
             it.requests.has_gone && !it.is_in && !it.has_seat && it.guest.waiting() == 0
@@ -131,7 +131,7 @@ impl Guests {
 
     /// Description of a guest that takes part; `None` if there is none.
     pub(super) fn present_one(&self, plant: &Plant) -> Option<String> {
-        // Guests that have left stay in the list until the clock advances.
+        // Disconnected guests stay in the list until the clock advances.
         let is_here = |it: &&GuestEntry| (it.is_in || it.has_seat) && !it.guest.requests().has_gone;
         self.present.iter().find(is_here).map(|it| it.label(plant))
     }
@@ -229,7 +229,7 @@ fn bring_in_all(
     is_stepped: bool,
 ) {
     for it in present.iter_mut().filter(|it| are_meant(it)) {
-        // Messages that a guest has sent before it left are still valid.
+        // Messages that a guest has sent before it disconnected are still valid.
         if it.fits && (it.requests.takes_part || it.waiting > 0) && !it.is_in {
             plant.guest_joins(it.guest.bus, it.guest.number, is_stepped);
             it.is_in = true;

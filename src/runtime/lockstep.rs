@@ -58,7 +58,7 @@ enum TurnCheck {
     Ended,
     /// The turn continues, and another client rings.
     Continues,
-    /// The task has died, left or exceeded its patience.
+    /// The task has died, has given up its seat, or has exceeded its patience.
     Lost,
 }
 
@@ -110,7 +110,8 @@ impl Lockstep {
         Lockstep { turn: None, headers, requests, tasks: Vec::new(), stepped }
     }
 
-    /// Gives seats to tasks that request one, and removes tasks that have left. Returns true if there were such tasks.
+    /// Gives seats to tasks that request one, and removes tasks that have given up their seats. Returns true if there
+    /// were such tasks.
     pub(crate) fn look(&mut self, plant: &mut Plant, witness: &mut dyn Witness) -> bool {
         // During a turn, tasks neither join nor leave.
         if self.turn.is_some() {
@@ -159,7 +160,7 @@ impl Lockstep {
             found = plant.event_level(plc, number).zip(seen).filter(|_| self.stepped);
             found.is_some()
         });
-        // The task has left before the answer.
+        // The task has given up its seat before the answer.
         let Some((asked, _)) = answer else { return };
         let event = (asked & !SEAT_ORDERS) as usize;
         // The board may have requested a start before the task joined, so the task gets its first turn immediately.
@@ -238,7 +239,7 @@ impl Lockstep {
 
     /// Description of a task that takes part; `None` if there is none.
     pub(crate) fn present(&self, plant: &Plant) -> Option<String> {
-        // Tasks that have left stay in the list until the clock advances.
+        // Tasks that have given up their seats stay in the list until the clock advances.
         let task = self.tasks.iter().find(|task| !task.gone())?;
         let (plc, process) = (plant.devices().get(task.plc.index())?.name(), task.seat.owner.load());
         Some(format!(

@@ -126,7 +126,7 @@ impl Novram {
 
     /// Reads the retain flags; returns true if they differ from the file.
     fn read_flags(&mut self) -> bool {
-        // The flags are inside the segment.
+        // The flags are inside the memory segment.
         self.segment.read_range(self.flags, &mut self.scratch).is_ok()
             && !self.saved.retain().starts_with(&self.scratch)
     }

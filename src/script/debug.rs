@@ -61,7 +61,7 @@ pub(crate) enum Resume {
     End,
 }
 
-/// Ends a script because the debugger has left. The script cannot catch it.
+/// Ends a script because the debugger has disconnected. The script cannot catch it.
 #[derive(Clone, Copy)]
 pub(super) struct DebuggerLeft;
 
@@ -210,7 +210,8 @@ pub(super) fn attach(
     last
 }
 
-/// A stop after the failure of a scenario. The variables are gone; the plant is as the failure has left it.
+/// A stop after the failure of a scenario. The variables no longer exist; the plant has the state that it had at the
+/// failure.
 pub(super) fn stop_on_failure(
     debugger: &dyn ScriptDebugger,
     what: String,

@@ -92,7 +92,7 @@ pub enum ExchangeKind {
     Bus,
     /// An error.
     Wrong,
-    /// Steps that are left out or repeated.
+    /// Steps that are omitted or repeated.
     More,
 }
 

@@ -115,7 +115,7 @@ impl<'a> Saved<'a> {
     /// Returns the next `count` bytes.
     ///
     /// # Errors
-    /// [`Damaged`]: fewer than `count` bytes are left.
+    /// [`Damaged`]: fewer than `count` bytes remain.
     pub fn raw(&mut self, count: usize) -> Result<&'a [u8], Damaged> {
         let (bytes, rest) = self.rest.split_at_checked(count).ok_or_else(|| self.no("byte"))?;
         self.rest = rest;
@@ -159,7 +159,7 @@ impl<'a> Saved<'a> {
     /// Checks that all bytes were read.
     ///
     /// # Errors
-    /// [`Damaged`]: bytes are left.
+    /// [`Damaged`]: bytes remain.
     pub fn end(&self) -> Result<(), Damaged> {
         self.check(self.rest.is_empty(), "end")
     }

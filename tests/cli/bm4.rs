@@ -133,7 +133,7 @@ fn a_board_shows_its_modules_and_their_dip_switches_are_set() {
         let outcome = emulator.run("board", &["set", setting]);
         assert!(outcome.fails(2).contains(text), "{setting}: {}", outcome.err);
     }
-    // The state that a killed emulator left can be read as well.
+    // The state of a killed emulator can be read as well.
     emulator.kill();
     let outcome = emulator.run("board", &["get", "maxx", "--format", "json"]);
     let rows: serde_json::Value = serde_json::from_str(&outcome.out).unwrap();

@@ -706,7 +706,7 @@ fn departed_or_silent_guests_take_no_place() {
     assert_eq!(hearer.hear(), "t1230\r");
 }
 
-/// The bus would need minutes for the frames of guests that have left.
+/// The bus would need minutes for the frames of disconnected guests.
 #[test]
 fn departed_guests_take_no_place_while_the_bus_is_slow() {
     let emulator = start(OPEN, &[]);
@@ -737,7 +737,7 @@ fn used_descriptors(emulator: &Emulator) -> Vec<u64> {
         let all = std::fs::read_dir(format!("/proc/{}/fd", emulator.pid())).unwrap();
         all.map(|entry| entry.unwrap().file_name().to_str().unwrap().parse().unwrap()).collect()
     };
-    // The descriptors of a client that has just left are closed a little later.
+    // The descriptors of a client that has just disconnected are closed a little later.
     let mut used = Vec::new();
     assert!(eventually(|| std::mem::replace(&mut used, numbers()) == numbers()));
     used

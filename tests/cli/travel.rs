@@ -99,8 +99,8 @@ fn readers_take_a_journal_that_continues_from_a_snapshot() {
     }
 }
 
-/// The records before the snapshot were never in the journal, so they are not lost: also after going back, at once and with
-/// later records, and with records between the snapshot and the return.
+/// The records before the snapshot were never in the journal, so they are not lost: also after going back, at once and
+/// with later records, and with records between the snapshot and the return.
 #[test]
 fn going_back_after_a_snapshot_loses_no_records() {
     let emulator = Emulator::stepped();
@@ -282,7 +282,7 @@ fn a_guest_at_a_door_is_named() {
     assert_eq!(emulator.step(&["--back", "1ms", "--detached"]), "0.004000 s");
     assert_eq!(emulator.run("restore", &[file, "--detached"]).ok(), "0.000000 s\n");
     drop(guest);
-    // The guest has left after the clock advances.
+    // The guest has disconnected after the clock advances.
     emulator.step(&["1ms"]);
     assert!(
         eventually(|| emulator.run("restore", &[file]).code == Some(0)),

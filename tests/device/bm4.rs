@@ -205,7 +205,8 @@ fn the_chosen_module_raises_event_11_and_each_has_its_leds() {
     assert_eq!(leds(0), [Led::Off, Led::Flashes(1), Led::Off, Led::Off], "BUS-off: a fault, and no frames");
 }
 
-/// An Omega Drive-Line II and a b maXX PLC on one bus, each in turn the master, at the rates that both have.
+/// An Omega Drive-Line II and a b maXX PLC on one bus, with each of them as the master once, at the rates that both
+/// have.
 #[test]
 fn both_devices_meet_on_one_bus() {
     for (kbit_s, bmaxx_is_master) in [(500, true), (500, false), (250, true), (125, false)] {

@@ -92,7 +92,7 @@ fn a_cluster_pauses_while_its_top_restarts() {
     }
 }
 
-/// 1 + 32 + 32 x 32 participants: no participant is left out, no value is lost or invented.
+/// 1 + 32 + 32 x 32 participants: no participant is omitted, no value is lost or invented.
 #[test]
 fn the_largest_two_level_cluster_runs() {
     for rate in FASTEST {

@@ -278,7 +278,7 @@ fn matiec_compiles_its_exports() {
         fs::write(directory.path().join("program.st"), empty).unwrap();
         self::iec2c(&matiec, directory.path(), &["-r"]);
     }
-    // A variable with the name of a block that is left out.
+    // A variable with the name of a block that is omitted.
     let directory = tempfile::tempdir().unwrap();
     let file = directory.path().join("commram.st");
     run(&["export", "st", "--blocks", "--without", "led", "--output", file.to_str().unwrap()]).ok();

@@ -128,20 +128,20 @@ impl Bench {
         frame
     }
 
-    /// Runs one turn of the command and response channel.
+    /// Runs one exchange on the command and response channel.
     pub(crate) fn turn(&mut self, frame: &Frame) -> Option<Frame> {
         self.deliver(frame);
         self.answer()
     }
 
-    /// Runs one turn with a parameter job.
+    /// Runs one exchange with a parameter job.
     pub(crate) fn parameter(&mut self, job: &ParameterJob) -> ParameterResponse {
         let frame = self.turn(&job.frame(NUMBER)).expect("the slave answers");
         assert_eq!(frame.id(), 0x580 + u16::from(NUMBER));
         ParameterResponse::decode(job, frame.payload()).unwrap()
     }
 
-    /// Runs one turn with an up-/download job.
+    /// Runs one exchange with an up-/download job.
     pub(crate) fn updown(&mut self, job: &UpDownJob) -> UpDownResponse {
         let frame = self.turn(&job.frame(NUMBER)).expect("the slave answers");
         assert_eq!(frame.id(), 0x580 + u16::from(NUMBER));

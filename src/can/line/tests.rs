@@ -21,7 +21,7 @@ impl Stations {
         Stations { queues: queues.into_iter().map(VecDeque::from).collect(), ..Stations::default() }
     }
 
-    /// Runs all actions until `end_ns`, or until no action is left.
+    /// Runs all actions until `end_ns`, or until all actions have run.
     fn run(&mut self, line: &mut Line, end_ns: u64) -> Vec<Event> {
         let mut events = Vec::new();
         loop {

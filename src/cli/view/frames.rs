@@ -32,7 +32,7 @@ pub(crate) struct BusFrame {
     pub until_us: u64,
     /// Description from the journal.
     pub text: String,
-    /// True if the frame was left out, lost or garbled.
+    /// True if the frame was omitted, lost or garbled.
     pub is_bad: bool,
 }
 

@@ -81,8 +81,8 @@ impl Connection {
         Ok(Self { session, names, checked: Cell::new(Instant::now()), is_damaged: Cell::default(), open })
     }
 
-    /// Returns the error if another program has shortened the channel: the connection has read zeros in place of the missing
-    /// part, or would read them.
+    /// Returns the error if another program has shortened the channel: the connection has read zeros in place of the
+    /// missing part, or would read them.
     fn damage(&self) -> Option<CliError> {
         if take_gap_of_thread() {
             self.is_damaged.set(true);
@@ -157,7 +157,7 @@ impl Link {
         let work = move || {
             strand::at_the_end(move || {
                 abandon();
-                // Sending fails if no handle is left.
+                // Sending fails if all handles have been dropped.
                 let _ = stop.send(true);
             });
             serve(&own, &jobs);

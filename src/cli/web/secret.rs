@@ -74,8 +74,8 @@ impl TokenFile {
         Ok(this)
     }
 
-    /// Writes the token to the file `name` in the user's directory for tokens. Removes files that killed servers have
-    /// left there.
+    /// Writes the token to the file `name` in the user's directory for tokens. Removes the files of killed
+    /// servers there.
     ///
     /// # Errors
     /// The directory does not belong to this user, or the file cannot be written.
@@ -122,7 +122,7 @@ impl Drop for TokenFile {
     }
 }
 
-/// Removes the token files that killed servers have left.
+/// Removes the token files of killed servers.
 ///
 /// # Errors
 /// The directory for tokens does not belong to this user, or cannot be read.

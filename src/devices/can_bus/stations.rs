@@ -17,7 +17,7 @@ struct WaitingFrame {
     since_ns: u64,
 }
 
-/// The ports, followed by the guests. The entry of a guest that has left is kept for the next guest with the same
+/// The ports, followed by the guests. The entry of a disconnected guest is kept for the next guest with the same
 /// number.
 pub(super) struct Stations {
     ends: Vec<Station>,
@@ -264,7 +264,7 @@ impl SnapshotFields for Stations {
             has_changed,
             has_held,
         } = self;
-        // Guests that have left are still stations; the ports exist before the snapshot is loaded.
+        // Disconnected guests are still stations; the ports exist before the snapshot is loaded.
         let guests: Vec<u8> = ends.iter().filter_map(|end| end.origin.guest()).collect();
         to.value(&guests);
         ends.save(to);

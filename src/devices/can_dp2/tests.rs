@@ -94,7 +94,7 @@ impl Bench {
         Self::with_segment(switches, "kbit_s = 500")
     }
 
-    /// Like `new`, with other settings of the segment.
+    /// Like `new`, with other settings of the PROFIBUS segment.
     fn with_segment(switches: u8, settings: &str) -> Self {
         let text = format!("{{ name = 'gw', profibus = 'dp', can = 'open', switches = {switches} }}");
         let config = CanDp2Config::read(ValueDeserializer::parse(&text).unwrap()).unwrap();

@@ -104,7 +104,8 @@ impl Network {
         self.nodes.iter().filter(|it| it.is_missing).map(|it| it.node)
     }
 
-    /// Returns the next missing node; each call shows another node in turn.
+    /// Returns the next missing node; each call shows the following missing node, and after the last one the first
+    /// again.
     pub(crate) fn next_missing(&mut self) -> Option<u8> {
         let next = self.all_missing().skip_while(|node| Some(*node) != self.shown).nth(1);
         self.shown = next.or_else(|| self.all_missing().next());

@@ -16,7 +16,7 @@ pub(crate) const MAX_JITTER_US: u32 = 2_000;
 pub(super) enum Effect {
     /// The slaves do not see SYNC edges.
     LoseSync,
-    /// SYNC edges come late and early in turn by this many microseconds, 1 to [`MAX_JITTER_US`].
+    /// SYNC edges come late and early alternately by this many microseconds, 1 to [`MAX_JITTER_US`].
     JitterSync(u32),
     /// A slave is off: a drive without power, a PLC's node with its plug pulled.
     SlaveOff,

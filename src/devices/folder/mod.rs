@@ -216,8 +216,8 @@ pub(super) fn of_hash(hash: u64) -> Option<&'static Registered> {
     registered.find(|known| known.layout.layout_hash == hash)
 }
 
-/// Reads the registers of the device in the folder `dir`. A client of a running device needs nothing else, so its handshakes
-/// and its script may be wrong.
+/// Reads the registers of the device in the folder `dir`. A client of a running device needs nothing else, so its
+/// handshakes and its script may be wrong.
 ///
 /// # Errors
 /// Like [`load`], for the files with registers.
@@ -246,7 +246,7 @@ fn load_registers(dir: &Path) -> Result<&'static Registered, FolderError> {
 }
 
 /// Reads the registers in the folders of a running instance's devices, so that they have names in this process, too. A
-/// folder that cannot be read is left out; an image of its device is then refused for its unknown layout hash.
+/// folder that cannot be read is omitted; an image of its device is then refused for its unknown layout hash.
 pub(super) fn load_of_instance(instance: &str) {
     for dir in InstanceLock::device_folders(instance) {
         let _ = load_registers(&dir);

@@ -77,7 +77,7 @@ impl Ethernet {
     /// Returns the interface with a link of `speed` Mbit/s; 0 is no link.
     ///
     /// # Errors
-    /// The segment is read-only.
+    /// The memory segment is read-only.
     pub(crate) fn new(segment: &Segment, speed: u16) -> Result<Self, MemoryError> {
         Ok(Ethernet {
             config: segment.view(ETHERNET_CONFIG)?,

@@ -34,7 +34,7 @@ use std::sync::Arc;
 /// The time of an event that does not occur.
 const NEVER: u64 = u64::MAX;
 
-/// A port on the segment.
+/// A port on the PROFIBUS segment.
 pub(super) struct BusPort {
     origin: Origin,
     base: usize,
@@ -89,7 +89,7 @@ pub(crate) struct ProfibusBus {
     pub(super) rate: BusRate,
     /// Time within which an answer must begin, in bit times.
     slot_bits: u64,
-    /// False for the placeholder of ports that are not connected to a segment.
+    /// False for the placeholder of ports that are not connected to a PROFIBUS segment.
     is_plugged: bool,
     pub(super) line: Line,
     pub(super) ends: Vec<BusPort>,
@@ -103,8 +103,8 @@ pub(crate) struct ProfibusBus {
 }
 
 impl ProfibusBus {
-    /// Returns the placeholder for ports that are not connected to a segment. Their firmware runs, but no station
-    /// receives their telegrams.
+    /// Returns the placeholder for ports that are not connected to a PROFIBUS segment. Their firmware runs, but no
+    /// station receives their telegrams.
     pub(crate) fn unplugged() -> Self {
         let [slowest, ..] = BusRate::ALL;
         ProfibusBus {

@@ -17,11 +17,11 @@ use toml::de::{Error, ValueDeserializer};
 pub(crate) struct ProfibusConfig {
     /// Name, unique among the buses.
     pub name: String,
-    /// Bit rate of the segment.
+    /// Bit rate of the PROFIBUS segment.
     pub rate: BusRate,
     /// Factor for the slot time, the time for which the line is reserved for an answer, 1 to 10000 (decision D-358).
     pub slot_factor: u32,
-    /// Doors to the segment that are open from the start.
+    /// Doors to the PROFIBUS segment that are open from the start.
     pub doors: Vec<DoorSpec>,
 }
 

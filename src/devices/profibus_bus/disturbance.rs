@@ -1,5 +1,5 @@
-//! Effects of injected faults on the telegrams of a segment. None of this code runs without a fault, except that delayed
-//! and repeated telegrams still come after the end of their fault.
+//! Effects of injected faults on the telegrams of a PROFIBUS segment. None of this code runs without a fault, except
+//! that delayed and repeated telegrams still come after the end of their fault.
 
 use super::ProfibusBus;
 use super::faults::{Effect, TelegramEffect, Traits};

@@ -1,4 +1,4 @@
-//! Guests on a segment: foreign programs that send octets and receive those of other stations.
+//! Guests on a PROFIBUS segment: foreign programs that send octets and receive those of other stations.
 //!
 //! A guest receives a telegram at its end, and its program needs time to answer. A guest can give a bit time for its
 //! telegram. Otherwise the telegram waits until the line has been idle for the time that the standard requires
@@ -74,7 +74,7 @@ struct BusGuest {
     queue: VecDeque<WaitingTelegram>,
 }
 
-/// The guests of a segment.
+/// The guests of a PROFIBUS segment.
 #[derive(Default)]
 pub(super) struct Guests(Vec<BusGuest>);
 

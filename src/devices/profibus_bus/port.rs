@@ -39,7 +39,7 @@ pub(crate) trait ProfibusPort: Send + SnapshotFields {
         None
     }
 
-    /// Called when another station on the segment answers at the same address.
+    /// Called when another station on the PROFIBUS segment answers at the same address.
     fn shares_address(&mut self, ctx: &mut Context) {
         let _ = ctx;
     }
@@ -129,7 +129,7 @@ impl Station {
         Station { slot_bits, now: 0, intent: None, alarm: None }
     }
 
-    /// Returns the time within which an answer must begin on the segment, in bit times.
+    /// Returns the time within which an answer must begin on the PROFIBUS segment, in bit times.
     pub(crate) fn slot_bits(&self) -> u64 {
         self.slot_bits
     }
@@ -166,7 +166,7 @@ impl Station {
     }
 }
 
-/// A station without a segment, for tests with their own line.
+/// A station without a PROFIBUS segment, for tests with their own line.
 #[cfg(test)]
 impl Station {
     pub(crate) fn alone(rate: BusRate) -> Self {

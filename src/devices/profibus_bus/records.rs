@@ -155,7 +155,7 @@ impl EventText for DpTelegram {
         let frame = self.frame(reader.octets().as_deref());
         let first = hex(&frame.data[..frame.data.len().min(4)], "");
         let fields = fields.with("octets", self.octets() as u32).with("first", first);
-        // If the event does not contain all data, the field for the data is left out.
+        // If the event does not contain all data, the field for the data is omitted.
         let whole = (frame.data.len() == self.octets()).then(|| hex(&frame.data, ""));
         let fields = fields.with_any("data", whole);
         let fields = fields.with("sum", self.sum);

@@ -50,7 +50,7 @@ pub struct Seat {
 codes! {
     /// Steps by which a task takes part in lockstep.
     SeatState {
-        /// Free, or the task has left.
+        /// Free, or the task has stopped taking part in lockstep.
         Free = 0,
         /// The task requests to take part.
         Asking = 1,

@@ -5,8 +5,8 @@ use crate::memory::testing::SEGMENT_SIZE;
 use crate::memory::{Cell8, Cell16, Cell32};
 use memmap2::MmapOptions;
 
-/// Returns a segment on the heap, and a segment in an unnamed file. Miri cannot map files, so under Miri only the first
-/// one.
+/// Returns a memory segment on the heap, and a memory segment in an unnamed file. Miri cannot map files, so under Miri
+/// only the first one.
 fn both() -> Vec<Segment> {
     let mut both = vec![Segment::heap(SEGMENT_SIZE)];
     if !cfg!(miri) {

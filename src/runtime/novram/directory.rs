@@ -129,7 +129,7 @@ impl Directory {
         then: impl FnOnce(&str) -> Result<(), Errno>,
     ) -> io::Result<()> {
         let new = format!("{name}.new");
-        // A killed emulator may have left such a file. It is removed, not opened, because it may be a link.
+        // Such a file may come from a killed emulator. It is removed, not opened, because it may be a link.
         match self.open.remove(&new) {
             Ok(()) | Err(Errno::NOENT) => {}
             Err(errno) => return Err(errno.into()),

@@ -113,7 +113,7 @@ fn picture(steps: &[(Event, ExchangeStep)]) -> Vec<ExchangeStep> {
     lines
 }
 
-/// Returns a line in place of steps that are left out.
+/// Returns a line in place of steps that are omitted.
 fn note_line(time_us: u64, what: String) -> ExchangeStep {
     let line = JournalLine { time_us, kind: String::new(), text: format!("{}  {what}", seconds(time_us)) };
     ExchangeStep { kind: ExchangeKind::More, line }

@@ -77,7 +77,7 @@ pub(crate) struct Round {
     pub exercise: &'static Exercise,
     /// The subject of the round.
     pub kind: RoundKind,
-    /// Lines of the scenario between start and end. Each line may be left out.
+    /// Lines of the scenario between start and end. Each line may be omitted.
     pub moves: Vec<String>,
     setting: &'static [(&'static str, &'static str)],
     wrong: Option<&'static Wrong>,

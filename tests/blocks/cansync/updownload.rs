@@ -164,8 +164,8 @@ fn a_transfer_cancelled_before_the_slaves_block_runs_leaves_no_trace() {
     }
 }
 
-/// Manual p. 263, 266; 5.02066.01a p. 187, 189: a job for a slave that the command channel never polls does not delay later
-/// transfers.
+/// Manual p. 263, 266; 5.02066.01a p. 187, 189: a job for a slave that the command channel never polls does not delay
+/// later transfers.
 #[test]
 fn a_job_for_a_slave_without_a_turn_delays_no_other_job() {
     // The master never sends this job: slave 5 is above b_MAX_SL_NR (D-601).
@@ -179,7 +179,7 @@ fn a_job_for_a_slave_without_a_turn_delays_no_other_job() {
     both.reset_master();
     both.until(|both| both.ma.x_OK);
 
-    // The master has sent this job, but slave 0 has no turn any more when the job is cancelled.
+    // The master has sent this job, but it no longer polls slave 0 when the job is cancelled.
     let mut both = BlockPair::new(Memory::Heap);
     both.bench.rig.tolerate_errors(&[&cansync::rules::NEVER_POLLED]);
     both.ma.u_LENGTH = 75;

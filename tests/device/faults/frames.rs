@@ -95,7 +95,7 @@ fn every_slot_can_be_hit() {
     }
 }
 
-/// T_RSPTO passes, and the job is repeated on the slave's next turn (D-11).
+/// T_RSPTO passes, and the job is repeated when the master polls the slave again (D-11).
 #[test]
 fn a_lost_job_or_answer_is_repeated() {
     for rate in FASTEST {

@@ -172,7 +172,7 @@ fn set_up_mode_shows_the_lost_lock() {
     }
 }
 
-/// Decision D-125: the edges are late and early in turn.
+/// Decision D-125: the edges are late and early alternately.
 #[test]
 fn jitter_moves_edges_about_their_regular_times() {
     for rate in FASTEST {
@@ -196,7 +196,7 @@ fn jitter_moves_edges_about_their_regular_times() {
 #[test]
 fn much_jitter_hinders_locking_but_does_not_end_a_lock() {
     for rate in FASTEST {
-        // Edges are late and early in turn, so their distance differs from an interval by more than a quarter.
+        // Edges are late and early alternately, so their distance differs from an interval by more than a quarter.
         let much = format!("kind = 'jitter_sync'\namplitude_us = {}", rate.interval_us * 13 / 100);
         let mut rig = running(Memory::Heap, rate);
         add(&mut rig, &format!("{much}\nduration_us = 20000"));

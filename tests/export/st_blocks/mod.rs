@@ -122,8 +122,8 @@ fn blocks_in_structured_text_behave_like_the_rust_blocks() {
         (1, -3, 2)
     );
     // Manual p. 189-190, 227: after an answer that was never fetched, the next job is still done, and the slave's block
-    // shows that a job was withdrawn. P. 263, 266: a transfer is cancelled when its slave has no turn any more; the
-    // drive still answers the next transfer.
+    // shows that a job was withdrawn. P. 263, 266: a transfer is cancelled when the master no longer polls its slave;
+    // the drive still answers the next transfer.
     assert_eq!((master.own.par_gone.ud_PAR_VALUE, slave.own.job_was_reset), (70_000, true));
     assert_eq!(master.own.load_lost.w_ERR_SL, 0x0104, "{:?}", master.own.load_lost);
     assert!(master.own.b_four.x_RE_INIT_OK && master.own.b_four.b_ERR == 0, "{:?}", master.own.b_four);

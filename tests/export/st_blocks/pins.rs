@@ -90,7 +90,7 @@ fn documented(block: &str) -> Vec<Pin> {
     pins
 }
 
-/// Returns a preset of the page in Structured Text; a preset of 0 is left out.
+/// Returns a preset of the page in Structured Text; a preset of 0 is omitted.
 fn preset(documented: &str) -> String {
     match documented {
         "0" | "FALSE" | "all 0" | "all FALSE" => String::new(),

@@ -10,7 +10,7 @@ use commram::memory::{Segment, View};
 use std::ops::RangeInclusive;
 
 /// Takes node 2 from restart to active operation at 500 kbit/s, with both reference value and both actual value
-/// channels configured and the slaves `slaves` polled in turn. `advance` advances the clock by a number of
+/// channels configured and the slaves `slaves` polled one after the other. `advance` advances the clock by a number of
 /// microseconds.
 pub(crate) fn activate(
     segment: &Segment,

@@ -253,7 +253,7 @@ impl Feed {
     }
 }
 
-/// Combines the wishes of all readers; `None` if no reader is left, so that the thread ends.
+/// Combines the wishes of all readers; `None` if all readers have disconnected, so that the thread ends.
 fn wishes(shared: &Shared) -> Option<Wish> {
     let mut state = shared.state();
     if state.wishes.is_empty() {
@@ -273,7 +273,7 @@ fn wishes(shared: &Shared) -> Option<Wish> {
     Some(all)
 }
 
-/// Polls until no reader is left, or the emulator has ended.
+/// Polls until all readers have disconnected, or the emulator has ended.
 fn poll(shared: &Shared, rounds: &broadcast::Sender<Arc<Round>>) {
     let mut poller = None;
     while let Some(wish) = wishes(shared) {
@@ -287,7 +287,7 @@ fn poll(shared: &Shared, rounds: &broadcast::Sender<Arc<Round>>) {
             .and_then(|new| poller.insert(new).poll(&wish)),
         };
         match polled {
-            // Sending fails without a reader; the loop then ends in its next turn.
+            // Sending fails without a reader; the loop then ends at its next repetition.
             Ok(Some(round)) => drop(rounds.send(Arc::new(round))),
             // The emulator is busy with another client, so there is no round this time.
             Ok(None) => {}

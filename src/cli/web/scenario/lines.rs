@@ -196,7 +196,7 @@ pub(super) fn add(
 fn go_back(lines: &mut Vec<Line>, to_us: u64) {
     lines.retain(|line| line.begin_us <= to_us);
     for line in lines.iter_mut().filter(|line| line.end_us > to_us) {
-        // The wait ended only in the history that the plant has left. In this history only time passes.
+        // The wait ended only in the history before the plant went back. In the present history only time passes.
         line.text.clear();
         (line.end_us, line.advances) = (to_us, false);
     }

@@ -127,8 +127,8 @@ impl ProfibusPort for Master {
         self.pending = None;
     }
 
-    /// The master has no presence on the segment, because it answers no requests. So several gateways of a segment may
-    /// have a master with the same address.
+    /// The master has no presence on the PROFIBUS segment, because it answers no requests. So several gateways of a
+    /// PROFIBUS segment may have a master with the same address.
     fn presence(&self) -> Option<Presence> {
         let address = self.registers.mst_address.load();
         Some(Presence { address, does: "master", answers: false })

@@ -1,4 +1,4 @@
-//! Foreign masters on the segment.
+//! Foreign masters on the PROFIBUS segment.
 
 use super::*;
 use crate::devices::GuestRefusal;
@@ -7,7 +7,7 @@ use crate::door::{BusMessage, Guest};
 use crate::identity::BusIndex;
 use crate::profibus::{Burst, MIN_TSDR_BITS, SYN_BITS, Telegram};
 
-/// Returns bits in a microsecond of the bench's segment.
+/// Returns bits in a microsecond of the bench's PROFIBUS segment.
 const fn bits(us: u64) -> u64 {
     us / 2
 }
@@ -309,7 +309,7 @@ fn unsupported_services_get_no_data() {
     assert_eq!(bench.exchange(&[1, 2]), [0, 0]);
 }
 
-/// The watchdog of a slave after its master has left.
+/// The watchdog of a slave after its master has disconnected.
 #[test]
 fn the_watchdog_stops_a_slave_without_its_master() {
     let mut bench = Bench::new(5);

@@ -135,7 +135,7 @@ impl End<Master> {
 
     /// Resets the firmware: its RAM and all its state are lost.
     pub(super) fn forget(&mut self) {
-        // Cannot fail: the segment was large enough before.
+        // Cannot fail: the memory segment was large enough before.
         if let Ok(master) = Master::new(&self.segment, self.location) {
             self.firmware = master;
         }

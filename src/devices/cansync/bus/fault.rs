@@ -17,7 +17,8 @@ use crate::fault::{Hit, Target};
 use crate::journal::Origin;
 
 impl Run<'_> {
-    /// Applies faults to a frame with the planned start `from`. Returns the start time of the frame; `None` if it is lost.
+    /// Applies faults to a frame with the planned start `from`. Returns the start time of the frame; `None` if it is
+    /// lost.
     #[cold]
     pub(super) fn disturb(
         &mut self,
@@ -174,8 +175,8 @@ impl Run<'_> {
         lost
     }
 
-    /// Calculates the shift of the next edge of this bus's own SYNC signal by faults, in us: late and early in turn,
-    /// beginning with late (decision D-125).
+    /// Calculates the shift of the next edge of this bus's own SYNC signal by faults, in us: late and early
+    /// alternately, beginning with late (decision D-125).
     #[cold]
     pub(super) fn move_next_edge(&mut self) {
         let mut shift = 0;

@@ -82,7 +82,7 @@ mod tests {
     use crate::journal::Origin;
     use crate::memory::{Segment, Width};
 
-    /// Six modules in one device, slaves and masters in turn. Each finding must be at the offset of its module.
+    /// Six modules in one device, slaves and masters alternately. Each finding must be at the offset of its module.
     #[test]
     fn every_port_of_a_device_is_watched() {
         const W_OPTION_STATUS: u32 = 2;

@@ -89,8 +89,8 @@ impl CommandChannel {
         true
     }
 
-    /// Handles the end of t_RSPTO without an answer. The job stays as it is and is repeated on the slave's next turn
-    /// (decision D-11).
+    /// Handles the end of t_RSPTO without an answer. The job stays as it is and is repeated when the slave is polled
+    /// again (decision D-11).
     pub(super) fn no_response(&mut self) {
         self.asked = None;
     }

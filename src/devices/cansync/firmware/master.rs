@@ -64,7 +64,7 @@ impl Master {
     /// Creates the master at `location` of `segment`.
     ///
     /// # Errors
-    /// The segment is too small for the master.
+    /// The memory segment is too small for the master.
     pub fn new(segment: &Segment, location: NodeLocation) -> Result<Self, MemoryError> {
         Ok(Master {
             node: Node::new(Role::Master, segment, location)?,
@@ -192,7 +192,7 @@ impl Master {
     }
 
     /// Handles the deadline of a reference value frame. Builds the frame if the PLC has released it with 16#05.
-    /// Otherwise the frame is left out in this interval, together with its actual value request. The journal reports
+    /// Otherwise the frame is omitted in this interval, together with its actual value request. The journal reports
     /// this unless the frame is unused: no word is assigned, and the PLC has not released it since active operation
     /// began.
     pub fn build_reference(&mut self, ctx: &mut Context, channel: Channel) -> Option<Built> {

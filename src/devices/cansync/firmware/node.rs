@@ -120,7 +120,7 @@ impl Node {
     /// Creates the node at `location` of `segment`, in start-up.
     ///
     /// # Errors
-    /// The segment is too small for the node, or read-only.
+    /// The memory segment is too small for the node, or read-only.
     pub(super) fn new(role: Role, segment: &Segment, location: NodeLocation) -> Result<Self, MemoryError> {
         Ok(Node {
             orders: Orders::new(segment, location.place)?,

@@ -52,7 +52,7 @@ impl Orders {
     /// Creates the reader for node `node` in `segment`, without an order.
     ///
     /// # Errors
-    /// The segment is read-only.
+    /// The memory segment is read-only.
     pub(crate) fn new(segment: &Segment, node: usize) -> Result<Self, MemoryError> {
         let mut orders = Orders {
             face: segment.firmware_header()?,

@@ -2,7 +2,7 @@
 //!
 //! A job is stored only in the registers, and is read again at each turn of its slave. An answer is accepted only if
 //! the registers still contain the job that was sent. So the PLC can change or withdraw a job at any time. A job
-//! without an answer is sent again at the slave's next turn (decision D-11).
+//! without an answer is sent again when the master polls the slave again (decision D-11).
 
 use super::job_registers::JobRegisters;
 use crate::can::Payload;

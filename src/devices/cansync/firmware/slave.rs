@@ -64,7 +64,7 @@ impl Slave {
     /// Creates the slave at `location` of `segment` with slave number `number`; `lock` has its rules for synchronizing.
     ///
     /// # Errors
-    /// The segment is too small for the slave.
+    /// The memory segment is too small for the slave.
     pub fn new(
         segment: &Segment,
         location: NodeLocation,

@@ -126,7 +126,7 @@ impl NodeWatch {
     /// of the firmware.
     ///
     /// # Errors
-    /// The segment is too small for the node.
+    /// The memory segment is too small for the node.
     pub(crate) fn new(
         plc: DeviceIndex,
         area: &'static Area,

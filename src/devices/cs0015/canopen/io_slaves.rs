@@ -99,7 +99,7 @@ impl Configuring {
         Configuring { place, to_do, read: Vec::new() }
     }
 
-    /// Returns the next transfer, if any is left.
+    /// Returns the next waiting transfer, if there is one.
     pub(crate) fn now(&self) -> Option<Transfer> {
         self.to_do.front().copied()
     }

@@ -1,8 +1,8 @@
 //! BAPS: the interface between the Omega Drive-Line II and the drive that contains it (manual 5.00005.03a chapter 6).
 //!
 //! The registers are described in `docs/devices/omega-drive-line-2/baps.md`; the manual shows them only through its
-//! function blocks. The drive serves them in time slices of 500 us. While no program uses the BAPS, there are no slices:
-//! the firmware only polls two registers in each processor cycle.
+//! function blocks. The drive serves them in time slices of 500 us. While no program uses the BAPS, there are no
+//! slices: the firmware only polls two registers in each processor cycle.
 
 mod config;
 mod cycle;
@@ -61,7 +61,7 @@ impl Baps {
     /// Creates the BAPS in `segment` with `drive`.
     ///
     /// # Errors
-    /// The segment is too small.
+    /// The memory segment is too small.
     pub fn new(
         segment: &Segment,
         drive: BuiltInDrive,

@@ -61,7 +61,7 @@ impl Process {
     /// Creates the process data of a BAPS without a configuration.
     ///
     /// # Errors
-    /// The segment is read-only.
+    /// The memory segment is read-only.
     pub(crate) fn new(segment: &Segment) -> Result<Self, MemoryError> {
         Ok(Process { face: segment.firmware_header()?, configured: None, events: 0 })
     }
@@ -249,8 +249,8 @@ impl Configured {
         }
     }
 
-    /// Passes reference value `x` to the drive; returns false if it cannot be written now. A parameter of one word takes the
-    /// low half of the value.
+    /// Passes reference value `x` to the drive; returns false if it cannot be written now. A parameter of one word
+    /// takes the low half of the value.
     fn write(&self, x: usize, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) -> bool {
         let number = self.numbers.writes[x];
         if number == 0 || self.is_undefined(|numbers| numbers.writes[x] != number) {

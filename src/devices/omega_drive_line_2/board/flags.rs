@@ -36,7 +36,7 @@ impl Flags {
     /// Returns the flags in `segment`; its header page has their number.
     ///
     /// # Errors
-    /// The segment is read-only.
+    /// The memory segment is read-only.
     pub(crate) fn new(segment: &Segment) -> Result<Self, MemoryError> {
         let bytes = segment.header()?.retain_size.load().min(RETAIN_BYTES as u32) & !3;
         Ok(Flags { segment: segment.clone(), initial: vec![0; bytes as usize].into() })
@@ -86,7 +86,7 @@ impl Flags {
     pub(crate) fn clear(&self) {
         for area in DEVICE.areas.iter().filter(|area| area.space.name == "free_flags") {
             for offset in (area.first..area.last()).step_by(4) {
-                // The flags lie in the segment, which is writable. Unused memory stays untouched.
+                // The flags lie in the memory segment, which is writable. Unused memory stays untouched.
                 if self.segment.load(offset, Width::Dword).is_ok_and(|flags| flags != 0) {
                     let _: Result<(), MemoryError> = self.segment.store(offset, Width::Dword, 0);
                 }
@@ -97,7 +97,7 @@ impl Flags {
     /// Cold start: all flags get their initial values.
     pub(crate) fn initialize(&self) {
         for (offset, bytes) in (FIRST..).step_by(4).zip(self.initial.as_chunks::<4>().0) {
-            // The flags lie in the segment, which is writable.
+            // The flags lie in the memory segment, which is writable.
             let _: Result<(), MemoryError> =
                 self.segment.store(offset, Width::Dword, u32::from_le_bytes(*bytes));
         }

@@ -49,7 +49,7 @@ impl Board {
     /// `option_sync_us` is the period of the SYNC signal of an option card, if there is one.
     ///
     /// # Errors
-    /// The segment is read-only.
+    /// The memory segment is read-only.
     pub(crate) fn new(
         segment: &Segment,
         option_sync_us: Option<u32>,

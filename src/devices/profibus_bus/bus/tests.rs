@@ -1,4 +1,4 @@
-//! A segment without ports: busy time and restored requests.
+//! A PROFIBUS segment without ports: busy time and restored requests.
 
 use super::*;
 use crate::identity::{BusIndex, DeviceIndex};

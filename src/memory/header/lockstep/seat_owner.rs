@@ -17,12 +17,12 @@ impl Seat {
     }
 
     /// Answers a task that requests the seat. The task is accepted if `may` returns true for its event, otherwise
-    /// refused. Returns the event and the decision; `None` if the task has left.
+    /// refused. Returns the event and the decision; `None` if the task has given up its seat.
     pub(crate) fn decide(&self, may: impl FnMut(u32) -> bool) -> Option<(u32, bool)> {
         self.hands().decide(may)
     }
 
-    /// Gives up the seated task; `false` if it has left.
+    /// Takes the seat from its task; `false` if the task has already given it up.
     pub(crate) fn lose(&self) -> bool {
         self.hands().lose()
     }
@@ -73,8 +73,8 @@ impl<W: Word> SeatWords<'_, W> {
             if self.state.exchange(deciding, answer.code()) {
                 return Some((event, is_seated));
             }
-            // The task has left, so the event may be that of the next task. That task must not get an answer before its
-            // request.
+            // The task has given up its seat, so the event may be that of the next task. That task must not get an
+            // answer before its request.
         }
         None
     }
@@ -88,7 +88,7 @@ impl<W: Word> SeatWords<'_, W> {
         // Read after the owner: a task that takes a seat finds it free.
         let state = SeatState::from_code(self.state.load());
         let is_out = matches!(state, Some(SeatState::Refused | SeatState::Lost));
-        // The task may have left before it died, and another task may have the seat now.
+        // The task may have given up its seat before it died, and another task may have the seat now.
         if !is_out || is_running(owner) || !self.owner.exchange(owner, NO_OWNER) {
             return false;
         }

@@ -1,4 +1,4 @@
-//! Cuts IEC 61131-3 text into words, numbers and symbols; comments and pragmas are left out.
+//! Cuts IEC 61131-3 text into words, numbers and symbols; comments and pragmas are omitted.
 
 use super::error::{Fault, TextPosition, Wrong};
 
