@@ -48,7 +48,7 @@ enum Command {
         instance: Instance,
     },
     /// Set switches: dip (0 to 31), leds (0 to 15), switch (run, stop, reset), power (on, off), start (cold, warm,
-    /// hot, stop), project (none, boot, sent); of a module: slotH.dip; and the other switches that the front of a
+    /// hot, stop), project (none, boot, sent); of a module: slotH.dip; and the other switches that the front panel of a
     /// device has
     Set {
         /// Switches and their new values, with the PLC in front if there are several
@@ -118,13 +118,13 @@ impl Serialize for Front {
 }
 
 impl Front {
-    /// Returns the words of the front that have named values, without the words of the display text.
+    /// Returns the words of the front panel that have named values, without the words of the display text.
     fn words(&self) -> impl Iterator<Item = &(&'static FrontWord, u32)> {
         self.0.iter().filter(|(word, _)| !word.is_text)
     }
 }
 
-/// Returns the fronts as lines of text for the terminal.
+/// Returns the front panels as lines of text for the terminal.
 fn front_lines(entries: &[Entry]) -> String {
     let line = |entry: &Entry| {
         let words = entry.front.words().map(|(word, value)| format!("{} {}", word.name, word.called(*value)));

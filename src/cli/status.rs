@@ -262,7 +262,7 @@ mod by_channel {
         }
     }
 
-    /// Returns the state of the script, which the front of the device shows; `None` if the device has no script.
+    /// Returns the state of the script, which the front panel of the device shows; `None` if the device has no script.
     fn script_state(session: &Session, plc: DeviceIndex) -> Result<Option<String>, CliError> {
         let front = session.front(plc)?;
         let word = front.into_iter().find(|(word, _)| word.name == devices::folder::SCRIPT_WORD);

@@ -27,7 +27,7 @@ pub enum Switch {
     Is(bool),
 }
 
-/// The front of a module.
+/// The front panel of a module.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ModuleFront {
     /// Kind of the module, as in plant files.
@@ -38,8 +38,8 @@ pub struct ModuleFront {
     pub leds: Vec<(&'static str, Led)>,
 }
 
-/// Returns the front of the module in a port. The arguments are the role of the port, its DIP switches and its LEDs
-/// from the header page ([`PortEntry`](crate::memory::header::PortEntry)). The role is `None` for a module without
+/// Returns the front panel of the module in a port. The arguments are the role of the port, its DIP switches and its
+/// LEDs from the header page ([`PortEntry`](crate::memory::header::PortEntry)). The role is `None` for a module without
 /// registers in the device. The result is `None` if there is no module.
 pub type ReadModule = fn(Option<Role>, u32, u32) -> Option<ModuleFront>;
 

@@ -1,4 +1,4 @@
-//! A device with only a supply in its front. It has all parts that an ordinary device needs, except the firmware.
+//! A device with only a supply in its front panel. It has all parts that an ordinary device needs, except the firmware.
 
 use super::program::Starts;
 use super::supply::Supply;

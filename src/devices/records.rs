@@ -1,4 +1,4 @@
-//! Journal records about the board of a device: its front, its supply, its program and its events.
+//! Journal records about the board of a device: its front panel, its supply, its program and its events.
 
 use crate::event_kinds;
 use crate::journal::{EventCodec, EventKind, EventText, Fields, Origin, Packer, Part, Reader, Unpacker};

@@ -160,8 +160,8 @@ pub enum ExportError {
     /// There is no area of that name.
     #[error(transparent)]
     Layout(#[from] LayoutError),
-    /// The front of a device was requested in a format for programs or the processor of the device, which cannot access
-    /// the front.
+    /// The front panel of a device was requested in a format for programs or the processor of the device, which cannot
+    /// access the front panel.
     #[error(
         "`{block}` of {device} is in the header page, for which {format} has no addresses; take c, python or a table"
     )]

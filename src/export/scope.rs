@@ -26,7 +26,7 @@ impl Scope {
         Ok(Self { device, areas, block: block.map(|area| area.name), folder: None })
     }
 
-    /// Removes the front, which neither programs nor the processor of the device can access.
+    /// Removes the front panel, which neither programs nor the processor of the device can access.
     pub(crate) fn without_front(mut self) -> Self {
         self.areas.retain(|area| !self.device.is_front(area.first));
         self

@@ -7,7 +7,7 @@
 //! two polls, their order is not known. The changes are then reported in the order of their addresses.
 //!
 //! A comparison changes nothing in the plant. Changes for the journal become records ([`Changed`]). Other changes go to
-//! a bounded list with separate numbers. Clients that only observe ("onlookers", for example a view) read that list, so
+//! a bounded list with separate numbers. Observers (clients that only observe, for example a view) read that list, so
 //! they do not change the journal.
 
 use super::changed::{By, ChangeDetails, Changed};
@@ -20,9 +20,9 @@ use std::time::{Duration, Instant};
 
 /// Maximum number of followed registers.
 pub const MAX_FOLLOWED: usize = 65_536;
-/// Maximum count of changes in the list for onlookers.
+/// Maximum count of changes in the list for observers.
 pub const KEPT_CHANGES: usize = 65_536;
-/// After this real time without a request for changes, an onlooker counts as gone.
+/// After this real time without a request for changes, an observer counts as gone.
 pub(super) const GONE: Duration = Duration::from_secs(10);
 /// Count of comparisons between two reads of the host's clock.
 const LOOKS: u32 = 4096;
@@ -32,7 +32,7 @@ const LOOKS: u32 = 4096;
 pub enum Keep {
     /// Into the journal, until the end.
     InJournal,
-    /// Into the list for onlookers (clients that only observe), as long as an onlooker requests changes.
+    /// Into the list for observers (clients that only observe), as long as an observer requests changes.
     ForOnlookers,
 }
 
@@ -89,7 +89,7 @@ pub(super) struct FollowedRegister {
     live: RegisterPhase,
     in_journal: bool,
     for_onlookers: bool,
-    /// The value that onlookers received last, if the plant has moved to another moment and they have not been notified
+    /// The value that observers received last, if the plant has moved to another moment and they have not been notified
     /// yet.
     #[serde(skip)]
     left: Option<u32>,
@@ -106,7 +106,7 @@ pub(super) struct History {
     /// Time of the last request for changes.
     asked: Instant,
     looks: u32,
-    /// True while a client searches for a past moment. Changes during the search are not reported to onlookers.
+    /// True while a client searches for a past moment. Changes during the search are not reported to observers.
     pub(super) is_searching: bool,
 }
 
@@ -284,7 +284,7 @@ impl History {
     }
 
     /// Returns at most `max` changes from number `from` on, and the number of the next change. The call also shows that
-    /// the onlooker is still present.
+    /// the observer is still present.
     pub(super) fn read(&mut self, client: u128, from: u64, max: usize) -> (Vec<Change>, u64) {
         self.asked = Instant::now();
         self.onlookers.ask(client, self.asked);
@@ -297,7 +297,7 @@ impl History {
         self.followed.binary_search_by_key(&(plc, offset), |register| (register.plc, register.offset))
     }
 
-    /// Releases the registers of onlookers that have not sent a request for a long time. The function uses the clock of
+    /// Releases the registers of observers that have not sent a request for a long time. The function uses the clock of
     /// the host, not of the plant; it has no influence on the plant.
     fn forget_absent_onlookers(&mut self) {
         self.looks = self.looks.wrapping_add(1);
@@ -306,7 +306,7 @@ impl History {
         }
     }
 
-    /// Releases the registers that only onlookers follow, and their changes.
+    /// Releases the registers that only observers follow, and their changes.
     fn forget_onlookers(&mut self) {
         self.followed.iter_mut().for_each(|register| register.for_onlookers = false);
         self.followed.retain(|register| register.in_journal);
@@ -316,7 +316,7 @@ impl History {
 }
 
 impl FollowedRegister {
-    /// Sets the value to `to`, and reports the change to the journal and to onlookers if they follow the register.
+    /// Sets the value to `to`, and reports the change to the journal and to observers if they follow the register.
     fn set_value(
         &mut self,
         to: u32,

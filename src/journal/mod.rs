@@ -249,7 +249,7 @@ impl Journal {
         noted.into_iter().for_each(|change| self.push(time_us, change));
     }
 
-    /// Notifies onlookers that the plant has moved to another moment.
+    /// Notifies observers that the plant has moved to another moment.
     #[cold]
     pub(crate) fn arrived(&mut self, time_us: u64, rams: &impl Rams) {
         self.history.arrived(time_us, rams);
@@ -262,7 +262,7 @@ impl Journal {
         noted.into_iter().for_each(|change| self.push(time_us, change));
     }
 
-    /// Returns at most `max` changes of registers that are followed for onlookers, from number `from` on, and the
+    /// Returns at most `max` changes of registers that are followed for observers, from number `from` on, and the
     /// number of the next change.
     pub fn changes(&mut self, from: u64, max: usize) -> (Vec<Change>, u64) {
         self.changes_for(0, from, max)

@@ -41,11 +41,11 @@ pub struct DeviceLayout {
     pub objects: &'static [Object],
     /// The device description (GSD) for masters, if the device is a PROFIBUS-DP slave.
     pub gsd: Option<&'static Gsd>,
-    /// The words of the device's front, in the header page.
+    /// The words of the device's front panel, in the header page.
     pub front: &'static [FrontWord],
-    /// The words of the front as registers of an area in the header page, if the device has a front. The area is not
-    /// among the device's [`areas`](DeviceLayout::areas), because no program of the device can access it (decision
-    /// D-281).
+    /// The words of the front panel as registers of an area in the header page, if the device has a front panel. The
+    /// area is not among the device's [`areas`](DeviceLayout::areas), because no program of the device can access it
+    /// (decision D-281).
     pub front_area: Option<&'static Area>,
     /// The ports in the order of their numbers.
     pub ports: &'static [Port],

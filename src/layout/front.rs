@@ -1,17 +1,17 @@
-//! The front of a device, such as switches and displays: words in the header page, different for each device.
+//! The front panel of a device, such as switches and displays: words in the header page, different for each device.
 
 use super::decode;
 use super::descriptor::{Meaning, Owner, Provenance, RegType, ValueMeaning};
 use super::value;
 use core::fmt;
 
-/// A word of the front in the header page.
+/// A word of the front panel in the header page.
 pub struct FrontWord {
     /// Name in the layout.
     pub name: &'static str,
     /// Data type, 32 bits wide.
     pub ty: RegType,
-    /// First byte in the front.
+    /// First byte in the front panel.
     pub offset: u32,
     /// Writer of the word.
     pub owner: Owner,
@@ -29,7 +29,7 @@ pub struct FrontWord {
 }
 
 impl FrontWord {
-    /// Returns the position of the word in the front, from 0.
+    /// Returns the position of the word in the front panel, from 0.
     #[must_use]
     pub const fn index(&self) -> usize {
         self.offset as usize / 4
@@ -90,7 +90,7 @@ impl FrontWord {
     }
 }
 
-/// Returns the text on the display of a front, without blanks at its end; `None` if no word contains such a text.
+/// Returns the text on the display of a front panel, without blanks at its end; `None` if no word contains such a text.
 #[must_use]
 pub fn shown_text(front: &[(&FrontWord, u32)]) -> Option<String> {
     let words: Vec<_> = front.iter().filter(|(word, _)| word.is_text).map(|(_, value)| value).collect();

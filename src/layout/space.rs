@@ -11,7 +11,7 @@ use core::ops::RangeInclusive;
 pub struct Space {
     /// Name in the layout files.
     pub name: &'static str,
-    /// The letter that follows the `%`: `I`, `Q` or `M`; `F` for the front, which is specific to commram.
+    /// The letter that follows the `%`: `I`, `Q` or `M`; `F` for the front panel, which is specific to commram.
     pub letter: char,
     /// The text between width and number: `3.` of `%MB3.80000`, or empty.
     pub segment: &'static str,
@@ -62,7 +62,8 @@ impl Unit {
 /// The area of the retain flags. Each plant sets its size.
 #[derive(Debug)]
 pub struct Retain {
-    /// The largest possible range of the flags. It is plain RAM, and not among the device's [`areas`](DeviceLayout::areas).
+    /// The largest possible range of the flags. It is plain RAM, and not among the device's
+    /// [`areas`](DeviceLayout::areas).
     pub area: Area,
     /// Default number of bytes in a plant.
     pub default_bytes: u32,
@@ -141,12 +142,12 @@ impl DeviceLayout {
         if known.is_empty() { "no addresses".to_owned() } else { known.join(", ") }
     }
 
-    /// Returns the areas with named registers: the front, if there is one, and then the others.
+    /// Returns the areas with named registers: the front panel, if there is one, and then the others.
     pub fn named_areas(&'static self) -> impl Iterator<Item = &'static Area> {
         self.front_area.into_iter().chain(self.areas)
     }
 
-    /// Returns all areas in ascending order, including the front and the retain flags.
+    /// Returns all areas in ascending order, including the front panel and the retain flags.
     pub fn all_areas(&'static self) -> impl Iterator<Item = &'static Area> {
         let retain = self.retain.map(|retain| &retain.area);
         let before = retain.filter(|area| self.areas.first().is_none_or(|first| area.first < first.first));
@@ -154,7 +155,7 @@ impl DeviceLayout {
         self.front_area.into_iter().chain(before).chain(self.areas).chain(last)
     }
 
-    /// True if byte `offset` of the image belongs to the front.
+    /// True if byte `offset` of the image belongs to the front panel.
     #[must_use]
     pub fn is_front(&self, offset: u32) -> bool {
         self.front_area.is_some_and(|front| front.contains(offset))

@@ -52,7 +52,7 @@ pub(super) trait MemoryValue: Copy + Eq {
 /// The conditions of [`MemoryValue::load`] hold for all these words.
 #[cfg(feature = "emulator")]
 pub(super) unsafe fn load_words(from: *const u32, into: &mut [u32]) {
-    // SAFETY: the caller vouches for the pointer.
+    // SAFETY: the caller guarantees that the pointer is valid.
     unsafe { machine::load_words(from, into) }
 }
 
@@ -68,7 +68,8 @@ mod machine {
                 #[inline(always)]
                 unsafe fn load(at: *const Self) -> Self {
                     let value: $wide;
-                    // SAFETY: the caller vouches for the pointer; the instruction reads it and writes a register.
+                    // SAFETY: the caller guarantees that the pointer is valid; the instruction reads it and writes a
+                    // register.
                     unsafe {
                         asm!(
                             concat!($load, ", ", $size, " ptr [{at}]"),
@@ -83,7 +84,7 @@ mod machine {
 
                 #[inline(always)]
                 unsafe fn store(at: *mut Self, value: Self) {
-                    // SAFETY: the caller vouches for the pointer; the instruction writes nothing else.
+                    // SAFETY: the caller guarantees that the pointer is valid; the instruction writes nothing else.
                     unsafe {
                         asm!(
                             concat!("mov ", $size, " ptr [{at}], ", $operand),
@@ -97,7 +98,8 @@ mod machine {
                 #[inline(always)]
                 unsafe fn compare_exchange(at: *mut Self, current: Self, new: Self) -> Result<Self, Self> {
                     let found: $value;
-                    // SAFETY: the caller vouches for the pointer; the instruction writes it, its accumulator and flags.
+                    // SAFETY: the caller guarantees that the pointer is valid; the instruction writes it, its
+                    // accumulator and flags.
                     unsafe {
                         asm!(
                             concat!("lock cmpxchg ", $size, " ptr [{at}], ", $operand),
@@ -115,8 +117,8 @@ mod machine {
 
     #[cfg(feature = "emulator")]
     pub(crate) unsafe fn load_words(from: *const u32, into: &mut [u32]) {
-        // SAFETY: the caller vouches for the pointer, and the instruction writes as many words as the slice has. The
-        // calling convention requires a clear direction flag, so the addresses ascend.
+        // SAFETY: the caller guarantees that the pointer is valid, and the instruction writes as many words as the
+        // slice has. The calling convention requires a clear direction flag, so the addresses ascend.
         unsafe {
             asm!(
                 "rep movsd",
@@ -146,7 +148,7 @@ mod machine {
             impl MemoryValue for $value {
                 #[inline(always)]
                 unsafe fn load(at: *const Self) -> Self {
-                    // SAFETY: the caller vouches for the pointer.
+                    // SAFETY: the caller guarantees that the pointer is valid.
                     let value = unsafe { <$atomic>::from_ptr(at.cast_mut()) }.load(Ordering::Relaxed);
                     // The load is not an Acquire load: on read-only memory only Relaxed loads are guaranteed to work.
                     fence(Ordering::Acquire);
@@ -155,13 +157,13 @@ mod machine {
 
                 #[inline(always)]
                 unsafe fn store(at: *mut Self, value: Self) {
-                    // SAFETY: the caller vouches for the pointer.
+                    // SAFETY: the caller guarantees that the pointer is valid.
                     unsafe { <$atomic>::from_ptr(at) }.store(value, Ordering::Release);
                 }
 
                 #[inline(always)]
                 unsafe fn compare_exchange(at: *mut Self, current: Self, new: Self) -> Result<Self, Self> {
-                    // SAFETY: the caller vouches for the pointer.
+                    // SAFETY: the caller guarantees that the pointer is valid.
                     let there = unsafe { <$atomic>::from_ptr(at) };
                     there.compare_exchange(current, new, Ordering::AcqRel, Ordering::Acquire)
                 }
@@ -172,7 +174,7 @@ mod machine {
     #[cfg(feature = "emulator")]
     pub(crate) unsafe fn load_words(from: *const u32, into: &mut [u32]) {
         for (n, word) in into.iter_mut().enumerate() {
-            // SAFETY: the caller vouches for the pointer.
+            // SAFETY: the caller guarantees that the pointer is valid.
             *word = unsafe { u32::load(from.add(n)) };
         }
     }

@@ -96,7 +96,7 @@ pub struct Header {
     pub plc: [Cell8; NAME_LENGTH],
     /// Name of the emulated device: UTF-8, zero-padded.
     pub device: [Cell8; DEVICE_LENGTH],
-    /// Switches and displays on the board's front.
+    /// Switches and displays on the board's front panel.
     pub board: Board,
     /// State of the PLC program, its starts, and the power switch.
     pub program: Program,
@@ -302,13 +302,13 @@ impl Header {
         self.virtual_time_us.load()
     }
 
-    /// Returns the value of a word of the device's front.
+    /// Returns the value of a word of the device's front panel.
     #[must_use]
     pub fn front_value(&self, word: &FrontWord) -> u32 {
         self.front.get(word.index()).map_or(0, Cell32::load)
     }
 
-    /// Returns values of the front of `device`, which must be the device of this image. Words that [`Board`] or
+    /// Returns values of the front panel of `device`, which must be the device of this image. Words that [`Board`] or
     /// [`Program`] contain under the same name are omitted.
     pub fn front_words(
         &self,

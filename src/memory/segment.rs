@@ -12,7 +12,7 @@
 //!    megabytes field by field would cost four times as much. These functions never write. Different words of a copy
 //!    may be from different moments, so related values must be read under their handshake.
 //! 4. The first [`HEADER_SIZE`] bytes are the header page. Raw accesses cannot reach them, except for the words of the
-//!    device's front, [`Header::front`].
+//!    device's front panel, [`Header::front`].
 
 #[cfg(feature = "emulator")]
 use super::FirmwareHeader;
@@ -387,7 +387,7 @@ impl Segment {
         if !offset.is_multiple_of(width.bytes()) {
             return Err(MemoryError::Misaligned { address });
         }
-        // The front consists of 32-bit words.
+        // The front panel consists of 32-bit words.
         if start < HEADER_SIZE && !(width == Width::Dword && is_front(start, 4)) {
             return Err(MemoryError::InHeader { address });
         }

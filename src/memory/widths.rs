@@ -54,7 +54,7 @@ impl RegisterWidths {
             let described = fitted.placed(area).map(|placed| placed.structure.bytes).max().unwrap_or(0);
             let mut bytes = vec![0; described as usize];
             if device.is_front(area.first) {
-                // The front of the header page consists of words, even if the device does not use them.
+                // The front panel of the header page consists of words, even if the device does not use them.
                 bytes = (0..area.bytes).map(|place| (4 | ((place % 4) << 4)) as u8).collect();
             }
             let decided = |found: &RegisterRef| found.placed.role.is_none() || found.role.is_some();

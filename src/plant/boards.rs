@@ -80,14 +80,15 @@ impl Plant {
         true
     }
 
-    /// Writes a word of a front as a client does. Returns `false` if clients cannot write this word, or not this value.
+    /// Writes a word of a front panel as a client does. Returns `false` if clients cannot write this word, or not this
+    /// value.
     fn set_front(&self, plc: DeviceIndex, index: usize, value: u32) -> bool {
         let Some(device) = self.devices.get(plc.index()) else { return false };
         let is_it =
             |word: &&FrontWord| word.index() == index && word.owner == Owner::Plc && word.takes(value);
         let word = device.layout().front.iter().find(is_it);
         let index = word.map(FrontWord::index).filter(|index| *index < FRONT);
-        // A device with a front is writable, so its firmware has a header page.
+        // A device with a front panel is writable, so its firmware has a header page.
         let face = device.segment().firmware_header().ok();
         index.zip(face).map(|(index, face)| face.put(|page| &page.front[index], value)).is_some()
     }

@@ -65,7 +65,7 @@ impl Plant {
         if registers.iter().all(follows) { Ok(()) } else { Err(FollowError::TooMany) }
     }
 
-    /// Returns at most `max` changes of registers that are followed for onlookers, beginning with change number `from`.
+    /// Returns at most `max` changes of registers that are followed for observers, beginning with change number `from`.
     /// Also returns the number of the next change.
     pub fn changes(&mut self, from: u64, max: usize) -> (Vec<Change>, u64) {
         self.journal.changes(from, max)
@@ -85,7 +85,7 @@ impl Plant {
         }
     }
 
-    /// Notifies onlookers of the changes at this moment, to which the plant has advanced.
+    /// Notifies observers of the changes at this moment, to which the plant has advanced.
     pub(super) fn arrive(&mut self) {
         if self.journal.follows() {
             let (journal, rams) = self.compared();

@@ -164,7 +164,7 @@ impl Plant {
         self.pass_card_pulses();
     }
 
-    /// Carries out the action that results from polling the front of device `index`.
+    /// Carries out the action that results from polling the front panel of device `index`.
     pub(super) fn follow(&mut self, look: FrontAction, index: DeviceIndex) {
         self.is_rescheduled |= !matches!(look, FrontAction::Nothing | FrontAction::Answered);
         match look {

@@ -64,7 +64,7 @@ impl Code {
     pub const START_REFUSED: Self = Self(33);
     /// The PLC or its module has no such switch.
     pub const NO_SUCH_SWITCH: Self = Self(34);
-    /// Only the firmware writes this word of a device's front.
+    /// Only the firmware writes this word of a device's front panel.
     pub const READ_ONLY: Self = Self(39);
 
     /// The host has no doors.

@@ -72,7 +72,7 @@ impl Register {
         Err(Refused::new(Code::NEVER_MATCHES, text))
     }
 
-    /// Refuses words of the front that only the firmware writes, for example the display.
+    /// Refuses words of the front panel that only the firmware writes, for example the display.
     pub(crate) fn writable(self) -> Result<(), Refused> {
         let address = self.address;
         if !self.device.is_front(address.offset()) {

@@ -94,7 +94,7 @@ pub struct Emulator {
     images: Vec<Image>,
     /// Last seen number of rings of each PLC's doorbell.
     rings: Vec<u32>,
-    /// Time of the first `should_pause` call of the channel in this round.
+    /// Time of the first `should_pause` call of the channel in this pass of the main loop.
     pub(super) slice: Cell<Option<Instant>>,
     #[cfg(feature = "channel")]
     pub(super) membership: super::membership::Membership,
@@ -102,7 +102,7 @@ pub struct Emulator {
     #[cfg(feature = "channel")]
     events: Option<crate::channel::EventNotifier>,
     #[cfg(feature = "channel")]
-    /// The server is in a box, because every round moves it out and back.
+    /// The server is in a box, because every pass of the main loop moves it out and back.
     server: Option<Box<crate::channel::Server>>,
     #[cfg(feature = "channel")]
     channel_watch: Option<crate::channel::ChannelWatch>,

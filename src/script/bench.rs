@@ -1,4 +1,4 @@
-//! The verbs of scenarios, in Rust.
+//! The verbs of scenarios (functions such as `poke` and `wait`), in Rust.
 
 mod ask;
 mod board;

@@ -1,4 +1,5 @@
-//! Transports operations of the verbs to a plant, and its replies back.
+//! Transports the operations that the verbs of a scenario (`poke`, `wait` ...) request to a plant, and the replies of
+//! the plant back.
 
 use super::ScenarioError;
 use crate::identity::DeviceIndex;

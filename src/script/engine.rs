@@ -31,7 +31,7 @@ pub(super) use wrong::wrong_count;
 
 type Fallible<T> = Result<T, Box<EvalAltResult>>;
 
-/// Returns an engine with verbs that act on the stage.
+/// Returns an engine with verbs that act on the stage (the plant and the log of the running script).
 pub(super) fn engine(stage: &Rc<RefCell<Stage>>) -> Engine {
     let mut verbs = Verbs { engine: Engine::new(), stage: Shared(Rc::clone(stage)), names: Vec::new() };
     verbs.all();
@@ -62,7 +62,7 @@ pub(super) fn reader(stage: &Rc<RefCell<Stage>>) -> Engine {
 #[derive(Clone)]
 pub(super) struct Skipped(pub(super) String);
 
-/// The stage, shared by all verbs.
+/// The plant and the log of the running script, shared by all verbs.
 #[derive(Clone)]
 struct Shared(Rc<RefCell<Stage>>);
 

@@ -204,7 +204,7 @@ fn wrong_exercises_are_refused() {
     assert!(refused.fails(2).contains("has no exercise.rhai"), "{}", refused.err);
 }
 
-/// An error of the script has its place in the journal, and the front shows it.
+/// An error of the script has its place in the journal, and the front panel shows it.
 #[test]
 fn a_stopped_script_is_visible_in_every_command() {
     let place = Place::new();

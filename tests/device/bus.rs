@@ -11,8 +11,8 @@ use commram::identity::{BusIndex, DeviceIndex};
 const DRIVES: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n\
                       [[bus.drive]]\nname = 'd2'\nslave_number = 2\nlock_time_us = 30000\n";
 
-/// Returns a rig with active drives: reference value 0 is a doubleword in WRC1, actual value 0 of each slave comes from
-/// RDC1.
+/// Returns a test rig with active drives: reference value 0 is a doubleword in WRC1, actual value 0 of each slave comes
+/// from RDC1.
 fn with_drives(memory: Memory, rate: crate::rig::Rate) -> Rig {
     let mut rig = Rig::of(memory, rate, DRIVES);
     rig.activate();

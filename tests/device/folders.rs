@@ -561,7 +561,7 @@ fn the_files_of_a_script_lie_in_its_folder() {
     assert!(card.refused().contains("files of its script; a device in a folder has at most 16"));
 }
 
-/// The word of the front is added to those of the device.
+/// The word of the front panel is added to those of the device.
 #[test]
 fn a_front_may_have_words_of_its_own() {
     let card =
@@ -580,7 +580,8 @@ fn a_front_may_have_words_of_its_own() {
     assert!(card.refused().contains("the front has a word `script`"), "{}", card.refused());
 }
 
-/// A PLC with this card in slot 2, with trigger 2. The SYNC signal of the card is the source of trigger 2 and of the trigger controller.
+/// A PLC with this card in slot 2, with trigger 2. The SYNC signal of the card is the source of trigger 2 and of the
+/// trigger controller.
 fn with_option_card(card: &Card) -> Bench {
     let plant = format!(
         "[[plc]]\nname = 'line'\n[[device]]\nname = 'card'\nkind = '{}'\n\

@@ -9,7 +9,7 @@ use commram::journal::{Handshake, Record, Register, State};
 use commram::layout::Address;
 use core::mem::offset_of;
 
-/// Returns a rig with both nodes active; the master polls slave 0 in every interval, and block 1 of the slave is
+/// Returns a test rig with both nodes active; the master polls slave 0 in every interval, and block 1 of the slave is
 /// enabled.
 fn connected(rate: Rate) -> Rig {
     let mut rig = Rig::new(Memory::Heap, rate);

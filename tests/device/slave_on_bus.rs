@@ -5,7 +5,7 @@ use crate::rig::{BOTH, FASTEST, Memory, RATES, Rate, Rig};
 use commram::devices::cansync::records::Missed;
 use commram::journal::Event;
 
-/// Returns a rig with both nodes active; the master polls slave 0 in every interval, and block 1 of the slave is
+/// Returns a test rig with both nodes active; the master polls slave 0 in every interval, and block 1 of the slave is
 /// enabled.
 fn connected(memory: Memory, rate: Rate) -> Rig {
     let mut rig = Rig::new(memory, rate);

@@ -15,7 +15,7 @@ const ALL_WORDS: [u8; 4] = [0x01, 0x03, 0x05, 0x07];
 /// Data that, after the length 1000, needs a stuff bit after each four bits.
 const STUFFED: u32 = 0x3C3C_3C3C;
 
-/// Returns a rig with both nodes active, at a SYNC edge; `bus` is the text after `[[bus]]`.
+/// Returns a test rig with both nodes active, at a SYNC edge; `bus` is the text after `[[bus]]`.
 fn running(rate: Rate, bus: &str) -> Rig {
     let mut rig = Rig::of(Memory::Heap, rate, bus);
     rig.activate();
@@ -143,8 +143,8 @@ fn a_frame_is_there_before_the_intermission() {
     }
 }
 
-/// Returns two doublewords with enough stuff bits that the frame of this identifier takes more than 130 bit times, and the
-/// frame itself.
+/// Returns two doublewords with enough stuff bits that the frame of this identifier takes more than 130 bit times, and
+/// the frame itself.
 fn longer_than_its_slot(id: u16) -> ([u32; 2], Frame) {
     let words = |low: u32| [STUFFED, STUFFED & !0xFFFF | low];
     let frame = |low: u32| {

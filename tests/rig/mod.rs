@@ -245,7 +245,7 @@ pub(crate) fn segment(
     }
 }
 
-/// Errors of building a rig.
+/// Errors of building a test rig.
 #[derive(Debug)]
 pub(crate) struct RigError(#[expect(dead_code, reason = "shown by Debug")] String);
 

@@ -127,7 +127,7 @@ pub(super) fn registers(scope: &PlcScope, typed: &str) -> Vec<Proposal> {
     found
 }
 
-/// Returns the areas that have registers. Plain RAM and the front are not included.
+/// Returns the areas that have registers. Plain RAM and the front panel are not included.
 fn areas(scene: &mut Scene) -> Vec<Proposal> {
     let all = scene.scope.areas("", "").into_iter();
     let found = all.filter(|(name, _)| check::argument(&mut scene.bench, ArgumentKind::Area, name).is_ok());

@@ -13,7 +13,7 @@ pub(super) enum Pane {
     Changes,
     /// Frames of a bus in an interval.
     Frames,
-    /// The fronts of the PLCs.
+    /// The front panels of the PLCs.
     Board,
     Drives,
     /// Findings of the access checker.

@@ -85,7 +85,7 @@ pub(super) struct Model {
     pub buses: Vec<BusState>,
     pub plant: List,
     pub board: List,
-    /// The switch in each line of the pane of fronts, as last drawn.
+    /// The switch in each line of the pane of front panels, as last drawn.
     pub knobs: Vec<Option<BoardSwitch>>,
     pub prompt: Option<Prompt>,
     pub message: Option<Message>,

@@ -56,7 +56,7 @@ pub(super) struct Query {
     pub registers: Vec<MemoryLocation>,
     /// Registers to follow: the poll also reads their changes.
     pub follow: Vec<MemoryLocation>,
-    /// True to read the fronts of the boards.
+    /// True to read the front panels of the boards.
     pub fronts: bool,
     /// True to read the findings of the access checker.
     pub findings: bool,
@@ -70,7 +70,7 @@ pub(super) struct Query {
     pub recorded: bool,
 }
 
-/// The front of a device.
+/// The front panel of a device.
 #[derive(Clone, Debug)]
 pub(super) struct DeviceFront {
     /// The values that the header page of every device has.
@@ -98,7 +98,7 @@ pub(super) struct PollData {
     pub records: Vec<Record>,
     /// Records with a count that can still grow.
     pub pending: Vec<Record>,
-    /// The fronts of the PLCs.
+    /// The front panels of the PLCs.
     pub faces: Option<Vec<DeviceFront>>,
     /// Findings of the access checker.
     pub findings: Option<Vec<Entry>>,

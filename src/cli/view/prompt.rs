@@ -56,7 +56,7 @@ pub(super) enum InputPurpose {
     Turn(BoardSwitch),
 }
 
-/// A switch at the front of a PLC, or another setting of `commram board set`.
+/// A switch at the front panel of a PLC, or another setting of `commram board set`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct BoardSwitch {
     /// Number of the PLC.

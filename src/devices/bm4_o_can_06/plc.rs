@@ -1,4 +1,4 @@
-//! A b maXX PLC: its communication RAM, its front, and the parts of its option modules that the buses do not run.
+//! A b maXX PLC: its communication RAM, its front panel, and the parts of its option modules that the buses do not run.
 
 use super::config::{Bm4Config, CONTROLLER_RATES, ModuleConfig, Work};
 use super::front::{self, Front};

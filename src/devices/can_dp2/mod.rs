@@ -24,7 +24,7 @@ use crate::devices::Registered;
 #[cfg(feature = "emulator")]
 pub use config::CanDp2Config;
 
-/// Areas, structures and front, generated from `layouts/can-dp2`.
+/// Areas, structures and front panel, generated from `layouts/can-dp2`.
 #[allow(non_snake_case, non_camel_case_types)]
 pub mod registers {
     include!(concat!(env!("OUT_DIR"), "/can_dp2.rs"));

@@ -19,7 +19,7 @@ pub use channels::{CHANNELS, Channels, Model, Role};
 #[cfg(feature = "emulator")]
 pub use config::Cr201xConfig;
 
-/// Areas, structures, front and object dictionary, generated from `layouts/cr201x`.
+/// Areas, structures, front panel and object dictionary, generated from `layouts/cr201x`.
 #[allow(non_snake_case, non_camel_case_types)]
 pub mod registers {
     include!(concat!(env!("OUT_DIR"), "/cr201x.rs"));

@@ -217,7 +217,7 @@ impl Module {
         }
     }
 
-    /// Updates registers, front, emergencies, journal and frames after any change.
+    /// Updates registers, front panel, emergencies, journal and frames after any change.
     fn show(&mut self, ctx: &mut Context, controller: &mut Controller) {
         if !self.is_on {
             return;

@@ -84,7 +84,7 @@ impl Bench {
         self.run(5 * MS);
     }
 
-    /// Returns a front word as an observer of the module sees it.
+    /// Returns a front panel word as an observer of the module sees it.
     fn sees(&self, word: usize) -> u32 {
         self.header.front[word].load()
     }

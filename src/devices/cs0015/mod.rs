@@ -44,7 +44,7 @@ pub use config::Cs0015Config;
 #[cfg(feature = "emulator")]
 pub use port::Program;
 
-/// Areas, structures, front and object dictionary, generated from `layouts/cs0015`.
+/// Areas, structures, front panel and object dictionary, generated from `layouts/cs0015`.
 #[allow(non_snake_case, non_camel_case_types)]
 pub mod registers {
     include!(concat!(env!("OUT_DIR"), "/cs0015.rs"));

@@ -339,7 +339,7 @@ impl Firmware {
         }
     }
 
-    /// Updates flags, front, journal and frames after any change.
+    /// Updates flags, front panel, journal and frames after any change.
     fn show(&mut self, ctx: &mut Context, controller: &mut Controller) {
         self.can_errors.look(&self.node.registers.flags, controller);
         self.diagnose(ctx);

@@ -61,17 +61,17 @@ impl Registers {
         })
     }
 
-    /// Returns a word of the front that the firmware writes.
+    /// Returns a word of the front panel that the firmware writes.
     pub(super) fn shown(&self, word: usize) -> &Cell32 {
         &self.face.front[word]
     }
 
-    /// Reads a word of the front that users turn.
+    /// Reads a word of the front panel that users turn.
     pub(super) fn turned(&self, word: usize) -> u32 {
         self.face.requested().front[word].load()
     }
 
-    /// Takes a command at the front.
+    /// Takes a command at the front panel.
     pub(super) fn take_command(&self) -> Option<u32> {
         self.face.take(|page| &page.front[FRONT_PROGRAM])
     }

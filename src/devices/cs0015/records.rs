@@ -63,7 +63,7 @@ impl RefusalReason {
     }
 }
 
-/// Returns the name of a value of a front word.
+/// Returns the name of a value of a front panel word.
 fn called(word: &str, value: u8) -> String {
     let word = DEVICE.front.iter().find(|known| known.name == word);
     word.map_or_else(|| value.to_string(), |word| word.called(value.into()))

@@ -198,7 +198,7 @@ impl Bench {
         self.front(FRONT_STAT)
     }
 
-    /// Sets a switch or a command at the front.
+    /// Sets a switch or a command at the front panel.
     fn set(&mut self, word: usize, value: u32) {
         self.registers.shown(word).store(value);
         self.run(MS);

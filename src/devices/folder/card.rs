@@ -21,7 +21,7 @@ const EVENTS: usize = 16;
 pub(super) struct Place {
     pub(super) offset: u32,
     pub(super) width: Width,
-    /// The cell in the header page, if the register is a word of the front.
+    /// The cell in the header page, if the register is a word of the front panel.
     front: Option<FrontCell>,
 }
 
@@ -41,7 +41,7 @@ impl Place {
         Place { offset: register.offset(), width: register.address().width(), front }
     }
 
-    /// True if the register is a word of the front.
+    /// True if the register is a word of the front panel.
     #[cfg(feature = "script")]
     pub(super) fn is_front(self) -> bool {
         self.front.is_some()

@@ -158,7 +158,7 @@ pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
     if script.is_some() {
         state_word::add(dir, &mut read.device)?;
     }
-    // A script adds a word to the front, which changes the layout.
+    // A script adds a word to the front panel, which changes the layout.
     let of_layout = fingerprint(dir, &read, script.iter().map(|_| (SCRIPT, "")));
     let others = handshakes.iter().map(|text| (handshakes::FILE, text.as_str()));
     let of_script = script.iter().flat_map(Script::files).map(|(name, text)| (name.as_str(), text.as_str()));

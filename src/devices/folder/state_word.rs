@@ -1,16 +1,16 @@
-//! The word in the front of a device with a script that shows whether the script runs (D-801).
+//! The word in the front panel of a device with a script that shows whether the script runs (D-801).
 
 use super::FolderError;
 use crate::layout::{Owner as RegisterOwner, RegisterRef};
 use commram_layoutc::model::{Device, FrontWord, Meaning, Owner, Provenance, Scalar, Value};
 use std::path::Path;
 
-/// Name of the word in the front.
+/// Name of the word in the front panel.
 pub(crate) const WORD: &str = "script";
 /// Name of the word as a register.
 pub(super) const NAME: &str = "front.script";
 
-/// Number of bytes of the front in the header page.
+/// Number of bytes of the front panel in the header page.
 const FRONT_BYTES: u32 = 256;
 
 /// Checks that the files of a folder may change a register.
@@ -36,7 +36,7 @@ fn decision() -> Provenance {
 /// Adds the word after the words of the device itself.
 ///
 /// # Errors
-/// The front has a word of this name, or is full.
+/// The front panel has a word of this name, or is full.
 pub(super) fn add(dir: &Path, device: &mut Device) -> Result<(), FolderError> {
     let offset = device.front.last().map_or(0, |word| word.offset + 4);
     let what = if device.front.iter().any(|word| word.name == WORD) {

@@ -270,7 +270,7 @@ impl Tables {
         }
     }
 
-    /// Returns the only structure of the front's area.
+    /// Returns the only structure of the front panel's area.
     fn front_words(&mut self, structure: &'static Structure) -> AreaStructure {
         AreaStructure {
             structure,

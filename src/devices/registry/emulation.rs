@@ -24,7 +24,7 @@ pub struct Emulation {
     pub rules: &'static [&'static Rule],
     /// Kinds of faults of the device itself, or of its ports on any bus.
     pub faults: &'static [&'static fault::FaultKind],
-    /// Reads the front of a module; `None` if the device has no modules.
+    /// Reads the front panel of a module; `None` if the device has no modules.
     pub module: Option<ReadModule>,
     /// Demonstration for `commram demo`; `None` if there is none.
     pub demo: Option<&'static Demo>,

@@ -11,7 +11,7 @@ use core::any::Any;
 
 /// A device of a plant. The bus of a port runs the firmware of the port. The plant passes events of the device to its
 /// ports, and events of the ports to the device. Features that only some devices have are optional methods: parts for
-/// the ports, events, a drive, NOVRAM, faults. A device with only a supply in its front can use
+/// the ports, events, a drive, NOVRAM, faults. A device with only a supply in its front panel can use
 /// [`Plain`](crate::devices::Plain).
 pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
     /// Called at power-on and at the end of a reset, before the ports start.
@@ -38,14 +38,14 @@ pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
         false
     }
 
-    /// True if the device needs its next processor cycle even if no register is written and its front stays unchanged.
-    /// If false, the plant may skip cycles when it advances over several at once.
+    /// True if the device needs its next processor cycle even if no register is written and its front panel stays
+    /// unchanged. If false, the plant may skip cycles when it advances over several at once.
     fn needs_each_cycle(&self) -> bool {
         false
     }
 
-    /// True if a poll of the front and a processor cycle would change nothing, at any time, with the present register
-    /// contents, independent of their writer. When in doubt, returns false.
+    /// True if a poll of the front panel and a processor cycle would change nothing, at any time, with the present
+    /// register contents, independent of their writer. When in doubt, returns false.
     fn poll_changes_nothing(&self) -> bool {
         false
     }
@@ -117,7 +117,7 @@ pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
 }
 
 impl dyn Device {
-    /// Returns the state of the front.
+    /// Returns the state of the front panel.
     pub fn board(&self) -> BoardState {
         BoardState::of(self.header())
     }

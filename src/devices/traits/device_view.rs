@@ -1,4 +1,4 @@
-//! The visible state of a device: identity, image, registers and front.
+//! The visible state of a device: identity, image, registers and front panel.
 
 use crate::layout::{DeviceFit, DeviceLayout};
 use crate::memory::{Header, Segment};

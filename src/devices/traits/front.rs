@@ -1,4 +1,4 @@
-//! The front of a device: supply, RESET, switches and requests of the header page.
+//! The front panel of a device: supply, RESET, switches and requests of the header page.
 
 use crate::devices::Context;
 use crate::memory::header::BoardSetting;
@@ -16,7 +16,7 @@ pub enum Power {
     ReleaseReset,
 }
 
-/// Result of polling a device's front: the action that the plant must take.
+/// Result of polling a device's front panel: the action that the plant must take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrontAction {
     /// The setting needs no action.
@@ -31,7 +31,7 @@ pub enum FrontAction {
     Up,
 }
 
-/// The front of a device: supply, RESET and switches.
+/// The front panel of a device: supply, RESET and switches.
 pub trait Front {
     /// Turns a switch in the header page or enters a request, as a client does. The next poll handles it. Returns
     /// `false` if there is no such switch.
@@ -47,7 +47,7 @@ pub trait Front {
     /// Switches supply or RESET, as a user does at the switch.
     fn set_power(&mut self, power: Power) -> FrontAction;
 
-    /// Polls switches and requests of the front once.
+    /// Polls switches and requests of the front panel once.
     fn look(&mut self, ctx: &mut Context) -> FrontAction;
 
     /// True if a client has turned a switch or put in a request.

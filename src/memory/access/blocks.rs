@@ -74,7 +74,7 @@ unsafe fn load(at: *const [u64; BLOCK], to: &mut [Block]) {
     }
     for (index, block) in to.iter_mut().enumerate() {
         for (place, word) in block.0.iter_mut().enumerate() {
-            // SAFETY: the caller vouches for the pointer.
+            // SAFETY: the caller guarantees that the pointer is valid.
             *word = u64::from_le(unsafe { u64::load(at.add(index).cast::<u64>().add(place)) });
         }
     }
@@ -92,7 +92,7 @@ unsafe fn first_unlike(at: *const [u64; BLOCK], blocks: &[Block]) -> Option<usiz
         // SAFETY: the caller guarantees a valid pointer, and the processor has the instructions.
         return unsafe { wide::first_unlike(at, blocks) };
     }
-    // SAFETY: the caller vouches for the pointer.
+    // SAFETY: the caller guarantees that the pointer is valid.
     unsafe { first_unlike_by_words(at, blocks, |_| u64::MAX) }
 }
 
@@ -109,7 +109,7 @@ unsafe fn first_unlike_in(at: *const [u64; BLOCK], blocks: &[Block], watched: &[
         // SAFETY: the caller guarantees a valid pointer, and the processor has the instructions.
         return unsafe { wide::first_unlike_in(at, blocks, watched) };
     }
-    // SAFETY: the caller vouches for the pointer.
+    // SAFETY: the caller guarantees that the pointer is valid.
     unsafe { first_unlike_by_words(at, blocks, |place| watched[place / BLOCK].0[place % BLOCK]) }
 }
 
@@ -120,7 +120,7 @@ unsafe fn first_unlike_by_words(
 ) -> Option<usize> {
     let words = blocks.iter().flat_map(|block| block.0).enumerate();
     for (place, left) in words {
-        // SAFETY: the caller vouches for the pointer.
+        // SAFETY: the caller guarantees that the pointer is valid.
         let now = u64::from_le(unsafe { u64::load(at.cast::<u64>().add(place)) });
         if (now ^ left) & watched(place) != 0 {
             return Some(place / BLOCK);
@@ -161,7 +161,7 @@ mod wide {
         if to.is_empty() {
             return;
         }
-        // SAFETY: the caller vouches for the pointer and AVX2; the instructions write `to` and registers.
+        // SAFETY: the caller guarantees a valid pointer and AVX2; the instructions write `to` and registers.
         unsafe {
             with_registers!(
                 "2:",
@@ -197,8 +197,8 @@ mod wide {
                     return None;
                 }
                 let rest: usize;
-                // SAFETY: the caller vouches for the pointer, AVX2 and as many watched blocks; the instructions read memory and
-                // write registers.
+                // SAFETY: the caller guarantees a valid pointer, AVX2 and as many watched blocks; the instructions read
+                // memory and write registers.
                 unsafe {
                     with_registers!(
                         "2:",

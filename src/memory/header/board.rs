@@ -1,11 +1,11 @@
-//! The board's front, its power, and the start of the PLC program (manual 5.00005.03a p. 22, 38-40, 51).
+//! The board's front panel, its power, and the start of the PLC program (manual 5.00005.03a p. 22, 38-40, 51).
 
 use super::{FRONT, Header};
 use crate::memory::struct_tables::publish;
 use crate::memory::{Bell, Cell32, SharedRegs};
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-/// The board's front. Clients write the switches and LEDs, the firmware writes the display.
+/// The board's front panel. Clients write the switches and LEDs, the firmware writes the display.
 #[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
 #[repr(C)]
 pub struct Board {
@@ -120,7 +120,7 @@ publish! { Program:
 const _: () = assert!(size_of::<Board>() == 16 && size_of::<Program>() == 32);
 
 impl Board {
-    /// Sets the front to its state before power-on: LEDs and display dark, all switches 0.
+    /// Sets the front panel to its state before power-on: LEDs and display dark, all switches 0.
     pub fn clear(&self) {
         [&self.dip, &self.leds, &self.display, &self.switch].iter().for_each(|cell| cell.store(0));
     }
@@ -231,7 +231,7 @@ pub enum BoardSetting {
         /// 0 to 31.
         dip: u8,
     },
-    /// Sets a word of the front that clients write.
+    /// Sets a word of the front panel that clients write.
     Front {
         /// Index of the word in [`Header::front`].
         word: u8,
@@ -240,7 +240,7 @@ pub enum BoardSetting {
     },
 }
 
-/// Settings from this number on are words of the front.
+/// Settings from this number on are words of the front panel.
 const FRONT_SETTINGS: u32 = 0x100;
 
 impl BoardSetting {

@@ -31,7 +31,7 @@ enum AssignmentTarget<'a> {
         port: &'a str,
         dip: u8,
     },
-    /// Setting of a front element that only some devices have.
+    /// Setting of a front panel element that only some devices have.
     Front {
         name: &'a str,
         value: &'a str,
@@ -57,7 +57,7 @@ const WORDS: [(&str, &str, BoardSetting); 12] = [
 impl<'a> BoardAssignment<'a> {
     /// Parses PLC and setting, for example `line2:dip=5`: dip (0 to 31), leds (0 to 15), switch (run, stop, reset),
     /// power (on, off), start (cold, warm, hot, stop), project (none, boot, sent). `maxx:slotH.dip=7` sets the DIP
-    /// switches of a module. Any other NAME=VALUE is an element of the front of a specific device, for example
+    /// switches of a module. Any other NAME=VALUE is an element of the front panel of a specific device, for example
     /// `panel:s1=unlock`.
     ///
     /// # Errors

@@ -112,7 +112,7 @@ fn view_refusals() {
             "byte 3262143 of the image: 2 bytes from there end after the last one, byte 3262143"
         );
         assert!(matches!(segment.view::<Cell32>(usize::MAX - 3), Err(MemoryError::BlockOutOfRange { .. })));
-        // The words of the front are accessible at their own width, and no other bytes are.
+        // The words of the front panel are accessible at their own width, and no other bytes are.
         segment.store(3_520, Width::Dword, 7).unwrap();
         let front = segment.load(3_520, Width::Dword).unwrap();
         assert_eq!((front, segment.header_snapshot().front[0].load()), (7, 7));

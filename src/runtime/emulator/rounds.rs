@@ -1,8 +1,8 @@
 //! The emulator's main loop.
 //!
 //! One thread does everything: it advances the clock, answers rung doorbells and channel requests, and sleeps on the
-//! doorbells until the next event. In each round the thread reads the number of rings, then checks everything, and then
-//! sleeps unless a doorbell has rung since it read the number. So the sleep misses no ring.
+//! doorbells until the next event. In each pass of the loop the thread reads the number of rings, then checks
+//! everything, and then sleeps unless a doorbell has rung since it read the number. So the sleep misses no ring.
 
 use super::Emulator;
 use crate::memory::bell;

@@ -1,4 +1,4 @@
-//! The operations that the verbs request from the plant.
+//! The operations that the verbs of scenarios (`poke`, `wait` ...) request from the plant.
 
 use super::Bench;
 use crate::identity::DeviceIndex;

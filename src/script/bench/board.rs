@@ -33,7 +33,8 @@ impl Bench {
         Ok(devices::modules(ram.header(), self.names.device(plc)))
     }
 
-    /// Returns the front elements that are specific to the device of a PLC, with their values. `""` means the only PLC.
+    /// Returns the front panel elements that are specific to the device of a PLC, with their values. `""` means the
+    /// only PLC.
     ///
     /// # Errors
     /// There is no such PLC.

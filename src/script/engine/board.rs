@@ -42,7 +42,7 @@ impl Verbs {
 }
 
 /// Returns `#{display, leds, run_switch, power, dip, dip_latched, program, start, restarts, project}` as far as the
-/// device has these elements, further elements of this device's front, and `modules` if the PLC is modular.
+/// device has these elements, further elements of this device's front panel, and `modules` if the PLC is modular.
 fn board_map(bench: &mut Bench, plc: &str) -> Result<Map, ScenarioError> {
     let (BoardState { leds: lit, .. }, words) = bench.board(plc)?;
     let BoardWords { display, leds, switch, power, dip, dip_latched, program, start, restarts, project } =

@@ -1,4 +1,4 @@
-//! The plant that a script acts on, and the log of its steps.
+//! The stage of a running script: the plant that the script acts on, and the log of its steps.
 
 use crate::journal::Entry;
 use crate::plant::PlantConfig;

@@ -1,4 +1,4 @@
-//! A rig with PLCs that are driven by function blocks alone: PLC `a` is master, PLC `b` slave 0, a drive slave 1.
+//! A test rig with PLCs that are driven by function blocks alone: PLC `a` is master, PLC `b` slave 0, a drive slave 1.
 
 use super::device::*;
 use crate::rig::{Memory, NodePlace, Rig};

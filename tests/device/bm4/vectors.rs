@@ -55,7 +55,7 @@ fn rate() -> Rate {
     *RATES.iter().find(|rate| rate.kbit_s == 1000).expect("the b maXX PLC has it")
 }
 
-/// Returns a rig in active operation. Slave 0 is another PLC; a drive has number 5.
+/// Returns a test rig in active operation. Slave 0 is another PLC; a drive has number 5.
 fn active() -> Rig {
     let drive = "[[bus.drive]]\nname = 'd'\nslave_number = 5\nlock_time_us = 20000\n";
     let mut rig = Rig::of(Memory::Heap, rate(), drive);
@@ -72,7 +72,8 @@ fn master(rig: &Rig) -> Base<CANsync_PLC_MA_BMSTRUCT> {
     ram(rig).at(rig.master_at.base).unwrap()
 }
 
-/// Returns the frames of the command channel in `intervals` intervals; the last frame may end in the interval after them.
+/// Returns the frames of the command channel in `intervals` intervals; the last frame may end in the interval after
+/// them.
 fn commands(rig: &mut Rig, intervals: usize) -> Vec<Frame> {
     let before = rig.frames().len();
     (0..=intervals).for_each(|_| rig.run_to_sync());
@@ -166,7 +167,7 @@ fn t20_and_t21() {
     }
 }
 
-/// Calls a block once in each interval of a rig until the block is no longer busy; returns the duration in us.
+/// Calls a block once in each interval of a test rig until the block is no longer busy; returns the duration in us.
 fn finish(rig: &mut Rig, block: &mut CANsync_UPDOWNLOAD_MA, mut between: impl FnMut(&Rig)) -> u64 {
     let (base, start) = (master(rig), rig.plant.now());
     let (down, mut up) = ([0; UPDOWN_VALUES], [0; UPDOWN_VALUES]);

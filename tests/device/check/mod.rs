@@ -60,7 +60,7 @@ const AT_A_DOOR: [&Rule; 5] = [
     &cansync::rules::FOREIGN_FRAME,
 ];
 
-/// Rules that need another plant than the plant of a rig: `tests/device/bm4.rs`, `tests/device/board.rs`.
+/// Rules that need another plant than the plant of a test rig: `tests/device/bm4.rs`, `tests/device/board.rs`.
 const IN_OTHER_PLANTS: [&Rule; 2] = [&cansync::rules::NUMBER_TAKEN, &cansync::rules::NO_MASTER];
 
 /// The rules of scripts of device folders: `tests/device/folders.rs`.
@@ -92,8 +92,8 @@ fn every_rule_has_a_case() {
     );
 }
 
-/// A client that stores through the channel names the register: a write to a firmware register is reported even if its value
-/// does not change.
+/// A client that stores through the channel names the register: a write to a firmware register is reported even if its
+/// value does not change.
 #[test]
 fn channel_stores_are_checked_at_ports_of_every_medium() {
     const PLANT: &str = "[[device]]\nkind = 'cs0015'\nname = 'panel'\nbus = 'open'\nnode_id = 5\n\
@@ -128,7 +128,8 @@ fn channel_stores_are_checked_at_ports_of_every_medium() {
     }
 }
 
-/// The end of the initialization data shares a word with the next register: a value there is reported once, not in every poll.
+/// The end of the initialization data shares a word with the next register: a value there is reported once, not in
+/// every poll.
 #[test]
 fn an_error_at_the_end_of_the_initialization_data_is_reported_once() {
     for rate in FASTEST {
@@ -142,8 +143,8 @@ fn an_error_at_the_end_of_the_initialization_data_is_reported_once() {
     }
 }
 
-/// A program passes a structure as VAR_IN_OUT of a function block, which is copied in and out: the copy overwrites values that
-/// the firmware has written in the meantime.
+/// A program passes a structure as VAR_IN_OUT of a function block, which is copied in and out: the copy overwrites
+/// values that the firmware has written in the meantime.
 #[test]
 fn a_structure_that_is_written_back_as_a_whole_is_found() {
     for rate in FASTEST {

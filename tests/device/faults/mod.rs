@@ -63,14 +63,14 @@ fn hits(rig: &Rig) -> Vec<i32> {
     news(rig).into_iter().filter_map(hit).collect()
 }
 
-/// Returns a rig with both nodes active and the drives locked, at a SYNC edge.
+/// Returns a test rig with both nodes active and the drives locked, at a SYNC edge.
 fn running(memory: Memory, rate: Rate) -> Rig {
     let mut rig = Rig::of(memory, rate, DRIVES);
     start(&mut rig);
     rig
 }
 
-/// Brings a rig into the state that [`running`] returns.
+/// Brings a test rig into the state that [`running`] returns.
 fn start(rig: &mut Rig) {
     rig.activate();
     rig.step(60_000);

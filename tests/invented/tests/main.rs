@@ -46,7 +46,7 @@ fn it_is_registered_once_and_before_anything_else() {
     let catalogue = devices::catalogue();
     assert!(catalogue.kind("passed").is_some() && catalogue.rule_called("gate-nothing").is_some());
 
-    // A program that has registered the device attaches to it as to any other, and finds the words of its front.
+    // A program that has registered the device attaches to it as to any other, and finds the words of its front panel.
     let emulator = start();
     emulator.poke(&["left:out.w_VALUE=1", "left:out.w_SEND=16#05"]);
     emulator.step(&["10ms"]);
@@ -57,7 +57,7 @@ fn it_is_registered_once_and_before_anything_else() {
     assert_eq!((value, image.header_snapshot().front[0].load()), (1, 1));
 }
 
-/// The words of a device's front are read by name like a register, and only the firmware writes them.
+/// The words of a device's front panel are read by name like a register, and only the firmware writes them.
 #[test]
 fn its_front_is_read_by_name() {
     let map = run(&["map", "front", "--device", "gate"]);

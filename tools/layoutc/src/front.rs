@@ -1,18 +1,18 @@
-//! The front of a device in the form of registers: a space, and an area with one structure, in the header page.
+//! The front panel of a device in the form of registers: a space, and an area with one structure, in the header page.
 
 use crate::model::{
     Area, Device, Field, FieldType, FrontWord, Letter, Owner, Provenance, Space, Structure, Unit,
 };
 use std::collections::BTreeSet;
 
-/// First byte and size of the front in the header page.
+/// First byte and size of the front panel in the header page.
 const PLACE: (u32, u32) = (3520, 256);
-/// The decision about the place of the front.
+/// The decision about the place of the front panel.
 const DECISION: &str = "D-281";
 
-/// The front in the form of registers.
+/// The front panel in the form of registers.
 pub struct Front {
-    /// The addresses of the front, after the spaces of the device. No program of the device uses these addresses.
+    /// The addresses of the front panel, after the spaces of the device. No program of the device uses these addresses.
     pub space: Space,
     /// The structure of the words.
     pub words: Structure,
@@ -20,7 +20,7 @@ pub struct Front {
     pub area: Area,
 }
 
-/// Returns the front of a device; `None` if the device has none.
+/// Returns the front panel of a device; `None` if the device has none.
 #[must_use]
 pub fn of(device: &Device) -> Option<Front> {
     let last = device.front.last()?;

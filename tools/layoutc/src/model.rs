@@ -36,7 +36,7 @@ pub struct Device {
     pub(crate) objects: Vec<Object>,
     /// Properties of a PROFIBUS-DP slave that masters need.
     pub(crate) gsd: Option<Gsd>,
-    /// Words of the front in the header page, in ascending order.
+    /// Words of the front panel in the header page, in ascending order.
     pub front: Vec<FrontWord>,
     /// Ports in the order of their numbers.
     pub ports: Vec<Port>,
@@ -82,13 +82,13 @@ impl Device {
 /// Name of phase 0, in which structures without a phase are valid.
 pub(crate) const ALWAYS: &str = "always";
 
-/// A word of the front in the header page.
+/// A word of the front panel in the header page.
 pub struct FrontWord {
     /// Name, letter for letter as in the manual.
     pub name: String,
     /// Data type.
     pub scalar: Scalar,
-    /// First byte in the front.
+    /// First byte in the front panel.
     pub offset: u32,
     /// The writer.
     pub owner: Owner,

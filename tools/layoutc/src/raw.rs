@@ -105,7 +105,7 @@ pub enum Letter {
     Q,
     /// Flags.
     M,
-    /// The front, which layouts do not place.
+    /// The front panel, which layouts do not place.
     #[serde(skip)]
     F,
 }
@@ -152,14 +152,14 @@ pub(crate) struct AreaStructure {
     pub unused: Vec<Spanned<String>>,
 }
 
-/// A word of the device's front in the header page.
+/// A word of the device's front panel in the header page.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Front {
     pub name: Spanned<String>,
     #[serde(rename = "type")]
     pub ty: Spanned<String>,
-    /// First byte in the front.
+    /// First byte in the front panel.
     pub offset: Spanned<u32>,
     pub owner: Owner,
     pub meaning: Option<Spanned<String>>,

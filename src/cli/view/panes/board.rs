@@ -1,4 +1,4 @@
-//! The fronts of the PLCs, drawn like the real devices: display, LEDs, switches.
+//! The front panels of the PLCs, drawn like the real devices: display, LEDs, switches.
 
 use super::{lines, marked, titled};
 use crate::cli::view::model::{ClickTarget, ListId, Model};

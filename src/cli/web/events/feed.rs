@@ -53,7 +53,7 @@ impl StateKind {
         }
     }
 
-    /// Returns the operation that returns the state. `None` for the fronts of the boards, which need several
+    /// Returns the operation that returns the state. `None` for the front panels of the boards, which need several
     /// operations.
     pub(super) fn op(self) -> Option<Op> {
         Some(match self {

@@ -49,12 +49,12 @@ impl Registers {
         })
     }
 
-    /// Returns a word of the front that the firmware writes.
+    /// Returns a word of the front panel that the firmware writes.
     pub(in crate::devices::can_dp2) fn shown(&self, word: usize) -> &Cell32 {
         &self.face.front[word]
     }
 
-    /// Reads a word of the front that users turn.
+    /// Reads a word of the front panel that users turn.
     pub(in crate::devices::can_dp2) fn turned(&self, word: usize) -> u32 {
         self.face.requested().front[word].load()
     }

@@ -106,7 +106,7 @@ impl Polling {
             ParameterResult::Doubleword(value) if value & u32::from(drive_status::SYNCHRONIZED) != 0 => {
                 stat_sl::RESPONDS | stat_sl::SYNCHRONIZED
             }
-            // Busy: the slave responds. The next round requests its status word again.
+            // Busy: the slave responds. The next poll requests its status word again.
             ParameterResult::Busy => {
                 stat_sl::RESPONDS | regs.a_STAT_SL[usize::from(slave)].load() & stat_sl::SYNCHRONIZED
             }

@@ -19,7 +19,7 @@ const MHZ: [usize; INPUTS] = [FRONT_MHZ_0, FRONT_MHZ_1, FRONT_MHZ_2, FRONT_MHZ_3
 const TURN: [usize; ENCODERS] = [FRONT_TURN_0, FRONT_TURN_1];
 const DISPLAY: [usize; 4] = [FRONT_DISPLAY_1, FRONT_DISPLAY_2, FRONT_DISPLAY_3, FRONT_DISPLAY_4];
 
-/// Returns the terminals In 0 to In 15 from the front, bit n for input n.
+/// Returns the terminals In 0 to In 15 from the front panel, bit n for input n.
 fn terminals(registers: &Registers) -> u16 {
     registers.turned(FRONT_INPUTS) as u16
 }

@@ -1,4 +1,5 @@
-//! The objects on which the verbs of a script act while one of its functions runs.
+//! The desk: the objects on which the verbs (built-in functions) of a device's script act while one of its functions
+//! runs.
 
 use super::engine::LARGEST_ARRAY;
 use super::timers::Timers;

@@ -35,7 +35,7 @@ const MOST_FUNCTIONS: usize = 512;
 pub(super) const MISSING: [&str; 8] =
     ["eval", "Fn", "call", "curry", "is_shared", "sleep", "parse_json", "timestamp"];
 
-/// Returns an engine whose verbs act on the desk, and whose steps the meter counts.
+/// Returns an engine with verbs that act on the objects of `desk`. The meter counts the steps of the engine.
 pub(super) fn engine(desk: &Rc<RefCell<Desk>>, meter: &Rc<Meter>, files: &Files) -> Engine {
     let mut engine = Engine::new();
     engine.set_max_call_levels(MOST_CALLS);

@@ -97,7 +97,7 @@ impl ScriptFirmware {
         }
     }
 
-    /// Shows in the front of the device whether the script runs.
+    /// Shows in the front panel of the device whether the script runs.
     fn show_state(&self, card: &mut Card) {
         if let Ok(word) = self.layout.register(state_word::NAME) {
             card.update(Place::of(&word), |_| self.is_stopped.into());

@@ -61,7 +61,7 @@ pub(super) const OF_REGISTERS: [(&str, bool); 11] = [
 pub(super) const CHANGING: [&str; 6] =
     ["clear_bits", "exchange", "output", "output_all", "set_bits", "write"];
 
-/// Registers all verbs. They act on the device on the desk.
+/// Registers all verbs. They act on the device in `desk`.
 pub(super) fn register(engine: &mut Engine, desk: &Rc<RefCell<Desk>>, meter: &Rc<Meter>) {
     let mut verbs = Verbs { engine, desk: Hands(Rc::clone(desk)) };
     verbs.registers();
@@ -71,7 +71,7 @@ pub(super) fn register(engine: &mut Engine, desk: &Rc<RefCell<Desk>>, meter: &Rc
     verbs.reports();
 }
 
-/// Access of a verb to the desk.
+/// Access of a verb to the objects on which verbs act.
 #[derive(Clone)]
 struct Hands(Rc<RefCell<Desk>>);
 
@@ -113,7 +113,7 @@ struct Verbs<'a> {
 }
 
 impl Verbs<'_> {
-    /// Registers a verb. `make` creates its function, which acts on the desk.
+    /// Registers a verb. `make` creates the function of the verb, which acts on the objects in `desk`.
     fn on<A: 'static, const N: usize, const X: bool, R: Clone + 'static, const F: bool, V>(
         &mut self,
         name: &'static str,

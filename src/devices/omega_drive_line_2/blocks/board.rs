@@ -9,7 +9,7 @@ use crate::memory::header::OptInitResult;
 use crate::plc::{Ram, function_block};
 
 function_block! {
-    /// Sets the LEDs on the board's front (manual p. 51).
+    /// Sets the LEDs on the board's front panel (manual p. 51).
     pub struct LED(ram: Ram) {
         in {
             /// Bit 0: upper red, 1: upper green, 2: lower red, 3: lower green LED; the other bits have no meaning.

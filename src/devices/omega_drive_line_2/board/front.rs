@@ -16,7 +16,7 @@ const BLINK_US: u64 = 500_000;
 /// The decimal point of the display.
 const POINT: u32 = 1 << 8;
 
-/// The front at the last poll.
+/// The front panel at the last poll.
 #[derive(Debug)]
 pub(super) struct Front {
     seen: PolledFront,

@@ -1,4 +1,4 @@
-//! The board around the communication RAM: interrupt events, timers, triggers, front and power (manual
+//! The board around the communication RAM: interrupt events, timers, triggers, front panel and power (manual
 //! 5.00005.03a p. 38-60).
 //!
 //! The board uses the header page of the image. On the device the function blocks `INTR_SET` and `OPT_INIT` call the

@@ -201,7 +201,7 @@ fn set_up_with_slave(rig: &mut Rig, slave: u8, expected: &[&'static Rule], param
     rig.step(60_000);
 }
 
-/// Replaces the plant of the rig by another plant with the same rate.
+/// Replaces the plant of the test rig by another plant with the same rate.
 fn replace(rig: &mut Rig, expected: &[&'static Rule], plant: &str) {
     rig.expect_errors(&[]);
     *rig = Rig::of_plant(Memory::Heap, rig.rate, plant);

@@ -1,4 +1,4 @@
-//! The front of the device: words in the header page that no other device needs to have.
+//! The front panel of the device: words in the header page that no other device needs to have.
 
 use super::{Names, Parts, meaning};
 use crate::error::{Error, Reason};
@@ -6,17 +6,17 @@ use crate::model::{FrontWord, Scalar};
 use crate::raw;
 use crate::source::{Sources, at};
 
-/// Number of bytes that the front has in the header page.
+/// Number of bytes that the front panel has in the header page.
 const BYTES: u32 = 256;
 
-/// Checks all words of the front and brings them into ascending order.
+/// Checks all words of the front panel and brings them into ascending order.
 pub(super) fn check(
     sources: &Sources,
     file: usize,
     (raw, areas): (&[raw::Front], &[raw::Area]),
     parts: &Parts,
 ) -> Result<Vec<FrontWord>, Error> {
-    // The front becomes an area of this name, so no other area may have the name.
+    // The front panel becomes an area of this name, so no other area may have the name.
     if let Some(area) = areas.iter().find(|area| !raw.is_empty() && area.name.get_ref() == "front") {
         let reason = Reason::DuplicateName(area.name.get_ref().clone());
         return Err(sources.error(at(file, area.name.span()), reason));

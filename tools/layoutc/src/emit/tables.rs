@@ -182,7 +182,7 @@ fn front(out: &mut String, device: &Device) {
     out.push_str("    ];\n\n");
 }
 
-/// Writes the front as an area. Its words are registers of a structure.
+/// Writes the front panel as an area. Its words are registers of a structure.
 fn front_area(out: &mut String, device: &Device) {
     let Some(Front { words, area, .. }) = front::of(device) else { return };
     emit_structure(out, device, &words);

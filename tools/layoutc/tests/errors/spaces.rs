@@ -1,4 +1,4 @@
-//! Errors in address spaces, in the areas in them, and in the front.
+//! Errors in address spaces, in the areas in them, and in the front panel.
 
 use super::{check, edited};
 
