@@ -64,7 +64,8 @@ impl BusIndex {
         BusIndex(number as u32)
     }
 
-    /// Returns the number of the bus in journals, in faults and on the wire. Placeholders do not occur there.
+    /// Returns the number of the bus in journals, in faults and on the wire. Journals, faults and the wire never name
+    /// placeholders.
     #[inline]
     #[must_use]
     pub const fn number(self) -> u16 {

@@ -193,7 +193,7 @@ fn create_beside(path: &Path) -> Result<(File, PathBuf)> {
 }
 
 /// Locks a new file, and returns true if the file still has its name. On a file system without locks this is always so,
-/// because no process removes leftovers there.
+/// because no process removes leftover files in such a directory.
 fn is_kept(file: &File) -> bool {
     match file.try_lock() {
         Err(TryLockError::WouldBlock) => false,

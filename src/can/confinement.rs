@@ -120,7 +120,7 @@ impl ErrorCounters {
 
 /// Number of sequences of eleven recessive bits after which a BUS-off station takes part again.
 const RUNS: u32 = 128;
-/// Number of bits of such a sequence.
+/// Number of recessive bits of a sequence that counts for the recovery from BUS-off.
 const RUN: u32 = 11;
 
 /// Recovery from BUS-off: 128 sequences of eleven consecutive recessive bits. An idle bus has these sequences one after

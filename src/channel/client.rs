@@ -1,7 +1,7 @@
 //! The client's side of the channel.
 //!
 //! The client sends a request, rings the doorbell, and waits for the reply. It always waits, because iceoryx2 loses the
-//! messages of a client that has ended. A client that gives up or dies does not disturb the others.
+//! messages of a client that has ended. A client that gives up or dies does not disturb the other clients.
 
 mod error;
 

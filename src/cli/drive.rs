@@ -146,7 +146,7 @@ mod by_channel {
 
         fn text_cells(&self) -> Vec<String> {
             let mut cells = self.cells();
-            // Eight columns fit a terminal; `show` prints the others.
+            // Eight columns fit a terminal; `show` prints the other columns.
             cells.truncate(8);
             cells
         }

@@ -13,8 +13,8 @@ const INTERVAL: Duration = Duration::from_secs(1);
 /// Returns to the start of the line and clears it.
 const CLEAR: &str = "\r\x1b[K";
 
-/// Executes `work`. If it takes long and the standard error output is a terminal, shows real and emulated time there.
-/// `plc` is a PLC of the instance. `advance_us` is the time by which `work` advances the clock, if known.
+/// Executes `work`. If it takes long and the standard error output is a terminal, shows real and emulated time on the
+/// terminal. `plc` is a PLC of the instance. `advance_us` is the time by which `work` advances the clock, if known.
 pub(crate) fn shown<R>(instance: &str, plc: &str, advance_us: Option<u64>, work: impl FnOnce() -> R) -> R {
     if !io::stderr().is_terminal() || output::is_quiet() {
         return work();

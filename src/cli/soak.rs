@@ -52,7 +52,7 @@ pub(crate) struct Args {
     /// Real time in hours, for example 8 or 0.5 [default: until Ctrl-C]
     #[arg(long, value_name = "H", value_parser = hours)]
     hours: Option<Duration>,
-    /// End after this number of rounds
+    /// End after N rounds
     #[arg(long, value_name = "N", value_parser = rounds)]
     rounds: Option<u64>,
     /// Number of rounds that run at the same time [default: one per processor]

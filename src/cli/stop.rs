@@ -64,7 +64,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     })
 }
 
-/// Ends all instances. An error at one instance does not prevent the end of the others.
+/// Ends all instances. An error at one instance does not prevent the end of the other instances.
 fn end_all(clean: bool) -> Result<(), CliError> {
     let mut failed = None;
     let mut any = false;

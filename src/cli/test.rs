@@ -68,8 +68,8 @@ Exit codes:
 pub(crate) struct Args {
     #[command(subcommand)]
     inner: Option<TestCommand>,
-    /// Scripts; - is the standard input. A directory means all .rhai files in it and its subdirectories, in the order of their names, except
-    /// files that others import and that only define functions
+    /// Scripts; - is the standard input. A directory means all .rhai files in it and its subdirectories, in the order
+    /// of their names, except files that others import and that only define functions
     #[arg(add = super::complete::files(&["rhai"]), value_name = "FILE", required_unless_present = "definitions")]
     files: Vec<PathBuf>,
     /// Only scenarios whose path contains this text; with * and ? it is a pattern for the whole path or the name;
@@ -184,8 +184,8 @@ struct Shown {
     /// `None` for events.
     format: Option<Format>,
     shard: Option<Shard>,
-    /// True if a report goes to the standard output. The results then go to the standard error output, so that the report
-    /// stays readable for programs.
+    /// True if a report goes to the standard output. The results then go to the standard error output, so that the
+    /// report stays readable for programs.
     beside_report: bool,
 }
 
@@ -289,7 +289,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     first_of(ending, [shown, written].into_iter().chain(others))
 }
 
-/// Returns the first error, and prints the others, so that a missing report does not hide the verdict.
+/// Returns the first error, and prints the other errors, so that a missing report does not hide the verdict.
 fn first_of(
     ending: Result<(), CliError>,
     others: impl IntoIterator<Item = Result<(), CliError>>,

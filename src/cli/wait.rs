@@ -38,7 +38,7 @@ pub(crate) struct Args {
     instance: Instance,
 }
 
-/// A condition that did not become true in time, or not together with the others.
+/// A condition that did not become true in time, or not at the same moment as the other conditions.
 #[derive(Debug)]
 pub(crate) struct UnmetCondition {
     /// Name and address of the register.

@@ -24,7 +24,7 @@ pub(crate) struct Args {
     /// Blocks, arrays or registers; a PLC with a colon alone means all blocks of that PLC [default: everything]
     #[arg(add = super::complete::blocks(), value_name = "BLOCK", value_parser = given::text(given::BLOCK))]
     blocks: Vec<String>,
-    /// End after this number of changes
+    /// End after N changes
     #[arg(short_alias = 'n', long, value_name = "N", value_parser = number::positive::<u64>())]
     count: Option<u64>,
     /// Output format

@@ -19,7 +19,7 @@ pub struct CouplingConfig {
     pub publish: Vec<ValueEntry>,
     /// Values that the plant subscribes to.
     pub subscribe: Vec<ValueEntry>,
-    /// Buses that exchange frames with the others.
+    /// Buses that exchange frames with the other simulators.
     pub buses: Vec<BusEntry>,
 }
 

@@ -2,7 +2,7 @@
 
 use crate::fmi::{Value, VariableType};
 
-/// Converts a number to the nearest value of this kind (decision D-577).
+/// Converts a number to the nearest value of the given kind (decision D-577).
 ///
 /// # Errors
 /// The kind has no such value. The text gives the reason.

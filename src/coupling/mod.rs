@@ -104,8 +104,8 @@ pub struct Coupling {
 }
 
 impl Coupling {
-    /// Looks up the names of the file. `limit` is the maximum real time that the other simulators may take for an
-    /// exchange.
+    /// Looks up the names of the exchange file in the plant. `limit` is the maximum real time that the other simulators
+    /// may take for an exchange.
     ///
     /// # Errors
     /// The plant does not have a value or bus, or it cannot be exchanged in this way.

@@ -26,9 +26,9 @@ pub(super) enum Effect {
 pub(super) enum FrameEffect {
     /// No station receives the frame; its sender does not notice the loss.
     Lose,
-    /// The frame begins later by this many microseconds, 1 to [`MAX_DELAY_US`].
+    /// The frame begins later by the given number of microseconds, 1 to [`MAX_DELAY_US`].
     Delay(u32),
-    /// The frame arrives once more after this many microseconds, 0 to [`MAX_DELAY_US`].
+    /// The frame arrives once more after the given number of microseconds, 0 to [`MAX_DELAY_US`].
     Duplicate(u32),
     /// The frame ends in an error frame.
     Disturb,

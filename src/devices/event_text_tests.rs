@@ -41,7 +41,7 @@ fn shape(line: &str) -> Vec<&str> {
         .collect()
 }
 
-/// Events of this kind. They are always the same, and are generated once for all tests.
+/// Events of the given kind. They are always the same, and are generated once for all tests.
 pub(super) fn drawn(kind: &'static EventKind) -> &'static [Record] {
     static ALL: LazyLock<Vec<Vec<Record>>> =
         LazyLock::new(|| catalogue().kinds.iter().map(|kind| draw(kind)).collect());

@@ -50,7 +50,7 @@ fn words(cell: &'static str, rows: &BTreeMap<&str, Row>) -> BTreeSet<&'static st
     words
 }
 
-/// Returns the lines of this kind.
+/// Returns the lines of the given kind.
 fn lines(kind: &'static EventKind) -> impl Iterator<Item = Map<String, Value>> {
     let records = drawn(kind).iter();
     records.map(|record| serde_json::from_str(&line(Jsonl::new(names(), catalogue()), record)).unwrap())

@@ -223,7 +223,7 @@ impl FaultKind {
         (self.agree)(fault)
     }
 
-    /// Returns the effect of the values of a fault of this kind.
+    /// Returns the effect of the values of a fault of the given kind.
     pub(super) fn effect(&self, fault: &Fault) -> Effect {
         (self.effect)(fault)
     }

@@ -88,9 +88,9 @@ pub struct FaultStatus {
 pub enum Limit {
     /// The fault ends when a client clears it.
     UntilCleared,
-    /// The fault ends after this number of hits, at least 1.
+    /// The fault ends after the given number of hits, at least 1.
     Count(u32),
-    /// The fault ends this number of emulated microseconds after its start, 1 to [`MAX_DURATION_US`].
+    /// The fault ends the given number of emulated microseconds after its start, 1 to [`MAX_DURATION_US`].
     Duration(u32),
 }
 

@@ -42,7 +42,7 @@ pub enum Hit {
     Plain,
     /// The fault hit the frame with this identifier.
     Frame(u32),
-    /// The fault moved a SYNC edge by this number of microseconds.
+    /// The fault moved a SYNC edge by the given number of microseconds.
     Edge(i32),
 }
 

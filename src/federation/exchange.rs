@@ -14,7 +14,7 @@ pub trait Exchange: Send {
     /// Returns the errors of [`Exchange::send`].
     fn receive(&mut self) -> Result<Option<(u8, Vec<u8>)>, String>;
 
-    /// Describes for what the connection is waiting; `None` if it is established.
+    /// Describes the partner for which the connection is waiting; `None` if the connection is established.
     fn missing(&self) -> Option<String> {
         None
     }

@@ -59,7 +59,7 @@ pub enum FederationEvent {
     Left(u8),
 }
 
-/// This federate as a member of the federation.
+/// This process as a member of the federation.
 pub struct Federation {
     part: FederateConfig,
     exchange: Box<dyn Exchange>,
@@ -83,7 +83,7 @@ pub struct Federation {
     asked: Option<u64>,
     /// Target that the clock has reached.
     arrived: Option<u64>,
-    /// For each federate, the arrival of its last message.
+    /// For each federate, the real time at which its last message arrived.
     heard: Vec<Instant>,
     spoken: Instant,
 }

@@ -22,7 +22,7 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, TryRecvError};
 use std::thread::Builder;
 use std::time::Duration;
 
-/// Longest time for the last message to the others.
+/// Longest time for the last message to the other federates.
 const FAREWELL: Duration = Duration::from_secs(3);
 /// Longest time for the check whether a broker runs: to connect, and then to receive its greeting.
 const CONNECT: Duration = Duration::from_millis(500);
@@ -147,7 +147,8 @@ impl Joining {
         address.to_socket_addrs().is_ok_and(|mut addresses| addresses.any(greets))
     }
 
-    /// Longest wait for the end of the thread. While it joins, there is no message for the others.
+    /// Longest wait for the end of the thread. While the thread joins the federation, it cannot send a message to the
+    /// other federates.
     fn farewell(&self) -> Duration {
         if self.is_done.load(Ordering::Acquire) { FAREWELL } else { Duration::ZERO }
     }

@@ -24,7 +24,7 @@ pub trait EventCodec: Copy + 'static {
     /// Encodes the event as words.
     fn words(&self) -> Words;
 
-    /// Decodes the words of this kind; `None` if the words are invalid. Ignores bits that the kind does not use.
+    /// Decodes the words of the given kind; `None` if the words are invalid. Ignores bits that the kind does not use.
     fn read(words: Words) -> Option<Self>;
 
     /// Returns the device or bus of the event.
@@ -48,8 +48,8 @@ pub struct Packer {
 }
 
 impl Packer {
-    /// Creates the words of an event of this kind, still without fields. `index` and `number` are the location of the
-    /// event.
+    /// Creates the words of an event of the given kind, still without fields. `index` and `number` are the location of
+    /// the event.
     #[inline]
     pub fn new(kind: &EventKind, index: u16, number: u8) -> Self {
         let first = u64::from(kind.number()) | u64::from(number) << 8 | u64::from(index) << 16;

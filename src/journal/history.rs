@@ -22,7 +22,7 @@ use std::time::{Duration, Instant};
 pub const MAX_FOLLOWED: usize = 65_536;
 /// Maximum count of changes in the list for observers.
 pub const KEPT_CHANGES: usize = 65_536;
-/// After this real time without a request for changes, an observer counts as gone.
+/// Real time without a request for changes, after which an observer counts as disconnected.
 pub(super) const GONE: Duration = Duration::from_secs(10);
 /// Count of comparisons between two reads of the host's clock.
 const LOOKS: u32 = 4096;

@@ -166,7 +166,7 @@ impl EventKind {
         self.name
     }
 
-    /// Returns the ring that keeps events of this kind.
+    /// Returns the ring that keeps events of the given kind.
     #[inline]
     pub const fn ring(&self) -> Ring {
         self.ring

@@ -123,8 +123,8 @@ impl fmt::Display for Address {
 
 impl DeviceLayout {
     /// Returns the address of an access at byte `offset` of the image. The offset need not be aligned. The result is
-    /// printed as a byte of the image in two cases: the device has no addresses there, or its addresses number larger
-    /// units and the access begins inside such a unit.
+    /// printed as a byte of the image in two cases: the device has no address for this byte, or its addresses number
+    /// larger units and the access begins inside such a unit.
     #[must_use]
     pub fn at(&self, width: Width, offset: u32) -> Address {
         let space = self.space_at(offset);

@@ -138,7 +138,7 @@ pub enum Role {
     Master,
     /// The port answers a master.
     Slave,
-    /// A station with the same rights as the others.
+    /// A station with the same rights as the other stations on the bus.
     Peer,
 }
 

@@ -142,7 +142,7 @@ impl DeviceLayout {
         if known.is_empty() { "no addresses".to_owned() } else { known.join(", ") }
     }
 
-    /// Returns the areas with named registers: the front panel, if there is one, and then the others.
+    /// Returns the areas with named registers: the front panel, if there is one, and then the other areas.
     pub fn named_areas(&'static self) -> impl Iterator<Item = &'static Area> {
         self.front_area.into_iter().chain(self.areas)
     }

@@ -49,7 +49,7 @@ impl Width {
         }
     }
 
-    /// Returns the width with this number of bytes, if there is one.
+    /// Returns the width with the given number of bytes, if there is one.
     pub(crate) const fn of_bytes(bytes: u32) -> Option<Self> {
         match bytes {
             1 => Some(Width::Byte),

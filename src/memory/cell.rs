@@ -16,8 +16,8 @@ use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 /// Marker of types that consist of cells only.
 ///
 /// # Safety
-/// Every byte of the type must lie in a cell of this module, any bit pattern must be valid, and the type must contain no
-/// padding.
+/// Every byte of the type must lie in a cell of this module, any bit pattern must be valid, and the type must contain
+/// no padding.
 pub unsafe trait SharedRegs: FromBytes + IntoBytes + KnownLayout + Sync {}
 
 // SAFETY: an array of cells consists of cells only.
@@ -43,7 +43,7 @@ macro_rules! cell {
             /// Returns the register's value.
             #[inline]
             pub fn load(&self) -> $value {
-                // SAFETY: the cell is valid and aligned, and accessed in this way only.
+                // SAFETY: the cell is valid and aligned, and is only accessed by these instructions.
                 <$value>::from_le(unsafe { MemoryValue::load(self.0.get()) })
             }
 

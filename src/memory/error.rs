@@ -102,7 +102,7 @@ pub enum MemoryError {
         path: PathBuf,
         /// Length of the image in bytes.
         needed: usize,
-        /// Free memory there, in KiB.
+        /// Free memory in the file system of the image, in KiB.
         free_kib: u64,
     },
     /// The machine has no memory for all images of a plant.

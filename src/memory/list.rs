@@ -28,7 +28,7 @@ pub enum Condition {
     Alive(ImageSummary),
     /// The emulator of the image was killed. The next emulator of this name takes over the file.
     Dead(ImageSummary),
-    /// This program cannot attach to the image, for this reason.
+    /// This program cannot attach to the image; the error is the reason.
     Unusable(MemoryError),
 }
 

@@ -67,7 +67,7 @@ impl PrivateDir {
     }
 
     /// Opens the file `name` in this user's directory at `path`, to which other users may write. `None` if the file is
-    /// not a regular file of this user with exactly one name: another user may have put it there.
+    /// not a regular file of this user with exactly one name: another user may have put it into the directory.
     ///
     /// # Errors
     /// Returns the errors of [`PrivateDir::find_file`].

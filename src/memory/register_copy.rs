@@ -5,7 +5,7 @@ use super::{HEADER_SIZE, Segment, Width};
 use core::ops::Range;
 use serde::{Deserialize, Serialize};
 
-/// Ranges are extended to multiples of this number of bytes.
+/// Number of bytes; ranges are extended to multiples of this number.
 const LINE: usize = 64;
 /// Number of words that are first compared as a whole, because most words are unchanged. Only a difference leads to a
 /// comparison of single words.

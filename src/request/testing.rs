@@ -8,7 +8,7 @@ use core::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// An area of plain RAM: no firmware writes there.
+/// An area of plain RAM: no firmware writes to it.
 pub(crate) const RAM: Range<u32> = 1_000_000..1_262_144;
 
 /// A plant of two PLCs. The first PLC is master of a bus with a drive. The processor cycle is 1 ms.

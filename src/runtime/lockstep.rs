@@ -237,7 +237,7 @@ impl Lockstep {
         Some(format!("the task of event {} of PLC '{plc}' (process {process})", task.event))
     }
 
-    /// Description of a task that takes part; `None` if there is none.
+    /// Description of a task that takes part in lockstep; `None` if there is none.
     pub(crate) fn present(&self, plant: &Plant) -> Option<String> {
         // Tasks that have given up their seats stay in the list until the clock advances.
         let task = self.tasks.iter().find(|task| !task.gone())?;

@@ -32,7 +32,7 @@ pub(super) fn carrier(config: &PlantConfig) -> Result<Box<dyn Carrier>, Scenario
 /// Messages to each federate that it has not received yet.
 type Letters = Arc<Mutex<Vec<VecDeque<(u8, Vec<u8>)>>>>;
 
-/// A program of this host that runs while the clock advances there, or while another federate has its turn.
+/// A program of this host that runs while the clock of this host advances, or while another federate has its turn.
 type Program = Box<dyn FnMut() + Send>;
 
 struct ByMemory {

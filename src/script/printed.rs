@@ -13,7 +13,7 @@ pub(super) struct Printed {
 }
 
 impl Printed {
-    /// Passes lines on, each with its line end.
+    /// Creates the receiver of printed lines; `hand_on` gets each line with its line end.
     pub(crate) fn new(hand_on: impl FnMut(&str) + 'static) -> Self {
         Self { text: String::new(), is_cut: false, hand_on: Box::new(hand_on) }
     }

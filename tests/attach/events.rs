@@ -166,7 +166,7 @@ fn real_time_events_reach_processes_in_three_ways() {
     }
 }
 
-/// A killed listener does not affect the others.
+/// A killed listener does not affect the other listeners.
 #[test]
 fn a_killed_listener_does_not_disturb() {
     let emulator = Emulator::stepped();

@@ -363,7 +363,8 @@ fn reach(subset: u32, damage: Damage, state: ProcessState) {
     assert_eq!(emulator.files(), NOTHING, "{what}");
 }
 
-/// Runs in a separate `/dev/shm`, because `--all` ends all emulators there. The second directory has no lock.
+/// Runs in a separate `/dev/shm`, because `--all` ends all emulators with files in it. The second directory has no
+/// lock.
 #[test]
 fn a_held_lock_in_a_directory_open_to_others_shows_the_emulator() {
     let script = "mount -t tmpfs tmpfs /dev/shm || exit 77

@@ -68,7 +68,7 @@ fn a_limit_of_file_sizes_is_named_and_leaves_no_partial_files() {
     assert_eq!(own.code, Some(128 + 25), "{}", own.err);
 }
 
-/// Runs in a separate `/dev/shm`, because the command ends all emulators there.
+/// Runs in a separate `/dev/shm`, because the command ends all emulators with files in it.
 #[test]
 fn stop_all_names_the_limit_that_hides_emulators() {
     let script = "mount -t tmpfs tmpfs /dev/shm || exit 77

@@ -66,7 +66,7 @@ fn frames_start_in_their_slots_and_last_as_long_as_their_bits() {
     }
 }
 
-/// Manual 5.00005.03a p. 182-187: a slave reads the frames of the others, never its own.
+/// Manual 5.00005.03a p. 182-187: a slave reads the frames of the other slaves, never its own.
 #[test]
 fn a_slave_node_overhears_other_slaves_but_not_itself() {
     for rate in FASTEST {

@@ -132,7 +132,7 @@ fn alone_a_station_repeats_its_frame_for_ever() {
     };
     let expected = [0, 0, 1, 1, 2, 2].map(|nth| (bits(nth * round), bits(nth * round + to_flag)));
     assert_eq!(events.iter().map(begun).collect::<Vec<_>>(), expected);
-    // Now a second station is there.
+    // Now a second station is on the bus.
     stations.off.clear();
     let events = stations.run(&mut line, u64::MAX);
     assert_eq!(delivered(&events), [(0, standard(1))]);
@@ -233,7 +233,7 @@ fn a_lone_sender_that_withdraws_causes_an_error() {
     let Event::Begun(it) = line.withdraw(0, 0, standard(1)) else { panic!() };
     assert_eq!((it.fate, it.end_ns, it.free_ns), (Fate::Withdrawn, bits(7), bits(7 + 6 + 8 + 3)));
     assert_eq!(line.next_sender(0, &stations), None);
-    // The station has not sent it, so it does not wait for longer than the others.
+    // The station has not sent it, so it does not wait for longer than the other stations.
     let events = stations.run(&mut line, bits(24));
     let [Event::Failed(_), Event::Begun(again)] = events[..] else { panic!("{events:?}") };
     assert_eq!((again.sender, again.begin_ns), (0, bits(24)));

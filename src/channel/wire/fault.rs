@@ -9,7 +9,7 @@ use zerocopy::{FromBytes, IntoBytes};
 /// Number of bytes for the values of a fault.
 const BYTES: usize = MAX_BITS as usize / 8;
 
-/// Returns the values of a fault of this kind, packed without gaps.
+/// Returns the values of a fault of the given kind, packed without gaps.
 fn packed(kind: &FaultKind, values: Values) -> [u8; BYTES] {
     let (mut bits, mut place) = (0, 0);
     for (field, value) in kind.fields().iter().zip(values) {

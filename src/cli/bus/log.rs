@@ -60,7 +60,7 @@ impl Buses {
         Telegram::bits(octets.len()) * 1_000_000 / u64::from(bit_s)
     }
 
-    /// True if a bus carries messages of this kind.
+    /// True if a bus carries messages of the given kind.
     fn carries(&self, bus: usize, message: &Message) -> bool {
         let traffic_kind = self.states.get(bus).and_then(|state| devices::traffic_kind_of(&state.kind));
         let is_profibus = matches!(traffic_kind, Some(TrafficKind::Telegrams));

@@ -82,7 +82,8 @@ impl Outline {
         near.iter().copied().find(|index| !is_sign(index)).or(near.last().copied())
     }
 
-    /// Returns the innermost call with a position between its parentheses, and the index of the argument at the position.
+    /// Returns the innermost call with a position between its parentheses, and the index of the argument at the
+    /// position.
     pub(super) fn call_at(&self, offset: usize) -> Option<(&Call, usize)> {
         let within = self.calls.iter().filter(|call| call.inner.start <= offset && offset <= call.inner.end);
         let call = within.max_by_key(|call| call.inner.start)?;
@@ -172,7 +173,7 @@ fn calls(text: &str, tokens: &[Token]) -> Vec<Call> {
     calls
 }
 
-/// Closes the innermost bracket of this kind, and those inside it, at a token.
+/// Closes the innermost bracket of the given kind, and those inside it, at a token.
 fn close(calls: &mut [Call], open: &mut Vec<Open>, sign: char, index: usize, token: &Token, is_closed: bool) {
     let Some(depth) = open.iter().rposition(|open| open.sign == sign) else { return };
     for (at, bracket) in open.drain(depth..).enumerate() {
@@ -193,7 +194,8 @@ fn partner(sign: char) -> char {
     }
 }
 
-/// Returns the module token and the kind of the call that has its parenthesis at `index`; `None` if no call begins there.
+/// Returns the module token and the kind of the call that has its parenthesis at `index`; `None` if no call begins
+/// there.
 fn called(text: &str, tokens: &[Token], index: usize) -> Option<(Option<usize>, bool)> {
     let name = index.checked_sub(1)?;
     let token = tokens.get(name).filter(|token| token.kind == TokenKind::Word)?;

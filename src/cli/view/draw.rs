@@ -14,7 +14,7 @@ use ratatui::widgets::{Block, Clear, Paragraph, Wrap};
 /// Smallest usable size of the terminal: columns and rows.
 const LEAST: (u16, u16) = (40, 10);
 
-/// From this number of columns on, the view shows two panes side by side.
+/// Minimum number of columns at which the view shows two panes side by side.
 const WIDE: u16 = 120;
 /// Minimum number of columns for a line of keys that includes the SYNC key.
 const ROOM_FOR_SYNC: u16 = 90;

@@ -1,4 +1,4 @@
-//! The thread that communicates with the emulator, so that the screen never waits for it.
+//! The thread that communicates with the emulator, so that the screen never waits for the emulator.
 
 use super::poll::{PollData, Poller, Query};
 use super::source::{RequestError, Source};

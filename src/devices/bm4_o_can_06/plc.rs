@@ -70,7 +70,7 @@ impl Module {
         u32::from(self.dip) | others
     }
 
-    /// Place of the module among the ports of the header page.
+    /// Index of the module in the list of ports in the header page.
     fn place(&self) -> usize {
         usize::from(self.number) - 1
     }

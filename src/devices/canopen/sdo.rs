@@ -16,9 +16,9 @@ pub(crate) type Data = [u8; 8];
 /// Length of an entry's value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Length {
-    /// Exactly this number of bytes.
+    /// Exactly the given number of bytes.
     Exactly(usize),
-    /// The entry has at most this number of bytes.
+    /// The entry has at most the given number of bytes.
     UpTo(usize),
 }
 

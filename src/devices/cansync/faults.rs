@@ -16,11 +16,11 @@ pub(crate) const MAX_JITTER_US: u32 = 2_000;
 pub(super) enum Effect {
     /// The slaves do not see SYNC edges.
     LoseSync,
-    /// SYNC edges come late and early alternately by this many microseconds, 1 to [`MAX_JITTER_US`].
+    /// SYNC edges come late and early alternately by the given number of microseconds, 1 to [`MAX_JITTER_US`].
     JitterSync(u32),
     /// A slave is off: a drive without power, a PLC's node with its plug pulled.
     SlaveOff,
-    /// A slave's answers to jobs begin this many microseconds after their slot, 1 to
+    /// A slave's answers to jobs begin the given number of microseconds after their slot, 1 to
     /// [`MAX_DELAY_US`](crate::devices::can_faults::MAX_DELAY_US).
     SlaveLate(u32),
     /// A slave answers jobs with BUSY.

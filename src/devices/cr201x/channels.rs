@@ -11,7 +11,7 @@ const PWM_HZ: core::ops::RangeInclusive<u8> = 20..=200;
 /// Type of the module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Model {
-    /// Inputs at connectors 1, 3, 5 and 7, inputs or outputs at the others.
+    /// Inputs at connectors 1, 3, 5 and 7, inputs or outputs at the other connectors.
     Cr2010,
     /// Outputs in four pairs.
     Cr2011,

@@ -14,7 +14,8 @@ const OF_COMMANDS: [&str; 2] = ["plant.toml", "commram.toml"];
 /// Maximum number of entries of a folder that are compared.
 const MOST_ENTRIES: usize = 4096;
 
-/// Returns names of the TOML files and scripts in the folder itself. Editors and tools may have hidden files there.
+/// Returns names of the TOML files and scripts in the folder itself. Editors and tools may have hidden files in the
+/// folder.
 ///
 /// # Errors
 /// The folder cannot be read.

@@ -15,7 +15,7 @@ pub(super) enum Effect {
     Trip(u16),
     /// The drive ignores its tasks at the BAPS.
     Silent,
-    /// The drive takes commands late by this many microseconds, 1 to [`MAX_SLOWNESS_US`].
+    /// The drive takes commands late by the given number of microseconds, 1 to [`MAX_SLOWNESS_US`].
     Slow(u32),
 }
 

@@ -9,7 +9,7 @@ use crate::profibus::{FunctionCode, MAX_OCTETS, Telegram};
 pub(in crate::devices) enum Effect {
     /// The fault acts on telegrams.
     Telegram(Telegrams, TelegramEffect),
-    /// The fault puts this number of octets on the line, 1 to [`MAX_OCTETS`].
+    /// The fault puts the given number of octets on the line, 1 to [`MAX_OCTETS`].
     Noise(u8),
 }
 
@@ -18,9 +18,9 @@ pub(in crate::devices) enum Effect {
 pub(in crate::devices) enum TelegramEffect {
     /// No station receives the telegram; its sender does not notice.
     Lose,
-    /// The telegram begins later by this many microseconds.
+    /// The telegram begins later by the given number of microseconds.
     Delay(u32),
-    /// The telegram is repeated this many microseconds after its end.
+    /// The telegram is repeated the given number of microseconds after its end.
     Repeat(u32),
     /// A bit of the telegram is inverted, so that no station can decode it.
     Garble,

@@ -37,7 +37,8 @@ impl Block {
     #[inline]
     pub(crate) fn load(blocks: &mut [Block], cells: &[[Cell64; BLOCK]]) {
         let count = blocks.len().min(cells.len());
-        // SAFETY: cells have size and alignment of their values, are valid, and are accessed in this way only.
+        // SAFETY: cells have size and alignment of their values, are valid, and are only accessed by these
+        // instructions.
         unsafe { load(cells.as_ptr().cast(), &mut blocks[..count]) }
     }
 

@@ -53,7 +53,7 @@ impl Directory {
     ///
     /// # Errors
     /// [`NovramError::InUse`] if another emulator has it, [`NovramError::Foreign`] and [`NovramError::Writable`] if
-    /// other users could put files there, [`NovramError::Io`] if it cannot be created or used.
+    /// other users could put files into it, [`NovramError::Io`] if it cannot be created or used.
     pub fn open(path: &Path) -> Result<Self, NovramError> {
         let failed = |doing| move |source| NovramError::Io { path: path.to_owned(), doing, source };
         DirBuilder::new().recursive(true).mode(0o700).create(path).map_err(failed("make this directory"))?;

@@ -51,7 +51,7 @@ fn wrong_call(name: &str, given: &[Dynamic]) -> ScenarioError {
     let verbs = verb::called(name);
     let signatures = verbs.iter().map(Verb::signature).collect::<Vec<_>>().join(" or ");
     let of_so_many = verbs.iter().filter(|verb| verb.parameters.len() == given.len());
-    // If several verbs have this number of arguments, the message names the verb with the most fitting arguments.
+    // If several verbs have the given number of arguments, the message names the verb with the most fitting arguments.
     let misfits = of_so_many.filter_map(|verb| {
         let mut pairs = verb.parameters.iter().zip(given).enumerate();
         pairs.find(|(_, ((_, ty), given))| !fits(ty, given))
@@ -66,7 +66,7 @@ fn wrong_call(name: &str, given: &[Dynamic]) -> ScenarioError {
     ScenarioError::argument(name, &right)
 }
 
-/// Error: no verb of this name has this number of arguments.
+/// Error: no verb of this name has the given number of arguments.
 pub(in crate::script) fn wrong_count(verbs: &[Verb], name: &str, count: usize) -> ScenarioError {
     let signatures = verbs.iter().map(Verb::signature).collect::<Vec<_>>().join(" or ");
     ScenarioError::argument(name, &format!("{count} arguments are given; write {signatures}"))

@@ -199,7 +199,7 @@ impl Round {
             }
             (RoundKind::Disturbed | RoundKind::Hostile | RoundKind::Killed, _) => {
                 let moves: String = self.afterwards.iter().map(|line| format!("{line}\n")).collect();
-                // Non-volatile memory keeps the values that a program has stored there.
+                // Non-volatile memory keeps the values that a program has stored in it.
                 let bounds = if self.kind == RoundKind::Hostile { "" } else { "in_bounds();\n" };
                 format!(
                     "\nsection(\"recovery\");\nundisturbed();\nrecover();\n\nsection(\"afterwards\");\n{moves}{bounds}"

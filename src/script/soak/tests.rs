@@ -117,7 +117,7 @@ fn a_round_fails_where_a_register_is_out_of_its_bounds() {
         if areas.is_empty() {
             continue;
         }
-        // A port in another role, or a slot with another module, has another register there.
+        // A port in another role, or a slot with another module, has another register at this address.
         let is_found = areas.into_values().any(|(place, value)| {
             // The value stays, independent of the firmware's actions.
             round.moves = vec![format!("force({place:?}, {value});")];

@@ -67,8 +67,8 @@ impl Samples {
 pub(crate) enum Target {
     /// At most this factor times the median of the other samples; the text names these samples.
     Times(f64, &'static str, Samples),
-    /// At most this number of microseconds. The other samples, which the text names, show the part that the emulator
-    /// does not cause.
+    /// At most the given number of microseconds. The other samples, which the text names, show the part that the
+    /// emulator does not cause.
     Microseconds(f64, &'static str, Samples),
 }
 

@@ -18,7 +18,7 @@ const REFERENCES: u32 = 400;
 const STEP: u32 = 100_003;
 /// Smallest difference that the position loop of the drive detects.
 const NEAR: u32 = 32;
-/// `BAPS_INIT` is enabled after this number of cycles of the cyclic task (manual p. 63).
+/// Number of cycles of the cyclic task after which `BAPS_INIT` is enabled (manual p. 63).
 pub(crate) const CYCLES_BEFORE_INIT: u32 = 5;
 
 /// Returns the control word that brings a drive with this status word nearer to operation.

@@ -54,7 +54,7 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
     model.hot.push((rows, ClickTarget::List(ListId::Changes)));
 }
 
-/// From this number of columns on, a column shows the previous value.
+/// Minimum number of columns at which a column shows the previous value.
 const WIDE: usize = 110;
 /// Minimum width of the column of times.
 const TIMES: usize = 12;

@@ -14,7 +14,7 @@ use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::text::{Line, Span};
 
-/// From this number of columns on, both lists are side by side.
+/// Minimum number of columns at which both lists are side by side.
 const WIDE: u16 = 150;
 /// Width of the column of values: `16#0000_0000` and a mark.
 const VALUE: usize = 12;

@@ -82,7 +82,7 @@ function_block! {
     }
 }
 
-/// Returns the segments of a page with this number of octets.
+/// Returns the segments of a page with the given number of octets.
 fn segments(octets: usize) -> Vec<Range<usize>> {
     (0..octets).step_by(SEGMENT).map(|first| first..octets.min(first + SEGMENT)).collect()
 }

@@ -38,7 +38,7 @@ pub(in crate::devices::can_dp2) enum PagePhase {
     Data = 4,
 }
 
-/// A sent identifier.
+/// An identifier that the gateway sends, with its last data.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Tx {
     #[serde(with = "crate::can::kept")]
@@ -50,7 +50,7 @@ struct Tx {
     force: u8,
 }
 
-/// A received identifier.
+/// An identifier that the gateway receives, with its last data.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Rx {
     #[serde(with = "crate::can::kept")]

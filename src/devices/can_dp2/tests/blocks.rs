@@ -62,7 +62,7 @@ impl Plc {
         }
     }
 
-    /// Runs a block for this number of cycles.
+    /// Runs a block for the given number of cycles.
     fn run(&mut self, cycles: usize, mut block: impl FnMut(&mut DataBlocks, &mut Peripherals)) {
         (0..cycles).for_each(|_| self.cycle(&mut block));
     }

@@ -131,7 +131,8 @@ impl Bench {
         self.now = time;
     }
 
-    /// Returns the start of the last frame of this kind within its interval; `rate` gives the length of the interval.
+    /// Returns the start of the last frame of the given kind within its interval; `rate` gives the length of the
+    /// interval.
     fn last(&self, kind: FrameKind, rate: &BaudRate) -> Option<u32> {
         let mut frames =
             self.journal.records().filter_map(|it| Some((it.time_us, it.event.get::<Transmitted>()?.frame)));
@@ -243,7 +244,8 @@ fn devices_agree_on_the_times_of_the_rates_that_they_share() {
     }
 }
 
-/// An Omega Drive-Line II does not support 1000 kbit/s: it receives nothing there, in either order of the starts.
+/// An Omega Drive-Line II does not support 1000 kbit/s: it receives nothing on such a bus, in either order of the
+/// starts.
 #[test]
 fn a_slave_of_another_rate_receives_nothing_and_is_reported() {
     let (fast, [slow, ..]) = (&FOUR[0], &THREE);

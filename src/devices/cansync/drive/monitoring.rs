@@ -50,9 +50,9 @@ pub struct MonitorSettings {
 #[serde(deny_unknown_fields, default)]
 #[serde(expecting = "a table with the monitors of the card")]
 pub struct CardMonitoring {
-    /// The SYNC signal.
+    /// Monitor of the SYNC signal.
     pub sync: MonitorSettings,
-    /// Reference values, by ZK 26.
+    /// Monitor of the reference values, by ZK 26.
     pub reference_values: MonitorSettings,
 }
 

@@ -1,8 +1,8 @@
 //! Up- and downloads of the master's PLC in block 1 (manual 5.00005.03a p. 141-143, 166-168).
 //!
 //! An init frame announces address and length. Then blocks of six bytes travel at the offsets 0, 6, 12 ...; the last
-//! one has a separate mode. The same frame is repeated on the slave's turns until the slave answers without BUSY. If
-//! the PLC enters another job during a transfer, the transfer restarts.
+//! one has a separate mode. The master repeats the same frame whenever it polls the slave, until the slave answers
+//! without BUSY. If the PLC enters another job during a transfer, the transfer restarts.
 
 use super::block::{self, MAX_LENGTH};
 use super::job_registers::JobRegisters;

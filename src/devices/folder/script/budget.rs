@@ -9,9 +9,10 @@ use serde::{Deserialize, Serialize};
 pub(super) const MOST_OPERATIONS: u64 = 200_000;
 /// Steps that each call of a hook counts, so that calls of empty hooks are limited, too.
 const CALL: u64 = 20;
-/// Processor time of this thread that a script may use within a millisecond of emulated time. A step can be long: it may sort
-/// an array. Without this limit a script within its steps could keep the emulator from each request for minutes. Only a
-/// script that is too slow for any use reaches it, so journals do not depend on the speed of the machine (D-801).
+/// Processor time of this thread that a script may use within a millisecond of emulated time. A step can be long: it
+/// may sort an array. Without this limit a script within its steps could keep the emulator from each request for
+/// minutes. Only a script that is too slow for any use reaches it, so journals do not depend on the speed of the
+/// machine (D-801).
 pub(super) const LONGEST_TIME: Duration = Duration::from_secs(1);
 /// Steps between two reads of the processor time.
 const STEPS_PER_LOOK: u64 = 64;
@@ -36,7 +37,7 @@ impl Budget {
         MOST_OPERATIONS.saturating_sub(self.used)
     }
 
-    /// Ends the call, which has taken this number of steps.
+    /// Ends the call of the script, which has taken `operations` steps.
     pub(super) fn end(&mut self, operations: u64) {
         self.used = self.used.saturating_add(operations);
     }

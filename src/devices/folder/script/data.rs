@@ -27,7 +27,7 @@ enum Item {
     Char(char),
     Text(String),
     Bytes(Vec<u8>),
-    /// An array: this number of values follows.
+    /// An array: the given number of values follows.
     Array(u32),
     /// A map: this number of pairs of a text and a value follows.
     Map(u32),
@@ -123,8 +123,8 @@ impl Data {
     }
 }
 
-/// Number of elements and entries in a value, counted as the engine does. The engine checks its limits at some operations
-/// only: an assignment to an element or an entry is none of them.
+/// Number of elements and entries in a value, counted as the engine does. The engine checks its limits at some
+/// operations only: an assignment to an element or an entry is none of them.
 #[derive(Clone, Copy, Default)]
 struct Size {
     elements: usize,

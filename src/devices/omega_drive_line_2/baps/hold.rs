@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 pub enum Pace {
     /// The drive takes the task in this time slice.
     AtOnce,
-    /// The drive takes the task in the first time slice that is at least this number of microseconds later.
+    /// The drive takes the task in the first time slice that is at least the given number of microseconds later.
     Late(u32),
     /// The drive does not take the task in this time slice.
     Never,

@@ -249,7 +249,7 @@ fn opt_init_may_run_once_in_each_start_of_the_program() {
     rig.turn(RunSwitch::Stop);
     rig.turn(RunSwitch::Run);
     assert_eq!(rig.opt_init([4, 4, 2], with_timer), OptInitResult::Done, "warm start by the switch");
-    // A program that starts with the request already there.
+    // A program that starts when the request has already been made.
     let mut rig = Rig::new();
     assert_eq!(rig.opt_init([0; 3], OFF), OptInitResult::Done);
     rig.header.program.state.store(ProgramState::Stopped.code());

@@ -9,8 +9,8 @@ use crate::source::{Sources, at};
 use std::collections::BTreeSet;
 use toml::Spanned;
 
-/// Maximum number of bytes of all structures in all areas: 100 times that of the largest existing layout. The limit exists
-/// because a structure of a few lines may have any size.
+/// Maximum number of bytes of all structures in all areas: 100 times that of the largest existing layout. The limit
+/// exists because a structure of a few lines may have any size.
 const MOST_PLACED: u32 = 16 << 20;
 
 /// Types that areas can use.
@@ -232,15 +232,15 @@ type FirstCells = Vec<Option<(u32, usize)>>;
 
 /// The cells of structures that overlay each other, byte by byte.
 ///
-/// Atomic accesses of different sizes to one byte are not defined, so overlaid registers that are used must have the same
-/// width and the same start. Padding is never accessed but copied, byte by byte.
+/// Atomic accesses of different sizes to one byte are not defined, so overlaid registers that are used must have the
+/// same width and the same start. Padding is never accessed but copied, byte by byte.
 #[derive(Default)]
 struct OverlaidCells {
     /// The cells for each role, and for the structures without a role.
     of_roles: Vec<(Option<raw::Role>, FirstCells)>,
 }
 
-/// Two cells of different widths at one byte.
+/// Two structures that have cells of different widths at one byte.
 struct Mixed {
     /// Number of the earlier structure.
     other: usize,

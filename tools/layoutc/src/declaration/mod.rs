@@ -133,8 +133,8 @@ struct SkippedPart {
 }
 
 impl Declarations {
-    /// Reads the contents of the file at `path`: text, PLCopen XML or an object of TwinCAT; UTF-8, UTF-16, or the Latin script of
-    /// older Windows programs.
+    /// Reads the contents of the file at `path`: text, PLCopen XML or an object of TwinCAT; UTF-8, UTF-16, or the Latin
+    /// script of older Windows programs.
     ///
     /// # Errors
     /// The file could not be read, is too long, or cannot be parsed; the error has the line and the column.
@@ -144,7 +144,7 @@ impl Declarations {
         Ok(declarations)
     }
 
-    /// Reads one more file, which can use the types and constants of the others.
+    /// Reads one more file, which can use the types and constants of the other files.
     ///
     /// # Errors
     /// Returns the errors of [`Declarations::read`].

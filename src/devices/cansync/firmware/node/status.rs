@@ -15,7 +15,7 @@ const TRAFFIC: u16 = cansync_status::SEND_BUFFER_FREE
 
 impl Node {
     /// Returns true if `w_CANsync_STATUS` still holds the value of the last poll, except for the traffic bits. A
-    /// program may have written there.
+    /// program may have written to this register.
     #[inline]
     pub(super) fn status_is_shown(&self) -> bool {
         self.regs.w_CANsync_STATUS.load() & !TRAFFIC == self.shown_status
