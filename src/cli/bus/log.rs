@@ -56,8 +56,12 @@ impl Buses {
 
     /// Returns the time in microseconds that these octets take on a bus.
     fn telegram_us(&self, bus: BusIndex, octets: &[u8]) -> u64 {
-        let bit_s = self.states.get(bus.index()).map_or(0, |state| state.bit_s).max(1);
-        Telegram::bits(octets.len()) * 1_000_000 / u64::from(bit_s)
+        Telegram::bits(octets.len()) * 1_000_000 / self.bit_s(bus)
+    }
+
+    /// Returns the bit rate of a bus, at least 1 bit/s.
+    fn bit_s(&self, bus: BusIndex) -> u64 {
+        self.states.get(bus.index()).map_or(0, |state| state.bit_s).max(1).into()
     }
 
     /// True if a bus carries messages of the given kind.

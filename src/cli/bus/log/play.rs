@@ -47,9 +47,13 @@ pub(in super::super) struct Play {
 /// Longest time between two frames of a played log: the limit of one advance operation, 24 h in
 /// microseconds.
 const LONGEST_GAP_US: u64 = MAX_ADVANCE_US;
-/// Step of the clock, in emulated microseconds, while frames wait for room in the queue or the last frame is still on
+/// Step of the clock, in emulated microseconds, while telegrams wait for room in the queue or the last frame is still on
 /// the bus.
 const ROOM_US: u64 = 100;
+/// Bits of the frames for which the clock advances while a frame waits for room: 16 of the shortest frames of CAN (no
+/// data, 44 bits and 3 bits of intermission). The queue holds four times as many frames, so the bus never runs out of
+/// frames, and the emulator takes a snapshot of its history for 16 frames and not for each one.
+const ROOM_BITS: u64 = 16 * 47;
 /// Longest emulated time, in microseconds, between two counts of the frames that have ended. The count uses the
 /// journal, which keeps only the last 65,536 frames of all buses.
 const COUNT_US: u64 = 100_000;
@@ -127,7 +131,7 @@ pub(in super::super) fn play(args: &Play) -> Result<(), CliError> {
     log.iter_mut().for_each(|it| it.time_us = it.time_us.saturating_sub(start_us));
     let session = Session::open(&args.instance, length_us)?;
     let next = session.ask(Op::Journal { from: u64::MAX, max: 1 })?.journal_part()?.end;
-    let mut player = Player::new(&session, &log, next);
+    let mut player = Player::new(&session, &buses, &log, next);
     let played = match buses.info.is_stepped {
         true => player.stepped().map(|()| String::new()),
         false => player.in_real_time().map(|timing| timing.text()),
@@ -154,6 +158,7 @@ impl Timing {
 /// Plays the frames of a log.
 struct Player<'a> {
     session: &'a Session,
+    buses: &'a Buses,
     log: &'a [AddressedMessage],
     /// Time of the first frame.
     start_us: u64,
@@ -172,10 +177,11 @@ struct Player<'a> {
 
 impl<'a> Player<'a> {
     /// Creates a player of a log with at least one frame. `next` is the number of the next record of the journal.
-    fn new(session: &'a Session, log: &'a [AddressedMessage], next: u64) -> Self {
+    fn new(session: &'a Session, buses: &'a Buses, log: &'a [AddressedMessage], next: u64) -> Self {
         let start_us = log.first().map_or(0, |first| first.time_us);
         Player {
             session,
+            buses,
             log,
             start_us,
             accepted: 0,
@@ -195,15 +201,27 @@ impl<'a> Player<'a> {
                 self.count_within_gap(&mut now_us, next.time_us)?;
             }
             if self.send_part(&mut now_us)? {
-                self.advance()?;
-                now_us += ROOM_US;
+                let us = self.room_us();
+                self.advance(us)?;
+                now_us += us;
             }
             self.count_at(now_us)?;
         }
         while !self.all_have_left()? {
-            self.advance()?;
+            self.advance(ROOM_US)?;
         }
         Ok(())
+    }
+
+    /// Returns the emulated time, in microseconds, after which the next message tries again to get room in the queue of
+    /// its bus.
+    fn room_us(&self) -> u64 {
+        match self.log.get(self.accepted) {
+            Some(AddressedMessage { bus, message: Message::Frame(_), .. }) => {
+                (ROOM_BITS * 1_000_000 / self.buses.bit_s(*bus)).max(ROOM_US)
+            }
+            _ => ROOM_US,
+        }
     }
 
     /// Advances the clock in parts up to `due_us`, and counts the accepted frames that end on their bus during this
@@ -268,9 +286,9 @@ impl<'a> Player<'a> {
         Ok(true)
     }
 
-    fn advance(&mut self) -> Result<(), CliError> {
-        self.note_wait(Duration::from_micros(ROOM_US))?;
-        self.session.ask(Op::Advance { us: ROOM_US }).map(drop)
+    fn advance(&mut self, us: u64) -> Result<(), CliError> {
+        self.note_wait(Duration::from_micros(us))?;
+        self.session.ask(Op::Advance { us }).map(drop)
     }
 
     /// Waits for the time of each frame, and until the last frame has ended.
