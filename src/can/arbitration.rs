@@ -29,7 +29,7 @@ impl Arbitration {
         if is_remote { Arbitration(field.0 | field.rtr()) } else { field }
     }
 
-    /// Returns the identifier.
+    /// Returns the identifier that the arbitration field contains.
     #[inline]
     pub fn id(self) -> Id {
         let base = self.0 >> BASE;

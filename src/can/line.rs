@@ -28,7 +28,7 @@ pub trait Participants {
 /// The result of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Fate {
-    /// The frame arrives.
+    /// The frame arrives at all other stations without an error.
     Arrives,
     /// No station acknowledges the frame.
     NotAcknowledged,
@@ -44,7 +44,7 @@ pub enum Fate {
 /// A frame on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct OnWire {
-    /// The sender.
+    /// Number of the station that sends the frame.
     pub sender: usize,
     /// The frame. Its content does not change after its start.
     pub frame: Frame,

@@ -8,15 +8,15 @@ use embedded_can::Id;
 pub struct Message {
     /// Name of the message.
     pub name: String,
-    /// Identifier.
+    /// Identifier of the frames with this message.
     pub id: Id,
     /// Number of data bytes, 0 to 8.
     pub length: u8,
     /// Senders: names of devices, empty for other senders.
     pub senders: Vec<String>,
-    /// Receivers.
+    /// Names of the stations that receive the message.
     pub receivers: Vec<String>,
-    /// Content.
+    /// Signals in the data bytes of the message.
     pub signals: Vec<Signal>,
     /// Description, in a sentence; empty if the name is sufficient.
     pub about: String,
@@ -30,7 +30,7 @@ pub struct Signal {
     /// Lowest bit of the signal, counted from the lowest bit of the first byte. With [`BitOrder::HighFirst`] it is the
     /// highest bit of the signal.
     pub first_bit: u8,
-    /// Number of bits.
+    /// Number of bits of the signal.
     pub bits: u8,
     /// Order of the signal's bytes.
     pub order: BitOrder,
@@ -53,7 +53,7 @@ pub enum BitOrder {
 /// Frames of a message that contain a signal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Presence {
-    /// All frames.
+    /// The signal is in all frames of the message.
     #[default]
     Always,
     /// All frames. The value of the signal selects further signals. A message has at most one such signal.

@@ -9,7 +9,7 @@ use iceoryx2::identifiers::UniqueNodeId;
 use std::sync::mpsc::{self, Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
-/// Query interval.
+/// Real time between two searches for dead clients.
 const INTERVAL: Duration = Duration::from_millis(200);
 
 /// Queries iceoryx2 for dead clients.

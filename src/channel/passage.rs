@@ -34,7 +34,7 @@ pub(super) trait ChannelSite: Sized {
     /// True if the directory with the name of the domain has directories of iceoryx2.
     fn has_files(&self) -> bool;
 
-    /// Withdraws the announcement.
+    /// Withdraws the announcement of this process.
     fn withdraw(&self);
 
     /// Removes all files of iceoryx2.

@@ -65,7 +65,7 @@ pub struct WireOp {
     pub value: u32,
     /// Mask of a wait, or expected value of a comparison.
     pub second: u32,
-    /// Zero.
+    /// Reserved; always zero.
     pub reserved: u32,
     /// Emulated time in microseconds, or number of a record.
     pub time_us: u64,

@@ -266,7 +266,7 @@ impl Entry {
     }
 }
 
-/// Runs the command.
+/// Runs `commram board`.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     match &args.command {
         Command::Get { plc, format, instance } => get(plc.as_deref(), format, instance),

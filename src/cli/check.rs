@@ -154,12 +154,12 @@ fn note_line(row: &FindingRow) -> Option<String> {
     note.as_ref().map(|note| format!("  {place}{note}\n"))
 }
 
-/// Returns all rules.
+/// Returns the rules of the access checker as rows of a table.
 pub(crate) fn rules() -> Vec<RuleRow> {
     devices::catalogue().rules.iter().copied().map(RuleRow::new).collect()
 }
 
-/// A rule.
+/// A rule of the access checker as a row of a table.
 #[derive(Serialize)]
 pub(crate) struct RuleRow {
     rule: &'static str,

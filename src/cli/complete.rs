@@ -23,7 +23,7 @@ fn of(list: fn(&str) -> Vec<Candidate>) -> ArgValueCompleter {
     ArgValueCompleter::new(move |current: &OsStr| current.to_str().map(list).unwrap_or_default())
 }
 
-/// Completes registers.
+/// Completes the names of registers.
 pub(crate) fn registers() -> ArgValueCompleter {
     of(|current| registers_with(current, ""))
 }
@@ -37,7 +37,7 @@ pub(crate) fn blocks() -> ArgValueCompleter {
     })
 }
 
-/// Completes `REG=VALUE`.
+/// Completes arguments of the form `REG=VALUE`.
 pub(crate) fn writes() -> ArgValueCompleter {
     of(|current| values_of(current, &["="]).unwrap_or_else(|| registers_with(current, "=")))
 }

@@ -37,7 +37,7 @@ enum Shell {
     Zsh,
 }
 
-/// Prints the script.
+/// Prints the completion script of a shell.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     output::print(&script(args.shell)?)
 }

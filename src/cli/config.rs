@@ -18,7 +18,7 @@ const VARIABLE: &str = "COMMRAM_CONFIG";
 /// Longest file in bytes.
 const LONGEST: u64 = 64 << 10;
 
-/// The defaults.
+/// Default values of options, from the configuration files.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Config {

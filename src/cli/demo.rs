@@ -50,7 +50,7 @@ fn with_demo() -> impl TypedValueParser<Value = &'static Demo> {
     })
 }
 
-/// Runs the demonstration.
+/// Runs `commram demo`.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let interrupts = Interrupts::catch()?;
     let instance = format!("demo-{}", std::process::id());

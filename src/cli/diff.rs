@@ -46,7 +46,7 @@ pub(crate) struct Args {
     instance: Instance,
 }
 
-/// Prints the differences.
+/// Prints the differences between two dumps, or between a dump and the instance.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let before = read(&args.before)?;
     let known = RegisterValues::new(before.iter().cloned());

@@ -39,8 +39,8 @@ Examples:
   commram dump retain
   commram dump line2:node1 --format csv")]
 pub(crate) struct Args {
-    /// Blocks, arrays, registers, patterns ('node2.*STATUS*', 'node2.a_STAT_SL[0..3]') or addresses, `retain` for the retain
-    /// flags; a PLC with a colon alone means all blocks of that PLC [default: everything]
+    /// Blocks, arrays, registers, patterns ('node2.*STATUS*', 'node2.a_STAT_SL[0..3]') or addresses, `retain` for the
+    /// retain flags; a PLC with a colon alone means all blocks of that PLC [default: everything]
     #[arg(add = complete::blocks(), value_name = "BLOCK", value_parser = given::text(given::BLOCK))]
     blocks: Vec<String>,
     /// Also registers that hold their reset value
@@ -99,7 +99,7 @@ pub(crate) struct Blocks(Vec<Part>);
 pub(crate) struct Dump {
     /// Emulated time, in microseconds.
     pub time_us: u64,
-    /// The live registers.
+    /// The displayed registers with their values.
     pub rows: Vec<DumpRow>,
     /// True if any of the blocks has live registers.
     is_live: bool,

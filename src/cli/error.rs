@@ -79,7 +79,7 @@ errors! {
     Argument {
         /// The argument as the user wrote it.
         text: String,
-        /// The correct form.
+        /// Description of the correct form.
         right: String,
     } => Exit::WrongUse,
     /// A snapshot file cannot be read, is not a snapshot, or cannot be written.
@@ -178,7 +178,7 @@ errors! {
         /// The text to find.
         text: String,
         device: &'static str,
-        /// Similar names.
+        /// Similar names that the user may have meant.
         hint: String,
     } => Exit::Failed,
     /// A register did not reach the expected value.
@@ -311,7 +311,7 @@ errors! {
         .limit.what, .limit.needed.div_ceil(1024), .limit.option
     )]
     LimitedMemory {
-        /// The limit.
+        /// Limit that the process has exceeded.
         limit: limits::MemoryLimit,
     } => Exit::NotThere,
     /// Signals cannot be caught.

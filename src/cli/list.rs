@@ -20,7 +20,7 @@ pub(crate) struct Args {
     format: FormatArg,
 }
 
-/// An instance.
+/// An instance in the list of `commram list`.
 #[derive(Serialize)]
 pub(crate) struct Entry {
     name: String,
@@ -76,7 +76,7 @@ impl Row for Entry {
     }
 }
 
-/// Prints the instances.
+/// Prints the instances of this user.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let entries = all()?;
     table::print(args.format.format, &entries, |entries| match entries {

@@ -19,7 +19,7 @@ pub(crate) struct Args {
     directory: PathBuf,
 }
 
-/// Writes the pages.
+/// Writes a manual page for each command into the directory.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if is_standard(&args.directory) {
         let right = "the pages are many files; give a directory".to_owned();

@@ -50,7 +50,7 @@ pub(crate) struct Args {
     format: FormatArg,
 }
 
-/// Prints the map.
+/// Prints the entries of the register map that the arguments select.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let (plc, what) = split_plc(args.what.as_deref().unwrap_or_default());
     let fitted = match &args.instance {

@@ -49,7 +49,7 @@ pub(crate) struct RegisterReading {
     pub address: String,
     #[serde(rename = "type")]
     pub ty: &'static str,
-    /// The numeric value.
+    /// Value of the register as a number; signed for signed types.
     pub value: i64,
     /// The bit pattern in IEC notation.
     pub hex: String,

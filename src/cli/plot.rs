@@ -53,7 +53,7 @@ pub(crate) struct Args {
     instance: Instance,
 }
 
-/// Draws the plot.
+/// Draws the plot and writes it to a file.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let wrong = |text: &Path, right: &dyn std::fmt::Display| CliError::Argument {
         text: text.display().to_string(),
@@ -118,8 +118,8 @@ fn of_instance(args: &Args) -> Result<Plot, CliError> {
     of_session(&Session::open(&args.instance, 0)?, &args.registers, args.from, args.to)
 }
 
-/// Returns the plot of registers of an instance between the emulated times `from` and `to`, in microseconds; without `to`
-/// up to the present.
+/// Returns the plot of registers of an instance between the emulated times `from` and `to`, in microseconds; without
+/// `to` up to the present.
 ///
 /// # Errors
 /// A register cannot be drawn, the window has no length or begins later than now, or the emulator has ended. An end

@@ -58,7 +58,7 @@ pub(crate) fn parse(
     Ok((place, value))
 }
 
-/// Writes the registers.
+/// Writes the registers that the arguments name.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let check = of_any_device_or_instance(&args.instance);
     args.writes.iter().try_for_each(|text| parse(text, &check).map(drop))?;

@@ -97,7 +97,7 @@ fn reads_input(args: &Args) -> bool {
     args.plant.iter().chain(&args.from).any(|path| input_file::is_standard(path))
 }
 
-/// Runs the emulator.
+/// Runs an emulator until it is stopped.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if args.check {
         let format = args.format.unwrap_or(Format::Text);

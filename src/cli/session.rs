@@ -22,7 +22,7 @@ use crate::plant::Forced;
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Read {
-    /// One register.
+    /// One register, by its location.
     Register {
         /// Number of the PLC.
         plc: DeviceIndex,
@@ -37,7 +37,7 @@ pub(crate) enum Read {
         plc: DeviceIndex,
         /// Offset in the image, in bytes.
         offset: u32,
-        /// Length in bytes.
+        /// Length of the range in bytes.
         len: u32,
     },
 }

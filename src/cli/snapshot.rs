@@ -56,7 +56,7 @@ pub(crate) fn load(path: &Path) -> Result<SnapshotFile, CliError> {
         .map_err(|error| CliError::Snapshot { path: path.to_owned(), reason: error.to_string() })
 }
 
-/// Writes the snapshot.
+/// Writes a snapshot of the instance to a file.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::session::Session;
     use super::{output, time};
@@ -97,7 +97,7 @@ pub(crate) fn take(session: &super::session::Session) -> Result<Vec<u8>, CliErro
     Ok(bytes)
 }
 
-/// Restores a snapshot.
+/// Restores the snapshot of a file in the instance.
 pub(crate) fn restore(args: &RestoreArgs) -> Result<(), CliError> {
     use super::session::Session;
     use super::{output, time};

@@ -142,7 +142,7 @@ fn kinds(args: &Args) -> Result<Vec<&'static EventKind>, CliError> {
     }
 }
 
-/// Prints the journal.
+/// Prints the journal of the instance.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::session::{Session, number_of_bus};
     use crate::request::{InstanceInfo, Op};

@@ -8,7 +8,7 @@ use crate::layout::Owner;
 use crate::request::{Execution, Host, Op};
 use core::fmt::Display;
 
-/// Counts the refusals.
+/// Counts the refused values or frames of one input.
 #[derive(Default)]
 pub(super) struct Refusals(pub(super) u64);
 

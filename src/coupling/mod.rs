@@ -65,7 +65,7 @@ pub trait Simulators: Send {
         None
     }
 
-    /// Closes the connection.
+    /// Closes the connection to the other simulators.
     fn leave(&mut self);
 }
 

@@ -6,14 +6,14 @@ use crate::fault::{self, Fault, FaultKind, Field, Form, TargetKind};
 
 /// Longest delay of a frame, in emulated microseconds.
 pub(super) const MAX_DELAY_US: u32 = 1_000_000;
-/// Highest identifiers.
+/// Highest identifier of the standard format.
 const MAX_STANDARD: u32 = 0x7FF;
 const MAX_EXTENDED: u32 = 0x1FFF_FFFF;
 
 /// Effect of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Effect {
-    /// Frames.
+    /// The fault affects frames.
     Frame(Frames, FrameEffect),
     /// A CAN controller switches itself off.
     BusOff,

@@ -8,7 +8,7 @@ use loom::thread;
 /// Behaviour of the modelled file system.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum System {
-    /// Behaves like Linux.
+    /// The model behaves like Linux.
     Right,
     /// Fault: a lock excludes no other process.
     LocksAreOpen,
@@ -20,7 +20,7 @@ enum System {
     SweepsAreFinal,
 }
 
-/// A directory.
+/// Content of a directory in the model.
 #[derive(Debug, Default)]
 struct Content {
     /// True if the directory is locked.

@@ -15,7 +15,7 @@ pub struct ChannelWatch {
 }
 
 impl ChannelWatch {
-    /// Checks all objects.
+    /// Checks the lengths of all objects. Returns true if any check has found a shortened object.
     pub fn look(&self) -> bool {
         let is_short = |(path, length): &(PathBuf, u64)| shm::length(path).is_some_and(|now| now < *length);
         if self.objects.iter().any(is_short) {

@@ -15,7 +15,7 @@ use core::num::NonZeroU16;
 /// The type of a field, stored in one or several columns. `Columns` has the types of these columns, in the order of the
 /// table.
 pub(super) trait InColumns<Columns>: Sized {
-    /// Encodes the field.
+    /// Encodes the field as the columns that store it.
     fn columns(self) -> Columns;
 
     /// Decodes the field. The function may ignore unused bits of a column, because the caller encodes the result again

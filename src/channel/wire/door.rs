@@ -10,7 +10,7 @@ const NONE: u16 = 0;
 /// The kind of door, its port, and its address or number.
 pub(super) type Columns = (u16, u16, u32);
 
-/// Encodes the door.
+/// Encodes the specification of a door as columns; `None` becomes the kind "no door".
 pub(super) fn encode(door: Option<DoorSpec>) -> Columns {
     let Some(door) = door else { return (NONE, 0, 0) };
     match door.carrier() {

@@ -4,7 +4,7 @@
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// Encodes `what`.
+/// Encodes a value as bytes of a request or reply.
 pub(super) fn encode<T: Serialize>(what: &T) -> Vec<u8> {
     // Writing into a vector cannot fail.
     postcard::to_allocvec(what).unwrap_or_default()

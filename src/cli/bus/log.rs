@@ -72,7 +72,7 @@ impl Buses {
     }
 }
 
-/// Reads a log.
+/// Reads the log of a bus from a file.
 fn read(path: &Path) -> Result<Log, CliError> {
     let wrong = |right: String| CliError::Argument { text: path.display().to_string(), right };
     let bytes =

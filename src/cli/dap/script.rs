@@ -28,7 +28,7 @@ const MOST_VARIABLES: usize = 2000;
 pub(super) struct Shared {
     /// Lines with breakpoints, by the real path of the file.
     pub breakpoints: Mutex<BTreeMap<PathBuf, BTreeSet<usize>>>,
-    /// A requested pause.
+    /// True if the user has requested a pause.
     pub pause: AtomicBool,
 }
 

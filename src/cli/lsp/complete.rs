@@ -24,7 +24,7 @@ pub(super) struct Proposal {
     pub(super) label: String,
     /// Short description beside the label.
     pub(super) detail: String,
-    /// Longer description.
+    /// Longer description of the proposal, which the editor shows beside it.
     pub(super) about: String,
     pub(super) kind: CompletionItemKind,
 }

@@ -19,7 +19,7 @@ const MOST: usize = 16;
 pub(super) enum PlantName {
     /// The scenario names no plant.
     BuiltIn,
-    /// A plant file.
+    /// The plant of the plant file at this path.
     File(PathBuf),
     /// The text of a plant file, in a scenario in this directory.
     Text(String),

@@ -6,9 +6,9 @@ use core::ops::Range;
 /// What the file can contain at a position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Slot {
-    /// A header, `[[plc]]`.
+    /// The position is in a header, `[[plc]]`.
     Header,
-    /// A key.
+    /// The position is in a key.
     Key,
     /// The value of the last key of the path.
     Value,

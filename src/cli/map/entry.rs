@@ -19,12 +19,12 @@ pub(crate) struct Entry {
     pub address: String,
     /// CPU address of the (first) register.
     pub cpu_address: String,
-    /// Data type.
+    /// Data type of the register.
     #[serde(rename = "type")]
     pub ty: String,
     /// The side that writes the register.
     pub owner: String,
-    /// Value after power-on.
+    /// Value of the register after power-on.
     pub reset: String,
     /// True if the manual reserves the register.
     pub reserved: bool,
@@ -62,13 +62,13 @@ pub(crate) struct Sources {
 /// A value, or a range of values, with its meaning.
 #[derive(Serialize)]
 pub(crate) struct Value {
-    /// The first value.
+    /// Smallest value of the range that has the meaning.
     pub first: u32,
-    /// The last value.
+    /// Largest value of the range that has the meaning.
     pub last: u32,
     /// The values in IEC notation.
     pub hex: String,
-    /// The meaning; n is a placeholder for the value.
+    /// Meaning of the values; n is a placeholder for the value.
     pub meaning: String,
     /// The source of the meaning.
     pub provenance: String,
@@ -77,13 +77,13 @@ pub(crate) struct Value {
 /// A bit, or a field of bits, with its meaning.
 #[derive(Serialize)]
 pub(crate) struct Bit {
-    /// Lowest bit.
+    /// Number of the lowest bit of the field.
     pub first: u8,
-    /// Highest bit.
+    /// Number of the highest bit of the field.
     pub last: u8,
-    /// Short name.
+    /// Short name of the field of bits.
     pub name: &'static str,
-    /// The meaning.
+    /// Meaning of the bit or field.
     pub meaning: String,
     /// The source of the meaning.
     pub provenance: String,

@@ -74,7 +74,7 @@ pub(super) struct RecordedRegisters {
     path: PathBuf,
     /// The last time in the file, in microseconds.
     pub end_us: u64,
-    /// SYNC edges.
+    /// SYNC edges of the journal, as runs of equal distances.
     edges: Vec<Run>,
     /// History of each register. The keys are the PLC and the address.
     registers: BTreeMap<(String, String), Vec<Run>>,
@@ -120,7 +120,7 @@ struct Versioned {
 }
 
 impl Line {
-    /// Parses a line.
+    /// Parses a line of a journal file; `line` is its number for errors.
     fn parse(line: usize, text: &str) -> Result<Self, JournalFileError> {
         let read = serde_json::from_str::<Self>(text);
         // Lines of another version may have other fields.

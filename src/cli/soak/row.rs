@@ -32,7 +32,7 @@ impl Row {
         self.exercise == judged.exercise
     }
 
-    /// Adds a round.
+    /// Adds the result of a round to the row.
     pub(super) fn add(&mut self, judged: &RoundResult) {
         self.rounds += 1;
         self.failed += u64::from(judged.failure.is_some());

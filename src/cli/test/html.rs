@@ -35,7 +35,7 @@ const COLUMNS: [(&str, bool); 6] = [
 /// Names of the outcomes of scenarios.
 pub(super) const OUTCOMES: [&str; 6] = ["passed", "failed", "broken", "died", "not run", "skipped"];
 
-/// Makes the page.
+/// Returns the HTML page of the reports.
 pub(crate) fn page(reports: &[Report], origin: &Origin) -> String {
     let all_passed = reports.iter().all(|report| report.outcome.is_fine());
     let (sign, word) = if all_passed { ("passed", "passed") } else { ("failed", "not all passed") };

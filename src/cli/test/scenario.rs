@@ -47,7 +47,7 @@ pub(crate) enum Message<'a> {
     Ended(Box<Report>),
 }
 
-/// Runs the scenario.
+/// Runs one scenario in this process, which `commram test` has started for it.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if let Some(parent) = args.parent {
         end_with(parent)?;

@@ -19,7 +19,7 @@ const WIDE: u16 = 120;
 /// Minimum number of columns for a line of keys that includes the SYNC key.
 const ROOM_FOR_SYNC: u16 = 90;
 
-/// Draws the screen.
+/// Draws the whole screen of the view.
 pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme) {
     model.hot.clear();
     let Rect { width, height, .. } = frame.area();

@@ -15,7 +15,7 @@ pub(super) struct ChartedDrive {
     pub points: VecDeque<(f64, f64, f64)>,
 }
 
-/// All drives.
+/// The pane with all drives of the plant.
 #[derive(Default)]
 pub(super) struct Drives {
     /// The drives in the order of the buses, then the drives that contain a PLC.

@@ -76,13 +76,13 @@ pub(crate) struct Frames {
     /// SYNC edges of each bus, the oldest first.
     edges: Vec<VecDeque<u64>>,
     text: Option<Text>,
-    /// The displayed bus.
+    /// Bus with the displayed frames.
     pub(super) bus: BusIndex,
     /// Start of the held window, in microseconds; `None` if the latest window is displayed.
     held: Option<u64>,
     /// True if new records were dropped while the user held a window: the memory was full.
     has_dropped_records: bool,
-    /// The chosen frame.
+    /// The list of frames, with the chosen frame.
     pub(super) list: List,
 }
 

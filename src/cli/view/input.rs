@@ -17,7 +17,7 @@ use ratatui::layout::Position;
 const WHEEL: isize = 3;
 
 impl Model {
-    /// Handles a key.
+    /// Handles a key that the user has pressed.
     pub(super) fn press(&mut self, key: KeyEvent) {
         match self.prompt.take() {
             Some(prompt) => self.answer(prompt, key),
@@ -77,7 +77,7 @@ impl Model {
         };
     }
 
-    /// Performs an action.
+    /// Performs the action of a key.
     pub(super) fn act(&mut self, action: Action) {
         if self.help {
             self.help = false;

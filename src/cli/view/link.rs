@@ -16,7 +16,7 @@ const RETRY: Duration = Duration::from_millis(250);
 pub(super) enum LinkCommand {
     /// Sets the data that the screen needs from now on.
     Show(Query),
-    /// Starts a task.
+    /// Starts a task of the thread that communicates with the emulator.
     Do(Task),
     /// Cancels the current task.
     Cancel,
@@ -93,7 +93,7 @@ impl TaskQueue {
         true
     }
 
-    /// Takes a command.
+    /// Takes a command of the screen.
     pub(super) fn take(&mut self, command: LinkCommand) {
         match command {
             LinkCommand::Show(query) => self.query = query,

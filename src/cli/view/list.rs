@@ -3,7 +3,7 @@
 /// The chosen line and the topmost visible line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct List {
-    /// The chosen line.
+    /// Index of the chosen line.
     pub chosen: usize,
     /// The topmost line on the screen.
     pub top: usize,

@@ -24,7 +24,7 @@ use std::sync::LazyLock;
 pub(super) enum Connection {
     /// No reply has arrived yet.
     Connecting,
-    /// The emulator answers.
+    /// The emulator runs and answers.
     Live,
     /// The emulator advances the clock for another client.
     Busy,
@@ -35,7 +35,7 @@ pub(super) enum Connection {
 /// The target of a click.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ClickTarget {
-    /// Shows a pane.
+    /// A click shows this pane.
     Tab(Pane),
     /// Selects a line of this list. The clickable area begins with the first visible line of the list.
     List(ListId),
@@ -150,7 +150,7 @@ impl Model {
         }
     }
 
-    /// Shows a message.
+    /// Shows a message in the last line.
     pub(super) fn show_message(&mut self, text: impl Into<String>) {
         self.message = Some(Message { text: text.into(), is_bad: false });
     }

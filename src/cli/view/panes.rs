@@ -47,7 +47,7 @@ fn titled(frame: &mut Frame, title: String, style: Style, area: Rect) -> Rect {
     inner
 }
 
-/// Draws lines.
+/// Draws lines of text in an area of the screen.
 fn lines(frame: &mut Frame, lines: Vec<Line<'static>>, area: Rect) {
     frame.render_widget(Paragraph::new(lines), area);
 }

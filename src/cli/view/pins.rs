@@ -12,7 +12,7 @@ const WINDOW_US: u64 = 1_000_000;
 /// Number of changes that are kept for the screen.
 const KEPT: usize = 10_000;
 
-/// A pinned register.
+/// A register that the user has pinned, with its last values.
 pub(super) struct Pin {
     /// Number of the PLC.
     pub plc: DeviceIndex,
@@ -24,7 +24,7 @@ pub(super) struct Pin {
     times: VecDeque<u64>,
 }
 
-/// All pinned registers.
+/// All registers that the user has pinned.
 #[derive(Default)]
 pub(super) struct Pins {
     /// Position of the selection in the list of pinned registers.

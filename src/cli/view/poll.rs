@@ -52,7 +52,7 @@ impl MemoryLocation {
 /// The data that the screen needs.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Query {
-    /// Registers to read.
+    /// Registers that the screen shows, which the next poll must read.
     pub registers: Vec<MemoryLocation>,
     /// Registers to follow: the poll also reads their changes.
     pub follow: Vec<MemoryLocation>,

@@ -22,14 +22,14 @@ pub(super) enum Prompt {
     Really(String, Task),
 }
 
-/// A text input.
+/// An input line for a text, with a cursor.
 #[derive(Clone, Debug)]
 pub(super) struct TextInput {
     /// The task for which the text is used.
     pub purpose: InputPurpose,
     /// The label before the text.
     pub head: String,
-    /// The current text.
+    /// The text that the user has typed so far.
     pub text: String,
     /// True if the next typed character replaces the whole text.
     pub is_selected: bool,

@@ -48,7 +48,7 @@ pub(super) trait Source {
     fn header(&mut self, plc: DeviceIndex) -> Option<Box<Header>>;
 }
 
-/// A running instance.
+/// A running instance that the view shows.
 pub(super) struct RunningInstance {
     client: Client,
     images: Vec<Attached>,

@@ -12,16 +12,16 @@ use crate::layout::{
 };
 use std::collections::HashSet;
 
-/// A line.
+/// A line of the tree of blocks and registers.
 #[derive(Clone, Debug)]
 pub(super) enum Row {
     /// A PLC, if the instance has several.
     Plc(DeviceIndex),
-    /// A block.
+    /// A block (area) of a device.
     Block(DeviceIndex, &'static Area),
     /// An array of registers, given by its first element.
     Array(DeviceIndex, RegisterRef),
-    /// A register.
+    /// A register of a device.
     Register(DeviceIndex, RegisterRef),
 }
 

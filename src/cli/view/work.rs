@@ -13,7 +13,7 @@ const SLICE_US: u64 = 100_000;
 pub(super) struct Task {
     /// Description of the task in messages.
     pub description: String,
-    /// The remaining work.
+    /// The part of the work that remains.
     pub work: Work,
 }
 

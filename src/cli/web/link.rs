@@ -23,7 +23,7 @@ const WAITING: usize = 64;
 /// Minimum time between two checks whether another program has shortened the channel.
 const CHECK: Duration = Duration::from_millis(20);
 
-/// An open connection.
+/// An open connection to an emulator.
 pub(super) struct Connection {
     pub session: Session,
     /// Names of PLCs and buses.

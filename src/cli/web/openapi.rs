@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 
 static DOCUMENT: LazyLock<Value> = LazyLock::new(document);
 
-/// Returns the description.
+/// Returns the OpenAPI description as a response.
 pub(super) async fn answer() -> Response {
     json_response(&*DOCUMENT)
 }

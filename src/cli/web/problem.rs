@@ -73,7 +73,7 @@ impl Problem {
         code.and_then(|code| u16::try_from(code).ok()).map(Code)
     }
 
-    /// Formats the document.
+    /// Formats the problem document as JSON text.
     pub(super) fn text(&self) -> String {
         let mut members = self.members.clone();
         members.insert("type".to_owned(), format!("{TYPE}{}", self.kind).into());

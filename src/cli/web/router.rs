@@ -27,7 +27,7 @@ const BODY_TIME: Duration = Duration::from_secs(10);
 /// Fields of a query string, in their original order.
 pub(super) type Pairs = Vec<(String, String)>;
 
-/// Returns all paths.
+/// Returns the router with all paths of the server.
 pub(super) fn router(app: Arc<App>) -> Router {
     Router::new()
         .route(session::PATH, get(session::check).post(session::open).delete(session::close))

@@ -32,7 +32,7 @@ struct Recording {
     actions: Vec<Action>,
 }
 
-/// A recorded action.
+/// An action of a user, recorded for a scenario.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Action {

@@ -3,7 +3,7 @@
 use crate::devices::cansync::exercise;
 use crate::devices::exercise::Exercise;
 
-/// The only exercise.
+/// The only exercise of the device.
 pub(in crate::devices) static EXERCISES: [&Exercise; 1] = [&Exercise {
     name: "bm4-cansync",
     plant: include_str!("exercise.toml"),

@@ -7,7 +7,7 @@ use crate::memory::Cell16;
 /// The LEDs of a module; a BM4-O-CAN-06 has H1 and H2 only.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Leds {
-    /// H1 to H4.
+    /// The LEDs H1 to H4 of the module.
     pub h: [Led; 4],
 }
 
@@ -54,8 +54,8 @@ impl Leds {
         Leds { h: [h1, h2, interval(interval_us), Led::Off] }
     }
 
-    /// Initialization has ended with an error (p. 29-30). On a slave for the PLC, H2 and H4 flash together; on a slave for
-    /// the controller, only H2 flashes.
+    /// Initialization has ended with an error (p. 29-30). On a slave for the PLC, H2 and H4 flash together; on a slave
+    /// for the controller, only H2 flashes.
     pub(super) fn of_init_error(is_for_plc: bool) -> Self {
         let h4 = if is_for_plc { Led::Flashes(1) } else { Led::Off };
         Leds { h: [Led::Off, Led::Flashes(1), Led::Off, h4] }

@@ -34,9 +34,9 @@ event_kinds! {
         station: Origin,
         /// Error state from now on.
         state: ErrorState,
-        /// Transmit error counter.
+        /// Value of the transmit error counter.
         transmit: u16,
-        /// Receive error counter.
+        /// Value of the receive error counter.
         receive: u16,
     }
 }

@@ -74,7 +74,7 @@ fn prm(flags_1: u8, flags_2: u8) -> Vec<u8> {
 const CFG: [u8; 10] = [0x83, 1, 2, 3, 0, 0x43, 1, 2, 0x89, 0];
 
 struct Bench {
-    /// PROFIBUS, CAN.
+    /// The PROFIBUS segment, then the CAN bus.
     buses: [Box<dyn Bus>; 2],
     /// Positions of the ports: bus and index.
     places: Vec<(usize, usize)>,
@@ -208,7 +208,7 @@ impl Bench {
         panic!("no end of the request to {dsap}");
     }
 
-    /// Reads the diagnosis.
+    /// Reads the diagnosis of the gateway.
     fn diag(&mut self) -> Vec<u8> {
         let (result, reply) = self.ask(60, &[]);
         assert_eq!(result, mst_result::DATA);

@@ -5,13 +5,13 @@ use serde::{Deserialize, Serialize};
 /// An error that a device can have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Cause {
-    /// Emergency error code.
+    /// Emergency error code of the error.
     pub code: u16,
     /// Bits of the error register (1001h) while the error is present.
     pub register: u8,
 }
 
-/// A present error.
+/// An error that is still present.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct ActiveError {
     cause: Cause,

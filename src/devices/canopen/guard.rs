@@ -5,7 +5,7 @@ use super::nmt::State;
 use super::supervision::Supervision;
 use serde::{Deserialize, Serialize};
 
-/// The guarded node.
+/// State of node guarding in the guarded node.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct NodeGuarding {
     toggle: bool,

@@ -48,15 +48,15 @@ impl State {
 /// A command of a master to a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Command {
-    /// Start Remote Node.
+    /// The NMT command "Start Remote Node".
     Start,
-    /// Stop Remote Node.
+    /// The NMT command "Stop Remote Node".
     Stop,
-    /// Enter Pre-Operational.
+    /// The NMT command "Enter Pre-Operational".
     EnterPreOperational,
-    /// Reset Node.
+    /// The NMT command "Reset Node".
     ResetNode,
-    /// Reset Communication.
+    /// The NMT command "Reset Communication".
     ResetCommunication,
 }
 

@@ -15,7 +15,7 @@ event_kinds! {
     NodeState = 61, "node_state", Rare, at plc {
         /// Number of the state in guarding telegrams.
         to: u8,
-        /// The Node-ID.
+        /// Node-ID of the device.
         node: u8,
     }
 }

@@ -75,7 +75,7 @@ const EXPEDITED: u8 = 1 << 1;
 const SIZED: u8 = 1;
 
 impl Server {
-    /// Forgets the transfer.
+    /// Forgets a transfer in progress without an abort.
     pub(crate) fn reset(&mut self) {
         self.transfer = ServerTransfer::None;
     }

@@ -17,10 +17,11 @@ use std::time::Duration;
 ///
 /// LOG is a text of `candump -L` or `candump -ta`, of python-can, of GVRET or SavvyCAN (CSV), of `commram trace
 /// --format candump` or `json`, or a pcapng file of Wireshark or `commram trace`. Telegrams of PROFIBUS are in `json` and
-/// pcapng. Error frames and other entries that are no frames of classical CAN are skipped with a note. The first frame is sent at once. With the stepped clock the
-/// command advances the clock from one frame to the next, with the real-time clock it waits. Other stations on the
-/// bus take part in the arbitration; a frame for which there is no room waits. The command ends when the last frame
-/// has ended on its bus. An interface of the log means the bus of the same name, or the only bus of the instance.
+/// pcapng. Error frames and other entries that are no frames of classical CAN are skipped with a note. The first frame
+/// is sent at once. With the stepped clock the command advances the clock from one frame to the next, with the
+/// real-time clock it waits. Other stations on the bus take part in the arbitration; a frame for which there is no room
+/// waits. The command ends when the last frame has ended on its bus. An interface of the log means the bus of the same
+/// name, or the only bus of the instance.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -63,8 +64,8 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Pause between two attempts with the real-time clock.
 const PAUSE: Duration = Duration::from_millis(1);
 
-/// Checks that the times of the frames can be played. A frame with an earlier time than the preceding frame is accepted:
-/// it is sent at once, with a note on the standard error output.
+/// Checks that the times of the frames can be played. A frame with an earlier time than the preceding frame is
+/// accepted: it is sent at once, with a note on the standard error output.
 fn check_times(log: &[AddressedMessage], unit: &str, path: &Path) -> Result<(), CliError> {
     let mut latest = log.first().map_or(0, |first| first.time_us);
     let mut earlier = Vec::new();
@@ -111,7 +112,7 @@ fn begin_telegrams(log: &mut [AddressedMessage], buses: &Buses) {
     }
 }
 
-/// Plays a log.
+/// Plays the frames of a log on a bus.
 pub(in super::super) fn play(args: &Play) -> Result<(), CliError> {
     let log = read(&args.log)?;
     let unit = log.unit;
@@ -245,8 +246,8 @@ impl<'a> Player<'a> {
         Ok(())
     }
 
-    /// Sends the next frames, and advances the clock between them. `now_us` is the clock in the time of the log. Returns
-    /// true if there is no room for the next frame.
+    /// Sends the next frames, and advances the clock between them. `now_us` is the clock in the time of the log.
+    /// Returns true if there is no room for the next frame.
     fn send_part(&mut self, now_us: &mut u64) -> Result<bool, CliError> {
         let part = &self.log[self.accepted..];
         let mut ops = Vec::with_capacity(MAX_OPS);

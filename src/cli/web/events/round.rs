@@ -33,7 +33,7 @@ pub(super) struct Round {
     pub time_us: u64,
     /// The clock in JSON.
     pub clock: String,
-    /// States in JSON.
+    /// The states that a page shows, as JSON.
     pub states: BTreeMap<StateKind, Arc<str>>,
     /// Values of the followed registers by their names.
     pub values: HashMap<String, Vec<RegisterReading>>,
@@ -121,7 +121,7 @@ impl Poller {
         }
     }
 
-    /// Closes the connection.
+    /// Closes the connection to the emulator.
     pub(super) fn close(self) {
         self.connection.close();
     }

@@ -6,7 +6,7 @@ use crate::plc::{Shared, function_block};
 
 /// Values of `ret_value` (D-469).
 pub mod initialisation {
-    /// `transfer` is FALSE.
+    /// The input `transfer` is FALSE.
     pub const OFF: u16 = 0;
     /// The list is finished.
     pub const DONE: u16 = 1;
@@ -38,7 +38,7 @@ enum InitialisationStep {
     /// Enables the answers of the device.
     #[default]
     Enable,
-    /// Sends a request.
+    /// Sends the request for an entry of the list.
     Request,
     /// Waits for the answer.
     Answer,

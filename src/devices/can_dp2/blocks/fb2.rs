@@ -20,10 +20,10 @@ const BAD_DATA_BLOCK: u8 = 16;
 /// ERROR: no page at the given addresses (D-469).
 const NO_PAGE: u8 = 17;
 
-/// Page in transfer.
+/// Progress of the transfer of pages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Page {
-    /// Page 0.
+    /// Page 0, which requests the sizes of pages.
     #[default]
     Start,
     /// Page 1 was received.
@@ -32,7 +32,7 @@ enum Page {
     Tx(u16),
     /// Definitions of received identifiers.
     Rx(u16),
-    /// Data.
+    /// The page with data of this number.
     Data(u16),
     /// The transfer has stopped: ERROR has the reason.
     Failed,

@@ -6,7 +6,7 @@ use crate::plc::{Shared, function_block};
 /// Number of octets of a window.
 pub(super) const WINDOW: usize = 16;
 
-/// The loop counter.
+/// Position of the loop counter in the window.
 const COUNTER: usize = 13;
 
 /// The command that reads a frame (p. 42).
@@ -30,7 +30,7 @@ pub(super) struct Transfer {
 }
 
 impl Transfer {
-    /// Stops waiting.
+    /// Stops waiting for an answer of the gateway.
     fn abandon(&mut self) {
         self.waits_for = None;
     }
@@ -83,10 +83,10 @@ impl Transfer {
 /// Step of an FB4 transfer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum TransferStep {
-    /// Writes the order.
+    /// The block writes the order into the window.
     #[default]
     Write,
-    /// Reads a frame.
+    /// The block reads a received frame from the window.
     Read,
     /// Waits until FREIGABE is FALSE.
     Over,
@@ -112,27 +112,27 @@ function_block! {
             READ_ENABLE: bool;
             /// Identifier, of 11 bits.
             WRITE_CAN_ID: u16;
-            /// Data.
+            /// Data byte 0 of the order.
             WRITE_DATA0: u8;
-            /// Data.
+            /// Data byte 1 of the order.
             WRITE_DATA1: u8;
-            /// Data.
+            /// Data byte 2 of the order.
             WRITE_DATA2: u8;
-            /// Data.
+            /// Data byte 3 of the order.
             WRITE_DATA3: u8;
-            /// Data.
+            /// Data byte 4 of the order.
             WRITE_DATA4: u8;
-            /// Data.
+            /// Data byte 5 of the order.
             WRITE_DATA5: u8;
-            /// Data.
+            /// Data byte 6 of the order.
             WRITE_DATA6: u8;
-            /// Data.
+            /// Data byte 7 of the order.
             WRITE_DATA7: u8;
             /// Number of bytes to send.
             WRITE_LEN: u8;
-            /// Always 0.
+            /// Sub-command of the order, always 0.
             WRITE_SUBCOMMAND: u8;
-            /// Command, p. 42.
+            /// Command of the order, p. 42.
             WRITE_COMMAND: u8;
             /// First output of the window.
             WRITE_ADDRESS: u16;
@@ -144,21 +144,21 @@ function_block! {
             TRANSFER_READY: bool;
             /// Identifier; 16#EEEE: no frame received.
             READ_CAN_ID: u16;
-            /// Data.
+            /// Data byte 0 of the received frame.
             READ_DATA0: u8;
-            /// Data.
+            /// Data byte 1 of the received frame.
             READ_DATA1: u8;
-            /// Data.
+            /// Data byte 2 of the received frame.
             READ_DATA2: u8;
-            /// Data.
+            /// Data byte 3 of the received frame.
             READ_DATA3: u8;
-            /// Data.
+            /// Data byte 4 of the received frame.
             READ_DATA4: u8;
-            /// Data.
+            /// Data byte 5 of the received frame.
             READ_DATA5: u8;
-            /// Data.
+            /// Data byte 6 of the received frame.
             READ_DATA6: u8;
-            /// Data.
+            /// Data byte 7 of the received frame.
             READ_DATA7: u8;
             /// Number of received bytes.
             READ_LEN: u8;
@@ -206,7 +206,7 @@ impl FB4 {
         }
     }
 
-    /// Reads a frame.
+    /// Reads a received frame from the window.
     fn read(&mut self, peripherals: &mut Peripherals) {
         let Some(window) = self.transfer(peripherals, self.order(RECEIVE)) else { return };
         let [id0, id1, _, _, d0, d1, d2, d3, d4, d5, d6, d7, length, _, fourteen, fifteen] = window;

@@ -40,9 +40,9 @@ function_block! {
         in {
             /// TRUE enables the exchange; FALSE restarts it.
             ENABLE: bool;
-            /// Octets of Set_Prm.
+            /// Octets of the telegram Set_Prm.
             PRM: [u8; 16] = [0; 16];
-            /// Octets of Chk_Cfg.
+            /// Octets of the telegram Chk_Cfg.
             CFG: [u8; 244] = [0; 244];
             /// Number of octets in `CFG`.
             CFG_LEN: u8;
@@ -50,11 +50,11 @@ function_block! {
             OUTPUT_LEN: u8;
         }
         out {
-            /// Data exchange runs.
+            /// TRUE while data exchange with the slave runs.
             READY: bool;
             /// Data exchanges since ENABLE.
             COUNT: u32;
-            /// The last diagnosis.
+            /// Octets of the last diagnosis that the slave sent.
             DIAG: [u8; 16] = [0; 16];
         }
         internal: Master;

@@ -36,7 +36,7 @@ struct Setup {
     cycles: Vec<Option<u64>>,
 }
 
-/// The CAN side.
+/// The CAN side of the gateway.
 pub(in crate::devices::can_dp2) struct Gateway {
     registers: Registers,
     /// Time of power-on in us, from which the wake-up time counts (p. 29).
@@ -388,7 +388,8 @@ impl Gateway {
         Some((parameters.can_bit_s(), filters))
     }
 
-    /// Returns whether the CAN controller must discard the frames that it has not sent yet (D-386), once for each end of data exchange.
+    /// Returns whether the CAN controller must discard the frames that it has not sent yet (D-386), once for each end
+    /// of data exchange.
     pub(in crate::devices::can_dp2) fn take_emptied(&mut self) -> bool {
         core::mem::take(&mut self.is_emptied)
     }

@@ -79,7 +79,7 @@ pub(in crate::devices::can_dp2) enum ModuleFunction {
     PageOutput,
 }
 
-/// A module.
+/// A module of the configuration, with its function and its octets in the process image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(in crate::devices::can_dp2) struct Module {
     pub kind: ModuleFunction,
@@ -111,10 +111,10 @@ impl Module {
     }
 }
 
-/// A valid configuration.
+/// A valid configuration of modules.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(in crate::devices::can_dp2) struct Configuration {
-    /// Octets as received.
+    /// Octets of Chk_Cfg as the slave received them.
     pub octets: Vec<u8>,
     pub modules: Vec<Module>,
     /// Number of octets of all inputs.

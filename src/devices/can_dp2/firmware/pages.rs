@@ -90,7 +90,7 @@ pub(in crate::devices::can_dp2) struct PageEffect {
     pub is_new: bool,
     /// True if the page has changed the set of identifiers.
     pub has_configured: bool,
-    /// Frames to send.
+    /// Frames that the gateway must send on CAN.
     pub frames: Vec<Frame>,
 }
 

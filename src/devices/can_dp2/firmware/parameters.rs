@@ -31,7 +31,7 @@ const DEFAULTS: [u8; LENGTH] = {
 pub(in crate::devices::can_dp2) struct PrmFault {
     /// Number of the octet, from 0 over the telegram (D-374).
     pub number: u8,
-    /// The right value.
+    /// Value that would have been right.
     pub right: u8,
     /// True if the telegram requests Freeze or Sync, which the device does not have (p. 10, 17). This is reported in
     /// addition to any other fault.
@@ -43,7 +43,7 @@ pub(in crate::devices::can_dp2) struct PrmFault {
 pub(in crate::devices::can_dp2) enum Role {
     /// Neither CANopen master nor CANopen slave: CANopen settings have no effect.
     Layer2,
-    /// CANopen master.
+    /// The gateway is a CANopen master.
     Master,
     /// CANopen slave with this number.
     Slave(u8),
@@ -80,10 +80,10 @@ fn right_octet(octets: &[u8], number: usize) -> Option<u8> {
     (octet != right).then_some(right)
 }
 
-/// Valid parameters.
+/// Valid parameters of the slave.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(in crate::devices::can_dp2) struct Parameters {
-    /// Octets as received.
+    /// Octets of Set_Prm as the slave received them.
     pub octets: [u8; LENGTH],
 }
 

@@ -74,7 +74,7 @@ impl Registers {
         self.inputs.inputs.iter().skip(first).zip(octets).for_each(|(cell, octet)| cell.store(*octet));
     }
 
-    /// Returns an input.
+    /// Returns the octet of input `number` in the image.
     pub(in crate::devices::can_dp2) fn input(&self, number: usize) -> u8 {
         self.inputs.inputs.get(number).map_or(0, Cell8::load)
     }

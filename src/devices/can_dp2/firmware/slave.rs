@@ -115,7 +115,7 @@ impl Slave {
         self.watchdog_at.unwrap_or(u64::MAX)
     }
 
-    /// Checks the watchdog.
+    /// Checks the watchdog of data exchange.
     pub(in crate::devices::can_dp2) fn due(
         &mut self,
         now: u64,

@@ -15,7 +15,7 @@ const NOTHING: u8 = 0xEE;
 /// The bit of byte 2 that marks an identifier of 29 bits, as in a comment (D-383).
 const EXTENDED: u8 = 0x20;
 
-/// Commands (p. 42).
+/// Numbers of the commands of the window (p. 42).
 mod command {
     pub(in crate::devices::can_dp2) const SEND: u8 = 1;
     pub(in crate::devices::can_dp2) const RECEIVE: u8 = 3;
@@ -31,13 +31,13 @@ mod command {
 pub(in crate::devices::can_dp2) enum Order {
     /// The order has no further effect.
     Nothing,
-    /// Sends this frame.
+    /// The gateway sends this frame on CAN.
     Send(Frame),
     /// Sets the SYNC time in ms (p. 42-44).
     SyncTime(u16),
 }
 
-/// A Communication Window.
+/// The Communication Window of the gateway: a module through which the DP master sends and receives single frames.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(in crate::devices::can_dp2) struct Window {
     #[serde(with = "crate::can::kept")]

@@ -12,7 +12,7 @@ const fn bits(us: u64) -> u64 {
     us / 2
 }
 
-/// A foreign master.
+/// A foreign master that sends octets through a door.
 struct Foreign {
     number: u8,
     address: u8,
