@@ -21,7 +21,7 @@ const LOCK: Duration = Duration::from_secs(20);
 
 /// Device-specific data of the demonstration.
 pub(crate) struct Master {
-    /// The device.
+    /// Layout of the device that the demonstration shows.
     pub device: &'static DeviceLayout,
     /// The port of the master.
     pub port: &'static Port,

@@ -43,7 +43,7 @@ pub(super) enum Effect {
 pub(super) enum OffsetAt {
     /// The master's job, on its way to the slave.
     Job,
-    /// The slave's answer.
+    /// The answer of the slave, on its way to the master.
     Answer,
 }
 

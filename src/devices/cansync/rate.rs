@@ -15,7 +15,7 @@ pub struct BaudRate {
     pub b_BT_0: u8,
     /// Bit timing register 1 of the CAN controller.
     pub b_BT_1: u8,
-    /// Interval in ms.
+    /// Interval in milliseconds, as the register `b_TIME_PATTERN` has it.
     pub b_TIME_PATTERN: u8,
     /// Reference value frame 1.
     pub t_WRC1: u32,

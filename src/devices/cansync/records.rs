@@ -37,27 +37,27 @@ event_kinds! {
 
     /// A deadline was missed, so a frame is omitted in this interval.
     Missed = 5, "missed", Missed, at origin {
-        /// The omitted frame.
+        /// Kind of the frame that was not sent.
         what: OmittedFrame,
     }
 
     /// A value in `w_CPU_CONTROL` was ignored.
     CommandIgnored = 6, "ignored", Rare, at origin {
-        /// The ignored value.
+        /// Value of `w_CPU_CONTROL` that the firmware ignored.
         value: u16,
-        /// Reason.
+        /// Reason why the firmware ignored the value.
         why: Command,
     }
 
     /// Initialization data was refused.
     InitRefused = 7, "init_refused", Rare, at origin {
-        /// Reason.
+        /// Error in the initialization data.
         fault: InitFault,
     }
 
     /// `a_STAT_SL[slave]` of the master changed.
     SlaveStatus = 8, "slave_status", Rare, at origin {
-        /// Slave number.
+        /// Number of the slave.
         slave: u8,
         /// New value: bit 0 responds, bit 1 synchronized.
         status: u8,
@@ -76,7 +76,7 @@ event_kinds! {
 
     /// A drive is set to another baud rate than its bus, so the drive receives nothing (decision D-540).
     DriveBaudRateMismatch = 13, "drive_baud_rate_mismatch", Rare, at bus {
-        /// Slave number.
+        /// Number of the slave.
         slave: u8,
         /// The drive's baud rate in kbit/s.
         drive_kbit_s: u16,
@@ -86,7 +86,7 @@ event_kinds! {
 
     /// A parameter of a drive on a bus was set locally, not through the bus.
     DriveSet = 14, "drive_set", Rare, at bus {
-        /// Slave number.
+        /// Number of the slave.
         slave: u8,
         /// Number of the parameter.
         number: u16,

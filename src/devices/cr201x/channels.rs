@@ -59,7 +59,7 @@ pub struct Channels {
     pub model: Model,
     /// Configuration value of each connector, or pair.
     pub kinds: [u8; CHANNELS],
-    /// PWM_FRQ in Hz.
+    /// Frequency of the PWM outputs in Hz (PWM_FRQ).
     pub pwm_hz: u8,
 }
 
@@ -68,9 +68,9 @@ pub struct Channels {
 pub enum Role {
     /// The connector has no function.
     Off,
-    /// An input bit.
+    /// The connector carries an input bit.
     DigitalInput,
-    /// An output bit.
+    /// The connector carries an output bit.
     DigitalOutput,
     /// An input word: number of the word, 0 to 3.
     AnalogInput(usize),

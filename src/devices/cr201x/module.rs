@@ -41,7 +41,7 @@ pub(super) struct Module {
     face: FirmwareHeader,
     /// Configuration as last written, which is kept without supply.
     written: Channels,
-    /// Configuration in force.
+    /// Configuration of the channels in force.
     channels: Channels,
     is_on: bool,
     state: State,

@@ -16,13 +16,13 @@ macro_rules! sender {
                 in {
                     /// Command number: 1 control word, 128 to 255 free for the user.
                     us_BC_CMD_NR: u8;
-                    /// Data byte.
+                    /// Data byte of the broadcast command.
                     si_BC_BYTE: i8;
-                    /// Data word.
+                    /// Data word of the broadcast command.
                     i_BC_WORD: i16;
                     /// Bit n: slave n shall receive the command.
                     d_SL_MASK: u32;
-                    /// Enters the command.
+                    /// TRUE enters the broadcast command.
                     x_EN: bool;
                 }
                 out {

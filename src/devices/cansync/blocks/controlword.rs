@@ -14,7 +14,7 @@ function_block! {
         in {
             /// The slave, 0 to 31.
             si_SL_NR_CTRL: i8;
-            /// Control word.
+            /// Control word for the slave.
             w_CONTROLWORD: u16;
             /// Enters the control word.
             x_EN: bool;

@@ -14,9 +14,9 @@ const HANDSHAKE_TIME: Duration = Duration::from_secs(1);
 
 /// Bit 0 of `w_ERR`.
 const TIMEOUT: u16 = 1 << 0;
-/// Bit 1.
+/// Bit 1 of `w_ERR`: invalid bit timing.
 const BIT_TIMING: u16 = 1 << 1;
-/// Bit 11.
+/// Bit 11 of `w_ERR`: the initialization did not finish.
 const NOT_FINISHED: u16 = 1 << 11;
 /// `us_BAUDRATE` for 125 kbit/s, which the block also uses for every undefined number.
 const SLOWEST: u8 = 3;
@@ -41,7 +41,7 @@ pub(crate) struct Inputs<'a> {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Initialization {
     step: Step,
-    /// `w_ERR`.
+    /// Value of the output `w_ERR`.
     error: u16,
     has_ended: bool,
 }
@@ -71,7 +71,7 @@ impl Initialization {
         (self.error, self.has_ended && self.error == 0)
     }
 
-    /// `x_ERR`.
+    /// Value of the output `x_ERR`.
     pub(crate) fn has_failed(&self) -> bool {
         self.has_ended && self.error != 0
     }
@@ -174,19 +174,19 @@ macro_rules! init {
             /// cycle, until `x_OK` or `x_ERR` is TRUE (decision D-201). The next call begins a new initialization.
             pub struct CANsync_INIT(_BASE: $crate::plc::Base<$crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT>) {
                 in {
-                    /// Slave; default: master.
+                    /// TRUE initializes a slave; FALSE (default) initializes a master.
                     x_SL: bool;
                     #[doc = concat!("Master: takes over the SYNC signal ", $sync, "; default: generates its own.")]
                     x_SYNC_IN: bool;
                     /// Sets up synchronous operation as well; default: only takes over the initialization data.
                     x_SYNC_MODE: bool;
-                    /// Reserved.
+                    /// Reserved by the manual; without effect.
                     x_ASYNC_MODE0: bool;
-                    /// Reserved.
+                    /// Reserved by the manual; without effect.
                     x_ASYNC_MODE1: bool;
                     /// Master: 0 no slave of that number, 1 a slave.
                     a_SL_TYP: [u8; 32];
-                    /// Acceptance code; 16#FF.
+                    /// Acceptance code of the CAN controller, 16#FF by default.
                     b_ACCEPT_CODE: u8 = 0xFF;
                     /// Acceptance mask; 16#FF: everything is received.
                     b_ACCEPT_MASK: u8 = 0xFF;

@@ -19,19 +19,19 @@ macro_rules! mode {
             /// active mode the block sends no further command (decision D-204).
             pub struct $name(_BASE: Base<$base>) {
                 in {
-                    /// Restarts the node.
+                    /// TRUE restarts the node.
                     x_RESET_SOFTWARE: bool;
                     /// Takes over initialization data.
                     x_SET_INIT_DATA: bool;
-                    /// Enables active operation.
+                    /// TRUE enables active operation.
                     x_CANsync_RUN: bool;
                     /// Resets the CAN controller; ends BUS-off.
                     x_RESET_CANsync_CONTROLLER: bool;
                     /// Sets up synchronous operation.
                     x_SYNC_MODE: bool;
-                    /// Reserved.
+                    /// Reserved by the manual; without effect.
                     x_ASYNC_MODE0: bool;
-                    /// Reserved.
+                    /// Reserved by the manual; without effect.
                     x_ASYNC_MODE1: bool;
                 }
                 out {
@@ -49,9 +49,9 @@ macro_rules! mode {
                     x_SYNC_MODE_ACTIV: bool;
                     /// Asynchronous operation; reserved, always FALSE.
                     x_ASYNC_MODE_ACTIV: bool;
-                    /// Runs as slave.
+                    /// TRUE if the node runs as slave.
                     x_SL: bool;
-                    /// Runs as master.
+                    /// TRUE if the node runs as master.
                     x_MA: bool;
                 }
             }

@@ -34,9 +34,9 @@ enum JobPhase {
 #[derive(Clone, Copy, Default)]
 pub(crate) struct CallResult {
     pub busy: bool,
-    /// `b_ERR`.
+    /// Value of the output `b_ERR`.
     pub error: u8,
-    /// `i_ERR`.
+    /// Value of the output `i_ERR`.
     pub number: i16,
     /// The answer; set when the job is done.
     pub answer: Option<Answer>,
@@ -178,11 +178,11 @@ macro_rules! par_read_ma {
                 in {
                     /// The slave, 0 to 31.
                     si_SL_NR: i8;
-                    /// Parameter number.
+                    /// Number of the parameter in the drive.
                     u_PAR_NR: u16;
                     /// Format of the parameter: FALSE word, TRUE doubleword.
                     x_PAR_FORMAT: bool;
-                    /// Sub-slave address; reserved.
+                    /// Address of a sub-slave; reserved by the manual.
                     i_SUB_SL: i16;
                     /// Monitoring time in emulated time; preset 3 s.
                     t_TIME: core::time::Duration = $crate::devices::cansync::blocks::par_ma::PRESET_TIME;
@@ -193,7 +193,7 @@ macro_rules! par_read_ma {
                     x_RESET: bool;
                 }
                 out {
-                    /// The value read.
+                    /// Value of the parameter that the slave has answered.
                     ud_PAR_VALUE: u32;
                     /// Format of the value read: FALSE word, TRUE doubleword.
                     x_PAR_FORMAT_READ: bool;
@@ -250,11 +250,11 @@ function_block! {
         in {
             /// The slave, 0 to 31.
             si_SL_NR: i8;
-            /// Parameter number.
+            /// Number of the parameter in the drive.
             u_PAR_NR: u16;
             /// Format of the parameter: FALSE word, TRUE doubleword.
             x_PAR_FORMAT: bool;
-            /// Sub-slave address; reserved.
+            /// Address of a sub-slave; reserved by the manual.
             i_SUB_SL: i16;
             /// The value to write.
             ud_PAR_VALUE: u32;

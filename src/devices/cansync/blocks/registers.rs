@@ -44,7 +44,7 @@ pub(super) fn take_received(register: &Cell8) -> i8 {
 pub(super) enum ControlWordReader {
     /// `CANsync_BC_SL`, as broadcast command 1.
     Broadcast,
-    /// `CANsync_CONTROLWORD_SL`.
+    /// The structure of the block `CANsync_CONTROLWORD_SL`.
     ControlWord,
 }
 

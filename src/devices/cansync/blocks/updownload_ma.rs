@@ -110,7 +110,7 @@ impl Transfer {
         }
     }
 
-    /// `x_BUSY`.
+    /// Value of the output `x_BUSY`.
     pub(crate) fn is_busy(&self) -> bool {
         matches!(self.phase, TransferPhase::Waiting(_) | TransferPhase::Running(_))
     }

@@ -34,7 +34,7 @@ function_block! {
             u_LENGTH: u16;
             /// Number of values in the present block, 1 to 75.
             x_BUSY: bool;
-            /// Bit 0: timeout.
+            /// Errors of the block; bit 0: timeout.
             w_ERR: u16;
             /// `w_ERR` is not 0.
             x_ERR: bool;

@@ -15,7 +15,7 @@ use crate::snapshot_fields::SnapshotFields;
 pub struct Socket {
     /// The device and the port's number.
     pub origin: Origin,
-    /// The device's image.
+    /// Memory segment of the device, with its image.
     pub segment: Segment,
     /// Location of the node's registers in the image.
     pub location: NodeLocation,
@@ -28,13 +28,13 @@ pub struct Socket {
 /// Role of a node on its bus.
 #[derive(Clone, Debug)]
 pub enum SocketRole {
-    /// The master.
+    /// The node is the master of the bus.
     Master {
         /// True if the device can pass the SYNC signal of another port to this master, for `b_MA_SL_MODE` 16#02
         /// (decision D-12).
         has_sync_in: bool,
     },
-    /// A slave.
+    /// The node is a slave of the bus.
     Slave {
         /// Slave number, valid until the device starts with another number at its switches.
         number: u8,

@@ -22,15 +22,15 @@ pub(super) enum Slot {
     Built1,
     /// Reference value frame 2 is built.
     Built2,
-    /// End of WRC1.
+    /// End of the frame WRC1 on the bus.
     Reference1End,
     /// Deadline of the slaves' actual value frame 2.
     BuildActual2,
-    /// End of RDC1.
+    /// End of the frame RDC1 on the bus.
     Actual1End,
-    /// End of WRC2.
+    /// End of the frame WRC2 on the bus.
     Reference2End,
-    /// End of RDC2.
+    /// End of the frame RDC2 on the bus.
     Actual2End,
     /// t_CC: the command frame is chosen and starts.
     CommandStart,

@@ -11,7 +11,7 @@ use std::time::Duration;
 /// Writer of a printed value.
 #[derive(Clone, Copy)]
 pub(crate) enum Writer {
-    /// The soft-PLC.
+    /// The soft-PLC of the demonstration.
     Plc,
     /// The firmware of the emulated node.
     Firmware,

@@ -54,7 +54,7 @@ impl SetPoint {
         };
     }
 
-    /// Advances the clock.
+    /// Advances the angle by `us` microseconds.
     #[inline]
     pub(crate) fn pass(&mut self, us: u32) {
         self.elapsed_us += u64::from(us);

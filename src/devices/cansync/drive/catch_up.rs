@@ -76,7 +76,7 @@ impl IntervalFrames {
 }
 
 impl EventLog {
-    /// Adds an event.
+    /// Adds an event that the drives process later.
     #[inline]
     pub(crate) fn push(&mut self, it: BusEvent) {
         if let BusEvent::Edge { now_us, interval_us } = it {

@@ -24,7 +24,7 @@ pub enum Enable {
 /// States of the profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum DrivecomState {
-    /// Power stage locked.
+    /// DRIVECOM state "switch on disabled": the power stage is locked.
     SwitchOnDisabled,
     /// Power may be switched on.
     ReadyToSwitchOn,
@@ -74,7 +74,7 @@ impl StateMachine {
         StateMachine { state, control_word, warning: false }
     }
 
-    /// Returns the state.
+    /// Returns the state of the DRIVECOM state machine.
     #[inline]
     pub(crate) const fn state(&self) -> DrivecomState {
         self.state

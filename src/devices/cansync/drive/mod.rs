@@ -117,7 +117,7 @@ pub struct Drive {
     objected: Option<Settings>,
     /// Monitors of SYNC and of reference values.
     monitors: [Monitor; 2],
-    /// The card's parameters.
+    /// Parameters of the drive's option card (ZK).
     zk: ZkParameters,
     card: Card,
     regler: VRegler,

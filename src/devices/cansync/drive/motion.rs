@@ -35,7 +35,7 @@ impl Motion {
         self.turned = speed;
     }
 
-    /// Returns the angle.
+    /// Returns the angle of the motor.
     #[inline]
     pub(crate) const fn angle(&self) -> u32 {
         self.angle

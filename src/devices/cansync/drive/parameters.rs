@@ -11,9 +11,9 @@ use std::sync::Arc;
 #[serde(rename_all = "snake_case")]
 #[serde(expecting = "the format of a parameter, as a word")]
 pub enum ParamFormat {
-    /// 16 bits.
+    /// The parameter has 16 bits.
     Word,
-    /// 32 bits.
+    /// The parameter has 32 bits.
     Doubleword,
 }
 
@@ -42,9 +42,9 @@ impl ParamFormat {
 pub struct ParameterSpec {
     /// Parameter number, 0 to 4095.
     pub number: u16,
-    /// Word or doubleword.
+    /// Width of the parameter: word or doubleword.
     pub format: ParamFormat,
-    /// Value after power-on.
+    /// Value of the parameter after power-on.
     #[serde(default)]
     pub initial: u32,
     /// Lowest value that can be written from outside; a negative one makes the parameter signed.
@@ -131,7 +131,7 @@ impl ParameterSpec {
 /// Reason why a parameter of the plant file is wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ParameterError {
-    /// Number above 4095.
+    /// The parameter number is above 4095.
     #[error("the number is above 4095")]
     Number,
     /// Number in use already.
@@ -266,7 +266,7 @@ impl ParameterStore {
         self.specs.binary_search_by_key(&number, |spec| spec.number).ok().map(ParameterSlot::at)
     }
 
-    /// Returns all parameters.
+    /// Returns all parameters of the drive.
     pub(super) fn slots(&self) -> impl Iterator<Item = ParameterSlot> {
         (0..self.specs.len()).map(ParameterSlot::at)
     }

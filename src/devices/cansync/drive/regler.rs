@@ -56,7 +56,7 @@ struct Slots {
     control_word: ParameterSlot,
 }
 
-/// A V-Regler.
+/// A drive of the series V-Regler.
 #[derive(Clone, Debug)]
 pub(crate) struct VRegler {
     machine: StateMachine,

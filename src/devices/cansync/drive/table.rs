@@ -9,13 +9,13 @@ pub struct ParameterRow {
     pub number: u16,
     /// Name of the parameter.
     pub name: &'static str,
-    /// Word or doubleword.
+    /// Width of the parameter: word or doubleword.
     pub format: ParamFormat,
     /// Lowest value; a negative one makes the parameter signed.
     pub min: i64,
-    /// Highest value.
+    /// Largest permitted value of the parameter.
     pub max: i64,
-    /// Value after power-on.
+    /// Value of the parameter after power-on.
     pub default: u32,
     /// True if only the drive itself writes the parameter.
     pub read_only: bool,

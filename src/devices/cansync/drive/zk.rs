@@ -49,7 +49,7 @@ pub struct ReferenceMapping {
     pub word: u8,
     /// Frame 1 or 2.
     pub channel: Channel,
-    /// Word or doubleword.
+    /// Width of the parameter: word or doubleword.
     pub format: ParamFormat,
     /// Sender of the frame.
     pub source: Source,
@@ -62,11 +62,11 @@ pub struct ActualMapping {
     pub word: u8,
     /// Frame 1 or 2.
     pub channel: Channel,
-    /// Word or doubleword.
+    /// Width of the parameter: word or doubleword.
     pub format: ParamFormat,
 }
 
-/// A wrong mapping.
+/// An invalid mapping in a card parameter (ZK).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MappingError {
     /// A bit is set that the manual reserves.

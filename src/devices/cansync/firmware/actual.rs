@@ -12,13 +12,13 @@ use crate::memory::{Cell8, Cell32};
 
 /// The registers in which the actual values of slaves are received.
 pub(super) trait ActualValueRegisters {
-    /// `b_STATREG_RDCx`.
+    /// Register `b_STATREG_RDCx`: the slave with the last answer.
     fn last_slave(&self, channel: Channel) -> &Cell8;
-    /// `a_STATREG_RDC[slave].b_STATREG_RDCx`.
+    /// Register `a_STATREG_RDC[slave].b_STATREG_RDCx`.
     fn acknowledgement(&self, slave: usize, channel: Channel) -> Option<&Cell8>;
-    /// `a_CFG_RDC_WORD[slave].b_CFG_RDCx_WORD0..3`.
+    /// Registers `a_CFG_RDC_WORD[slave].b_CFG_RDCx_WORD0..3`, with the mapping of the words.
     fn config(&self, slave: usize, channel: Channel) -> Option<[u8; 4]>;
-    /// `a_RD_BMARRAY[slave][number]`.
+    /// Register `a_RD_BMARRAY[slave][number]`.
     fn value(&self, slave: usize, number: u8) -> Option<&Cell32>;
 
     /// Takes over a frame of `slave`: first the words, as configured at this moment, then the acknowledgement of the

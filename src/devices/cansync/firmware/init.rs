@@ -15,7 +15,7 @@ pub enum SyncSource {
     Forwarded,
 }
 
-/// Checked initialization data.
+/// Initialization data that the firmware has checked.
 #[derive(Clone, Debug)]
 pub struct InitData {
     /// Baud rate with its interval and slot times.
@@ -24,9 +24,9 @@ pub struct InitData {
     pub sync: SyncSource,
     /// Bit n set: slave n is expected (`a_SL_TYP[n]` other than 16#00); 0 on a slave.
     pub expected: u32,
-    /// Acceptance code, `b_AC`.
+    /// Acceptance code of the CAN controller, register `b_AC`.
     acceptance_code: u8,
-    /// Acceptance mask, `b_AM`.
+    /// Acceptance mask of the CAN controller, register `b_AM`.
     acceptance_mask: u8,
 }
 

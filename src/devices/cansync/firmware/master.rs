@@ -39,7 +39,7 @@ pub struct Built {
     pub used_words: u8,
 }
 
-/// The master's firmware.
+/// Firmware of a node in the role of the master.
 pub struct Master {
     node: Node,
     regs: View<CANsync_MA_CTRL_BMSTRUCT>,

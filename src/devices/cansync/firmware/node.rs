@@ -34,7 +34,7 @@ pub(super) enum Role {
 /// State of a node, as shown in `w_OPTION_STATUS`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum NodeState {
-    /// 16#0001.
+    /// The node has restarted and waits for command 16#0001; `w_OPTION_STATUS` is 16#0001.
     StartUp,
     /// 16#0002, waiting for "take over initialization data".
     WaitingForInit,

@@ -33,7 +33,7 @@ use jobs::Jobs;
 /// Start of the cyclic area, after the general registers.
 const CYCLIC_AREA: usize = offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_CTRLREG_WRC1);
 
-/// The slave's firmware.
+/// Firmware of a node in the role of a slave.
 pub struct Slave {
     node: Node,
     regs: View<CANsync_SL_CTRL_BMSTRUCT>,

@@ -5,9 +5,9 @@ use serde::{Deserialize, Serialize};
 /// Channel of process data: reference and actual values travel in WRC1/RDC1 or WRC2/RDC2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Channel {
-    /// WRC1 and RDC1.
+    /// First channel: the frames WRC1 and RDC1.
     One,
-    /// WRC2 and RDC2.
+    /// Second channel: the frames WRC2 and RDC2.
     Two,
 }
 

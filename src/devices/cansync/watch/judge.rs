@@ -17,7 +17,7 @@ use crate::journal::{Finding, Journal, Rule};
 use crate::layout::RegisterPhase;
 use core::mem::offset_of;
 
-/// Highest value number.
+/// Largest number of a value that a mapping can name.
 const LAST_VALUE: u32 = 7;
 
 /// Bit 0 of the control register of every job.

@@ -57,7 +57,7 @@ pub(super) enum ValueLimit {
 pub(super) struct WatchedRegister {
     /// Offset in the structure.
     pub offset: u16,
-    /// Width in bytes.
+    /// Width of the register in bytes.
     pub width: u8,
     pub kind: RegisterUse,
     pub limit: ValueLimit,

@@ -9,7 +9,7 @@ function_block! {
     /// Converts a value from one range to another (p. 117).
     pub struct NORM() {
         in {
-            /// The value.
+            /// Input value of the block.
             X: u16;
             /// Lower limit of its range.
             XH: u16;
@@ -75,9 +75,9 @@ function_block! {
     /// Delays a value by a time (p. 123). To be called in every cycle.
     pub struct DELAY(ram: Ram) {
         in {
-            /// The value to delay.
+            /// Input value of the block.
             X: u16;
-            /// The delay.
+            /// Delay of the block.
             T: Duration;
         }
         out {
@@ -99,9 +99,9 @@ function_block! {
     /// A low-pass filter: follows a value with a time constant (p. 124).
     pub struct PT1(ram: Ram) {
         in {
-            /// The value.
+            /// Input value of the block.
             X: u16;
-            /// The time constant.
+            /// Time constant of the block.
             T1: Duration;
         }
         out {

@@ -8,7 +8,7 @@ function_block! {
     /// Sets the bit rate, which takes effect at once and is stored (p. 31).
     pub struct CAN_BAUDRATE(jobs: Jobs) {
         in {
-            /// Gives the order.
+            /// TRUE gives an order to the operating system, in every call.
             ENABLE: bool;
             /// Bit rate in kbit/s: 10, 20, 50, 100, 125, 250, 500, 1000.
             BAUDRATE: u16;
@@ -39,9 +39,9 @@ function_block! {
             RTR: u8;
             /// Number of bytes, 0 to 8.
             DLC: u8;
-            /// The bytes.
+            /// Data bytes of the message.
             DATA: [u8; 8];
-            /// Gives the order.
+            /// TRUE gives an order to the operating system, in every call.
             ENABLE: bool;
         }
         out {
@@ -70,7 +70,7 @@ function_block! {
         in {
             /// Registers the identifier, once.
             CONFIG: bool;
-            /// Discards waiting data.
+            /// TRUE discards messages that wait to be read.
             CLEAR: bool;
             /// Identifier, 0 to 2047.
             ID: u16;
@@ -78,7 +78,7 @@ function_block! {
         out {
             /// The bytes of the message.
             DATA: [u8; 8];
-            /// Number of bytes.
+            /// Number of data bytes in the message.
             DLC: u8;
             /// This block does not use RTR.
             RTR: u8;

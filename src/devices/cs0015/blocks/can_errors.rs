@@ -8,7 +8,7 @@ function_block! {
     /// Starts the return of a BUS-off controller to the bus (p. 35).
     pub struct CAN_RESTART(jobs: Jobs) {
         in {
-            /// Gives the order.
+            /// TRUE gives an order to the operating system, in every call.
             ENABLE: bool;
         }
         out {
@@ -34,7 +34,7 @@ function_block! {
             RESET: bool;
         }
         out {
-            /// Errors so far.
+            /// Number of errors so far.
             ERRORCOUNT: u16;
             /// The previous order has been answered; added by commram.
             ANSWERED: bool;

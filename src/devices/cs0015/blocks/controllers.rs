@@ -22,7 +22,7 @@ struct Settings {
 /// State of a controller.
 #[derive(Clone, Debug, Default)]
 pub struct Controller {
-    /// Integral part.
+    /// Integral part of the controller's output.
     integral: f64,
     called_at: Option<u64>,
     /// Deviations during the last TV.
@@ -63,25 +63,25 @@ function_block! {
     /// A PID controller (p. 125-129). Y fits PWM with a RELOAD of 65535: 65535 is 0 %, 0 is 100 %.
     pub struct PID(ram: Ram) {
         in {
-            /// Actual value.
+            /// Actual value of the controlled variable.
             X: u16;
-            /// Setpoint.
+            /// Setpoint of the controlled variable.
             XS: u16;
-            /// Largest setpoint.
+            /// Largest value of the setpoint.
             XMAX: u16;
-            /// Gain, in tenths.
+            /// Gain of the controller, in tenths.
             KP: u8;
             /// Reset time; 0: no integral part.
             TN: Duration;
             /// Gain of the derivative part, in tenths.
             KD: u8;
-            /// Derivative time.
+            /// Derivative time of the controller.
             TV: Duration;
             /// Self-optimization; without effect in commram, because the manual does not describe it (D-448).
             SO: bool;
         }
         out {
-            /// Manipulated variable.
+            /// Manipulated variable: the output of the controller.
             Y: u16;
         }
         internal: Controller;
@@ -106,17 +106,17 @@ function_block! {
             X1: u16;
             /// Actual value of channel 2.
             X2: u16;
-            /// Setpoint.
+            /// Setpoint of the controlled variable.
             XS: u16;
-            /// Largest setpoint.
+            /// Largest value of the setpoint.
             XMAX: u16;
-            /// Gain, in tenths.
+            /// Gain of the controller, in tenths.
             KP: u8;
             /// Reset time; 0: no integral part.
             TN: Duration;
             /// Gain of the derivative part, in tenths.
             KD: u8;
-            /// Derivative time.
+            /// Derivative time of the controller.
             TV: Duration;
         }
         out {

@@ -44,7 +44,7 @@ function_block! {
     /// Sends SYNC objects and guards the nodes; to be called in every cycle (p. 75).
     pub struct COP_MSTR_MAIN(jobs: Jobs) {
         in {
-            /// Gives the order.
+            /// TRUE gives an order to the operating system, in every call.
             ENABLE: bool;
             /// Number of nodes, without the master.
             NO_NODE: u8;
@@ -94,7 +94,7 @@ macro_rules! config {
                     $($(#[$pin_doc])* $pin: u8;)*
                     /// PWM frequency in Hz, 20 to 200.
                     PWM_FRQ: u8;
-                    /// Reads the configuration.
+                    /// TRUE reads the configuration from the module.
                     READ: bool;
                     /// Writes the configuration, before it is read.
                     WRITE: bool;
@@ -190,7 +190,7 @@ macro_rules! work {
             $(#[$doc])*
             pub struct $name(jobs: Jobs) {
                 in {
-                    /// Gives the order.
+                    /// TRUE gives an order to the operating system, in every call.
                     ENABLE: bool;
                     /// Registers the module, in the first cycle.
                     INIT: bool;

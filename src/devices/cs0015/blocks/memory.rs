@@ -33,7 +33,7 @@ function_block! {
             DST: u32;
             /// Address of the source.
             SRC: u32;
-            /// Number of bytes.
+            /// Number of bytes to copy.
             LEN: u16;
         }
     }
@@ -55,9 +55,9 @@ function_block! {
         in {
             /// Address of the data.
             STARTADR: i32;
-            /// Number of bytes.
+            /// Number of bytes of the area.
             LENGTH: u16;
-            /// Accepts changed data.
+            /// TRUE accepts the changed data.
             UPDATE: bool;
         }
         out {

@@ -7,7 +7,7 @@ use crate::plc::{Base, BlockContext, Ram, Wire};
 use core::ops::DerefMut;
 use core::time::Duration;
 
-/// The job block.
+/// The job block, through which programs give orders to the operating system.
 pub struct Jobs(Base<CS0015_JOBS>);
 
 impl Jobs {

@@ -71,7 +71,7 @@ function_block! {
         out {
             /// 0 not active, or aborted; 1 finished; 2 active.
             RESULT: u8;
-            /// The data.
+            /// Data of the entry in the object dictionary.
             DATA: [u8; 256] = [0; 256];
             /// Reason of the last abort; 0: not aborted, or refused; added by commram.
             ABORT: u32;
@@ -109,7 +109,7 @@ function_block! {
             SUBIDX: u16;
             /// Length of the data in bytes.
             LENGTH: u16;
-            /// The data.
+            /// Data of the entry in the object dictionary.
             DATA: [u8; 256] = [0; 256];
         }
         out {

@@ -9,7 +9,7 @@ function_block! {
     /// Restarts the controller, as after switching the supply off and on (p. 106).
     pub struct SOFTRESET(jobs: Jobs) {
         in {
-            /// Gives the order.
+            /// TRUE gives an order to the operating system, in every call.
             ENABLE: bool;
         }
         out {
@@ -70,9 +70,9 @@ function_block! {
     /// Sends a byte by RS 232 (p. 112). Needs SERIAL_MODE.
     pub struct SERIAL_TX(jobs: Jobs) {
         in {
-            /// Gives the order.
+            /// TRUE gives an order to the operating system, in every call.
             ENABLE: bool;
-            /// The byte.
+            /// The byte to send.
             DATA: u8;
         }
         out {
@@ -95,15 +95,15 @@ function_block! {
     /// Fetches a byte received by RS 232 (p. 113). Needs SERIAL_MODE. Each call gives an order.
     pub struct SERIAL_RX(jobs: Jobs) {
         in {
-            /// Discards waiting data.
+            /// TRUE discards received bytes that wait to be read.
             CLEAR: bool;
         }
         out {
-            /// The byte.
+            /// The byte that was received.
             RX: u8;
             /// Number of bytes that still wait.
             AVAILABLE: u16;
-            /// Bytes were lost.
+            /// TRUE if received bytes were lost.
             OVERFLOW: bool;
             /// The previous order has been answered; added by commram.
             ANSWERED: bool;

@@ -19,7 +19,7 @@ function_block! {
             CHANNEL: u8;
             /// Counter value that switches the output on.
             VALUE: u16;
-            /// Takes VALUE.
+            /// TRUE takes over VALUE.
             CHANGE: bool;
             /// Amplitude of the dither.
             DITHER_VALUE: u16;
@@ -58,13 +58,13 @@ function_block! {
         in {
             /// Makes PWM outputs of the four outputs of the group; then VALUE is 0 %.
             INIT: bool;
-            /// Frequency in Hz.
+            /// Frequency of the output in Hz.
             FREQUENCY: u16;
             /// Output, 0 to 7.
             CHANNEL: u8;
             /// Duty cycle in percent.
             VALUE: u8;
-            /// Takes VALUE.
+            /// TRUE takes over VALUE.
             CHANGE: bool;
             /// Amplitude of the dither in percent.
             DITHER_VALUE: u8;
@@ -100,7 +100,7 @@ function_block! {
     /// Measures the frequency at a fast input (p. 97). Each call gives an order.
     pub struct FREQUENCY(jobs: Jobs) {
         in {
-            /// Starts the measurement.
+            /// TRUE starts the measurement.
             INIT: bool;
             /// Input, 0 to 3.
             CHANNEL: u8;
@@ -108,7 +108,7 @@ function_block! {
             TIMEBASE: Duration;
         }
         out {
-            /// Frequency in Hz.
+            /// Measured frequency in Hz.
             F: u16;
             /// The previous order has been answered; added by commram.
             ANSWERED: bool;
@@ -131,13 +131,13 @@ function_block! {
     /// Measures the period at a fast input (p. 98). Each call gives an order.
     pub struct CYCLE(jobs: Jobs) {
         in {
-            /// Starts the measurement.
+            /// TRUE starts the measurement.
             INIT: bool;
             /// Input, 0 to 3.
             CHANNEL: u8;
         }
         out {
-            /// Period in ms.
+            /// Measured period in ms.
             C: u16;
             /// The previous order has been answered; added by commram.
             ANSWERED: bool;
@@ -170,7 +170,7 @@ function_block! {
             PRESET: bool;
         }
         out {
-            /// The counter.
+            /// Value of the counter.
             COUNTER: i32;
             /// The counter has counted up.
             UP: bool;

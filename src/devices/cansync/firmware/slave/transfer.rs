@@ -21,7 +21,7 @@ const STEP: u16 = BLOCK as u16;
 /// The master's change of a transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Successor {
-    /// Starts another transfer.
+    /// The init job of another transfer, which starts next.
     Init(UpDownJob),
     /// The master has cancelled the transfer.
     Nothing,

@@ -26,18 +26,18 @@ pub enum DecodedFrame {
     ActualValue {
         /// RDC1 or RDC2.
         channel: Channel,
-        /// Sender.
+        /// Number of the slave that sent the frame.
         slave: u8,
-        /// The words.
+        /// The words of the frame.
         payload: Payload,
     },
-    /// Action command.
+    /// An action command for one slave or for all slaves in a mask.
     Action(ActionCommand),
-    /// Parameter job.
+    /// A job that reads or writes a parameter of a slave.
     ParameterJob {
         /// Receiver of the job.
         slave: u8,
-        /// The job.
+        /// The decoded parameter job.
         job: ParameterJob,
     },
     /// Answer to a parameter job.
@@ -47,11 +47,11 @@ pub enum DecodedFrame {
         /// The answer, decoded without the job.
         response: ParameterResponse,
     },
-    /// Up-/download job.
+    /// A job of an up- or download.
     UpDownJob {
         /// Receiver of the job.
         slave: u8,
-        /// The job.
+        /// The decoded up-/download job.
         job: UpDownJob,
     },
     /// Answer to an up-/download job.

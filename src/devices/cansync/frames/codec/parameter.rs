@@ -32,9 +32,9 @@ pub(super) fn application_error(errors: &'static Meaning, number: u16) -> &'stat
 pub enum Access {
     /// Read. The answer has the format.
     Read,
-    /// Write a word.
+    /// The job writes this word.
     WriteWord(u16),
-    /// Write a doubleword.
+    /// The job writes this doubleword.
     WriteDoubleword(u32),
 }
 
@@ -96,7 +96,7 @@ impl ParameterJob {
         self.sub_slave
     }
 
-    /// Read or write.
+    /// Returns whether the job reads or writes, with the value to write.
     #[inline]
     pub const fn access(&self) -> Access {
         self.access
@@ -166,7 +166,8 @@ pub enum ParameterResult {
     Doubleword(u32),
     /// The value was written.
     Done,
-    /// Refused; see [`par_error`](crate::devices::cansync::registers::values::par_error).
+    /// The slave has refused the job with this error number, see
+    /// [`par_error`](crate::devices::cansync::registers::values::par_error).
     Error(u16),
     /// The slave is not ready; the master repeats the job.
     Busy,

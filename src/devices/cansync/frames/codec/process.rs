@@ -59,7 +59,7 @@ pub struct FrameConfig {
 /// A process data frame built by [`FrameConfig::build`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Built {
-    /// The data field.
+    /// Data field of the frame, with its words.
     pub payload: Payload,
     /// Number of used words, 0 to 4. The time to build the frame depends on it (p. 153).
     pub used_words: u8,

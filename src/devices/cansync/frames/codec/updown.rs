@@ -33,9 +33,9 @@ pub(crate) fn error_text(number: u16) -> &'static str {
 /// Direction of a transfer from the master's point of view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Direction {
-    /// Slave to master.
+    /// Upload: the data travel from the slave to the master.
     Upload,
-    /// Master to slave.
+    /// Download: the data travel from the master to the slave.
     Download,
 }
 
@@ -60,7 +60,7 @@ pub enum UpDownStep {
     Download {
         /// True for the last block (MODE 11). The slave takes the bytes within the announced length.
         last: bool,
-        /// The bytes.
+        /// The six bytes of the block.
         data: [u8; BLOCK],
     },
 }
@@ -212,7 +212,7 @@ pub enum UpDownResult {
     Done,
     /// Upload: six bytes. Bytes after the end of the range have no meaning.
     Data([u8; BLOCK]),
-    /// Refused; see [`updown_error`].
+    /// The slave has refused the job with this error number, see [`updown_error`].
     Error(u16),
     /// The slave is not ready; the master repeats the job.
     Busy,
