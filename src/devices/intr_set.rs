@@ -38,11 +38,11 @@ function_block! {
         in {
             /// Event number, 0 to 12.
             i_EVENT: i8;
-            /// Reserved.
+            /// Reserved by the manual; without effect.
             i_MODE: i16;
             /// CPU timer: its period in units of 50 us.
             i_PAR1: i16;
-            /// Reserved.
+            /// Reserved by the manual; without effect.
             i_PAR2: i16;
             /// TRUE enables, FALSE disables the event.
             x_EN: bool;

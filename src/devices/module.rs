@@ -7,10 +7,10 @@ use crate::memory::Header;
 /// State of a LED.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Led {
-    /// Dark.
+    /// The LED is dark.
     #[default]
     Off,
-    /// Lit.
+    /// The LED is lit.
     On,
     /// Flashes this many times, then pauses.
     Flashes(u8),

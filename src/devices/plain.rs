@@ -137,7 +137,7 @@ pub struct Plain<F> {
     layout: &'static layout::DeviceLayout,
     segment: Segment,
     face: FirmwareHeader,
-    /// The firmware.
+    /// Firmware of the device.
     pub firmware: F,
     supply: Supply,
     starts: Starts,

@@ -6,13 +6,13 @@ use crate::memory::header::{InterruptResult, OptInitResult, Project, RunSwitch, 
 use std::borrow::Cow;
 use std::net::Ipv4Addr;
 
-/// All kinds.
+/// All kinds of records that every device can have.
 pub static KINDS: &[&EventKind] = &[OnBoard::KIND];
 
 event_kinds! {
     /// Something happened on the board of a PLC.
     OnBoard = 20, "board", Rare, at plc {
-        /// The event.
+        /// The event at the board.
         what: BoardEvent,
     }
 }
@@ -62,26 +62,26 @@ pub enum BoardEvent {
     },
     /// A project was loaded, or the loaded project was deleted.
     Project {
-        /// The loaded project.
+        /// Project that the board has loaded.
         project: Project,
     },
     /// A requested start is not possible: the switch is not at RUN, or there is no program or no such start.
     StartRefused {
-        /// The requested number.
+        /// Number of the requested start.
         code: u8,
     },
-    /// `INTR_SET` was run.
+    /// A program has called `INTR_SET`.
     Interrupt {
-        /// Event number.
+        /// Number of the event.
         event: u8,
-        /// `i_PAR1`.
+        /// Value of the input `i_PAR1`.
         factor: i16,
-        /// `x_EN`.
+        /// Value of the input `x_EN`.
         enable: bool,
         /// Result of the request.
         result: InterruptResult,
     },
-    /// `OPT_INIT` was run.
+    /// A program has called `OPT_INIT`.
     Triggers {
         /// Modes of trigger 1, trigger 2 and trigger controller.
         modes: [u8; 3],
@@ -93,35 +93,35 @@ pub enum BoardEvent {
     NumberTaken {
         /// Number of the port.
         port: u8,
-        /// The number.
+        /// The number, which another station already has.
         number: u8,
     },
     /// A task has requested to take part in lockstep, or has stopped taking part.
     Lockstep {
         /// Event number of the task.
         event: u8,
-        /// New state.
+        /// New state of the seat.
         state: SeatState,
     },
     /// An IP address was stored by writing `d_IP_CONFIG`.
     AddressStored {
-        /// `d_IP_CONFIG`.
+        /// Value of the register `d_IP_CONFIG`.
         config: u32,
-        /// `a_IP_ADDRESS`.
+        /// Address in the register `a_IP_ADDRESS`.
         address: Ipv4Addr,
     },
     /// An IP address was refused because it would end in 0 or 255; the previous configuration was restored.
     AddressRefused {
-        /// `d_IP_CONFIG`.
+        /// Value of the register `d_IP_CONFIG`.
         config: u32,
-        /// `a_IP_ADDRESS`.
+        /// Address in the register `a_IP_ADDRESS`.
         address: Ipv4Addr,
     },
     /// With this DIP number the stored address is not allowed, so the board has no address.
     NoAddress {
-        /// `d_IP_CONFIG`.
+        /// Value of the register `d_IP_CONFIG`.
         config: u32,
-        /// `a_IP_ADDRESS`.
+        /// Address in the register `a_IP_ADDRESS`.
         address: Ipv4Addr,
     },
 }

@@ -15,7 +15,7 @@ impl TrafficReceivers {
         self.0.extend(receiver);
     }
 
-    /// Removes all receivers.
+    /// Removes all receivers of traffic.
     pub(crate) fn clear(&mut self) {
         self.0.clear();
     }

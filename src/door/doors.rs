@@ -25,7 +25,7 @@ pub struct DoorError {
     pub reason: io::Error,
 }
 
-/// An open door.
+/// State of an open door.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DoorState {
     /// The door, with its real port or number.

@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 
 /// A command from the thread of the plant.
 pub(super) enum Command {
-    /// Opens a door.
+    /// Opens a door to a bus.
     Open {
         /// Number of the door.
         key: usize,
@@ -33,12 +33,12 @@ pub(super) enum Command {
         /// The thread sends the result here. The door is open only if the result is `Ok`.
         result: SyncSender<io::Result<()>>,
     },
-    /// Close a door.
+    /// Closes a door.
     Close {
         /// Number of the door.
         key: usize,
     },
-    /// End the thread.
+    /// Ends the thread.
     End,
 }
 
@@ -163,7 +163,7 @@ enum Station {
     Guest(Box<Visit>),
 }
 
-/// A present guest.
+/// A guest that is connected now.
 struct Visit {
     line: Line,
     door: usize,

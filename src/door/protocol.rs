@@ -8,9 +8,9 @@ use core::fmt;
 /// Kind of messages. A bus and the protocol of its doors must have the same kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TrafficKind {
-    /// Frames of CAN.
+    /// The messages are frames of CAN.
     Frames,
-    /// Telegrams of PROFIBUS.
+    /// The messages are telegrams of PROFIBUS.
     Telegrams,
 }
 

@@ -13,7 +13,7 @@ pub enum GuestTurn {
     Free,
     /// The guest has requested a duration that has not begun yet.
     Asks {
-        /// Duration in microseconds.
+        /// Requested duration in microseconds.
         us: u64,
         /// True if the guest has received a frame since the request.
         has_heard: bool,

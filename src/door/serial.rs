@@ -8,7 +8,7 @@ use crate::profibus::{self, Burst};
 /// The emulator's side of a serial line to a guest. A guest on such a line cannot request emulated time.
 #[derive(Debug, Default)]
 pub(super) struct Session {
-    /// An incomplete telegram.
+    /// Octets of a telegram that is not complete yet.
     begun: Vec<u8>,
 }
 

@@ -17,7 +17,7 @@ use core::fmt::Write;
 
 /// Positive answer. It is also the end of each line.
 const OK: u8 = b'\r';
-/// Negative answer.
+/// The character BEL: negative answer.
 const BELL: u8 = 7;
 /// Length of the longest valid line: an extended frame with eight bytes and a time.
 const LONGEST: usize = 32;
@@ -91,7 +91,7 @@ impl Status {
     }
 }
 
-/// The protocol.
+/// The protocol SLCAN of a door.
 pub(super) struct Slcan;
 
 impl Protocol for Slcan {

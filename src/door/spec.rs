@@ -10,7 +10,7 @@ use std::net::SocketAddrV4;
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Deserialize, Serialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct DoorSpec {
-    /// Index into [`PROTOCOLS`].
+    /// Index of the protocol in [`PROTOCOLS`].
     protocol: u8,
     carrier: Carrier,
 }
@@ -24,7 +24,7 @@ pub enum Carrier {
     Pty(Option<u32>),
 }
 
-/// Directory of pseudo-terminals.
+/// Directory of the pseudo-terminals of the system.
 const PTS: &str = "/dev/pts/";
 
 /// A text that does not specify a door.

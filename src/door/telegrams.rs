@@ -12,7 +12,7 @@ use crate::profibus::{Burst, MAX_OCTETS};
 /// Number of bytes before the octets.
 const HEAD: usize = 10;
 
-/// The protocol.
+/// The protocol of doors to PROFIBUS over TCP.
 pub(super) struct Telegrams;
 
 impl Protocol for Telegrams {
@@ -61,7 +61,7 @@ impl GuestSession for Session {
 /// The emulator's side of the protocol for a guest.
 #[derive(Debug, Default)]
 pub(super) struct Session {
-    /// An incomplete telegram.
+    /// Bytes of a telegram that is not complete yet.
     begun: Vec<u8>,
 }
 
@@ -100,7 +100,7 @@ fn head_of(head: [u8; HEAD]) -> (u16, u64) {
     (u16::from_le_bytes([a, b]), u64::from_le_bytes(begin))
 }
 
-/// Appends a telegram.
+/// Appends the bytes of a telegram to `to`.
 pub(super) fn encode(burst: &Burst, to: &mut Vec<u8>) {
     // No telegram is longer than MAX_OCTETS.
     to.extend((burst.octets.len() as u16).to_le_bytes());

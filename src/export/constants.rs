@@ -3,7 +3,7 @@
 use super::Scope;
 use crate::layout::{BitField, Meaning, ValueMeaning};
 
-/// A named number.
+/// A number with the name that generated code uses.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Constant {
     /// `OPTION_STATUS_WAITING_FOR_START`.

@@ -14,12 +14,12 @@ pub(crate) enum Member {
     Padding {
         /// Offset in bytes from the start of the enclosing structure.
         offset: u32,
-        /// Number of bytes.
+        /// Number of bytes without a register.
         bytes: u32,
     },
 }
 
-/// A sub-structure.
+/// A sub-structure with its registers.
 #[derive(Debug)]
 pub(crate) struct Group {
     /// The registers; their offsets count from the start of the whole structure.

@@ -56,19 +56,19 @@ pub enum Format {
     MatiecMain,
     /// The header for access to an image by programs of OpenPLC.
     OpenPlc,
-    /// OpenPLC's hardware layer.
+    /// The hardware layer of OpenPLC.
     OpenPlcLayer,
     /// The header that binds located variables of programs compiled by STruC++.
     StruCpp,
     /// The C++ program that runs a program compiled by STruC++.
     StruCppMain,
-    /// IEC 61131-3 declarations.
+    /// Declarations in IEC 61131-3 Structured Text.
     St(StForm),
-    /// A Python module.
+    /// A Python module without dependencies.
     Python,
-    /// CMSIS-SVD.
+    /// A CMSIS-SVD file.
     Svd,
-    /// SystemRDL 2.0.
+    /// A SystemRDL 2.0 file.
     SystemRdl,
     /// A JSON document with a versioned schema.
     Json,

@@ -9,7 +9,7 @@ const SCAN: &str = include_str!("runner/scan.c");
 
 /// A compiler, and the special properties of programs compiled by it.
 pub(crate) struct Compiler {
-    /// Name in texts.
+    /// Name of the compiler in texts.
     pub name: &'static str,
     /// The export that generates the program.
     pub format: &'static str,

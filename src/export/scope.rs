@@ -5,7 +5,7 @@ use crate::layout::{Area, AreaStructure, DeviceLayout, LayoutError, Meaning, Reg
 /// The areas to export.
 #[derive(Debug)]
 pub struct Scope {
-    /// The device.
+    /// Layout of the device to export.
     pub device: &'static DeviceLayout,
     /// The areas, in ascending order.
     pub areas: Vec<&'static Area>,

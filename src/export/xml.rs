@@ -10,7 +10,7 @@ pub(crate) struct Xml {
 }
 
 impl Xml {
-    /// Begins a document.
+    /// Begins an XML document with its declaration.
     pub(crate) fn new() -> Self {
         Self { text: "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n".to_owned(), depth: 0 }
     }
@@ -31,12 +31,12 @@ impl Xml {
         self.line(&format!("</{name}>"));
     }
 
-    /// Writes a comment.
+    /// Writes an XML comment.
     pub(crate) fn comment(&mut self, text: &str) {
         self.line(&format!("<!-- {} -->", text.replace("--", "- -")));
     }
 
-    /// The document.
+    /// Returns the text of the finished document.
     pub(crate) fn finish(self) -> String {
         xml_text::allowed(self.text)
     }

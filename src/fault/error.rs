@@ -22,7 +22,7 @@ pub enum Refusal {
         /// Largest permitted value, in the unit of the field.
         most: u64,
     },
-    /// A missing field.
+    /// The description does not have a field that the fault needs.
     #[error("{field} is missing; {right}")]
     Missing {
         /// Field that the fault needs.

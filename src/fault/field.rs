@@ -24,18 +24,18 @@ pub enum Form {
     Port,
     /// The value is one of these words. The fault stores the index of the word in this list.
     Word(&'static [&'static str]),
-    /// A decimal number.
+    /// The value is a decimal number.
     Number {
-        /// Smallest value.
+        /// Smallest permitted value.
         least: u64,
-        /// Largest value.
+        /// Largest permitted value.
         most: u64,
     },
     /// A number in hexadecimal notation.
     Hex {
-        /// Smallest value.
+        /// Smallest permitted value.
         least: u64,
-        /// Largest value.
+        /// Largest permitted value.
         most: u64,
         /// Minimum number of digits.
         digits: usize,

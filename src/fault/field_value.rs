@@ -23,9 +23,9 @@ pub struct FaultSpec {
 /// Value of a field.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FieldValue {
-    /// A number.
+    /// The value is a number.
     Number(u64),
-    /// A text.
+    /// The value is a text.
     Text(String),
 }
 

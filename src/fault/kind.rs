@@ -38,7 +38,7 @@ pub enum TargetKind {
     Participant,
     /// A port of a device, connected to a bus.
     Port,
-    /// A device itself.
+    /// A device itself, not one of its ports.
     Device,
 }
 

@@ -75,7 +75,7 @@ pub struct Draft {
 pub struct FaultStatus {
     /// Number of the fault in the installation, from 1.
     pub id: u16,
-    /// The fault.
+    /// Description of the fault.
     pub fault: Fault,
     /// True if the fault has begun.
     pub acting: bool,

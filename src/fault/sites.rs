@@ -11,14 +11,14 @@ pub enum Target {
     Bus(BusIndex),
     /// A participant of a bus.
     Participant {
-        /// The bus.
+        /// Number of the bus.
         bus: BusIndex,
         /// Number of the participant on the bus.
         number: u8,
     },
     /// A port of a PLC.
     Port {
-        /// The PLC.
+        /// Number of the device (PLC).
         device: DeviceIndex,
         /// The port's number in the PLC's layout.
         port: u8,

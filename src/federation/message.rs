@@ -24,7 +24,7 @@ pub(super) enum Message {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Hello {
     pub(super) version: String,
-    /// Number of federates.
+    /// Number of federates for which the sender was started.
     pub(super) count: u8,
     pub(super) follows: bool,
     /// Emulated time between two exchanges with other simulators, if the federate has any.
@@ -70,7 +70,7 @@ impl Input {
         Input::Op(bytes)
     }
 
-    /// Decodes an operation.
+    /// Decodes an operation of a client.
     pub(super) fn op(bytes: &[u8]) -> Option<Op> {
         Op::try_from(WireOp::read_from_bytes(bytes).ok()?).ok()
     }

@@ -38,7 +38,7 @@ const ALIVE: Duration = Duration::from_secs(1);
 pub struct FederateConfig {
     /// Number of this federate, from 0.
     pub own: u8,
-    /// Number of federates.
+    /// Number of all federates, including this one.
     pub count: u8,
     /// True if this federate never advances the clock by itself.
     pub follows: bool,

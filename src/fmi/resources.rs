@@ -7,7 +7,7 @@ use crate::plant::{PlantConfig, PlantError, Snapshot, SnapshotError, SnapshotFil
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// The plant file.
+/// Name of the plant file in the resources of the unit.
 const PLANT: &str = "plant.toml";
 /// The snapshot from which the plant starts. It replaces the plant file.
 const SNAPSHOT: &str = "start.snap";
@@ -129,7 +129,7 @@ impl Resources {
         files
     }
 
-    /// Returns the plant.
+    /// Returns the configuration of the plant.
     #[must_use]
     pub fn config(&self) -> &PlantConfig {
         &self.config

@@ -19,7 +19,7 @@ pub(super) const FORMAT: u16 = 3;
 /// Highest number of a phase in the first byte of format 1.
 const LAST_PHASE_OF_FORMAT_1: u8 = 3;
 
-/// Microseconds per second.
+/// Number of microseconds in a second.
 const MICROS: f64 = 1e6;
 /// Latest time that a step may reach. Up to this time, the resolution of an `f64` is better than a microsecond.
 const LONGEST_US: f64 = 9e15;
@@ -141,7 +141,7 @@ impl Unit {
         &self.variables
     }
 
-    /// Returns the plant.
+    /// Returns the plant of the unit.
     #[must_use]
     pub fn plant(&self) -> &Plant {
         &self.plant

@@ -11,11 +11,11 @@ const REVOLUTION: f64 = 4_294_967_296.0;
 /// A value of a variable.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Value {
-    /// Any integer.
+    /// A value of any integer type.
     Integer(i64),
-    /// A number.
+    /// A value of type `Float64`.
     Float(f64),
-    /// Yes or no.
+    /// A value of type `Boolean`.
     Boolean(bool),
 }
 

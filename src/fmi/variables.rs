@@ -5,7 +5,7 @@ use crate::layout::{Fit, LayoutError, Owner, RegType, RegisterRef, Width, plc_pr
 use crate::plant::Plant;
 use std::collections::BTreeSet;
 
-/// A variable.
+/// A variable of the unit.
 #[derive(Clone, Debug)]
 pub struct Variable {
     /// Name of the variable: the name of the register, with the PLC as a prefix if there are several.
@@ -26,21 +26,21 @@ pub struct Variable {
 /// Type of a variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum VariableType {
-    /// `UInt8`.
+    /// FMI type `UInt8`.
     U8,
-    /// `UInt16`.
+    /// FMI type `UInt16`.
     U16,
-    /// `UInt32`.
+    /// FMI type `UInt32`.
     U32,
-    /// `Int8`.
+    /// FMI type `Int8`.
     I8,
-    /// `Int16`.
+    /// FMI type `Int16`.
     I16,
-    /// `Int32`.
+    /// FMI type `Int32`.
     I32,
-    /// `Float64`.
+    /// FMI type `Float64`.
     F64,
-    /// `Boolean`.
+    /// FMI type `Boolean`.
     Bool,
 }
 

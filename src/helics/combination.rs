@@ -6,16 +6,16 @@ use crate::fmi::{Value, VariableType};
 use core::ffi::{CStr, c_int};
 use serde::Deserialize;
 
-/// `HELICS_DATA_TYPE_DOUBLE`, `_INT`, `_BOOLEAN`.
+/// Values of HELICS: `HELICS_DATA_TYPE_DOUBLE`, `_INT`, `_BOOLEAN`.
 const DOUBLE: c_int = 1;
 const INT: c_int = 2;
 const BOOLEAN: c_int = 7;
-/// `HELICS_FLAG_UNINTERRUPTIBLE`, `HELICS_FLAG_WAIT_FOR_CURRENT_TIME_UPDATE`.
+/// Values of HELICS: `HELICS_FLAG_UNINTERRUPTIBLE`, `HELICS_FLAG_WAIT_FOR_CURRENT_TIME_UPDATE`.
 const UNINTERRUPTIBLE: c_int = 1;
 const WAIT_FOR_CURRENT_TIME_UPDATE: c_int = 10;
-/// `HELICS_HANDLE_OPTION_CONNECTION_REQUIRED`.
+/// Value of HELICS: `HELICS_HANDLE_OPTION_CONNECTION_REQUIRED`.
 const CONNECTION_REQUIRED: c_int = 397;
-/// `HELICS_PROPERTY_TIME_DELTA`.
+/// Value of HELICS: `HELICS_PROPERTY_TIME_DELTA`.
 const TIME_DELTA: c_int = 137;
 /// `HELICS_PROPERTY_INT_LOG_LEVEL`, `HELICS_LOG_LEVEL_NO_PRINT`. With these, the library reports problems as errors and
 /// does not print them.

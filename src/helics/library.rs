@@ -16,7 +16,7 @@ const CORE: &str = "zmq";
 /// File names of the library.
 const NAMES: [&str; 2] = ["libhelics.so.3", "libhelics.so"];
 
-/// `HelicsError`.
+/// Error object of HELICS, `HelicsError`.
 #[repr(C)]
 pub(super) struct Status {
     code: i32,

@@ -89,7 +89,7 @@ pub struct HelicsConfig {
     pub federation: String,
     /// Number of this federate.
     pub own: u8,
-    /// Number of federates.
+    /// Number of federates that simulate the plant.
     pub count: u8,
     /// Address of the broker, for example `tcp://127.0.0.1:23404`.
     pub broker: String,

@@ -17,11 +17,11 @@ pub struct FaultName {
 /// All kinds of events, rules of the access checker and kinds of faults, in the order of their numbers.
 #[derive(Debug)]
 pub struct Catalogue {
-    /// Kinds of events.
+    /// All kinds of events.
     pub kinds: Vec<&'static EventKind>,
-    /// Rules.
+    /// All rules of the access checker.
     pub rules: Vec<&'static Rule>,
-    /// Kinds of faults.
+    /// All kinds of faults.
     pub faults: Vec<FaultName>,
 }
 

@@ -15,9 +15,9 @@ event_kinds! {
         offset: u32,
         /// The width of the register, the originator of the change, and the register phase at that time.
         how: ChangeDetails,
-        /// Value before.
+        /// Value before the change.
         from: u32,
-        /// Value now.
+        /// Value after the change.
         to: u32,
     }
 }
@@ -40,7 +40,7 @@ impl Changed {
 /// The originator of a change of a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum By {
-    /// The firmware.
+    /// The firmware has changed the register.
     Firmware,
     /// A program that has mapped the RAM.
     Program,

@@ -33,7 +33,7 @@ pub trait EventCodec: Copy + 'static {
 
 /// A field of an event kind.
 pub trait Part: Copy {
-    /// Appends the field.
+    /// Appends the field to the words of an event.
     fn put(self, packer: &mut Packer);
 
     /// Reads the field from the words; `None` if the number has no meaning.

@@ -75,7 +75,7 @@ pub enum Keeping {
         plc: DeviceIndex,
         /// Offset of the register.
         offset: u32,
-        /// The value written.
+        /// Value that was written.
         value: u32,
     },
     /// The event is counted as in `Counted`. If it answers a request, it has a separate record.

@@ -8,7 +8,7 @@ pub(crate) fn hex(octets: &[u8], before: &str) -> String {
     octets.iter().map(|octet| format!("{before}{octet:02X}")).collect()
 }
 
-/// Names and values.
+/// Names and values of the fields of an event.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Fields(Vec<(&'static str, Value)>);
 
@@ -18,7 +18,7 @@ impl Fields {
         Self::default()
     }
 
-    /// Adds a field.
+    /// Adds a field with its value.
     #[must_use]
     pub fn with(mut self, name: &'static str, value: impl Into<Value>) -> Self {
         self.0.push((name, value.into()));

@@ -25,7 +25,7 @@ const PARTICIPANTS: u32 = 0x100;
 /// A rule was broken at a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Finding {
-    /// The rule.
+    /// Rule that was violated.
     pub rule: &'static Rule,
     /// Index of the device in the plant; or index of a bus, see [`Finding::at_bus`].
     pub plc: DeviceIndex,
@@ -34,7 +34,7 @@ pub struct Finding {
     pub offset: u32,
     /// The phase, which shows the structure of the register if structures overlay each other.
     pub live: RegisterPhase,
-    /// The value written.
+    /// Value that was written.
     pub value: u32,
     /// Lateness in microseconds; 0 for rules without a deadline.
     pub late_us: u32,
@@ -49,7 +49,7 @@ event_kinds! {
         offset: u32,
         /// The phase, which shows the structure of the register if structures overlay each other.
         live: RegisterPhase,
-        /// The value written.
+        /// Value that was written.
         value: u32,
         /// Lateness in microseconds; 0 for rules without a deadline.
         late_us: u32,

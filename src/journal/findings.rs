@@ -13,12 +13,12 @@ const MAX_RECORDS: u8 = 8;
 /// Counters of a rule at a register.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Entry {
-    /// The last finding.
+    /// The last occurrence of the finding.
     pub last: Finding,
     /// True: the entry counts the findings at one register. False: the entry counts the findings of the rule at all
     /// registers without a separate entry. Place and value are then those of the last finding.
     pub is_single: bool,
-    /// Number of occurrences.
+    /// Number of occurrences of the finding.
     pub count: u64,
     /// Emulated time of the first finding, in microseconds.
     pub first_us: u64,

@@ -27,7 +27,7 @@ pub(super) const GONE: Duration = Duration::from_secs(10);
 /// Count of comparisons between two reads of the host's clock.
 const LOOKS: u32 = 4096;
 
-/// Destination of changes.
+/// List to which changes of a register are added.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Keep {
     /// Into the journal, until the end.
@@ -43,7 +43,7 @@ pub struct Change {
     pub seq: u64,
     /// Emulated time in microseconds: of the comparison, or of the firmware's report.
     pub time_us: u64,
-    /// The change.
+    /// The register, and its values before and after the change.
     pub what: Changed,
 }
 
@@ -77,7 +77,7 @@ pub(crate) trait Rams {
     }
 }
 
-/// A followed register.
+/// A register with recorded changes.
 #[derive(Serialize, Deserialize)]
 pub(super) struct FollowedRegister {
     plc: DeviceIndex,

@@ -10,13 +10,13 @@ use crate::can::Frame;
 use crate::identity::DeviceIndex;
 use core::fmt;
 
-/// Number of rings.
+/// Number of rings of the journal.
 pub(super) const RINGS: usize = 5;
 
 /// The ring of the journal that keeps an event. Frequent events must not push out rare ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ring {
-    /// Frames.
+    /// Ring of frames on the buses.
     Traffic,
     /// SYNC edges and events in registers.
     Registers,
@@ -95,7 +95,7 @@ pub trait EventText: EventCodec {
 /// A frame that has arrived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ArrivedFrame {
-    /// The frame.
+    /// The CAN frame on the bus.
     pub frame: Frame,
     /// The guest that has sent the frame; `None` if no guest has sent it.
     pub guest: Option<u8>,
@@ -104,7 +104,7 @@ pub struct ArrivedFrame {
 /// A telegram, or the first octets of a telegram if the event does not contain all of them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Octets {
-    /// The first octets.
+    /// The first octets, as far as the record contains them.
     pub known: Vec<u8>,
     /// Number of all octets.
     pub length: usize,

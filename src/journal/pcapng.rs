@@ -19,7 +19,7 @@ const TIMELESS_PACKET: u32 = 3;
 
 /// Number that shows the byte order of a section.
 const BYTE_ORDER: u32 = 0x1A2B_3C4D;
-/// LINKTYPE_CAN_SOCKETCAN.
+/// Link type LINKTYPE_CAN_SOCKETCAN.
 const SOCKETCAN: u16 = 227;
 /// LINKTYPE_PROFIBUS_DL: from the start delimiter to the end delimiter.
 const PROFIBUS_DL: u16 = 257;
@@ -27,9 +27,9 @@ const PROFIBUS_DL: u16 = 257;
 /// The type of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Link {
-    /// Frames of CAN.
+    /// The interface has frames of CAN.
     Can,
-    /// Telegrams of PROFIBUS.
+    /// The interface has telegrams of PROFIBUS.
     Profibus,
 }
 

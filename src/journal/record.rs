@@ -11,7 +11,7 @@ pub struct Record {
     pub seq: u64,
     /// Emulated time in microseconds since power-on. If the record counts several events, the time of the last event.
     pub time_us: u64,
-    /// The event.
+    /// The recorded event.
     pub event: Event,
     /// Number of equal events in the record, at least 1.
     pub count: u32,

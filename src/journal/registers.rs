@@ -15,9 +15,9 @@ event_kinds! {
         offset: u32,
         /// Offset of the command register.
         command: u32,
-        /// Value before.
+        /// Value before the change.
         from: u16,
-        /// Value now.
+        /// Value after the change.
         to: u16,
         /// The phase from now on: if structures overlay each other, it shows which structure is valid.
         live: RegisterPhase,
@@ -39,9 +39,9 @@ event_kinds! {
     Register = 11, "register", Registers, at origin {
         /// Offset of the register.
         offset: u32,
-        /// Value before.
+        /// Value before the change.
         from: u32,
-        /// Value now.
+        /// Value after the change.
         to: u32,
     }
 

@@ -34,7 +34,7 @@ pub struct Cs0015Config {
     pub node_id: u8,
     /// Bit rate at delivery, in kbit/s.
     pub kbit_s: u16,
-    /// Boot-up message.
+    /// Kind of the boot-up message.
     pub boot_up: BootUp,
     /// The program of the controller.
     pub program: Program,

@@ -2,7 +2,7 @@
 
 use crate::fault::{self, Fault, FaultKind, Field, Form, TargetKind};
 
-/// Number of outputs.
+/// Number of outputs of the device.
 pub(super) const OUTPUTS: u8 = 16;
 
 /// Effect of a fault.
@@ -131,6 +131,6 @@ static HANG: FaultKind = FaultKind::new(
 .without_hits()
 .shown("duration=1s");
 
-/// All fault kinds.
+/// All kinds of faults of the device.
 pub(crate) static KINDS: &[&FaultKind] =
     &[&SHORT_CIRCUIT, &WIRE_BREAK, &SUPPLY, &TEMPERATURE, &MEMORY, &FATAL, &CAN_INIT, &HANG];

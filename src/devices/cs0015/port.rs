@@ -36,7 +36,7 @@ pub(super) const WATCHDOG_US: u64 = 200_000;
 /// The program of the controller.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Program {
-    /// No program.
+    /// No program is loaded.
     None,
     /// A built-in program, which switches CANopen on.
     BuiltIn {

@@ -19,7 +19,7 @@ event_kinds! {
     CommandRefused = 62, "command_refused", Rare, at plc {
         /// Command: a value of the register `front.program`.
         command: u8,
-        /// Reason, a [`RefusalReason`].
+        /// Reason for the refusal, a [`RefusalReason`].
         why: u8,
     }
     /// An order of the program to the operating system was not carried out.

@@ -65,7 +65,7 @@ impl Firmware {
         }
     }
 
-    /// Continues started orders.
+    /// Continues the orders that have been started and are not finished.
     pub(super) fn continue_jobs(&mut self, ctx: &mut Context, controller: &mut Controller) {
         if !self.under_way.is_empty() {
             self.look_at_jobs(ctx, controller);

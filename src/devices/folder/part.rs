@@ -11,7 +11,7 @@ pub(super) trait Part: SnapshotFields + Send {
     /// Called at power-on. The registers have their reset values.
     fn start(&mut self, ctx: &mut Context, card: &mut Card);
 
-    /// Called at power-off.
+    /// Called when the device is powered off.
     fn stop(&mut self, ctx: &mut Context, card: &mut Card) {
         let _ = (ctx, card);
     }

@@ -6,7 +6,7 @@ use crate::identity::DeviceIndex;
 use crate::journal::{EventCodec, EventKind, EventText, Fields, Journal, Reader};
 use twox_hash::XxHash3_64;
 
-/// All kinds.
+/// All kinds of records of devices in folders.
 pub static KINDS: &[&EventKind] = &[Note::KIND, Stopped::KIND, Reload::KIND, DeviceRecord::KIND];
 
 /// Longest text of a record in bytes.

@@ -65,7 +65,7 @@ static SLOW: FaultKind = FaultKind::new(
 )
 .shown("delay=3.5s count=1");
 
-/// All kinds.
+/// All kinds of faults of the device.
 pub(crate) static KINDS: &[&FaultKind] = &[&DRIVE_FAULT, &SILENT, &SLOW];
 
 /// Speed of the drive at its BAPS; a silent drive is never slow.

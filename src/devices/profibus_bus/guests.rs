@@ -46,7 +46,7 @@ enum BeginCondition {
 /// A telegram that a guest has to send.
 #[derive(Serialize, Deserialize)]
 struct WaitingTelegram {
-    /// Earliest bit time.
+    /// Earliest bit time at which the telegram may begin.
     from: u64,
     turn: BeginCondition,
     octets: Vec<u8>,

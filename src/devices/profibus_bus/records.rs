@@ -36,7 +36,7 @@ event_kinds! {
     DpGarbled = 72, "dp_garbled", Missed, at bus {
         /// Sender of the octets.
         sender: Origin,
-        /// Number of octets.
+        /// Number of octets of the telegram.
         octets: u32,
     }
 }
@@ -44,7 +44,7 @@ event_kinds! {
 /// The value of `token` for a receipt.
 const RECEIPT: u32 = 0xFFFF;
 
-/// FNV-1a.
+/// Returns the FNV-1a hash of the octets.
 fn fnv(octets: &[u8]) -> u32 {
     octets.iter().fold(0x811C_9DC5, |sum, octet| (sum ^ u32::from(*octet)).wrapping_mul(0x0100_0193))
 }

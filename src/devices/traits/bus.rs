@@ -12,7 +12,7 @@ use core::any::Any;
 pub struct World<'a> {
     /// Emulated time in microseconds.
     pub now: u64,
-    /// The journal.
+    /// Journal of the plant, which records the traffic.
     pub journal: &'a mut Journal,
     /// The faults that wait or act.
     pub faults: &'a mut Faults,

@@ -11,7 +11,7 @@ use crate::layout::RegisterPhase;
 pub struct Context<'a> {
     /// Emulated time in microseconds.
     pub now: u64,
-    /// The journal.
+    /// Journal of the plant, which records events of the firmware.
     pub journal: &'a mut Journal,
     /// The node for which the firmware runs.
     pub origin: Origin,

@@ -39,11 +39,11 @@ pub struct ParameterState {
     pub unit: String,
     /// Width of the value in bytes, 2 or 4.
     pub bytes: u8,
-    /// Present value.
+    /// Present value of the parameter.
     pub value: i64,
-    /// Lowest value.
+    /// Smallest value that the parameter takes.
     pub min: i64,
-    /// Highest value.
+    /// Largest value that the parameter takes.
     pub max: i64,
     /// Only the drive itself can write the parameter.
     pub read_only: bool,
@@ -56,7 +56,7 @@ pub struct Shaft {
     pub demand: i32,
     /// True if the drive feeds its motor. Otherwise it cannot influence the speed.
     pub is_fed: bool,
-    /// The motor's speed.
+    /// Present speed of the motor.
     pub speed: i32,
     /// Angle of the motor, in parts of 2^32 of a revolution.
     pub angle: u32,
@@ -98,8 +98,8 @@ pub enum ParameterRefusal {
     Off,
 }
 
-/// The drives of a bus or device ([`Bus::drives`](crate::devices::Bus::drives), [`Device::drives`](crate::devices::Device::drives)). The
-/// position of a drive in [`Drives::list`] is its number here.
+/// The drives of a bus or device ([`Bus::drives`](crate::devices::Bus::drives),
+/// [`Device::drives`](crate::devices::Device::drives)). The position of a drive in [`Drives::list`] is its number here.
 pub trait Drives {
     /// Returns the drives in the order of the plant file: names and states.
     fn list(&self) -> Vec<(&str, DriveState)>;

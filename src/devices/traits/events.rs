@@ -10,7 +10,7 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 /// Enabled events and their occurrences, bit n for event n.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Events {
-    /// Enabled events.
+    /// Events that a program has enabled; bit n for event n.
     pub enabled: u16,
     /// True if no event can occur, because the switch or the program is at STOP (decision D-300).
     pub held: bool,

@@ -6,9 +6,9 @@ use crate::memory::header::BoardSetting;
 /// Change of the supply or of RESET of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Power {
-    /// Supply off.
+    /// The supply is switched off.
     Off,
-    /// Supply on.
+    /// The supply is switched on.
     On,
     /// RESET is pressed and held.
     HoldReset,

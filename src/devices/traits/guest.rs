@@ -6,7 +6,7 @@ use crate::event_kinds;
 use crate::journal::{EventCodec, EventKind, EventText, Fields, Journal, Packer, Part, Reader, Unpacker};
 use std::sync::Arc;
 
-/// All kinds.
+/// All kinds of records about guests.
 pub(in crate::devices) static KINDS: &[&EventKind] = &[GuestNews::KIND];
 
 /// Reason for which a bus refuses a frame or telegram of a guest.
@@ -26,8 +26,8 @@ pub enum GuestRefusal {
     NotHere,
 }
 
-/// The guests of a bus ([`Bus::guests`](crate::devices::Bus::guests)). Each guest has a number; number 0 is the guest that acts by
-/// requests.
+/// The guests of a bus ([`Bus::guests`](crate::devices::Bus::guests)). Each guest has a number; number 0 is the guest
+/// that acts by requests.
 pub trait BusGuests {
     /// Lets a guest take part from now on. Returns false if it already took part.
     fn guest_joins(&mut self, guest: u8, now: u64) -> bool {
@@ -40,9 +40,9 @@ pub trait BusGuests {
         let _ = (guest, now);
     }
 
-    /// The guest has disconnected, and some of its frames have not been sent. So that they do not keep its place from other
-    /// guests, the bus drops frames that could wait long: frames for a later time than now, and all frames if no station
-    /// receives them.
+    /// The guest has disconnected, and some of its frames have not been sent. So that they do not keep its place from
+    /// other guests, the bus drops frames that could wait long: frames for a later time than now, and all frames if no
+    /// station receives them.
     fn guest_has_gone(&mut self, guest: u8, now: u64) {
         let _ = (guest, now);
     }

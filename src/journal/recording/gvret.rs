@@ -35,7 +35,7 @@ impl Columns {
         })
     }
 
-    /// Reads a row.
+    /// Reads a frame from a row of the file.
     pub(super) fn entry(&self, at: usize, line: &str) -> Result<Entry, &'static str> {
         let cells: Vec<_> = line.split(',').map(str::trim).collect();
         let cell = |column: usize| cells.get(column).copied().ok_or(NO_ROW);

@@ -26,7 +26,7 @@ function_block! {
             x_OK_IN: bool;
             /// Shows jobs and sends answers. FALSE while `x_BUSY`: cancels, then `x_RESET` is needed.
             x_EN: bool;
-            /// Resets the block.
+            /// TRUE resets the block.
             x_RESET: bool;
         }
         out {

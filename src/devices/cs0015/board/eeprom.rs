@@ -15,9 +15,9 @@ const WORKING: u32 = 2;
 /// Function of the EEPROM.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Access {
-    /// `E2WRITE`.
+    /// The block `E2WRITE`, which writes to the EEPROM.
     Write,
-    /// `E2READ`.
+    /// The block `E2READ`, which reads from the EEPROM.
     Read,
 }
 

@@ -26,7 +26,7 @@ pub(crate) fn level(event: usize) -> Option<u8> {
 pub(crate) struct Pulses(Arc<Mutex<u16>>);
 
 impl Pulses {
-    /// Adds an event.
+    /// Adds an occurrence of event `event`.
     pub(crate) fn add(&self, event: usize) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) |= 1 << event;
     }

@@ -14,7 +14,7 @@ const MOST_MS: u64 = 65_535;
 /// A square wave from a moment on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 struct Wave {
-    /// Frequency in millihertz.
+    /// Frequency of the signal in millihertz.
     mhz: u32,
     /// Start of the wave, in microseconds.
     since: u64,
@@ -90,7 +90,7 @@ struct Encoder {
 /// Results of `INC_ENCODER`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct EncoderCount {
-    /// COUNTER.
+    /// Value of the output COUNTER.
     pub counter: i32,
     /// UP: true if the counter has counted up since the last call.
     pub is_up: bool,

@@ -5,7 +5,7 @@ use super::peripherals::Peripherals;
 use crate::devices::cs0015::ram::Registers;
 use serde::{Deserialize, Serialize};
 
-/// Period in us.
+/// Period of the interrupt program in microseconds.
 const PERIOD_US: u64 = 1_000;
 /// The inputs and outputs of the interrupt program: %IX0.00 to %IX0.07 and %QX0.00 to %QX0.07.
 const OWN: u16 = 0x00FF;

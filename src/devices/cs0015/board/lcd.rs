@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 pub(crate) const PLACES: usize = 8;
 /// Number of digits, which come first.
 pub(crate) const DIGITS: usize = 5;
-/// Number of letters.
+/// Number of letters on the display, after the digits.
 pub(crate) const LETTERS: usize = PLACES - DIGITS;
 /// Character for an unreadable lit digit, and for any lit letter (D-473).
 const UNREADABLE: u8 = b'*';

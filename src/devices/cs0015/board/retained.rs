@@ -20,7 +20,7 @@ pub(crate) fn area() -> Option<&'static Area> {
     DEVICE.areas.iter().find(|area| area.name == "parameters")
 }
 
-/// The stored parameters.
+/// The parameters that keep their values without power.
 pub(crate) struct Retained {
     parameters: View<CS0015_PARAMETERS>,
     segment: Segment,

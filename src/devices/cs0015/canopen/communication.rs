@@ -42,7 +42,7 @@ impl PdoDirection {
 pub struct PdoConfig {
     /// Identifier, from 380h on; `None` keeps the present one.
     pub id: Option<u16>,
-    /// Transmission type.
+    /// Transmission type of the PDO.
     pub kind: Transmission,
     /// Minimum time between two asynchronous PDOs, in us.
     pub inhibit_us: u64,
@@ -69,7 +69,7 @@ impl Pdo {
     }
 }
 
-/// Values at delivery.
+/// Values of the communication parameters at delivery.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Factory {
     pub node: u8,
@@ -97,7 +97,7 @@ pub(crate) struct Identifiers {
     pub on_request: [bool; PDOS],
 }
 
-/// The parameters.
+/// The communication parameters of the device.
 pub(crate) struct Communication {
     factory: Factory,
     node: u8,

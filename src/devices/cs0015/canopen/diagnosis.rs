@@ -10,7 +10,7 @@ const SHORT_CIRCUIT: Cause = Cause { code: 0x2300, register: 1 << 1 };
 const VOLTAGE: Cause = Cause { code: 0x3200, register: 1 << 2 };
 const TEMPERATURE: Cause = Cause { code: 0x4000, register: 1 << 3 };
 
-/// Errors found.
+/// Errors of the hardware that the device has found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Diagnosis {
     /// Outputs that have switched themselves off, bit n for output n.

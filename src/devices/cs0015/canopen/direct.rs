@@ -29,7 +29,7 @@ pub(crate) struct ReceivedMessage {
     pub data: Vec<u8>,
 }
 
-/// All queues.
+/// All queues of received messages.
 #[derive(Default, Serialize, Deserialize)]
 pub(crate) struct Direct {
     queues: Vec<Queue>,
@@ -45,7 +45,7 @@ impl Direct {
         is_new
     }
 
-    /// Removes all identifiers.
+    /// Removes all identifiers and their queues.
     pub(crate) fn clear(&mut self) {
         self.queues.clear();
     }

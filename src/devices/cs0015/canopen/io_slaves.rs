@@ -68,9 +68,9 @@ impl Slave {
 /// One transfer of a configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Transfer {
-    /// Writes a byte.
+    /// Writes a byte into this entry of the module.
     Write(EntryAddress, u8),
-    /// Reads a byte.
+    /// Reads a byte from this entry of the module.
     Read(EntryAddress),
 }
 

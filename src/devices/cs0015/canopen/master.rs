@@ -23,7 +23,7 @@ pub struct MasterConfig {
     pub sync_us: Option<u64>,
 }
 
-/// A running master.
+/// A running NMT master.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Master {
     config: MasterConfig,

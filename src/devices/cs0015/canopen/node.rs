@@ -29,7 +29,7 @@ const SYNC_BIT: u8 = 1 << 1;
 /// Boot-up message of the node (D-418).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BootUp {
-    /// No message.
+    /// The node sends no message.
     #[default]
     None,
     /// An emergency object without data.
@@ -41,7 +41,7 @@ pub enum BootUp {
 /// Settings that a program gives to `NMS_GUARDING_CONFIG` (p. 46); 0 is off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GuardingConfig {
-    /// GUARDTIME in ms.
+    /// Guard time in ms (GUARDTIME).
     pub guard_ms: u16,
     /// LIFETIME: number of consecutive requests that may be missing.
     pub life: u8,
@@ -49,7 +49,7 @@ pub struct GuardingConfig {
     pub cycle_ms: u16,
 }
 
-/// A CANopen slave.
+/// The device as a CANopen slave.
 pub(crate) struct Node {
     pub registers: Registers,
     /// The program's direct use of CAN.

@@ -23,14 +23,14 @@ const PLACES: usize = 16;
 /// Number of arguments and results of each order.
 const NUMBERS: usize = 8;
 
-/// An order.
+/// An order of a program to the operating system.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Job {
     /// Function, as in `a_FUNCTION`.
     pub function: u16,
     /// Arguments in the order of the manual's inputs, without ENABLE.
     pub arguments: [u32; NUMBERS],
-    /// Bytes of DATA.
+    /// Bytes of the field DATA of the job block.
     pub data: Vec<u8>,
 }
 
@@ -55,7 +55,7 @@ impl Job {
 pub(crate) struct Answer {
     /// Results in the order of the manual's outputs.
     pub results: [u32; NUMBERS],
-    /// Bytes of DATA.
+    /// Bytes of the field DATA of the job block.
     pub data: Vec<u8>,
 }
 

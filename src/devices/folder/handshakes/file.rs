@@ -25,7 +25,7 @@ pub(super) struct File {
     pub(super) record: Vec<Spanned<Record>>,
 }
 
-/// State after power-on.
+/// A ready flag: changes of registers some time after power-on.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Ready {

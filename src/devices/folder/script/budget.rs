@@ -76,7 +76,7 @@ impl Meter {
         self.bottom.set(stack_position());
     }
 
-    /// Ends the call.
+    /// Ends the measurement of a call.
     pub(super) fn end(&self) {
         self.used.set(self.time());
     }
@@ -96,7 +96,7 @@ impl Meter {
         self.operations.set(self.operations.get().saturating_add(operations));
     }
 
-    /// Counts a step.
+    /// Counts a step of the script; returns the limit that is exceeded, if any.
     pub(super) fn step(&self) -> Option<Exceeded> {
         self.charge(1);
         if self.operations.get() > self.allowed.get() {

@@ -40,7 +40,7 @@ pub(super) struct Outcome {
     pub(super) state: Result<Data, Mistake>,
     /// The device after the call; always `Some`.
     pub(super) acting: Option<Acting>,
-    /// Steps taken.
+    /// Number of steps that the call has taken.
     pub(super) operations: u64,
 }
 

@@ -6,7 +6,7 @@ use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 /// Most waiting functions of a device.
 pub(super) const MOST_TIMERS: usize = 64;
 
-/// A scheduled function.
+/// A function of the script that is scheduled for a moment.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Timer {
     due: u64,
@@ -17,7 +17,7 @@ pub(super) struct Timer {
     pub(super) arguments: Data,
 }
 
-/// The waiting functions.
+/// The scheduled functions of a script.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Timers {
     waiting: Vec<Timer>,
@@ -46,7 +46,7 @@ impl Timers {
         self.waiting.len() < before
     }
 
-    /// Removes all entries.
+    /// Removes all scheduled functions.
     pub(super) fn clear(&mut self) {
         self.waiting.clear();
     }

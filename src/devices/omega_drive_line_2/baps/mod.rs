@@ -37,7 +37,7 @@ pub struct Baps {
     service: Service,
     /// Late process data or commands.
     process_hold: Hold,
-    /// Late service data.
+    /// Delay of the service data by a fault.
     service_hold: Hold,
     /// True if the Omega Drive-Line II runs. The drive can run without it.
     is_up: bool,
@@ -105,7 +105,7 @@ impl Baps {
         (self.next, self.last, self.phase) = (Self::NEVER, None, 0);
     }
 
-    /// Returns the drive.
+    /// Returns the drive that contains the PLC.
     pub fn drive(&self) -> &BuiltInDrive {
         &self.drive
     }

@@ -23,7 +23,7 @@ const RE_INITIALIZATION: u8 = 6;
 struct Configured {
     cycle: Cycle,
     numbers: Numbers,
-    /// Communications so far.
+    /// Number of communications since power-on.
     count: u64,
     /// Time of the next communication, in microseconds.
     next: u64,
@@ -75,7 +75,7 @@ impl Process {
         self.configured.is_some()
     }
 
-    /// Communications since power-on.
+    /// Returns the number of communications since power-on.
     pub(crate) fn events(&self) -> u64 {
         self.events
     }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Flash {
     Empty,
-    /// A boot project.
+    /// A boot project, which the board loads at power-on.
     Boot,
     /// The boot project of a process; it is deleted when the process ends (decision D-302).
     OfProcess,

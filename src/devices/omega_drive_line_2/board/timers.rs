@@ -8,18 +8,18 @@ pub(super) const PER_US: u64 = 5;
 /// Step of the CPU timers, 50 us (manual 5.00005.03a p. 48).
 pub(super) const CPU_STEP: u64 = 50 * PER_US;
 
-/// A timer.
+/// A timer of the board or of its processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Timer {
     /// SYNC signal of the option card.
     OptionSync,
-    /// Board timer A.
+    /// Timer A of the board.
     A,
-    /// Board timer B.
+    /// Timer B of the board.
     B,
-    /// CPU timer 1.
+    /// Timer 1 of the processor (CPU).
     Cpu1,
-    /// CPU timer 2.
+    /// Timer 2 of the processor (CPU).
     Cpu2,
 }
 
@@ -28,7 +28,7 @@ const NEVER: u64 = u64::MAX;
 
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Clock {
-    /// Period in [`PER_US`].
+    /// Period of the timer in units of [`PER_US`].
     period: u64,
     start: u64,
     /// Number of the next pulse, from 1.

@@ -13,7 +13,7 @@ pub(super) enum Source {
     SyncOption,
     /// SYNC signal of the CANsync network.
     SyncNet,
-    /// Board timer A.
+    /// Timer A of the board.
     TimerA,
     /// Interrupt of the option card in slot 1.
     InterruptOption1,

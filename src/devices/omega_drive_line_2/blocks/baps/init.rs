@@ -9,11 +9,11 @@ use core::time::Duration;
 
 /// Bit 0 of `b_ERR`.
 const NOT_CONFIGURED: u8 = 1 << 0;
-/// Bit 3.
+/// Bit 3 of `b_ERR`: invalid event number.
 const EVENT_NUMBER: u8 = 1 << 3;
-/// Bit 4.
+/// Bit 4 of `b_ERR`: timeout.
 const TIMEOUT: u8 = 1 << 4;
-/// Bit 5.
+/// Bit 5 of `b_ERR`: the event was refused.
 const EVENT_REFUSED: u8 = 1 << 5;
 
 macro_rules! block {

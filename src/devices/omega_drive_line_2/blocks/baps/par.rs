@@ -9,18 +9,18 @@ function_block! {
     /// Reads a parameter of the drive through [`BAPS_SD_CONTROL`](super::BAPS_SD_CONTROL) (manual p. 93-95).
     pub struct BAPS_PAR_READ(_BAPS_SD_DATA: Shared<BAPS_BMSTRUCT>) {
         in {
-            /// Parameter number.
+            /// Number of the parameter in the drive.
             u_PAR_NR: u16;
             /// Element of the parameter; preset 7, its value.
             us_PAR_ELEMENT: u8 = par_element::VALUE;
             /// Starts the job. Must stay TRUE until `x_BUSY` falls: FALSE before cancels the job, and this
             /// block and `BAPS_SD_CONTROL` then need `x_RESET`.
             x_EN: bool;
-            /// Resets the block.
+            /// TRUE resets the block.
             x_RESET: bool;
         }
         out {
-            /// The value read.
+            /// Value of the parameter that was read.
             ud_PAR_VALUE: u32;
             /// Format of the value read: FALSE word, TRUE doubleword.
             x_PAR_FORMAT: bool;
@@ -61,7 +61,7 @@ function_block! {
     /// Writes a parameter of the drive through [`BAPS_SD_CONTROL`](super::BAPS_SD_CONTROL) (manual p. 96-98).
     pub struct BAPS_PAR_WRITE(_BAPS_SD_DATA: Shared<BAPS_BMSTRUCT>) {
         in {
-            /// Parameter number.
+            /// Number of the parameter in the drive.
             u_PAR_NR: u16;
             /// Format of the parameter: FALSE word, TRUE doubleword.
             x_PAR_FORMAT: bool;
@@ -72,7 +72,7 @@ function_block! {
             /// Starts the job. Must stay TRUE until `x_BUSY` falls: FALSE before cancels the job, and this
             /// block and `BAPS_SD_CONTROL` then need `x_RESET`.
             x_EN: bool;
-            /// Resets the block.
+            /// TRUE resets the block.
             x_RESET: bool;
         }
         out {

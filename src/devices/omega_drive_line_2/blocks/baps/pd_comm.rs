@@ -46,7 +46,7 @@ macro_rules! block {
                 in {
                     /// 0: Omega Drive-Line II; with any other value the block does nothing.
                     us_HW_TYPE: u8;
-                    /// Control word.
+                    /// Control word for the drive.
                     w_CONTROLWORD: u16;
                     /// Transmission method and cycle time, the same as at `BAPS_INIT`; another value changes them.
                     w_COMMAND_REG: u16;
@@ -60,7 +60,7 @@ macro_rules! block {
                     x_EN: bool = true;
                 }
                 out {
-                    /// Status word.
+                    /// Status word of the drive.
                     w_STATUSWORD: u16;
                     /// Bit 0: the drive is synchronized to the trigger controller.
                     w_STATUS_REG: u16;

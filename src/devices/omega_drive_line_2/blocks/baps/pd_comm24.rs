@@ -21,15 +21,15 @@ function_block! {
         in {
             /// 0: Omega Drive-Line II; with any other value the block does nothing.
             us_HW_TYPE: u8;
-            /// Control word.
+            /// Control word for the drive.
             w_CONTROLWORD: u16;
             /// Transmission method and cycle time, the same as at `BAPS_INIT`; another value changes them.
             w_COMMAND_REG: u16;
             /// 0: called in any task, 1: in the event task "BAPS process data"; makes no difference here.
             us_MODE: u8;
-            /// Reference value 0.
+            /// Reference value 0 for the drive.
             ud_WR_VALUE0: u32;
-            /// Reference value 1.
+            /// Reference value 1 for the drive.
             ud_WR_VALUE1: u32;
             /// Monitoring time of a re-initialization, in emulated time; preset 1 s.
             t_RE_INIT_TIME: Duration = Duration::from_secs(1);
@@ -39,17 +39,17 @@ function_block! {
             x_EN: bool = true;
         }
         out {
-            /// Status word.
+            /// Status word of the drive.
             w_STATUSWORD: u16;
             /// Bit 0: the drive is synchronized to the trigger controller.
             w_STATUS_REG: u16;
-            /// Actual value 0.
+            /// Actual value 0 of the drive.
             ud_RD_VALUE0: u32;
-            /// Actual value 1.
+            /// Actual value 1 of the drive.
             ud_RD_VALUE1: u32;
-            /// Actual value 2.
+            /// Actual value 2 of the drive.
             ud_RD_VALUE2: u32;
-            /// Actual value 3.
+            /// Actual value 3 of the drive.
             ud_RD_VALUE3: u32;
             /// Acknowledgement of the drive.
             b_SL_QUIT: u8;

@@ -9,7 +9,7 @@ function_block! {
     /// another task than that block.
     pub struct BAPS_PD_CONTROL(_BASE: Base<BAPS_CTRL_BMSTRUCT>) {
         in {
-            /// Resets the block.
+            /// TRUE resets the block.
             x_RESET: bool;
             /// Monitoring time in emulated time; preset 3 s.
             t_TIME: Duration = Duration::from_secs(3);

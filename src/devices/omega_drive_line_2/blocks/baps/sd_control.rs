@@ -9,7 +9,7 @@ use crate::devices::omega_drive_line_2::registers::values::{
 use crate::plc::{Base, Shared, Watch, function_block};
 use core::time::Duration;
 
-/// Bits of `b_ERR`.
+/// Bits of the output `b_ERR`.
 mod error {
     /// A read job was dropped (decision D-218).
     pub(crate) const READ_DISTURBED: u8 = 1 << 0;

@@ -23,7 +23,7 @@ pub(super) enum Stage {
     Dropped(JobKind),
 }
 
-/// A parameter job.
+/// A job that reads or writes a parameter of the drive.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Job {
     pub(super) ticket: u32,
