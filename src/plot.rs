@@ -19,7 +19,7 @@ pub struct Plot {
     pub to_us: u64,
     /// Times of the SYNC edges in the plot, ascending.
     pub edges: Vec<u64>,
-    /// The registers.
+    /// Rows of the plot, one for each register.
     pub rows: Vec<Row>,
     /// Sections of a scenario, each with its start in emulated microseconds, ascending.
     pub sections: Vec<(u64, String)>,

@@ -33,7 +33,7 @@ impl StoredOctets {
     }
 }
 
-/// A ring.
+/// A ring with its records.
 #[derive(Default)]
 struct Lane {
     lines: VecDeque<Line>,

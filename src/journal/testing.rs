@@ -11,7 +11,7 @@ event_kinds! {
 
     /// Comes often and is not counted.
     Packet = 2, "packet", Traffic, at bus {
-        /// Payload.
+        /// Payload of the test event.
         data: u8,
     }
 

@@ -22,7 +22,7 @@ pub struct Waves {
     /// Index of the signals by their paths: scopes, and the name.
     pub(super) paths: BTreeMap<Vec<String>, usize>,
     pub(super) signals: Vec<Signal>,
-    /// Sorted by time.
+    /// All changes of the signals, sorted by time.
     pub(super) changes: Vec<Change>,
     recorded: HashSet<(DeviceIndex, u32)>,
 }
@@ -36,7 +36,7 @@ pub struct Past {
     pub is_recorded: bool,
 }
 
-/// A signal.
+/// A signal of the waveform file.
 pub(super) struct Signal {
     pub shape: Shape,
     of: SignalSubject,
@@ -49,7 +49,7 @@ enum SignalSubject {
     Register(DeviceIndex, u32),
     /// The SYNC signal of a bus, or a similar signal.
     Edge,
-    /// Any other signal.
+    /// The value is that of any other signal.
     Other,
 }
 
@@ -58,7 +58,7 @@ enum SignalSubject {
 pub(super) enum Shape {
     /// A number with this count of bits.
     Bits(u32),
-    /// Texts.
+    /// The values of the signal are texts.
     Text,
     /// A signal of events without a value.
     Event,
@@ -103,11 +103,11 @@ impl Content {
 
 /// A step of the declaration of signals.
 pub(super) enum Step<'a> {
-    /// Into a scope.
+    /// Enters the scope with this name.
     Into(&'a str),
     /// A signal with this number and name.
     Signal(usize, &'a str),
-    /// Ends the scope.
+    /// Leaves the present scope.
     Out,
 }
 

@@ -1,4 +1,5 @@
-//! Conditions on registers: `node2.w_OPTION_STATUS==16#0043`, `node2.a_STAT_SL[1] & 2 != 0`, `node2.a_RD_VALUE[1][0] < -5`.
+//! Conditions on registers: `node2.w_OPTION_STATUS==16#0043`, `node2.a_STAT_SL[1] & 2 != 0`, `node2.a_RD_VALUE[1][0] <
+//! -5`.
 
 use super::Width;
 use super::place::{BadValue, NamedLocation};
@@ -56,7 +57,7 @@ impl Compare {
 pub struct Test {
     /// Mask of the compared bits.
     pub mask: u32,
-    /// The comparison.
+    /// Comparison between the register and the value.
     pub compare: Compare,
     /// True if the compared bits are the two's complement of a number with a sign.
     pub is_signed: bool,
@@ -101,7 +102,7 @@ impl Test {
 /// A register and a condition on its content.
 #[derive(Clone, Debug)]
 pub struct Condition {
-    /// The register.
+    /// Register that the condition compares.
     pub place: NamedLocation,
     /// The condition on the content.
     pub test: Test,

@@ -230,7 +230,7 @@ short_debug!(DeviceLayout, Area, Port, Structure);
 /// A structure in an area.
 #[derive(Debug)]
 pub struct AreaStructure {
-    /// The structure.
+    /// Structure with its registers.
     pub structure: &'static Structure,
     /// Phase in which the structure is valid, if several structures overlay each other.
     pub live: RegisterPhase,

@@ -68,7 +68,7 @@ impl DeviceFit {
         self
     }
 
-    /// Returns the device.
+    /// Returns the layout of the device.
     #[must_use]
     pub const fn device(&self) -> &'static DeviceLayout {
         self.device

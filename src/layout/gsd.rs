@@ -22,7 +22,7 @@ pub struct Gsd {
 /// A fact about the slave.
 #[derive(Debug)]
 pub struct Key {
-    /// The keyword.
+    /// Keyword of the line in the device description file.
     pub name: &'static str,
     /// The value of the keyword.
     pub value: Value,
@@ -33,7 +33,7 @@ pub struct Key {
 /// The value of a keyword.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Value {
-    /// A number.
+    /// The value of the keyword is a number.
     Number(u32),
     /// A text, written in quotation marks.
     Text(&'static str),
@@ -54,11 +54,11 @@ pub struct Parameter {
     pub name: &'static str,
     /// The bit, if the parameter is a single bit.
     pub bit: Option<Bit>,
-    /// Default value.
+    /// Default value of the parameter.
     pub default: u32,
-    /// The lowest value.
+    /// Smallest permitted value of the parameter.
     pub from: u32,
-    /// The highest value.
+    /// Largest permitted value of the parameter.
     pub to: u32,
 }
 

@@ -6,15 +6,15 @@ use core::fmt;
 /// An entry of the object dictionary.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Object {
-    /// Index.
+    /// Index of the entry in the object dictionary.
     pub index: u16,
-    /// Sub-index.
+    /// Sub-index of the entry.
     pub sub: u8,
-    /// The manual's name.
+    /// Name of the entry in the manual.
     pub name: &'static str,
     /// Data type; `None` if the entry is not implemented.
     pub ty: Option<Type>,
-    /// Access by SDO.
+    /// Permitted access by SDO.
     pub access: Access,
     /// Default value of the entry.
     pub default: Default,
@@ -33,13 +33,13 @@ pub struct Object {
 /// A data type of the object dictionary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Type {
-    /// Unsigned, 1 byte.
+    /// Unsigned number of 1 byte.
     U8,
-    /// Unsigned, 2 bytes.
+    /// Unsigned number of 2 bytes.
     U16,
-    /// Unsigned, 4 bytes.
+    /// Unsigned number of 4 bytes.
     U32,
-    /// Text.
+    /// Text of any length.
     String,
     /// Any number of bytes.
     Domain,

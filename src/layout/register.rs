@@ -9,11 +9,11 @@ use core::fmt;
 /// A register in an area. If the register is an array, this is the element that `index` selects.
 #[derive(Clone, Copy)]
 pub struct RegisterRef {
-    /// The area.
+    /// Area that contains the register.
     pub area: &'static Area,
     /// The structure's place in the area.
     pub placed: &'static AreaStructure,
-    /// The register's descriptor.
+    /// Descriptor of the register.
     pub register: &'static Register,
     /// Index for each dimension of the descriptor; 0 for missing dimensions.
     pub index: [u16; 2],
@@ -93,7 +93,7 @@ impl RegisterRef {
         decode::decode_bit(self.register.meaning, bit, is_set)
     }
 
-    /// Data type.
+    /// Returns the data type of the register.
     #[must_use]
     pub const fn ty(&self) -> RegType {
         self.register.ty

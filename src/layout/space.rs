@@ -21,7 +21,7 @@ pub struct Space {
     pub first: u32,
     /// The first byte in the image.
     pub offset: u32,
-    /// Length in bytes.
+    /// Length of the space in bytes.
     pub bytes: u32,
     /// Pages of the manual.
     pub page: &'static str,

@@ -47,7 +47,7 @@ macro_rules! cell {
                 <$value>::from_le(unsafe { MemoryValue::load(self.0.get()) })
             }
 
-            /// Writes the register.
+            /// Writes the value into the register, in one atomic access.
             #[inline]
             pub fn store(&self, value: $value) {
                 // SAFETY: as in `load`; cells in memory that cannot be written are only lent out by `segment`, which

@@ -7,7 +7,7 @@ use super::header::*;
 
 pub use super::struct_tables::{Codes, Field, FieldKind, HeaderStruct};
 
-/// All code tables.
+/// All tables of codes in the header page.
 pub const CODES: [Codes; 11] = [
     State::CODES,
     ClockMode::CODES,

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 const CAREFULLY: OFlags =
     OFlags::NOFOLLOW.union(OFlags::NONBLOCK).union(OFlags::NOCTTY).union(OFlags::CLOEXEC);
 
-/// An open directory.
+/// An open directory, which can be locked.
 #[derive(Debug)]
 pub(crate) struct Directory(File);
 
@@ -54,7 +54,7 @@ impl Directory {
         try_lock(&self.0)
     }
 
-    /// Releases the lock.
+    /// Releases the lock of the directory.
     #[cfg(feature = "channel")]
     pub(crate) fn unlock(&self) -> io::Result<()> {
         self.0.unlock()

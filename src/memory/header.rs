@@ -44,15 +44,15 @@ pub const NAME_LENGTH: usize = 32;
 /// Length of the device name field in bytes, with the terminating zero.
 pub const DEVICE_LENGTH: usize = 64;
 
-/// The header page.
+/// Cells of the header page, in the order of their offsets.
 #[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
 #[repr(C)]
 pub struct Header {
-    /// [`MAGIC`].
+    /// Identifies the file as an image of commram: [`MAGIC`].
     pub magic: Cell64,
-    /// [`ABI_VERSION`].
+    /// Version of the header page: [`ABI_VERSION`].
     pub abi_version: Cell32,
-    /// [`HEADER_SIZE`].
+    /// Length of the header page in bytes: [`HEADER_SIZE`].
     pub header_size: Cell32,
     /// Hash of the device's register map; equal hashes mean equal registers at equal offsets.
     pub layout_hash: Cell64,
@@ -60,9 +60,9 @@ pub struct Header {
     pub segment_size: Cell32,
     /// Number of emulators that have used this file, from 1.
     pub generation: Cell32,
-    /// A [`State`].
+    /// State of the emulator, a [`State`].
     pub state: Cell32,
-    /// A [`ClockMode`].
+    /// Mode of the emulator's clock, a [`ClockMode`].
     pub clock_mode: Cell32,
     /// Process id of the emulator.
     pub firmware_pid: Cell32,
@@ -78,15 +78,15 @@ pub struct Header {
     pub sync_counter: [Cell32; PORTS],
     /// Rung by clients after a store; the firmware is the only waiter.
     pub doorbell: Bell,
-    /// Zero.
+    /// Reserved; always zero.
     pub reserved_136: [Cell32; 14],
     /// Rung by the firmware when it has changed registers.
     pub answer: Bell,
-    /// Zero.
+    /// Reserved; always zero.
     pub reserved_200: [Cell32; 14],
     /// Rung by the firmware when it has sent a reply through the iceoryx2 channel.
     pub channel_reply: Bell,
-    /// Zero.
+    /// Reserved; always zero.
     pub reserved_264: [Cell32; 14],
     /// One slot per event number.
     pub events: [EventSlot; EVENT_SLOTS],
@@ -113,7 +113,7 @@ pub struct Header {
     pub retain_offset: Cell32,
     /// Number of retain flags in bytes.
     pub retain_size: Cell32,
-    /// Zero.
+    /// Reserved; always zero.
     pub reserved_776: [Cell32; 2],
     /// Request to set the initial value of a retain flag. A cold start gives the flag this value.
     pub initial_flag: InitialFlag,
@@ -121,17 +121,17 @@ pub struct Header {
     pub project_request: Cell32,
     /// The loaded [`Project`], written by the firmware.
     pub project: Cell32,
-    /// Zero.
+    /// Reserved; always zero.
     pub reserved_816: [Cell32; 4],
     /// Pulses on trigger 1, trigger 2 and trigger controller, as routed by `OPT_INIT`.
     pub triggers: [EventSlot; TRIGGERS],
     /// Pulses of board timer A and B.
     pub timers: [EventSlot; 2],
-    /// Zero.
+    /// Reserved; always zero.
     pub reserved_912: [Cell32; 12],
     /// Function block `INTR_SET`, one slot per event number.
     pub interrupts: [Interrupt; EVENT_SLOTS],
-    /// Function block `OPT_INIT`.
+    /// Requests and results of the function block `OPT_INIT`.
     pub opt_init: OptInit,
     /// Tasks that the emulated time waits for.
     pub lockstep: [Seat; SEATS],
@@ -141,7 +141,7 @@ pub struct Header {
     pub ports: [PortEntry; PORTS],
     /// Front elements of devices that [`Header::board`] does not describe.
     pub front: [Cell32; FRONT],
-    /// Zero.
+    /// Reserved; always zero.
     pub reserved_3776: [Cell8; HEADER_SIZE - 3776],
 }
 

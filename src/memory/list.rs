@@ -15,7 +15,7 @@ pub struct ImageInfo {
     pub instance: String,
     /// Name of the PLC.
     pub plc: String,
-    /// The file.
+    /// Path of the image file.
     pub path: PathBuf,
     /// Condition of the file.
     pub condition: Condition,

@@ -196,7 +196,7 @@ impl PrivateDir {
     }
 }
 
-/// A directory's lock.
+/// Lock of a directory; dropping the value releases the lock.
 #[cfg(feature = "channel")]
 #[derive(Debug)]
 pub(crate) struct DirectoryLock(std::sync::Arc<PrivateDir>);

@@ -6,7 +6,7 @@ use std::os::unix::fs::MetadataExt;
 /// A process, distinguished from later processes with the same number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct ProcessId {
-    /// The process id.
+    /// Number of the process (pid).
     pub pid: u32,
     /// Start time in clock ticks since boot: field 22 of `/proc/<pid>/stat`.
     pub start: u64,

@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 const FILES: u64 = 8;
 /// Longest wait for a process that removes the files of a killed emulator.
 const CLEANING: Duration = Duration::from_millis(500);
-/// Poll interval.
+/// Real time between two polls.
 const LOOK: Duration = Duration::from_millis(1);
 
 /// An instance with a running emulator: the files that it has locked, and its process.
@@ -164,7 +164,8 @@ fn lock_file(instance: &str) -> Result<Option<LockedFile>, MemoryError> {
     Ok(file.map(|file| LockedFile { path: path.join(LOCK), file }))
 }
 
-/// The lock file in the instance's directory if it belongs to this user, although other users can write to the directory.
+/// The lock file in the instance's directory if it belongs to this user, although other users can write to the
+/// directory.
 fn own_lock_file(instance: &str) -> Result<Option<LockedFile>, MemoryError> {
     let path = names::channel_root(instance)?;
     let file = PrivateDir::find_own_file(&path, LOCK)?;

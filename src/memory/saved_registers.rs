@@ -155,7 +155,7 @@ impl Header {
         self.kept_times().for_each(|cell| to.value(&cell.load()));
     }
 
-    /// Restores these fields.
+    /// Restores the fields of the page that belong to the plant.
     pub(crate) fn restore(&self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         self.kept().try_for_each(|cell| from.value().map(|value| cell.store(value)))?;
         self.kept_times().try_for_each(|cell| from.value().map(|value| cell.store(value)))

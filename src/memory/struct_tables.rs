@@ -27,7 +27,7 @@ pub enum FieldKind {
 pub struct HeaderStruct {
     /// Name of the structure, for example `EventSlot`.
     pub name: &'static str,
-    /// Size in bytes.
+    /// Size of the field in bytes.
     pub bytes: usize,
     /// The fields of the structure in ascending order, without gaps.
     pub fields: &'static [Field],

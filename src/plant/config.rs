@@ -42,7 +42,7 @@ pub struct PlantConfig {
     pub processor_cycle_us: u32,
     /// The devices, at least one: first each `[[plc]]`, then each `[[device]]`.
     pub devices: Vec<Arc<dyn DeviceConfig>>,
-    /// The buses.
+    /// Sections of the buses, in the order of the plant file.
     pub buses: Vec<Arc<dyn BusSection>>,
     /// Faults that are active from power-on or from a given time; see `docs/reference/faults.md`.
     pub faults: Vec<FaultSpec>,

@@ -22,7 +22,7 @@ pub struct Forced {
     pub offset: u32,
     /// Width of the register.
     pub width: Width,
-    /// The forced value.
+    /// Value that the register keeps.
     pub value: u32,
 }
 

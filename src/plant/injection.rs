@@ -62,7 +62,7 @@ impl Plant {
         }
     }
 
-    /// Targets of faults.
+    /// Returns the targets that faults can have in this plant.
     pub(super) fn sites(&self) -> Sites {
         let buses = self.buses().iter();
         let buses = buses.map(|bus| devices::bus_site(bus.family(), bus.participants()));

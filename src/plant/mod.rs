@@ -469,7 +469,7 @@ impl Plant {
         }
     }
 
-    /// Returns the journal.
+    /// Returns the journal of the plant.
     pub fn journal(&self) -> &Journal {
         &self.journal
     }
@@ -492,7 +492,7 @@ fn refused<E: From<MemoryError> + From<PlantError>>(error: BuildError) -> E {
     }
 }
 
-/// Next event.
+/// The event that the plant executes next.
 enum NextEvent {
     Cycle,
     Device,

@@ -161,8 +161,8 @@ impl Plant {
     }
 
     /// Restores a snapshot of this plant, or of a plant with the same plant file. The snapshot does not contain records
-    /// of the journal: all records are dropped, and [`Journal::history_id`](crate::journal::Journal::history_id) changes for its
-    /// readers.
+    /// of the journal: all records are dropped, and [`Journal::history_id`](crate::journal::Journal::history_id)
+    /// changes for its readers.
     ///
     /// # Errors
     /// [`SnapshotError`]; the plant is then unchanged.
@@ -184,7 +184,7 @@ impl Plant {
         Search(self.journal.lay_aside())
     }
 
-    /// Ends the search.
+    /// Ends a search in the past of the plant.
     pub(crate) fn end_search(&mut self, search: Search) {
         self.journal.put_back(search.0);
         self.arrive();

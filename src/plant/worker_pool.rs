@@ -30,7 +30,7 @@ struct Worker {
 }
 
 impl WorkerPool {
-    /// Starts `count` threads.
+    /// Starts a pool of `count` threads.
     pub(super) fn of(count: usize) -> Self {
         // With fewer processors, a polling thread would use the processor that the thread with the work needs.
         let is_room = available_parallelism().is_ok_and(|processors| processors.get() > count);

@@ -12,9 +12,9 @@ use core::ops::DerefMut;
 use std::collections::HashMap;
 use std::rc::Rc;
 
-/// A function block.
+/// A function block with its inputs and outputs.
 pub trait FunctionBlock: Default + 'static {
-    /// The manual's name.
+    /// Name of the block in the manual.
     const NAME: &'static str;
     /// Inputs, outputs, and data that are both, in the order of the documentation.
     const PINS: &'static [Pin];
@@ -151,7 +151,7 @@ impl<B: FunctionBlock> BlockInstance for Wired<B> {
 /// A kind of function block of a device, found by its name.
 #[derive(Debug)]
 pub struct BlockKind {
-    /// The block's name.
+    /// Name of the block in the manual.
     pub name: &'static str,
     /// The structure that the block's area must have; `None` for blocks that belong to no area.
     pub structure: Option<&'static str>,

@@ -42,7 +42,7 @@ impl Pin {
 /// The value of a pin.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum PinValue {
-    /// BOOL.
+    /// A value of type BOOL.
     Bool(bool),
     /// Any of the types with 8, 16 or 32 bits.
     Int(i64),
@@ -50,7 +50,7 @@ pub enum PinValue {
     Time(Duration),
     /// A text: the value of a STRING, or a TIME such as `2ms`.
     Text(String),
-    /// ARRAY.
+    /// A value of type ARRAY.
     Array(Vec<PinValue>),
 }
 

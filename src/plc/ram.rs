@@ -49,7 +49,7 @@ impl Ram {
         }
     }
 
-    /// Returns the image.
+    /// Returns the memory segment of the PLC.
     pub(crate) fn segment(&self) -> &Segment {
         &self.segment
     }

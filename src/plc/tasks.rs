@@ -15,7 +15,7 @@ use core::fmt;
 use core::time::Duration;
 use thiserror::Error;
 
-/// A PLC program.
+/// A PLC program with its tasks.
 pub trait Program {
     /// An error that ends the program.
     type Error;
@@ -144,7 +144,7 @@ impl<P: Program> Tasks<P> {
         }
     }
 
-    /// Returns the program.
+    /// Returns the program that the tasks belong to.
     pub fn program(&self) -> &P {
         &self.program
     }

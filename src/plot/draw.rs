@@ -61,7 +61,7 @@ pub(super) fn size(plot: &Plot) -> (u32, u32) {
     (WIDTH as u32, (top(plot) + rows + SCALE) as u32)
 }
 
-/// Draws the plot.
+/// Draws the plot on an area of the picture.
 pub(super) fn draw<DB: DrawingBackend>(plot: &Plot, area: &Area<DB>) -> DrawResult<DB> {
     area.fill(&PAPER)?;
     let sheet = Sheet { plot, area };

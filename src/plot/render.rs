@@ -29,9 +29,9 @@ pub enum PlotError {
 /// Format of a plot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Picture {
-    /// Scalable Vector Graphics.
+    /// A picture in the format Scalable Vector Graphics.
     Svg,
-    /// Portable Network Graphics.
+    /// A picture in the format Portable Network Graphics.
     Png,
 }
 

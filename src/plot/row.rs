@@ -18,9 +18,9 @@ pub enum Style {
 /// A register in a plot.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Row {
-    /// The register's name.
+    /// Name of the register beside the row.
     pub name: String,
-    /// Drawing style.
+    /// Style in which the values are drawn.
     pub style: Style,
     /// Times in microseconds, ascending, each with the register's value from this time on, as a number of its type.
     pub points: Vec<(u64, i64)>,
@@ -28,7 +28,7 @@ pub struct Row {
     pub texts: Vec<String>,
     /// True if the journal has every change of the register.
     pub is_recorded: bool,
-    /// An additional note.
+    /// Additional note beside the row.
     pub note: Option<String>,
 }
 

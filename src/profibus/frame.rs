@@ -51,7 +51,7 @@ pub struct Frame {
     pub da: u8,
     /// Source address, 0 to 127.
     pub sa: u8,
-    /// Function code: [`FunctionCode`](super::FunctionCode).
+    /// Function code of the telegram: [`FunctionCode`](super::FunctionCode).
     pub fc: u8,
     /// Service access point of the destination; `None` for the default service access point, which every station has.
     pub dsap: Option<u8>,

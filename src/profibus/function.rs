@@ -18,7 +18,7 @@ pub enum Request {
 pub enum Answer {
     /// A receipt, or the status of a station.
     Ok,
-    /// Data.
+    /// Data with low priority.
     Low,
     /// Data. Further data of high priority, a diagnosis, are pending.
     High,
@@ -29,7 +29,7 @@ pub enum Answer {
 /// The octet FC of a telegram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FunctionCode {
-    /// A request.
+    /// The telegram is a request.
     Request {
         /// The service of the request.
         request: Request,
@@ -42,7 +42,7 @@ pub enum FunctionCode {
     },
     /// An answer of a slave.
     Answer(Answer),
-    /// Any other code.
+    /// Any other function code.
     Other(u8),
 }
 
@@ -101,7 +101,7 @@ impl FunctionCode {
         FunctionCode::Request { request, fcb: octet & FCB != 0, fcv: octet & FCV != 0, is_high }
     }
 
-    /// Returns the octet.
+    /// Returns the octet that encodes the function code.
     #[must_use]
     pub const fn octet(self) -> u8 {
         match self {
@@ -146,7 +146,8 @@ mod tests {
         assert_eq!(FunctionCode::parse(0xED), FunctionCode::Other(0xED), "the reserved bit is set");
     }
 
-    /// Requests for a status of the network layer (4E, 4F) and answers of masters (20, 30) are known by their bits alone.
+    /// Requests for a status of the network layer (4E, 4F) and answers of masters (20, 30) are known by their bits
+    /// alone.
     #[test]
     fn requests_and_answers_are_distinguished_by_their_bits() {
         for octet in [0x49, 0x4E, 0x4F, 0x6D, 0x7C, 0x43, 0x45] {

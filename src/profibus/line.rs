@@ -24,7 +24,7 @@ pub struct Sending {
     pub begin: u64,
     /// Bit time after the last bit.
     pub end: u64,
-    /// The octets.
+    /// Octets that the station sends.
     pub octets: Vec<u8>,
     /// True if another station was sending at the same time. No station can then decode the octets.
     pub is_garbled: bool,
@@ -32,7 +32,7 @@ pub struct Sending {
     pub passage: Passage,
 }
 
-/// The line.
+/// The line of a PROFIBUS segment.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Line {
     /// The transmissions in progress, sorted by their ends.

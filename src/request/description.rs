@@ -60,7 +60,7 @@ pub(crate) struct Answer {
 pub(crate) struct Field {
     pub name: &'static str,
     pub text: String,
-    /// A JSON Schema.
+    /// JSON schema of the field.
     pub schema: Value,
 }
 

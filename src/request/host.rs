@@ -10,7 +10,7 @@ use crate::plant::Plant;
 /// The effects of operations on the plant are not defined here: [`super::Execution`] applies them, equally for all
 /// hosts.
 pub trait Host {
-    /// Returns the plant.
+    /// Returns the plant that the requests act on.
     fn plant(&self) -> &Plant;
 
     /// Returns the plant, for changes.

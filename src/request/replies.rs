@@ -8,7 +8,7 @@
 macro_rules! replies {
     ($then:ident) => {
         $then! {
-            /// The register's value.
+            /// Value of a register.
             Value = 1, value (value: u32),
             /// The register was written.
             Written = 2, written,
@@ -16,12 +16,12 @@ macro_rules! replies {
             Exchanged = 3, exchanged {
                 /// True if the register held the expected value and was written.
                 ok: bool,
-                /// Previous value.
+                /// Value of the register before the operation.
                 found: u32,
             },
             /// The bytes of a range.
             Bytes = 4, bytes (bytes: Vec<u8>),
-            /// The register matched.
+            /// The register got the awaited value.
             Waited = 5, waited (waited: Waited),
             /// Emulated time now, in microseconds.
             Time = 6, time (time_us: u64),

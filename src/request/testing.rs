@@ -52,7 +52,7 @@ pub(crate) struct TestHost {
     #[cfg_attr(not(feature = "channel"), expect(dead_code, reason = "for the tests of the channel"))]
     pub is_frozen: bool,
     travel: Travel,
-    /// Outside participants.
+    /// Description of participants outside of this process, if there are any.
     pub outsiders: Option<String>,
 }
 

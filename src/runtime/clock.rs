@@ -18,9 +18,9 @@ pub enum Clock {
 }
 
 impl Clock {
-    /// Largest speed factor.
+    /// Largest speed factor of a clock in real time.
     pub const FASTEST: f64 = 1000.0;
-    /// Smallest speed factor.
+    /// Smallest speed factor of a clock in real time.
     pub const SLOWEST: f64 = 0.001;
 
     /// Checks the speed of this clock.

@@ -67,7 +67,7 @@ impl StopHandle {
         self.wake();
     }
 
-    /// Wakes the emulator.
+    /// Wakes the thread of the emulator.
     pub(super) fn wake(&self) {
         self.header.doorbell.ring();
     }
@@ -247,7 +247,7 @@ impl Emulator {
         self.plant.set_cores(count);
     }
 
-    /// Returns the plant.
+    /// Returns the plant of the emulator.
     pub fn plant(&self) -> &Plant {
         &self.plant
     }
@@ -358,7 +358,7 @@ impl Emulator {
         lost(self)
     }
 
-    /// Writes changed NOVRAM.
+    /// Writes the NOVRAM that has changed to its files.
     fn save_novram(&mut self, last: bool) {
         let (devices, images) = (self.plant.devices(), &self.images);
         let is_lost = |plc: DeviceIndex| images.get(plc.index()).is_some_and(Image::was_shortened);

@@ -55,7 +55,7 @@ impl Guests {
         Ok(Guests { doors, present: Vec::new() })
     }
 
-    /// Returns the doors.
+    /// Returns the doors of the instance.
     pub(super) fn doors(&mut self) -> &mut Doors {
         &mut self.doors
     }

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Check interval.
+/// Real time between two checks.
 const EVERY: Duration = Duration::from_millis(200);
 
 /// The watching thread. Dropping it ends the thread after a last check.

@@ -34,7 +34,7 @@ pub(crate) struct DebugFrame {
 /// Reason for a stop.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum StopReason {
-    /// The first statement.
+    /// The script stops at its first statement.
     Entry,
     /// The end of a step.
     Step,
@@ -57,7 +57,7 @@ pub(crate) enum Resume {
     Into,
     /// Run to the next line of a caller.
     Out,
-    /// End the script.
+    /// The script must end.
     End,
 }
 
@@ -166,7 +166,7 @@ fn is_structure(stmt: &Stmt) -> bool {
 /// Position in a file, for comparison.
 type Line = (Option<String>, usize);
 
-/// Decides about stops.
+/// Decides at each statement whether the script stops.
 struct Stepper {
     debugger: Rc<dyn ScriptDebugger>,
     directory: PathBuf,

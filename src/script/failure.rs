@@ -90,7 +90,7 @@ pub enum ExchangeKind {
     Firmware,
     /// Traffic on a bus.
     Bus,
-    /// An error.
+    /// A mistake: a finding of the access checker, or a missed deadline.
     Wrong,
     /// Steps that are omitted or repeated.
     More,
@@ -122,13 +122,13 @@ impl ExchangeKind {
 /// The expected and the actual value of a register, as numbers of its type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Numbers {
-    /// The expected value.
+    /// Value that the register should have.
     pub expected: i64,
     /// The actual value, with all its bits.
     pub actual: i64,
     /// Mask of the compared bits; `None` if all bits are compared.
     pub mask: Option<u32>,
-    /// Allowed difference.
+    /// Permitted difference from the expected value.
     pub tolerance: Option<u32>,
 }
 
@@ -146,7 +146,7 @@ pub struct JournalLine {
 /// A line of a script, or of a test in Rust.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ScriptLocation {
-    /// The file.
+    /// Path of the script.
     pub file: String,
     /// The line, from 1, if it is known.
     pub line: Option<u32>,

@@ -51,7 +51,7 @@ impl Outcome {
 /// An error in a script.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Mistake {
-    /// The error.
+    /// Description of the error.
     pub what: String,
     /// Location of the error.
     pub location: ScriptLocation,
@@ -84,7 +84,7 @@ pub struct FoundLine {
     pub severity: String,
     /// Name of the rule.
     pub rule: String,
-    /// The register.
+    /// Name of the register.
     pub register: String,
     /// Number of occurrences.
     pub count: u64,

@@ -7,7 +7,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{self, Receiver};
 use std::time::Duration;
 
-/// A running demonstration.
+/// A running process of `commram demo`.
 struct Demo {
     child: Child,
     lines: Receiver<String>,

@@ -22,7 +22,7 @@ pub(crate) struct Server {
     runtime: tempfile::TempDir,
 }
 
-/// An answer.
+/// An answer of the web server.
 #[derive(Debug)]
 pub(crate) struct Answer {
     pub status: u16,

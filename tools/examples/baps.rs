@@ -25,7 +25,7 @@ const SPEED_ACTUAL: u16 = 301;
 const SPEED_LIMIT: u16 = 305;
 const SPEED: u32 = 5000;
 
-/// The program.
+/// The PLC program of the example.
 pub(crate) struct Drive {
     ram: Ram,
     cycles: u32,

@@ -31,7 +31,7 @@ const COMMAND_REG: u16 = 0x0044;
 /// P167 2000 us, P103 4 kHz (p. 74).
 const MASK: u32 = 0xFFFF_FFF0;
 
-/// The program.
+/// The PLC program of the example.
 pub(crate) struct Master {
     ram: Ram,
     _CANsync_INIT_MA: Base<CANsync_INIT_BMSTRUCT>,

@@ -23,7 +23,7 @@ const COMMAND_REG: u16 = 0x0024;
 /// P167 1000 us, P103 4 kHz (p. 74).
 const MASK: u32 = 0xFFFF_FFF8;
 
-/// The program.
+/// The PLC program of the example.
 pub(crate) struct Timer {
     ram: Ram,
     triggers: OPT_INIT,

@@ -26,7 +26,7 @@ const DIVIDER: u16 = 2499;
 /// Number of events after which the program ends.
 const EVENTS: u32 = 1000;
 
-/// The program.
+/// The PLC program of the example.
 pub(crate) struct Timer {
     ram: Ram,
     number: usize,

@@ -32,7 +32,7 @@ pub struct Handshake {
 pub struct ValueMeaning {
     /// Name in the layout files, as in generated code: `START_SYNCHRONOUS`; empty if it has none.
     pub id: &'static str,
-    /// First value.
+    /// First value of the range that has the meaning.
     pub first: u32,
     /// Last value; equal to `first` for a single value.
     pub last: u32,
@@ -73,11 +73,11 @@ impl ValueMeaning {
 pub struct BitField {
     /// Name in the layout files, as in generated code: `ENABLE_ACTIVE`; empty if it has none.
     pub id: &'static str,
-    /// Lowest bit.
+    /// Number of the lowest bit of the field.
     pub first: u8,
     /// Highest bit; equal to `first` for a single bit.
     pub last: u8,
-    /// Short name.
+    /// Short name of the field of bits.
     pub name: &'static str,
     /// Meaning of a single bit with value 0; empty if descriptions do not mention this value.
     pub zero: &'static str,

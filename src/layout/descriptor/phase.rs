@@ -41,7 +41,7 @@ pub struct Phases {
     pub phases: &'static [Phase],
 }
 
-/// A phase.
+/// A phase of a device, in which one of several overlaid structures is valid.
 pub struct Phase {
     /// Name of the phase in layouts and exported files.
     pub name: &'static str,

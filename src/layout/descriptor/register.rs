@@ -17,7 +17,7 @@ pub struct Register {
     pub group_bytes: u32,
     /// The vendor's name, for example `w_CPU_CONTROL`.
     pub name: &'static str,
-    /// Data type.
+    /// Data type of the register.
     pub ty: RegType,
     /// Offset of the (first) register in the structure, in bytes.
     pub offset: u32,
@@ -90,9 +90,9 @@ pub struct Dim {
 /// The writer of a register. All participants may read it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Owner {
-    /// The application.
+    /// The application (a PLC program) writes the register.
     Plc,
-    /// The firmware.
+    /// The firmware of the device writes the register.
     Firmware,
     /// Both sides write the register, in a handshake.
     Both,

@@ -46,7 +46,7 @@ impl<'a> Split<'a> {
 /// The target of a text that can mean a whole area.
 #[derive(Debug)]
 pub enum AreaOrRegisters {
-    /// The area.
+    /// The name means this area.
     Area(&'static Area),
     /// The registers that [`DeviceFit::registers`] finds.
     Registers(Vec<RegisterRef>),

@@ -21,7 +21,7 @@ impl Block {
         Block(words)
     }
 
-    /// Returns the words.
+    /// Returns the words of the block.
     #[inline]
     pub(crate) fn words(&self) -> &[u64; BLOCK] {
         &self.0

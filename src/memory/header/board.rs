@@ -16,7 +16,7 @@ pub struct Board {
     pub leds: Cell32,
     /// The character on the seven-segment display (ASCII) in bits 0 to 7, the decimal point in bit 8; 0 is dark.
     pub display: Cell32,
-    /// A [`RunSwitch`].
+    /// Position of the switch RUN/STOP/RESET, a [`RunSwitch`].
     pub switch: Cell32,
 }
 
@@ -93,7 +93,7 @@ codes! {
         Warm = 2,
         /// The start initializes no variables.
         Hot = 3,
-        /// The program stops.
+        /// The program must stop.
         Stop = 4,
     }
 }
@@ -150,21 +150,21 @@ pub struct BoardState {
     pub dip: u32,
     /// The DIP number in effect: the switches as they were at the last power-on or reset.
     pub dip_latched: u32,
-    /// The LEDs.
+    /// Value of the cell for the LEDs.
     pub leds: u32,
-    /// The seven-segment display.
+    /// Character on the seven-segment display.
     pub display: u32,
-    /// The [`RunSwitch`].
+    /// Position of the switch RUN/STOP/RESET, a [`RunSwitch`].
     pub switch: u32,
-    /// The [`Power`].
+    /// State of the supply, a [`Power`].
     pub power: u32,
-    /// The [`ProgramState`].
+    /// State of the PLC program, a [`ProgramState`].
     pub program: u32,
     /// The last requested [`Start`].
     pub start_kind: u32,
-    /// Power-ons and resets.
+    /// Number of power-ons and resets.
     pub restarts: u32,
-    /// The [`Project`].
+    /// Project on the board, a [`Project`].
     pub project: u32,
 }
 
@@ -214,7 +214,7 @@ pub enum BoardSetting {
     Leds(u8),
     /// Turns the RUN/STOP/RESET switch.
     Switch(RunSwitch),
-    /// Switches the supply.
+    /// Switches the supply on or off.
     Power(Power),
     /// Requests a start or a stop of the program.
     Start(Start),
@@ -228,7 +228,7 @@ pub enum BoardSetting {
     ModuleDip {
         /// Number of the port with the module.
         port: u8,
-        /// 0 to 31.
+        /// Number on the DIP switches, 0 to 31.
         dip: u8,
     },
     /// Sets a word of the front panel that clients write.

@@ -16,7 +16,7 @@ pub struct BoardAssignmentError {
 /// A [`BoardSetting`] as text. Its PLC is a name that was not looked up yet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BoardAssignment<'a> {
-    /// The parsed text.
+    /// The assignment as the user wrote it.
     pub text: &'a str,
     /// The PLC, if one is named.
     pub plc: Option<&'a str>,
@@ -176,11 +176,11 @@ impl BoardSetting {
 pub struct BoardWords {
     /// Character and point of the display; a blank if it is dark.
     pub display: Option<String>,
-    /// The LEDs: `2#0101`.
+    /// The LEDs as a binary number, for example `2#0101`.
     pub leds: Option<String>,
-    /// `run`, `stop`, `reset`.
+    /// Position of the switch: `run`, `stop` or `reset`.
     pub switch: Option<String>,
-    /// `on`, `off`.
+    /// State of the supply: `on` or `off`.
     pub power: String,
     /// Present position of the DIP switch.
     pub dip: Option<u32>,
@@ -190,9 +190,9 @@ pub struct BoardWords {
     pub program: Option<String>,
     /// The last start: `none`, `cold`, `warm`, `hot`, `stop`.
     pub start: Option<String>,
-    /// Power-ons and resets.
+    /// Number of power-ons and resets.
     pub restarts: u32,
-    /// `none`, `boot`, `sent`.
+    /// Project on the board: `none`, `boot` or `sent`.
     pub project: Option<String>,
 }
 

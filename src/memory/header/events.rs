@@ -26,7 +26,7 @@ pub struct Interrupt {
     pub answer: Cell32,
     /// An [`InterruptResult`], stored before `answer`. Output `x_ERR` of the function block is TRUE if it is not 0.
     pub result: Cell32,
-    /// Zero.
+    /// Reserved; always zero.
     pub reserved: Cell32,
 }
 
@@ -44,7 +44,7 @@ pub struct OptInit {
     pub answer: Cell32,
     /// An [`OptInitResult`], stored before `answer`.
     pub result: Cell32,
-    /// Zero.
+    /// Reserved; always zero.
     pub reserved: [Cell32; 4],
 }
 

@@ -12,7 +12,7 @@ pub struct InitialFlag {
     pub flag: Cell32,
     /// Width in bytes: 1, 2 or 4. The width must suit the address of the flag. 0 removes all initial values.
     pub width: Cell32,
-    /// The initial value.
+    /// Initial value for the flag.
     pub value: Cell32,
     /// Number of the request, different from `answer`; stored last.
     pub request: Cell32,

@@ -22,7 +22,7 @@ pub const SEAT_WAITS: u32 = 0x8000_0000;
 pub struct Seat {
     /// Process id of the task; 0 if the seat is free. A task takes the seat by compare-exchange.
     pub owner: Cell32,
-    /// A [`SeatState`].
+    /// State of the seat, a [`SeatState`].
     pub state: Cell32,
     /// Start time of the process `owner`: field 22 of `/proc/<pid>/stat`.
     pub owner_start: Cell64,
@@ -39,11 +39,11 @@ pub struct Seat {
     /// the task gets another turn after this emulated run time, in microseconds. With [`SEAT_WAITS`], the turn comes
     /// after this time at the latest.
     pub run_us: Cell32,
-    /// Zero.
+    /// Reserved; always zero.
     pub reserved_44: Cell32,
     /// Rung by the task at the end of its turn, after `run_us` was stored.
     pub done: Bell,
-    /// Zero.
+    /// Reserved; always zero.
     pub reserved_56: [Cell32; 2],
 }
 

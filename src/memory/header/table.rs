@@ -29,7 +29,7 @@ pub struct AreaEntry {
     pub file_offset: Cell32,
     /// Length of the area in bytes.
     pub size: Cell32,
-    /// Zero.
+    /// Reserved; always zero.
     pub reserved_40: [Cell32; 2],
 }
 
@@ -55,7 +55,7 @@ pub struct PortEntry {
     pub leds: Cell32,
     /// Role of the port on its medium: 0 none, because the module is missing; 1 master, 2 slave, 3 peer.
     pub role: Cell32,
-    /// Zero.
+    /// Reserved; always zero.
     pub reserved_56: [Cell32; 2],
 }
 
@@ -86,7 +86,7 @@ impl AreaEntry {
         self.size.store(area.bytes);
     }
 
-    /// Clears the entry.
+    /// Clears all cells of the entry.
     pub(super) fn clear(&self) {
         self.name.iter().chain(&self.space).for_each(|byte| byte.store(0));
         [&self.first, &self.unit, &self.file_offset, &self.size].into_iter().for_each(|cell| cell.store(0));
@@ -103,7 +103,7 @@ impl PortEntry {
         self.file_offset.store(port.area.first);
     }
 
-    /// Clears the entry.
+    /// Clears all cells of the entry.
     pub(super) fn clear(&self) {
         self.name.iter().chain(&self.medium).for_each(|byte| byte.store(0));
         let words =

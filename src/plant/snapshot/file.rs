@@ -15,7 +15,7 @@ pub(super) const FORMAT: u16 = 4;
 pub struct SnapshotFile {
     /// The text of the plant file.
     pub plant: String,
-    /// The snapshot.
+    /// The snapshot in the file.
     pub snapshot: Snapshot,
 }
 

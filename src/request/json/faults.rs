@@ -9,7 +9,7 @@ use serde::Serialize;
 #[derive(Serialize)]
 pub(crate) struct FaultJson {
     pub number: u16,
-    /// `waiting` or `acting`.
+    /// State of the fault: `waiting` or `acting`.
     pub state: &'static str,
     pub hits: u32,
     #[serde(flatten)]

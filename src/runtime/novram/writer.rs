@@ -21,7 +21,7 @@ enum Job {
     Restore(String, Content),
 }
 
-/// The writing thread.
+/// The thread that writes the NOVRAM.
 type Writer = JoinHandle<Result<(), NovramError>>;
 
 /// Writes the NOVRAM files of all PLCs. Dropping it waits until everything is written.
@@ -50,8 +50,8 @@ impl Keeper {
     }
 
     /// Writes the changes. `stored` returns the registers that a device has stored, or `None` if they are lost. Retain
-    /// flags are checked once a second, and in the `last` call, which also restores files that another program has damaged
-    /// or removed.
+    /// flags are checked once a second, and in the `last` call, which also restores files that another program has
+    /// damaged or removed.
     pub fn save<'a>(&mut self, stored: impl Fn(DeviceIndex) -> Option<(&'a [u8], u32)>, last: bool) {
         let Some((jobs, _)) = &self.writer else { return };
         let now = Instant::now();

@@ -67,7 +67,7 @@ impl Bench {
         }
     }
 
-    /// Advances the clock.
+    /// Advances the clock by `us` microseconds.
     pub(super) fn advance(&mut self, mut us: u64) -> Result<(), ScenarioError> {
         let most = self.slice_us();
         while us > most {

@@ -38,7 +38,7 @@ type RegisterKey = (DeviceIndex, u32);
 /// A line of the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum PictureLine {
-    /// A step.
+    /// The step with this index.
     Step(usize),
     /// The preceding lines are repeated: number of further repetitions, and index of their last step.
     Again(usize, usize),

@@ -18,7 +18,7 @@ const LAST_FRAMES: usize = 6;
 pub struct SeenFrame {
     /// Emulated time of the end of the frame, in microseconds.
     pub time_us: u64,
-    /// The frame.
+    /// The frame on the bus.
     pub frame: Frame,
     /// The meaning of the frame on a bus of the given kind; empty if it is not known.
     pub text: String,

@@ -26,9 +26,9 @@ pub struct Change {
     pub register: String,
     /// Address of the register.
     pub address: String,
-    /// Value before.
+    /// Value in the first snapshot.
     pub before: u32,
-    /// Value after.
+    /// Value in the second snapshot.
     pub after: u32,
     /// Both values with their meanings: `16#0001 ... -> 16#0002 ...`.
     pub text: String,

@@ -26,7 +26,7 @@ pub(crate) struct Stage {
     pub(super) directory: PathBuf,
     /// Longest emulated time, in microseconds.
     limit_us: u64,
-    /// Number of expectations.
+    /// Number of expectations that the script has checked so far.
     pub(super) expectations: u64,
     /// The plant file, if the plant was read from a file.
     plant_file: Option<PathBuf>,

@@ -68,7 +68,7 @@ impl RoundKind {
     }
 }
 
-/// A round.
+/// A round of `commram soak`: one random test.
 #[derive(Clone, Debug)]
 pub(crate) struct Round {
     /// The seed that determines the round.

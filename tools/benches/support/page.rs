@@ -30,7 +30,7 @@ pub(crate) struct Registers {
 // SAFETY: the structure consists of cells only, and IntoBytes proves that it has no padding.
 unsafe impl SharedRegs for Registers {}
 
-/// A mapped page.
+/// A page of memory that two processes map.
 pub(crate) struct Page {
     map: MmapRaw,
     /// The file keeps the memory reachable for [`Page::open`]; the memory has no name.

@@ -76,7 +76,7 @@ pub(crate) enum Target {
 pub(crate) struct Outcome {
     /// Name of the measured quantity.
     pub what: &'static str,
-    /// The latencies.
+    /// The measured latencies.
     pub samples: Samples,
     /// Target of the measurement.
     pub target: Target,

@@ -14,7 +14,7 @@ pub enum Status {
     Warning,
     /// The function did nothing; the caller may try another way.
     Discard,
-    /// The function failed.
+    /// The function failed with an error.
     Error,
     /// The instance can no longer be used.
     Fatal,
@@ -30,9 +30,9 @@ pub type IntermediateUpdate = Option<unsafe extern "C" fn()>;
 pub type ClockUpdate = Option<unsafe extern "C" fn()>;
 /// Never called: there are no clocks.
 pub type LockPreemption = Option<unsafe extern "C" fn()>;
-/// Never written.
+/// FMI type that this unit never writes.
 pub type DependencyKind = c_int;
-/// Never written.
+/// FMI type that this unit never writes.
 pub type IntervalQualifier = c_int;
 
 /// A function: name, types of the arguments, return type.
@@ -65,8 +65,8 @@ impl<E: std::error::Error> From<E> for Refused {
 
 /// Calls `what` with an instance; an error is reported to the log callback.
 pub(crate) fn with(instance: Instance, what: impl FnOnce(&mut Inner) -> Result<(), Refused>) -> Status {
-    // SAFETY: the caller has the pointer from `fmi3InstantiateCoSimulation`, has not freed it, and uses it in one thread at a
-    // time, as the standard demands.
+    // SAFETY: the caller has the pointer from `fmi3InstantiateCoSimulation`, has not freed it, and uses it in one
+    // thread at a time, as the standard demands.
     let Some(instance) = (unsafe { instance.cast::<Inner>().as_mut() }) else { return Status::Error };
     if instance.is_broken() {
         return Status::Fatal;

@@ -22,7 +22,7 @@ pub(crate) enum Mode {
     Broken,
 }
 
-/// Receiver of messages.
+/// The function of the importer that receives messages.
 #[derive(Clone, Copy)]
 struct Log {
     environment: *mut c_void,

@@ -18,7 +18,7 @@ pub struct Error {
 pub struct Location {
     /// The file, as a path that can be opened.
     pub file: PathBuf,
-    /// Line, from 1.
+    /// Number of the line, from 1.
     pub line: usize,
     /// Column in characters, from 1.
     pub column: usize,

@@ -1,4 +1,5 @@
-//! Device description files (GSD) of PROFIBUS-DP slaves: the properties of a device for masters, from a TOML file of its layout.
+//! Device description files (GSD) of PROFIBUS-DP slaves: the properties of a device for masters, from a TOML file of
+//! its layout.
 
 use crate::error::{Error, Reason};
 use crate::model::{Area, FieldType, Structure};
@@ -78,7 +79,7 @@ pub(crate) struct RawModule {
     from: Option<Provenance>,
 }
 
-/// The checked file.
+/// A device description file (GSD) that has been checked.
 pub(crate) struct Gsd {
     pub page: String,
     pub keys: Vec<Key>,

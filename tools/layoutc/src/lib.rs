@@ -59,7 +59,7 @@ pub fn compile(dir: &Path) -> Result<Compiled, Error> {
 
 /// A layout that was read and checked.
 pub struct Layout {
-    /// The checked layout.
+    /// The layout of the device, after all checks.
     pub device: model::Device,
     /// Hash over all properties that affect addresses or widths.
     pub layout_hash: u64,
@@ -75,8 +75,8 @@ pub fn read(dir: &Path) -> Result<Layout, Error> {
     read_from(source::Sources::new(dir))
 }
 
-/// Reads the layout in the folder `dir`. The author of the folder may be unknown, so all files must be in the folder itself
-/// and must not be links.
+/// Reads the layout in the folder `dir`. The author of the folder may be unknown, so all files must be in the folder
+/// itself and must not be links.
 ///
 /// # Errors
 /// The error with its place, if the layout has one.

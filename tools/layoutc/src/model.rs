@@ -67,7 +67,7 @@ pub struct Phase {
     pub from: u32,
     /// End of the names of variables that the manual does not name.
     pub variable: String,
-    /// Purpose.
+    /// Purpose, as text for the documentation.
     pub doc: String,
 }
 
@@ -86,7 +86,7 @@ pub(crate) const ALWAYS: &str = "always";
 pub struct FrontWord {
     /// Name, letter for letter as in the manual.
     pub name: String,
-    /// Data type.
+    /// Data type of the register.
     pub scalar: Scalar,
     /// First byte in the front panel.
     pub offset: u32,
@@ -100,7 +100,7 @@ pub struct FrontWord {
     pub source: Provenance,
     /// Pages of the manual.
     pub page: String,
-    /// Purpose.
+    /// Purpose, as text for the documentation.
     pub doc: String,
 }
 
@@ -108,7 +108,7 @@ pub struct FrontWord {
 pub struct Port {
     /// Name, letter for letter as in the manual.
     pub name: String,
-    /// Number, from 1.
+    /// Number of the port, from 1.
     pub number: u8,
     /// Kind of the medium.
     pub medium: String,
@@ -149,7 +149,7 @@ pub struct Space {
     pub bytes: u32,
     /// Pages of the manual.
     pub page: String,
-    /// Purpose.
+    /// Purpose, as text for the documentation.
     pub doc: String,
 }
 
@@ -190,7 +190,7 @@ pub struct Area {
     pub cpu: Option<(u32, u32)>,
     /// Pages of the manual.
     pub page: String,
-    /// Purpose.
+    /// Purpose, as text for the documentation.
     pub doc: String,
     /// Structures of registers.
     pub structures: Vec<AreaStructure>,
@@ -224,7 +224,7 @@ pub struct Structure {
     pub align: u32,
     /// Pages of the manual.
     pub page: String,
-    /// Purpose.
+    /// Purpose, as text for the documentation.
     pub doc: String,
     /// True if the meaning belongs to the family.
     pub shared: bool,
@@ -260,7 +260,7 @@ pub struct Field {
     pub reset: u32,
     /// Pages of the manual.
     pub page: String,
-    /// Purpose.
+    /// Purpose, as text for the documentation.
     pub doc: String,
     /// Index into [`Device::meanings`].
     pub meaning: Option<usize>,
@@ -279,7 +279,7 @@ pub struct Field {
 /// A dimension of an array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Dim {
-    /// Number of elements.
+    /// Number of elements of the array.
     pub count: u32,
     /// Elements from this index on are reserved.
     pub used: u32,

@@ -58,7 +58,7 @@ enum Default {
     Text(String),
 }
 
-/// A checked entry.
+/// An entry of the object dictionary that has been checked.
 pub(crate) struct Object {
     pub index: u16,
     pub sub: u8,

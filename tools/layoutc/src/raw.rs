@@ -19,7 +19,7 @@ pub(crate) struct Family {
     pub structures: Vec<Spanned<String>>,
 }
 
-/// `device.toml`.
+/// Content of the file `device.toml`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Device {
@@ -99,11 +99,11 @@ pub(crate) struct Space {
 /// The letters after the `%` of an address.
 #[derive(Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Letter {
-    /// Inputs.
+    /// Space of inputs.
     I,
-    /// Outputs.
+    /// Space of outputs.
     Q,
-    /// Flags.
+    /// Space of flags.
     M,
     /// The front panel, which layouts do not place.
     #[serde(skip)]
@@ -323,9 +323,9 @@ pub(crate) struct Entry {
 #[derive(Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
 #[serde(rename_all = "lowercase")]
 pub enum Owner {
-    /// The application.
+    /// The application (a PLC program) writes the register.
     Plc,
-    /// The firmware.
+    /// The firmware of the device writes the register.
     Firmware,
     /// Application and firmware, in a handshake.
     Both,

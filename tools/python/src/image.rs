@@ -29,7 +29,7 @@ const USUAL: &str = "line";
 pub(crate) struct PyImage {
     attached: RwLock<Option<Arc<Attached>>>,
     fitted: DeviceFit,
-    /// Resolved names.
+    /// Locations of names that have been looked up.
     found: Mutex<HashMap<String, Arc<NamedLocation>>>,
     #[pyo3(get)]
     instance: String,

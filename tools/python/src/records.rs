@@ -101,13 +101,13 @@ impl Record {
 #[pyclass(module = "commram._native", frozen, eq, get_all)]
 #[derive(Clone, PartialEq)]
 pub(crate) struct Finding {
-    /// "error" or "warning".
+    /// Severity of the rule: "error" or "warning".
     severity: String,
     rule: String,
     register: String,
     /// The value last written.
     value: u32,
-    /// Number of occurrences.
+    /// Number of occurrences of the finding.
     count: u64,
     /// Emulated time of the first occurrence, in microseconds.
     time: u64,
@@ -152,7 +152,7 @@ pub(crate) struct Fault {
     text: String,
     /// True if the fault has begun.
     acting: bool,
-    /// Number of hits.
+    /// Number of hits of the fault so far.
     hits: u32,
 }
 

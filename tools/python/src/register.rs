@@ -59,7 +59,7 @@ impl Register {
         self.place.ty(self.place.last_phase()).name()
     }
 
-    /// Width in bytes.
+    /// Width of the register in bytes.
     #[getter]
     fn width(&self) -> u32 {
         self.place.width().bytes()
@@ -71,7 +71,7 @@ impl Register {
         self.known.map_or(Owner::Both, |known| known.owner()).to_string()
     }
 
-    /// Value after power-on.
+    /// Value of the register after power-on.
     #[getter]
     fn reset(&self) -> u32 {
         self.known.map_or(0, |known| known.reset())

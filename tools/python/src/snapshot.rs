@@ -6,7 +6,8 @@ use commram::script::MemoryCopy;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// The registers of one area or of all at one moment. It cannot be restored: it lacks the internal state of the firmware.
+/// The registers of one area or of all at one moment. It cannot be restored: it lacks the internal state of the
+/// firmware.
 #[pyclass(module = "commram._native", frozen)]
 #[derive(Clone)]
 pub(crate) struct Snapshot {
@@ -33,7 +34,7 @@ impl Snapshot {
 
 #[pymethods]
 impl Snapshot {
-    /// The areas.
+    /// Names of the areas in the snapshot.
     #[getter]
     fn areas(&self) -> Vec<String> {
         self.copies.iter().map(MemoryCopy::area).collect()

@@ -7,7 +7,7 @@ use loom::thread;
 /// Behaviour of the modelled file system.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum System {
-    /// Behaves like Linux.
+    /// The model behaves like Linux.
     Right,
     /// Fault: a process does not detect that the name now belongs to another file.
     NamesStay,

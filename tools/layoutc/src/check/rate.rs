@@ -6,7 +6,7 @@ use crate::raw;
 use crate::source::{Sources, at};
 use toml::Spanned;
 
-/// Checks one line.
+/// Checks one line of the table of baud rates.
 pub(crate) fn check(sources: &Sources, file: usize, raw: &raw::BaudRate) -> Result<BaudRate, Error> {
     let numbers = vec![
         ("kbit_per_s", raw.kbit_per_s.into()),

@@ -17,9 +17,9 @@ pub struct DeclarationError {
 /// A place in the text: line and column in characters, both from 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TextPosition {
-    /// Line.
+    /// Number of the line, from 1.
     pub line: usize,
-    /// Column.
+    /// Number of the column, from 1.
     pub column: usize,
 }
 

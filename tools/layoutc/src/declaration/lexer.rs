@@ -11,7 +11,7 @@ pub(crate) enum Token<'a> {
     Number(&'a str),
     /// The address of a variable: `%MB3.200000`.
     Direct,
-    /// A string literal.
+    /// The token is a string literal.
     Text,
     /// Any other symbol.
     Symbol(&'static str),

@@ -78,18 +78,18 @@ impl Alignment {
 pub struct Shape {
     /// Numbers of elements of the dimensions, outermost first. Empty if the type is not an array.
     pub counts: Vec<u32>,
-    /// The element's type.
+    /// Type of the elements.
     pub element: Element,
     /// Size of one element, in bytes.
     pub size: u32,
 }
 
-/// An element.
+/// Type of an element.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Element {
     /// An elementary type, with its name in capitals.
     Scalar(&'static str),
-    /// A structure.
+    /// The element is a structure.
     Struct(TypeId),
 }
 

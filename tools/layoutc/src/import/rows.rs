@@ -53,6 +53,6 @@ pub struct Row {
     pub before: Option<u32>,
     /// Offset or size in the declaration.
     pub after: Option<u32>,
-    /// Additional remark.
+    /// Additional remark in the row.
     pub remark: String,
 }
