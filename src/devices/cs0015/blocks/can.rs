@@ -8,7 +8,7 @@ function_block! {
     /// Sets the bit rate, which takes effect at once and is stored (p. 31).
     pub struct CAN_BAUDRATE(jobs: Jobs) {
         in {
-            /// TRUE gives an order to the operating system, in every call.
+            /// Each call with TRUE gives an order to the operating system.
             ENABLE: bool;
             /// Bit rate in kbit/s: 10, 20, 50, 100, 125, 250, 500, 1000.
             BAUDRATE: u16;
@@ -41,7 +41,7 @@ function_block! {
             DLC: u8;
             /// Data bytes of the message.
             DATA: [u8; 8];
-            /// TRUE gives an order to the operating system, in every call.
+            /// Each call with TRUE gives an order to the operating system.
             ENABLE: bool;
         }
         out {

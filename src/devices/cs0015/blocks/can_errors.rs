@@ -8,7 +8,7 @@ function_block! {
     /// Starts the return of a BUS-off controller to the bus (p. 35).
     pub struct CAN_RESTART(jobs: Jobs) {
         in {
-            /// TRUE gives an order to the operating system, in every call.
+            /// Each call with TRUE gives an order to the operating system.
             ENABLE: bool;
         }
         out {

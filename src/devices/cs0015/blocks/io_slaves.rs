@@ -44,7 +44,7 @@ function_block! {
     /// Sends SYNC objects and guards the nodes; to be called in every cycle (p. 75).
     pub struct COP_MSTR_MAIN(jobs: Jobs) {
         in {
-            /// TRUE gives an order to the operating system, in every call.
+            /// Each call with TRUE gives an order to the operating system.
             ENABLE: bool;
             /// Number of nodes, without the master.
             NO_NODE: u8;
@@ -190,7 +190,7 @@ macro_rules! work {
             $(#[$doc])*
             pub struct $name(jobs: Jobs) {
                 in {
-                    /// TRUE gives an order to the operating system, in every call.
+                    /// Each call with TRUE gives an order to the operating system.
                     ENABLE: bool;
                     /// Registers the module, in the first cycle.
                     INIT: bool;

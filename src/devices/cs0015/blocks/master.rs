@@ -12,7 +12,7 @@ macro_rules! of_node {
             $(#[$doc])*
             pub struct $name(jobs: Jobs) {
                 in {
-                    /// TRUE gives an order to the operating system, in every call.
+                    /// Each call with TRUE gives an order to the operating system.
                     ENABLE: bool;
                     /// Number of the node, 1 to 127; 0: all.
                     NODE: u8;
@@ -74,7 +74,7 @@ macro_rules! of_master {
             $(#[$doc])*
             pub struct $name(jobs: Jobs) {
                 in {
-                    /// TRUE gives an order to the operating system, in every call.
+                    /// Each call with TRUE gives an order to the operating system.
                     ENABLE: bool;
                 }
                 out {
@@ -105,7 +105,7 @@ function_block! {
     /// Adds a node to the master (p. 55).
     pub struct NMM_ADD_NODE(jobs: Jobs) {
         in {
-            /// TRUE gives an order to the operating system, in every call.
+            /// Each call with TRUE gives an order to the operating system.
             ENABLE: bool;
             /// Number of the node, 1 to 127.
             NODE: u8;
@@ -140,7 +140,7 @@ function_block! {
     /// Guards the nodes with started guarding; to be called in every cycle (p. 59).
     pub struct NMM_NODE_GUARDING(jobs: Jobs) {
         in {
-            /// TRUE gives an order to the operating system, in every call.
+            /// Each call with TRUE gives an order to the operating system.
             ENABLE: bool;
             /// Makes a returning node Operational.
             AUTO_RESTART: bool;
@@ -171,7 +171,7 @@ function_block! {
     /// Sends a SYNC object (p. 67).
     pub struct PDO_SEND_SYNC_OBJ(jobs: Jobs) {
         in {
-            /// TRUE gives an order to the operating system, in every call.
+            /// Each call with TRUE gives an order to the operating system.
             ENABLE: bool;
         }
         out {
@@ -197,7 +197,7 @@ function_block! {
     /// Returns the emergencies of the nodes, the oldest first (p. 68).
     pub struct EMC_GET_EMERGENCY(jobs: Jobs) {
         in {
-            /// TRUE gives an order to the operating system, in every call.
+            /// Each call with TRUE gives an order to the operating system.
             ENABLE: bool;
         }
         out {

@@ -9,7 +9,7 @@ function_block! {
     /// Sets the Node-ID, which takes effect at once and is stored (p. 45).
     pub struct NMS_SET_NODEID(jobs: Jobs) {
         in {
-            /// TRUE gives an order to the operating system, in every call.
+            /// Each call with TRUE gives an order to the operating system.
             ENABLE: bool;
             /// Node-ID, 1 to 30.
             NODEID: u8;
@@ -34,7 +34,7 @@ function_block! {
     /// Sets the supervision of the master by the slave (p. 46).
     pub struct NMS_GUARDING_CONFIG(jobs: Jobs) {
         in {
-            /// TRUE gives an order to the operating system, in every call.
+            /// Each call with TRUE gives an order to the operating system.
             ENABLE: bool;
             /// Time between two guarding objects, to 65535 ms; 0: off.
             GUARDTIME: Duration;
@@ -64,7 +64,7 @@ function_block! {
     /// Configures a transmit PDO, and resets the communication (p. 47-48).
     pub struct PDO_TX_CONFIG(jobs: Jobs) {
         in {
-            /// TRUE gives an order to the operating system, in every call.
+            /// Each call with TRUE gives an order to the operating system.
             ENABLE: bool;
             /// Number of the PDO, 1 to 8.
             PDO: u8;
@@ -95,7 +95,7 @@ function_block! {
     /// Configures a receive PDO, and resets the communication (p. 49-50).
     pub struct PDO_RX_CONFIG(jobs: Jobs) {
         in {
-            /// TRUE gives an order to the operating system, in every call.
+            /// Each call with TRUE gives an order to the operating system.
             ENABLE: bool;
             /// Number of the PDO, 1 to 8.
             PDO: u8;

@@ -9,7 +9,7 @@ function_block! {
     /// Restarts the controller, as after switching the supply off and on (p. 106).
     pub struct SOFTRESET(jobs: Jobs) {
         in {
-            /// TRUE gives an order to the operating system, in every call.
+            /// Each call with TRUE gives an order to the operating system.
             ENABLE: bool;
         }
         out {
@@ -70,7 +70,7 @@ function_block! {
     /// Sends a byte by RS 232 (p. 112). Needs SERIAL_MODE.
     pub struct SERIAL_TX(jobs: Jobs) {
         in {
-            /// TRUE gives an order to the operating system, in every call.
+            /// Each call with TRUE gives an order to the operating system.
             ENABLE: bool;
             /// The byte to send.
             DATA: u8;
