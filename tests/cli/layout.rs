@@ -333,7 +333,7 @@ fn a_library_laid_out_as_the_tables_of_the_bmaxx_plc_is_taken_over() {
     );
 }
 
-/// Decision D-368: the addresses of the CAN-DP/2's image are ours, so no file of a vendor confirms them.
+/// Decision D-368: the addresses of the CAN-DP/2's image are commram's own, so no file of a vendor confirms them.
 #[test]
 fn a_device_without_a_library_is_not_confirmed() {
     for device in ["can-dp2", "cr201x", "cs0015"] {

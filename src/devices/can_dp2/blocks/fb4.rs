@@ -162,9 +162,9 @@ function_block! {
             READ_DATA7: u8;
             /// Number of received bytes.
             READ_LEN: u8;
-            /// Octet 14 of the window, by its name in the example of p. 79; by p. 41 the returned sub-command.
+            /// Octet 14 of the window, by its name in the example of p. 79; according to p. 41 the returned sub-command.
             READ_FIFO_COUNT: u8;
-            /// Octet 15 of the window, by its name in the example of p. 79; by p. 41 an error code that is always 0.
+            /// Octet 15 of the window, by its name in the example of p. 79; according to p. 41 an error code that is always 0.
             READ_COMMAND: u8;
             /// 0: good; 1: no window at READ_ADDRESS (D-469).
             READ_RET_VAL: u16;

@@ -23,7 +23,7 @@ fn other_value(index: u16, sub: u8) -> Option<u32> {
     })
 }
 
-/// Entries saved by p. 155. A reset of the communication sets the others to their defaults, except words of PDOs, which
+/// Entries saved according to p. 155. A reset of the communication sets the others to their defaults, except words of PDOs, which
 /// are flags of the program.
 const SAVED: [u16; 6] = [0x1005, 0x1006, 0x100C, 0x100D, 0x100E, 0x1014];
 
