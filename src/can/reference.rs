@@ -48,7 +48,7 @@ pub(super) fn stuffed_part(frame: &Frame) -> Vec<bool> {
     bits
 }
 
-/// Does the same for a frame with stuff bits.
+/// Returns the bits of a frame on the wire, with stuff bits.
 fn with_stuff_bits(frame: &Frame) -> Vec<bool> {
     let (mut sent, mut last, mut run) = (Vec::new(), true, 0);
     for bit in stuffed_part(frame) {

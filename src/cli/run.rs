@@ -111,7 +111,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let detached = args.detached.then(|| Detached::begin(args.log.as_deref())).transpose()?;
     let clock = args.settings.clock()?;
     args.federate.check(clock, args.settings.keeps_novram())?;
-    // From here on a signal ends the emulator in an orderly way, unless the start hangs.
+    // From here on a signal ends the emulator cleanly, unless the start hangs.
     let signals = TerminationSignals::take()?;
     end_at_second_ctrl_c()?;
     if let Some(parent) = args.parent {

@@ -274,7 +274,7 @@ fn stop(name: &str, running: &RunningInstance) -> Result<(), CliError> {
         let_go_on()?;
         running.wait(LOOK);
     }
-    // An emulator that ends in an orderly way leaves no files.
+    // An emulator that ends cleanly leaves no files.
     if running.has_left_files() {
         return Err(CliError::Dead { instance: name.to_owned(), pid: pid.unwrap_or_default() });
     }

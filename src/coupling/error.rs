@@ -15,7 +15,7 @@ pub enum CouplingError {
         /// The error in the file.
         what: String,
     },
-    /// The plant has no such value.
+    /// The plant has no value with the name in the file.
     #[error("the exchange names '{name}': {why}")]
     Unknown {
         /// Name of a value, as the file with the exchanges gives it.

@@ -268,7 +268,7 @@ impl Journal {
         self.changes_for(0, from, max)
     }
 
-    /// Does the same for a client.
+    /// Does the same as [`Journal::changes`] for the registers that a client follows.
     pub(crate) fn changes_for(&mut self, client: u128, from: u64, max: usize) -> (Vec<Change>, u64) {
         self.history.read(client, from, max)
     }

@@ -46,7 +46,8 @@ impl Plant {
         self.follow_registers_for(0, plc, offset, len, keep)
     }
 
-    /// Does the same for a client, which may follow at most as many registers as it leaves to others.
+    /// Does the same as [`Plant::follow_registers`] for a client, which may follow at most as many registers as are
+    /// still free for other clients.
     pub(crate) fn follow_registers_for(
         &mut self,
         client: u128,
@@ -71,7 +72,7 @@ impl Plant {
         self.journal.changes(from, max)
     }
 
-    /// Does the same for a client that follows registers.
+    /// Does the same as [`Plant::changes`] for the registers that a client follows.
     pub(crate) fn changes_for(&mut self, client: u128, from: u64, max: usize) -> (Vec<Change>, u64) {
         self.journal.changes_for(client, from, max)
     }

@@ -28,7 +28,7 @@ impl Code {
     pub const NEVER_MATCHES: Self = Self(7);
     /// The instance has no PLC of that number.
     pub const UNKNOWN_PLC: Self = Self(8);
-    /// The time cannot be stepped.
+    /// The clock runs in real time, so a client cannot advance it.
     pub const CLOCK_IS_REAL_TIME: Self = Self(9);
     /// The clock is stepped, and a stepped clock has no speed.
     pub const CLOCK_IS_STEPPED: Self = Self(16);

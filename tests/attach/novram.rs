@@ -34,7 +34,7 @@ fn the_exit_code_reports_a_lost_flag() {
     assert_eq!(emulator.wait().code(), Some(1));
     let complaints = emulator.complaints();
     assert!(complaints.contains("the last changes are lost"), "{complaints}");
-    assert!(emulator.files().is_empty(), "the rest ends in good order");
+    assert!(emulator.files().is_empty(), "the rest ends cleanly");
 }
 
 #[test]

@@ -30,7 +30,7 @@ fn with_frames(time: &str) -> Emulator {
     emulator
 }
 
-/// Does the same in active operation, with one reference value sent.
+/// Starts a plant in active operation, with one reference value sent.
 fn in_operation() -> Emulator {
     let emulator = with_frames("1.1s");
     emulator.poke(&["node2._CFG_WRC_WORD.b_CFG_WRC1_WORD0=16#01", "node2.w_CPU_CONTROL=16#0040"]);
@@ -439,7 +439,8 @@ fn an_external_reader_finds_registers_frames_and_sync_in_waveforms() {
     }
 }
 
-/// Power-on makes `b_AC` of the initialization data live again, and the reset changes `b_CTRLREG_WRC2` at the same address.
+/// Power-on makes `b_AC` of the initialization data live again, and the reset changes `b_CTRLREG_WRC2` at the same
+/// address.
 #[test]
 fn a_waveform_shows_the_memory_of_registers_that_were_not_live() {
     let emulator = Emulator::start(&["--clock", "stepped", "--record", "node2"]);

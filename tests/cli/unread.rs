@@ -1,4 +1,4 @@
-//! Commands with unread outputs: the first signal ends them in good order, and an emulator serves its clients.
+//! Commands with unread outputs: the first signal ends them cleanly, and an emulator serves its clients.
 
 use crate::common::{Emulator, commram, eventually, files_of, finish, promised, unique_name, wait_for};
 use crate::following::{full_pipe, is_blocked_by_output, signal};

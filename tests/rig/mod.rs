@@ -24,7 +24,7 @@ pub(crate) use kinds::{FASTEST, NodeDevice, NodePlace, OMEGA_RATES, RATES, Rate}
 use std::ops::RangeBounds;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Memory of the plant's RAM.
+/// Kind of memory in which the plant has its RAM.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Memory {
     /// Heap memory of this process.

@@ -46,7 +46,7 @@ impl Interrupts {
 }
 
 /// Builds a command that starts this program with a subcommand. The child ends when this process ends. The child does
-/// not receive Ctrl-C from the terminal, because this process ends it in an orderly way.
+/// not receive Ctrl-C from the terminal, because this process ends it cleanly.
 ///
 /// # Errors
 /// The path of this program is unknown.
@@ -139,7 +139,7 @@ impl Emulator {
         Ok(self.child.try_wait().map_err(process_error)?.is_some())
     }
 
-    /// Ends the emulator in an orderly way.
+    /// Ends the emulator cleanly.
     ///
     /// # Errors
     /// The emulator does not end, or ends with an error.
@@ -195,8 +195,8 @@ impl Drop for SoftPlc {
     }
 }
 
-/// Sends SIGTERM to a process, lets it continue if it was stopped, and waits for its end; kills it if it does not end in
-/// time.
+/// Sends SIGTERM to a process, lets it continue if it was stopped, and waits for its end; kills it if it does not end
+/// in time.
 ///
 /// # Errors
 /// The operating system refuses the operation.

@@ -59,7 +59,7 @@ impl Ending {
     }
 }
 
-/// Handles signals. The first signal ends the server in an orderly way; a second Ctrl-C ends it at once. Other signals
+/// Handles signals. The first signal ends the server cleanly; a second Ctrl-C ends it at once. Other signals
 /// may arrive repeatedly: a killed emulator sends one for each of its threads.
 fn watch_signals(sender: Arc<watch::Sender<bool>>, by_signal: Arc<AtomicBool>) -> Result<(), CliError> {
     let refused = |reason: io::Error| CliError::Signals { reason };

@@ -161,7 +161,6 @@ mod tests {
         }
     }
 
-    /// Vectors T27 and T28.
     #[test]
     fn a_changed_value_is_sent_and_waits_for_the_inhibit_time() {
         let mut pdo = Transmit::default();
@@ -176,7 +175,6 @@ mod tests {
         assert!(!pdo.sync(EVENT, value(4)));
     }
 
-    /// Vector T26.
     #[test]
     fn synchronous_pdos_are_sent_at_their_turn() {
         let turns = |kind| {

@@ -173,7 +173,6 @@ mod tests {
         assert_eq!((taken.first(), taken.last(), channels.pwm_hz), (Some(&20), Some(&200), 200));
     }
 
-    /// Vector T35.
     #[test]
     fn the_sign_of_a_pair_says_which_connector_is_driven() {
         let mut channels = Channels::new(Model::Cr2011);

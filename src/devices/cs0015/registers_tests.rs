@@ -46,7 +46,7 @@ fn every_flag_has_an_address() {
     assert!(DEVICE.address("%MW4096").is_ok_and(|it| DEVICE.area_at(it).unwrap().name == "jobs"), "D-434");
 }
 
-/// Vectors T33 and T34: p. 71.
+/// Manual p. 71.
 #[test]
 fn the_numbers_of_slave_words_contain_node_and_connector() {
     for (node, connector, expected) in [(1, 3, "%MW1012"), (2, 8, "%MW1027"), (32, 8, "%MW1327")] {

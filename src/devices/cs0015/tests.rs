@@ -1,4 +1,4 @@
-//! A CS0015 on a bus with a test master: the test vectors of the manual, to the microsecond.
+//! A CS0015 on a bus with a test master: the behaviour that the manual describes, to the microsecond.
 
 mod can_errors;
 mod can_jobs;

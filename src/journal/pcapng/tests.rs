@@ -22,7 +22,7 @@ fn log(is_big: bool, link: u16, options: Options, ticks: u64, packet: &[u8]) -> 
     log_with(is_big, link, options, ticks, packet, &[])
 }
 
-/// Does the same, with options of the packet.
+/// Returns a log as [`log`] does, and gives the packet block options.
 fn log_with(
     is_big: bool,
     link: u16,

@@ -1,8 +1,8 @@
 //! Child processes that cannot outlive the benchmark.
 //!
 //! A child is another process of this executable; its first argument selects a role instead of measuring. Its standard
-//! input is a pipe without data: when the benchmark ends, for any reason, the pipe breaks and the child ends in an
-//! orderly way.
+//! input is a pipe without data: when the benchmark ends, for any reason, the pipe breaks and the child ends
+//! cleanly.
 
 use super::PATIENCE;
 use signal_hook::consts::{SIGINT, SIGTERM};

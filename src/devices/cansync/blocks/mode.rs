@@ -35,7 +35,7 @@ macro_rules! mode {
                     x_ASYNC_MODE1: bool;
                 }
                 out {
-                    /// Handshake active (`w_OPTION_STATUS` 16#0001).
+                    /// TRUE while the handshake is active (`w_OPTION_STATUS` is 16#0001).
                     x_HS_ACTIV: bool;
                     /// Waits for initialization data (16#0002).
                     x_INIT_POSSIBLE: bool;

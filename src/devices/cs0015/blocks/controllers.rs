@@ -159,7 +159,6 @@ mod tests {
         Duration::from_millis(ms)
     }
 
-    /// Vector T54.
     #[test]
     fn the_setpoint_alone_drives() {
         let ram = ram();

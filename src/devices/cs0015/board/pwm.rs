@@ -169,7 +169,8 @@ impl Pwm {
         }
     }
 
-    /// Changes the ratio of a channel: block `PWM` with input CHANGE (CS0015 p. 92). No effect before the channel's group was initialised.
+    /// Changes the ratio of a channel: block `PWM` with input CHANGE (CS0015 p. 92). No effect before the channel's
+    /// group was initialised.
     pub(crate) fn set(&mut self, channel: u8, value: u16) {
         self.put(channel.into(), |_, _| value);
     }
@@ -212,7 +213,7 @@ impl Pwm {
 mod tests {
     use super::*;
 
-    /// Vector T29; p. 88-89.
+    /// Manual p. 88-89.
     #[test]
     fn channels_0_to_3_count_down_from_reload() {
         let mut pwm = Pwm::default();
@@ -229,7 +230,7 @@ mod tests {
         assert_eq!((pwm.duty(3), pwm.outputs(), pwm.on()), (6_997, 0x0F, 0x08));
     }
 
-    /// Vector T30; p. 90-91.
+    /// Manual p. 90-91.
     #[test]
     fn channels_4_to_7_count_up_and_have_one_frequency() {
         let mut pwm = Pwm::default();

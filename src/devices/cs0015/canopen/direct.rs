@@ -103,7 +103,6 @@ mod tests {
         Some(ReceivedMessage { available, has_overflown, data: data.to_vec() })
     }
 
-    /// Vectors T7, T8 and T9.
     #[test]
     fn thirty_messages_wait_and_the_oldest_comes_first() {
         let mut direct = Direct::default();

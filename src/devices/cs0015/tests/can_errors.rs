@@ -31,7 +31,6 @@ fn device_type(bench: &mut Bench) -> Vec<(u16, Vec<u8>)> {
     bench.exchange(0x620, &[0x40, 0, 0x10, 0, 0, 0, 0, 0])
 }
 
-/// Vector T11.
 #[test]
 fn only_can_restart_ends_bus_off() {
     let mut bench = attached();

@@ -13,7 +13,7 @@ fn receive(bench: &mut Bench, id: u32) -> (u32, u32, Vec<u8>) {
     (results[2], results[3], bench.answer_data())
 }
 
-/// Vectors T7 to T9; p. 28: after power-on the device is on the bus without CANopen.
+/// Manual p. 28: after power-on the device is on the bus without CANopen.
 #[test]
 fn messages_wait_for_the_program() {
     let mut bench = Bench::running(ATTACHED);
@@ -52,7 +52,6 @@ fn with_canopen_messages_wait_until_the_master_resets_the_node() {
     assert_eq!(bench.job(job::CAN_RECEIVE, &[0, 0, 0x111]).0, job_error::STATE);
 }
 
-/// Vector T10.
 #[test]
 fn a_message_is_taken_when_the_controller_is_free() {
     let mut bench = Bench::running(ATTACHED);

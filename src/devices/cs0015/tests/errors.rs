@@ -16,7 +16,7 @@ fn guard(bench: &mut Bench) -> Vec<(u16, Vec<u8>)> {
     bench.heard()
 }
 
-/// Vectors T13 and T15; p. 42-44.
+/// Manual p. 42-44.
 #[test]
 fn a_node_that_was_guarded_once_reports_a_missing_master() {
     let mut bench = guarded();
@@ -57,7 +57,6 @@ fn a_program_sets_the_supervision_of_its_master() {
     assert_eq!(fails(&bench), (1, 1));
 }
 
-/// Vector T14.
 #[test]
 fn without_a_guard_time_no_master_is_missed() {
     let mut bench = Bench::running("");
@@ -75,7 +74,7 @@ fn a_reset_of_the_communication_restarts_the_toggle_bit() {
     assert_eq!(guard(&mut bench), [(0x720, vec![0xFF])]);
 }
 
-/// Vector T16; p. 44, 46.
+/// Manual p. 44, 46.
 #[test]
 fn a_missing_sync_is_reported() {
     let mut bench = Bench::running("");

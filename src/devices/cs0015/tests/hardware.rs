@@ -96,7 +96,7 @@ fn supply_and_temperature_have_separate_bits() {
     }
 }
 
-/// Manual p. 107; vector T40.
+/// Manual p. 107.
 #[test]
 fn when_the_supply_drops_retain_flags_are_saved() {
     let mut bench = Bench::operational("");
@@ -166,7 +166,7 @@ fn only_a_reset_ends_a_fatal_error() {
     assert_eq!((bench.state(), bench.stat()), ("run".to_owned(), "green 0.5 Hz".to_owned()));
 }
 
-/// Manual p. 13-16; vector T52; D-464.
+/// Manual p. 13-16; D-464.
 #[test]
 fn without_an_operating_system_only_a_download_helps() {
     let mut bench = Bench::operational("");

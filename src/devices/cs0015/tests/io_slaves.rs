@@ -61,7 +61,7 @@ fn configure(bench: &mut Bench, values: &mut [u8]) -> Vec<(u16, u8, bool)> {
     asked
 }
 
-/// Vectors T33 and T34: positions of a module's words.
+/// Positions of a module's words.
 fn word(bench: &Bench, number: u32) -> u32 {
     bench.segment.load(8192 + 2 * number, crate::layout::Width::Word).unwrap()
 }
@@ -142,7 +142,7 @@ fn a_cr2010_is_configured_and_its_words_are_exchanged() {
     );
 }
 
-/// Manual p. 81-85; vector T35.
+/// Manual p. 81-85.
 #[test]
 fn a_cr2011_has_signed_setpoints_and_reports_its_current() {
     let mut bench = booted();

@@ -50,7 +50,6 @@ fn an_attached_program_gets_an_event_for_each_cycle() {
     assert_eq!((bench.device.event_level(CYCLE), bench.device.event_level(0)), (Some(1), None));
 }
 
-/// Vector T3, by the program.
 #[test]
 fn a_node_id_is_in_force_at_once_and_kept() {
     let mut bench = canopen();
@@ -65,7 +64,6 @@ fn a_node_id_is_in_force_at_once_and_kept() {
     assert_eq!(bench.registers.flags.NODEID.load(), 5);
 }
 
-/// Vector T6.
 #[test]
 fn a_bit_rate_is_in_force_at_once_and_kept() {
     let mut bench = operational();
@@ -81,7 +79,7 @@ fn a_bit_rate_is_in_force_at_once_and_kept() {
     assert_eq!(bench.exchange(0x620, &[0x40, 0xF2, 0x20, 0, 0, 0, 0, 0])[0].1[4], 3, "125 kbit/s");
 }
 
-/// Manual p. 47-51, vectors T26 and T28.
+/// Manual p. 47-51.
 #[test]
 fn pdos_are_configured_and_repeated() {
     let mut bench = operational();
@@ -115,7 +113,6 @@ fn pdos_are_configured_and_repeated() {
     assert_eq!(bench.registers.flags.COP_PREOPERATIONAL.load(), 0, "nothing was done");
 }
 
-/// Vector T13, by the program.
 #[test]
 fn a_running_program_sets_the_supervision_of_its_master() {
     let mut bench = operational();

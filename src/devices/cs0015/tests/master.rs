@@ -10,7 +10,7 @@ fn orders(bench: &mut Bench) -> Vec<(u16, Vec<u8>)> {
     bench.heard().into_iter().filter(|(id, _)| *id != 0x80).collect()
 }
 
-/// Manual p. 53-61; vector T23.
+/// Manual p. 53-61.
 #[test]
 fn a_master_guards_starts_and_synchronizes_until_it_is_stopped() {
     let mut bench = Bench::new(KEYS);

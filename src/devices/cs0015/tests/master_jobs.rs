@@ -16,7 +16,6 @@ fn master() -> Bench {
     bench
 }
 
-/// Vector T42.
 #[test]
 fn without_a_master_nothing_is_sent() {
     let mut bench = Bench::running("program = 'attached'");
@@ -39,7 +38,7 @@ fn without_a_master_nothing_is_sent() {
     assert_eq!(bench.heard(), []);
 }
 
-/// Vectors T20 and T43; p. 60-65.
+/// Manual p. 60-65.
 #[test]
 fn commands_go_to_one_node_or_to_all() {
     let mut bench = master();
@@ -121,7 +120,7 @@ fn without_auto_restart_a_returning_node_is_not_started() {
     assert_eq!((bench.heard(), bench.result(job::NMM_NODE_GUARDING, &[0])), (vec![], 0));
 }
 
-/// Manual p. 66-67; vector T24.
+/// Manual p. 66-67.
 #[test]
 fn a_master_sends_sync_until_its_communication_is_reset() {
     let mut bench = master();

@@ -6,7 +6,7 @@ fn word(bench: &Bench, pdo: usize, word: usize) -> u16 {
     bench.registers.rx.a_RX_PDO[pdo][word].load()
 }
 
-/// Vectors T25 and T28; p. 42.
+/// Manual p. 42.
 #[test]
 fn pdos_are_sent_on_change_and_received_at_once() {
     let mut bench = Bench::operational("");
@@ -37,7 +37,7 @@ fn pdos_are_exchanged_in_operational_only() {
     assert_eq!(bench.heard(), [], "the value at the start is not new (D-423)");
 }
 
-/// Vectors T17 and T26; p. 47-50.
+/// Manual p. 47-50.
 #[test]
 fn synchronous_pdos_wait_for_their_sync() {
     let mut bench = Bench::operational(
@@ -55,7 +55,7 @@ fn synchronous_pdos_wait_for_their_sync() {
     }
 }
 
-/// Vector T17; p. 46.
+/// Manual p. 46.
 #[test]
 fn a_sync_is_seen_for_one_cycle() {
     let mut bench = Bench::operational("");
@@ -70,7 +70,7 @@ fn a_sync_is_seen_for_one_cycle() {
     assert_eq!(seen, expected, "a cycle has 10 ms");
 }
 
-/// Vector T27; p. 42, 47.
+/// Manual p. 42, 47.
 #[test]
 fn the_inhibit_time_is_kept() {
     let mut bench = Bench::operational("pdo_tx = [{ pdo = 1, id = 0x390, inhibit_ms = 100 }]");

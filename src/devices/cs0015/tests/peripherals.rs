@@ -28,7 +28,7 @@ fn broken(bench: &mut Bench) -> Vec<&'static str> {
     broken
 }
 
-/// Vectors T29 and T31; p. 91.
+/// Manual p. 91.
 #[test]
 fn pwm_takes_a_whole_group_of_outputs() {
     let mut bench = Bench::operational("");
@@ -159,7 +159,7 @@ fn the_display_shows_text_and_segments_of_the_program() {
     assert_eq!((display(&bench), bench.registers.shown(FRONT_DISPLAY_1).load()), (String::new(), 0));
 }
 
-/// Vectors T39 and T40; p. 107-110.
+/// Manual p. 107-110.
 #[test]
 fn the_eeprom_keeps_a_block_of_flags() {
     let mut bench = Bench::operational("");
@@ -190,7 +190,7 @@ fn the_eeprom_keeps_a_block_of_flags() {
     assert_eq!(bench.registers.parameters.a_EEPROM[383].load(), 0x1234);
 }
 
-/// Vector T45; p. 112-114.
+/// Manual p. 112-114.
 #[test]
 fn rs_232_belongs_to_the_program_with_serial_mode() {
     let mut bench = Bench::operational("");
@@ -398,7 +398,7 @@ fn blocks_give_the_orders_of_the_functions() {
     assert!(restart.ANSWERED && errors.ANSWERED && errors.ERRORCOUNT == 0);
     let mut norm = NORM { X: 50, XH: 0, XL: 100, YH: 0, YL: 2000, ..Default::default() };
     norm.call();
-    assert_eq!(norm.Y, 1000, "vector T32");
+    assert_eq!(norm.Y, 1000);
     (norm.YH, norm.YL, norm.X) = (2000, 0, 25);
     norm.call();
     assert_eq!(norm.Y, 1500, "inverted");

@@ -55,7 +55,6 @@ pub(super) fn number(bench: &mut Bench, index: u16, sub: u8) -> u32 {
     value.iter().rev().fold(0, |number, byte| number << 8 | u32::from(*byte))
 }
 
-/// Vectors T1, T46 to T49.
 #[test]
 fn every_entry_has_the_default_of_the_manual() {
     let mut bench = Bench::running("");
@@ -88,7 +87,7 @@ fn every_entry_has_the_default_of_the_manual() {
     assert_eq!(write(&mut bench, 0x1001, 0, 0, 1), Err(Abort::ReadOnly.code()));
 }
 
-/// Vectors T2 and T3; p. 41, 45, 155.
+/// Manual p. 41, 45, 155.
 #[test]
 fn a_node_id_is_entered_twice_and_takes_effect_at_once() {
     let mut bench = Bench::running("");
@@ -114,7 +113,7 @@ fn a_node_id_is_entered_twice_and_takes_effect_at_once() {
     assert_eq!(transfer(&mut bench, 5, request(0x2F, 0x20F0, 0, 128))[0], 0x80);
 }
 
-/// Vectors T4, T5, T50; p. 41, 163.
+/// Manual p. 41, 163.
 #[test]
 fn a_bit_rate_is_entered_twice_and_takes_effect_after_a_reset() {
     let mut bench = Bench::running("");
@@ -144,7 +143,7 @@ fn a_device_with_another_bit_rate_neither_receives_nor_sends() {
     assert_eq!((bench.heard(), bench.stat()), (vec![], "green 0.5 Hz".into()));
 }
 
-/// Vector T38; p. 42, 163.
+/// Manual p. 42, 163.
 #[test]
 fn retained_data_are_transferred_in_segments() {
     let mut bench = Bench::running("");
@@ -209,7 +208,7 @@ fn invalid_requests_are_refused() {
     }
 }
 
-/// Vector T20: the node answers in Pre-Operational and Operational only.
+/// The node answers in Pre-Operational and Operational only.
 #[test]
 fn a_prepared_node_serves_no_sdo() {
     let mut bench = Bench::running("");

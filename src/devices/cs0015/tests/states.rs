@@ -9,7 +9,7 @@ use crate::layout::Width;
 use crate::memory::Header;
 use crate::memory::header::{ProgramState, Project, Start};
 
-/// Vectors T18, T19, T20; p. 13-14.
+/// Manual p. 13-14.
 #[test]
 fn network_management_starts_and_stops_the_controller() {
     let mut bench = Bench::new("");
@@ -70,7 +70,7 @@ fn the_program_starts_and_stops_with_the_states() {
     assert_eq!((ordered(&header), header.project.load()), ((0, Start::None), Project::None.code()));
 }
 
-/// Vector T53; p. 13.
+/// Manual p. 13.
 #[test]
 fn a_controller_without_a_program_stops_and_is_not_a_node() {
     let mut bench = Bench::running("program = 'none'");
@@ -94,7 +94,7 @@ fn a_boot_up_message_is_sent_if_configured() {
     assert_eq!(boot_up("boot_up = 'empty-emcy', node_id = 5"), [(0x85, vec![])]);
 }
 
-/// Vector T21; p. 43: only the communication restarts.
+/// Manual p. 43: only the communication restarts.
 #[test]
 fn a_reset_by_the_master_sets_a_flag_for_the_program() {
     for (command, is_node) in [(129, true), (130, false)] {
@@ -113,7 +113,7 @@ fn a_reset_by_the_master_sets_a_flag_for_the_program() {
     }
 }
 
-/// Vectors T22 and T51; p. 17, 28.
+/// Manual p. 17, 28.
 #[test]
 fn a_controller_stopped_by_the_programming_system_is_not_started_by_the_master() {
     let mut bench = Bench::operational("");
@@ -189,7 +189,7 @@ fn a_short_signal_at_a_slow_input_is_not_seen() {
     assert_eq!(bench.registers.inputs.I0.load(), 0x0001, "input 0 has no such filter");
 }
 
-/// Vectors T36 and T37; p. 11-12, 152-153.
+/// Manual p. 11-12, 152-153.
 #[test]
 fn terminals_and_keys_are_inputs() {
     let mut bench = Bench::running("");
@@ -208,7 +208,7 @@ fn terminals_and_keys_are_inputs() {
     assert_eq!(inputs(&bench), (0x8001, 15, 0, 0, 1));
 }
 
-/// Vector T12; p. 19: the program's error switches the outputs off.
+/// Manual p. 19: the program's error switches the outputs off.
 #[test]
 fn outputs_are_driven_while_the_program_runs_without_error() {
     let mut bench = Bench::operational("");
@@ -230,7 +230,7 @@ fn outputs_are_driven_while_the_program_runs_without_error() {
     assert_eq!(outputs(&bench), 0, "D-427");
 }
 
-/// Vector T40; p. 107, 154.
+/// Manual p. 107, 154.
 #[test]
 fn only_retained_flags_survive_a_power_cycle() {
     let mut bench = Bench::running("");

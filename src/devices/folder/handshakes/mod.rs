@@ -48,7 +48,7 @@ pub struct Row {
     rule: Rule,
 }
 
-/// The content of the file.
+/// The content of a file `handshakes.toml`.
 #[derive(Debug, Default)]
 pub(super) struct Tables {
     /// The behaviour of the device.

@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 /// The part of the node that answers the last job.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 enum AnswerSource {
-    /// The firmware, with this frame.
+    /// The firmware answers with this frame.
     Firmware(Frame),
     Parameter,
     UpDownload,
