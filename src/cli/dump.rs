@@ -439,6 +439,7 @@ impl View<'_> {
             hex: register.format_value(value),
             meaning: meaning_in(register, self.live(), value),
             forced: self.forced(register.offset(), register.width()),
+            stretch: (self.number, register.offset(), register.width()),
         }
     }
 
@@ -460,6 +461,7 @@ impl View<'_> {
                 hex: format_value(ty, value),
                 meaning: format!("plain RAM of {}", self.area().name),
                 forced: self.forced(offset, width.bytes()),
+                stretch: (self.number, offset, width.bytes()),
             };
             // An address that the user named is shown even if its value is 0.
             DumpRow { holding, differs: value != 0 || self.selection.place.is_some() }

@@ -56,6 +56,9 @@ pub(crate) struct RegisterReading {
     pub meaning: String,
     /// True if the register is forced.
     pub forced: bool,
+    /// Memory range of the register: index of the PLC, first byte in the image, number of bytes.
+    #[serde(skip)]
+    pub stretch: (DeviceIndex, u32, u32),
 }
 
 impl RegisterReading {
@@ -217,6 +220,7 @@ pub(crate) fn holding(
         hex: place.format(live, value),
         meaning: place.meaning(live, value),
         forced: false,
+        stretch: (plc, place.offset(), place.width().bytes()),
     }
 }
 

@@ -43,4 +43,4 @@ enum FormatArg {
     Jsonl,
 }
 
-pub(crate) use follow::{report, run};
+pub(crate) use follow::{ChangedRegisters, report, run};

@@ -65,6 +65,51 @@ fn kinds_of_records_can_be_selected() {
     assert_eq!(kinds, ["channel_write"]);
 }
 
+/// Each register changes several times within a round.
+#[test]
+fn registers_of_which_only_values_are_requested_have_no_changes() {
+    let emulator = Emulator::stepped();
+    let server = Server::of(&emulator, &[]);
+    let (shown, followed) = ("node2.b_BT_0", "node2.b_BT_1");
+    let mut events = server.events(&format!("values={shown},{followed}&follow={followed}&clock=1"));
+    let first = events.until("values", |_| true);
+    let registers = |values: &Value| {
+        values["values"].as_array().unwrap().iter().map(|it| it["register"].clone()).collect::<Vec<_>>()
+    };
+    assert_eq!(registers(&first), [followed, shown], "a register in both lists is sent once");
+    assert!(first["values"].as_array().unwrap().iter().all(|it| it.get("changed_us").is_none()), "{first}");
+    let offsets = [register_offset(&server, shown), register_offset(&server, followed)];
+    let mut change = |values: &[u64]| {
+        let poke = |offset: &Value, value| json!({"poke": {"plc": 0, "offset": offset, "width": "Byte", "value": value}});
+        let step =
+            |value| [poke(&offsets[0], value), poke(&offsets[1], value), json!({"advance": {"us": 1}})];
+        let operations: Vec<_> = values.iter().flat_map(|value| step(*value)).collect();
+        server.post(&server.path("request"), &json!({ "operations": operations })).ok();
+        let (mut changes, mut last) = (Vec::new(), json!(null));
+        let end = json!(values.last());
+        while changes.last() != Some(&json!(format!("16#{:02X}", end.as_u64().unwrap())))
+            || last["value"] != end
+        {
+            let (name, data) = events.next().expect("an event");
+            if name == "values" {
+                let of_shown = |it: &&Value| it["register"] == shown;
+                last = data["values"].as_array().unwrap().iter().find(of_shown).cloned().unwrap_or(last);
+            }
+            if name == "changes" {
+                let of_round = data["changes"].as_array().unwrap();
+                assert!(of_round.iter().all(|it| it["register"] == followed), "{data}");
+                changes.extend(of_round.iter().map(|it| it["after"].clone()));
+            }
+        }
+        (changes, last["changed_us"].clone())
+    };
+    let (changes, changed_us) = change(&[1, 2, 3, 4, 5]);
+    assert_eq!(changes, ["16#01", "16#02", "16#03", "16#04", "16#05"]);
+    assert_eq!(changed_us, 4);
+    // The value is the same as at the end of the previous round, but its age is not.
+    assert_eq!(change(&[9, 5]), (vec![json!("16#09"), json!("16#05")], json!(6)));
+}
+
 /// The reader does not read until its connection is full.
 #[test]
 fn a_slow_reader_learns_its_losses_and_delays_no_client() {
@@ -77,7 +122,7 @@ fn a_slow_reader_learns_its_losses_and_delays_no_client() {
     slow.until("clock", |_| true);
     let mut quick = server.events("clock=1");
     quick.until("clock", |_| true);
-    let offset = register_offset(&server);
+    let offset = register_offset(&server, "node2.b_BT_0");
     let start = Instant::now();
     for round in 1..=ROUNDS {
         let pokes = if round <= FULL { 250 } else { 0 };
@@ -96,8 +141,8 @@ fn a_slow_reader_learns_its_losses_and_delays_no_client() {
 }
 
 /// Returns the byte offset of a register that programs write at any time.
-fn register_offset(server: &Server) -> Value {
-    let answer = server.get(&server.path("show/operations?poke=node2.b_BT_0%3D1")).ok();
+fn register_offset(server: &Server, register: &str) -> Value {
+    let answer = server.get(&server.path(&format!("show/operations?poke={register}%3D1"))).ok();
     answer["operations"][0]["poke"]["offset"].clone()
 }
 
@@ -105,9 +150,29 @@ fn register_offset(server: &Server) -> Value {
 fn an_empty_name_in_a_list_is_refused() {
     let emulator = Emulator::stepped();
     let server = Server::of(&emulator, &[]);
-    for (field, text) in [("follow", ","), ("follow", "node2.w_CPU_CONTROL,"), ("journal", "frame,,sync")] {
+    let lists = [
+        ("follow", ","),
+        ("follow", "node2.w_CPU_CONTROL,"),
+        ("values", ",node2.w_CPU_CONTROL"),
+        ("journal", "frame,,sync"),
+    ];
+    for (field, text) in lists {
         let problem = server.get(&server.path(&format!("events?{field}={text}"))).problem(400);
         let detail = problem["detail"].as_str().unwrap();
         assert!(detail.contains("has an empty name") && problem["field"] == field, "{problem}");
     }
+}
+
+#[test]
+fn the_limit_of_registers_counts_both_lists() {
+    let emulator = Emulator::stepped();
+    let server = Server::of(&emulator, &[]);
+    let names = |count: usize| vec!["node2.b_BT_0"; count].join(",");
+    let path = |follow, values| {
+        server.path(&format!("events?follow={}&values={}&clock=1", names(follow), names(values)))
+    };
+    let problem = server.get(&path(128, 129)).problem(400);
+    assert_eq!(problem["detail"], "events: at most 256 registers can be followed");
+    let mut events = server.events(&format!("follow={}&values={}&clock=1", names(128), names(128)));
+    events.until("clock", |_| true);
 }

@@ -11,11 +11,12 @@ use crate::cli::session::Session;
 use crate::cli::table;
 use crate::cli::time;
 use crate::identity::DeviceIndex;
-use crate::journal;
-use crate::layout::format_value;
+use crate::journal::{self, Changed};
+use crate::layout::{DeviceFit, RegisterPhase, RegisterRef, format_value};
 use crate::memory::Width;
 use crate::request::{MAX_RECORDS, Op};
 use serde::Serialize;
+use std::collections::HashMap;
 
 /// A change with its texts.
 #[derive(Serialize)]
@@ -106,7 +107,8 @@ fn print(format: FormatArg, session: &Session, changes: &[journal::Change]) -> R
     if changes.is_empty() {
         return Ok(());
     }
-    let reported: Vec<_> = changes.iter().map(|change| report(session, change)).collect();
+    let mut registers = ChangedRegisters::default();
+    let reported: Vec<_> = changes.iter().map(|change| report(session, &mut registers, change)).collect();
     let lines = match format {
         FormatArg::Text => text(&reported),
         FormatArg::Jsonl => reported.iter().map(output::json_line).collect::<Result<String, _>>()?,
@@ -128,14 +130,27 @@ fn text(reported: &[ReportedChange]) -> String {
     reported.iter().zip(columns.lines()).map(line).collect()
 }
 
+/// The registers of the changes so far. The search for the register at an address takes long, and programs change the
+/// same registers again and again.
+#[derive(Default)]
+pub(crate) struct ChangedRegisters(HashMap<(DeviceIndex, u32, Width, RegisterPhase), Option<RegisterRef>>);
+
+impl ChangedRegisters {
+    fn find(&mut self, fitted: &DeviceFit, what: &Changed) -> Option<RegisterRef> {
+        let key = (what.plc, what.offset, what.how.width, what.how.live);
+        *self.0.entry(key).or_insert_with(|| change::register(fitted, what))
+    }
+}
+
 /// Creates the texts of a change. The register has the name that was valid at the time of the change.
 pub(crate) fn report(
     session: &Session,
+    registers: &mut ChangedRegisters,
     &journal::Change { time_us, what, .. }: &journal::Change,
 ) -> ReportedChange {
     let fitted = session.fitted(what.plc);
     let address = fitted.device().at(what.how.width, what.offset);
-    let register = change::register(&fitted, &what);
+    let register = registers.find(&fitted, &what);
     let (ty, name) = match &register {
         Some(register) => (register.ty(), register.to_string()),
         None => (what.how.width.bits(), address.to_string()),

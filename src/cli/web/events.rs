@@ -31,9 +31,26 @@ use tokio::sync::{OwnedSemaphorePermit, mpsc};
 
 /// Maximum number of event streams.
 pub(super) const MAX_STREAMS: usize = 64;
-/// Names of the fields that the query may have.
-pub(super) const FIELDS: [&str; 10] =
-    ["follow", "journal", "clock", "boards", "buses", "drives", "faults", "findings", "forces", "scene"];
+/// Fields that the query may have: name and description.
+pub(super) const FIELDS: [(&str, &str); 11] = [
+    (
+        "follow",
+        "Registers: their values in the event `values`, and every change in the event `changes`. Names separated by commas.",
+    ),
+    (
+        "values",
+        "Registers: their values in the event `values`, with the time of the last change, without each change. Names separated by commas.",
+    ),
+    ("journal", "1 for all new records of the journal, or kinds of records separated by commas."),
+    ("clock", "1 for the emulated time."),
+    ("boards", "1 for the front panels, whenever one has changed."),
+    ("buses", "1 for the buses, whenever one has changed."),
+    ("drives", "1 for the drives, whenever one has changed."),
+    ("faults", "1 for the faults, whenever one has changed."),
+    ("findings", "1 for the findings of the access checker, whenever there is a new one."),
+    ("forces", "1 for the forced registers, whenever they have changed."),
+    ("scene", "1 for the devices and buses as `commram view` draws them, whenever they have changed."),
+];
 /// Number of parts of a stream that are buffered for the connection.
 const WAITING: usize = 4;
 /// Longest wait for the first poll. If the emulator is busy, the stream begins without it.

@@ -126,7 +126,7 @@ fn fixed_paths() -> Map<String, Value> {
     paths.insert(of_instance("scenario"), json!({ "post": scenario() }));
     paths.insert(of_instance("events"), json!({"get": {
         "operationId": "events", "summary": "Streams events", "tags": ["server"],
-        "parameters": std::iter::once(instance()).chain(events::FIELDS.map(query_field)).collect::<Vec<_>>(),
+        "parameters": std::iter::once(instance()).chain(events::FIELDS.map(event_field)).collect::<Vec<_>>(),
         "responses": {"200": {"description": "Server-sent events.", "content": {"text/event-stream": {}}}},
     }}));
     for (name, fields, text) in show::described() {
@@ -146,6 +146,13 @@ fn fixed_paths() -> Map<String, Value> {
 /// Returns a field of a query. It may be omitted or repeated.
 fn query_field(name: &str) -> Value {
     json!({"name": name, "in": "query", "schema": {"type": "array", "items": {"type": "string"}}})
+}
+
+/// Returns a field of the query for events.
+fn event_field((name, description): (&str, &str)) -> Value {
+    let mut field = query_field(name);
+    field["description"] = json!(description);
+    field
 }
 
 fn request() -> Value {

@@ -80,7 +80,10 @@ pub(super) struct Followed {
 /// Data that a reader requests.
 #[derive(Clone, Default)]
 pub(super) struct Wish {
+    /// Registers whose values and changes the reader gets.
     pub followed: Vec<Arc<Followed>>,
+    /// Registers whose values the reader gets, but not each change.
+    pub shown: Vec<Arc<Followed>>,
     pub states: BTreeSet<StateKind>,
     pub clock: bool,
     /// Kinds of journal records. An empty set means all kinds, `None` means no records.
@@ -99,7 +102,8 @@ impl Wish {
             let switched = || switch("events", name, text);
             let state = StateKind::ALL.into_iter().find(|state| state.name() == name);
             match (name.as_str(), state) {
-                ("follow", _) => wish.follow(connection, text)?,
+                ("follow", _) => wish.followed.extend(named(connection, "follow", text)?),
+                ("values", _) => wish.shown.extend(named(connection, "values", text)?),
                 ("journal", _) if text != "0" && text != "false" => {
                     let kinds = if is_on { Vec::new() } else { parts(name, text)? };
                     let kinds = kinds.into_iter().map(known_kind).collect::<Result<_, _>>()?;
@@ -115,18 +119,16 @@ impl Wish {
                 }
             }
         }
-        follow(connection, &wish.followed)?;
+        wish.check_count()?;
+        follow(connection, &wish)?;
         Ok(wish)
     }
 
-    fn follow(&mut self, connection: &Connection, names: &str) -> Result<(), Problem> {
-        for text in parts("follow", names)? {
-            let target = ReadTarget::find(&connection.session, text)?;
-            let stretches = target.stretches();
-            self.followed.push(Arc::new(Followed { text: text.to_owned(), target, stretches }));
-        }
-        let count = self.followed.iter().map(|followed| followed.stretches.len()).sum::<usize>();
-        if count.max(self.followed.len()) > MAX_FOLLOWED {
+    fn check_count(&self) -> Result<(), Problem> {
+        let (names, count) = self
+            .registers()
+            .fold((0, 0), |(names, count), register| (names + 1, count + register.stretches.len()));
+        if count.max(names) > MAX_FOLLOWED {
             return Err(Problem::wrong_use(format!(
                 "events: at most {MAX_FOLLOWED} registers can be followed"
             )));
@@ -134,12 +136,33 @@ impl Wish {
         Ok(())
     }
 
-    /// True if the reader follows at least one byte of the changed register.
-    pub(super) fn follows(&self, what: &Changed) -> bool {
-        let mut stretches = self.followed.iter().flat_map(|followed| &followed.stretches);
-        let end = what.offset + what.how.width.bytes();
-        stretches.any(|&(of, first, len)| of == what.plc && first < end && what.offset < first + len)
+    /// Returns the registers whose values the reader gets. A name in both lists occurs twice.
+    pub(super) fn registers(&self) -> impl Iterator<Item = &Arc<Followed>> {
+        self.followed.iter().chain(&self.shown)
     }
+
+    /// True if the reader gets each change of at least one byte of the changed register.
+    pub(super) fn follows(&self, what: &Changed) -> bool {
+        self.followed.iter().flat_map(|followed| &followed.stretches).any(|it| overlaps(what, it))
+    }
+}
+
+/// True if at least one byte of the changed register is in the memory range.
+pub(super) fn overlaps(what: &Changed, &(plc, first, len): &(DeviceIndex, u32, u32)) -> bool {
+    plc == what.plc && first < what.offset + what.how.width.bytes() && what.offset < first + len
+}
+
+/// Finds the registers of a list of names.
+///
+/// # Errors
+/// The list has an empty name, or a name of no register.
+fn named(connection: &Connection, field: &str, names: &str) -> Result<Vec<Arc<Followed>>, Problem> {
+    let find = |text: &str| {
+        let target = ReadTarget::find(&connection.session, text)?;
+        let stretches = target.stretches();
+        Ok(Arc::new(Followed { text: text.to_owned(), target, stretches }))
+    };
+    parts(field, names)?.into_iter().map(find).collect()
 }
 
 /// Splits a list at its commas; an empty text is an empty list.
@@ -167,12 +190,13 @@ fn known_kind(name: &str) -> Result<String, Problem> {
     Err(Problem::wrong_use(text).with("field", "journal"))
 }
 
-/// Requests the emulator to record the changes of these registers.
+/// Requests the emulator to record the changes of the registers.
 ///
 /// # Errors
 /// The emulator refuses the request, or has ended.
-pub(super) fn follow(connection: &Connection, followed: &[Arc<Followed>]) -> Result<(), CliError> {
-    let stretches: Vec<_> = followed.iter().flat_map(|followed| followed.stretches.iter().copied()).collect();
+pub(super) fn follow(connection: &Connection, wish: &Wish) -> Result<(), CliError> {
+    let stretches: Vec<_> =
+        wish.registers().flat_map(|followed| followed.stretches.iter().copied()).collect();
     Blocks::follow_stretches(&connection.session, &stretches)
 }
 
@@ -262,15 +286,23 @@ fn wishes(shared: &Shared) -> Option<Wish> {
     }
     let mut all = Wish::default();
     for wish in state.wishes.values() {
-        let is_new = |followed: &&Arc<Followed>| all.followed.iter().all(|known| known.text != followed.text);
-        let new: Vec<_> = wish.followed.iter().filter(is_new).cloned().collect();
-        all.followed.extend(new);
+        add_new(&mut all.followed, &wish.followed);
+        add_new(&mut all.shown, &wish.shown);
         all.states.extend(&wish.states);
         if wish.journal.is_some() {
             all.journal = Some(BTreeSet::new());
         }
     }
     Some(all)
+}
+
+/// Adds the registers whose names are not in the list.
+fn add_new(list: &mut Vec<Arc<Followed>>, more: &[Arc<Followed>]) {
+    for followed in more {
+        if list.iter().all(|known| known.text != followed.text) {
+            list.push(Arc::clone(followed));
+        }
+    }
 }
 
 /// Polls until all readers have disconnected, or the emulator has ended.

@@ -1,9 +1,11 @@
 //! The events of one reader.
 
-use super::feed::{StateKind, Wish};
+use super::feed::{StateKind, Wish, overlaps};
 use super::round::{Counts, Round};
 use crate::cli::peek::RegisterReading;
-use serde_json::{Value, json};
+use crate::journal::{By, Change};
+use serde::Serialize;
+use serde_json::json;
 use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -13,6 +15,7 @@ pub(super) struct Reader {
     wish: Wish,
     clock: String,
     states: BTreeMap<StateKind, Arc<str>>,
+    /// The values by the names of the wish.
     values: HashMap<String, Vec<Shown>>,
     /// Number of changes and records that the reader has received, or that it did not request.
     seen: Option<Counts>,
@@ -21,11 +24,33 @@ pub(super) struct Reader {
     is_at_end: bool,
 }
 
-/// The parts of a register's value that a page shows.
-type Shown = (String, String, String, bool);
+/// The parts of a register's value that a page shows. The last part is the time of its last change, for registers
+/// whose changes the reader does not get.
+type Shown = (String, String, String, bool, Option<u64>);
 
-fn shown(reading: &RegisterReading) -> Shown {
-    (reading.register.clone(), reading.hex.clone(), reading.meaning.clone(), reading.forced)
+fn shown(reading: &RegisterReading, changed_us: Option<u64>) -> Shown {
+    (reading.register.clone(), reading.hex.clone(), reading.meaning.clone(), reading.forced, changed_us)
+}
+
+/// A reading as an event.
+#[derive(Serialize)]
+struct Value<'a> {
+    #[serde(flatten)]
+    reading: &'a RegisterReading,
+    /// Emulated time of the last change in this round.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    changed_us: Option<u64>,
+}
+
+/// Returns the time of the last change of a register in a round.
+fn changed_us(round: &Round, reading: &RegisterReading) -> Option<u64> {
+    // When the plant has gone back, the emulator also reports the differences as changes, although no program has
+    // stored them.
+    let is_stored = |change: &&Change| {
+        !(round.is_turned && change.what.how.by == By::Channel && change.time_us == round.time_us)
+    };
+    let changes = round.last_changes.values().filter(|change| overlaps(&change.what, &reading.stretch));
+    changes.filter(is_stored).map(|change| change.time_us).max()
 }
 
 impl Reader {
@@ -99,19 +124,30 @@ impl Reader {
 
     fn add_values(&mut self, text: &mut String, round: &Round) {
         let mut new = Vec::new();
-        for followed in &self.wish.followed {
-            let Some(readings) = round.values.get(&followed.text) else { continue };
-            let now: Vec<_> = readings.iter().map(shown).collect();
-            let before = self.values.get(&followed.text).map(Vec::as_slice).unwrap_or_default();
-            let is_new = |(index, _): &(usize, &RegisterReading)| before.get(*index) != now.get(*index);
-            new.extend(readings.iter().enumerate().filter(is_new).map(|(_, reading)| json!(reading)));
-            if before != now {
-                self.values.insert(followed.text.clone(), now);
+        let is_followed = |text: &str| self.wish.followed.iter().any(|followed| followed.text == text);
+        let followed = self.wish.followed.iter().map(|followed| (followed, true));
+        let shown_only = self.wish.shown.iter().filter(|shown| !is_followed(&shown.text));
+        for (register, is_followed) in followed.chain(shown_only.map(|shown| (shown, false))) {
+            let Some(readings) = round.values.get(&register.text) else { continue };
+            let before = self.values.entry(register.text.clone()).or_default();
+            before.truncate(readings.len());
+            for (index, reading) in readings.iter().enumerate() {
+                let changed = if is_followed { None } else { changed_us(round, reading) };
+                // Without a change in this round, the time of the last change stays valid.
+                let last = before.get(index).and_then(|it| it.4).filter(|_| !round.is_turned);
+                let now = shown(reading, changed.or(last));
+                match before.get_mut(index) {
+                    Some(known) if *known == now => continue,
+                    Some(known) => *known = now,
+                    None => before.push(now),
+                }
+                new.push(Value { reading, changed_us: changed });
             }
         }
         if !new.is_empty() {
-            let form = json!({"time_us": round.time_us, "values": Value::Array(new)});
-            add(text, "values", &form.to_string());
+            // Serializing to a string fails for no value.
+            let values = serde_json::to_string(&new).unwrap_or_default();
+            add(text, "values", &format!("{{\"time_us\":{},\"values\":{values}}}", round.time_us));
         }
     }
 }

@@ -4,9 +4,11 @@ use super::feed::{self, Followed, StateKind, Wish};
 use crate::channel::ClientError;
 use crate::cli::error::CliError;
 use crate::cli::peek::{self, ReadTarget, RegisterReading};
+use crate::cli::watch::ChangedRegisters;
 use crate::cli::web::link::{Connection, guarded};
 use crate::cli::{board, output, status, watch};
 use crate::devices;
+use crate::identity::DeviceIndex;
 use crate::journal::jsonl::Jsonl;
 use crate::journal::{Change, Record};
 use crate::request::{MAX_OPS, MAX_RECORDS, Op, Reply, WrongReply};
@@ -37,8 +39,10 @@ pub(super) struct Round {
     pub states: BTreeMap<StateKind, Arc<str>>,
     /// Values of the followed registers by their names.
     pub values: HashMap<String, Vec<RegisterReading>>,
-    /// Changes of all followed registers, each with its JSON.
+    /// Changes of registers whose changes a reader gets, each with its JSON.
     pub changes: Vec<(Change, String)>,
+    /// The last change of each register, by PLC and offset.
+    pub last_changes: HashMap<(DeviceIndex, u32), Change>,
     /// Records of the journal, each with its kind and its JSON.
     pub records: Vec<(&'static str, String)>,
     /// Number of changes and records in all earlier rounds.
@@ -74,6 +78,7 @@ pub(super) struct Poller {
     asked_for_buses: Option<Instant>,
     buses: Option<Arc<str>>,
     next_change: u64,
+    registers: ChangedRegisters,
     next_record: u64,
     /// Writes records as JSON lines. The names of overlaid registers depend on states in earlier records, so one writer
     /// handles all records.
@@ -102,6 +107,7 @@ impl Poller {
             asked_for_buses,
             buses,
             next_change,
+            registers: ChangedRegisters::default(),
             next_record,
             lines,
             turn: turn.number,
@@ -128,13 +134,13 @@ impl Poller {
 
     fn round(&mut self, wish: &Wish) -> Result<Round, CliError> {
         if self.asked.elapsed() > FORGOTTEN || self.followed.is_none_or(|last| last.elapsed() > REFRESH) {
-            feed::follow(&self.connection, &wish.followed)?;
+            feed::follow(&self.connection, wish)?;
             self.followed = Some(Instant::now());
         }
         let mut round = Round { before: self.sent, ..Round::default() };
         // The changes are read before the clock and the values. Thus, a round that reports that the plant went back
         // contains no data from before.
-        self.changes(&mut round)?;
+        self.changes(wish, &mut round)?;
         if wish.journal.is_some() {
             self.journal(&mut round)?;
         }
@@ -180,7 +186,10 @@ impl Poller {
 
     /// Reads the followed registers, in as many requests as needed.
     fn values(&self, wish: &Wish, round: &mut Round) -> Result<(), CliError> {
-        let mut rest = wish.followed.as_slice();
+        // A register in both lists is read once.
+        let registers: BTreeMap<_, _> = wish.registers().map(|it| (it.text.as_str(), it)).collect();
+        let registers: Vec<_> = registers.into_values().collect();
+        let mut rest = registers.as_slice();
         while let Some(first) = rest.first() {
             let (mut count, mut reads) = (1, first.target.reads().len());
             while let Some(next) = rest.get(count).map(|next| next.target.reads().len()) {
@@ -192,14 +201,14 @@ impl Poller {
             let (some, others) = rest.split_at(count);
             let targets: Vec<&ReadTarget> = some.iter().map(|followed| &followed.target).collect();
             let readings = peek::read_each(&self.connection.session, &targets)?;
-            let name = |followed: &Arc<Followed>| followed.text.clone();
+            let name = |followed: &&Arc<Followed>| followed.text.clone();
             round.values.extend(some.iter().map(name).zip(readings));
             rest = others;
         }
         Ok(())
     }
 
-    fn changes(&mut self, round: &mut Round) -> Result<(), CliError> {
+    fn changes(&mut self, wish: &Wish, round: &mut Round) -> Result<(), CliError> {
         for _ in 0..PARTS {
             let op = Op::Changes { from: self.next_change, max: MAX_RECORDS };
             let (changes, end, turn) = self.connection.session.ask(op)?.turned_changes()?;
@@ -210,8 +219,14 @@ impl Poller {
             self.next_change = changes.last().map_or(end, |last| last.seq + 1);
             let is_last = self.next_change >= end;
             for change in changes {
-                let form = json(&watch::report(&self.connection.session, &change))?;
-                round.changes.push((change, form));
+                round.last_changes.insert((change.what.plc, change.what.offset), change);
+                // The texts of a change cost more than all other steps of a round, so they are made only for readers
+                // that get them.
+                if wish.follows(&change.what) {
+                    let report = watch::report(&self.connection.session, &mut self.registers, &change);
+                    let form = json(&report)?;
+                    round.changes.push((change, form));
+                }
             }
             if is_last {
                 break;
