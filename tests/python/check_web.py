@@ -290,6 +290,12 @@ class Check:
             self.page.until(f"{facts}.Address === {json.dumps(known['address'])}")
             cpu = self.emulator.json("map", name)[0]["cpu_address"]
             assert self.page.value(f"{facts}['CPU address']") == cpu
+        # The age is that of the last change, also if the change has restored the value.
+        for pokes, age in [(["16#5"], "1 ms"), (["16#6", "16#5"], "2 ms")]:
+            for value in pokes:
+                self.emulator.run("poke", f"{name}={value}")
+            self.emulator.run("step", age.replace(" ", ""))
+            self.waits_for(lambda: (self.row(name, "value"), self.row(name, "age")), ("16#00000005", age), "age")
         # The plot refuses a text without a time.
         self.page.click(".detail .star")
         self.go("followed")

@@ -4,7 +4,7 @@ import { act, actTogether, guard, whyDisabled } from "./actions.js";
 import { operationsFor } from "./api.js";
 import { conditionsOf, failureOf } from "./conditions.js";
 import { ask } from "./dialogs.js";
-import { field, fill, h, setText } from "./dom.js";
+import { field, fill, h, oneAtATime, setText } from "./dom.js";
 import { feed } from "./feed.js";
 import { showError } from "./messages.js";
 import { duration, seconds, short } from "./values.js";
@@ -14,8 +14,11 @@ const root = document.getElementById("clock");
 const PART_MS = 50;
 /** Speeds that a real-time clock can be set to with one press. */
 const SPEEDS = [0.1, 1, 10, 100];
+/** Minimum time between two drawings of a real-time clock's time, in milliseconds: nobody reads digits that change faster, and each drawing costs processor time. */
+const TIME_MS = 100;
 let parts = null;
 let running = null;
+const showTime = oneAtATime(TIME_MS, () => parts && setText(parts.time, seconds(feed.timeUs)));
 
 /** Builds the bar once. */
 export function startClock() {
@@ -34,7 +37,8 @@ function update() {
   if (!feed.clock) return;
   const kind = feed.isStepped ? "stepped" : "real time";
   if (parts?.kind !== kind) build(kind);
-  setText(parts.time, seconds(feed.timeUs));
+  if (feed.isStepped) setText(parts.time, seconds(feed.timeUs));
+  else showTime();
   const { waits_for, speed } = feed.clock;
   const speedText = speed === 0 ? ", paused" : speed && speed !== 1 ? `, speed ${speed}` : "";
   setText(parts.state, waits_for ? `waits for ${waits_for}` : feed.isStepped ? (running ? "stepped, running" : "stepped") : `real time${speedText}`);

@@ -72,15 +72,26 @@ export function perFrame(work) {
   };
 }
 
-/** Returns a function that runs `work`, never twice at the same time. Calls during a run cause one further run, after a pause of `ms` milliseconds. */
+/** Pause after a run of `oneAtATime`, in durations of the run with its drawing: three quarters of the time are left for other work. */
+const REST = 3;
+
+/** Waits until the browser has drawn the present content. A hidden page waits until it is shown. */
+const drawn = () => new Promise((resolve) => requestAnimationFrame(() => setTimeout(resolve)));
+
+/**
+ * Returns a function that runs `work`, never twice at the same time. Calls during a run cause one further run after a pause: `ms`
+ * milliseconds, or longer if the run and the drawing of its result took long.
+ */
 export function oneAtATime(ms, work) {
   let isBusy = false;
   let isLate = false;
   return async function run() {
     if (isBusy) return void (isLate = true);
     isBusy = true;
+    const start = performance.now();
     await work();
-    await new Promise((resolve) => setTimeout(resolve, ms));
+    await drawn();
+    await new Promise((resolve) => setTimeout(resolve, Math.max(ms, REST * (performance.now() - start))));
     isBusy = false;
     if (!isLate) return;
     isLate = false;

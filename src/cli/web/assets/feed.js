@@ -4,7 +4,7 @@ import { eventsPath, isSignedIn, readInstances, server } from "./api.js";
 import { later, perFrame } from "./dom.js";
 import { setNotice, showError } from "./messages.js";
 
-/** Maximum number of registers that one stream follows. */
+/** Maximum number of registers of one stream. */
 const MOST = 256;
 /** Number of changes that are kept for plots and lists. */
 const KEPT = 20_000;
@@ -22,8 +22,8 @@ class Feed {
   clock = null;
   latest = {};
   /**
-   * Registers with their value, meaning and `forced`. `sinceUs`: from this time on every change of the register reaches the page.
-   * `changedUs`: time of the last change, if the page has received one.
+   * Registers with their value, meaning and `forced`. `changedUs`: time of the last change that the page knows. `shownUs`: from this
+   * time on the page knows that time. `sinceUs`: from this time on every change of the register reaches the page.
    */
   values = new Map();
   changes = [];
@@ -38,6 +38,7 @@ class Feed {
   #path = "";
   #turnedUs = null;
   #followed = new Set();
+  #shown = new Set();
   #notify = perFrame(() => this.#deliver());
   #connect = later(120, () => this.#open());
 
@@ -60,9 +61,12 @@ class Feed {
     this.#connect();
   }
 
-  /** Sets the data that a part of the page needs: names of registers, events, and kinds of journal records. */
-  want(owner, { follow = [], events = [], kinds } = {}) {
-    this.#wants.set(owner, { follow, events, kinds });
+  /**
+   * Sets the data that a part of the page needs: registers of which it needs every change (`follow`) or only the latest value (`values`),
+   * events, and kinds of journal records.
+   */
+  want(owner, { follow = [], values = [], events = [], kinds } = {}) {
+    this.#wants.set(owner, { follow, values, events, kinds });
     this.#connect();
   }
 
@@ -71,7 +75,10 @@ class Feed {
     if (this.#wants.delete(owner)) this.#connect();
   }
 
-  /** Calls `listener` at the next frame of the browser after an event of this kind. Returns a function that ends these calls. */
+  /**
+   * Calls `listener` at the next frame of the browser after an event of this kind, once in a frame, also if it listens to several kinds.
+   * Returns a function that ends these calls.
+   */
   on(event, listener) {
     if (!this.#listeners.has(event)) this.#listeners.set(event, new Set());
     this.#listeners.get(event).add(listener);
@@ -103,23 +110,32 @@ class Feed {
     const due = [...this.#due];
     this.#due.clear();
     this.rounds += 1;
-    for (const event of due) for (const listener of this.#listeners.get(event) ?? []) listener(this.latest[event]);
+    const calls = new Map();
+    for (const event of due) for (const listener of this.#listeners.get(event) ?? []) calls.set(listener, this.latest[event]);
+    for (const [listener, data] of calls) listener(data);
   }
 
   #open() {
     if (document.hidden) return;
-    const follow = new Set();
+    const [follow, values] = [new Set(), new Set()];
     const fields = { clock: 1 };
     // The parts that need all kinds of records come last, so that their setting wins.
     for (const want of [...this.#wants.values()].sort((one, other) => Boolean(one.kinds) - Boolean(other.kinds))) {
       want.follow.forEach((name) => follow.add(name));
+      want.values.forEach((name) => values.add(name));
       want.events.forEach((event) => (fields[event] = 1));
       if (want.kinds) fields.journal ??= want.kinds;
     }
     const followed = [...follow].slice(0, MOST);
+    const shown = [...values].filter((name) => !follow.has(name)).slice(0, MOST - followed.length);
     if (followed.length) fields.follow = followed.join(",");
+    if (shown.length) fields.values = shown.join(",");
     this.#followed = new Set(followed);
-    for (const [key, value] of this.values) if (!this.#followed.has(key)) value.sinceUs = undefined;
+    this.#shown = new Set([...followed, ...shown]);
+    for (const [key, value] of this.values) {
+      if (!this.#shown.has(key)) value.shownUs = undefined;
+      if (!this.#followed.has(key)) value.sinceUs = undefined;
+    }
     const path = eventsPath(fields);
     if (path === this.#path && this.#source) return;
     this.#path = path;
@@ -152,9 +168,10 @@ class Feed {
       const key = keyOf(value);
       const before = this.values.get(key);
       const isNew = before && before.value !== value.value;
-      // The event of a change has the exact time. If the register changed while it was not followed, the time is unknown.
-      const changedUs = !isNew || this.#turnedUs !== null ? before?.changedUs : before.sinceUs === undefined ? undefined : value.time_us;
-      this.values.set(key, { ...value, changedUs, sinceUs: before?.sinceUs ?? value.time_us });
+      // The time of a recorded change is exact. If the register changed while the page did not show it, the time is unknown.
+      const readUs = !isNew || this.#turnedUs !== null ? before?.changedUs : before.shownUs === undefined ? undefined : value.time_us;
+      const sinceUs = this.#followed.has(key) ? (before?.sinceUs ?? value.time_us) : undefined;
+      this.values.set(key, { ...value, changedUs: value.changed_us ?? readUs, shownUs: before?.shownUs ?? value.time_us, sinceUs });
     }
   }
   _changes(data) {
@@ -167,9 +184,9 @@ class Feed {
     this.changes.push(...data.changes);
     if (this.changes.length > KEPT * 1.25) this.changes.splice(0, this.changes.length - KEPT);
   }
-  /** Returns the followed register at the address of a change: the address can have another name at this moment. */
+  /** Returns the register at the address of a change: the address can have another name at this moment. */
   #withAddress({ plc, address }) {
-    for (const key of this.#followed) {
+    for (const key of this.#shown) {
       const value = this.values.get(key);
       if (value?.address === address && value.plc === plc) return value;
     }
@@ -181,6 +198,7 @@ class Feed {
     this.changes = this.changes.filter((change) => change.time_us <= time_us);
     for (const value of this.values.values()) {
       if (value.changedUs > time_us) value.changedUs = undefined;
+      if (value.shownUs > time_us) value.shownUs = time_us;
       if (value.sinceUs > time_us) value.sinceUs = time_us;
     }
   }

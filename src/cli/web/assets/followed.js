@@ -18,7 +18,8 @@ const PAST = 8_192;
 
 export function followedPage(root, rest, context) {
   const page = new FollowedPage(root, context);
-  const offs = ["values", "clock"].map((event) => feed.on(event, () => page.draw()));
+  const draw = () => page.draw();
+  const offs = ["values", "clock"].map((event) => feed.on(event, draw));
   offs.push(feed.onEach("changes", ({ changes }) => page.take(changes)), feed.onEach("turned", () => page.readAgain()));
   offs.push(onPins(() => page.start()));
   page.start();

@@ -1,6 +1,6 @@
 // A long list. Only its visible rows exist as elements.
 
-import { h } from "./dom.js";
+import { h, setAttribute } from "./dom.js";
 
 /** Number of additional rows above and below the visible ones. */
 const SPARE = 6;
@@ -97,12 +97,16 @@ export class RowList {
   #fill(index) {
     const row = this.#rows[index - this.#first];
     if (!row) return;
-    row.dataset.index = index;
-    row.style.transform = `translateY(${index * this.rowHeight}px)`;
-    row.setAttribute("aria-rowindex", index + 2);
-    row.setAttribute("aria-selected", index === this.chosen);
+    const top = index * this.rowHeight;
+    if (row.top !== top || row.dataset.index !== String(index)) {
+      row.top = top;
+      row.dataset.index = index;
+      row.style.top = `${top}px`;
+      row.setAttribute("aria-rowindex", index + 2);
+    }
+    setAttribute(row, "aria-selected", index === this.chosen);
     row.id ||= `row-${Math.random().toString(36).slice(2, 9)}`;
-    if (index === this.chosen) this.element.setAttribute("aria-activedescendant", row.id);
+    if (index === this.chosen) setAttribute(this.element, "aria-activedescendant", row.id);
     this.fillRow(row, this.items[index], index);
   }
 

@@ -13,8 +13,9 @@ import { bytesOf, digits, hex, integerOf, isScalar, parseValue, seconds, signed 
 /** Shows a register in `root`. Returns a function that closes it. */
 export function showRegister(root, item, context) {
   const view = new RegisterView(root, item, context);
-  const ends = ["values", "changes", "ended"].map((event) => feed.on(event, () => view.update()));
-  ends.push(onPins(() => view.update()));
+  const update = () => view.update();
+  const ends = ["values", "changes", "ended"].map((event) => feed.on(event, update));
+  ends.push(onPins(update));
   return () => [...ends, view.endRecord].forEach((end) => end?.());
 }
 

@@ -1,7 +1,7 @@
 // Page "Registers": blocks, search, and the visible registers with live values.
 
 import { server } from "./api.js";
-import { fill, h, later, perFrame, setAttribute, setText } from "./dom.js";
+import { fill, h, later, setAttribute, setText } from "./dom.js";
 import { feed } from "./feed.js";
 import { RowList } from "./list.js";
 import { elementsOf, mapOf, provenanceOf, registerAt } from "./map.js";
@@ -11,6 +11,8 @@ import { showRegister } from "./register.js";
 import { counted, isScalar, isSigned, short, signed } from "./values.js";
 
 const MOST = 4_000;
+/** Number of characters of a meaning that fit into each width of its column. A cell that the browser need not clip is drawn faster. */
+const FITTING = 12;
 
 export function registersPage(root, rest, context) {
   const page = new Registers(root, context);
@@ -43,9 +45,13 @@ class Registers {
       h("div", { class: "side" }, h("div", { class: "searchbar" }, this.search, this.count), this.tree),
       this.rows.element, this.detail));
     root.addEventListener("click", (event) => this.pin(event));
-    const refresh = perFrame(() => this.rows.refresh());
-    this.ends.push(feed.on("values", refresh), feed.on("changes", refresh), feed.on("clock", refresh));
-    this.ends.push(onPins(() => this.block === "followed" && !this.search.value ? this.list() : refresh()));
+    const refresh = () => this.rows.refresh();
+    this.ends.push(...["values", "changes", "clock"].map((event) => feed.on(event, refresh)));
+    this.ends.push(onPins(() => {
+      this.follow();
+      if (this.block === "followed" && !this.search.value) this.list();
+      else refresh();
+    }));
   }
 
   async start(block) {
@@ -164,11 +170,11 @@ class Registers {
     return hits.flatMap((entry) => this.rowsOf(entry)).map((item) => ({ ...item, isFull: true })).slice(0, MOST);
   }
 
-  /** Requests values for the visible registers, the followed registers and the chosen register. */
+  /** Requests values for the visible registers and the chosen register, and every change of the followed ones among them for plots. */
   follow() {
     const names = this.rows.visible.filter((item) => !item.isArray && isScalar(item.entry.type)).map((item) => item.key);
     if (this.chosen && !this.chosen.isArray) names.unshift(this.chosen.key);
-    feed.want("registers", { follow: names });
+    feed.want("registers", { follow: names.filter(isPinned), values: names });
   }
 
   choose(item, isOpened) {
@@ -220,7 +226,10 @@ class Registers {
       row.digits = digits;
       setText(parts.value, digits);
       const number = value && isSigned(type) ? String(signed(value.value, type)) : "";
-      setText(parts.meaning, [number, value?.meaning].filter((text, at) => text && (at === 0 || text !== number)).join("  "));
+      const text = value?.meaning ?? "";
+      const meaning = !number || `${text} `.startsWith(`${number} `) ? text : `${number}  ${text}`.trimEnd();
+      setText(parts.meaning, meaning);
+      setAttribute(parts.meaning, "class", meaning.length > FITTING ? "meaning" : "meaning whole");
     }
     row.classList.toggle("forced", Boolean(value?.forced));
     setText(parts.age, value?.changedUs !== undefined ? age(Math.max(0, feed.timeUs - value.changedUs)) : "");
@@ -239,6 +248,7 @@ class Registers {
     setText(parts.value, "");
     setText(parts.age, "");
     setText(parts.meaning, item.isArray ? `${this.open.has(item.key) ? "\u25be" : "\u25b8"} ${entry.count} ${entry.type}` : row.hasValue ? "" : entry.type);
+    setAttribute(parts.meaning, "class", "meaning");
     setText(parts.owner, entry.owner);
     setText(parts.manual, entry.page ? `p. ${entry.page}` : "");
     const mark = provenanceOf(entry);
