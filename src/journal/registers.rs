@@ -98,7 +98,7 @@ impl EventText for State {
     fn fields(&self, reader: &mut Reader) -> Fields {
         let place = reader.whole(self.origin.plc, self.offset);
         let text = place.meaning(self.to.into()).unwrap_or_default();
-        Fields::new().with("from", self.from).with("to", self.to).with("text", text)
+        named(&place).with("from", self.from).with("to", self.to).with("text", text)
     }
 }
 

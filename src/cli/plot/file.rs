@@ -138,7 +138,7 @@ impl Line {
     fn value(&self, line: usize) -> Result<Option<(u32, bool)>, JournalFileError> {
         let (value, is_recorded) = match self.kind.as_str() {
             "changed" => (&self.to, true),
-            "register" => (&self.to, false),
+            "register" | "state" => (&self.to, false),
             "channel_write" => (&self.value, false),
             "handshake" => (&self.answer, false),
             _ => return Ok(None),
@@ -352,9 +352,13 @@ mod tests {
             )
         };
         let fits = line("changed", "to", "255");
-        for (kind, key) in
-            [("changed", "to"), ("register", "to"), ("channel_write", "value"), ("handshake", "answer")]
-        {
+        for (kind, key) in [
+            ("changed", "to"),
+            ("register", "to"),
+            ("state", "to"),
+            ("channel_write", "value"),
+            ("handshake", "answer"),
+        ] {
             let wide = RecordedRegisters::parse(&(fits.clone() + &line(kind, key, "256"))).unwrap();
             let message =
                 wide.register(None, "%MB3.5", Width::Byte, "a", Window::ALL).unwrap_err().to_string();
