@@ -42,7 +42,7 @@ pub(crate) fn start(instance: &str, reads_input: bool) -> Result<(), CliError> {
     output::relay(&complaint);
     if printed_lines.is_empty() {
         let status = child.wait().map_err(failed)?;
-        return Err(super::with::ended_like(status));
+        return Err(super::with::ended_early(&format!("the emulator of instance '{instance}'"), status));
     }
     // Both lines are notes about a successful start, so `--quiet` suppresses them.
     if output::is_quiet() {

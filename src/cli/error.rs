@@ -43,6 +43,15 @@ macro_rules! errors {
     };
 }
 
+/// Returns the usual reason of a signal, as the end of a message.
+fn because(signal: i32) -> &'static str {
+    if signal == signal_hook::consts::SIGKILL {
+        "; the kernel kills processes when memory runs out, then `dmesg` names the process"
+    } else {
+        ""
+    }
+}
+
 errors! {
     /// The folder is not a device.
     #[error("{0}")]
@@ -305,6 +314,16 @@ errors! {
     /// A process cannot be started or watched.
     #[error("cannot handle a process: {reason}{}", limits::named(.reason))]
     Process { reason: io::Error } => Exit::NotThere,
+    /// A process was killed before it was ready.
+    #[error("{what} was killed before it was ready ({status}){}", because(*.signal))]
+    Killed {
+        /// The process, as the subject of a sentence.
+        what: String,
+        /// Text of the exit status, with the signal.
+        status: String,
+        /// Number of the signal.
+        signal: i32,
+    } => Exit::Failed,
     /// The limit of the stack is too low.
     #[error(
         "this process may have {} KiB of {}, commram needs {} KiB: raise that limit (`ulimit {}`)", .limit.most / 1024,

@@ -216,8 +216,7 @@ impl<'a> InitialState<'a> {
 /// Adds the cause to the error of a snapshot with other settings. A snapshot contains its plant. If the plant has a device
 /// in a folder, the cause is a changed file of that folder.
 fn explain_snapshot(begin: InitialState<'_>, config: &PlantConfig, error: RuntimeError) -> RuntimeError {
-    let folders = config.devices.iter().filter_map(|device| Some(device.folder()?.display().to_string()));
-    let folders = folders.collect::<Vec<_>>().join(", ");
+    let folders = config.folders();
     match (begin, error) {
         (InitialState::Snapshot(_), RuntimeError::Snapshot(SnapshotError::OtherSettings { what }))
             if !folders.is_empty() =>

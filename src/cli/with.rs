@@ -139,6 +139,15 @@ fn is_ours_in_the_terminal() -> bool {
     input.is_terminal() && foreground() == Some(rustix::process::getpgrp())
 }
 
+/// Returns the error for a process of this program, `what`, that has ended before it was ready. A process that ends with
+/// an exit code has printed the reason.
+pub(crate) fn ended_early(what: &str, status: ExitStatus) -> CliError {
+    match status.signal() {
+        Some(signal) => CliError::Killed { what: what.to_owned(), status: status.to_string(), signal },
+        None => ended_like(status),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -147,5 +156,21 @@ mod tests {
     fn the_exit_code_is_the_exit_code_of_the_command() {
         assert_eq!(ended_like(ExitStatus::from_raw(42 << 8)).exit_code(), 42);
         assert_eq!(ended_like(ExitStatus::from_raw(SIGINT)).exit_code(), 130);
+    }
+
+    #[test]
+    fn a_process_that_a_signal_ends_early_is_an_error_with_the_signal() {
+        let ended = |status| {
+            let error = ended_early("the page", ExitStatus::from_raw(status));
+            (error.exit_code(), error.to_string())
+        };
+        let killed = "the page was killed before it was ready (signal: 9 (SIGKILL)); the kernel kills processes when \
+                      memory runs out, then `dmesg` names the process";
+        assert_eq!(ended(9), (1, killed.to_owned()));
+        assert_eq!(
+            ended(15),
+            (1, "the page was killed before it was ready (signal: 15 (SIGTERM))".to_owned())
+        );
+        assert_eq!(ended(3 << 8).0, 3);
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::cli::error::CliError;
 use crate::cli::start::in_thread;
+use crate::cli::with::ended_early;
 use crate::cli::{output, stop};
 use rustix::process::{Pid, Signal};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -120,8 +121,11 @@ impl Emulator {
                 }
                 Err(RecvTimeoutError::Disconnected) => {
                     // The emulator has already printed the reason.
-                    let _ = this.child.wait();
-                    return Err(CliError::Reported);
+                    let status = this.child.wait().map_err(process_error)?;
+                    return Err(match ended_early("the emulator", status) {
+                        killed @ CliError::Killed { .. } => killed,
+                        _ => CliError::Reported,
+                    });
                 }
             }
         }

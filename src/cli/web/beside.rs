@@ -2,7 +2,7 @@
 
 use crate::cli::error::CliError;
 use crate::cli::start::in_thread;
-use crate::cli::with::ended_like;
+use crate::cli::with::ended_early;
 use crate::cli::{demo, output};
 use std::io::{BufRead, BufReader, Read};
 use std::net::SocketAddr;
@@ -62,7 +62,7 @@ impl WebProcess {
         let failed = |reason| CliError::Process { reason };
         self.is_ending.store(true, Ordering::Relaxed);
         match self.has_failed.load(Ordering::Relaxed) {
-            true => Err(ended_like(locked(&self.child).wait().map_err(failed)?)),
+            true => Err(ended_early("`commram web`", locked(&self.child).wait().map_err(failed)?)),
             false => Ok(()),
         }
     }
