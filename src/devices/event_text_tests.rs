@@ -61,6 +61,7 @@ fn draw(kind: &'static EventKind) -> Vec<Record> {
         period_us: 0,
         latency_us: None,
         octets: None,
+        phases: None,
     };
     (0..DRAWN).map(|_| record(event())).collect()
 }

@@ -39,6 +39,7 @@ mod kind;
 mod names;
 mod onlookers;
 pub mod pcapng;
+mod phases;
 mod printer;
 mod reader;
 mod record;
@@ -71,6 +72,7 @@ pub(crate) use history::Rams;
 pub use history::{Change, KEPT_CHANGES, Keep, MAX_FOLLOWED, Stored};
 pub use kind::{ArrivedFrame, EventKind, EventText, Octets, Ring};
 pub use names::Names;
+pub use phases::PortPhase;
 pub use printer::{Printer, Selection};
 pub use reader::Reader;
 pub use record::Record;
@@ -88,6 +90,7 @@ use crate::layout::Width;
 use draft::Draft;
 use fingerprint::Fingerprint;
 use history::History;
+use phases::PhaseLog;
 use requests::Requests;
 use std::sync::Arc;
 use tally::{LONGEST_PERIOD_US, Outcome, Tally};
@@ -140,6 +143,7 @@ pub struct Journal {
     fingerprint: Fingerprint,
     history: History,
     history_id: HistoryId,
+    phases: PhaseLog,
     /// Number of the first possible record: 0, or the number that the snapshot had reached from which the journal
     /// continues.
     base: u64,
@@ -167,6 +171,7 @@ impl Journal {
             fingerprint: Fingerprint::new(),
             history: History::new(),
             history_id: HistoryId::default(),
+            phases: PhaseLog::new(capacity),
             base: 0,
             since_us: 0,
             draft: None,
@@ -331,6 +336,9 @@ impl Journal {
     fn note_state(&mut self, time_us: u64, event: Event, plc: DeviceIndex, command: u32) {
         // Events that were counted up to now belong to the previous state, so their records come first.
         self.tally.all().into_iter().for_each(|record| self.ring.note(record));
+        if let Some(State { origin: port, live, .. }) = event.get() {
+            self.phases.entered(self.ring.end(), PortPhase { port, live });
+        }
         let latency_us = self.requests.commanded(time_us, plc, command);
         self.ring.note(Record { latency_us, ..Record::single(time_us, event) });
     }
@@ -373,6 +381,25 @@ impl Journal {
     /// many records are no longer kept.
     pub fn read(&self, from: u64) -> Records<'_> {
         self.ring.records(from)
+    }
+
+    /// Returns the records like [`Journal::read`], with the phases that a reader needs for the names of registers
+    /// ([`Record::phases`]).
+    pub fn read_with_phases(&self, from: u64) -> impl Iterator<Item = Record> + '_ {
+        let mut next = None;
+        self.read(from).map(move |mut record| {
+            if next.is_none_or(|next| self.phases.has_change_in(next, record.seq)) {
+                record.phases = Some(self.phases_before(record.seq));
+            }
+            next = Some(record.seq + 1);
+            record
+        })
+    }
+
+    /// Returns the phases of the ports before the record with number `seq`. Ports that are missing in the result are in
+    /// their first phase.
+    pub fn phases_before(&self, seq: u64) -> Arc<[PortPhase]> {
+        self.phases.before(seq)
     }
 
     /// Returns the records with a running count, in the order of time. These records have no number yet. A record

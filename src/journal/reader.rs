@@ -15,8 +15,11 @@ use std::sync::Arc;
 pub struct Reader {
     pub(crate) names: Names,
     pub(crate) catalogue: &'static Catalogue,
-    /// True if all records since power-on are known. Ports without a record are then in their first phase.
-    since_power_on: Option<bool>,
+    /// True if the phases of all ports are known: from the phases of a record, or because all records since power-on
+    /// are known. Ports without a record are then in their first phase.
+    knows_phases: Option<bool>,
+    /// True if a record has had phases. Records then have phases again wherever the reader may not know them.
+    gets_phases: bool,
     live: HashMap<Port, RegisterPhase>,
     /// Octets of the last record.
     octets: Option<Arc<[u8]>>,
@@ -32,7 +35,8 @@ impl Reader {
         Reader {
             names,
             catalogue,
-            since_power_on: None,
+            knows_phases: None,
+            gets_phases: false,
             live: HashMap::new(),
             octets: None,
             registers: HashMap::new(),
@@ -41,7 +45,12 @@ impl Reader {
 
     /// Takes the phase and the octets from a record.
     pub(super) fn observe(&mut self, record: &Record) {
-        self.since_power_on.get_or_insert(record.seq == 0);
+        if let Some(phases) = &record.phases {
+            self.knows_phases = Some(true);
+            self.gets_phases = true;
+            self.live = phases.iter().map(|it| ((it.port.plc, it.port.node), it.live)).collect();
+        }
+        self.knows_phases.get_or_insert(record.seq == 0);
         self.octets.clone_from(&record.octets);
         if let Some(State { origin, live, .. }) = record.event.get() {
             self.live.insert((origin.plc, origin.node), live);
@@ -50,7 +59,10 @@ impl Reader {
 
     /// Called when records are missing: phases may have changed.
     pub(super) fn gap(&mut self) {
-        self.since_power_on = Some(false);
+        if self.gets_phases {
+            return;
+        }
+        self.knows_phases = Some(false);
         self.live.clear();
     }
 
@@ -71,7 +83,7 @@ impl Reader {
         };
         match self.live.get(&(plc, port.number)) {
             Some(live) => *live,
-            None if self.since_power_on == Some(true) => area.first_phase(),
+            None if self.knows_phases == Some(true) => area.first_phase(),
             None => area.phase(None),
         }
     }

@@ -1,6 +1,6 @@
 //! A single line of the journal.
 
-use super::{Event, Octets};
+use super::{Event, Octets, PortPhase};
 use std::sync::Arc;
 
 /// A line of the journal: an event, or several equal events at equal distances.
@@ -23,6 +23,10 @@ pub struct Record {
     /// Octets of a telegram as they were on the line, or of a text, at most 255. `None` if the event has no octets, or
     /// contains all of them itself.
     pub octets: Option<Arc<[u8]>>,
+    /// Phases of the ports before this record, if a reader of the preceding records may not know them: in the first
+    /// record of a part of the journal, and after missing records. Ports that are missing here are in their first
+    /// phase. `None` if no phase has changed since the preceding record.
+    pub phases: Option<Arc<[PortPhase]>>,
 }
 
 impl Record {
@@ -34,7 +38,17 @@ impl Record {
 
     /// Returns a record of one event, without number.
     pub(super) fn single(time_us: u64, event: Event) -> Self {
-        Record { seq: Self::PENDING, time_us, event, count: 1, period_us: 0, latency_us: None, octets: None }
+        let (octets, phases) = (None, None);
+        Record {
+            seq: Self::PENDING,
+            time_us,
+            event,
+            count: 1,
+            period_us: 0,
+            latency_us: None,
+            octets,
+            phases,
+        }
     }
 
     /// Returns the octets, if the record is a telegram on the line.

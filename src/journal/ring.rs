@@ -61,7 +61,8 @@ impl Lane {
 
     #[inline]
     fn push(&mut self, record: Record) {
-        let Record { seq, time_us, event, count, period_us, latency_us, octets } = record;
+        // The phases are added when the record is read.
+        let Record { seq, time_us, event, count, period_us, latency_us, octets, phases: _ } = record;
         if let Some(octets) = octets {
             let stored = StoredOctets { seq, octets };
             self.octet_bytes += stored.bytes();
@@ -175,7 +176,7 @@ impl Line {
     fn record(&self, stored: Option<&StoredOctets>) -> Record {
         let &Line { seq, time_us, event, count, period_us, latency_us } = self;
         let octets = stored.map(|stored| Arc::clone(&stored.octets));
-        Record { seq, time_us, event, count, period_us, latency_us, octets }
+        Record { seq, time_us, event, count, period_us, latency_us, octets, phases: None }
     }
 }
 

@@ -4,7 +4,7 @@ use super::finding;
 use super::findings::Findings;
 use super::history::FollowedRegister;
 use super::ring::Rings;
-use super::{Catalogue, Entry, Event, EventCodec, Finding, Found, Journal, Words};
+use super::{Catalogue, Entry, Event, EventCodec, Finding, Found, Journal, PortPhase, Words};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 use serde::{Deserialize, Serialize};
 
@@ -60,6 +60,8 @@ impl Journal {
             fingerprint,
             history,
             history_id: _,
+            // Taken from the firmware when the snapshot is restored.
+            phases: _,
             // Set to the end and the time of the snapshot when it is restored.
             base: _,
             since_us: _,
@@ -116,6 +118,12 @@ impl Journal {
         self.fingerprint.restore(from)?;
         self.history.restore_in_journal(from.value()?);
         Ok(())
+    }
+
+    /// Continues with ports in the phases `present`, after a snapshot was restored. `is_same_run`: the snapshot is an
+    /// earlier state of this journal.
+    pub(crate) fn continue_phases(&mut self, is_same_run: bool, present: impl Iterator<Item = PortPhase>) {
+        self.phases.continue_at(self.ring.end(), is_same_run, present);
     }
 
     /// Returns the history that the records belong to.

@@ -262,3 +262,47 @@ proptest! {
         prop_assert_eq!(numbers, (0..journal.end()).collect::<Vec<_>>());
     }
 }
+
+/// The journal has dropped the records of states and of an end of counting: a reader still knows the structures.
+#[test]
+fn lost_records_do_not_change_the_names_of_overlaid_registers() {
+    use crate::devices::samples::tables::NODES;
+    let (plc, offset) = (DeviceIndex(0), 200_012);
+    let names = || Names {
+        plcs: vec!["a".into()],
+        devices: vec![crate::layout::DeviceFit::unknown(&NODES)],
+        ..Names::default()
+    };
+    let mut journal = Journal::new(3);
+    let mut expected = Vec::new();
+    let phase = |journal: &mut Journal, live| {
+        let origin = Origin { plc, node: 2 };
+        journal.push(1, State { origin, offset: 200_002, command: 200_000, from: 0, to: 3, live });
+    };
+    for (round, live) in [phases::INIT, phases::CYCLIC, phases::INIT, phases::CYCLIC].into_iter().enumerate()
+    {
+        phase(&mut journal, live);
+        // Register traffic has another ring than states.
+        journal.push_event(2, write(offset, round as u32));
+        let name = if live == phases::INIT { "node2.b_MA_SL_MODE" } else { "node2.b_CTRLREG_WRC1" };
+        expected.push(name);
+    }
+    // These records push out the last states, and none of them shows a phase.
+    (0..3).for_each(|_| journal.push_event(3, Unforce { plc, offset: 1_000_000 }.into()));
+    let read = |from| {
+        let mut lines = jsonl::Jsonl::new(names(), crate::devices::catalogue());
+        let mut printer = Vec::new();
+        for record in journal.read_with_phases(from) {
+            let mut line = String::new();
+            lines.record(&record, &mut line);
+            let line: serde_json::Value = serde_json::from_str(&line).unwrap();
+            if line["kind"] == "channel_write" {
+                printer.push(line["register"].as_str().unwrap().to_owned());
+            }
+        }
+        printer
+    };
+    assert!(journal.records().all(|record| !record.event.is::<State>()));
+    assert_eq!(read(0), expected[1..]);
+    assert_eq!(read(7), expected[3..]);
+}

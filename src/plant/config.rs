@@ -100,6 +100,12 @@ impl PlantConfig {
         &self.text
     }
 
+    /// Returns the folders of the devices that have one, separated by commas.
+    pub(crate) fn folders(&self) -> String {
+        let folders = self.devices.iter().filter_map(|device| Some(device.folder()?.display().to_string()));
+        folders.collect::<Vec<_>>().join(", ")
+    }
+
     /// Numbers by which plants with different settings can be distinguished, within one version of commram: the
     /// processor cycle, then a hash for each device and for each bus. Faults are not settings.
     // The hashes are made from the debug output of the settings, which contains names of structures. After such a name

@@ -10,7 +10,7 @@ mod tests;
 
 pub use file::{SnapshotFile, SnapshotFileError};
 
-use super::Plant;
+use super::{Plant, PlantConfig};
 use crate::devices::{self, Device};
 use crate::journal::Rings;
 use crate::layout::DeviceLayout as Layout;
@@ -170,6 +170,30 @@ impl Plant {
         self.take_over(snapshot, false)
     }
 
+    /// Restores the snapshot in a file like [`Plant::restore`]. If the file has the text of this plant's plant file, other
+    /// settings come from a changed file in the folder of a device.
+    pub(crate) fn restore_file(&mut self, file: &SnapshotFile) -> Result<(), SnapshotError> {
+        let restored = self.restore(&file.snapshot);
+        if file.plant == *self.text {
+            restored.map_err(|error| self.name_changed_folder(error))
+        } else {
+            restored
+        }
+    }
+
+    /// Names the cause of other settings in a snapshot from the same plant file. Only a changed file in the folder of a
+    /// device changes the settings.
+    pub(crate) fn name_changed_folder(&self, error: SnapshotError) -> SnapshotError {
+        let config = PlantConfig::parse("plant", &self.text).ok();
+        let folders = config.map(|config| config.folders()).unwrap_or_default();
+        match error {
+            SnapshotError::OtherSettings { what } if !folders.is_empty() => {
+                SnapshotError::ChangedFolder { what, folders }
+            }
+            error => error,
+        }
+    }
+
     /// Returns to a snapshot from this plant's own past. The journal keeps its records up to the snapshot.
     ///
     /// # Errors
@@ -221,6 +245,9 @@ impl Plant {
             // This cannot fail, because this plant has just saved the bytes.
             let _ = self.read(&mut Saved::new(before.bytes()), true);
         }
+        let watches = self.buses.iter_mut().filter_map(|bus| bus.watch());
+        let phases = watches.flat_map(|watch| watch.phases());
+        self.journal.continue_phases(goes_back || taken.is_err(), phases);
         self.arrive();
         taken.map_err(SnapshotError::from)
     }

@@ -59,6 +59,7 @@ impl InJson for Vec<Change> {
             period_us: 0,
             latency_us: None,
             octets: None,
+            phases: None,
         };
         self.iter().map(|change| lines.line(&record(change))).collect::<Vec<_>>()
     }

@@ -287,7 +287,8 @@ pub(super) fn back_to(host: &mut dyn Host, number: u32, detached: bool) -> Resul
 fn go_to(host: &mut dyn Host, snapshot: &Snapshot, is_behind: bool) -> Result<(), Refused> {
     let plant = host.plant_mut();
     let gone = if is_behind { plant.go_back(snapshot) } else { plant.restore(snapshot) };
-    gone.map_err(|error| Refused::new(Code::SNAPSHOT, error))
+    // The snapshot is of this plant.
+    gone.map_err(|error| Refused::new(Code::SNAPSHOT, plant.name_changed_folder(error)))
 }
 
 /// Refuses a return if the clock is not stepped, or if there is an outside participant that cannot go back.

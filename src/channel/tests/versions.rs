@@ -33,8 +33,8 @@ macro_rules! of_version {
     };
 }
 
-of_version!(older, "commram.channel.WireOp.v2", "commram.channel.Block.v2");
-of_version!(newer, "commram.channel.WireOp.v4", "commram.channel.Block.v4");
+of_version!(older, "commram.channel.WireOp.v3", "commram.channel.Block.v3");
+of_version!(newer, "commram.channel.WireOp.v5", "commram.channel.Block.v5");
 
 const SERVICE: &str = "commram.channel";
 
@@ -48,7 +48,7 @@ fn soon<R>(act: impl FnOnce() -> R) -> R {
 
 #[test]
 fn the_versions_beside_todays_are_tried() {
-    assert_eq!(WIRE_VERSION, 3, "take the version before and the version after it");
+    assert_eq!(WIRE_VERSION, 4, "take the version before and the version after it");
 }
 
 /// Today's client at an emulator of another version.
@@ -76,8 +76,8 @@ fn a_client_names_the_version_of_an_emulator_that_has_another() {
         drop((service, node));
         domain.close(Duration::ZERO);
     }
-    refused::<older::Op, older::Reply>(2);
-    refused::<newer::Op, newer::Reply>(4);
+    refused::<older::Op, older::Reply>(3);
+    refused::<newer::Op, newer::Reply>(5);
 }
 
 /// A client of another version at today's emulator, which goes on to answer its own.

@@ -9,7 +9,8 @@ use crate::fault::{Draft, Fault, FaultStatus, MAX_FIELDS, Target};
 use crate::format_samples::assert_only_added;
 use crate::identity::{BusIndex, DeviceIndex};
 use crate::journal::{
-    By, Change, ChangeDetails, Changed, Entry, Finding, HistoryId, Keep, Names, Record, Unforce,
+    By, Change, ChangeDetails, Changed, Entry, Finding, HistoryId, Keep, Names, Origin, PortPhase, Record,
+    Unforce,
 };
 use crate::layout::{Compare, RegisterPhase, Test};
 use crate::memory::header::BoardSetting;
@@ -179,6 +180,9 @@ pub(super) fn replies() -> Vec<(&'static str, Reply)> {
         period_us: 3,
         latency_us: Some(4),
         octets: Some([1, 2].into()),
+        phases: Some(
+            [PortPhase { port: Origin { plc: DeviceIndex(1), node: 2 }, live: phases::CYCLIC }].into(),
+        ),
     };
     let how = ChangeDetails { width: Width::Word, by: By::Channel, live: phases::CYCLIC };
     let changed = Changed { plc: DeviceIndex(1), offset: 200_002, how, from: 3, to: 4 };

@@ -1,7 +1,9 @@
 //! Records of the journal on the wire.
 
 use crate::devices;
-use crate::journal::{Change, Changed, EventCodec, Record};
+use crate::identity::DeviceIndex;
+use crate::journal::{Change, Changed, EventCodec, Origin, PortPhase, Record};
+use crate::layout::RegisterPhase;
 use core::num::NonZeroU32;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -18,25 +20,51 @@ pub(super) struct WireRecord {
     event: [u64; 3],
     /// Octets of a telegram, if the event does not have all of them.
     octets: Option<Vec<u8>>,
+    /// Phases of the ports before the record, if the reader may not know them.
+    phases: Option<Vec<WirePhase>>,
+}
+
+/// The phase of a port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct WirePhase {
+    plc: u16,
+    node: u8,
+    live: u8,
+}
+
+impl From<&PortPhase> for WirePhase {
+    fn from(&PortPhase { port, live }: &PortPhase) -> Self {
+        WirePhase { plc: port.plc.0, node: port.node, live: live.number() }
+    }
+}
+
+impl From<&WirePhase> for PortPhase {
+    fn from(&WirePhase { plc, node, live }: &WirePhase) -> Self {
+        let port = Origin { plc: DeviceIndex(plc), node };
+        PortPhase { port, live: RegisterPhase::numbered(live) }
+    }
 }
 
 impl From<&Record> for WireRecord {
     fn from(record: &Record) -> Self {
-        let &Record { seq, time_us, event, count, period_us, latency_us, ref octets } = record;
+        let &Record { seq, time_us, event, count, period_us, latency_us, ref octets, ref phases } = record;
         let octets = octets.as_ref().map(|octets| octets.to_vec());
         // A record counts at least one event.
         let count = NonZeroU32::new(count).unwrap_or(NonZeroU32::MIN);
-        WireRecord { seq, time_us, count, period_us, latency_us, event: event.words(), octets }
+        let (event, phases) =
+            (event.words(), phases.as_ref().map(|all| all.iter().map(WirePhase::from).collect()));
+        WireRecord { seq, time_us, count, period_us, latency_us, event, octets, phases }
     }
 }
 
 impl WireRecord {
     /// Decodes the record; `None` if no server of this version can have sent it.
     pub(crate) fn record(&self) -> Option<Record> {
-        let &WireRecord { seq, time_us, count, period_us, latency_us, event, ref octets } = self;
+        let &WireRecord { seq, time_us, count, period_us, latency_us, event, ref octets, ref phases } = self;
         let octets = octets.as_deref().map(Arc::from);
+        let phases = phases.as_ref().map(|all| all.iter().map(PortPhase::from).collect());
         let event = devices::catalogue().event(event)?;
-        Some(Record { seq, time_us, event, count: count.get(), period_us, latency_us, octets })
+        Some(Record { seq, time_us, event, count: count.get(), period_us, latency_us, octets, phases })
     }
 }
 

@@ -9,8 +9,11 @@ use proptest::prelude::*;
 fn record() -> impl Strategy<Value = Record> {
     let latency = proptest::option::of(0..u32::MAX);
     let octets = proptest::option::of(proptest::collection::vec(any::<u8>(), 0..=255));
-    (event(), any::<(u64, u64, u32)>(), 1..u32::MAX, latency, octets).prop_map(
-        |(event, (seq, time_us, period_us), count, latency_us, octets)| Record {
+    let phase =
+        any::<(u16, u8, u8)>().prop_map(|(plc, node, live)| PortPhase::from(&WirePhase { plc, node, live }));
+    let phases = proptest::option::of(proptest::collection::vec(phase, 0..5));
+    (event(), any::<(u64, u64, u32)>(), 1..u32::MAX, latency, octets, phases).prop_map(
+        |(event, (seq, time_us, period_us), count, latency_us, octets, phases)| Record {
             seq,
             time_us,
             event,
@@ -18,6 +21,7 @@ fn record() -> impl Strategy<Value = Record> {
             period_us,
             latency_us,
             octets: octets.map(Into::into),
+            phases: phases.map(Into::into),
         },
     )
 }

@@ -59,6 +59,7 @@ mod tests {
                 period_us,
                 latency_us,
                 octets: octets.map(Into::into),
+                phases: None,
             },
         )
     }
@@ -119,7 +120,7 @@ mod tests {
 
         #[test]
         fn every_event_reads(event in event()) {
-            let record = Record { seq: 7, time_us: 8, event, count: 1, period_us: 0, latency_us: None, octets: None };
+            let record = Record { seq: 7, time_us: 8, event, count: 1, period_us: 0, latency_us: None, octets: None, phases: None };
             let (mut text, mut json) = (String::new(), String::new());
             Text::new(Names::default(), catalogue()).record(&record, &mut text);
             Jsonl::new(Names::default(), catalogue()).record(&record, &mut json);

@@ -1,6 +1,6 @@
 //! The access checker for the ports of a bus.
 
-use crate::journal::Journal;
+use crate::journal::{Journal, PortPhase};
 
 /// The watches over the registers of a bus's ports ([`Bus::watch`](crate::devices::Bus::watch)). The bus owns the
 /// watches, because its family has the rules and the firmware of the ports.
@@ -20,5 +20,11 @@ pub trait PortWatch {
     /// that [`Bus::event`](crate::devices::Bus::event) has returned.
     fn judge_edge(&mut self, now: u64, journal: &mut Journal) {
         let _ = (now, journal);
+    }
+
+    /// Returns the phases of the ports, if structures of registers overlay each other. Ports that are missing in the
+    /// result are in their first phase.
+    fn phases(&mut self) -> Vec<PortPhase> {
+        Vec::new()
     }
 }

@@ -7,7 +7,7 @@ use crate::journal::{Keep, Record};
 use crate::request::register::known_plc;
 use crate::request::{MAX_RECORDS, Refused, Reply};
 
-/// Maximum number of bytes of telegrams in a reply: half of the maximum for all replies of a request.
+/// Maximum number of bytes of telegrams and phases in a reply: half of the maximum for all replies of a request.
 const MAX_OCTETS: usize = 131_072;
 
 impl Work<'_> {
@@ -17,11 +17,16 @@ impl Work<'_> {
         let mut octets = 0;
         let fits = |record: &Record| {
             octets += record.octets.as_ref().map_or(0, |octets| octets.len());
+            octets += record.phases.as_ref().map_or(0, |phases| size_of_val(&**phases));
             octets <= MAX_OCTETS
         };
-        let (left, records) = (journal.read(from).len(), journal.read(from).take(max).take_while(fits));
+        let (left, records) =
+            (journal.read(from).len(), journal.read_with_phases(from).take(max).take_while(fits));
         let records: Vec<Record> = records.collect();
-        let pending = if records.len() == left { journal.pending() } else { Vec::new() };
+        let mut pending = if records.len() == left { journal.pending() } else { Vec::new() };
+        if let (Some(first), []) = (pending.first_mut(), records.as_slice()) {
+            first.phases = Some(journal.phases_before(journal.end()));
+        }
         let pending = pending.into_iter().map(|record| record.judged_at(self.host.plant().now()));
         let records = records.into_iter().chain(pending).collect();
         Ok(Reply::Journal { records, end: journal.end(), turn: journal.history_from(from) })

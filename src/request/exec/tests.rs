@@ -484,3 +484,38 @@ fn an_operation_that_pauses_does_the_same() {
         assert!(sliced == whole, "in slices it is different: {:?}", sliced.0);
     }
 }
+
+/// A reader of the continued journal has no record of the states before the snapshot.
+#[test]
+fn a_snapshot_keeps_the_names_of_overlaid_registers() {
+    let mut whole = with_sync();
+    let snapshot = whole.plant.snapshot();
+    let begin = whole.plant.journal().end();
+    let mut restored = TestHost::new(true);
+    restored.plant.restore(&snapshot).unwrap();
+    let lines = |host: &mut TestHost, from| {
+        // Node 1 is not initialized, node 2 is.
+        let ops = [set("node2.a_SL_TYP[1]", 4), set("node1.a_SL_TYP[1]", 5), Op::Advance { us: 5_000 }];
+        host.request(&ops);
+        let names = host.info().names;
+        let reply = host.request(&[Op::Journal { from, max: u32::MAX }]).remove(0);
+        let json = serde_json::to_value(reply.json(&names)).unwrap();
+        let records = json["journal"]["records"].as_array().unwrap().clone();
+        let is_later = |line: &serde_json::Value| line["seq"].as_u64().is_none_or(|seq| seq >= begin);
+        records.into_iter().filter(is_later).collect::<Vec<_>>()
+    };
+    let (expected, found) = (lines(&mut whole, 0), lines(&mut restored, begin));
+    assert_eq!(found, expected);
+    assert!(expected.iter().any(|line| line["register"] == "node1.a_SL_TYP[1]"), "{expected:?}");
+    // A part in the middle of the journal, and another history.
+    let part = |host: &mut TestHost| {
+        let json = host.request(&[Op::Journal { from: begin, max: u32::MAX }]).remove(0);
+        serde_json::to_value(json.json(&host.info().names)).unwrap()["journal"]["records"].clone()
+    };
+    assert_eq!(part(&mut whole), part(&mut restored));
+    for host in [&mut whole, &mut restored] {
+        host.plant.restore(&snapshot).unwrap();
+    }
+    assert_eq!(lines(&mut whole, begin), expected);
+    assert_eq!(lines(&mut restored, begin), expected);
+}

@@ -1,6 +1,6 @@
 //! Snapshots as files, which are read and sent in parts.
 
-use super::{alone, go_to, unknown};
+use super::{alone, unknown};
 use crate::plant::SnapshotFile;
 use crate::request::{Code, Host, Refused};
 use std::collections::VecDeque;
@@ -87,7 +87,8 @@ pub(in crate::request) fn restore(host: &mut dyn Host, client: u128, detached: b
     let (_, travel) = host.plant_and_travel();
     let file = SnapshotFile::of_bytes(&travel.coming.take(client));
     let file = file.map_err(|error| Refused::new(Code::SNAPSHOT, error))?;
-    go_to(host, &file.snapshot, false)?;
+    let restored = host.plant_mut().restore_file(&file);
+    restored.map_err(|error| Refused::new(Code::SNAPSHOT, error))?;
     host.plant_and_travel().1.is_elsewhere();
     host.has_travelled();
     Ok(())

@@ -79,6 +79,11 @@ impl Stretch {
     pub(super) fn is_repeated(&self, plant: &mut Plant) -> bool {
         let StretchEnd { time_us, stores, hash } = self.end;
         RemainingStores(&self.stores[..stores]).go_to(plant, time_us);
+        if plant.journal().hash() == hash {
+            return true;
+        }
+        // The plant may also have handled the events that were due at the end.
+        plant.advance_to(time_us);
         plant.journal().hash() == hash
     }
 
@@ -97,14 +102,20 @@ impl RemainingStores<'_> {
         self.0.first().map_or(u64::MAX, |store| store.time_us)
     }
 
-    /// Advances to a moment, and makes the stores up to and including this moment.
+    /// Advances to a moment, and makes the stores up to and including this moment. Events that an operation has made
+    /// due at the present moment are handled only when the clock advances, as they were the first time.
     pub(super) fn go_to(&mut self, plant: &mut Plant, time_us: u64) {
+        let advance = |plant: &mut Plant, time_us| {
+            if time_us > plant.now() {
+                plant.advance_to(time_us);
+            }
+        };
         while let Some((store, rest)) = self.0.split_first().filter(|(store, _)| store.time_us <= time_us) {
-            plant.advance_to(store.time_us);
+            advance(plant, store.time_us);
             // The store was possible the first time, and the plant has the same state now.
             let _ = plant.store(store.plc, store.offset, store.width, store.value);
             self.0 = rest;
         }
-        plant.advance_to(time_us);
+        advance(plant, time_us);
     }
 }

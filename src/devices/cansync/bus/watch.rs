@@ -4,7 +4,7 @@ use super::SimBus;
 use super::end::PortRef;
 use crate::devices::PortWatch;
 use crate::devices::cansync::watch::{Facts, NodeWatch};
-use crate::journal::Journal;
+use crate::journal::{Journal, PortPhase};
 
 impl SimBus {
     /// Returns the access checker of a port with registers, and the facts about the node that it needs.
@@ -66,6 +66,12 @@ impl PortWatch for SimBus {
     #[inline]
     fn judge_edge(&mut self, now: u64, journal: &mut Journal) {
         self.judge_mappings(now, journal);
+    }
+
+    fn phases(&mut self) -> Vec<PortPhase> {
+        let phase = |origin, facts: Facts| PortPhase { port: origin, live: facts.live };
+        let masters = self.masters.iter().map(|end| phase(end.origin, end.firmware.facts()));
+        masters.chain(self.slaves.iter().map(|end| phase(end.origin, end.firmware.facts()))).collect()
     }
 }
 
