@@ -6,11 +6,14 @@ With `--axe` each page is checked with axe-core, light and dark; with `--picture
 made; with `--load` the speed is measured."""
 
 import argparse
+import contextlib
 import json
+import mmap
 import os
 import re
 import subprocess
 import tempfile
+import threading
 import time
 from pathlib import Path
 
@@ -516,15 +519,38 @@ LOAD = """new Promise((done) => {
     let updates = 0;
     const begin = performance.now();
     const observer = new MutationObserver(() => (updates += 1));
-    observer.observe(document.querySelector(".time"), { subtree: true, characterData: true, childList: true });
+    observer.observe(document.querySelector(".rows-body .value"), { subtree: true, characterData: true, childList: true });
     setTimeout(() => done(updates / ((performance.now() - begin) / 1000)), 5_000);
 })"""
 FOLLOWED = [f"line:node2.a_RD_BMARRAY[{slave}][{word}]" for slave in range(4) for word in range(15)]
+# Address of the first followed register, and the number of bytes up to the last one.
+FIRST, BYTES = 200_832, 256
 FIRST_PAINT = "performance.getEntriesByName('first-contentful-paint')[0]?.startTime"
 
 
+@contextlib.contextmanager
+def changing(instance):
+    """Changes the followed registers 200 times a second, as a program with a mapped image."""
+    image = os.open(f"/dev/shm/commram.{instance}.line", os.O_RDWR)
+    ram, ended = mmap.mmap(image, 0), threading.Event()
+
+    def store():
+        number = 0
+        while not ended.wait(1 / 200):
+            number += 1
+            ram[FIRST:FIRST + BYTES] = number.to_bytes(4, "little") * (BYTES // 4)
+
+    writer = threading.Thread(target=store)
+    writer.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        writer.join()
+
+
 def load(program, browser):
-    """With 60 followed registers of a plant in real time: updates of the screen per second; and the first paint."""
+    """With 60 followed registers of a plant in real time that change 200 times a second: updates of the page per second; and the first paint."""
     emulator = Emulator(program, str(EXAMPLE.with_suffix(".toml")))
     try:
         page = Page(browser)
@@ -537,8 +563,9 @@ def load(program, browser):
         page.value(f"location.hash = '#/{emulator.name}/registers/followed'")
         page.value("location.reload()")
         page.until("document.querySelectorAll('.rows-body .row').length >= 60")
-        time.sleep(1)
-        return {"first_paint_ms": round(first_paint), "updates_per_second": round(page.value(LOAD), 1)}
+        with changing(emulator.name):
+            page.until("/^16#0*[1-9A-F]/.test(document.querySelector('.rows-body .value').textContent)")
+            return {"first_paint_ms": round(first_paint), "updates_per_second": round(page.value(LOAD), 1)}
     finally:
         emulator.stop()
 
