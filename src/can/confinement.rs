@@ -127,7 +127,9 @@ const RUN: u32 = 11;
 /// the other. A bus with frames has at least one such sequence after each frame.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Recovery {
+    /// Number of sequences that are still missing.
     left: u32,
+    /// Time from which sequences count, in nanoseconds.
     from_ns: u64,
 }
 

@@ -70,6 +70,7 @@ const fn without(mut bytes: [bool; WORDS * WORD], offset: usize, len: usize) -> 
 pub(super) struct HeaderWatch {
     plc: DeviceIndex,
     now: View<[Cell64; WORDS]>,
+    /// The header page after the last check, with which the present page is compared.
     left: Baseline,
 }
 

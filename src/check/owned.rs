@@ -32,7 +32,9 @@ fn mask(register: &RegisterRef) -> u64 {
 struct Word {
     offset: u32,
     now: View<Cell64>,
+    /// Value of the word after the last check.
     left: u64,
+    /// Mask of the bits that are compared.
     watched: u64,
 }
 

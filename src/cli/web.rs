@@ -19,7 +19,7 @@ mod server;
 mod session;
 mod show;
 mod strand;
-mod transit;
+mod uploads;
 
 pub(crate) use beside::WebProcess;
 pub(crate) use secret::remove_left_files;

@@ -2,9 +2,9 @@
 
 use super::descriptors;
 use super::guest::{Guest, GuestMessage};
+use super::log_limiter::LogLimiter;
 use super::protocol::GuestSession;
 use super::pty::Pty;
-use super::sparing::Sparing;
 use super::spec::DoorSpec;
 use super::{MAX_GUESTS, MAX_KNOWN_GUESTS, ROOM_TO_GUEST};
 use crate::identity::BusIndex;
@@ -160,11 +160,11 @@ const WAKER: Token = Token(0);
 /// The object to which a descriptor belongs.
 enum Station {
     Listener { listener: TcpListener, door: usize, bus: BusIndex, spec: DoorSpec },
-    Guest(Box<Visit>),
+    Guest(Box<GuestConnection>),
 }
 
 /// A guest that is connected now.
-struct Visit {
+struct GuestConnection {
     line: Line,
     door: usize,
     guest: Arc<Guest>,
@@ -204,7 +204,7 @@ enum Presence {
     Leaves,
 }
 
-impl Visit {
+impl GuestConnection {
     fn may_read(&self) -> bool {
         self.has_more && self.unwritten.len() < MOST_UNWRITTEN
     }
@@ -284,7 +284,7 @@ pub(super) struct Io {
     ring: Arc<dyn Fn() + Send + Sync>,
     stations: BTreeMap<usize, Station>,
     next_token: usize,
-    complaints: Sparing,
+    complaints: LogLimiter,
     /// Time at which the doors try again to accept guests without an event.
     retry: Option<Instant>,
 }
@@ -309,7 +309,7 @@ impl Io {
                 ring,
                 stations: BTreeMap::new(),
                 next_token: 1,
-                complaints: Sparing::default(),
+                complaints: LogLimiter::default(),
                 retry: None,
             },
             waker,
@@ -329,8 +329,8 @@ impl Io {
                 return;
             }
             for event in &events {
-                if let Some(Station::Guest(visit)) = self.stations.get_mut(&event.token().0) {
-                    visit.has_more |= event.is_readable() || event.is_read_closed() || event.is_error();
+                if let Some(Station::Guest(connection)) = self.stations.get_mut(&event.token().0) {
+                    connection.has_more |= event.is_readable() || event.is_read_closed() || event.is_error();
                 }
             }
             if !self.obey() {
@@ -354,7 +354,7 @@ impl Io {
                 Command::Close { key } => {
                     let is_its = |station: &Station| match station {
                         Station::Listener { door, .. } => *door == key,
-                        Station::Guest(visit) => visit.door == key,
+                        Station::Guest(connection) => connection.door == key,
                     };
                     let its: Vec<_> =
                         self.stations.iter().filter(|(_, it)| is_its(it)).map(|(token, _)| *token).collect();
@@ -449,8 +449,9 @@ impl Io {
         let guest = guest.map_err(io::Error::other)?;
         let session = spec.protocol().begin(spec.carrier(), &mut &*guest);
         let unwritten = Vec::new();
-        let visit = Visit { line, door, guest, session, has_more: true, has_spoken: false, unwritten };
-        self.stations.insert(token, Station::Guest(Box::new(visit)));
+        let connection =
+            GuestConnection { line, door, guest, session, has_more: true, has_spoken: false, unwritten };
+        self.stations.insert(token, Station::Guest(Box::new(connection)));
         (self.ring)();
         Ok(())
     }
@@ -458,13 +459,13 @@ impl Io {
     /// Closes the connection with the longest silence, to free a place. Returns false if no connection is silent.
     fn send_a_silent_one_away(&mut self) -> bool {
         let silent = self.stations.iter_mut().find_map(|(token, station)| {
-            let Station::Guest(visit) = station else { return None };
-            if !visit.is_silent() {
+            let Station::Guest(connection) = station else { return None };
+            if !connection.is_silent() {
                 return None;
             }
             // Reads first, because a message of the guest may have come a moment ago.
-            let (_, presence) = visit.read();
-            (presence == Presence::Leaves || visit.is_silent()).then_some((*token, visit.door))
+            let (_, presence) = connection.read();
+            (presence == Presence::Leaves || connection.is_silent()).then_some((*token, connection.door))
         });
         let Some((token, door)) = silent else { return false };
         self.shared.refuse(door);
@@ -473,17 +474,17 @@ impl Io {
     }
 
     fn remove(&mut self, token: usize) {
-        if let Some(Station::Guest(mut visit)) = self.stations.remove(&token) {
+        if let Some(Station::Guest(mut connection)) = self.stations.remove(&token) {
             // Messages that the guest sent before it disconnected are still valid.
             for _ in 0..ROOM_TO_GUEST {
-                if !visit.may_read() || visit.read().1 == Presence::Leaves {
+                if !connection.may_read() || connection.read().1 == Presence::Leaves {
                     break;
                 }
             }
-            visit.guest.leave();
-            if !visit.guest.has_opened() {
+            connection.guest.leave();
+            if !connection.guest.has_opened() {
                 // The plant has not taken over this guest, so the guest can be removed here.
-                self.shared.forget(&visit.guest);
+                self.shared.forget(&connection.guest);
             }
         }
     }
@@ -492,14 +493,14 @@ impl Io {
     fn attend(&mut self) {
         let (mut gone, mut is_news) = (Vec::new(), false);
         for (token, station) in &mut self.stations {
-            let Station::Guest(visit) = station else { continue };
+            let Station::Guest(connection) = station else { continue };
             let mut presence = Presence::Stays;
-            if visit.may_read() {
-                let (news, now) = visit.read();
+            if connection.may_read() {
+                let (news, now) = connection.read();
                 is_news |= news;
                 presence = now;
             }
-            if presence == Presence::Leaves || visit.write() == Presence::Leaves {
+            if presence == Presence::Leaves || connection.write() == Presence::Leaves {
                 gone.push(*token);
             }
         }

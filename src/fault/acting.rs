@@ -17,8 +17,11 @@ struct Entry {
     owner: Owner,
     /// Meaning of the values for the family that applies the fault.
     effect: Effect,
+    /// Emulated time at which the fault begins, in microseconds.
     begins: u64,
+    /// Emulated time at which the fault ends, in microseconds.
     ends: u64,
+    /// True if the fault has ended, so that the entry can be removed.
     done: bool,
 }
 

@@ -223,7 +223,7 @@ impl FaultKind {
         (self.agree)(fault)
     }
 
-    /// Returns the effect of the values of a fault of the given kind.
+    /// Returns the effect that the values of a fault of this kind describe.
     pub(super) fn effect(&self, fault: &Fault) -> Effect {
         (self.effect)(fault)
     }

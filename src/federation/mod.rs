@@ -85,6 +85,7 @@ pub struct Federation {
     arrived: Option<u64>,
     /// For each federate, the real time at which its last message arrived.
     heard: Vec<Instant>,
+    /// Real time at which this federate last sent a message.
     spoken: Instant,
 }
 

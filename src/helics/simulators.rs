@@ -18,8 +18,11 @@ const TAKEN: [&str; 4] = ["double", "int64", "int", "bool"];
 
 /// The emulator's side of the connection.
 pub struct HelicsSimulators {
+    /// Sends the values and frames of the plant to the thread of HELICS.
     given: Option<Sender<PlantOutput>>,
+    /// Receives the values and frames of the simulators from the thread of HELICS.
     taken: Receiver<Result<SimulatorOutput, String>>,
+    /// Receives a message when the thread has left the federation.
     has_left: Receiver<()>,
     joining: Joining,
 }

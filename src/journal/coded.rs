@@ -24,7 +24,8 @@ pub trait EventCodec: Copy + 'static {
     /// Encodes the event as words.
     fn words(&self) -> Words;
 
-    /// Decodes the words of the given kind; `None` if the words are invalid. Ignores bits that the kind does not use.
+    /// Decodes the words of an event of this kind; `None` if the words are invalid. Ignores bits that the kind does not
+    /// use.
     fn read(words: Words) -> Option<Self>;
 
     /// Returns the device or bus of the event.
@@ -48,7 +49,7 @@ pub struct Packer {
 }
 
 impl Packer {
-    /// Creates the words of an event of the given kind, still without fields. `index` and `number` are the location of
+    /// Creates the words of an event of this kind, still without fields. `index` and `number` are the location of
     /// the event.
     #[inline]
     pub fn new(kind: &EventKind, index: u16, number: u8) -> Self {

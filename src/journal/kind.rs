@@ -166,7 +166,7 @@ impl EventKind {
         self.name
     }
 
-    /// Returns the ring that keeps events of the given kind.
+    /// Returns the ring that keeps the events of this kind.
     #[inline]
     pub const fn ring(&self) -> Ring {
         self.ring

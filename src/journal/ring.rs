@@ -35,7 +35,7 @@ impl StoredOctets {
 
 /// A ring with its records.
 #[derive(Default)]
-struct Lane {
+struct RecordRing {
     lines: VecDeque<Line>,
     /// Octets of the records that have octets, in ascending order of their numbers.
     octets: VecDeque<StoredOctets>,
@@ -43,7 +43,7 @@ struct Lane {
     octet_bytes: usize,
 }
 
-impl Lane {
+impl RecordRing {
     /// Drops the oldest records until there is room for a line and its octets in a ring of `capacity` lines.
     #[inline]
     fn make_room(&mut self, capacity: usize) {
@@ -85,15 +85,21 @@ impl Lane {
 
 /// The records that are kept.
 pub(crate) struct Rings {
-    lanes: [Lane; RINGS],
+    record_rings: [RecordRing; RINGS],
+    /// Maximum number of records in the rings.
     capacity: usize,
+    /// Number of the next record.
     end: u64,
 }
 
 impl Rings {
     /// Rings for `capacity` records each, at least one.
     pub(crate) fn new(capacity: usize) -> Self {
-        Rings { lanes: core::array::from_fn(|_| Lane::default()), capacity: capacity.max(1), end: 0 }
+        Rings {
+            record_rings: core::array::from_fn(|_| RecordRing::default()),
+            capacity: capacity.max(1),
+            end: 0,
+        }
     }
 
     /// Gives a record its number and appends it. If its ring is full, drops the oldest records of this ring.
@@ -102,16 +108,16 @@ impl Rings {
         let seq = self.end;
         self.end += 1;
         let ring = record.event.kind().ring();
-        let lane = &mut self.lanes[ring as usize];
-        lane.make_room(ring.share(self.capacity));
-        lane.push(Record { seq, ..record });
+        let record_ring = &mut self.record_rings[ring as usize];
+        record_ring.make_room(ring.share(self.capacity));
+        record_ring.push(Record { seq, ..record });
     }
 
     /// Sets the number of the next record to `end`. Earlier records are kept only if they are of the same run.
     pub(crate) fn begin_at(&mut self, end: u64, is_same_run: bool) {
         self.end = end;
-        for lane in &mut self.lanes {
-            lane.truncate(if is_same_run { end } else { 0 });
+        for record_ring in &mut self.record_rings {
+            record_ring.truncate(if is_same_run { end } else { 0 });
         }
     }
 
@@ -128,10 +134,13 @@ impl Rings {
 
     /// Returns the records from number `from` on.
     pub(crate) fn records(&self, from: u64) -> Records<'_> {
-        let rest = self.lanes.each_ref().map(|lane| {
-            let start = lane.lines.partition_point(|line| line.seq < from);
-            let octets = lane.octets.partition_point(|stored| stored.seq < from);
-            RemainingRecords { lines: lane.lines.range(start..), octets: lane.octets.range(octets..) }
+        let rest = self.record_rings.each_ref().map(|record_ring| {
+            let start = record_ring.lines.partition_point(|line| line.seq < from);
+            let octets = record_ring.octets.partition_point(|stored| stored.seq < from);
+            RemainingRecords {
+                lines: record_ring.lines.range(start..),
+                octets: record_ring.octets.range(octets..),
+            }
         });
         Records { rest }
     }
@@ -217,7 +226,7 @@ mod tests {
         for time_us in 0..200_000 {
             rings.note(Record::single(time_us, Packet { bus: BusIndex(0), data: 1 }.into()));
         }
-        let [traffic, ..] = &rings.lanes;
+        let [traffic, ..] = &rings.record_rings;
         assert_eq!(traffic.lines.len(), super::super::Journal::DEFAULT_CAPACITY);
         let others = Ring::ALL.iter().map(|ring| ring.share(traffic.lines.capacity())).sum::<usize>();
         assert!(others * size_of::<Line>() < 20_000_000, "{others}");
@@ -233,15 +242,22 @@ mod tests {
     fn octets_take_the_memory_of_lines() {
         let mut rings = Rings::new(1000);
         (0..10_000).for_each(|n| note(&mut rings, if n % 2 == 0 { 255 } else { 0 }));
-        let lane = &rings.lanes[Ring::Traffic as usize];
-        let sum: usize = lane.octets.iter().map(StoredOctets::bytes).sum();
-        assert_eq!(lane.octet_bytes, sum);
-        assert!(sum + lane.lines.len() * size_of::<Line>() <= 1000 * size_of::<Line>() + 400, "{sum}");
-        assert!(lane.lines.len() > 250 && lane.octets.len() == lane.lines.len() / 2, "{}", lane.lines.len());
+        let record_ring = &rings.record_rings[Ring::Traffic as usize];
+        let sum: usize = record_ring.octets.iter().map(StoredOctets::bytes).sum();
+        assert_eq!(record_ring.octet_bytes, sum);
+        assert!(sum + record_ring.lines.len() * size_of::<Line>() <= 1000 * size_of::<Line>() + 400, "{sum}");
+        assert!(
+            record_ring.lines.len() > 250 && record_ring.octets.len() == record_ring.lines.len() / 2,
+            "{}",
+            record_ring.lines.len()
+        );
         // Later records without octets use all lines again.
         (0..1000).for_each(|_| note(&mut rings, 0));
-        let lane = &rings.lanes[Ring::Traffic as usize];
-        assert_eq!((lane.lines.len(), lane.octets.len(), lane.octet_bytes), (1000, 0, 0));
+        let record_ring = &rings.record_rings[Ring::Traffic as usize];
+        assert_eq!(
+            (record_ring.lines.len(), record_ring.octets.len(), record_ring.octet_bytes),
+            (1000, 0, 0)
+        );
         // The newest record is always kept, even a large one.
         let mut small = Rings::new(1);
         (0..3).for_each(|_| note(&mut small, 255));

@@ -29,6 +29,7 @@ type Share = (BusIndex, Vec<Box<dyn Bus>>, Journal);
 /// state.
 #[derive(Clone, Copy)]
 struct IndependentPeriod {
+    /// Emulated time at which the period ends, in microseconds.
     until: u64,
     first_cycle: u64,
     cycle_us: u64,

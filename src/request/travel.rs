@@ -36,6 +36,7 @@ const PAUSE_US: u64 = 100_000;
 pub struct Travel {
     /// Snapshots that clients have requested, by their numbers.
     saved: BTreeMap<u32, KeptSnapshot>,
+    /// Number of the last snapshot that a client has requested.
     last: u32,
     /// A snapshot as a file that a client is reading.
     leaving: (u32, Vec<u8>),

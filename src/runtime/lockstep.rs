@@ -49,6 +49,7 @@ struct Turn {
     index: usize,
     /// Number of turns that the task had ended before.
     done: u32,
+    /// Start of the turn in real time.
     since: Instant,
 }
 
@@ -142,7 +143,7 @@ impl Lockstep {
             let seat = self.headers[plc.index()].project(|header| &header.lockstep[place]);
             match SeatState::from_code(seat.state.load()) {
                 Some(SeatState::Asking) => self.seat(plc, seat, plant, witness),
-                Some(SeatState::Refused | SeatState::Lost) if seat.bury() => {}
+                Some(SeatState::Refused | SeatState::Lost) if seat.free_if_dead() => {}
                 _ => continue,
             }
             changed = true;
@@ -377,7 +378,7 @@ impl Lockstep {
             tracing::warn!("the task of event {} was given up: it died or took too long", task.event);
             task.seat.turn.ring();
             // A dead process cannot leave by itself.
-            task.seat.bury();
+            task.seat.free_if_dead();
         }
         self.watch(task.plc, plant);
     }

@@ -36,6 +36,7 @@ type Letters = Arc<Mutex<Vec<VecDeque<(u8, Vec<u8>)>>>>;
 type Program = Box<dyn FnMut() + Send>;
 
 struct ByMemory {
+    /// Index of this federate.
     own: usize,
     letters: Letters,
     program: Program,
@@ -154,6 +155,7 @@ impl Host for Federate {
 
 struct Federated {
     all: Vec<Federate>,
+    /// Index of the federate of the scenario.
     own: usize,
 }
 

@@ -27,8 +27,10 @@ pub(super) struct Imports {
 
 /// `start.rhai:3 imports common.rhai`
 struct Import {
+    /// File with the `import` statement.
     from: PathBuf,
     line: Option<usize>,
+    /// Imported file.
     to: PathBuf,
 }
 

@@ -9,13 +9,13 @@ pub(super) const MOST: usize = 1 << 20;
 pub(super) struct Printed {
     text: String,
     is_cut: bool,
-    hand_on: Box<dyn FnMut(&str)>,
+    receiver: Box<dyn FnMut(&str)>,
 }
 
 impl Printed {
-    /// Creates the receiver of printed lines; `hand_on` gets each line with its line end.
-    pub(crate) fn new(hand_on: impl FnMut(&str) + 'static) -> Self {
-        Self { text: String::new(), is_cut: false, hand_on: Box::new(hand_on) }
+    /// Creates the receiver of printed lines; `receiver` gets each line with its line end.
+    pub(crate) fn new(receiver: impl FnMut(&str) + 'static) -> Self {
+        Self { text: String::new(), is_cut: false, receiver: Box::new(receiver) }
     }
 
     /// Takes a line, or the beginning of the first line that exceeds the limit.
@@ -37,7 +37,7 @@ impl Printed {
             ));
         }
         self.text.push('\n');
-        (self.hand_on)(&self.text[start..]);
+        (self.receiver)(&self.text[start..]);
     }
 
     /// Takes all kept lines.

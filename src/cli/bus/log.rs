@@ -64,7 +64,7 @@ impl Buses {
         self.states.get(bus.index()).map_or(0, |state| state.bit_s).max(1).into()
     }
 
-    /// True if a bus carries messages of the given kind.
+    /// True if a bus carries messages of the same kind as `message`.
     fn carries(&self, bus: usize, message: &Message) -> bool {
         let traffic_kind = self.states.get(bus).and_then(|state| devices::traffic_kind_of(&state.kind));
         let is_profibus = matches!(traffic_kind, Some(TrafficKind::Telegrams));

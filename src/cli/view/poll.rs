@@ -115,6 +115,7 @@ pub(super) struct Poller {
     followed: HashSet<MemoryLocation>,
     /// Registers that the emulator refused to read.
     refused: HashSet<MemoryLocation>,
+    /// Real time of the last request.
     asked: Option<Instant>,
     asked_for_buses: Option<Instant>,
     next_change: Option<u64>,

@@ -3,7 +3,7 @@
 use super::events::Feed;
 use super::link::Link;
 use super::problem::Problem;
-use super::transit::Transit;
+use super::uploads::Uploads;
 use crate::cli::error::CliError;
 use crate::cli::session::images_of;
 use std::collections::HashMap;
@@ -24,7 +24,7 @@ pub(super) struct InstanceLinks {
     pub looks: Link,
     pub acts: Link,
     pub feed: Feed,
-    pub transit: Arc<Transit>,
+    pub uploads: Arc<Uploads>,
 }
 
 /// The instances and the connections to them.
@@ -63,7 +63,7 @@ impl Hub {
             looks: Link::start(instance)?,
             acts: Link::start(instance)?,
             feed: Feed::new(instance),
-            transit: Arc::default(),
+            uploads: Arc::default(),
         });
         links.insert(instance.to_owned(), Arc::clone(&new));
         Ok(new)

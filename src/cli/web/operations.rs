@@ -4,7 +4,7 @@ use super::hub::InstanceLinks;
 use super::link::Connection;
 use super::problem::Problem;
 use super::router::repeated;
-use super::transit::Transit;
+use super::uploads::Uploads;
 use crate::channel::ClientError;
 use crate::cli::error::CliError;
 use crate::request::{Class, Code, MAX_OPS, Op, Operation, Refused, Reply, WrongReply, operations};
@@ -149,11 +149,11 @@ pub(super) async fn execute_all(
     ops: Vec<Op>,
 ) -> Result<Vec<Value>, Problem> {
     let link = if ops.iter().all(|op| op.class() == Class::Looks) { &links.looks } else { &links.acts };
-    let transit = Arc::clone(&links.transit);
-    link.run(move |connection| request(connection, &ops, (&transit, &session))).await
+    let uploads = Arc::clone(&links.uploads);
+    link.run(move |connection| request(connection, &ops, (&uploads, &session))).await
 }
 
-fn request(connection: &mut Connection, ops: &[Op], files: (&Transit, &str)) -> Result<Vec<Value>, Problem> {
+fn request(connection: &mut Connection, ops: &[Op], files: (&Uploads, &str)) -> Result<Vec<Value>, Problem> {
     if ops.len() > MAX_OPS {
         return Err(CliError::Client(ClientError::TooManyOperations { count: ops.len() }).into());
     }
@@ -179,7 +179,7 @@ fn request(connection: &mut Connection, ops: &[Op], files: (&Transit, &str)) -> 
 fn replies(
     connection: &Connection,
     ops: &[Op],
-    (transit, session): (&Transit, &str),
+    (uploads, session): (&Uploads, &str),
 ) -> Result<Vec<Reply>, Problem> {
     let has_file = |op: &Op| matches!(op, Op::BringSaved { .. } | Op::Restore { .. });
     if !ops.iter().any(has_file) {
@@ -189,7 +189,7 @@ fn replies(
     for op in ops {
         let reply = match op {
             _ if all.iter().any(|reply| matches!(reply, Reply::Error(_))) => Reply::NotExecuted,
-            Op::BringSaved { at, part } => match transit.append(session, *at, part.bytes()) {
+            Op::BringSaved { at, part } => match uploads.append(session, *at, part.bytes()) {
                 Ok(()) => Reply::Written,
                 Err(end) => {
                     let text = format!("byte {at} of a snapshot does not come next, byte {end} does");
@@ -197,7 +197,7 @@ fn replies(
                 }
             },
             op => {
-                let file = if has_file(op) { transit.take(session) } else { Vec::new() };
+                let file = if has_file(op) { uploads.take(session) } else { Vec::new() };
                 let parts: Vec<_> = Op::bring(&file).collect();
                 for parts in parts.chunks(MAX_OPS) {
                     let written = connection.session.request(parts)?;

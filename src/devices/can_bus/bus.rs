@@ -45,6 +45,7 @@ pub struct CanBus {
     pub(super) receivers: Vec<u16>,
     /// Guests that receive the traffic.
     pub(super) receivers_of_traffic: TrafficReceivers,
+    /// Emulated time of the next event, in microseconds.
     next: u64,
 }
 

@@ -97,6 +97,7 @@ pub struct SimBus {
     processor_cycle_us: u64,
     running: Option<RunningBus>,
     schedule: Schedule,
+    /// Emulated time of the next event, in microseconds.
     next: u64,
     /// The last frame of each kind. A frame is stored as soon as its slot is determined, so the times of several frames
     /// may be in the future.

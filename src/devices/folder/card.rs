@@ -58,6 +58,7 @@ impl Place {
 struct Watched {
     register: RegisterRef,
     place: Place,
+    /// The last known value of the register.
     last: u32,
 }
 

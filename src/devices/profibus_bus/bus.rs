@@ -98,6 +98,7 @@ pub(crate) struct ProfibusBus {
     receivers_of_traffic: TrafficReceivers,
     /// Telegrams that faults hold back.
     pub(super) held: Vec<HeldTelegram>,
+    /// The request that waits for its answer; the line is reserved for the answer.
     asked: Option<PendingAnswer>,
     next: u64,
 }

@@ -23,6 +23,7 @@ pub(super) struct ImageSite<'a, S> {
     instance: &'a str,
     plc: &'a str,
     path: PathBuf,
+    /// Start of the attempt to get the image, in real time.
     since: Instant,
     spec: S,
 }

@@ -20,7 +20,7 @@ pub struct SeenFrame {
     pub time_us: u64,
     /// The frame on the bus.
     pub frame: Frame,
-    /// The meaning of the frame on a bus of the given kind; empty if it is not known.
+    /// The meaning of the frame on this kind of bus; empty if it is not known.
     pub text: String,
 }
 
@@ -199,7 +199,7 @@ impl Bench {
     /// Advances the clock by this time, and expects that no frame with the bits of `id` under `mask` ends within it.
     ///
     /// # Errors
-    /// A frame of the given kind has ended, the bus does not exist, or the identifier is invalid.
+    /// Such a frame has ended, the bus does not exist, or the identifier is invalid.
     #[track_caller]
     pub fn expect_no_frame(
         &mut self,

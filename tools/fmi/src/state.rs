@@ -76,7 +76,7 @@ exported! {
             if size < bytes.len() {
                 return Err(Refused(format!("the state has {} bytes, there is room for {size}", bytes.len())));
             }
-            // SAFETY: the caller passes the given number of values.
+            // SAFETY: the caller guarantees the lengths of the arrays.
             unsafe { write(to, bytes.len()) }?.copy_from_slice(&bytes);
             Ok(())
         })
@@ -89,7 +89,7 @@ exported! {
         to: *mut *mut c_void,
     ) -> Status {
         with(instance, |it| {
-            // SAFETY: the caller passes the given number of values.
+            // SAFETY: the caller guarantees the lengths of the arrays.
             let (state, phase) = it.unit.of_bytes(unsafe { read(from, size) }?)?;
             let mode = match phase {
                 0 => Mode::Instantiated,

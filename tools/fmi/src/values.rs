@@ -119,7 +119,7 @@ exported! {
         values: *mut f64,
         value_count: usize,
     ) -> Status {
-        // SAFETY: the caller passes the given number of values.
+        // SAFETY: the caller guarantees the lengths of the arrays.
         unsafe { get(instance, references, count, values, value_count) }
     }
 
@@ -130,7 +130,7 @@ exported! {
         values: *const f64,
         value_count: usize,
     ) -> Status {
-        // SAFETY: the caller passes the given number of values.
+        // SAFETY: the caller guarantees the lengths of the arrays.
         unsafe { set(instance, references, count, values, value_count) }
     }
 
@@ -141,7 +141,7 @@ exported! {
         values: *mut i8,
         value_count: usize,
     ) -> Status {
-        // SAFETY: the caller passes the given number of values.
+        // SAFETY: the caller guarantees the lengths of the arrays.
         unsafe { get(instance, references, count, values, value_count) }
     }
 
@@ -152,7 +152,7 @@ exported! {
         values: *const i8,
         value_count: usize,
     ) -> Status {
-        // SAFETY: the caller passes the given number of values.
+        // SAFETY: the caller guarantees the lengths of the arrays.
         unsafe { set(instance, references, count, values, value_count) }
     }
 
@@ -163,7 +163,7 @@ exported! {
         values: *mut u8,
         value_count: usize,
     ) -> Status {
-        // SAFETY: the caller passes the given number of values.
+        // SAFETY: the caller guarantees the lengths of the arrays.
         unsafe { get(instance, references, count, values, value_count) }
     }
 
@@ -174,7 +174,7 @@ exported! {
         values: *const u8,
         value_count: usize,
     ) -> Status {
-        // SAFETY: the caller passes the given number of values.
+        // SAFETY: the caller guarantees the lengths of the arrays.
         unsafe { set(instance, references, count, values, value_count) }
     }
 
@@ -185,7 +185,7 @@ exported! {
         values: *mut i16,
         value_count: usize,
     ) -> Status {
-        // SAFETY: the caller passes the given number of values.
+        // SAFETY: the caller guarantees the lengths of the arrays.
         unsafe { get(instance, references, count, values, value_count) }
     }
 
@@ -196,7 +196,7 @@ exported! {
         values: *const i16,
         value_count: usize,
     ) -> Status {
-        // SAFETY: the caller passes the given number of values.
+        // SAFETY: the caller guarantees the lengths of the arrays.
         unsafe { set(instance, references, count, values, value_count) }
     }
 
@@ -207,7 +207,7 @@ exported! {
         values: *mut u16,
         value_count: usize,
     ) -> Status {
-        // SAFETY: the caller passes the given number of values.
+        // SAFETY: the caller guarantees the lengths of the arrays.
         unsafe { get(instance, references, count, values, value_count) }
     }
 
@@ -218,7 +218,7 @@ exported! {
         values: *const u16,
         value_count: usize,
     ) -> Status {
-        // SAFETY: the caller passes the given number of values.
+        // SAFETY: the caller guarantees the lengths of the arrays.
         unsafe { set(instance, references, count, values, value_count) }
     }
 
@@ -229,7 +229,7 @@ exported! {
         values: *mut i32,
         value_count: usize,
     ) -> Status {
-        // SAFETY: the caller passes the given number of values.
+        // SAFETY: the caller guarantees the lengths of the arrays.
         unsafe { get(instance, references, count, values, value_count) }
     }
 
@@ -240,7 +240,7 @@ exported! {
         values: *const i32,
         value_count: usize,
     ) -> Status {
-        // SAFETY: the caller passes the given number of values.
+        // SAFETY: the caller guarantees the lengths of the arrays.
         unsafe { set(instance, references, count, values, value_count) }
     }
 
@@ -251,7 +251,7 @@ exported! {
         values: *mut u32,
         value_count: usize,
     ) -> Status {
-        // SAFETY: the caller passes the given number of values.
+        // SAFETY: the caller guarantees the lengths of the arrays.
         unsafe { get(instance, references, count, values, value_count) }
     }
 
@@ -262,7 +262,7 @@ exported! {
         values: *const u32,
         value_count: usize,
     ) -> Status {
-        // SAFETY: the caller passes the given number of values.
+        // SAFETY: the caller guarantees the lengths of the arrays.
         unsafe { set(instance, references, count, values, value_count) }
     }
 
@@ -273,7 +273,7 @@ exported! {
         values: *mut bool,
         value_count: usize,
     ) -> Status {
-        // SAFETY: the caller passes the given number of values.
+        // SAFETY: the caller guarantees the lengths of the arrays.
         unsafe { get(instance, references, count, values, value_count) }
     }
 
@@ -284,7 +284,7 @@ exported! {
         values: *const bool,
         value_count: usize,
     ) -> Status {
-        // SAFETY: the caller passes the given number of values.
+        // SAFETY: the caller guarantees the lengths of the arrays.
         unsafe { set(instance, references, count, values, value_count) }
     }
 }

@@ -209,7 +209,9 @@ struct Shared {
 }
 
 struct State {
+    /// Data that each reader wants, by the number of the reader.
     wishes: BTreeMap<u64, Wish>,
+    /// Number of the next reader.
     next: u64,
     /// Channel to which the thread sends its rounds; `None` if no thread runs.
     rounds: Option<broadcast::Sender<Arc<Round>>>,

@@ -72,6 +72,7 @@ impl Round {
 /// Polls an instance, and remembers how far it has read.
 pub(super) struct Poller {
     connection: Connection,
+    /// Real time of the last request.
     asked: Instant,
     /// Time of the last request to follow all registers.
     followed: Option<Instant>,

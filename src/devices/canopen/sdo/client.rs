@@ -34,9 +34,11 @@ enum ClientPhase {
 /// Client side of a transfer.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Client {
+    /// Index and sub-index of the entry.
     at: EntryAddress,
     /// Maximum number of bytes that can be read.
     most: usize,
+    /// Toggle bit of the next segment.
     toggle: bool,
     transfer: ClientPhase,
 }

@@ -43,6 +43,7 @@ pub(super) enum Fate {
 /// A frame that arrives outside of its slot.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Stray {
+    /// Time at which the frame arrives, in microseconds.
     pub(super) end: u64,
     pub(super) frame: Frame,
     /// True if the frame arrives for the second time.

@@ -15,7 +15,9 @@ pub(super) const PLACES: usize = 6;
 /// A frame on the wire, or a scheduled one, for the status registers.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct OnWire {
+    /// Start of the frame, in microseconds.
     pub(super) from: u64,
+    /// End of the frame, in microseconds.
     pub(super) until: u64,
     /// Regular end of the frame, in microseconds. It is before `until` if a fault delays the frame.
     pub(super) due: u64,

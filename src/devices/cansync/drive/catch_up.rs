@@ -31,6 +31,7 @@ pub(crate) enum BusEvent {
 /// Log of the events, in their order.
 #[derive(Debug, Default)]
 pub(crate) struct EventLog {
+    /// The events that drives have not processed yet, or have processed in part.
     passed: Vec<BusEvent>,
     /// Index of the last edge.
     edge: Option<usize>,

@@ -34,7 +34,9 @@ enum NextFrame {
 /// The polling sequence of set-up mode.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Polling {
+    /// The frame that the master sends next.
     next: NextFrame,
+    /// Number of the slave from which an answer is expected.
     asked: Option<u8>,
     announced: bool,
 }

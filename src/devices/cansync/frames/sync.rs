@@ -95,7 +95,7 @@ impl SyncLock {
         is_regular
     }
 
-    /// Handles further edges of the given kind. Each edge is in time after the previous one, and the last one is at
+    /// Handles several further regular edges. Each edge is in time after the previous one, and the last one is at
     /// `now_us`.
     #[inline]
     pub(crate) fn has_gone_on(&mut self, now_us: u64) {

@@ -25,6 +25,7 @@ pub(crate) enum Access {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Work {
     access: Access,
+    /// Emulated time at which the function is finished, in microseconds.
     until: u64,
     /// The flags at the start of a write.
     flags: Vec<u16>,

@@ -13,6 +13,7 @@ const OWN: u16 = 0x00FF;
 /// Schedule of the interrupt program.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Interrupt {
+    /// Emulated time of the next run of the interrupt program, in microseconds; `None` if it is off.
     next: Option<u64>,
 }
 

@@ -5,30 +5,30 @@ use crate::devices::cs0015::canopen::communication::is_rate;
 use crate::devices::cs0015::jobs::{Answer, Job, JobContext, Outcome, Refusal};
 use crate::devices::cs0015::registers::values::job;
 
-pub(crate) fn carry_out(desk: JobContext, job: &Job) -> Outcome {
+pub(crate) fn carry_out(job_context: JobContext, job: &Job) -> Outcome {
     match job.function {
-        job::CAN_BAUDRATE => can_baudrate(desk, job),
-        job::CAN_TRANSMIT => can_transmit(desk, job),
-        job::CAN_RECEIVE => can_receive(desk, job),
+        job::CAN_BAUDRATE => can_baudrate(job_context, job),
+        job::CAN_TRANSMIT => can_transmit(job_context, job),
+        job::CAN_RECEIVE => can_receive(job_context, job),
         job::CAN_RESTART => {
-            desk.firmware.init_can(desk.controller);
-            desk.controller.restart();
+            job_context.firmware.init_can(job_context.controller);
+            job_context.controller.restart();
             Ok(Answer::default())
         }
-        job::CAN_ERRORHANDLER => can_errorhandler(desk, job),
+        job::CAN_ERRORHANDLER => can_errorhandler(job_context, job),
         _ => Err(Refusal::Function),
     }
 }
 
 /// Sets the bit rate, which takes effect at once and is stored (p. 31). A bit rate written by SDO takes effect after a
 /// reset (p. 41, D-437).
-fn can_baudrate(desk: JobContext, job: &Job) -> Outcome {
+fn can_baudrate(job_context: JobContext, job: &Job) -> Outcome {
     let kbit_s = job.argument(0, 0..=u32::from(u16::MAX))? as u16;
     if !is_rate(kbit_s) {
         return Err(Refusal::Arguments);
     }
-    desk.firmware.node.set_rate(kbit_s);
-    desk.firmware.init_can(desk.controller);
+    job_context.firmware.node.set_rate(kbit_s);
+    job_context.firmware.init_can(job_context.controller);
     Ok(Answer::default())
 }
 
@@ -39,11 +39,11 @@ fn identifier(job: &Job, argument: usize) -> Result<StandardId, Refusal> {
 }
 
 /// RESULT is FALSE while the controller has a frame to send (p. 23).
-fn can_transmit(desk: JobContext, job: &Job) -> Outcome {
+fn can_transmit(job_context: JobContext, job: &Job) -> Outcome {
     let (id, length) = (identifier(job, 0)?, job.argument(2, 0..=8)? as usize);
     let data = job.data.get(..length).ok_or(Refusal::Arguments)?;
-    let node = &mut desk.firmware.node;
-    let is_taken = node.to_send() == 0 && desk.controller.to_send() == 0;
+    let node = &mut job_context.firmware.node;
+    let is_taken = node.to_send() == 0 && job_context.controller.to_send() == 0;
     if is_taken {
         node.send(id, data);
     }
@@ -53,9 +53,9 @@ fn can_transmit(desk: JobContext, job: &Job) -> Outcome {
 }
 
 /// Returns DLC, RTR, AVAILABLE, OVERFLOW and DATA (p. 33-34).
-fn can_receive(desk: JobContext, job: &Job) -> Outcome {
+fn can_receive(job_context: JobContext, job: &Job) -> Outcome {
     let (id, is_to_clear) = (identifier(job, 2)?, job.argument(1, 0..=1)? != 0);
-    let node = &mut desk.firmware.node;
+    let node = &mut job_context.firmware.node;
     if job.argument(0, 0..=1)? != 0 {
         node.register_identifier(id);
     }
@@ -67,9 +67,9 @@ fn can_receive(desk: JobContext, job: &Job) -> Outcome {
 }
 
 /// Returns ERRORCOUNT; starts the return of a BUS-off controller (p. 36).
-fn can_errorhandler(desk: JobContext, job: &Job) -> Outcome {
+fn can_errorhandler(job_context: JobContext, job: &Job) -> Outcome {
     let is_reset = job.argument(0, 0..=1)? != 0;
     let mut answer = Answer::default();
-    answer.results[0] = desk.firmware.can_errors.handle(desk.controller, is_reset).into();
+    answer.results[0] = job_context.firmware.can_errors.handle(job_context.controller, is_reset).into();
     Ok(answer)
 }

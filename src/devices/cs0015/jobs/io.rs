@@ -17,14 +17,14 @@ const NOT_YET: u32 = 2;
 const DIGITAL_OUTPUTS: u16 = 0x200;
 const ANALOG_OUTPUTS: u16 = 0x300;
 
-pub(crate) fn carry_out(desk: JobContext, job: &Job) -> Outcome {
+pub(crate) fn carry_out(job_context: JobContext, job: &Job) -> Outcome {
     match job.function {
-        job::COP_MSTR_BOOTUP => boot_up(desk, job),
-        job::COP_MSTR_MAIN => main(desk, job),
-        job::SLAVE_CR2010_CONFIG => configure(desk, job, Model::Cr2010),
-        job::SLAVE_CR2010_WORK => work(desk, job, Model::Cr2010),
-        job::SLAVE_CR2011_CONFIG => configure(desk, job, Model::Cr2011),
-        job::SLAVE_CR2011_WORK => work(desk, job, Model::Cr2011),
+        job::COP_MSTR_BOOTUP => boot_up(job_context, job),
+        job::COP_MSTR_MAIN => main(job_context, job),
+        job::SLAVE_CR2010_CONFIG => configure(job_context, job, Model::Cr2010),
+        job::SLAVE_CR2010_WORK => work(job_context, job, Model::Cr2010),
+        job::SLAVE_CR2011_CONFIG => configure(job_context, job, Model::Cr2011),
+        job::SLAVE_CR2011_WORK => work(job_context, job, Model::Cr2011),
         _ => Err(Refusal::Function),
     }
 }
@@ -34,10 +34,10 @@ fn number_of_nodes(job: &Job) -> Result<u8, OutOfRange> {
 }
 
 /// Makes the device the master of nodes 1 to NO_NODE, and finishes 2 s later (p. 73, D-449).
-fn boot_up(desk: JobContext, job: &Job) -> Outcome {
+fn boot_up(job_context: JobContext, job: &Job) -> Outcome {
     let count = number_of_nodes(job)?;
     let (guard_ms, life) = (job.argument(1, 0..=65_535)?, job.argument(2, 0..=255)? as u8);
-    let JobContext { firmware, place, now, .. } = desk;
+    let JobContext { firmware, place, now, .. } = job_context;
     if let (Some(nmt), node) = (&mut firmware.nmt, &mut firmware.node)
         && let Some((_, until)) = nmt.io.boot_up.filter(|(of, _)| *of == place)
     {
@@ -63,12 +63,12 @@ fn boot_up(desk: JobContext, job: &Job) -> Outcome {
 }
 
 /// Sends SYNC objects, requests the states of the nodes, and notes missing nodes (p. 75-76).
-fn main(mut desk: JobContext, job: &Job) -> Outcome {
+fn main(mut job_context: JobContext, job: &Job) -> Outcome {
     number_of_nodes(job)?;
     let sync_us = u64::from(job.argument(1, 0..=65_535)?) * 1000;
     let (is_automatic, is_to_forget) = (job.argument(2, 0..=1)? != 0, job.argument(3, 0..=1)? != 0);
-    let now = desk.now;
-    let (nmt, node, controller) = master(&mut desk).ok_or(Refusal::State)?;
+    let now = job_context.now;
+    let (nmt, node, controller) = master(&mut job_context).ok_or(Refusal::State)?;
     nmt.restart = if is_automatic { Restart::Missing } else { Restart::Never };
     nmt.guard(node, now);
     nmt.io.note_missing(nmt.network.all_missing().collect());
@@ -86,13 +86,13 @@ fn main(mut desk: JobContext, job: &Job) -> Outcome {
 
 /// Writes and reads the configuration of a module, entry by entry (p. 77-79, 81-83). The order remains until it is
 /// finished.
-fn configure(mut desk: JobContext, job: &Job, model: Model) -> Outcome {
+fn configure(mut job_context: JobContext, job: &Job, model: Model) -> Outcome {
     let number = job.argument(0, NODES)? as u8;
     let (is_read, is_write) = (job.argument(2, 0..=1)? != 0, job.argument(3, 0..=1)? != 0);
     let pwm_hz = job.argument(1, 0..=255)? as u8;
     let kinds = job.data.get(..model.values()).ok_or(Refusal::Arguments)?;
-    let (now, place) = (desk.now, desk.place);
-    let (nmt, node, _) = master(&mut desk).ok_or(Refusal::State)?;
+    let (now, place) = (job_context.now, job_context.place);
+    let (nmt, node, _) = master(&mut job_context).ok_or(Refusal::State)?;
     if !nmt.network.has(number) {
         return Err(Refusal::State);
     }
@@ -128,9 +128,9 @@ fn configure(mut desk: JobContext, job: &Job, model: Model) -> Outcome {
 }
 
 /// Exchanges the words of an Operational module (p. 80, 84-85). Unchanged values are not sent again.
-fn work(mut desk: JobContext, job: &Job, model: Model) -> Outcome {
+fn work(mut job_context: JobContext, job: &Job, model: Model) -> Outcome {
     let (is_init, number) = (job.argument(0, 0..=1)? != 0, job.argument(1, NODES)? as u8);
-    let (nmt, node, controller) = master(&mut desk).ok_or(Refusal::State)?;
+    let (nmt, node, controller) = master(&mut job_context).ok_or(Refusal::State)?;
     let is_operational = nmt.network.state(number) == Some(State::Operational);
     let of_model = |it: &&mut Slave| it.node == number && it.channels.model == model;
     let Some(slave) = nmt.io.slaves.iter_mut().find(of_model) else { return Ok(result(0)) };

@@ -18,26 +18,28 @@ const FINISHED: u32 = 1;
 /// Number of bytes in DATA of an SDO (bytes 0 to 255).
 const MOST: u32 = 256;
 
-pub(crate) fn carry_out(desk: JobContext, job: &Job) -> Outcome {
+pub(crate) fn carry_out(job_context: JobContext, job: &Job) -> Outcome {
     match job.function {
-        job::NMM_SET_NMT_MASTER => set_nmt_master(desk),
-        job::NMM_ADD_NODE => Ok(result(add_node(desk, job))),
+        job::NMM_SET_NMT_MASTER => set_nmt_master(job_context),
+        job::NMM_ADD_NODE => Ok(result(add_node(job_context, job))),
         job::NMM_START_GUARDING => {
-            Ok(result(guarding(desk, job, |nmt, number, now| nmt.network.start(number, now))))
+            Ok(result(guarding(job_context, job, |nmt, number, now| nmt.network.start(number, now))))
         }
-        job::NMM_STOP_GUARDING => Ok(result(guarding(desk, job, |nmt, number, _| nmt.network.stop(number)))),
-        job::NMM_NODE_GUARDING => Ok(result(node_guarding(desk, job))),
-        job::NMM_SET_PREOPERATIONAL => Ok(result(command(desk, job, Command::EnterPreOperational))),
-        job::NMM_SET_OPERATIONAL => Ok(result(command(desk, job, Command::Start))),
-        job::NMM_SET_PREPARED => Ok(result(command(desk, job, Command::Stop))),
-        job::NMM_GET_NODE_STATE => Ok(results(&node_state(desk, job))),
-        job::NMM_RESET_NODE => Ok(result(command(desk, job, Command::ResetNode))),
+        job::NMM_STOP_GUARDING => {
+            Ok(result(guarding(job_context, job, |nmt, number, _| nmt.network.stop(number))))
+        }
+        job::NMM_NODE_GUARDING => Ok(result(node_guarding(job_context, job))),
+        job::NMM_SET_PREOPERATIONAL => Ok(result(command(job_context, job, Command::EnterPreOperational))),
+        job::NMM_SET_OPERATIONAL => Ok(result(command(job_context, job, Command::Start))),
+        job::NMM_SET_PREPARED => Ok(result(command(job_context, job, Command::Stop))),
+        job::NMM_GET_NODE_STATE => Ok(results(&node_state(job_context, job))),
+        job::NMM_RESET_NODE => Ok(result(command(job_context, job, Command::ResetNode))),
         // Manual p. 65 has a STATE, which is not known after a reset.
-        job::NMM_RESET_COMM => Ok(results(&[0, command(desk, job, Command::ResetCommunication)])),
-        job::PDO_INI_SEND_SYNC_OBJ => ini_send_sync(desk),
-        job::PDO_SEND_SYNC_OBJ => Ok(result(u32::from(send_sync(desk)))),
-        job::EMC_GET_EMERGENCY => emergency(desk),
-        job::SDO_READ | job::SDO_WRITE => sdo(desk, job),
+        job::NMM_RESET_COMM => Ok(results(&[0, command(job_context, job, Command::ResetCommunication)])),
+        job::PDO_INI_SEND_SYNC_OBJ => ini_send_sync(job_context),
+        job::PDO_SEND_SYNC_OBJ => Ok(result(u32::from(send_sync(job_context)))),
+        job::EMC_GET_EMERGENCY => emergency(job_context),
+        job::SDO_READ | job::SDO_WRITE => sdo(job_context, job),
         _ => Err(Refusal::Function),
     }
 }
@@ -58,25 +60,27 @@ fn node_number(job: &Job) -> Option<u8> {
 }
 
 /// Returns the master and related objects, if the device is a master.
-pub(crate) fn master<'a>(desk: &'a mut JobContext) -> Option<(&'a mut Nmt, &'a mut Node, &'a Controller)> {
-    Some((desk.firmware.nmt.as_mut()?, &mut desk.firmware.node, &*desk.controller))
+pub(crate) fn master<'a>(
+    job_context: &'a mut JobContext,
+) -> Option<(&'a mut Nmt, &'a mut Node, &'a Controller)> {
+    Some((job_context.firmware.nmt.as_mut()?, &mut job_context.firmware.node, &*job_context.controller))
 }
 
 /// `CAN_OPEN` takes effect at once here: both may be done in the first cycle (p. 52).
-fn set_nmt_master(desk: JobContext) -> Outcome {
-    desk.firmware.open(desk.now);
-    if desk.firmware.node.state() == State::Initialising {
+fn set_nmt_master(job_context: JobContext) -> Outcome {
+    job_context.firmware.open(job_context.now);
+    if job_context.firmware.node.state() == State::Initialising {
         return Err(Refusal::State);
     }
-    desk.firmware.make_master();
+    job_context.firmware.make_master();
     Ok(Answer::default())
 }
 
-fn add_node(mut desk: JobContext, job: &Job) -> u32 {
+fn add_node(mut job_context: JobContext, job: &Job) -> u32 {
     let number = job.argument(0, 1..=127).map(|number| number as u8);
     let (guard_ms, life) = (job.argument(1, 0..=65_535), job.argument(2, 0..=255));
     let (Ok(number), Ok(guard_ms), Ok(life)) = (number, guard_ms, life) else { return PARAMETERS };
-    let Some((nmt, node, _)) = master(&mut desk) else { return NOT_SENT };
+    let Some((nmt, node, _)) = master(&mut job_context) else { return NOT_SENT };
     if number == node.number() {
         return PARAMETERS;
     }
@@ -84,18 +88,18 @@ fn add_node(mut desk: JobContext, job: &Job) -> u32 {
     OK
 }
 
-fn guarding(mut desk: JobContext, job: &Job, does: impl FnOnce(&mut Nmt, u8, u64) -> bool) -> u32 {
-    let (now, number) = (desk.now, node_number(job));
-    let (Some((nmt, node, _)), Some(number)) = (master(&mut desk), number) else { return PARAMETERS };
+fn guarding(mut job_context: JobContext, job: &Job, does: impl FnOnce(&mut Nmt, u8, u64) -> bool) -> u32 {
+    let (now, number) = (job_context.now, node_number(job));
+    let (Some((nmt, node, _)), Some(number)) = (master(&mut job_context), number) else { return PARAMETERS };
     let is_known = does(nmt, number, now);
     nmt.show(node);
     if is_known { OK } else { PARAMETERS }
 }
 
 /// Requests the states that are due; the program calls this repeatedly (D-440).
-fn node_guarding(mut desk: JobContext, job: &Job) -> u32 {
-    let (now, restart) = (desk.now, job.argument(0, 0..=1));
-    let (Some((nmt, node, _)), Ok(restart)) = (master(&mut desk), restart) else { return NO_MASTER };
+fn node_guarding(mut job_context: JobContext, job: &Job) -> u32 {
+    let (now, restart) = (job_context.now, job.argument(0, 0..=1));
+    let (Some((nmt, node, _)), Ok(restart)) = (master(&mut job_context), restart) else { return NO_MASTER };
     nmt.restart = if restart == 0 { Restart::Never } else { Restart::Missing };
     nmt.guard(node, now);
     nmt.network.next_missing().map_or(OK, u32::from)
@@ -106,9 +110,9 @@ pub(crate) fn has_room(node: &Node, controller: &Controller) -> bool {
 }
 
 /// Sends a command for a node, for all, or for the master itself (D-439).
-fn command(mut desk: JobContext, job: &Job, command: Command) -> u32 {
-    let now = desk.now;
-    let Some((nmt, node, controller)) = master(&mut desk) else { return NO_MASTER };
+fn command(mut job_context: JobContext, job: &Job, command: Command) -> u32 {
+    let now = job_context.now;
+    let Some((nmt, node, controller)) = master(&mut job_context) else { return NO_MASTER };
     let own = match command {
         Command::Start => Some(State::Operational),
         Command::EnterPreOperational => Some(State::PreOperational),
@@ -134,8 +138,8 @@ fn command(mut desk: JobContext, job: &Job, command: Command) -> u32 {
 }
 
 /// Returns STATE and RESULT. For all nodes STATE is their common state.
-fn node_state(mut desk: JobContext, job: &Job) -> [u32; 2] {
-    let Some((nmt, node, _)) = master(&mut desk) else { return [0, NO_MASTER] };
+fn node_state(mut job_context: JobContext, job: &Job) -> [u32; 2] {
+    let Some((nmt, node, _)) = master(&mut job_context) else { return [0, NO_MASTER] };
     let known = |number: u8| {
         let state = if number == node.number() { Some(node.state()) } else { nmt.network.state(number) };
         state.map_or(0, State::code)
@@ -151,30 +155,30 @@ fn node_state(mut desk: JobContext, job: &Job) -> [u32; 2] {
     }
 }
 
-fn ini_send_sync(mut desk: JobContext) -> Outcome {
-    let (nmt, ..) = master(&mut desk).ok_or(Refusal::State)?;
+fn ini_send_sync(mut job_context: JobContext) -> Outcome {
+    let (nmt, ..) = master(&mut job_context).ok_or(Refusal::State)?;
     nmt.has_sync = true;
     Ok(Answer::default())
 }
 
-fn send_sync(mut desk: JobContext) -> bool {
-    let now = desk.now;
-    let Some((nmt, node, controller)) = master(&mut desk) else { return false };
+fn send_sync(mut job_context: JobContext) -> bool {
+    let now = job_context.now;
+    let Some((nmt, node, controller)) = master(&mut job_context) else { return false };
     let can_send = nmt.has_sync && has_room(node, controller);
     can_send && node.send_sync(now)
 }
 
-fn emergency(mut desk: JobContext) -> Outcome {
-    let (nmt, ..) = master(&mut desk).ok_or(Refusal::State)?;
+fn emergency(mut job_context: JobContext) -> Outcome {
+    let (nmt, ..) = master(&mut job_context).ok_or(Refusal::State)?;
     let Some(emergency) = nmt.emergencies.pop_front() else { return Ok(Answer::default()) };
     let numbers = [1, emergency.node.into(), emergency.code.into(), emergency.register.into()];
     Ok(Answer { data: emergency.data.to_vec(), ..results(&numbers) })
 }
 
 /// Returns RESULT and the abort code; DATA of a read. The order remains until it is finished.
-fn sdo(mut desk: JobContext, job: &Job) -> Outcome {
-    let (now, place) = (desk.now, desk.place);
-    let (nmt, node, _) = master(&mut desk).ok_or(Refusal::State)?;
+fn sdo(mut job_context: JobContext, job: &Job) -> Outcome {
+    let (now, place) = (job_context.now, job_context.place);
+    let (nmt, node, _) = master(&mut job_context).ok_or(Refusal::State)?;
     if let Some(finished) = nmt.finished(place) {
         return Ok(match finished {
             Ok(data) => Answer { data, ..result(FINISHED) },

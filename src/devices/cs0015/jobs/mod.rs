@@ -175,14 +175,15 @@ pub(crate) fn look(firmware: &mut Firmware, ctx: &mut Context, controller: &mut 
         let data = jobs.a_DATA[place].iter().take(length).map(|cell| cell.load()).collect();
         let mut job = Job { function, data, ..Job::default() };
         job.arguments.iter_mut().zip(&jobs.a_ARGUMENT[place]).for_each(|(to, cell)| *to = cell.load());
-        let desk = JobContext { firmware: &mut *firmware, controller: &mut *controller, place, now: ctx.now };
+        let job_context =
+            JobContext { firmware: &mut *firmware, controller: &mut *controller, place, now: ctx.now };
         // The high byte is the part of the manual.
         let outcome = match function >> 8 {
-            1 => can::carry_out(desk, &job),
-            2 => slave::carry_out(desk, &job),
-            3 => master::carry_out(desk, &job),
-            4 => io::carry_out(desk, &job),
-            6..=9 => peripherals::carry_out(desk, &job),
+            1 => can::carry_out(job_context, &job),
+            2 => slave::carry_out(job_context, &job),
+            3 => master::carry_out(job_context, &job),
+            4 => io::carry_out(job_context, &job),
+            6..=9 => peripherals::carry_out(job_context, &job),
             _ => Err(Refusal::Function),
         };
         let is_under_way = outcome == Err(Refusal::Later);

@@ -16,32 +16,32 @@ use crate::devices::cs0015::rules;
 const TIMER_MS: u64 = 655_360;
 const STEP_MS: u64 = 10;
 
-pub(crate) fn carry_out(desk: JobContext, job: &Job) -> Outcome {
+pub(crate) fn carry_out(job_context: JobContext, job: &Job) -> Outcome {
     match job.function {
-        job::PWM => pwm(desk, job),
-        job::PWM100 => pwm_100(desk, job),
-        job::FREQUENCY => frequency(desk, job),
-        job::CYCLE => cycle(desk, job),
-        job::INC_ENCODER => inc_encoder(desk, job),
-        job::LCD_SEGMENTS => lcd_segments(desk, job),
-        job::LCD_TEXT => lcd_text(desk, job),
+        job::PWM => pwm(job_context, job),
+        job::PWM100 => pwm_100(job_context, job),
+        job::FREQUENCY => frequency(job_context, job),
+        job::CYCLE => cycle(job_context, job),
+        job::INC_ENCODER => inc_encoder(job_context, job),
+        job::LCD_SEGMENTS => lcd_segments(job_context, job),
+        job::LCD_TEXT => lcd_text(job_context, job),
         job::SOFTRESET => {
-            desk.firmware.shared.restart();
+            job_context.firmware.shared.restart();
             Ok(Answer::default())
         }
-        job::E2WRITE => eeprom(desk, job, Access::Write),
-        job::E2READ => eeprom(desk, job, Access::Read),
-        job::SERIAL_TX => serial_tx(desk, job),
-        job::SERIAL_RX => serial_rx(desk, job),
-        job::SERIAL_PENDING => Ok(of([desk.firmware.peripherals.serial.pending().into()])),
+        job::E2WRITE => eeprom(job_context, job, Access::Write),
+        job::E2READ => eeprom(job_context, job, Access::Read),
+        job::SERIAL_TX => serial_tx(job_context, job),
+        job::SERIAL_RX => serial_rx(job_context, job),
+        job::SERIAL_PENDING => Ok(of([job_context.firmware.peripherals.serial.pending().into()])),
         job::TIMER_READ => {
-            let ms = (desk.now - desk.firmware.peripherals.on_since) / 1000 / STEP_MS * STEP_MS;
+            let ms = (job_context.now - job_context.firmware.peripherals.on_since) / 1000 / STEP_MS * STEP_MS;
             Ok(of([(ms % TIMER_MS) as u32]))
         }
         // The time wraps (p. 116).
-        job::TIMER_US_READ => Ok(of([(desk.now - desk.firmware.peripherals.on_since) as u32])),
+        job::TIMER_US_READ => Ok(of([(job_context.now - job_context.firmware.peripherals.on_since) as u32])),
         job::SET_INTERRUPT_1MS => {
-            desk.firmware.interrupt.set(flag(job, 0)?, desk.now);
+            job_context.firmware.interrupt.set(flag(job, 0)?, job_context.now);
             Ok(Answer::default())
         }
         _ => Err(Refusal::Function),
@@ -75,12 +75,12 @@ fn channel(job: &Job, argument: usize, count: usize) -> Result<u8, OutOfRange> {
 
 /// Common part of `PWM` and `PWM100` after their values were read; `value` takes effect with CHANGE.
 fn put(
-    desk: JobContext,
+    job_context: JobContext,
     channel: u8,
     start: Option<impl FnOnce(&mut Pwm) -> Misuse>,
     value: Option<impl FnOnce(&mut Pwm)>,
 ) -> Outcome {
-    let Peripherals { pwm, findings, .. } = &mut desk.firmware.peripherals;
+    let Peripherals { pwm, findings, .. } = &mut job_context.firmware.peripherals;
     if let Some(start) = start {
         let misuse = start(pwm);
         let found = [
@@ -98,87 +98,92 @@ fn put(
 }
 
 /// Runs `PWM` (p. 92). Dither varies the value slightly (p. 91), which is not visible at the terminals here.
-fn pwm(desk: JobContext, job: &Job) -> Outcome {
+fn pwm(job_context: JobContext, job: &Job) -> Outcome {
     let (is_init, reload, is_divided) = (flag(job, 0)?, word(job, 1)?, flag(job, 2)?);
     let (channel, value, is_new) = (channel(job, 3, CHANNELS)?, word(job, 4)?, flag(job, 5)?);
     word(job, 6)?;
     word(job, 7)?;
     let start = is_init.then_some(|pwm: &mut Pwm| pwm.init(channel, reload, is_divided));
     let value = is_new.then_some(|pwm: &mut Pwm| pwm.set(channel, value));
-    put(desk, channel, start, value)
+    put(job_context, channel, start, value)
 }
 
 /// Runs `PWM100` (p. 94).
-fn pwm_100(desk: JobContext, job: &Job) -> Outcome {
+fn pwm_100(job_context: JobContext, job: &Job) -> Outcome {
     let (is_init, hz, channel) = (flag(job, 0)?, word(job, 1)?, channel(job, 2, CHANNELS)?);
     let (percent, is_new) = (job.argument(3, 0..=100)? as u8, flag(job, 4)?);
     job.argument(5, 0..=100)?;
     word(job, 6)?;
     let start = is_init.then_some(|pwm: &mut Pwm| pwm.init_hz(channel, hz));
     let value = is_new.then_some(|pwm: &mut Pwm| pwm.set_percent(channel, percent));
-    put(desk, channel, start, value)
+    put(job_context, channel, start, value)
 }
 
 /// Runs `FREQUENCY` (p. 97).
-fn frequency(desk: JobContext, job: &Job) -> Outcome {
+fn frequency(job_context: JobContext, job: &Job) -> Outcome {
     let (is_init, input) = (flag(job, 0)?, channel(job, 1, INPUTS)?);
     let base_us = u64::from(job.argument(2, 1..=u32::MAX)?) * 1000;
-    Ok(of([desk.firmware.peripherals.fast_inputs.frequency(input, is_init, base_us, desk.now).into()]))
+    Ok(of([job_context
+        .firmware
+        .peripherals
+        .fast_inputs
+        .frequency(input, is_init, base_us, job_context.now)
+        .into()]))
 }
 
 /// Runs `CYCLE` (p. 98).
-fn cycle(desk: JobContext, job: &Job) -> Outcome {
+fn cycle(job_context: JobContext, job: &Job) -> Outcome {
     let (is_init, input) = (flag(job, 0)?, channel(job, 1, INPUTS)?);
-    Ok(of([desk.firmware.peripherals.fast_inputs.cycle(input, is_init, desk.now).into()]))
+    Ok(of([job_context.firmware.peripherals.fast_inputs.cycle(input, is_init, job_context.now).into()]))
 }
 
 /// Runs `INC_ENCODER` (p. 99).
-fn inc_encoder(desk: JobContext, job: &Job) -> Outcome {
+fn inc_encoder(job_context: JobContext, job: &Job) -> Outcome {
     let (is_init, encoder) = (flag(job, 0)?, channel(job, 1, ENCODERS)?);
     let preset = job.argument(2, 0..=u32::MAX)?.cast_signed();
     let preset = flag(job, 3)?.then_some(preset);
     let EncoderCount { counter, is_up, is_down } =
-        desk.firmware.peripherals.fast_inputs.encoder(encoder, is_init, preset, desk.now);
+        job_context.firmware.peripherals.fast_inputs.encoder(encoder, is_init, preset, job_context.now);
     Ok(of([counter.cast_unsigned(), is_up.into(), is_down.into()]))
 }
 
 /// Returns BLINK, STATES and POINTS, which begin at this argument.
-fn shown(desk: JobContext, job: &Job, is_new: bool, lcd: Lcd) -> Outcome {
+fn shown(job_context: JobContext, job: &Job, is_new: bool, lcd: Lcd) -> Outcome {
     let lcd = lcd.with(byte(job, 1)?, byte(job, 2)?, byte(job, 3)?);
     if is_new {
-        desk.firmware.peripherals.lcd = lcd;
+        job_context.firmware.peripherals.lcd = lcd;
     }
     Ok(Answer::default())
 }
 
 /// Runs `LCD_SEGMENTS` (p. 101). In DIGITS each place has a byte, in LETTERS a word with the low byte first.
-fn lcd_segments(desk: JobContext, job: &Job) -> Outcome {
+fn lcd_segments(job_context: JobContext, job: &Job) -> Outcome {
     let Some((digits, letters)) = job.data.split_first_chunk::<DIGITS>() else {
         return Err(Refusal::Arguments);
     };
     let Ok(letters) = <&[u8; 2 * LETTERS]>::try_from(letters) else { return Err(Refusal::Arguments) };
     let [one, two, three] = [0, 2, 4].map(|at| u16::from_le_bytes([letters[at], letters[at + 1]]));
-    shown(desk, job, flag(job, 0)?, Lcd::segments(*digits, [one, two, three]))
+    shown(job_context, job, flag(job, 0)?, Lcd::segments(*digits, [one, two, three]))
 }
 
 /// Runs `LCD_TEXT` (p. 103).
-fn lcd_text(desk: JobContext, job: &Job) -> Outcome {
+fn lcd_text(job_context: JobContext, job: &Job) -> Outcome {
     if job.data.len() > PLACES {
         return Err(Refusal::Arguments);
     }
-    shown(desk, job, flag(job, 0)?, Lcd::text(&job.data))
+    shown(job_context, job, flag(job, 0)?, Lcd::text(&job.data))
 }
 
 /// Runs `E2WRITE` and `E2READ` (p. 109-110).
-fn eeprom(desk: JobContext, job: &Job, access: Access) -> Outcome {
+fn eeprom(job_context: JobContext, job: &Job, access: Access) -> Outcome {
     let is_enabled = flag(job, 0)?;
-    let Firmware { peripherals, node, .. } = desk.firmware;
-    Ok(of([peripherals.eeprom.call(access, is_enabled, &node.registers, desk.now)]))
+    let Firmware { peripherals, node, .. } = job_context.firmware;
+    Ok(of([peripherals.eeprom.call(access, is_enabled, &node.registers, job_context.now)]))
 }
 
 /// True if RS 232 belongs to the program (p. 112-114); reports a finding if not.
-fn has_serial(desk: &mut JobContext) -> bool {
-    let Firmware { peripherals, node, .. } = &mut *desk.firmware;
+fn has_serial(job_context: &mut JobContext) -> bool {
+    let Firmware { peripherals, node, .. } = &mut *job_context.firmware;
     let flag = &node.registers.flags.SERIAL_MODE;
     let is_programs = flag.load() != bool::FALSE;
     if !is_programs {
@@ -189,18 +194,19 @@ fn has_serial(desk: &mut JobContext) -> bool {
 }
 
 /// Runs `SERIAL_TX` (p. 112).
-fn serial_tx(mut desk: JobContext, job: &Job) -> Outcome {
+fn serial_tx(mut job_context: JobContext, job: &Job) -> Outcome {
     let byte = byte(job, 0)?;
-    if has_serial(&mut desk) {
-        desk.firmware.peripherals.serial.send(byte);
+    if has_serial(&mut job_context) {
+        job_context.firmware.peripherals.serial.send(byte);
     }
     Ok(Answer::default())
 }
 
 /// Runs `SERIAL_RX` (p. 113).
-fn serial_rx(mut desk: JobContext, job: &Job) -> Outcome {
+fn serial_rx(mut job_context: JobContext, job: &Job) -> Outcome {
     let is_clear = flag(job, 0)?;
-    has_serial(&mut desk);
-    let SerialByte { byte, available, has_overflowed } = desk.firmware.peripherals.serial.take(is_clear);
+    has_serial(&mut job_context);
+    let SerialByte { byte, available, has_overflowed } =
+        job_context.firmware.peripherals.serial.take(is_clear);
     Ok(of([byte.into(), available.into(), has_overflowed.into()]))
 }

@@ -1,9 +1,9 @@
 //! Checks of the text of a script before it runs.
 
 use super::budget::{MOST_OPERATIONS, Meter};
-use super::desk::Desk;
 use super::engine::{MISSING, MOST_ARGUMENTS, engine};
 use super::mistake::Mistake;
+use super::verb_context::VerbContext;
 use super::verbs::{CHANGING, OF_REGISTERS};
 use super::{Hooks, MAIN, Script};
 use crate::devices::folder::own_records::OwnRecord;
@@ -23,15 +23,15 @@ type Wrong = (Position, String);
 /// Name of the constant that selects the registers of the hook `written` (D-822).
 pub(super) const WRITTEN: &str = "WRITTEN";
 
-/// Checks all files of a script. Finds the hooks in the main file, the registers of the hook `written`, and the names of the
-/// imported files.
+/// Checks all files of a script. Finds the hooks in the main file, the registers of the hook `written`, and the names
+/// of the imported files.
 ///
 /// # Errors
 /// [`Mistake`] with file and line.
 pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Found, Mistake> {
-    let (desk, meter) =
-        (Rc::new(RefCell::new(Desk::new(layout, &script.records))), Rc::new(Meter::default()));
-    let engine = engine(&desk, &meter, &script.files);
+    let (context, meter) =
+        (Rc::new(RefCell::new(VerbContext::new(layout, &script.records))), Rc::new(Meter::default()));
+    let engine = engine(&context, &meter, &script.files);
     let (mut hooks, mut written, mut named) = (Hooks::default(), None, Named::default());
     for (file, text) in script.files.iter() {
         let compiled = engine.compile(text);
@@ -44,8 +44,8 @@ pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Fo
         if file == MAIN {
             hooks = hooks_of(&ast)?;
         }
-        // Runs the statements outside of functions. They may be constants and imports; verbs are refused here. All files
-        // share the processor time of one millisecond.
+        // Runs the statements outside of functions. They may be constants and imports; verbs are refused here. All
+        // files share the processor time of one millisecond.
         meter.begin(MOST_OPERATIONS, 0);
         let mut scope = Scope::new();
         let ran = engine.run_ast_with_scope(&mut scope, &ast);
@@ -230,8 +230,8 @@ impl Calls<'_> {
     }
 }
 
-/// Refuses a truth value of PLC languages: the engine would miss a variable of that name while the script runs. Other words
-/// of these languages do not parse.
+/// Refuses a truth value of PLC languages: the engine would miss a variable of that name while the script runs. Other
+/// words of these languages do not parse.
 fn spelling(variable: &str, at: Position) -> Result<(), Wrong> {
     match variable {
         "TRUE" | "FALSE" => Err((at, format!("`{variable}`: write `{}`", variable.to_ascii_lowercase()))),

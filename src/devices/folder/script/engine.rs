@@ -6,8 +6,8 @@
 
 use super::Files;
 use super::budget::Meter;
-use super::desk::Desk;
 use super::imports::Imports;
+use super::verb_context::VerbContext;
 use super::verbs;
 use core::cell::RefCell;
 use rhai::{Dynamic, Engine};
@@ -35,8 +35,8 @@ const MOST_FUNCTIONS: usize = 512;
 pub(super) const MISSING: [&str; 8] =
     ["eval", "Fn", "call", "curry", "is_shared", "sleep", "parse_json", "timestamp"];
 
-/// Returns an engine with verbs that act on the objects of `desk`. The meter counts the steps of the engine.
-pub(super) fn engine(desk: &Rc<RefCell<Desk>>, meter: &Rc<Meter>, files: &Files) -> Engine {
+/// Returns an engine with verbs that act on the objects of `context`. The meter counts the steps of the engine.
+pub(super) fn engine(context: &Rc<RefCell<VerbContext>>, meter: &Rc<Meter>, files: &Files) -> Engine {
     let mut engine = Engine::new();
     engine.set_max_call_levels(MOST_CALLS);
     engine.set_max_expr_depths(DEEPEST_EXPRESSION, DEEPEST_EXPRESSION);
@@ -52,7 +52,7 @@ pub(super) fn engine(desk: &Rc<RefCell<Desk>>, meter: &Rc<Meter>, files: &Files)
         engine.disable_symbol(name);
     }
     engine.set_module_resolver(Imports::new(files));
-    verbs::register(&mut engine, desk, meter);
+    verbs::register(&mut engine, context, meter);
     let meter = Rc::clone(meter);
     engine.on_progress(move |_| meter.step().map(Dynamic::from));
     engine

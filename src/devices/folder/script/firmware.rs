@@ -3,10 +3,10 @@
 use super::Script;
 use super::budget::Budget;
 use super::data::Data;
-use super::desk::Acting;
 use super::mistake::Mistake;
 use super::program::{Outcome, Program};
 use super::timers::Timers;
+use super::verb_context::Acting;
 use crate::devices::Context;
 use crate::devices::folder::card::{Card, Place};
 use crate::devices::folder::part::Part;

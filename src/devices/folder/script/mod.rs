@@ -10,7 +10,6 @@
 mod budget;
 mod check;
 mod data;
-mod desk;
 mod engine;
 mod exercise;
 mod firmware;
@@ -18,6 +17,7 @@ mod imports;
 mod mistake;
 mod program;
 mod timers;
+mod verb_context;
 mod verbs;
 
 pub(crate) use budget::stack_position;

@@ -4,9 +4,9 @@ use super::Script;
 use super::budget::Meter;
 use super::check::WRITTEN;
 use super::data::Data;
-use super::desk::{Acting, Desk};
 use super::engine::engine;
 use super::mistake::Mistake;
+use super::verb_context::{Acting, VerbContext};
 use crate::layout::DeviceLayout;
 use core::cell::RefCell;
 use rhai::{AST, CallFnOptions, Dynamic, Engine, Scope, Stmt};
@@ -30,7 +30,7 @@ pub(super) struct Program {
     text: String,
     /// True if the script has constants or imports outside of functions, except `WRITTEN`.
     has_statements: bool,
-    desk: Rc<RefCell<Desk>>,
+    context: Rc<RefCell<VerbContext>>,
     meter: Rc<Meter>,
 }
 
@@ -68,15 +68,15 @@ impl Program {
     /// The main file is no script.
     fn compile(script: &Script, layout: &'static DeviceLayout) -> Result<Self, Mistake> {
         let Script { files, records, .. } = script;
-        let desk = Rc::new(RefCell::new(Desk::new(layout, records)));
+        let context = Rc::new(RefCell::new(VerbContext::new(layout, records)));
         let meter = Rc::new(Meter::default());
-        let engine = engine(&desk, &meter, files);
+        let engine = engine(&context, &meter, files);
         let text = files.first().map_or("", |(_, text)| text);
         let ast =
             engine.compile(text).map_err(|error| Mistake::misread(super::MAIN, text, layout, &error))?;
         let has_statements =
             !ast.statements().iter().all(is_selection) || text.contains(&format!("global::{WRITTEN}"));
-        Ok(Program { engine, ast, text: text.to_owned(), has_statements, desk, meter })
+        Ok(Program { engine, ast, text: text.to_owned(), has_statements, context, meter })
     }
 
     /// Calls a function with `state` as `this`.
@@ -90,14 +90,14 @@ impl Program {
     ) -> Outcome {
         let mut this = state.value();
         let now = acting.now;
-        self.desk.borrow_mut().acting = Some(acting);
+        self.context.borrow_mut().acting = Some(acting);
         self.meter.begin(allowed, now);
         let options = CallFnOptions::new().eval_ast(self.has_statements).bind_this_ptr(&mut this);
         let mut scope = Scope::new();
         let result =
             self.engine.call_fn_with_options::<Dynamic>(options, &mut scope, &self.ast, function, arguments);
         self.meter.end();
-        let acting = self.desk.borrow_mut().acting.take();
+        let acting = self.context.borrow_mut().acting.take();
         let state = match result {
             Ok(_) => Data::of_state(&this).map_err(|what| {
                 self.placed(Mistake::new(format!("`this` after {function}: {what}")), function)

@@ -9,6 +9,7 @@ pub(super) const MOST_TIMERS: usize = 64;
 /// A function of the script that is scheduled for a moment.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Timer {
+    /// Emulated time of the call, in microseconds.
     due: u64,
     /// Number of the entry. Functions with the same time are called in the order of these numbers.
     number: u64,

@@ -2,8 +2,8 @@
 
 use super::budget::Meter;
 use super::data::Data;
-use super::desk::{Acting, Desk, Found, Report};
 use super::engine::MOST_ARGUMENTS;
+use super::verb_context::{Acting, Found, Report, VerbContext};
 use crate::devices::folder::card::Place;
 use crate::devices::folder::own_records::OwnRecord;
 use crate::devices::folder::records::LONGEST_NOTE;
@@ -61,9 +61,9 @@ pub(super) const OF_REGISTERS: [(&str, bool); 11] = [
 pub(super) const CHANGING: [&str; 6] =
     ["clear_bits", "exchange", "output", "output_all", "set_bits", "write"];
 
-/// Registers all verbs. They act on the device in `desk`.
-pub(super) fn register(engine: &mut Engine, desk: &Rc<RefCell<Desk>>, meter: &Rc<Meter>) {
-    let mut verbs = Verbs { engine, desk: Hands(Rc::clone(desk)) };
+/// Registers all verbs. They act on the device in `context`.
+pub(super) fn register(engine: &mut Engine, context: &Rc<RefCell<VerbContext>>, meter: &Rc<Meter>) {
+    let mut verbs = Verbs { engine, context: SharedContext(Rc::clone(context)) };
     verbs.registers();
     verbs.blocks(meter);
     verbs.bits_and_answers();
@@ -73,16 +73,16 @@ pub(super) fn register(engine: &mut Engine, desk: &Rc<RefCell<Desk>>, meter: &Rc
 
 /// Access of a verb to the objects on which verbs act.
 #[derive(Clone)]
-struct Hands(Rc<RefCell<Desk>>);
+struct SharedContext(Rc<RefCell<VerbContext>>);
 
-impl Hands {
-    fn with<T>(&self, act: impl FnOnce(&mut Desk) -> Result<T, String>) -> Fallible<T> {
-        let mut desk = self.0.try_borrow_mut().map_err(|_| "a verb cannot be used inside another one")?;
-        Ok(act(&mut desk)?)
+impl SharedContext {
+    fn with<T>(&self, act: impl FnOnce(&mut VerbContext) -> Result<T, String>) -> Fallible<T> {
+        let mut context = self.0.try_borrow_mut().map_err(|_| "a verb cannot be used inside another one")?;
+        Ok(act(&mut context)?)
     }
 
     fn device<T>(&self, act: impl FnOnce(&mut Acting) -> Result<T, String>) -> Fallible<T> {
-        self.with(|desk| act(desk.device()?))
+        self.with(|context| act(context.device()?))
     }
 
     /// Changes a register of the device by `f`.
@@ -92,10 +92,10 @@ impl Hands {
         is_recorded: bool,
         f: impl FnOnce(Found) -> Result<Change, String>,
     ) -> Fallible<()> {
-        self.with(|desk| {
-            let found = own(desk.register(name)?)?;
+        self.with(|context| {
+            let found = own(context.register(name)?)?;
             let Change { clear, set } = f(found)?;
-            desk.device()?.write(found, is_recorded, |before| before & !clear | set);
+            context.device()?.write(found, is_recorded, |before| before & !clear | set);
             Ok(())
         })
     }
@@ -109,49 +109,49 @@ struct Change {
 
 struct Verbs<'a> {
     engine: &'a mut Engine,
-    desk: Hands,
+    context: SharedContext,
 }
 
 impl Verbs<'_> {
-    /// Registers a verb. `make` creates the function of the verb, which acts on the objects in `desk`.
+    /// Registers a verb. `make` creates the function of the verb, which acts on the objects in `context`.
     fn on<A: 'static, const N: usize, const X: bool, R: Clone + 'static, const F: bool, V>(
         &mut self,
         name: &'static str,
-        verb: impl FnOnce(Hands) -> V,
+        verb: impl FnOnce(SharedContext) -> V,
     ) where
         V: RhaiNativeFunc<A, N, X, R, F> + 'static,
     {
-        self.engine.register_fn(name, verb(self.desk.clone()));
+        self.engine.register_fn(name, verb(self.context.clone()));
     }
 
     fn registers(&mut self) {
-        self.on("read", |desk| {
+        self.on("read", |context| {
             move |name: &str| {
-                desk.with(|desk| {
-                    let found = desk.register(name)?;
-                    Ok(number(found, desk.device()?))
+                context.with(|context| {
+                    let found = context.register(name)?;
+                    Ok(number(found, context.device()?))
                 })
             }
         });
-        self.on("read_all", |desk| {
+        self.on("read_all", |context| {
             move |name: &str| {
-                desk.with(|desk| {
-                    let all = desk.registers(name)?;
-                    let device = desk.device()?;
+                context.with(|context| {
+                    let all = context.registers(name)?;
+                    let device = context.device()?;
                     Ok(all.iter().map(|found| number(*found, device).into()).collect::<Array>())
                 })
             }
         });
-        self.on("write", |desk| {
-            move |name: &str, new: Dynamic| desk.change(name, true, |found| whole(found, &new))
+        self.on("write", |context| {
+            move |name: &str, new: Dynamic| context.change(name, true, |found| whole(found, &new))
         });
-        self.on("output", |desk| {
-            move |name: &str, new: Dynamic| desk.change(name, false, |found| whole(found, &new))
+        self.on("output", |context| {
+            move |name: &str, new: Dynamic| context.change(name, false, |found| whole(found, &new))
         });
-        self.on("output_all", |desk| {
+        self.on("output_all", |context| {
             move |name: &str, new: Array| {
-                desk.with(|desk| {
-                    let all = desk.registers(name)?;
+                context.with(|context| {
+                    let all = context.registers(name)?;
                     if all.len() != new.len() {
                         return Err(format!(
                             "`{name}` is {} registers, here are {} values",
@@ -161,7 +161,7 @@ impl Verbs<'_> {
                     }
                     for (found, new) in all.iter().zip(&new) {
                         let (found, value) = (own(*found)?, bits(*found, new)?);
-                        desk.device()?.write(found, false, |_| value);
+                        context.device()?.write(found, false, |_| value);
                     }
                     Ok(())
                 })
@@ -172,29 +172,29 @@ impl Verbs<'_> {
     /// Verbs on many registers, which count one step for each register or word.
     fn blocks(&mut self, meter: &Rc<Meter>) {
         let steps = Rc::clone(meter);
-        self.on("copy", |desk| {
+        self.on("copy", |context| {
             move |from: &str, to: &str| {
-                desk.with(|desk| {
-                    let (source, target) = (desk.block(from)?, desk.block(to)?);
+                context.with(|context| {
+                    let (source, target) = (context.block(from)?, context.block(to)?);
                     if source.bytes != target.bytes {
                         let (from_bytes, to_bytes) = (source.bytes, target.bytes);
                         return Err(format!("`{from}` has {from_bytes} bytes, `{to}` has {to_bytes}"));
                     }
                     target.first.iter().try_for_each(|found| own(*found).map(drop))?;
                     steps.charge(u64::from(source.bytes) / 4);
-                    desk.device()?.card.copy(source.offset, target.offset, source.bytes);
+                    context.device()?.card.copy(source.offset, target.offset, source.bytes);
                     Ok(())
                 })
             }
         });
         let steps = Rc::clone(meter);
         // The verb also resets registers that only the program writes (D-823).
-        self.on("reset", |desk| {
+        self.on("reset", |context| {
             move |name: &str| {
-                desk.with(|desk| {
-                    let all = desk.layout.registers(name).map_err(|error| error.to_string())?;
+                context.with(|context| {
+                    let all = context.layout.registers(name).map_err(|error| error.to_string())?;
                     steps.charge(all.len() as u64);
-                    let device = desk.device()?;
+                    let device = context.device()?;
                     all.iter().for_each(|register| {
                         device.card.update(Place::of(register), |_| register.register.reset);
                     });
@@ -205,48 +205,48 @@ impl Verbs<'_> {
     }
 
     fn bits_and_answers(&mut self) {
-        self.on("set_bits", |desk| {
+        self.on("set_bits", |context| {
             move |name: &str, mask: Dynamic| {
-                desk.change(name, true, |found| Ok(Change { clear: 0, set: bits(found, &mask)? }))
+                context.change(name, true, |found| Ok(Change { clear: 0, set: bits(found, &mask)? }))
             }
         });
-        self.on("clear_bits", |desk| {
+        self.on("clear_bits", |context| {
             move |name: &str, mask: Dynamic| {
-                desk.change(name, true, |found| Ok(Change { clear: bits(found, &mask)?, set: 0 }))
+                context.change(name, true, |found| Ok(Change { clear: bits(found, &mask)?, set: 0 }))
             }
         });
-        self.on("exchange", |desk| {
+        self.on("exchange", |context| {
             move |name: &str, request: Dynamic, answer: Dynamic| {
-                desk.with(|desk| {
-                    let found = own(desk.register(name)?)?;
+                context.with(|context| {
+                    let found = own(context.register(name)?)?;
                     let (request, answer) = (bits(found, &request)?, bits(found, &answer)?);
-                    Ok(desk.device()?.exchange(found, request, answer))
+                    Ok(context.device()?.exchange(found, request, answer))
                 })
             }
         });
     }
 
     fn times(&mut self) {
-        self.on("now", |desk| move || desk.device(|device| Ok(int(device.now))));
-        self.on("after", |desk| {
-            move |time: Dynamic, function: Dynamic| order(&desk, &time, true, &function, &Array::new())
+        self.on("now", |context| move || context.device(|device| Ok(int(device.now))));
+        self.on("after", |context| {
+            move |time: Dynamic, function: Dynamic| order(&context, &time, true, &function, &Array::new())
         });
-        self.on("after", |desk| {
+        self.on("after", |context| {
             move |time: Dynamic, function: Dynamic, arguments: Array| {
-                order(&desk, &time, true, &function, &arguments)
+                order(&context, &time, true, &function, &arguments)
             }
         });
-        self.on("at", |desk| {
-            move |time: Dynamic, function: Dynamic| order(&desk, &time, false, &function, &Array::new())
+        self.on("at", |context| {
+            move |time: Dynamic, function: Dynamic| order(&context, &time, false, &function, &Array::new())
         });
-        self.on("at", |desk| {
+        self.on("at", |context| {
             move |time: Dynamic, function: Dynamic, arguments: Array| {
-                order(&desk, &time, false, &function, &arguments)
+                order(&context, &time, false, &function, &arguments)
             }
         });
-        self.on("cancel", |desk| {
+        self.on("cancel", |context| {
             move |number: INT| {
-                desk.device(|device| {
+                context.device(|device| {
                     Ok(u64::try_from(number).is_ok_and(|number| device.timers.cancel(number)))
                 })
             }
@@ -254,21 +254,21 @@ impl Verbs<'_> {
     }
 
     fn reports(&mut self) {
-        self.on("journal", |desk| move |text: &str| note(&desk, text));
-        self.on("violation", |desk| {
+        self.on("journal", |context| move |text: &str| note(&context, text));
+        self.on("violation", |context| {
             move |name: &str, text: &str| {
-                desk.with(|desk| {
-                    let found = desk.register(name)?;
-                    desk.device()?.violation(found, noted(text));
+                context.with(|context| {
+                    let found = context.register(name)?;
+                    context.device()?.violation(found, noted(text));
                     Ok(())
                 })
             }
         });
-        self.on("record", |desk| move |name: &str| own_record(&desk, name, &Map::new()));
-        self.on("record", |desk| move |name: &str, fields: Map| own_record(&desk, name, &fields));
-        self.on("event", |desk| {
+        self.on("record", |context| move |name: &str| own_record(&context, name, &Map::new()));
+        self.on("record", |context| move |name: &str, fields: Map| own_record(&context, name, &fields));
+        self.on("event", |context| {
             move |event: INT| {
-                desk.device(|device| {
+                context.device(|device| {
                     let is_one =
                         usize::try_from(event).is_ok_and(|event| device.card.raise(event, device.now));
                     is_one
@@ -278,34 +278,34 @@ impl Verbs<'_> {
             }
         });
         // Without a controller, the pulses have no effect.
-        self.on("interrupt", |desk| {
+        self.on("interrupt", |context| {
             move || {
-                desk.device(|device| {
+                context.device(|device| {
                     device.card.pulses().interrupt = true;
                     Ok(())
                 })
             }
         });
-        self.on("sync_pulse", |desk| {
+        self.on("sync_pulse", |context| {
             move || {
-                desk.device(|device| {
+                context.device(|device| {
                     device.card.pulses().sync = true;
                     Ok(())
                 })
             }
         });
         // The engine's own functions would print to the terminal.
-        let desk = self.desk.clone();
-        self.engine.on_print(move |text| drop(note(&desk, text)));
-        let desk = self.desk.clone();
-        self.engine.on_debug(move |text, _, _| drop(note(&desk, text)));
+        let context = self.context.clone();
+        self.engine.on_print(move |text| drop(note(&context, text)));
+        let context = self.context.clone();
+        self.engine.on_debug(move |text, _, _| drop(note(&context, text)));
     }
 }
 
 /// Writes a record of a kind that the device declares, with a value for each of its fields.
-fn own_record(desk: &Hands, name: &str, fields: &Map) -> Fallible<()> {
-    desk.with(|desk| {
-        let records = Arc::clone(&desk.records);
+fn own_record(context: &SharedContext, name: &str, fields: &Map) -> Fallible<()> {
+    context.with(|context| {
+        let records = Arc::clone(&context.records);
         let kind = OwnRecord::find(&records, name)?;
         if let Some(other) =
             fields.keys().find(|field| !kind.fields.iter().any(|known| known == field.as_str()))
@@ -326,14 +326,14 @@ fn own_record(desk: &Hands, name: &str, fields: &Map) -> Fallible<()> {
                 .ok_or_else(|| format!("the field `{field}` is a number of at most 32 bits, or a bool"))
         };
         let line = kind.line(value)?;
-        desk.device()?.reports.push(Report::Recorded(line));
+        context.device()?.reports.push(Report::Recorded(line));
         Ok(())
     })
 }
 
 /// Puts a text into the journal.
-fn note(desk: &Hands, text: &str) -> Fallible<()> {
-    desk.device(|device| {
+fn note(context: &SharedContext, text: &str) -> Fallible<()> {
+    context.device(|device| {
         device.reports.push(Report::Note(noted(text)));
         Ok(())
     })
@@ -383,7 +383,7 @@ fn bits(found: Found, new: &Dynamic) -> Result<u32, String> {
 
 /// Schedules a function for a later time.
 fn order(
-    desk: &Hands,
+    context: &SharedContext,
     time: &Dynamic,
     is_after: bool,
     function: &Dynamic,
@@ -396,7 +396,7 @@ fn order(
         return Err(format!("{count} arguments for `{function}`; a call has at most {MOST_ARGUMENTS}").into());
     }
     let arguments = Data::of(&arguments.clone().into())?;
-    desk.device(|device| {
+    context.device(|device| {
         let due = if is_after { device.now.saturating_add(us) } else { us.max(device.now) };
         device.timers.add(due, function, arguments).map(int)
     })

@@ -44,8 +44,9 @@ impl Cycle {
             _ => return None,
         };
         let number = (word & NUMBER) >> NUMBER.trailing_zeros();
-        // With a counter, the period is the given number of slices. With binary division, time slot v comes every 2^v
-        // slices, for the first time as slice 2^(v-1). The communication follows one slice later (decision D-154).
+        // With a counter, the period is `number` slices. With binary division, time slot v comes
+        // every 2^v slices, for the first time as slice 2^(v-1). The communication follows one slice later (decision
+        // D-154).
         let (period, first) = match (number, word & SLICES != 0) {
             (0, _) => return None,
             (number, false) => (u64::from(number), u64::from(number)),

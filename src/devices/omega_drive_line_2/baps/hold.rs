@@ -16,6 +16,7 @@ pub enum Pace {
 /// A task that may wait.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Hold {
+    /// Emulated time until which the task waits, in microseconds; `None` if it does not wait.
     until: Option<u64>,
 }
 

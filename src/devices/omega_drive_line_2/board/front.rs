@@ -19,6 +19,7 @@ const POINT: u32 = 1 << 8;
 /// The front panel at the last poll.
 #[derive(Debug)]
 pub(super) struct Front {
+    /// Cells of the header page at the last poll.
     seen: PolledFront,
     switch: RunSwitch,
     powered: bool,

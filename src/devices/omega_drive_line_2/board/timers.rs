@@ -30,9 +30,11 @@ const NEVER: u64 = u64::MAX;
 struct Clock {
     /// Period of the timer in units of [`PER_US`].
     period: u64,
+    /// Emulated time at which the timer was started, in microseconds.
     start: u64,
     /// Number of the next pulse, from 1.
     next: u64,
+    /// Emulated time of the next pulse, in microseconds.
     due: u64,
 }
 

@@ -28,8 +28,8 @@ impl Seat {
     }
 
     /// Frees the seat if a refused or lost task died without leaving. Returns true if the seat was freed.
-    pub(crate) fn bury(&self) -> bool {
-        self.hands().bury(|owner| self.is_running(owner), || self.clear())
+    pub(crate) fn free_if_dead(&self) -> bool {
+        self.hands().free_if_dead(|owner| self.is_running(owner), || self.clear())
     }
 }
 
@@ -83,7 +83,7 @@ impl<W: Word> SeatWords<'_, W> {
         self.state.exchange(SeatState::Seated.code(), SeatState::Lost.code())
     }
 
-    fn bury(&self, is_running: impl Fn(u32) -> bool, clear: impl FnOnce()) -> bool {
+    fn free_if_dead(&self, is_running: impl Fn(u32) -> bool, clear: impl FnOnce()) -> bool {
         let owner = self.owner.load();
         // Read after the owner: a task that takes a seat finds it free.
         let state = SeatState::from_code(self.state.load());

@@ -31,6 +31,7 @@ pub(super) struct Jobs {
     number: u8,
     parameter: ParameterServer,
     updown: UpDownServer,
+    /// The source of the answer to the last job, which must still be sent.
     due: Option<AnswerSource>,
     /// The source of the answer on the wire.
     sending: Option<AnswerSource>,

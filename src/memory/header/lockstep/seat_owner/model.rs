@@ -70,10 +70,10 @@ impl<const WHOLE: bool> Seat<WHOLE> {
         self.owner.store(0);
     }
 
-    fn bury(&self) {
+    fn free_if_dead(&self) {
         let is_running = |owner| owner != FIRST || self.is_dead.load(Acquire) == 0;
         // Behaves like the seat itself: frees the owner last.
-        self.hands().bury(is_running, || {
+        self.hands().free_if_dead(is_running, || {
             self.event.store(0);
             self.leave();
         });
@@ -106,7 +106,7 @@ fn one_after_the_other<const WHOLE: bool>(may_first: bool) {
         if matches!(answered, Some((FIRST, true))) {
             seat.hands().lose();
         }
-        seat.bury();
+        seat.free_if_dead();
         let is_asking = tasks.join().unwrap();
         assert!(is_asking, "a seat that was left is free");
         let again = seat.hands().decide(may);
@@ -139,7 +139,7 @@ fn the_next_task_gets_the_seat_of_a_dead_one() {
             let seat = Arc::clone(&seat);
             loom::thread::spawn(move || seat.ask(SECOND))
         };
-        seat.bury();
+        seat.free_if_dead();
         let is_ours = next.join().unwrap();
         assert_eq!(seat.owner.load(), if is_ours { SECOND } else { 0 });
         assert_ne!(seat.owner.load(), NO_OWNER);

@@ -1,5 +1,5 @@
-//! The desk: the objects on which the verbs (built-in functions) of a device's script act while one of its functions
-//! runs.
+//! Context of verbs: the objects on which the verbs (built-in functions) of a device's script act while one of its
+//! functions runs.
 
 use super::engine::LARGEST_ARRAY;
 use super::timers::Timers;
@@ -108,7 +108,7 @@ impl Acting {
 }
 
 /// The verbs' access to the device, if a function runs.
-pub(super) struct Desk {
+pub(super) struct VerbContext {
     pub(super) layout: &'static DeviceLayout,
     /// Kinds of journal records of the device.
     pub(super) records: Arc<[OwnRecord]>,
@@ -119,11 +119,11 @@ pub(super) struct Desk {
     pub(super) acting: Option<Acting>,
 }
 
-impl Desk {
+impl VerbContext {
     pub(super) fn new(layout: &'static DeviceLayout, records: &Arc<[OwnRecord]>) -> Self {
         let records = Arc::clone(records);
         let (names, blocks) = (HashMap::new(), HashMap::new());
-        Desk { layout, records, names, blocks, remembered: 0, acting: None }
+        VerbContext { layout, records, names, blocks, remembered: 0, acting: None }
     }
 
     /// Returns the device.

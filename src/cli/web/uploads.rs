@@ -7,16 +7,16 @@ use crate::plant::SnapshotFile;
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Maximum number of files in transit. A further file replaces the one that has waited longest.
+/// Maximum number of files in uploads. A further file replaces the one that has waited longest.
 const MOST_FILES: usize = 16;
-/// Maximum number of bytes of all files in transit.
+/// Maximum number of bytes of all files in uploads.
 const MOST_BYTES: usize = 4 * SnapshotFile::LONGEST as usize;
 
 /// The files of an instance, each with its session. The file that was extended last is the last one.
 #[derive(Default)]
-pub(super) struct Transit(Mutex<VecDeque<(String, Vec<u8>)>>);
+pub(super) struct Uploads(Mutex<VecDeque<(String, Vec<u8>)>>);
 
-impl Transit {
+impl Uploads {
     /// Appends a part of a file at byte `at`; byte 0 begins a new file. If the function fails, the file is dropped.
     ///
     /// # Errors
@@ -58,14 +58,14 @@ mod tests {
 
     #[test]
     fn sessions_do_not_mix_their_files() {
-        let transit = Transit::default();
+        let uploads = Uploads::default();
         for (session, at, part) in [("a", 0, "12"), ("b", 0, "x"), ("a", 2, "34"), ("b", 1, "y")] {
-            assert_eq!(transit.append(session, at, part.as_bytes()), Ok(()));
+            assert_eq!(uploads.append(session, at, part.as_bytes()), Ok(()));
         }
-        assert_eq!(transit.append("c", 1, b"z"), Err(0));
-        assert_eq!((transit.take("a"), transit.take("b")), (b"1234".to_vec(), b"xy".to_vec()));
-        assert_eq!(transit.take("a"), b"");
-        (0..20).for_each(|number| transit.append(&number.to_string(), 0, b"1").unwrap());
-        assert_eq!((transit.take("3"), transit.take("4")), (b"".to_vec(), b"1".to_vec()));
+        assert_eq!(uploads.append("c", 1, b"z"), Err(0));
+        assert_eq!((uploads.take("a"), uploads.take("b")), (b"1234".to_vec(), b"xy".to_vec()));
+        assert_eq!(uploads.take("a"), b"");
+        (0..20).for_each(|number| uploads.append(&number.to_string(), 0, b"1").unwrap());
+        assert_eq!((uploads.take("3"), uploads.take("4")), (b"".to_vec(), b"1".to_vec()));
     }
 }

@@ -8,12 +8,12 @@ const PAUSE: Duration = Duration::from_secs(60);
 
 /// Limits complaints, and counts the suppressed complaints since the last logged one.
 #[derive(Debug, Default)]
-pub(super) struct Sparing {
+pub(super) struct LogLimiter {
     last: Option<Instant>,
     unsaid: u64,
 }
 
-impl Sparing {
+impl LogLimiter {
     /// Returns a text if the message must be logged. The text contains the number of messages that were suppressed
     /// before; it is empty if there were none.
     pub(super) fn complains(&mut self, now: Instant) -> Option<String> {
@@ -35,13 +35,13 @@ mod tests {
 
     #[test]
     fn a_minute_has_one_complaint_and_the_next_one_counts_the_others() {
-        let (mut sparing, begin) = (Sparing::default(), Instant::now());
-        assert_eq!(sparing.complains(begin).as_deref(), Some(""));
+        let (mut log_limiter, begin) = (LogLimiter::default(), Instant::now());
+        assert_eq!(log_limiter.complains(begin).as_deref(), Some(""));
         for second in 0..60 {
-            assert_eq!(sparing.complains(begin + Duration::from_secs(second)), None);
+            assert_eq!(log_limiter.complains(begin + Duration::from_secs(second)), None);
         }
-        let suffix = sparing.complains(begin + PAUSE);
+        let suffix = log_limiter.complains(begin + PAUSE);
         assert_eq!(suffix.as_deref(), Some(" (since the last message 60 times more)"));
-        assert_eq!(sparing.complains(begin + 2 * PAUSE).as_deref(), Some(""));
+        assert_eq!(log_limiter.complains(begin + 2 * PAUSE).as_deref(), Some(""));
     }
 }
