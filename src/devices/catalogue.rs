@@ -11,7 +11,7 @@ use crate::journal::{Catalogue, EventKind, FaultName, Rule};
 use crate::layout::DeviceLayout;
 use std::sync::LazyLock;
 
-/// Registration that belongs to no device.
+/// Kinds of records, rules and faults that belong to no device, with their owner.
 pub(super) struct Generic {
     pub owner: &'static str,
     pub records: &'static [&'static EventKind],

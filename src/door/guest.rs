@@ -51,7 +51,7 @@ struct Inner {
 /// A message to a guest. Times are emulated, in microseconds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum GuestMessage {
-    /// A frame or a telegram has arrived.
+    /// A frame or a telegram has arrived at the guest.
     Heard {
         /// Time of the message.
         time_us: u64,

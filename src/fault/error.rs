@@ -127,7 +127,7 @@ pub enum FaultError {
     /// The kind does not exist.
     #[error("kind = \"{kind}\": there is no such fault{hint}; the kinds are: {known}")]
     UnknownKind {
-        /// The text in the description.
+        /// Name of the kind that the description gives.
         kind: String,
         /// Kind that may be meant.
         hint: String,
@@ -139,7 +139,7 @@ pub enum FaultError {
     UnknownField {
         /// Kind of the fault, which has a list of valid fields.
         kind: &'static FaultKind,
-        /// The text in the description.
+        /// Name of the field that the description gives.
         field: String,
     },
     /// The kind does not have the field.
@@ -175,7 +175,7 @@ pub enum FaultError {
     UnknownBus {
         /// Kind of the fault.
         kind: &'static FaultKind,
-        /// The text in the description.
+        /// Name of the bus that the description gives.
         bus: String,
         /// Names of all buses of the plant, separated by commas.
         known: String,
@@ -185,7 +185,7 @@ pub enum FaultError {
     UnknownPlc {
         /// Kind of the fault.
         kind: &'static FaultKind,
-        /// The text in the description.
+        /// Name of the PLC that the description gives.
         plc: String,
         /// Names of all PLCs of the plant, separated by commas.
         known: String,
@@ -197,7 +197,7 @@ pub enum FaultError {
         kind: &'static FaultKind,
         /// Name of the PLC on which the fault should act.
         plc: String,
-        /// The text in the description.
+        /// Name of the port that the description gives.
         port: String,
         /// The ports of the PLC.
         known: String,

@@ -11,7 +11,7 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, TryRecvError};
 use std::thread::Builder;
 use std::time::Duration;
 
-/// The core gives up this much earlier than the emulator.
+/// Time by which the HELICS core gives up a wait earlier than the emulator.
 const SOONER: Duration = Duration::from_secs(1);
 /// Types of publications that the plant can subscribe to.
 const TAKEN: [&str; 4] = ["double", "int64", "int", "bool"];

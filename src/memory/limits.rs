@@ -5,7 +5,7 @@ use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::os::fd::AsRawFd;
 use std::{fs, io};
 
-/// A file that can always be opened.
+/// Path of a file that every process can open.
 const NOTHING: &str = "/dev/null";
 /// Directory in which the system lists the open files of this process.
 const OPEN_FILES: &str = "/proc/self/fd";

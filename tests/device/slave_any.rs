@@ -11,7 +11,7 @@ use proptest::prelude::*;
 enum Step {
     /// A job frame and its response slot.
     Turn(Vec<u8>),
-    /// A byte into one of the six job registers.
+    /// Writes a byte into one of the six job registers.
     Write(usize, u8),
     /// A command in `w_CPU_CONTROL`.
     Control(u16),

@@ -99,7 +99,7 @@ impl Outline {
 /// A bracket without a closing bracket up to the present position of the parser.
 struct Open {
     sign: char,
-    /// Index of the call to which the parenthesis belongs.
+    /// Index of the call to which the parenthesis belongs; `None` if it belongs to no call.
     call: Option<usize>,
     /// Index of the first token of the present argument.
     argument: usize,

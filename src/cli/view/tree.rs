@@ -116,7 +116,7 @@ impl Tree {
         row.branch().is_some_and(|branch| self.open.contains(&branch))
     }
 
-    /// Indentation of a line.
+    /// Returns the number of levels by which a line is indented.
     pub(super) fn depth(&self, row: &Row) -> usize {
         if self.sought.is_some() {
             return 0;

@@ -59,7 +59,7 @@ codes! {
         None = 0,
         /// A project is loaded, and its program does not run.
         Stopped = 1,
-        /// Cold or warm start runs.
+        /// The start task of a cold or warm start runs.
         Initializing = 2,
         /// The cyclic tasks run.
         Cyclic = 3,

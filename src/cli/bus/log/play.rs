@@ -48,8 +48,8 @@ pub(in super::super) struct Play {
 /// Longest time between two frames of a played log: the limit of one advance operation, 24 h in
 /// microseconds.
 const LONGEST_GAP_US: u64 = MAX_ADVANCE_US;
-/// Step of the clock, in emulated microseconds, while telegrams wait for room in the queue or the last frame is still on
-/// the bus.
+/// Step of the clock, in emulated microseconds, while telegrams wait for room in the queue or the last frame is still
+/// on the bus.
 const ROOM_US: u64 = 100;
 /// Bits of the frames for which the clock advances while a frame waits for room: 16 of the shortest frames of CAN (no
 /// data, 44 bits and 3 bits of intermission). The queue holds four times as many frames, so the bus never runs out of
@@ -358,7 +358,7 @@ impl<'a> Player<'a> {
         Ok(has_room)
     }
 
-    /// True if all frames have ended on their buses.
+    /// Returns true if all frames of the log have ended on their buses.
     fn all_have_left(&mut self) -> Result<bool, CliError> {
         self.count_left()?;
         Ok(self.left >= self.log.len())

@@ -1,4 +1,4 @@
-// Lamps and displays of a front, drawn in SVG. The words of a lamp (`green 2 Hz`, `3 x short`) define how it flashes.
+// Lamps and displays of a front panel, drawn in SVG. The words of a lamp (`green 2 Hz`, `3 x short`) define how it flashes.
 
 import { setAttribute, setText, svg } from "./dom.js";
 

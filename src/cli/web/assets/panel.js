@@ -11,7 +11,7 @@ import { counted } from "./values.js";
 
 /** Numbers of the settings in `set_board`. */
 const DIP = 1, LEDS = 2, SWITCH = 3, POWER = 4, START = 5, RESET = 6, CYCLE = 7, PROJECT = 8, MODULE_DIP = 9, FRONT = 256;
-/** Width of a front in units of its drawing. */
+/** Width of a front panel in units of its drawing. */
 const WIDTH = 440;
 const POSITIONS = ["run", "stop", "reset"], PROJECTS = ["none", "boot", "sent"], STARTS = ["cold", "warm", "hot", "stop"];
 
@@ -98,7 +98,7 @@ class Front {
     if (module.dip !== undefined && port !== undefined) this.dip((board) => board.modules[slot].dip, (dip) => this.set(MODULE_DIP, port * 256 + dip, `${slot}.dip=${dip}`), `${slot} DIP`);
   }
 
-  /** Draws a word of the front that only this type of device has. The meaning of the word decides how. */
+  /** Draws a word of the front panel that only this type of device has. The meaning of the word decides how. */
   word({ name, number, switch: isSwitch, values }) {
     const which = FRONT + number;
     const set = isSwitch ? (value) => this.set(which, value, `${name}=${this.named(values, value)}`) : null;

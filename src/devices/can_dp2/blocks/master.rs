@@ -10,7 +10,7 @@ use crate::plc::{Base, Shared, function_block};
 const OCTETS: usize = gsd::MAX_OUTPUT_LEN as usize;
 const DIAG: usize = gsd::MAX_DIAG_DATA_LEN as usize;
 
-/// The next or present request.
+/// The request that the block sends next or has sent last.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum MasterStep {
     /// Finds out whether the slave answers.

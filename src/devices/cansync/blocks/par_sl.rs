@@ -20,7 +20,7 @@ function_block! {
             x_PAR_FORMAT_READ: bool;
             /// Error number sent to the master with `x_ERR_IN`.
             i_ERR: i16;
-            /// The application could not do the job.
+            /// TRUE if the application could not do the job.
             x_ERR_IN: bool;
             /// The application has done the job.
             x_OK_IN: bool;

@@ -36,7 +36,7 @@ pub enum DrivecomState {
     QuickStopActive,
     /// Braking to standstill after a fault, then "fault".
     FaultReactionActive,
-    /// Waits for the fault reset.
+    /// DRIVECOM state "fault": the drive waits for the fault reset.
     Fault,
 }
 

@@ -134,7 +134,7 @@ pub enum ParameterError {
     /// The parameter number is above 4095.
     #[error("the number is above 4095")]
     Number,
-    /// Number in use already.
+    /// Another parameter already has the number.
     #[error("the number is used twice")]
     Twice,
     /// One of the drive's own parameters is defined again.

@@ -20,7 +20,7 @@ pub(crate) fn report_number_taken(ctx: &mut Context, port: Option<&Port>, number
 
 impl Node {
     /// Reports that from now on a restart command in the RAM cannot be distinguished from the last
-    /// value that the firmware wrote there.
+    /// value that the firmware wrote into the register.
     pub(super) fn report_left_behind(&self, ctx: &mut Context) {
         let (origin, value) = (ctx.origin, cpu_control::RESTART);
         ctx.report(CommandIgnored { origin, value, why: Command::LeftBehind });
