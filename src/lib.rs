@@ -102,7 +102,7 @@ pub mod plc;
 mod plc_spelling;
 #[cfg(feature = "studio")]
 pub mod plot;
-#[cfg(any(feature = "script", feature = "cli"))]
+#[cfg(feature = "emulator")]
 mod plural;
 #[cfg(feature = "emulator")]
 pub mod profibus;

@@ -30,6 +30,9 @@ const WORDS: &[(&str, &str, &str)] = &[
     ("plant", "new", "commram new DIR"),
     ("plant", "validate", "commram plant check PLANT.toml"),
     ("drive", "get", "commram drive show NAME"),
+    ("board", "start", "commram board set start=cold"),
+    ("board", "power", "commram board set power=off"),
+    ("board", "stop", "commram board set switch=stop"),
 ];
 
 /// An option of another program; an option that only the affected commands have; and the correct option.

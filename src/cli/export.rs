@@ -68,7 +68,7 @@ pub(crate) struct Args {
     /// With `matiec` and `strucpp`: the program around the compiled one instead of the header; with `openplc`: its hardware layer
     #[arg(long)]
     main: bool,
-    /// With `dbc` and `wireshark`: the plant that contains the buses
+    /// With `dbc` and `wireshark`, which need it: the plant that contains the buses; `commram new DIR` writes one
     #[arg(long, value_name = "FILE")]
     plant: Option<PathBuf>,
     /// With `dbc`: the bus; can be omitted if the plant has only one. With `wireshark`: only this bus
@@ -244,7 +244,7 @@ fn plant_of<'a>(args: &'a Args, format: &str, noun: &str) -> Result<(&'a Path, P
             format!("{noun} has no registers"),
         ));
     }
-    let path = args.plant.as_deref().ok_or_else(|| wrong(format, "give the plant, --plant plant.toml"))?;
+    let path = args.plant.as_deref().ok_or_else(|| wrong(format, "give the plant that contains the buses, --plant plant.toml; `commram new DIR` writes a plant file"))?;
     Ok((path, PlantConfig::load(path)?))
 }
 

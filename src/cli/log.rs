@@ -3,6 +3,7 @@
 //! module counts lost messages.
 
 use super::output;
+use crate::plural::plural;
 use core::fmt::{Debug, Write};
 use core::sync::atomic::{AtomicUsize, Ordering};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -84,7 +85,10 @@ fn write_counting(output: &impl AsFd, text: &str, lost: &AtomicUsize) {
     let patience_ns = if before == 0 { PATIENCE_NS } else { 0 };
     let whole = match before {
         0 => text.to_owned(),
-        _ => format!(" WARN {before} messages before this one were lost: the output was not read\n{text}"),
+        _ => format!(
+            " WARN {} lost before this one: the output was not read\n{text}",
+            plural(before as u64, "message")
+        ),
     };
     let mut parts = whole.as_bytes().chunks(PART);
     // Writes without the lock of the standard error output, because a blocked thread may hold the lock.
@@ -148,10 +152,8 @@ mod tests {
         assert!((60..=64).contains(&taken), "{taken}");
         write("after\n");
         let count = io::Read::read(&mut reader, &mut read).unwrap();
-        let expected = format!(
-            " WARN {} messages before this one were lost: the output was not read\nafter\n",
-            100 - taken
-        );
+        let expected =
+            format!(" WARN {} messages lost before this one: the output was not read\nafter\n", 100 - taken);
         assert_eq!(core::str::from_utf8(&read[..count]).unwrap(), expected);
         write("next\n");
         let count = io::Read::read(&mut reader, &mut read).unwrap();

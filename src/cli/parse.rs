@@ -94,7 +94,28 @@ pub(super) fn with_options_after_command(
         };
         moved.extend(rest.by_ref().take(count));
     }
+    // Without one of its own subcommands, a command such as `board` has no option `-i`. The parser is to report the missing
+    // or wrong subcommand, not the option.
+    if command.has_subcommands() && !command.get_arguments().any(|arg| arg.get_short() == Some('i')) {
+        match rest.peek().and_then(|word| word.to_str()) {
+            Some(word) if !word.starts_with('-') => kept.extend(rest.next()),
+            _ => return without_instance(kept, moved).chain(rest).collect(),
+        }
+    }
     kept.into_iter().chain(moved).chain(rest).collect()
+}
+
+/// Returns the words of a command and the options moved to it, without `-i NAME`.
+fn without_instance(kept: Vec<OsString>, moved: Vec<OsString>) -> impl Iterator<Item = OsString> {
+    let mut is_value = false;
+    let moved = moved.into_iter().filter(move |word| {
+        let word = word.to_string_lossy();
+        let is_option = word.starts_with("-i") || word.starts_with("--instance");
+        let is_of_instance = is_option || is_value;
+        is_value = matches!(&*word, "-i" | "--instance");
+        !is_of_instance
+    });
+    kept.into_iter().chain(moved)
 }
 
 /// Returns the arguments of this process after its command, including the options that were before the command.
@@ -148,6 +169,11 @@ mod tests {
             ("commram peek x -i a", "commram peek x -i a"),
             ("commram with -i a -- peek -i b", "commram with -i a -- peek -i b"),
             ("commram -i", "commram -i"),
+            ("commram -i a board start cold", "commram board start -i a cold"),
+            ("commram -i a --color never board", "commram board --color never"),
+            ("commram -ia --instance=b board --help", "commram board --help"),
+            ("commram -i a board get line", "commram board get -i a line"),
+            ("commram -i a nothing", "commram -i a nothing"),
         ] {
             assert_eq!(moved(line), expected);
         }

@@ -1,6 +1,7 @@
 //! Limits log messages about foreign programs. A program that connects again and again must not fill the emulator's
 //! log.
 
+use crate::plural::plural;
 use std::time::{Duration, Instant};
 
 /// Minimum time between two complaints (decision D-582).
@@ -24,7 +25,7 @@ impl LogLimiter {
         self.last = Some(now);
         Some(match std::mem::take(&mut self.unsaid) {
             0 => String::new(),
-            unsaid => format!(" (since the last message {unsaid} times more)"),
+            unsaid => format!(" ({} more since the last message)", plural(unsaid, "time")),
         })
     }
 }
@@ -41,7 +42,7 @@ mod tests {
             assert_eq!(log_limiter.complains(begin + Duration::from_secs(second)), None);
         }
         let suffix = log_limiter.complains(begin + PAUSE);
-        assert_eq!(suffix.as_deref(), Some(" (since the last message 60 times more)"));
+        assert_eq!(suffix.as_deref(), Some(" (60 times more since the last message)"));
         assert_eq!(log_limiter.complains(begin + 2 * PAUSE).as_deref(), Some(""));
     }
 }

@@ -80,6 +80,7 @@ pub(crate) fn generate(scope: &Scope, form: StForm, blocks: Option<&str>) -> Str
 fn configuration(variables: &str) -> String {
     format!(
         "(* Replace task and program by your own. Declare each register that a program uses in its VAR_EXTERNAL. *)\n\
+         (* If program.st has a CONFIGURATION, move its VAR_GLOBAL, tasks and programs here and delete it there. *)\n\
          CONFIGURATION Config0\n{variables}\n\
          RESOURCE Res0 ON PLC\n    TASK scan(INTERVAL := T#2ms, PRIORITY := 0);\n    \
          PROGRAM instance1 WITH scan : MAIN;\nEND_RESOURCE\nEND_CONFIGURATION\n"

@@ -49,7 +49,7 @@ pub enum Refusal {
     #[error("count and duration_us exclude each other; give one of them")]
     TwoLimits,
     /// There is no such bus.
-    #[error("bus {bus} does not exist; there are {count}, numbered from 0")]
+    #[error("bus {bus} does not exist; the plant has {count}, numbered from 0")]
     UnknownBus {
         /// Number of the bus that does not exist, from 0.
         bus: BusIndex,
@@ -57,7 +57,7 @@ pub enum Refusal {
         count: u16,
     },
     /// There is no such PLC.
-    #[error("PLC {plc} does not exist; there are {count}, numbered from 0")]
+    #[error("PLC {plc} does not exist; the plant has {count}, numbered from 0")]
     UnknownPlc {
         /// Number of the PLC that does not exist, from 0.
         plc: DeviceIndex,

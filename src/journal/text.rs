@@ -1,6 +1,7 @@
 //! Formats records for people, one line per record.
 
 use super::{Catalogue, Format, Names, Reader, Record, Source};
+use crate::plural::plural;
 use std::fmt::Write;
 
 /// Writes records as lines of text: time, source, event.
@@ -63,7 +64,7 @@ impl Format for Text {
 
     fn gap(&mut self, lost: u64, out: &mut String) -> bool {
         self.reader.gap();
-        let _ = writeln!(out, "-- {lost} records lost here --");
+        let _ = writeln!(out, "-- {} lost here --", plural(lost, "record"));
         true
     }
 }

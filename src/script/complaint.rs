@@ -3,6 +3,7 @@
 use super::spelling;
 use super::verb::{Verb, verbs};
 use crate::layout::did_you_mean;
+use crate::plural::plural;
 use rhai::{Engine, EvalAltResult, FLOAT, INT};
 use std::borrow::Cow;
 
@@ -119,7 +120,7 @@ pub(super) fn cut(text: String, most: usize) -> String {
         None => text,
         Some((end, _)) => {
             let more = text[end..].chars().count();
-            format!("{}... ({more} more characters)", &text[..end])
+            format!("{}... ({} more)", &text[..end], plural(more as u64, "character"))
         }
     }
 }

@@ -55,8 +55,13 @@ fn buses(emulator: &Emulator) -> Value {
 
 /// Returns the port of the first door.
 fn port(emulator: &Emulator) -> u16 {
+    port_of(emulator, 0)
+}
+
+/// Returns the port of the first door of a bus.
+fn port_of(emulator: &Emulator, bus: usize) -> u16 {
     let buses = buses(emulator);
-    let door = buses[0]["doors"][0].as_str().unwrap();
+    let door = buses[bus]["doors"][0].as_str().unwrap();
     door.strip_prefix("slcan-tcp:127.0.0.1:").unwrap().parse().unwrap()
 }
 
@@ -591,7 +596,7 @@ fn frames_that_no_station_acknowledges_are_reported() {
     let (_directory, path) = log_file("(1.0) can0 123#AA\n");
     let emulator = start(OPEN, &["--clock", "stepped"]);
     let played = emulator.run("bus", &["play", &path]);
-    assert!(played.fails(1).contains("1 frame wait to be sent, and none left within 1 s"), "{}", played.err);
+    assert!(played.fails(1).contains("1 frame not sent, and none left within 1 s"), "{}", played.err);
 }
 
 #[test]
@@ -642,7 +647,7 @@ fn times_that_cannot_be_played_are_reported_with_their_line() {
         let played = emulator.run("bus", &["play", path]);
         assert_eq!(played.code, Some(0), "{}", played.err);
         assert!(played.out.starts_with("4 frames in 2 ms"), "{}", played.out);
-        let note = "line 4: its time is before the time of an earlier frame, and 1 more frames; they are sent at once";
+        let note = "line 4: its time is before the time of an earlier frame, as in 1 later line; they are sent at once";
         assert!(played.err.contains(note), "{}", played.err);
         // The largest time that a log can have, with more frames than a controller can store.
         write(&["18446744073709.551615"; 200]);
@@ -653,6 +658,117 @@ fn times_that_cannot_be_played_are_reported_with_their_line() {
         let refused = emulator.run("bus", &["play", path]);
         assert!(refused.fails(2).contains("line 2"), "{}", refused.err);
     }
+}
+
+/// Two recordings by SavvyCAN begin like this: the time falls to the start of the logger's clock after some fifty frames.
+const RESTARTED: &str = "Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8\n\
+    97637502,0000010C,false,Rx,0,2,04,00\n97655775,0000010D,false,Rx,1,1,01\n\
+    62087,0000010E,false,Rx,0,1,02\n62387,0000010F,false,Rx,1,1,03\n\
+    72087,00000110,false,Rx,0,1,04\n162087,00000111,false,Rx,1,1,05\n";
+
+#[test]
+fn a_log_whose_clock_starts_again_keeps_its_intervals() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = |name: &str| directory.path().join(name).to_str().unwrap().to_owned();
+    std::fs::write(path("savvy.csv"), RESTARTED).unwrap();
+    let row = |line: &str| {
+        let cells: Vec<_> = line.split(',').collect();
+        let (time, data) = (cells[0].parse::<u64>().unwrap(), cells[6..].concat());
+        format!(
+            "({:010}.{:06}) can{} {}#{data}\n",
+            time / 1_000_000,
+            time % 1_000_000,
+            cells[4],
+            &cells[1][5..]
+        )
+    };
+    let candump: String = RESTARTED.lines().skip(1).map(row).collect();
+    std::fs::write(path("candump.log"), candump).unwrap();
+    for (log, first) in [("savvy.csv", 4), ("candump.log", 3)] {
+        let log = path(log);
+        let note = format!(
+            "line {first}: the clock of the log started again: 0.062087 s follows 97.655775 s; the intervals after \
+             this line are kept"
+        );
+        for clock in ["stepped", "realtime"] {
+            for (selection, frames, length) in
+                [(&[][..], 6, "138273 us"), (&["--interface", "can1"], 3, "120 ms")]
+            {
+                let emulator = start(OPEN, &["--clock", clock]);
+                let mut guest = Guest::open(port(&emulator));
+                let played = emulator.run("bus", &[&["play", log.as_str()], selection].concat());
+                assert_eq!(played.code, Some(0), "{}", played.err);
+                let result = format!("{frames} frames in {length}");
+                assert!(played.out.starts_with(&result), "{result}: {}", played.out);
+                assert!(played.err.contains(&note), "{}", played.err);
+                assert!((0..frames).all(|_| guest.hear().starts_with("t1")));
+                // In real time the machine's load decides when a frame is sent.
+                let tolerance = if clock == "stepped" { "1ms" } else { "1h" };
+                let compare = ["compare", log.as_str(), "--tolerance", tolerance];
+                let compared = emulator.run("bus", &[&compare, selection].concat());
+                let result = format!("{frames} frames, no difference\n");
+                assert_eq!((compared.code, compared.out), (Some(0), result), "{}", compared.err);
+                assert!(compared.err.contains(&note), "{}", compared.err);
+            }
+        }
+    }
+}
+
+/// The content or the extension of a file shows its format.
+#[test]
+fn a_log_in_a_format_of_other_programs_names_its_converter() {
+    let directory = tempfile::tempdir().unwrap();
+    let emulator = start(OPEN, &["--clock", "stepped"]);
+    for (name, content, converts) in [
+        (
+            "a.asc",
+            &b"date Sam Sep 30 10:06:13 2017\nbase hex  timestamps absolute\n 0.5 1 123 Rx d 1 AA\n"[..],
+            &["`asc2log -I FILE.asc -O FILE.log`", "`can_logconvert FILE.asc FILE.log`"][..],
+        ),
+        ("b.trc", b";$FILEVERSION=1.1\n;\n 1) 0.5 Rx 0123 1 AA\n", &["`can_logconvert FILE.trc FILE.log`"]),
+        ("c.blf", b"LOGG\x90\0\0\0\xFF\xFF", &["`can_logconvert FILE.blf FILE.log`"]),
+    ] {
+        let path = directory.path().join(name);
+        std::fs::write(&path, content).unwrap();
+        for command in ["play", "compare"] {
+            let refused = emulator.run("bus", &[command, path.to_str().unwrap()]);
+            let err = refused.fails(2);
+            for convert in converts {
+                let stem = path.with_extension("");
+                assert!(err.contains(&convert.replace("FILE", stem.to_str().unwrap())), "{convert}: {err}");
+            }
+        }
+    }
+}
+
+/// Loggers write the frames of several interfaces out of order by some milliseconds.
+#[test]
+fn frames_out_of_order_are_played_and_compared_at_the_time_of_the_frame_before() {
+    let (_directory, path) =
+        log_file("(1.000) can0 101#\n(1.012) can0 102#\n(1.004) can0 103#\n(1.030) can0 104#\n");
+    let emulator = start(OPEN, &["--clock", "stepped"]);
+    let _guest = Guest::open(port(&emulator));
+    let played = emulator.run("bus", &["play", &path]);
+    assert_eq!(played.out, "4 frames in 30 ms\n", "{}", played.err);
+    let note = "line 3: its time is before the time of an earlier frame; it is sent at once";
+    assert!(played.err.contains(note), "{}", played.err);
+    assert_eq!(emulator.run("bus", &["compare", &path]).ok(), "4 frames, no difference\n");
+}
+
+/// Each of two buses has its frames in order.
+#[test]
+fn frames_of_two_buses_are_played_in_the_order_of_their_times() {
+    let two = format!(
+        "{OPEN}\n[[bus]]\nname = 'other'\nkind = 'can'\nkbit_s = 125\ndoors = ['slcan-tcp:127.0.0.1:0']\n"
+    );
+    let (_directory, path) = log_file(
+        "(1.000) open 101#\n(1.050) open 102#\n(1.010) other 103#\n(1.060) other 104#\n(1.100) open 105#\n",
+    );
+    let emulator = start(&two, &["--clock", "stepped"]);
+    let _guests = [Guest::open(port(&emulator)), Guest::open(port_of(&emulator, 1))];
+    let played = emulator.run("bus", &["play", &path]);
+    assert_eq!((played.out.as_str(), played.err.as_str()), ("5 frames in 100 ms\n", ""));
+    assert_eq!(emulator.run("bus", &["compare", &path]).ok(), "5 frames, no difference\n");
 }
 
 /// If the terminal's path is not available, the terminal is not created, at the start or later.

@@ -430,7 +430,7 @@ fn a_hostile_script_stops_and_the_emulator_continues() {
         ),
         ("fn poll() { write(\"card.i_VALUE\", 40000000); }", ":1:", "does not fit"),
         ("fn poll() { let name = \"w_DATUM\"; read(\"card.\" + name); }", ":1:", "w_DATUM"),
-        ("fn poll() { output_all(\"card.a_OUT\", [1]); }", ":1:", "is 4 registers, here are 1 values"),
+        ("fn poll() { output_all(\"card.a_OUT\", [1]); }", ":1:", "is 4 registers, the array has 1 value"),
         ("fn poll() { copy(\"card.a_IN\", \"card.a_OUT\"); }", ":1:", "has 16 bytes, `card.a_OUT` has 8"),
         (
             "fn poll() { copy(\"card.a_OUT\", \"card.a_IN[0..3]\"); }",

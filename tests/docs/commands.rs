@@ -84,6 +84,7 @@ const SESSIONS: &[(&str, &str)] = &[
     ("guide/plc-programs.md", "tests/export/openplc.rs: it needs the sources of OpenPLC and Beremiz"),
     ("guide/openplc-4.md", "tests/export/strucpp.rs: it needs STruC++"),
     ("guide/own-device.md", "pages.rs"),
+    ("reference/can.md", "pages.rs"),
     ("internals/architecture.md", "it shows no commands, but how one goes its way"),
 ];
 

@@ -143,9 +143,13 @@ fn session(text: &str) -> Vec<(String, String)> {
     steps
 }
 
-/// Types the steps into a shell. The steps start the emulator and end it.
+/// Types the steps into a new shell. The steps start the emulator and end it.
 fn type_in(steps: &[(String, String)]) {
-    let shell = Shell::new(&[]);
+    type_into(&Shell::new(&[]), steps);
+}
+
+/// Types the steps into this shell. The steps start the emulator and end it.
+fn type_into(shell: &Shell, steps: &[(String, String)]) {
     assert!(steps.iter().any(|(step, _)| step.starts_with("commram run ")), "the session starts an emulator");
     assert!(steps.last().is_some_and(|(last, _)| last == "commram stop"), "the session ends with stop");
     for (command, shown) in steps {
@@ -204,6 +208,17 @@ fn file_of(block: &str) -> Option<&str> {
     let comment = ["# ", "// ", "/* "].iter().find_map(|sign| line.strip_prefix(sign))?;
     let name = comment.trim_end_matches(" */");
     (name.contains('.') && !name.contains(' ')).then_some(name)
+}
+
+/// The page shows a plant and a log that plays in this plant.
+#[test]
+fn the_session_of_can_works_as_printed() {
+    let page = include_str!("../../docs/reference/can.md");
+    let shell = Shell::new(&[]);
+    let files = blocks(page).into_iter().filter_map(|(_, text)| Some((file_of(text)?, text)));
+    let written = files.map(|(name, text)| std::fs::write(shell.directory().join(name), format!("{text}\n")));
+    assert_eq!(written.map(Result::unwrap).count(), 2);
+    type_into(&shell, &session(page));
 }
 
 /// Writes the files that the page shows, and runs its commands, in the order of the page.

@@ -295,6 +295,25 @@ fn matiec_compiles_its_exports() {
     fs::write(directory.path().join("program.st"), functions).unwrap();
     iec2c(directory.path());
     compile_made(&matiec, directory.path(), "-O0");
+    // The configuration that an editor writes must be deleted. The page has the two messages.
+    let page = include_str!("../../docs/guide/plc-programs.md");
+    let own = "CONFIGURATION Config0\nRESOURCE Res0 ON PLC\nTASK T(INTERVAL := T#20ms, PRIORITY := 0);\n\
+        PROGRAM P WITH T : MAIN;\nEND_RESOURCE\nEND_CONFIGURATION\n";
+    for (variable, message) in [
+        (
+            "VAR_EXTERNAL _CANsync_CTRL_MA : CANsync_MA_CTRL_BMSTRUCT; END_VAR",
+            "The external variable does not match with any global variable",
+        ),
+        ("VAR M AT %MW3.200002 : WORD; END_VAR", "A previous CONFIGURATION has already been declared"),
+    ] {
+        let program = format!("PROGRAM MAIN\n{variable}\nVAR N : INT; END_VAR\nN := 1;\nEND_PROGRAM\n{own}");
+        fs::write(directory.path().join("program.st"), program).unwrap();
+        let mut command = Command::new(matiec.join("iec2c"));
+        command.current_dir(directory.path()).arg("-I").arg(matiec.join("lib")).arg("commram.st");
+        let refused = finish(&mut command);
+        assert!(format!("{}{}", refused.out, refused.err).contains(message), "{message}: {}", refused.err);
+        assert!(page.contains(message), "{message}");
+    }
     // A program with a function block, TON, CASE, SFC, globals and two instances.
     let directory = tempfile::tempdir().unwrap();
     let directory = directory.path();

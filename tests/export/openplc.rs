@@ -298,7 +298,7 @@ fn the_page_on_openplc_works_with_openplc() {
     let once =
         block("guide/plc-programs.md", "Once for each OpenPLC").replace("$ cd OpenPLC_v3/webserver\n", "");
     type_in(&once, &webserver);
-    type_in(&block("guide/plc-programs.md", "For the program:"), &webserver);
+    type_in(&block("guide/plc-programs.md", "For each program, type two"), &webserver);
     let emulator = Emulator::start(&[]);
     let mut command = Command::new(webserver.join("core/openplc"));
     let _runtime = Runtime::start(command.current_dir(&webserver), &emulator.name);

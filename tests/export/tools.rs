@@ -147,7 +147,7 @@ fn cantools_reads_the_messages_of_a_bus() {
     let dbc = |args: &[&str]| run(&[&["export", "dbc"], args].concat());
     dbc(&["--plant", &plant, "--bus", "open", "--output", &database]).ok();
     for (args, why) in [
-        (&[][..], "give the plant, --plant plant.toml"),
+        (&[][..], "give the plant that contains the buses, --plant plant.toml; `commram new DIR`"),
         (&["--plant", &plant], "give one of its buses, --bus: open, shut"),
         (&["--plant", &plant, "--bus", "door"], "its buses are: open, shut"),
         (&["--plant", &plant, "--bus", "shut"], "no device on this bus knows its messages"),

@@ -100,7 +100,7 @@ fn wrong_use_is_explained() {
         .unwrap();
     let plant = plant.to_str().unwrap();
     for (args, why) in [
-        (&[][..], "give the plant, --plant plant.toml"),
+        (&[][..], "give the plant that contains the buses, --plant plant.toml; `commram new DIR`"),
         (&["--plant", plant, "--bus", "two"], "its buses are: "),
         (&["--plant", plant, "--block", "node1"], "a dissector has no registers"),
     ] {

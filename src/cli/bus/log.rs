@@ -1,8 +1,10 @@
 //! `commram bus play` and `commram bus compare`: logs of frames and telegrams.
 
 mod compare;
+mod foreign;
 mod message;
 mod play;
+mod restarts;
 mod select;
 
 pub(super) use compare::{Compare, compare};
@@ -21,6 +23,7 @@ use crate::plural::plural;
 use crate::profibus::Telegram;
 use crate::request::{BusState, InstanceInfo, Op};
 use message::{Message, Senders};
+use restarts::Entry;
 use select::Select;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -81,17 +84,21 @@ fn read(path: &Path) -> Result<Log, CliError> {
         let recording = pcapng::read(&bytes).map_err(|error| wrong(error.to_string()))?;
         return Ok(Log { recording, unit: "byte" });
     }
+    let conversion = foreign::conversion(path, &bytes);
     let text = input_file::text(bytes).map_err(|_| {
-        wrong(
-            "it is neither a text (of candump, GVRET or commram) nor a pcapng file (of Wireshark)".to_owned(),
-        )
+        wrong(conversion.clone().unwrap_or_else(|| {
+            "it is neither a text (of candump, GVRET or commram) nor a pcapng file (of Wireshark)".to_owned()
+        }))
     })?;
-    let recording = recording::read_text(&text).map_err(|error| wrong(error.to_string()))?;
+    let recording = recording::read_text(&text).map_err(|error| {
+        wrong(conversion.map_or_else(|| error.to_string(), |how| format!("{error}; {how}")))
+    })?;
     Ok(Log { recording, unit: "line" })
 }
 
 impl Log {
-    /// Selects messages and assigns each to a bus. Prints a note for skipped messages.
+    /// Selects messages and assigns each to a bus. Prints notes for skipped messages and for restarts of the logger's
+    /// clock. The times continue after a restart.
     ///
     /// # Errors
     /// The instance has no bus `only`.
@@ -106,9 +113,11 @@ impl Log {
         let number = |name: &str| names.iter().position(|bus| bus == name);
         let for_all = only.map(|name| number_of_bus(&buses.info.name, names, name)).transpose()?;
         let for_all = for_all.map(BusIndex::index).or((names.len() == 1).then_some(0));
+        let mut entries = self.take_messages(select);
+        restarts::continue_times(&mut entries, self.unit);
         let mut aimed = Vec::new();
         let mut passed = PassedOver::default();
-        for (interface, is_selected, at, time_us, message) in self.take_messages(select) {
+        for Entry { interface, is_selected, at, time_us, message } in entries {
             let bus = for_all.or_else(|| number(&interface));
             match bus {
                 _ if !is_selected => passed.not_selected += 1,
@@ -123,23 +132,22 @@ impl Log {
         Ok(aimed)
     }
 
-    /// Removes the messages and returns them in the order of the log. Each item consists of the interface, whether the
-    /// message is selected, its position, its time, and the message.
-    fn take_messages(&mut self, select: &Select) -> Vec<(String, bool, usize, u64, Message)> {
+    /// Removes the messages and returns them in the order of the log.
+    fn take_messages(&mut self, select: &Select) -> Vec<Entry> {
         let frames = core::mem::take(&mut self.recording.frames).into_iter().map(|it| {
             let Logged { at, time_us, interface, direction, frame } = it;
             let is_selected = select.takes(&interface, direction, &frame);
-            (interface, is_selected, at, time_us, Message::Frame(frame))
+            Entry { interface, is_selected, at, time_us, message: Message::Frame(frame) }
         });
         let mut senders: BTreeMap<String, Senders> = BTreeMap::new();
         let telegrams = core::mem::take(&mut self.recording.telegrams).into_iter().map(|it| {
             let Logged { at, time_us, interface, direction, frame } = it;
             let sender = senders.entry(interface.clone()).or_default().of_next(&frame);
             let is_selected = select.takes_telegram(&interface, direction, sender);
-            (interface, is_selected, at, time_us, Message::Telegram(frame))
+            Entry { interface, is_selected, at, time_us, message: Message::Telegram(frame) }
         });
         let mut messages: Vec<_> = frames.chain(telegrams).collect();
-        messages.sort_by_key(|(_, _, at, ..)| *at);
+        messages.sort_by_key(|entry| entry.at);
         messages
     }
 
@@ -193,6 +201,22 @@ impl PassedOver {
             output::note(&format!("{} not selected", plural(self.not_selected, "frame")));
         }
     }
+}
+
+/// Changes the time of each message that is earlier than the time of a preceding message of its bus to this time.
+/// Returns the positions of these messages.
+fn put_in_order(log: &mut [AddressedMessage]) -> Vec<usize> {
+    let mut latest: BTreeMap<BusIndex, u64> = BTreeMap::new();
+    let mut earlier = Vec::new();
+    for it in log {
+        let latest_us = latest.entry(it.bus).or_default();
+        if it.time_us < *latest_us {
+            earlier.push(it.at);
+        }
+        it.time_us = it.time_us.max(*latest_us);
+        *latest_us = it.time_us;
+    }
+    earlier
 }
 
 /// Returns the error for a log without a selected message.

@@ -8,6 +8,7 @@ use crate::identity::DeviceIndex;
 use crate::journal::{Names, Record};
 use crate::memory::names::channel_root;
 use crate::memory::{InstanceLock, State};
+use crate::plural::plural;
 use crate::request::InstanceInfo;
 use crate::request::{MAX_OPS, Op, Reply, WrongReply, read_journal};
 use crate::time;
@@ -177,7 +178,7 @@ impl Session {
         let begin = begin.unwrap_or(from);
         let lost = part.end.saturating_sub(begin).saturating_sub(part.records.len() as u64);
         if lost > 0 {
-            output::note(&format!("{lost} records are lost: the journal was full"));
+            output::note(&format!("{} lost: the journal was full", plural(lost, "record")));
         }
         part.records.append(&mut part.pending);
         Ok(part.records)

@@ -6,6 +6,7 @@ use crate::cli::test::LimitArgs;
 use crate::cli::test::process::{self, RunOptions};
 use crate::devices::Exercise;
 use crate::output_file;
+use crate::plural::plural;
 use crate::script::soak::{Round, RoundKind, shrink};
 use crate::script::{Outcome, Report};
 use std::path::{Path, PathBuf};
@@ -132,7 +133,10 @@ impl RoundRunner {
         };
         let (exercise, kind) = (round.exercise.name, round.kind.name());
         let seed = round.seed;
-        format!("seed {seed}, {exercise}, {kind}: {why}\n{left} of its {of} moves are enough to fail; {then}")
+        format!(
+            "seed {seed}, {exercise}, {kind}: {why}\nit fails with {left} of its {}; {then}",
+            plural(of as u64, "move")
+        )
     }
 }
 

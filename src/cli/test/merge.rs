@@ -241,7 +241,7 @@ fn in_order<T>(parts: Vec<Part<T>>) -> Result<Vec<Scenario<T>>, CliError> {
         if shard.count() != count {
             return Err(wrong(
                 &part.path,
-                format!("it is shard {shard}, but others belong to {count} shards"),
+                format!("it is shard {shard}, but others belong to {}", plural(count as u64, "shard")),
             ));
         }
         let place = &mut places[shard.index() - 1];
@@ -259,7 +259,7 @@ fn in_order<T>(parts: Vec<Part<T>>) -> Result<Vec<Scenario<T>>, CliError> {
     if let Some(more) = empty.next() {
         return Err(wrong(
             &more.path,
-            format!("it has no scenarios, and all {count} shards are present without it"),
+            "it has no scenarios, and all shards are present without it".to_owned(),
         ));
     }
     let missing = places.iter().enumerate().filter(|(_, place)| place.is_none());

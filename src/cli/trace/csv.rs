@@ -4,6 +4,7 @@ use crate::export::csv_line;
 use crate::journal::jsonl::Jsonl;
 use crate::journal::text::Text;
 use crate::journal::{Catalogue, Format, Names, Record};
+use crate::plural::plural;
 use serde_json::{Value, json};
 
 /// Fields of jsonl with separate columns.
@@ -58,7 +59,7 @@ impl Format for Csv {
         self.text.gap(lost, &mut String::new());
         self.lines.gap(lost, &mut String::new());
         let fields = json!({"kind": "gap", "lost": lost});
-        out.push_str(&row(fields, format!("{lost} records lost here")));
+        out.push_str(&row(fields, format!("{} lost here", plural(lost, "record"))));
         true
     }
 }

@@ -17,6 +17,7 @@ use crate::journal::pcapng::{Link, Pcapng};
 use crate::journal::text::Text;
 use crate::journal::vcd;
 use crate::journal::{Format, Names, Printer, Record, Selection, Waves};
+use crate::plural::plural;
 use crate::request::{BusState, MAX_RECORDS, Op, WrongReply};
 use std::collections::VecDeque;
 use std::io::IsTerminal;
@@ -237,7 +238,11 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
         let mut line = T::default();
         let untold = self.printer.write(record, lost, &mut line);
         if untold > 0 {
-            output::note(&format!("{untold} records lost before {}", time::seconds(record.time_us)));
+            output::note(&format!(
+                "{} lost before {}",
+                plural(untold, "record"),
+                time::seconds(record.time_us)
+            ));
         }
         self.out.push(line);
     }

@@ -14,6 +14,7 @@ use crate::identity::DeviceIndex;
 use crate::journal::{self, Changed};
 use crate::layout::{DeviceFit, RegisterPhase, RegisterRef, format_value};
 use crate::memory::Width;
+use crate::plural::plural;
 use crate::request::{MAX_RECORDS, Op};
 use serde::Serialize;
 use std::collections::HashMap;
@@ -43,7 +44,7 @@ fn show(args: &Args) -> Result<(), CliError> {
     let stretches = blocks.stretches();
     let first = blocks.read(&session)?;
     let (registers, begin) = (first.rows.len(), time::seconds(first.time_us));
-    output::note(&format!("watching {registers} registers from {begin} on; Ctrl-C ends"));
+    output::note(&format!("watching {} from {begin} on; Ctrl-C ends", plural(registers as u64, "register")));
     let mut left = args.count;
     loop {
         match pause.wait()? {
@@ -92,7 +93,7 @@ fn read(session: &Session, from: &mut u64, turn: &mut u16) -> Result<Vec<journal
         if let Some(lost) =
             changes.first().map(|first| first.seq.saturating_sub(*from)).filter(|lost| *lost > 0)
         {
-            output::note(&format!("{lost} changes are lost: the buffer was full"));
+            output::note(&format!("{} lost: the buffer was full", plural(lost, "change")));
         }
         *from = changes.last().map_or(end, |last| last.seq + 1);
         let is_last = changes.is_empty() || *from >= end;

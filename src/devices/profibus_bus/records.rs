@@ -5,6 +5,7 @@ use super::services;
 use crate::event_kinds;
 use crate::identity::BusIndex;
 use crate::journal::{EventCodec, EventKind, EventText, Fields, Octets, Origin, Reader, hex};
+use crate::plural::plural;
 use crate::profibus::{Frame, Telegram};
 
 /// All event kinds of this module.
@@ -117,14 +118,15 @@ impl EventText for DpTelegram {
     fn text(&self, reader: &mut Reader) -> String {
         let frame = self.frame(reader.octets().as_deref());
         let [there, here] = self.saps().map(|sap| sap.map_or_else(String::new, |sap| format!("/{sap}")));
-        let (octets, more) = (self.octets(), if frame.data.len() < self.octets() { " .." } else { "" });
+        let (octets, more) = (
+            plural(self.octets() as u64, "octet"),
+            if frame.data.len() < self.octets() { " .." } else { "" },
+        );
         let (from, &Frame { da, sa, fc, ref data, .. }) = (reader.port(self.sender), &frame);
         let service = services::name(&frame).map_or_else(String::new, |name| format!(", {name}"));
         let meaning = services::text(&frame).map_or_else(String::new, |text| format!(": {text}"));
         let data = hex(data, " ");
-        format!(
-            "{sa}{here} to {da}{there}, 16#{fc:02X}, {octets} octets{data}{more} from {from}{service}{meaning}"
-        )
+        format!("{sa}{here} to {da}{there}, 16#{fc:02X}, {octets}{data}{more} from {from}{service}{meaning}")
     }
 
     fn guest(&self) -> Option<u8> {

@@ -1,6 +1,7 @@
 //! Services of DP as text: their names by service access point, and the octets that have the same meaning for every
 //! slave. Octets with a meaning that depends on the slave stay numbers.
 
+use crate::plural::plural_of;
 use crate::profibus::{Frame, FunctionCode};
 use core::fmt::Write;
 
@@ -75,7 +76,7 @@ fn parameters(data: &[u8]) -> Option<String> {
     parts.push(format!("min_Tsdr {tsdr}"));
     parts.push(format!("ident 16#{:04X}", u16::from_be_bytes([high, low])));
     parts.push(format!("groups 16#{groups:02X}"));
-    parts.push(format!("{} octets of the user", user.len()));
+    parts.push(format!("{} of the user", plural_of(user, "octet")));
     Some(parts.join(", "))
 }
 
@@ -88,7 +89,7 @@ fn diagnosis(data: &[u8]) -> Option<String> {
     let mut text = format!("{}, ident 16#{:04X}", parts.join(", "), u16::from_be_bytes([high, low]));
     if !more.is_empty() {
         // Writing to a String cannot fail.
-        let _ = write!(text, ", {} octets of extended diagnosis", more.len());
+        let _ = write!(text, ", {} of extended diagnosis", plural_of(more, "octet"));
     }
     Some(text)
 }

@@ -1,15 +1,18 @@
 //! Reads files of GVRET and SavvyCAN: a table in CSV, with times in microseconds.
 //!
-//! The columns are `Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8`. Older files do not have `Dir`.
+//! A time may be negative. The columns are `Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8`. Older files do not have `Dir`.
 
 use super::{Direction, Entry, Logged};
 use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
+use core::num::ParseIntError;
 
 const NO_ROW: &str = "a row of a GVRET file is for example 166064000,0000021A,false,Rx,0,2,FE,36, as its head names the columns";
 const FD: &str = "a frame of CAN FD; these buses carry classical CAN only";
 
 /// The columns that the head of a file names.
 pub(super) struct Columns {
+    /// Added to every time, in microseconds: the time of a logger whose clock is corrected may be negative.
+    shift_us: u64,
     id: usize,
     extended: usize,
     direction: Option<usize>,
@@ -26,6 +29,7 @@ impl Columns {
         let is_one = names.first().is_some_and(|name| name == "time stamp");
         is_one.then_some(())?;
         Some(Columns {
+            shift_us: 0,
             id: find("id")?,
             extended: find("extended")?,
             direction: find("dir"),
@@ -35,11 +39,26 @@ impl Columns {
         })
     }
 
+    /// Shifts all times so that the earliest negative time of the file becomes 0.
+    pub(super) fn shifted_for(mut self, text: &str) -> Self {
+        let amount = |line: &str| negative(line.split(',').next()?)?.ok();
+        self.shift_us = text.lines().filter_map(amount).max().unwrap_or(0);
+        self
+    }
+
+    /// Returns the shifted time in this cell.
+    fn time_us(&self, cell: &str) -> Option<u64> {
+        match negative(cell) {
+            Some(before) => self.shift_us.checked_sub(before.ok()?),
+            None => cell.parse::<u64>().ok()?.checked_add(self.shift_us),
+        }
+    }
+
     /// Reads a frame from a row of the file.
     pub(super) fn entry(&self, at: usize, line: &str) -> Result<Entry, &'static str> {
         let cells: Vec<_> = line.split(',').map(str::trim).collect();
         let cell = |column: usize| cells.get(column).copied().ok_or(NO_ROW);
-        let time_us = cell(0)?.parse().map_err(|_| NO_ROW)?;
+        let time_us = self.time_us(cell(0)?).ok_or(NO_ROW)?;
         let raw = u32::from_str_radix(cell(self.id)?, 16).map_err(|_| NO_ROW)?;
         let id = match cell(self.extended)?.to_ascii_lowercase().as_str() {
             "true" | "1" => ExtendedId::new(raw).map(Id::Extended),
@@ -62,4 +81,9 @@ impl Columns {
         let interface = format!("can{}", cell(self.bus)?);
         Ok(Entry::Frame(Logged { at, time_us, interface, direction, frame: Frame::new(id, payload) }))
     }
+}
+
+/// Returns the amount of a negative number.
+fn negative(cell: &str) -> Option<Result<u64, ParseIntError>> {
+    cell.trim().strip_prefix('-').map(str::parse)
 }

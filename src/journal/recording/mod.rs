@@ -98,6 +98,7 @@ pub fn read_text(text: &str) -> Result<Recording, BadLine> {
     let mut lines = lines.filter(|(_, line)| !line.is_empty() && !is_comment(line)).peekable();
     let table = lines.peek().and_then(|(_, line)| gvret::Columns::of_head(line));
     let is_json = lines.peek().is_some_and(|(_, line)| jsonl::is_one(line));
+    let table = table.map(|columns| columns.shifted_for(text));
     if table.is_some() {
         lines.next();
     }

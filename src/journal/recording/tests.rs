@@ -58,6 +58,22 @@ fn lines_that_candump_shows_on_a_terminal() {
     assert!(error.line == 1 && error.right.contains("candump -ta"), "{error}");
 }
 
+/// The clock of a public recording becomes negative when the program sets it.
+#[test]
+fn negative_times_of_savvycan_begin_at_0() {
+    let head = "Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8\n";
+    let row = |time: &str| format!("{time},00000121,false,Rx,0,1,8F,\n");
+    let (frames, _) =
+        read(&(head.to_owned() + &row("22358552") + &row("-364210") + &row("-359735") + &row("5")));
+    let times: Vec<_> = frames.iter().map(|it| it.split(' ').nth(1).unwrap()).collect();
+    assert_eq!(times, ["22722762", "0", "4475", "364215"]);
+    for (first, second) in
+        [("-18446744073709551615", "1"), ("-18446744073709551616", "1"), ("--1", "1"), ("-", "1")]
+    {
+        assert!(read_text(&(head.to_owned() + &row(first) + &row(second))).is_err(), "{first}");
+    }
+}
+
 #[test]
 fn files_of_gvret_and_savvycan() {
     let new = "\u{FEFF}Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8\r\n\

@@ -9,6 +9,7 @@ use crate::devices;
 use crate::identity::DeviceIndex;
 use crate::journal::text::Text;
 use crate::journal::{Changed, ChannelWrite, Event, Format, Found, Record};
+use crate::plural::plural;
 use crate::script::ScenarioError;
 use crate::script::failure::{ExchangeKind, ExchangeStep, JournalLine};
 use crate::time::seconds;
@@ -106,7 +107,7 @@ fn picture(steps: &[(Event, ExchangeStep)]) -> Vec<ExchangeStep> {
         lines.push(match piece {
             PictureLine::Step(_) => steps[*step].1.clone(),
             PictureLine::Again(times, _) => {
-                note_line(at_us, format!("the same {times} times more, up to here"))
+                note_line(at_us, format!("the same {} more, up to here", plural(*times as u64, "time")))
             }
         });
     }

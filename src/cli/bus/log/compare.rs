@@ -5,7 +5,7 @@ use super::super::super::session::Session;
 use super::super::super::{Instance, output, time};
 use super::message::{Message, Senders};
 use super::select::Select;
-use super::{AddressedMessage, Buses, nothing, read};
+use super::{AddressedMessage, Buses, nothing, put_in_order, read};
 use crate::identity::BusIndex;
 use crate::journal::Source;
 use crate::plural::plural;
@@ -107,7 +107,9 @@ pub(in super::super) fn compare(args: &Compare) -> Result<(), CliError> {
     let log = read(&args.log)?;
     let session = Session::open(&args.instance, 0)?;
     let known = Buses::of(&session)?;
-    let log = log.aim(&args.select, args.bus.as_deref(), &known)?;
+    let mut log = log.aim(&args.select, args.bus.as_deref(), &known)?;
+    // `play` sends such a message at once.
+    put_in_order(&mut log);
     if log.is_empty() && !args.allow_empty {
         return Err(nothing(&args.log, "it has no frame to compare; --allow-empty accepts that"));
     }

@@ -6,7 +6,7 @@ use super::super::super::session::Session;
 use super::super::super::{Instance, output, time};
 use super::message::Message;
 use super::select::Select;
-use super::{AddressedMessage, Buses, nothing, read};
+use super::{AddressedMessage, Buses, nothing, put_in_order, read};
 use crate::channel::ClientError;
 use crate::plural::plural;
 use crate::request::{Code, FilePart, MAX_ADVANCE_US, MAX_OPS, Op, Reply, read_journal};
@@ -64,13 +64,10 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Pause between two attempts with the real-time clock.
 const PAUSE: Duration = Duration::from_millis(1);
 
-/// Checks that the times of the frames can be played. A frame with an earlier time than the preceding frame is
-/// accepted: it is sent at once, with a note on the standard error output.
-fn check_times(log: &[AddressedMessage], unit: &str, path: &Path) -> Result<(), CliError> {
-    let mut latest = log.first().map_or(0, |first| first.time_us);
-    let mut earlier = Vec::new();
-    for frame in log {
-        let gap_us = frame.time_us.saturating_sub(latest);
+/// Checks that no gap between two frames in the order of their times is too long.
+fn check_gaps(log: &[AddressedMessage], unit: &str, path: &Path) -> Result<(), CliError> {
+    for (before, frame) in log.iter().zip(log.iter().skip(1)) {
+        let gap_us = frame.time_us.saturating_sub(before.time_us);
         if gap_us > LONGEST_GAP_US {
             let right = format!(
                 "{unit} {}: its frame comes {} after the preceding frame; the longest gap in a log is {}",
@@ -80,26 +77,27 @@ fn check_times(log: &[AddressedMessage], unit: &str, path: &Path) -> Result<(), 
             );
             return Err(CliError::Argument { text: path.display().to_string(), right });
         }
-        if frame.time_us < latest {
-            earlier.push(frame.at);
-        }
-        latest = latest.max(frame.time_us);
-    }
-    if let Some((first, others)) = earlier.split_first() {
-        let others = match others.len() {
-            0 => String::new(),
-            count => format!(", and {count} more frames"),
-        };
-        output::note(&format!(
-            "{}: {unit} {first}: its time is before the time of an earlier frame{others}; they are sent at once",
-            path.display()
-        ));
     }
     Ok(())
 }
 
-/// Changes the time of each telegram from its end to its start, at which it is sent. The first telegram starts at the
-/// earliest time in the log.
+/// Prints a note for frames with an earlier time than a preceding frame of their bus. `earlier` has their positions.
+fn note_earlier(earlier: &[usize], unit: &str, path: &Path) {
+    let Some((first, others)) = earlier.split_first() else { return };
+    let path = path.display();
+    output::note(&match others.len() as u64 {
+        0 => format!(
+            "{path}: {unit} {first}: its time is before the time of an earlier frame; it is sent at once"
+        ),
+        count => format!(
+            "{path}: {unit} {first}: its time is before the time of an earlier frame, as in {}; they are sent at once",
+            plural(count, format_args!("later {unit}"))
+        ),
+    });
+}
+
+/// Changes the time of each telegram from its end to its start, at which it is sent, and sorts the messages by these
+/// times.
 fn begin_telegrams(log: &mut [AddressedMessage], buses: &Buses) {
     let duration = |it: &AddressedMessage| match &it.message {
         Message::Frame(_) => 0,
@@ -107,9 +105,12 @@ fn begin_telegrams(log: &mut [AddressedMessage], buses: &Buses) {
     };
     // Shifts all times by the longest telegram: the times of a log may begin at 0, and no telegram can start before 0.
     let longest = log.iter().map(duration).max().unwrap_or(0);
-    for it in log {
+    for it in log.iter_mut() {
         it.time_us = it.time_us.saturating_add(longest).saturating_sub(duration(it));
     }
+    // Messages of one bus stay in their order. Those of several buses are sent in the order of their times.
+    put_in_order(log);
+    log.sort_by_key(|it| it.time_us);
 }
 
 /// Plays the frames of a log on a bus.
@@ -118,8 +119,9 @@ pub(in super::super) fn play(args: &Play) -> Result<(), CliError> {
     let unit = log.unit;
     let buses = Buses::of(&Session::open(&args.instance, 0)?)?;
     let mut log = log.aim(&args.select, args.bus.as_deref(), &buses)?;
+    note_earlier(&put_in_order(&mut log), unit, &args.log);
     begin_telegrams(&mut log, &buses);
-    check_times(&log, unit, &args.log)?;
+    check_gaps(&log, unit, &args.log)?;
     let Some(first) = log.first() else {
         if args.allow_empty {
             return output::print("0 frames\n");
@@ -399,8 +401,8 @@ impl<'a> Player<'a> {
             return Ok(());
         }
         output::complain(&format!(
-            "{} wait to be sent, and none left within {} s: no other station acknowledges them, or other stations use \
-             the whole bus",
+            "{} not sent, and none left within {} s: no other station acknowledges them, or other stations use the \
+             whole bus",
             plural(self.log.len().saturating_sub(self.left) as u64, "frame"),
             PATIENCE.as_secs()
         ));

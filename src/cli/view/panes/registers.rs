@@ -9,6 +9,7 @@ use crate::cli::view::style::{Theme, at_right, padded, padded_name};
 use crate::cli::view::tree::Row;
 use crate::identity::DeviceIndex;
 use crate::layout::place::meaning_in;
+use crate::plural::plural;
 use crate::time;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -125,7 +126,7 @@ fn draw_pins(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
     let style = if model.on_pins { theme.head() } else { theme.dim() };
     let lost = match model.pins.lost {
         0 => String::new(),
-        count => format!(", {count} changes lost"),
+        count => format!(", {} lost", plural(count, "change")),
     };
     let inner = titled(frame, format!(" pinned{lost} "), style, area);
     if model.pins.all.is_empty() {

@@ -10,6 +10,7 @@ use crate::devices::folder::records::LONGEST_NOTE;
 use crate::devices::folder::state_word::may_change;
 use crate::layout::RegType;
 use crate::layout::value;
+use crate::plural::{plural, plural_of};
 use crate::time;
 use core::cell::RefCell;
 use rhai::{Array, Dynamic, Engine, EvalAltResult, FnPtr, INT, ImmutableString, Map, RhaiNativeFunc};
@@ -154,9 +155,9 @@ impl Verbs<'_> {
                     let all = context.registers(name)?;
                     if all.len() != new.len() {
                         return Err(format!(
-                            "`{name}` is {} registers, here are {} values",
-                            all.len(),
-                            new.len()
+                            "`{name}` is {}, the array has {}",
+                            plural_of(&all, "register"),
+                            plural_of(&new, "value")
                         ));
                     }
                     for (found, new) in all.iter().zip(&new) {
@@ -178,7 +179,10 @@ impl Verbs<'_> {
                     let (source, target) = (context.block(from)?, context.block(to)?);
                     if source.bytes != target.bytes {
                         let (from_bytes, to_bytes) = (source.bytes, target.bytes);
-                        return Err(format!("`{from}` has {from_bytes} bytes, `{to}` has {to_bytes}"));
+                        return Err(format!(
+                            "`{from}` has {}, `{to}` has {to_bytes}",
+                            plural(from_bytes, "byte")
+                        ));
                     }
                     target.first.iter().try_for_each(|found| own(*found).map(drop))?;
                     steps.charge(u64::from(source.bytes) / 4);

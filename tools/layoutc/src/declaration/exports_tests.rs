@@ -178,7 +178,7 @@ fn a_type_in_two_files_matters_only_where_it_is_used() {
     let declarations = added(&files).unwrap();
     assert_eq!(declarations.find_only("a").unwrap_err().to_string(), format!("1.st:2:2: {several}"));
     assert_eq!(declarations.file_of(declarations.find_only("N.B").unwrap().unwrap()), Path::new("1.st"));
-    assert_eq!(declarations.title(), "0.st and another file");
+    assert_eq!(declarations.title(), "0.st with another file");
 }
 
 const OBJECT: &str = "\u{FEFF}<?xml version=\"1.0\" encoding=\"utf-8\"?>\r

@@ -208,13 +208,13 @@ impl Declarations {
         &self.files[self.of(ty).file]
     }
 
-    /// Returns the name of the files in messages.
+    /// Returns the name of the files in messages. A verb after the name is in the singular.
     pub fn title(&self) -> String {
         let first = self.files.first().map_or_else(String::new, |path| path.display().to_string());
         match self.files.len() {
             0 | 1 => first,
-            2 => format!("{first} and another file"),
-            count => format!("{first} and {} other files", count - 1),
+            2 => format!("{first} with another file"),
+            count => format!("{first} with {} other files", count - 1),
         }
     }
 

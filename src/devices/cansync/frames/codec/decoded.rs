@@ -8,6 +8,7 @@ use super::{
 };
 use crate::can::Payload;
 use crate::devices::cansync::frames::{Channel, Frame, FrameKind};
+use crate::plural::plural;
 use core::fmt;
 
 /// A frame of CANsync. Its [`Display`](fmt::Display) is one line for a trace.
@@ -238,7 +239,7 @@ impl fmt::Display for UpDownJob {
         let offset = self.offset();
         match self.step() {
             UpDownStep::Init { address, sub_slave: sub, .. } => {
-                write!(f, "{direction} of {offset} bytes from 16#{address:08X} begins")?;
+                write!(f, "{direction} of {} from 16#{address:08X} begins", plural(offset, "byte"))?;
                 sub_slave(f, sub)
             }
             UpDownStep::Upload { last } => write!(f, "{direction}, {}block {offset}", last_text(last)),

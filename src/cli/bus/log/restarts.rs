@@ -1,0 +1,208 @@
+//! Logs whose clock started again during the recording.
+
+use super::Message;
+use crate::cli::{output, time};
+use crate::plural::plural;
+use crate::profibus::Telegram;
+use std::collections::BTreeMap;
+
+/// Largest disorder of a logger, in microseconds (D-824). A logger writes the frames of several interfaces, or of one
+/// transfer over USB, out of order by a few milliseconds.
+const LARGEST_DISORDER_US: u64 = 20_000;
+/// Interval in microseconds from the last frame before a restart to the first one after it: longer than the longest frame
+/// of CAN at 10 kbit/s, so that the first frame need not wait for the bus.
+const PAUSE_US: u64 = 20_000;
+/// Lowest rate of PROFIBUS in bit/s.
+const LOWEST_BIT_S: u64 = 9_600;
+/// Maximum number of restarts with an own note.
+const SHOWN_RESTARTS: usize = 5;
+
+/// A message of a log before it is assigned to a bus.
+pub(super) struct Entry {
+    pub(super) interface: String,
+    /// True if the message is selected.
+    pub(super) is_selected: bool,
+    /// Position in the log.
+    pub(super) at: usize,
+    pub(super) time_us: u64,
+    pub(super) message: Message,
+}
+
+/// A restart of the logger's clock. The times are those of the log, in microseconds.
+#[derive(Debug, PartialEq, Eq)]
+struct Restart {
+    /// Position of the first message with the restarted clock.
+    at: usize,
+    before_us: u64,
+    after_us: u64,
+}
+
+/// Adds to the times after each restart of the logger's clock, so that the times continue. Prints a note for each
+/// restart; `unit` is the unit of the positions.
+pub(super) fn continue_times(log: &mut [Entry], unit: &str) {
+    let restarts = find_and_continue(log);
+    for Restart { at, before_us, after_us } in restarts.iter().take(SHOWN_RESTARTS) {
+        output::note(&format!(
+            "{unit} {at}: the clock of the log started again: {} follows {}; the intervals after this {unit} are kept",
+            time::seconds(*after_us),
+            time::seconds(*before_us)
+        ));
+    }
+    let more = restarts.len().saturating_sub(SHOWN_RESTARTS);
+    if more > 0 {
+        output::note(&format!("the clock of the log started again {} later", plural(more as u64, "time")));
+    }
+}
+
+/// Continues the times, and returns the restarts.
+fn find_and_continue(log: &mut [Entry]) -> Vec<Restart> {
+    let next_us = next_times(log);
+    let mut restarts = Vec::new();
+    // The latest time of each interface, and of the log, since the last restart.
+    let mut latest_of: BTreeMap<String, u64> = BTreeMap::new();
+    let mut latest_us = 0;
+    // The latest time of all, after the continuation.
+    let mut latest_continued_us = 0;
+    // The time of the first message since the last restart, in the log and after the continuation.
+    let (mut begin_us, mut begin_continued_us) = (0, 0);
+    for (entry, next_us) in log.iter_mut().zip(next_us) {
+        let latest_of_interface = latest_of.get(&entry.interface).copied().unwrap_or(0);
+        let falls = |time_us: u64| time_us.saturating_add(LARGEST_DISORDER_US) < latest_of_interface;
+        if falls(entry.time_us) && next_us.is_some_and(falls) {
+            restarts.push(Restart { at: entry.at, before_us: latest_us, after_us: entry.time_us });
+            latest_of.clear();
+            (begin_us, latest_us) = (entry.time_us, 0);
+            begin_continued_us =
+                u64::saturating_add(latest_continued_us, PAUSE_US + duration_us(&entry.message));
+        }
+        let latest_of_interface = latest_of.entry(entry.interface.clone()).or_default();
+        *latest_of_interface = entry.time_us.max(*latest_of_interface);
+        latest_us = entry.time_us.max(latest_us);
+        let continued = i128::from(begin_continued_us) + i128::from(entry.time_us) - i128::from(begin_us);
+        entry.time_us = u64::try_from(continued.max(0)).unwrap_or(u64::MAX);
+        latest_continued_us = entry.time_us.max(latest_continued_us);
+    }
+    restarts
+}
+
+/// Returns for each message the time of the next message of the same interface.
+fn next_times(log: &[Entry]) -> Vec<Option<u64>> {
+    let mut next_of: BTreeMap<&str, u64> = BTreeMap::new();
+    let mut times: Vec<_> =
+        log.iter().rev().map(|entry| next_of.insert(entry.interface.as_str(), entry.time_us)).collect();
+    times.reverse();
+    times
+}
+
+/// Returns the duration of a message at the lowest rate, in microseconds. The time of a telegram is its end. A frame of
+/// CAN is short enough for [`PAUSE_US`].
+fn duration_us(message: &Message) -> u64 {
+    match message {
+        Message::Frame(_) => 0,
+        Message::Telegram(octets) => Telegram::bits(octets.len()) * 1_000_000 / LOWEST_BIT_S,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::can::{Frame, Payload};
+    use proptest::prelude::*;
+
+    fn log(times: &[(&str, u64)]) -> Vec<Entry> {
+        let entry = |(index, (interface, time_us)): (usize, &(&str, u64))| Entry {
+            interface: (*interface).to_owned(),
+            is_selected: true,
+            at: index + 1,
+            time_us: *time_us,
+            message: Message::Frame(Frame::standard(1, Payload::EMPTY)),
+        };
+        times.iter().enumerate().map(entry).collect()
+    }
+
+    fn continued(times: &[(&str, u64)]) -> (Vec<u64>, Vec<Restart>) {
+        let mut log = log(times);
+        let restarts = find_and_continue(&mut log);
+        (log.iter().map(|entry| entry.time_us).collect(), restarts)
+    }
+
+    #[test]
+    fn the_intervals_after_a_restart_are_kept() {
+        let (times, restarts) =
+            continued(&[("a", 97_655_775), ("a", 97_593_688), ("a", 97_594_000), ("a", 97_700_000)]);
+        assert_eq!(times, [97_655_775, 97_675_775, 97_676_087, 97_782_087]);
+        assert_eq!(restarts, [Restart { at: 2, before_us: 97_655_775, after_us: 97_593_688 }]);
+    }
+
+    #[test]
+    fn each_restart_of_a_log_is_found() {
+        let (times, restarts) =
+            continued(&[("a", 5_000_000), ("a", 0), ("a", 1_000), ("a", 900_000), ("a", 0), ("a", 7)]);
+        assert_eq!(times, [5_000_000, 5_020_000, 5_021_000, 5_920_000, 5_940_000, 5_940_007]);
+        assert_eq!(restarts.iter().map(|it| it.at).collect::<Vec<_>>(), [2, 5]);
+    }
+
+    /// All interfaces of a log have one clock: their times relative to each other stay the same.
+    #[test]
+    fn a_restart_holds_for_all_interfaces() {
+        let (times, restarts) = continued(&[
+            ("a", 9_000_000),
+            ("b", 9_000_500),
+            ("a", 100),
+            ("b", 600),
+            ("a", 2_000),
+            ("b", 2_500),
+        ]);
+        assert_eq!(times, [9_000_000, 9_000_500, 9_020_500, 9_021_000, 9_022_400, 9_022_900]);
+        assert_eq!(restarts.len(), 1);
+    }
+
+    /// A logger that writes one interface after the other, a disorder of 20 ms, and a single frame with a wrong time.
+    #[test]
+    fn a_disorder_is_no_restart() {
+        for times in [
+            &[("a", 100_000), ("a", 200_000), ("b", 100_500), ("b", 200_500), ("a", 300_000)][..],
+            &[("a", 100_000), ("a", 80_000), ("a", 80_001), ("a", 110_000)],
+            &[("a", 5_000_000), ("a", 1_000_000), ("a", 5_001_000)],
+            &[("a", 5_000_000), ("a", 1_000_000)],
+        ] {
+            let (continued, restarts) = continued(times);
+            assert!(restarts.is_empty(), "{times:?}");
+            assert!(continued.iter().zip(times).all(|(time, (_, before))| time == before), "{times:?}");
+        }
+    }
+
+    #[test]
+    fn the_pause_is_longer_than_a_telegram() {
+        let mut log = log(&[("a", 9_000_000), ("a", 100), ("a", 200)]);
+        for entry in &mut log {
+            entry.message = Message::Telegram(vec![0; 96]);
+        }
+        find_and_continue(&mut log);
+        // 96 octets have 1,056 bits.
+        assert_eq!(log[1].time_us, 9_000_000 + 20_000 + 110_000);
+    }
+
+    proptest! {
+        #![proptest_config(crate::property_tests())]
+
+        /// Times of any size, with falls at any place, keep their intervals between two restarts.
+        #[test]
+        fn intervals_between_restarts_are_kept(times in prop::collection::vec(0_u64..1 << 40, 0..40)) {
+            let with_interface: Vec<_> = times.iter().map(|time_us| ("a", *time_us)).collect();
+            let (after, restarts) = continued(&with_interface);
+            for index in 1..times.len() {
+                let is_restart = restarts.iter().any(|it| it.at == index + 1);
+                let interval = |times: &[u64]| i128::from(times[index]) - i128::from(times[index - 1]);
+                // A continued time is not negative.
+                let is_cut = after[index] == 0 || after[index - 1] == 0;
+                prop_assert!(is_restart || is_cut || interval(&times) == interval(&after));
+            }
+        }
+
+        #[test]
+        fn the_largest_times_are_accepted(times in prop::collection::vec(any::<u64>(), 0..40)) {
+            continued(&times.iter().map(|time_us| ("a", *time_us)).collect::<Vec<_>>());
+        }
+    }
+}
