@@ -120,7 +120,7 @@ pub(super) fn cut(text: String, most: usize) -> String {
         None => text,
         Some((end, _)) => {
             let more = text[end..].chars().count();
-            format!("{}... ({} more)", &text[..end], plural(more as u64, "character"))
+            format!("{}... ({})", &text[..end], plural(more as u64, "more character"))
         }
     }
 }
