@@ -96,7 +96,9 @@ pub(super) fn with_options_after_command(
     }
     // Without one of its own subcommands, a command such as `board` has no option `-i`. The parser is to report the missing
     // or wrong subcommand, not the option.
-    if command.has_subcommands() && !command.get_arguments().any(|arg| arg.get_short() == Some('i')) {
+    if command.is_subcommand_required_set()
+        && !command.get_arguments().any(|arg| arg.get_short() == Some('i'))
+    {
         match rest.peek().and_then(|word| word.to_str()) {
             Some(word) if !word.starts_with('-') => kept.extend(rest.next()),
             _ => return without_instance(kept, moved).chain(rest).collect(),
@@ -174,6 +176,7 @@ mod tests {
             ("commram -ia --instance=b board --help", "commram board --help"),
             ("commram -i a board get line", "commram board get -i a line"),
             ("commram -i a nothing", "commram -i a nothing"),
+            ("commram test --definitions .", "commram test --definitions ."),
         ] {
             assert_eq!(moved(line), expected);
         }

@@ -225,7 +225,7 @@ fn a_part_of_a_recorded_register_has_its_changes() {
     let emulator = Emulator::start(&["--clock", "stepped", "--record", "node1"]);
     let name = "node1.a_SL_TYP[29]";
     let mut watch = Follower::start(&emulator, "watch", &[name]);
-    assert!(watch.note().contains("watching 1 registers"));
+    assert!(watch.note().contains("watching 1 register "));
     emulator.poke(&[&format!("{name}=1")]);
     emulator.poke(&["node1.a_SL_TYP[28]=7"]);
     emulator.poke(&[&format!("{name}=2")]);
