@@ -11,7 +11,7 @@ const FD: &str = "a frame of CAN FD; these buses carry classical CAN only";
 
 /// The columns that the head of a file names.
 pub(super) struct Columns {
-    /// Added to every time, in microseconds: the time of a logger whose clock is corrected may be negative.
+    /// Added to every time, in microseconds: the time of a logger whose clock is corrected may be negative (D-826).
     shift_us: u64,
     id: usize,
     extended: usize,

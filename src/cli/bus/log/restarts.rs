@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 /// Largest disorder of a logger, in microseconds (D-824). A logger writes the frames of several interfaces, or of one
 /// transfer over USB, out of order by a few milliseconds.
 const LARGEST_DISORDER_US: u64 = 20_000;
-/// Interval in microseconds from the last frame before a restart to the first one after it: longer than the longest frame
+/// Interval in microseconds from the last frame before a restart to the first one after it (D-825): longer than the longest frame
 /// of CAN at 10 kbit/s, so that the first frame need not wait for the bus.
 const PAUSE_US: u64 = 20_000;
 /// Lowest rate of PROFIBUS in bit/s.
