@@ -1,4 +1,4 @@
-//! Logs whose clock started again during the recording.
+//! Restarts of the clock of a logger during a recording.
 
 use super::Message;
 use crate::cli::{output, time};
