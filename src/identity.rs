@@ -1,7 +1,7 @@
-//! Identities in a plant: indices of devices and buses.
+//! Identities in a plant: indices of devices and buses, numbers of ports.
 //!
 //! Files and messages contain an identity as a plain number. In journals, plant files, JSON and the channel, `plc` is a
-//! [`DeviceIndex`] and `bus` is a [`BusIndex`].
+//! [`DeviceIndex`], `node` is a [`PortNumber`], and `bus` is a [`BusIndex`].
 
 use core::fmt;
 
@@ -70,5 +70,30 @@ impl BusIndex {
     #[must_use]
     pub const fn number(self) -> u16 {
         self.0 as u16
+    }
+}
+
+/// Number of a port of a device, 1 to 255, as in the layout of the device.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "emulator", derive(serde::Serialize, serde::Deserialize), serde(transparent))]
+#[repr(transparent)]
+pub struct PortNumber(pub u8);
+
+impl PortNumber {
+    /// Stands for the device itself where a port can also be named.
+    pub const DEVICE: Self = PortNumber(0);
+
+    /// Returns the position of the port's entry in the header page; `usize::MAX`, where no list has an entry, for
+    /// [`DEVICE`](Self::DEVICE).
+    #[inline]
+    #[must_use]
+    pub const fn index(self) -> usize {
+        (self.0 as usize).wrapping_sub(1)
+    }
+}
+
+impl fmt::Display for PortNumber {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
     }
 }

@@ -7,7 +7,7 @@
 //!
 //! | module | content |
 //! |---|---|
-//! | [`identity`] | indices of devices and buses |
+//! | [`identity`] | indices of devices and buses, numbers of ports |
 //! | [`layout`] | the register maps: typed structures, names, addresses, meanings; generated from `layouts/` |
 //! | [`memory`] | cells, segments, and the parts to which a soft-PLC attaches: image files, the header page |
 //! | [`can`] | CAN frames, their time on the wire, a CAN bus |

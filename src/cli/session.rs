@@ -11,7 +11,7 @@ use super::output;
 use super::place::NamedLocation;
 use crate::devices;
 use crate::devices::ModuleFront;
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use crate::layout::{DeviceFit, DeviceLayout, FrontWord, LayoutError, RegisterRef, plc_prefix, split_plc};
 use crate::memory::header::BoardState;
 use crate::memory::{
@@ -191,7 +191,7 @@ impl Session {
     ///
     /// # Errors
     /// Returns the errors of [`Session::plc`]. Also fails if the device has no such port.
-    pub(crate) fn port(&self, text: &str) -> Result<(DeviceIndex, u8), CliError> {
+    pub(crate) fn port(&self, text: &str) -> Result<(DeviceIndex, PortNumber), CliError> {
         let (plc, name) = split_plc(text);
         let first = || self.fitted(DeviceIndex(0)).first_master().map(|port| port.name);
         let name = if name.is_empty() { first().ok_or(LayoutError::NoMaster)? } else { name };

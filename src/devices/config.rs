@@ -7,7 +7,7 @@ use crate::can::Message;
 use crate::door::{DoorSpec, TrafficKind};
 use crate::fault;
 use crate::fault::Fault;
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use crate::journal::{EventKind, Rule};
 use crate::layout;
 use crate::memory::Segment;
@@ -46,20 +46,20 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
 
     /// True if `port` is a drive on its bus, as [`DeviceView::is_drive`](super::DeviceView::is_drive) of the running
     /// device.
-    fn is_drive(&self, port: u8) -> bool {
+    fn is_drive(&self, port: PortNumber) -> bool {
         let _ = port;
         false
     }
 
     /// Rates that the device supports at this port, in kbit/s. Empty if it accepts any rate, or the bus has no rate.
-    fn kbit_s(&self, port: u8) -> Vec<u16> {
+    fn kbit_s(&self, port: PortNumber) -> Vec<u16> {
         let _ = port;
         Vec::new()
     }
 
     /// Returns frames that the device sends and receives at this port with its program at delivery, as far as they are
     /// known before the device runs.
-    fn messages(&self, port: u8) -> Vec<Message> {
+    fn messages(&self, port: PortNumber) -> Vec<Message> {
         let _ = port;
         Vec::new()
     }
@@ -120,7 +120,7 @@ pub struct CardPlace<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PortConfig<'a> {
     /// Number of the port in the layout, and in the journal.
-    pub number: u8,
+    pub number: PortNumber,
     /// Name of the port in the layout.
     pub name: &'a str,
     /// Bus to which the port is connected.
@@ -276,7 +276,11 @@ mod tests {
     fn device_defaults_are_empty() {
         assert!(Silent.check().is_ok() && Silent.ports().is_empty() && Silent.novram().is_none());
         assert_eq!(Silent.folder(), None);
-        assert!((0..8).all(|port| Silent.kbit_s(port).is_empty() && Silent.messages(port).is_empty()));
+        assert!(
+            (0..8)
+                .map(PortNumber)
+                .all(|port| Silent.kbit_s(port).is_empty() && Silent.messages(port).is_empty())
+        );
         assert_eq!((Silent.name(), Silent.layout().name, Silent.retain_bytes()), ("silent", STATION.name, 0));
     }
 }

@@ -4,7 +4,7 @@ use super::{bm4_o_can_06, can_dp2, cs0015, fault_kinds, omega_drive_line_2};
 use crate::fault::{
     Draft, Fault, FaultError, FaultKind, FaultSpec, FieldValue, Form, Refusal, Target, TargetKind,
 };
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use crate::journal::Names;
 use crate::layout::DeviceFit;
 use proptest::prelude::*;
@@ -185,10 +185,26 @@ proptest! {
 #[test]
 fn a_port_is_called_by_its_name_or_number() {
     for (node, port, written) in [
-        ("2", Target::Port { device: DeviceIndex(0), port: 2 }, "bus_off plc=line node=2 count=1"),
-        ("'node2'", Target::Port { device: DeviceIndex(0), port: 2 }, "bus_off plc=line node=2 count=1"),
-        ("'slotM'", Target::Port { device: DeviceIndex(2), port: 6 }, "bus_off plc=maxx node=slotM count=1"),
-        ("1", Target::Port { device: DeviceIndex(2), port: 1 }, "bus_off plc=maxx node=slotG count=1"),
+        (
+            "2",
+            Target::Port { device: DeviceIndex(0), port: PortNumber(2) },
+            "bus_off plc=line node=2 count=1",
+        ),
+        (
+            "'node2'",
+            Target::Port { device: DeviceIndex(0), port: PortNumber(2) },
+            "bus_off plc=line node=2 count=1",
+        ),
+        (
+            "'slotM'",
+            Target::Port { device: DeviceIndex(2), port: PortNumber(6) },
+            "bus_off plc=maxx node=slotM count=1",
+        ),
+        (
+            "1",
+            Target::Port { device: DeviceIndex(2), port: PortNumber(1) },
+            "bus_off plc=maxx node=slotG count=1",
+        ),
     ] {
         let Target::Port { device, .. } = port else { unreachable!() };
         let plc = &names().plcs[device.index()];

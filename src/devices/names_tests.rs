@@ -2,6 +2,7 @@
 
 use super::bm4_o_can_06::registers::DEVICE as SLOTS;
 use super::omega_drive_line_2::registers::DEVICE;
+use crate::identity::PortNumber;
 use crate::layout::{DeviceFit, Fit, Role};
 
 fn error(name: &str) -> String {
@@ -32,22 +33,29 @@ fn a_variable_of_the_manual_names_its_structure() {
 fn the_role_decides_between_different_meanings() {
     let [master, slave] = ["_CANsyncMaster_Ctrl_Slot_G", "_CANsyncSlave_Ctrl_Slot_G"];
     let offset = |fit, name: &str| {
-        DeviceFit::unknown(&SLOTS).with(1, fit).register(name).unwrap().offset() - 2_001_792
+        DeviceFit::unknown(&SLOTS).with(PortNumber(1), fit).register(name).unwrap().offset() - 2_001_792
     };
     assert_eq!(offset(Fit::As(Role::Master), "slotG.b_STATREG_RDC1"), 185);
     assert_eq!(offset(Fit::As(Role::Slave), "slotG.b_STATREG_RDC1"), 180);
     for fit in [Fit::Unknown, Fit::Empty] {
         assert_eq!(
-            DeviceFit::unknown(&SLOTS).with(1, fit).register("slotG.b_STATREG_RDC1").unwrap_err().to_string(),
+            DeviceFit::unknown(&SLOTS)
+                .with(PortNumber(1), fit)
+                .register("slotG.b_STATREG_RDC1")
+                .unwrap_err()
+                .to_string(),
             format!("`slotG.b_STATREG_RDC1` is ambiguous: {master}.b_STATREG_RDC1 or {slave}.b_STATREG_RDC1")
         );
         for (variable, place) in [(master, 185), (slave, 180)] {
             let name = format!("{variable}.b_STATREG_RDC1");
             assert_eq!(offset(fit, &name), place);
-            assert_eq!(DeviceFit::unknown(&SLOTS).with(1, fit).register(&name).unwrap().name(), name);
+            assert_eq!(
+                DeviceFit::unknown(&SLOTS).with(PortNumber(1), fit).register(&name).unwrap().name(),
+                name
+            );
         }
     }
-    let known = DeviceFit::unknown(&SLOTS).with(1, Fit::As(Role::Master));
+    let known = DeviceFit::unknown(&SLOTS).with(PortNumber(1), Fit::As(Role::Master));
     let register = known.register(&format!("{master}.b_STATREG_RDC1")).unwrap();
     assert_eq!(register.name(), "slotG.b_STATREG_RDC1");
     assert_eq!(

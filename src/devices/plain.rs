@@ -286,7 +286,7 @@ impl<F: Firmware> Device for Plain<F> {
     }
 
     fn due(&mut self, world: &mut World) {
-        let origin = crate::journal::Origin { plc: self.index, node: 0 };
+        let origin = crate::journal::Origin::of_device(self.index);
         self.firmware.due(&mut world.context(origin, 0));
     }
 

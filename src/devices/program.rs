@@ -142,7 +142,7 @@ mod tests {
             &mut self,
             act: impl FnOnce(&mut Starts, &mut Context, &FirmwareHeader) -> Option<Start>,
         ) -> Option<Start> {
-            let origin = Origin { plc: DeviceIndex(0), node: 0 };
+            let origin = Origin::of_device(DeviceIndex(0));
             let ctx = &mut Context { now: 0, journal: &mut self.journal, origin, base: 0 };
             act(&mut self.starts, ctx, &self.face)
         }

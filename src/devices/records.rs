@@ -1,6 +1,7 @@
 //! Journal records about the board of a device: its front panel, its supply, its program and its events.
 
 use crate::event_kinds;
+use crate::identity::PortNumber;
 use crate::journal::{EventCodec, EventKind, EventText, Fields, Origin, Packer, Part, Reader, Unpacker};
 use crate::memory::header::{InterruptResult, OptInitResult, Project, RunSwitch, SeatState, Start};
 use std::borrow::Cow;
@@ -92,7 +93,7 @@ pub enum BoardEvent {
     /// port.
     NumberTaken {
         /// Number of the port.
-        port: u8,
+        port: PortNumber,
         /// The number, which another station already has.
         number: u8,
     },
@@ -148,7 +149,7 @@ impl BoardEvent {
             BoardEvent::Triggers { modes: [one, two, controller], result } => {
                 (7, byte(one, 0) | byte(two, 1) | byte(controller, 2) | byte(result.code() as u8, 3))
             }
-            BoardEvent::NumberTaken { port, number } => (8, byte(number, 0) | byte(port, 1)),
+            BoardEvent::NumberTaken { port, number } => (8, byte(number, 0) | byte(port.0, 1)),
             BoardEvent::Lockstep { event, state } => (9, byte(event, 0) | byte(state.code() as u8, 1)),
             BoardEvent::AddressStored { config, address } => (10, address_words(config, address)),
             BoardEvent::AddressRefused { config, address } => (11, address_words(config, address)),
@@ -179,7 +180,7 @@ impl BoardEvent {
                 modes: [first, second, third],
                 result: OptInitResult::from_code(fourth.into())?,
             },
-            8 => BoardEvent::NumberTaken { port: second, number: first },
+            8 => BoardEvent::NumberTaken { port: PortNumber(second), number: first },
             9 => BoardEvent::Lockstep { event: first, state: SeatState::from_code(second.into())? },
             10 => BoardEvent::AddressStored { config, address },
             11 => BoardEvent::AddressRefused { config, address },
@@ -209,7 +210,7 @@ impl BoardEvent {
     }
 
     /// Describes the event in words; `port_name` returns the name of a port.
-    fn text<'a>(&self, port_name: impl Fn(u8) -> Cow<'a, str>) -> String {
+    fn text<'a>(&self, port_name: impl Fn(PortNumber) -> Cow<'a, str>) -> String {
         match *self {
             BoardEvent::Up { dip: Some(dip) } => format!("on, DIP number {dip}"),
             BoardEvent::Up { dip: None } => "on".to_owned(),

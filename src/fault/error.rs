@@ -1,7 +1,7 @@
 //! Errors in the description of a fault.
 
 use super::{FaultKind, Field, MAX_FAULTS, TargetKind};
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use crate::journal::Names;
 use crate::layout::{DeviceLayout, did_you_mean};
 use thiserror::Error;
@@ -80,7 +80,7 @@ pub enum Refusal {
         /// Number of the PLC on which the fault should act, from 0.
         plc: DeviceIndex,
         /// Number of the port that the PLC does not have.
-        port: u8,
+        port: PortNumber,
         /// Layout of the PLC, which has the list of its ports.
         layout: &'static DeviceLayout,
     },

@@ -112,7 +112,7 @@ impl EventCodec for FaultNews {
         match self.target {
             Target::Bus(bus) | Target::Participant { bus, .. } => Source::Bus(bus),
             Target::Port { device: plc, port: node } => Source::Node(Origin { plc, node }),
-            Target::Device(plc) => Source::Node(Origin { plc, node: 0 }),
+            Target::Device(plc) => Source::Node(Origin::of_device(plc)),
         }
     }
 }

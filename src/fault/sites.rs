@@ -1,7 +1,7 @@
 //! Targets of faults, and the targets that an installation has.
 
 use super::{Fault, FaultKind, Refusal, TargetKind};
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use crate::layout::DeviceLayout;
 
 /// Target of a fault. Buses and PLCs are numbered as in the plant file, from 0.
@@ -21,7 +21,7 @@ pub enum Target {
         /// Number of the device (PLC).
         device: DeviceIndex,
         /// The port's number in the PLC's layout.
-        port: u8,
+        port: PortNumber,
     },
     /// A PLC itself.
     Device(DeviceIndex),
@@ -56,7 +56,7 @@ impl Target {
             Target::Bus(bus) => (bus.number(), 0),
             Target::Device(device) => (device.0, 0),
             Target::Participant { bus, number } => (bus.number(), number),
-            Target::Port { device, port } => (device.0, port),
+            Target::Port { device, port } => (device.0, port.0),
         }
     }
 
@@ -66,7 +66,7 @@ impl Target {
         match place {
             TargetKind::Bus => Target::Bus(BusIndex::of_number(index)),
             TargetKind::Participant => Target::Participant { bus: BusIndex::of_number(index), number },
-            TargetKind::Port => Target::Port { device: DeviceIndex(index), port: number },
+            TargetKind::Port => Target::Port { device: DeviceIndex(index), port: PortNumber(number) },
             TargetKind::Device => Target::Device(DeviceIndex(index)),
         }
     }
@@ -100,10 +100,10 @@ pub struct DeviceSite {
     /// The kinds of faults that the PLC or its ports can have.
     pub faults: &'static [&'static FaultKind],
     /// The ports that are on a bus, each with its number and its bus.
-    pub plugged: Vec<(u8, BusIndex)>,
+    pub plugged: Vec<(PortNumber, BusIndex)>,
     /// The ports that are drives of their bus. A fault of such a port names the bus and the number of the drive on the
     /// bus.
-    pub drives: Vec<u8>,
+    pub drives: Vec<PortNumber>,
 }
 
 impl Sites {
@@ -127,7 +127,8 @@ impl Sites {
                     return Err(Refusal::NoPort { plc: device, port, layout: site.layout });
                 };
                 let Some(&(_, bus)) = site.plugged.iter().find(|(number, _)| *number == port) else {
-                    let name = |(number, _): &(u8, BusIndex)| Some(site.layout.port_numbered(*number)?.name);
+                    let name =
+                        |(number, _): &(PortNumber, BusIndex)| Some(site.layout.port_numbered(*number)?.name);
                     let plugged = site.plugged.iter().filter_map(name).collect();
                     return Err(Refusal::NotPlugged { plc: device, port: known.name, plugged });
                 };

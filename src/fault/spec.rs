@@ -140,7 +140,7 @@ impl<'a> Reader<'a> {
         let found = match self.given(&NODE) {
             Some(FieldValue::Text(name)) => device.port(name),
             Some(FieldValue::Number(number)) => {
-                device.ports.iter().find(|port| u64::from(port.number) == *number)
+                device.ports.iter().find(|port| u64::from(port.number.0) == *number)
             }
             None => {
                 let its = |port: &&Port| self.kind.families().contains(&port.medium);
@@ -153,7 +153,7 @@ impl<'a> Reader<'a> {
         };
         found.ok_or_else(|| match self.given(&NODE) {
             Some(FieldValue::Number(value)) if are_numbered(device) => {
-                let numbers = || device.ports.iter().map(|port| u64::from(port.number));
+                let numbers = || device.ports.iter().map(|port| u64::from(port.number.0));
                 let (least, most) = (numbers().min().unwrap_or(0), numbers().max().unwrap_or(0));
                 self.refused(Refusal::Range { field: &NODE, value: *value, least, most })
             }
@@ -206,7 +206,7 @@ impl<'a> Reader<'a> {
 /// Returns the name of a port in the description of a fault. If the name is a number, the value is a number.
 pub(super) fn port_given(port: &Port) -> FieldValue {
     if port.name.strip_prefix(NODE.name()) == Some(&port.number.to_string()) {
-        FieldValue::Number(port.number.into())
+        FieldValue::Number(port.number.0.into())
     } else {
         FieldValue::Text(port.name.to_owned())
     }

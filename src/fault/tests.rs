@@ -1,5 +1,5 @@
 use super::*;
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use crate::journal::{Journal, Names};
 use crate::layout::DeviceLayout;
 
@@ -147,8 +147,8 @@ fn faults_of_missing_targets_are_refused() {
     );
     let layout = &DeviceLayout::UNKNOWN;
     assert_eq!(
-        owner(&LEAK, Target::Port { device: DeviceIndex(0), port: 1 }),
-        Err(Refusal::NoPort { plc: DeviceIndex(0), port: 1, layout })
+        owner(&LEAK, Target::Port { device: DeviceIndex(0), port: PortNumber(1) }),
+        Err(Refusal::NoPort { plc: DeviceIndex(0), port: PortNumber(1), layout })
     );
 }
 

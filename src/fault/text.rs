@@ -33,7 +33,7 @@ impl Fault {
             Target::Participant { bus: index, number: slave } => vec![bus(index), number(slave)],
             Target::Port { device, port } => {
                 let known = names.device(device).port_numbered(port);
-                vec![plc(device), known.map_or_else(|| number(port), port_given)]
+                vec![plc(device), known.map_or_else(|| number(port.0), port_given)]
             }
             Target::Device(index) => vec![plc(index)],
         };

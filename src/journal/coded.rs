@@ -7,7 +7,7 @@
 
 use super::event::{Origin, Source};
 use super::kind::EventKind;
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use crate::layout::RegisterPhase;
 
 /// An event as numbers. Equal events have equal words, and different events have different words.
@@ -159,13 +159,13 @@ impl Part for u64 {
 impl Part for Origin {
     #[inline]
     fn put(self, packer: &mut Packer) {
-        packer.put(u32::from(self.plc.0) << 8 | u32::from(self.node));
+        packer.put(u32::from(self.plc.0) << 8 | u32::from(self.node.0));
     }
 
     #[inline]
     fn take(unpacker: &mut Unpacker) -> Option<Self> {
         let number = unpacker.take();
-        Some(Origin { plc: DeviceIndex((number >> 8) as u16), node: number as u8 })
+        Some(Origin { plc: DeviceIndex((number >> 8) as u16), node: PortNumber(number as u8) })
     }
 }
 
@@ -217,12 +217,12 @@ impl EventSource for BusIndex {
 impl EventSource for Origin {
     #[inline]
     fn numbers(self) -> (u16, u8) {
-        (self.plc.0, self.node)
+        (self.plc.0, self.node.0)
     }
 
     #[inline]
     fn of_numbers(plc: u16, node: u8) -> Self {
-        Origin { plc: DeviceIndex(plc), node }
+        Origin { plc: DeviceIndex(plc), node: PortNumber(node) }
     }
 }
 

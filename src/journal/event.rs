@@ -5,7 +5,7 @@ use super::fields::Fields;
 use super::history::Stored;
 use super::kind::{ArrivedFrame, EventKind, EventText, Octets};
 use super::reader::Reader;
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use core::fmt;
 
 /// Origin of a record: a port of a device.
@@ -13,11 +13,17 @@ use core::fmt;
 pub struct Origin {
     /// Index of the device in the plant.
     pub plc: DeviceIndex,
-    /// Number of the port; 0 is the device itself.
-    pub node: u8,
+    /// Number of the port, or [`PortNumber::DEVICE`].
+    pub node: PortNumber,
 }
 
 impl Origin {
+    /// The device itself.
+    #[must_use]
+    pub const fn of_device(plc: DeviceIndex) -> Self {
+        Origin { plc, node: PortNumber::DEVICE }
+    }
+
     /// Index of the device if the origin is a guest: a foreign program that takes part in a bus. The port is then the
     /// guest's number.
     const GUEST: DeviceIndex = DeviceIndex(u16::MAX);
@@ -25,13 +31,13 @@ impl Origin {
     /// Guest number `guest` of the event's bus.
     #[must_use]
     pub const fn of_guest(guest: u8) -> Self {
-        Origin { plc: Self::GUEST, node: guest }
+        Origin { plc: Self::GUEST, node: PortNumber(guest) }
     }
 
     /// Returns the guest's number, if the origin is a guest.
     #[must_use]
     pub const fn guest(self) -> Option<u8> {
-        if self.plc.0 == Self::GUEST.0 { Some(self.node) } else { None }
+        if self.plc.0 == Self::GUEST.0 { Some(self.node.0) } else { None }
     }
 }
 

@@ -152,6 +152,7 @@ impl Format for Folded {
 mod tests {
     use super::super::testing::{Edge, Packet, Refused, catalogue};
     use super::*;
+    use crate::identity::PortNumber;
     use crate::identity::{BusIndex, DeviceIndex};
     use crate::journal::{Event, Origin, Printer, Selection};
 
@@ -188,7 +189,7 @@ mod tests {
     }
 
     fn refused() -> Event {
-        Refused { origin: Origin { plc: DeviceIndex(0), node: 2 } }.into()
+        Refused { origin: Origin { plc: DeviceIndex(0), node: PortNumber(2) } }.into()
     }
 
     #[test]

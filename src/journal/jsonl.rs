@@ -2,6 +2,7 @@
 //! versions of commram may add fields and kinds. They increment `v` only if they change an existing field.
 
 use super::{Catalogue, Fields, Format, Names, Origin, Reader, Record, Source};
+use crate::identity::PortNumber;
 use serde::Serialize;
 
 /// Version of the format, in every line.
@@ -92,7 +93,7 @@ struct Gap {
 enum EventLocation {
     Bus { bus: String },
     Plc { plc: String },
-    Node { plc: String, node: u8 },
+    Node { plc: String, node: PortNumber },
 }
 
 impl Format for Jsonl {

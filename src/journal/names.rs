@@ -1,7 +1,7 @@
 //! Names of the devices and buses to which records refer by index.
 
 use super::event::{Origin, Source};
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use crate::layout::{DeviceFit, DeviceLayout};
 use std::borrow::Cow;
 
@@ -43,7 +43,7 @@ impl Names {
     pub(crate) fn port(&self, origin: Origin) -> Cow<'static, str> {
         let device = self.device(origin.plc);
         match (origin.node, device.port_numbered(origin.node)) {
-            (0, _) => Cow::Borrowed(device.own.map_or("device", |area| area.name)),
+            (PortNumber::DEVICE, _) => Cow::Borrowed(device.own.map_or("device", |area| area.name)),
             (_, Some(port)) => Cow::Borrowed(port.name),
             (number, None) => Cow::Owned(format!("port{number}")),
         }

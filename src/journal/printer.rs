@@ -129,6 +129,7 @@ impl<Out> Printer<Out> {
 mod tests {
     use super::super::testing::{Edge, Refused, catalogue};
     use super::*;
+    use crate::identity::PortNumber;
     use crate::journal::candump::Candump;
     use crate::journal::text::Text;
     use crate::journal::{ChannelWrite, Event, EventCodec, Names, Origin};
@@ -159,7 +160,7 @@ mod tests {
     }
 
     fn refused(seq: u64, plc: DeviceIndex) -> Record {
-        record(seq, Refused { origin: Origin { plc, node: 2 } }.into())
+        record(seq, Refused { origin: Origin { plc, node: PortNumber(2) } }.into())
     }
 
     #[test]

@@ -5,7 +5,7 @@ use super::event::{Origin, Source};
 use super::names::Names;
 use super::record::Record;
 use super::registers::State;
-use crate::identity::DeviceIndex;
+use crate::identity::{DeviceIndex, PortNumber};
 use crate::layout::{Address, Area, RegType, RegisterPhase, RegisterRef, Width, format_value};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -27,7 +27,7 @@ pub struct Reader {
 }
 
 /// Index of the device and number of the port.
-type Port = (DeviceIndex, u8);
+type Port = (DeviceIndex, PortNumber);
 
 impl Reader {
     /// Creates a reader without records.

@@ -1,7 +1,7 @@
 use super::testing::{Edge, Packet};
 use super::*;
 use crate::devices::samples::tables::phases;
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use proptest::prelude::*;
 
 fn sync(bus: BusIndex) -> Event {
@@ -13,12 +13,12 @@ fn frame(data: u8) -> Event {
 }
 
 fn state(to: u16) -> Event {
-    let origin = Origin { plc: DeviceIndex(0), node: 2 };
+    let origin = Origin { plc: DeviceIndex(0), node: PortNumber(2) };
     State { origin, offset: 200_002, command: 200_000, from: 0, to, live: phases::CYCLIC }.into()
 }
 
 fn handshake(offset: u32) -> Event {
-    let origin = Origin { plc: DeviceIndex(0), node: 2 };
+    let origin = Origin { plc: DeviceIndex(0), node: PortNumber(2) };
     Handshake { origin, offset, request: 5, answer: 4, more_answers_follow: false }.into()
 }
 
@@ -178,7 +178,7 @@ fn handshakes_know_how_long_their_request_waited() {
 
 #[test]
 fn an_answer_that_goes_on_leaves_the_request_open() {
-    let origin = Origin { plc: DeviceIndex(0), node: 2 };
+    let origin = Origin { plc: DeviceIndex(0), node: PortNumber(2) };
     let answer = |request, answer, more_answers_follow| Handshake {
         origin,
         offset: 200_012,

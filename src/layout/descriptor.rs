@@ -15,6 +15,7 @@ use super::front::FrontWord;
 use super::gsd::Gsd;
 use super::object::Object;
 use super::space::{Retain, Space};
+use crate::identity::PortNumber;
 use core::fmt;
 use core::ops::RangeInclusive;
 
@@ -99,9 +100,9 @@ impl DeviceLayout {
         })
     }
 
-    /// Returns the port with this number, from 1.
+    /// Returns the port with this number.
     #[must_use]
-    pub fn port_numbered(&self, number: u8) -> Option<&'static Port> {
+    pub fn port_numbered(&self, number: PortNumber) -> Option<&'static Port> {
         self.ports.iter().find(|port| port.number == number)
     }
 }
@@ -110,8 +111,8 @@ impl DeviceLayout {
 pub struct Port {
     /// Name of the port, for example `node2`.
     pub name: &'static str,
-    /// Number of the port in journals and on the channel, from 1; 0 is the device itself.
-    pub number: u8,
+    /// Number of the port in journals and on the channel.
+    pub number: PortNumber,
     /// Kind of medium, as in `kind` of a `[[bus]]`.
     pub medium: &'static str,
     /// The possible roles of the port.

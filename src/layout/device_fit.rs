@@ -2,6 +2,7 @@
 
 use super::descriptor::{Area, AreaStructure, DeviceLayout, Dim, Port, Register, RegisterPhase, Role};
 use super::register::RegisterRef;
+use crate::identity::PortNumber;
 
 /// Maximum number of ports of a device.
 pub(crate) const MOST_PORTS: usize = 15;
@@ -62,7 +63,7 @@ impl DeviceFit {
 
     /// Sets the known facts about port `number`. An unknown number changes nothing.
     #[must_use]
-    pub fn with(mut self, number: u8, fit: Fit) -> Self {
+    pub fn with(mut self, number: PortNumber, fit: Fit) -> Self {
         let ports = self.ports.iter_mut().zip(self.device.ports);
         ports.filter(|(_, port)| port.number == number).for_each(|(known, _)| *known = fit);
         self
@@ -76,7 +77,7 @@ impl DeviceFit {
 
     /// Returns the known facts about port `number`.
     #[must_use]
-    pub fn port(&self, number: u8) -> Fit {
+    pub fn port(&self, number: PortNumber) -> Fit {
         let mut ports = self.device.ports.iter().zip(self.ports);
         ports.find(|(port, _)| port.number == number).map_or(Fit::Unknown, |(_, fit)| fit)
     }
@@ -176,7 +177,7 @@ mod tests {
     use std::collections::BTreeMap;
 
     fn fitted(fit: Fit) -> DeviceFit {
-        DeviceFit::unknown(&DEVICE).with(1, fit)
+        DeviceFit::unknown(&DEVICE).with(PortNumber(1), fit)
     }
 
     /// Returns the roles of the structures in the first slot.
@@ -199,22 +200,32 @@ mod tests {
 
     #[test]
     fn a_port_is_known_by_its_number_and_by_its_area() {
-        let fitted = fitted(Fit::Empty).with(3, Fit::As(Role::Slave)).with(99, Fit::Empty);
-        assert_eq!((fitted.port(1), fitted.port(2)), (Fit::Empty, Fit::Unknown));
-        assert_eq!((fitted.port(3), fitted.port(99)), (Fit::As(Role::Slave), Fit::Unknown));
+        let fitted =
+            fitted(Fit::Empty).with(PortNumber(3), Fit::As(Role::Slave)).with(PortNumber(99), Fit::Empty);
+        assert_eq!((fitted.port(PortNumber(1)), fitted.port(PortNumber(2))), (Fit::Empty, Fit::Unknown));
+        assert_eq!(
+            (fitted.port(PortNumber(3)), fitted.port(PortNumber(99))),
+            (Fit::As(Role::Slave), Fit::Unknown)
+        );
         assert_eq!(fitted.area(DEVICE.area("slotJ").unwrap()), Fit::As(Role::Slave));
     }
 
     #[test]
     fn where_a_layout_leaves_no_choice_the_role_is_known() {
         let fitted = DeviceFit::unknown(&NODES);
-        assert_eq!((fitted.port(1), fitted.port(2)), (Fit::As(Role::Slave), Fit::As(Role::Master)));
+        assert_eq!(
+            (fitted.port(PortNumber(1)), fitted.port(PortNumber(2))),
+            (Fit::As(Role::Slave), Fit::As(Role::Master))
+        );
     }
 
     #[test]
     fn used_registers_of_a_role_agree_on_the_width_of_every_byte() {
-        let of_role =
-            |role| (1..=6).fold(DeviceFit::unknown(&DEVICE), |fitted, port| fitted.with(port, Fit::As(role)));
+        let of_role = |role| {
+            (1..=6).fold(DeviceFit::unknown(&DEVICE), |fitted, port| {
+                fitted.with(PortNumber(port), Fit::As(role))
+            })
+        };
         let fitted = [DeviceFit::unknown(&NODES), of_role(Role::Master), of_role(Role::Slave)];
         for (fitted, area) in
             fitted.iter().flat_map(|it| it.device().areas.iter().map(move |area| (it, area)))

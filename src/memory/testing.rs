@@ -2,6 +2,7 @@
 //! killed.
 
 use super::{ClockMode, Header, Image, ImageSpec, State, Width, header, image::tests::MARK, names};
+use crate::identity::PortNumber;
 use crate::layout::{Area, DeviceLayout, Port, Provenance, Retain, Role, Space, Unit};
 use std::{
     fs,
@@ -77,7 +78,13 @@ pub(crate) const fn test_device() -> DeviceLayout {
         gsd: None,
         front: &[],
         front_area: None,
-        ports: &[Port { name: "end", number: 1, medium: "wire", roles: &[Role::Peer], area: &RAM }],
+        ports: &[Port {
+            name: "end",
+            number: PortNumber(1),
+            medium: "wire",
+            roles: &[Role::Peer],
+            area: &RAM,
+        }],
         own: None,
     }
 }

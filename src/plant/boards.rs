@@ -35,7 +35,7 @@ impl Plant {
     pub(super) fn look_at_requests(&mut self) -> bool {
         let mut changed = false;
         for plc in DeviceIndex::first(self.devices.len()) {
-            let origin = Origin { plc, node: 0 };
+            let origin = Origin::of_device(plc);
             let ctx = &mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 };
             let look = self.devices[plc.index()].look(ctx);
             changed |= look != FrontAction::Nothing;

@@ -78,7 +78,7 @@ impl Plant {
             }
             let Some(card) = device.option_card() else { continue };
             has_passed = true;
-            let mut ctx = Context { now: *now, journal, origin: Origin { plc: index, node: 0 }, base: 0 };
+            let mut ctx = Context { now: *now, journal, origin: Origin::of_device(index), base: 0 };
             if pulses.sync_net {
                 card.sync_edge(&mut ctx);
             }

@@ -194,7 +194,7 @@ impl Plant {
         let mut has_changed = false;
         for (index, device) in devices.iter_mut().enumerate() {
             let Some(files) = device.file_changes() else { continue };
-            let origin = Origin { plc: DeviceIndex::at(index), node: 0 };
+            let origin = Origin::of_device(DeviceIndex::at(index));
             let number = files.take_over(&mut Context { now: *now, journal, origin, base: 0 });
             let Some(number) = number else { continue };
             has_changed = true;
@@ -360,7 +360,7 @@ impl Plant {
         for plc in DeviceIndex::first(self.devices.len()) {
             let device = &mut self.devices[plc.index()];
             if device.is_up() {
-                let origin = Origin { plc, node: 0 };
+                let origin = Origin::of_device(plc);
                 device.processor_cycle(&mut Context {
                     now: self.now,
                     journal: &mut self.journal,

@@ -4,7 +4,7 @@ use super::Plant;
 use crate::devices::{
     BUS_KINDS, BuildError, Bus, Context, Device, FrontAction, Plug, SyncOrigin, SyncSignal,
 };
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use crate::journal::{Origin, Source};
 use crate::snapshot_fields;
 use std::collections::HashMap;
@@ -14,7 +14,7 @@ use std::sync::Arc;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Port {
     /// Number of the port in the device's layout.
-    pub(super) number: u8,
+    pub(super) number: PortNumber,
     /// Index of the bus.
     pub(super) bus: BusIndex,
     /// Place of the port on the bus.
@@ -80,7 +80,7 @@ impl Ports {
             ports.push(Port { number, bus: BusIndex::at(index), place, takes_part: false });
         }
         self.ways.resize(buses.len(), Vec::new());
-        let find = |number: u8| ports.iter().position(|port| port.number == number);
+        let find = |number: PortNumber| ports.iter().position(|port| port.number == number);
         for &(from, to) in device.ports().map_or(&[][..], |ports| ports.sync_ways()) {
             if let (Some(from), Some(to)) = (find(from), find(to)) {
                 self.ways[ports[from].bus.index()].push((DeviceIndex::at(self.of_device.len()), to, from));
@@ -105,7 +105,7 @@ impl Ports {
     }
 
     /// Returns the port with this number.
-    pub(super) fn find(&self, device: DeviceIndex, number: u8) -> Option<&Port> {
+    pub(super) fn find(&self, device: DeviceIndex, number: PortNumber) -> Option<&Port> {
         self.of_device.get(device.index())?.iter().find(|port| port.number == number)
     }
 
@@ -129,7 +129,7 @@ impl Plant {
         else {
             return;
         };
-        let origin = Origin { plc: index, node: 0 };
+        let origin = Origin::of_device(index);
         let now = *now;
         device.start(&mut Context { now, journal, origin, base: 0 });
         for port in ports {
@@ -152,7 +152,7 @@ impl Plant {
         else {
             return;
         };
-        let origin = Origin { plc: index, node: 0 };
+        let origin = Origin::of_device(index);
         device.stop(&mut Context { now: *now, journal, origin, base: 0 });
         for port in ports {
             buses[port.bus.index()].power_off(port.place, *now, journal);
@@ -212,7 +212,7 @@ impl Plant {
 
     /// Emulated time of the next SYNC edge on the bus at port `port` of device `device`; `None` while there is no SYNC
     /// signal.
-    pub fn next_sync(&self, device: DeviceIndex, port: u8) -> Option<u64> {
+    pub fn next_sync(&self, device: DeviceIndex, port: PortNumber) -> Option<u64> {
         let mut bus = self.ports.find(device, port)?.bus;
         // Follows a forwarded signal to the master that generates it; the number of buses limits the number of steps.
         for _ in 0..self.buses.len() {
@@ -237,7 +237,7 @@ impl Plant {
 
     /// Describes why there is no SYNC signal at port `port` of device `device`, for the case that [`Plant::next_sync`]
     /// returns `None`.
-    pub fn why_no_sync(&self, device: DeviceIndex, port: u8) -> String {
+    pub fn why_no_sync(&self, device: DeviceIndex, port: PortNumber) -> String {
         let names = self.names();
         let Some(mut at) = self.ports.find(device, port).copied() else {
             return "the port is not there".to_owned();

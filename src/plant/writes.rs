@@ -53,7 +53,7 @@ impl Plant {
         let Some(device) = self.devices.get_mut(plc.index()) else { return };
         if device.address_writes().is_some_and(|writes| writes.answers_write(offset)) {
             self.look_for_writes();
-            let origin = Origin { plc, node: 0 };
+            let origin = Origin::of_device(plc);
             let ctx = &mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 };
             if let Some(writes) = self.devices[plc.index()].address_writes() {
                 writes.answer_write(ctx);

@@ -10,7 +10,7 @@ use crate::can::Frame;
 use crate::devices::DriveDetails;
 use crate::door::DoorSpec;
 use crate::fault::{Fault, FaultStatus};
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use crate::journal::{Change, Entry, HistoryId, Keep, Record};
 use crate::layout::Test;
 use crate::memory::Width;

@@ -7,7 +7,7 @@ use super::out_of_range::OutOfRange;
 use crate::can::Frame;
 use crate::door::DoorSpec;
 use crate::fault::Fault;
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use crate::journal::Keep;
 use crate::layout::Test;
 use crate::memory::Width;

@@ -104,7 +104,7 @@ macro_rules! ops {
                 /// Number of the PLC.
                 plc: DeviceIndex => plc,
                 /// Number of the port of that PLC.
-                node: u8 => node,
+                node: PortNumber => node,
             },
             /// Advances the clock to the next moment at which the emulator has something to do; stepped mode only.
             /// Events of the present time are handled now, and no time passes.

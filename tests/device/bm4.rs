@@ -15,7 +15,7 @@ use commram::devices::omega_drive_line_2::registers as omega;
 use commram::devices::records::{BoardEvent, OnBoard};
 use commram::devices::{Led, Switch};
 use commram::fault::FaultSpec;
-use commram::identity::DeviceIndex;
+use commram::identity::{DeviceIndex, PortNumber};
 use commram::journal::Format;
 use commram::journal::text::Text;
 use commram::memory::header::BoardSetting;
@@ -55,7 +55,7 @@ impl Bm4 {
         bring_up_in(&mut self.plant, nodes, stages);
     }
 
-    fn run_to_sync(&mut self, device: usize, port: u8) {
+    fn run_to_sync(&mut self, device: usize, port: PortNumber) {
         let edge = self.plant.next_sync(DeviceIndex::at(device), port).expect("there is a SYNC signal");
         self.plant.advance_to(edge);
     }
@@ -104,10 +104,10 @@ fn a_master_reaches_active_operation_and_exchanges_values_with_a_drive() {
         master._CFG_WRC_WORD.b_CFG_WRC1_WORD0.store(0x0D);
         master.a_WR_VALUE[3].store(0x1234_5678);
         master.b_CTRLREG_RD_ORDER_RDC1.store(3);
-        bm4.run_to_sync(0, 1);
+        bm4.run_to_sync(0, PortNumber(1));
         let edge = bm4.plant.now();
         master.b_CTRLREG_WRC1.store(0x05);
-        bm4.run_to_sync(0, 1);
+        bm4.run_to_sync(0, PortNumber(1));
         assert_eq!(bm4.plant.now() - edge, u64::from(rate.b_TIME_PATTERN) * 1000);
         assert_eq!(master.b_CTRLREG_WRC1.load(), 0x04);
         let (_, frame) = bm4.last_frame(0x100..=0x17F).expect("WRC1 went out");
@@ -137,10 +137,10 @@ fn a_slave_module_is_slave_of_another_plc() {
         master.a_WR_VALUE[0].store(0xABCD_0000);
         slave.a_RD_VALUE_SEND[0].store(0x7777);
         master.b_CTRLREG_RD_ORDER_RDC2.store(6);
-        bm4.run_to_sync(1, 6);
+        bm4.run_to_sync(1, PortNumber(6));
         slave.b_CTRLREG_RD_RDC2.store(0x05);
         master.b_CTRLREG_WRC2.store(0x05);
-        bm4.run_to_sync(1, 6);
+        bm4.run_to_sync(1, PortNumber(6));
         assert_eq!((slave.b_CTRLREG_RD_RDC2.load(), slave.b_CTRLREG_WRC2.load()), (0x04, 0x02));
         assert_eq!(slave.a_WR_VALUE_RECEIVE[0].load(), 0xABCD_0000);
         assert_eq!(master.a_RD_BMARRAY[6][0].load(), 0x7777);
@@ -156,10 +156,10 @@ fn values_must_be_released_by_the_deadlines_of_this_device() {
         let mut bm4 = Bm4::new(&plant_text(rate.kbit_per_s));
         let master: Master = bm4.segment(0).view(SLOTG).unwrap();
         bm4.bring_up(&[&bm4.node(0, SLOTG, rate, Mode::Master)], ..);
-        bm4.run_to_sync(0, 1);
+        bm4.run_to_sync(0, PortNumber(1));
         bm4.step(at);
         master.b_CTRLREG_WRC1.store(0x05);
-        bm4.run_to_sync(0, 1);
+        bm4.run_to_sync(0, PortNumber(1));
         assert_eq!(bm4.last_frame(0x100..=0x17F).is_some(), in_time, "{at} us");
     }
 }
@@ -189,7 +189,7 @@ fn the_chosen_module_raises_event_11_and_each_has_its_leds() {
     assert_eq!(leds(1)[1], Led::On, "no SYNC signal on the upper bus");
     assert_eq!(header.events[11].bell.rings(), 0);
     bm4.bring_up(&[&master], Stage::SetUp..=Stage::SetUp);
-    bm4.run_to_sync(0, 1);
+    bm4.run_to_sync(0, PortNumber(1));
     let rings = header.events[11].bell.rings();
     bm4.step(10_000);
     assert_eq!(header.events[11].bell.rings() - rings, 10, "every ms");
@@ -236,7 +236,7 @@ fn both_devices_meet_on_one_bus() {
         master._CFG_WRC_WORD.b_CFG_WRC1_WORD0.store(0x01);
         slave._CFG_WRC_WORD.b_CFG_WRC1_WORD0.store(0x01);
         master.a_WR_VALUE[0].store(0x4321);
-        let port = if bmaxx_is_master { 4 } else { 2 };
+        let port = PortNumber(if bmaxx_is_master { 4 } else { 2 });
         bm4.run_to_sync(master_at.0, port);
         master.b_CTRLREG_WRC1.store(0x05);
         bm4.run_to_sync(master_at.0, port);
@@ -256,7 +256,7 @@ fn a_master_passes_the_sync_signal_of_another_slot_on() {
     bm4.step(10_000);
     assert_eq!(header.sync_counter[0].load(), 0, "no node makes a SYNC signal");
     bm4.bring_up(&[&bm4.node(1, SLOTM, rate, Mode::Master)], ..=Stage::SetUp);
-    bm4.run_to_sync(1, 6);
+    bm4.run_to_sync(1, PortNumber(6));
     let before = header.sync_counter[0].load();
     bm4.step(10_000);
     assert_eq!(header.sync_counter[0].load() - before, 5);
@@ -309,7 +309,8 @@ fn slave_modules_alone_have_switches_that_can_be_set() {
     };
     for port in 1..=6 {
         let (before, dip) = (dips(&bm4), 8 + port);
-        let is_set = bm4.plant.set_board(DeviceIndex(0), BoardSetting::ModuleDip { port, dip });
+        let is_set =
+            bm4.plant.set_board(DeviceIndex(0), BoardSetting::ModuleDip { port: PortNumber(port), dip });
         let mut expected = before;
         if is_set {
             expected[usize::from(port) - 1] = dip.into();
@@ -327,7 +328,8 @@ fn a_taken_number_is_reported_with_its_slot() {
     bm4.segment(0).header().unwrap().ports[1].dip.store(7);
     bm4.plant.set_power(DeviceIndex(0), Power::Off);
     bm4.plant.set_power(DeviceIndex(0), Power::On);
-    let taken = OnBoard { plc: DeviceIndex(0), what: BoardEvent::NumberTaken { port: 2, number: 7 } };
+    let taken =
+        OnBoard { plc: DeviceIndex(0), what: BoardEvent::NumberTaken { port: PortNumber(2), number: 7 } };
     let record = bm4.plant.journal().records().find(|record| record.event == taken.into()).unwrap();
     let mut text = String::new();
     Text::new(bm4.plant.names(), commram::devices::catalogue()).record(&record, &mut text);
@@ -354,7 +356,7 @@ fn modules_of_a_plc_swap_their_numbers() {
         + "[[bus]]\nname = 'b'\n";
     let mut bm4 = Bm4::new(&text);
     for (port, dip) in [(2, 5), (3, 4)] {
-        assert!(bm4.plant.set_board(DeviceIndex(0), BoardSetting::ModuleDip { port, dip }));
+        assert!(bm4.plant.set_board(DeviceIndex(0), BoardSetting::ModuleDip { port: PortNumber(port), dip }));
     }
     bm4.plant.set_power(DeviceIndex(0), Power::Off);
     bm4.plant.set_power(DeviceIndex(0), Power::On);
@@ -419,10 +421,10 @@ fn a_master_and_slaves_of_one_plc_share_a_bus() {
         }
         master.a_WR_VALUE[0].store(0x4321);
         master.b_CTRLREG_RD_ORDER_RDC1.store(2);
-        bm4.run_to_sync(0, 1);
+        bm4.run_to_sync(0, PortNumber(1));
         slaves.iter().for_each(|slave| slave.b_CTRLREG_RD_RDC1.store(0x05));
         master.b_CTRLREG_WRC1.store(0x05);
-        bm4.run_to_sync(0, 1);
+        bm4.run_to_sync(0, PortNumber(1));
         assert_eq!(slaves.each_ref().map(|slave| slave.a_WR_VALUE_RECEIVE[0].load()), [0x4321; 2]);
         assert_eq!((master.b_STATREG_RDC1.load(), master.a_RD_BMARRAY[2][0].load()), (2, 0x11));
         let findings = bm4.plant.journal().findings();
@@ -449,7 +451,7 @@ fn a_master_without_a_bus_makes_its_sync_signal_for_the_plc() {
     let request = header.interrupts[11].ask(0, true);
     header.submit_request();
     bm4.bring_up(&nodes[..2].iter().collect::<Vec<_>>(), ..);
-    bm4.run_to_sync(0, 1);
+    bm4.run_to_sync(0, PortNumber(1));
     assert_eq!(header.interrupts[11].outcome(request), Some(0));
     let rings = header.events[11].bell.rings();
     master.b_CTRLREG_WRC1.store(0x05);
@@ -458,13 +460,16 @@ fn a_master_without_a_bus_makes_its_sync_signal_for_the_plc() {
     assert_eq!(master.b_CTRLREG_WRC1.load(), 0x04, "the firmware has sent it");
     assert_eq!(bm4.frames(), [], "there is no bus that it could be on");
     assert_eq!(header.sync_counter[1].load(), 0, "no signal at the slave");
-    assert_eq!(bm4.plant.next_sync(DeviceIndex(0), 2), None);
-    assert_eq!(bm4.plant.why_no_sync(DeviceIndex(0), 2), "maxx:slotH is at no bus");
+    assert_eq!(bm4.plant.next_sync(DeviceIndex(0), PortNumber(2)), None);
+    assert_eq!(bm4.plant.why_no_sync(DeviceIndex(0), PortNumber(2)), "maxx:slotH is at no bus");
     // Another module passes on the signal of this master.
     bm4.bring_up(&[&nodes[2]], ..=Stage::SetUp);
     bm4.step(100_000);
     assert_eq!(passed_on.a_STAT_SL[1].load(), 0x03, "the drive there is synchronized");
-    assert_eq!(bm4.plant.next_sync(DeviceIndex(0), 3), bm4.plant.next_sync(DeviceIndex(0), 1));
+    assert_eq!(
+        bm4.plant.next_sync(DeviceIndex(0), PortNumber(3)),
+        bm4.plant.next_sync(DeviceIndex(0), PortNumber(1))
+    );
     // The slave without a bus waits without end; the checker reports this at its start.
     assert_eq!(bm4.plant.journal().findings().errors(), [&rules::NO_MASTER]);
 }
@@ -485,7 +490,7 @@ fn a_bus_without_a_master_gives_a_warning_and_a_finding() {
         [(SLOTH, Mode::Slave), (SLOTG, Mode::SyncIn)].map(|(slot, mode)| bm4.node(0, slot, rate(500), mode));
     bm4.bring_up(&nodes.iter().collect::<Vec<_>>(), ..=Stage::SetUp);
     bm4.step(100_000);
-    assert_eq!(bm4.plant.next_sync(DeviceIndex(0), 1), None);
+    assert_eq!(bm4.plant.next_sync(DeviceIndex(0), PortNumber(1)), None);
     let findings = bm4.plant.journal().findings();
     let [found] = findings.iter().collect::<Vec<_>>()[..] else { panic!("one finding") };
     let name = found.last.name(bm4.plant.names().fitted(DeviceIndex(0)));
@@ -511,19 +516,19 @@ fn a_master_without_a_signal_to_pass_on_is_found() {
         let mut bm4 = Bm4::new(&text);
         bm4.bring_up(&[&bm4.node(0, SLOTG, rate(500), Mode::SyncIn)], ..=Stage::SetUp);
         bm4.step(100_000);
-        assert_eq!(bm4.plant.next_sync(DeviceIndex(0), 1), None);
-        assert_eq!(bm4.plant.why_no_sync(DeviceIndex(0), 1), why);
+        assert_eq!(bm4.plant.next_sync(DeviceIndex(0), PortNumber(1)), None);
+        assert_eq!(bm4.plant.why_no_sync(DeviceIndex(0), PortNumber(1)), why);
         let expected: &[_] = if sync_in.is_empty() { &[&rules::NO_SYNC_IN] } else { &[] };
         assert_eq!(bm4.plant.journal().findings().errors(), expected);
     }
     let mut bm4 = Bm4::new(&plant_text(500));
     assert_eq!(
-        bm4.plant.why_no_sync(DeviceIndex(0), 2),
+        bm4.plant.why_no_sync(DeviceIndex(0), PortNumber(2)),
         "the master of bus 'upper', top:slotM, has not started: w_OPTION_STATUS is 16#0001; initialize it first"
     );
     bm4.plant.set_power(DeviceIndex(1), Power::Off);
     assert_eq!(
-        bm4.plant.why_no_sync(DeviceIndex(0), 2),
+        bm4.plant.why_no_sync(DeviceIndex(0), PortNumber(2)),
         "the master of bus 'upper', top:slotM, has no power or is held in RESET"
     );
 }
@@ -548,14 +553,14 @@ fn the_first_led_shows_frames_and_not_the_sync_signal() {
     bm4.step(1_000_000);
     assert_eq!(led(&bm4, 1, 5), Led::Off);
     let registers: Master = bm4.segment(1).view(SLOTM).unwrap();
-    bm4.run_to_sync(1, 6);
+    bm4.run_to_sync(1, PortNumber(6));
     registers.b_CTRLREG_WRC1.store(0x05);
     bm4.step(10_000);
     assert_eq!(led(&bm4, 1, 5), Led::Flashes(1));
     // A slave at the right rate receives these frames.
     bm4.bring_up(&[&bm4.node(0, SLOTH, right, Mode::Slave)], ..=Stage::SetUp);
     assert_eq!(led(&bm4, 0, 1), Led::Off);
-    bm4.run_to_sync(1, 6);
+    bm4.run_to_sync(1, PortNumber(6));
     registers.b_CTRLREG_WRC1.store(0x05);
     bm4.step(10_000);
     assert_eq!(led(&bm4, 0, 1), Led::Flashes(1));
@@ -620,7 +625,7 @@ fn a_slave_of_the_controller_is_a_drive_of_its_bus() {
     master.a_WR_VALUE[0].store(4711);
     master.b_CTRLREG_RD_ORDER_RDC1.store(4);
     for _ in 0..4 {
-        bm4.run_to_sync(1, 6);
+        bm4.run_to_sync(1, PortNumber(6));
         master.b_CTRLREG_WRC1.store(0x05);
     }
     assert_eq!((master.b_STATREG_RDC1.load(), master.a_RD_BMARRAY[4][0].load()), (4, 4711), "its speed");
@@ -628,7 +633,7 @@ fn a_slave_of_the_controller_is_a_drive_of_its_bus() {
     bm4.plant.set_power(DeviceIndex(0), Power::Off);
     master.b_STATREG_RDC1.store(0x7F);
     for _ in 0..3 {
-        bm4.run_to_sync(1, 6);
+        bm4.run_to_sync(1, PortNumber(6));
         master.b_CTRLREG_WRC1.store(0x05);
     }
     assert_eq!((master.b_STATREG_RDC1.load(), leds_of_slot_h(&bm4)), (0x7F, [Led::Off; 4]));
@@ -659,7 +664,7 @@ fn the_switches_of_a_controller_slave_default_to_the_rate_of_its_bus() {
             let numbers = [("dip", Switch::Number(5)), ("dip_baud", Switch::Number(shown))];
             assert!(numbers.iter().all(|number| front.switches.contains(number)), "{kbit_s}: {front:?}");
             assert_eq!(*slot, "slotJ");
-            let why = device.refusal(BoardSetting::ModuleDip { port: 3, dip: 6 }).unwrap();
+            let why = device.refusal(BoardSetting::ModuleDip { port: PortNumber(3), dip: 6 }).unwrap();
             assert!(why.contains("is set in the plant file"), "{why}");
         }
     }

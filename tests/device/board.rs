@@ -6,7 +6,7 @@ use commram::devices::cansync::records::SyncEdge;
 use commram::devices::omega_drive_line_2::Plc;
 use commram::devices::omega_drive_line_2::registers::*;
 use commram::devices::records::{BoardEvent, OnBoard};
-use commram::identity::DeviceIndex;
+use commram::identity::{DeviceIndex, PortNumber};
 use commram::memory::header::{InterruptResult, OptInitResult};
 use commram::plant::{Plant, Power};
 
@@ -167,7 +167,7 @@ fn a_reset_master_stops_its_bus() {
     let mut rig = Rig::new(Memory::Heap, OMEGA_RATES[0]);
     rig.activate();
     rig.plant.set_power(DeviceIndex::at(A), Power::HoldReset);
-    assert_eq!(rig.plant.next_sync(DeviceIndex::at(A), 2), None);
+    assert_eq!(rig.plant.next_sync(DeviceIndex::at(A), PortNumber(2)), None);
     let edges_before = edges(&rig).len();
     rig.step(20_000);
     assert_eq!(edges(&rig).len(), edges_before);
@@ -202,7 +202,8 @@ fn a_number_that_is_taken_leaves_the_node_alone() {
     rig.plant.set_power(DeviceIndex::at(B), Power::Off);
     rig.plant.set_power(DeviceIndex::at(B), Power::On);
     let taken =
-        OnBoard { plc: DeviceIndex::at(B), what: BoardEvent::NumberTaken { port: 1, number: 2 } }.into();
+        OnBoard { plc: DeviceIndex::at(B), what: BoardEvent::NumberTaken { port: PortNumber(1), number: 2 } }
+            .into();
     assert!(rig.records().any(|record| record.event == taken));
     rig.expect_errors(&[&commram::devices::cansync::rules::NUMBER_TAKEN]);
     // The number is still taken at the next power-on, so the checker reports it again (5.00005.03a p. 22).

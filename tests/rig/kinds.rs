@@ -3,6 +3,7 @@
 
 use commram::devices::cansync::BaudRate;
 use commram::devices::{bm4_o_can_06::registers as bm4, omega_drive_line_2::registers as omega};
+use commram::identity::PortNumber;
 use commram::layout::DeviceLayout;
 use core::fmt;
 
@@ -23,7 +24,7 @@ pub(crate) struct NodeDevice {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct NodePlace {
     pub plc: usize,
-    pub port: u8,
+    pub port: PortNumber,
     pub base: usize,
 }
 
@@ -31,8 +32,8 @@ static OMEGA: NodeDevice = NodeDevice {
     name: "Omega Drive-Line II",
     layout: &omega::DEVICE,
     rates: &omega::BAUD_RATES,
-    master: NodePlace { plc: 0, port: 2, base: omega::NODE2 },
-    slave: NodePlace { plc: 1, port: 1, base: omega::NODE1 },
+    master: NodePlace { plc: 0, port: PortNumber(2), base: omega::NODE2 },
+    slave: NodePlace { plc: 1, port: PortNumber(1), base: omega::NODE1 },
     plc: |name, dip, [above, below]| {
         let above = above.map(|bus| format!("node1 = '{bus}'\nlock_time_us = 20000\n"));
         let below = below.map(|bus| format!("node2 = '{bus}'\n"));
@@ -46,8 +47,8 @@ static BM4: NodeDevice = NodeDevice {
     name: "b maXX PLC",
     layout: &bm4::DEVICE,
     rates: &bm4::BAUD_RATES,
-    master: NodePlace { plc: 0, port: 3, base: bm4::SLOTJ },
-    slave: NodePlace { plc: 1, port: 5, base: bm4::SLOTL },
+    master: NodePlace { plc: 0, port: PortNumber(3), base: bm4::SLOTJ },
+    slave: NodePlace { plc: 1, port: PortNumber(5), base: bm4::SLOTL },
     plc: |name, dip, [above, below]| {
         let sync_in = above.and(below).map(|_| "sync_in_from = 'L'\n".to_owned());
         let above = above.map(|bus| {

@@ -8,7 +8,7 @@ use commram::devices::can_bus::{CanBus, CanBusConfig, CanPort, CanSocket, Contro
 use commram::devices::cs0015::registers::DEVICE;
 use commram::devices::{Bus, Context, World};
 use commram::fault::Faults;
-use commram::identity::{BusIndex, DeviceIndex};
+use commram::identity::{BusIndex, DeviceIndex, PortNumber};
 use commram::journal::{Journal, Origin};
 use commram::memory::Segment;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
@@ -85,7 +85,7 @@ impl Bench {
                 count: 0,
                 received: Arc::clone(&received),
             };
-            let origin = Origin { plc: DeviceIndex(number), node: 1 };
+            let origin = Origin { plc: DeviceIndex(number), node: PortNumber(1) };
             let segment = Segment::of(&DEVICE);
             let socket = CanSocket { origin, segment, layout: &DEVICE, port: Box::new(station) };
             let place = bus.attach(Box::new(socket)).expect("a CAN port fits");

@@ -4,7 +4,7 @@ use super::{BadField, door, fault, width_code, width_from_code};
 use crate::can::Frame;
 use crate::door::DoorSpec;
 use crate::fault::Fault;
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use crate::journal::Keep;
 use crate::layout::{Compare, Test};
 use crate::memory::Width;
@@ -48,7 +48,9 @@ numbers! {
     u32 => u32: core::convert::identity, Ok;
     u64 => u64: core::convert::identity, Ok;
     i64 => u64: |value| value as u64, |column| Ok(column as i64);
-    u8 => u16: u16::from, |column| u8::try_from(column).map_err(|_| BadField::new("the node", column));
+    PortNumber => u16: |port: PortNumber| port.0.into(), |column| {
+        u8::try_from(column).map(PortNumber).map_err(|_| BadField::new("the node", column))
+    };
     bool => u16: u16::from, |column| Ok(column != 0);
     bool => u32: u32::from, |column| Ok(column != 0);
     Width => u16: width_code, |column| width_from_code(column).ok_or(BadField::new("the width", column));

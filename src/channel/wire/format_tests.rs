@@ -7,7 +7,7 @@ use crate::devices::{self, DriveDetails, DriveState, Interval, ParameterState, S
 use crate::door::{DoorSpec, DoorState, GuestState};
 use crate::fault::{Draft, Fault, FaultStatus, MAX_FIELDS, Target};
 use crate::format_samples::assert_only_added;
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use crate::journal::{
     By, Change, ChangeDetails, Changed, Entry, Finding, HistoryId, Keep, Names, Origin, PortPhase, Record,
     Unforce,
@@ -60,7 +60,7 @@ pub(super) fn ops() -> Vec<(String, Op)> {
         Op::Wait { plc: DeviceIndex(plc), offset, width, mask: 0xFF, value: 5, within_us: 9_000 },
         Op::WaitFor { any: true, within_us: 9_000 },
         Op::Advance { us: 2_000 },
-        Op::AdvanceToSync { plc: DeviceIndex(plc), node: 2 },
+        Op::AdvanceToSync { plc: DeviceIndex(plc), node: PortNumber(2) },
         Op::AdvanceToEvent { within_us: 9_000 },
         Op::SetSpeed { permille: 2_500 },
         Op::BackToStart { detached: true },

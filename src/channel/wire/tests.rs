@@ -7,7 +7,7 @@ use crate::door::{DoorSpec, DoorState, GuestState};
 use crate::fault::{
     Draft, Fault, FaultStatus, MAX_AT_US, MAX_DURATION_US, MAX_FIELDS, MAX_PARTICIPANT, Target,
 };
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use crate::journal::{By, Change, ChangeDetails, Changed, HistoryId, Keep, Names};
 use crate::layout::{Compare, DeviceFit, Fit, RegisterPhase, Role, Test};
 use crate::memory::header::BoardSetting;
@@ -56,7 +56,8 @@ fn op() -> impl Strategy<Value = Op> {
         ),
         any::<(bool, u64)>().prop_map(|(any, within_us)| Op::WaitFor { any, within_us }),
         any::<u64>().prop_map(|us| Op::Advance { us }),
-        any::<(u16, u8)>().prop_map(|(plc, node)| Op::AdvanceToSync { plc: DeviceIndex(plc), node }),
+        any::<(u16, u8)>()
+            .prop_map(|(plc, node)| Op::AdvanceToSync { plc: DeviceIndex(plc), node: PortNumber(node) }),
         any::<u64>().prop_map(|within_us| Op::AdvanceToEvent { within_us }),
         any::<u32>().prop_map(|permille| Op::SetSpeed { permille }),
         any::<bool>().prop_map(|detached| Op::BackToStart { detached }),
@@ -264,7 +265,7 @@ fn information() -> impl Strategy<Value = InstanceInfo> {
     let fit =
         proptest::sample::select(vec![Fit::Unknown, Fit::Empty, Fit::As(Role::Master), Fit::As(Role::Slave)]);
     let device = (proptest::sample::select(devices::all()), fit)
-        .prop_map(|(known, fit)| DeviceFit::unknown(known.layout).with(1, fit));
+        .prop_map(|(known, fit)| DeviceFit::unknown(known.layout).with(PortNumber(1), fit));
     let devices = proptest::collection::vec(device, 0..4);
     let names = (names(), names(), devices).prop_map(|(plcs, buses, devices)| Names { plcs, buses, devices });
     let numbers = any::<(u32, u64, u32, u32, u32)>();
@@ -446,7 +447,7 @@ fn fields_without_meaning_are_named() {
     assert_eq!(bad(WireOp { width: 3, ..peek }), "the width is 16#3");
     assert_eq!(bad(WireOp { reserved: 1, ..peek }), "an unused field is 16#1");
     assert_eq!(bad(WireOp { time_us: 1, ..peek }), "an unused field is 16#1");
-    let sync = WireOp::from(&Op::AdvanceToSync { plc: DeviceIndex(0), node: 1 });
+    let sync = WireOp::from(&Op::AdvanceToSync { plc: DeviceIndex(0), node: PortNumber(1) });
     assert_eq!(bad(WireOp { node: 256, ..sync }), "the node is 16#100");
 }
 

@@ -7,7 +7,7 @@ use super::pins::Pins;
 use super::prompt::{InputPurpose, Prompt, TextInput};
 use super::tree::Row;
 use super::work::{Task, Work};
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use crate::layout::NamedLocation;
 use crate::request::Op;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers, MouseButton, MouseEvent, MouseEventKind};
@@ -271,7 +271,7 @@ impl Model {
 
     /// Returns the port for the command "go to the next SYNC": the port of the chosen register, otherwise the first
     /// master.
-    fn sync_port(&self) -> Option<(DeviceIndex, u8)> {
+    fn sync_port(&self) -> Option<(DeviceIndex, PortNumber)> {
         let names = self.names();
         let first = DeviceIndex::enumerate(&names.devices)
             .find_map(|(plc, fitted)| Some((plc, fitted.first_master()?.number)));

@@ -5,7 +5,7 @@ use super::registers::{BAUD_RATES, DEVICE};
 use crate::devices::cansync::drive::{CardFunction, DriveConfig};
 use crate::devices::settings::{range, refused_at, time, time_or_none};
 use crate::devices::{BuildError, Device, DeviceConfig, Doubt, Plug, PortConfig};
-use crate::identity::DeviceIndex;
+use crate::identity::{DeviceIndex, PortNumber};
 use crate::layout;
 use crate::layout::Port;
 use crate::memory::Segment;
@@ -352,12 +352,12 @@ impl DeviceConfig for Bm4Config {
         self.modules.iter().filter(takes_part).map(port).collect()
     }
 
-    fn is_drive(&self, port: u8) -> bool {
+    fn is_drive(&self, port: PortNumber) -> bool {
         let module = self.modules.iter().find(|module| module.port.number == port);
         module.is_some_and(|module| matches!(module.work(), Work::ControllerSlave(_)))
     }
 
-    fn kbit_s(&self, _: u8) -> Vec<u16> {
+    fn kbit_s(&self, _: PortNumber) -> Vec<u16> {
         BAUD_RATES.iter().map(|rate| rate.kbit_per_s).collect()
     }
 
@@ -402,7 +402,7 @@ mod tests {
         .unwrap();
         let ports = config.ports();
         let ports: Vec<_> =
-            ports.iter().map(|port| (port.name, port.number, port.bus, port.address)).collect();
+            ports.iter().map(|port| (port.name, port.number.0, port.bus, port.address)).collect();
         assert_eq!(ports, [("slotG", 1, None, None), ("slotM", 6, Some("b"), Some(6))]);
     }
 

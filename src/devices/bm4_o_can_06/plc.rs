@@ -12,7 +12,7 @@ use crate::devices::records::{BoardEvent, OnBoard};
 use crate::devices::{
     AddressWrites, BuildError, Context, Device, DevicePorts, DeviceView, Events, FrontAction, Plug, Power,
 };
-use crate::identity::DeviceIndex;
+use crate::identity::{DeviceIndex, PortNumber};
 use crate::journal::Origin;
 use crate::layout::{self, DeviceFit, Fit, Port, Role};
 use crate::memory::header::BoardSetting;
@@ -28,7 +28,7 @@ const TRAFFIC_US: u64 = 100_000;
 /// A module, as the PLC sees it.
 struct Module {
     /// Number of the module's port.
-    number: u8,
+    number: PortNumber,
     work: Work,
     /// True if DIP switch 9 is at ON, or the module is a master.
     has_registers: bool,
@@ -72,7 +72,7 @@ impl Module {
 
     /// Index of the module in the list of ports in the header page.
     fn place(&self) -> usize {
-        usize::from(self.number) - 1
+        self.number.index()
     }
 
     /// Interval of the SYNC signal, if there is a signal. The signal ends after two and a half intervals without an
@@ -105,9 +105,9 @@ pub struct Bm4Plc {
     front: Front,
     modules: Vec<Module>,
     /// Number of the port that provides the SYNC signal of event 11.
-    sync_source: Option<u8>,
+    sync_source: Option<PortNumber>,
     /// Ports with a SYNC signal that another port can pass on.
-    sync_ways: Vec<(u8, u8)>,
+    sync_ways: Vec<(PortNumber, PortNumber)>,
 }
 
 snapshot_fields!(Bm4Plc {
@@ -165,13 +165,13 @@ impl Bm4Plc {
         Ok((device, ports))
     }
 
-    fn show_switches(&self, port: u8) {
+    fn show_switches(&self, port: PortNumber) {
         if let Some(module) = self.modules.iter().find(|module| module.number == port) {
             self.front.face.put(|page| &page.ports[module.place()].dip, module.switches());
         }
     }
 
-    fn module(&mut self, port: u8) -> Option<&mut Module> {
+    fn module(&mut self, port: PortNumber) -> Option<&mut Module> {
         self.modules.iter_mut().find(|module| module.number == port)
     }
 
@@ -210,7 +210,7 @@ impl DeviceView for Bm4Plc {
         })
     }
 
-    fn is_drive(&self, port: u8) -> bool {
+    fn is_drive(&self, port: PortNumber) -> bool {
         let module = self.modules.iter().find(|module| module.number == port);
         module.is_some_and(|module| matches!(module.work, Work::ControllerSlave(_)))
     }
@@ -320,7 +320,7 @@ impl Device for Bm4Plc {
 impl DevicePorts for Bm4Plc {
     /// Sets DIP switches 1 to 3 of a slave of the controller to the rate of its bus, unless the plant file sets them
     /// (p. 27; decision D-649).
-    fn plugged_in(&mut self, port: u8, bit_s: u32) {
+    fn plugged_in(&mut self, port: PortNumber, bit_s: u32) {
         let Some(module) = self.module(port) else { return };
         let of_bus = CONTROLLER_RATES.iter().find(|(_, kbit_s)| u32::from(*kbit_s) * 1000 == bit_s);
         if let (Work::ControllerSlave(None), Some((switches, _))) = (module.work, of_bus) {
@@ -331,18 +331,18 @@ impl DevicePorts for Bm4Plc {
     }
 
     /// Returns the DIP switches of a slave; a master has none.
-    fn address(&self, port: u8) -> u8 {
+    fn address(&self, port: PortNumber) -> u8 {
         let module = self.modules.iter().find(|module| module.number == port);
         module.map_or(0, |module| module.dip)
     }
 
-    fn address_taken(&mut self, ctx: &mut Context, port: u8) {
+    fn address_taken(&mut self, ctx: &mut Context, port: PortNumber) {
         let (plc, number) = (self.index, self.address(port));
         ctx.report(OnBoard { plc, what: BoardEvent::NumberTaken { port, number } });
         report_number_taken(ctx, DEVICE.port_numbered(port), number);
     }
 
-    fn port_joined(&mut self, port: u8, takes_part: bool) {
+    fn port_joined(&mut self, port: PortNumber, takes_part: bool) {
         if let Some(module) = self.module(port) {
             module.takes_part = takes_part;
             module.edge = None;
@@ -350,20 +350,20 @@ impl DevicePorts for Bm4Plc {
     }
 
     /// The LEDs show the state of the module's firmware and the traffic of its bus.
-    fn port_looked(&mut self, port: u8, last_frame: Option<u64>, now: u64) {
+    fn port_looked(&mut self, port: PortNumber, last_frame: Option<u64>, now: u64) {
         let Some(module) = self.module(port) else { return };
         module.last_frame = last_frame;
         let (place, leds) = (module.place(), module.leds(now).code());
         self.front.face.ports[place].leds.store(leds);
     }
 
-    fn sync_ways(&self) -> &[(u8, u8)] {
+    fn sync_ways(&self) -> &[(PortNumber, PortNumber)] {
         &self.sync_ways
     }
 
     /// Raises event 11 while the module takes part in its bus (decision D-365).
     #[inline]
-    fn sync_edge(&mut self, port: u8, now: u64) {
+    fn sync_edge(&mut self, port: PortNumber, now: u64) {
         let is_source = self.sync_source == Some(port);
         let Some(module) = self.module(port) else { return };
         module.edge = Some((now, module.edge.map_or(0, |(before, _)| now - before)));

@@ -15,7 +15,7 @@ fn six_slots_lie_a_million_bytes_apart() {
     assert_eq!(DEVICE.ports.len(), slots.len());
     for (n, name) in slots.into_iter().enumerate() {
         let port = DEVICE.port(name).unwrap();
-        assert_eq!(usize::from(port.number), n + 1);
+        assert_eq!(usize::from(port.number.0), n + 1);
         assert_eq!(port.area.first as usize, 2_001_792 + n * 1_000_000);
         assert_eq!(port.area.bytes as usize, size_of::<CANsync_PLC_MA_BMSTRUCT>());
         assert_eq!((port.role(), port.roles), (None, &[Role::Master, Role::Slave][..]));

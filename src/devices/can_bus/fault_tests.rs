@@ -5,7 +5,7 @@ use crate::can::{BitRate, Fate, Frame, wire};
 use crate::devices::can_faults::{self, DELAY_FRAME, DUPLICATE_FRAME, LOSE_FRAME, OF_CAN, OVERRUN};
 use crate::devices::{Bus, Faulty};
 use crate::fault::{Draft, Effect, Fault, FaultKind, Hit, Owner, Target};
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 
 const BIT_S: u32 = 1_000_000;
 
@@ -159,8 +159,10 @@ fn a_lost_arbitration_without_a_winner_leaves_an_error_frame() {
 
 #[test]
 fn an_overrun_loses_the_frame_at_one_receiver_only() {
-    let overrun =
-        Draft { count: Some(1), ..Draft::new(&OVERRUN, Target::Port { device: DeviceIndex(1), port: 1 }) };
+    let overrun = Draft {
+        count: Some(1),
+        ..Draft::new(&OVERRUN, Target::Port { device: DeviceIndex(1), port: PortNumber(1) })
+    };
     let mut bench = bench(&[frame(0x100, 1), frame(0x100, 2)], overrun.check().unwrap());
     bench.run(10_000);
     let at_1: Vec<_> = bench.log().into_iter().filter(|it| it.0 == 1).map(|it| (it.2, it.3)).collect();
@@ -170,13 +172,15 @@ fn an_overrun_loses_the_frame_at_one_receiver_only() {
 #[test]
 fn a_working_controller_can_be_put_into_bus_off() {
     let mut bench = Bench::new(BIT_S, vec![(vec![], vec![(100, frame(0x100, 1))]), (vec![], vec![])]);
-    let (off, target) =
-        (Effect::new(can_faults::Effect::BusOff), Target::Port { device: DeviceIndex(0), port: 1 });
+    let (off, target) = (
+        Effect::new(can_faults::Effect::BusOff),
+        Target::Port { device: DeviceIndex(0), port: PortNumber(1) },
+    );
     assert_eq!(bench.bus.fire(50, target, &off), Some(Hit::Plain));
     assert_eq!(bench.bus.fire(50, target, &off), None, "it is off already");
     bench.run(10_000);
     assert_eq!((bench.log(), bench.marks()), (vec![(0, 50, "bus_off", 0)], vec![]));
-    let without_power = Target::Port { device: DeviceIndex(1), port: 1 };
+    let without_power = Target::Port { device: DeviceIndex(1), port: PortNumber(1) };
     bench.bus.power_off(1, 10_000, &mut bench.journal);
     assert_eq!(bench.bus.fire(10_000, without_power, &off), None);
 }

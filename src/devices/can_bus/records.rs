@@ -170,6 +170,7 @@ impl EventText for StateChange {
 mod tests {
     use super::*;
     use crate::can::{ExtendedId, Payload};
+    use crate::identity::PortNumber;
     use crate::identity::{BusIndex, DeviceIndex};
 
     #[test]
@@ -195,7 +196,7 @@ mod tests {
     /// The words of an event that a client could have changed.
     #[test]
     fn an_event_with_nine_bytes_is_not_a_frame() {
-        let sender = Origin { plc: DeviceIndex(0), node: 1 };
+        let sender = Origin { plc: DeviceIndex(0), node: PortNumber(1) };
         let mut words =
             Transmitted { bus: BusIndex(0), frame: Frame::standard(1, Payload::EMPTY), sender }.words();
         words[1] = 9;

@@ -6,7 +6,7 @@ use crate::can::{BitRate, ErrorState, Fate, Filter, Frame, Payload, wire};
 use crate::devices::samples::tables::STATION;
 use crate::devices::{Bus, BusView, Context, Faulty, StationState, World};
 use crate::fault::{Effect, Faults, Hit, Target};
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use crate::journal::{Journal, Origin};
 use crate::memory::{HEADER_SIZE, Segment};
 use crate::snapshot_fields;
@@ -105,7 +105,7 @@ impl Bench {
         assert!(scripts.len() <= MOST);
         let (log, mut journal) = (Log::default(), Journal::default());
         for (station, (filters, script)) in scripts.into_iter().enumerate() {
-            let origin = Origin { plc: DeviceIndex(station as u16), node: 1 };
+            let origin = Origin { plc: DeviceIndex(station as u16), node: PortNumber(1) };
             let port = Box::new(Scripted { station: origin.plc.0, log: log.clone(), filters, script });
             let segment = Segment::heap(2 * HEADER_SIZE);
             let socket = CanSocket { origin, segment, layout: &STATION, port };
@@ -376,7 +376,7 @@ fn unplugged_ports_send_nothing() {
 #[test]
 fn a_fault_of_a_port_reaches_its_own_firmware() {
     let mut bench = Bench::new(500_000, vec![(vec![], vec![]), (vec![], vec![])]);
-    let port = |device, port| Target::Port { device, port };
+    let port = |device, port| Target::Port { device, port: PortNumber(port) };
     assert_eq!(bench.bus.fire(7, port(DeviceIndex(1), 1), &Effect::new(9_u8)), Some(Hit::Plain));
     for target in [
         port(DeviceIndex(2), 1),

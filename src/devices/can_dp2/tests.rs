@@ -27,7 +27,7 @@ use crate::devices::profibus_bus::ProfibusConfig;
 use crate::devices::samples::tables::STATION;
 use crate::devices::{Bus, Context, Device, Power, World};
 use crate::fault::Faults;
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use crate::journal::{Journal, Origin};
 use crate::memory::{HEADER_SIZE, Segment, View};
 use crate::snapshot_fields;
@@ -114,7 +114,7 @@ impl Bench {
         }
         let wires = Arc::new(Mutex::new(Wires::default()));
         let socket = CanSocket {
-            origin: Origin { plc: DeviceIndex(1), node: 1 },
+            origin: Origin { plc: DeviceIndex(1), node: PortNumber(1) },
             segment: Segment::heap(2 * HEADER_SIZE),
             layout: &STATION,
             port: Box::new(Station(wires.clone())),
@@ -146,7 +146,7 @@ impl Bench {
 
     /// Switches the supply of the device.
     fn power(&mut self, power: Power) {
-        let origin = Origin { plc: DeviceIndex(0), node: 0 };
+        let origin = Origin::of_device(DeviceIndex(0));
         self.device.set_power(power);
         let ctx = &mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 };
         if power == Power::On {
@@ -176,7 +176,7 @@ impl Bench {
                     for &(bus, place) in &self.places {
                         self.buses[bus].processor_cycle(place, self.now, &mut self.journal);
                     }
-                    let origin = Origin { plc: DeviceIndex(0), node: 0 };
+                    let origin = Origin::of_device(DeviceIndex(0));
                     let ctx = &mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 };
                     self.device.processor_cycle(ctx);
                 }

@@ -8,7 +8,7 @@ use crate::devices::can_bus::CanSocket;
 use crate::devices::canopen::messages::{MessageInfo, NodeMessages};
 use crate::devices::settings::refused_at;
 use crate::devices::{BuildError, Device, DeviceConfig, Plain, Plug, PortConfig};
-use crate::identity::DeviceIndex;
+use crate::identity::{DeviceIndex, PortNumber};
 use crate::journal::Origin;
 use crate::layout;
 use crate::memory::Segment;
@@ -101,7 +101,7 @@ impl DeviceConfig for Cr201xConfig {
         DEVICE.ports.iter().map(|port| PortConfig::of(port, self.bus.as_deref())).collect()
     }
 
-    fn messages(&self, _: u8) -> Vec<Message> {
+    fn messages(&self, _: PortNumber) -> Vec<Message> {
         let of = NodeMessages { node: &self.name };
         let id = |first: u32| first + u32::from(self.node_id);
         let bits: Vec<_> = (1..=CHANNELS).map(|it| format!("connector_{it}")).collect();

@@ -13,7 +13,7 @@ use crate::devices::can_bus::CanSocket;
 use crate::devices::canopen::pdo::Transmission;
 use crate::devices::settings::{range, refused_at};
 use crate::devices::{BuildError, Device, DeviceConfig, Plain, Plug, PortConfig};
-use crate::identity::DeviceIndex;
+use crate::identity::{DeviceIndex, PortNumber};
 use crate::journal::Origin;
 use crate::layout;
 use crate::layout::Area;
@@ -261,7 +261,7 @@ impl DeviceConfig for Cs0015Config {
         DEVICE.ports.iter().map(|port| PortConfig::of(port, self.bus.as_deref())).collect()
     }
 
-    fn messages(&self, _: u8) -> Vec<Message> {
+    fn messages(&self, _: PortNumber) -> Vec<Message> {
         super::canopen::messages::of(self)
     }
 

@@ -83,13 +83,13 @@ impl Bench {
     }
 
     fn start(&mut self) {
-        let origin = Origin { plc: DeviceIndex(0), node: 0 };
+        let origin = Origin::of_device(DeviceIndex(0));
         self.device.start(&mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 });
         self.bus.power_on(0, 0, self.now, &mut self.journal);
     }
 
     fn stop(&mut self) {
-        let origin = Origin { plc: DeviceIndex(0), node: 0 };
+        let origin = Origin::of_device(DeviceIndex(0));
         self.device.stop(&mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 });
         self.bus.power_off(0, self.now, &mut self.journal);
     }
@@ -134,7 +134,7 @@ impl Bench {
             device.faults().unwrap().faults_changed(*now, faults);
         }
         faults.fire_all(*now, journal, |_, target, effect| device.faults()?.fire(*now, target, effect));
-        let origin = Origin { plc: DeviceIndex(0), node: 0 };
+        let origin = Origin::of_device(DeviceIndex(0));
         match device.look(&mut Context { now: *now, journal, origin, base: 0 }) {
             FrontAction::Off => self.stop(),
             FrontAction::Up => self.start(),
@@ -147,7 +147,7 @@ impl Bench {
         let end = self.now + us;
         while self.now < end {
             self.look_at_faults();
-            let origin = Origin { plc: DeviceIndex(0), node: 0 };
+            let origin = Origin::of_device(DeviceIndex(0));
             let ctx = &mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 };
             self.device.processor_cycle(ctx);
             let until = (self.now + 500).min(end);

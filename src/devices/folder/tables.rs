@@ -5,6 +5,7 @@
 //! has at most 2 MiB of text and [`MOST_REGISTERS`](super::MOST_REGISTERS), each text is stored once, and a process
 //! reads at most [`MOST_FOLDERS`](super::MOST_FOLDERS) different folders.
 
+use crate::identity::PortNumber;
 use crate::layout::{
     Area, AreaStructure, BitField, DeviceLayout, Dim, FrontWord, Handshake, Meaning, Owner, Phase, Phases,
     Port, Provenance, RegType, Register, RegisterPhase, Retain, Role, Space, Structure, Unit, ValueMeaning,
@@ -299,7 +300,7 @@ impl Tables {
     fn port(&mut self, areas: &'static [Area], port: &model::Port) -> Port {
         Port {
             name: self.text(&port.name),
-            number: port.number,
+            number: PortNumber(port.number),
             medium: self.text(&port.medium),
             roles: leaked(port.roles.iter().copied().map(role).collect()),
             area: &areas[port.area],

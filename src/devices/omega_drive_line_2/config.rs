@@ -8,7 +8,7 @@ use crate::devices::omega_drive_line_2::registers::{
 };
 use crate::devices::settings::{range, time, time_or_none};
 use crate::devices::{BuildError, DeviceConfig, Plug, PortConfig, SettingError};
-use crate::identity::DeviceIndex;
+use crate::identity::{DeviceIndex, PortNumber};
 use crate::layout::{Area, DeviceLayout};
 use crate::memory::Segment;
 use crate::memory::header::Project;
@@ -145,7 +145,7 @@ impl DeviceConfig for PlcConfig {
         ]
     }
 
-    fn kbit_s(&self, _: u8) -> Vec<u16> {
+    fn kbit_s(&self, _: PortNumber) -> Vec<u16> {
         BAUD_RATES.iter().map(|rate| rate.kbit_per_s).collect()
     }
 

@@ -19,7 +19,7 @@ use crate::devices::{
     ParameterRefusal, Plug, Power, Shaft, World,
 };
 use crate::fault::{self, Hit, Target};
-use crate::identity::DeviceIndex;
+use crate::identity::{DeviceIndex, PortNumber};
 use crate::journal::{Journal, Origin};
 use crate::layout;
 use crate::memory::header::BoardSetting;
@@ -27,10 +27,10 @@ use crate::memory::{FirmwareHeader, Header, Segment};
 use crate::snapshot_fields;
 
 /// Numbers of the two ports.
-pub(super) const SLAVE: u8 = 1;
-pub(super) const MASTER: u8 = 2;
+pub(super) const SLAVE: PortNumber = PortNumber(1);
+pub(super) const MASTER: PortNumber = PortNumber(2);
 /// Number of the BAPS among the ports in records. The BAPS is not a port.
-const BAPS_NODE: u8 = 0;
+const BAPS_NODE: PortNumber = PortNumber::DEVICE;
 
 /// Location of the registers of the node at `port`.
 fn location(port: &layout::Port) -> NodeLocation {
@@ -281,31 +281,31 @@ impl Device for Plc {
 }
 
 impl DevicePorts for Plc {
-    fn address(&self, _: u8) -> u8 {
+    fn address(&self, _: PortNumber) -> u8 {
         self.board.dip()
     }
 
-    fn address_taken(&mut self, ctx: &mut Context, port: u8) {
+    fn address_taken(&mut self, ctx: &mut Context, port: PortNumber) {
         let (plc, number) = (self.index, self.board.dip());
         ctx.report(OnBoard { plc, what: BoardEvent::NumberTaken { port, number } });
         report_number_taken(ctx, DEVICE.port_numbered(port), number);
     }
 
-    fn port_joined(&mut self, port: u8, takes_part: bool) {
+    fn port_joined(&mut self, port: PortNumber, takes_part: bool) {
         if port == SLAVE {
             self.slave_is_on_bus = takes_part;
         }
     }
 
     /// Node 2 can pass on the SYNC signal of node 1 (decision D-12).
-    fn sync_ways(&self) -> &[(u8, u8)] {
+    fn sync_ways(&self) -> &[(PortNumber, PortNumber)] {
         &[(SLAVE, MASTER)]
     }
 
     /// Fires the event of the board: the signal of node 1 if the node is on its bus, else the signal of node 2
     /// (decision D-182).
     #[inline]
-    fn sync_edge(&mut self, port: u8, now: u64) {
+    fn sync_edge(&mut self, port: PortNumber, now: u64) {
         let source = if self.slave_is_on_bus { SLAVE } else { MASTER };
         if port == source {
             self.board.sync_net(now);

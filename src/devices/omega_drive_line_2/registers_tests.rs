@@ -1,6 +1,7 @@
 //! Tests of the layout's tables and structures of the Omega Drive-Line II.
 
 use crate::devices::omega_drive_line_2::registers::*;
+use crate::identity::PortNumber;
 use crate::layout::{Owner, Provenance, Role};
 use core::mem::offset_of;
 use zerocopy::FromZeros;
@@ -69,10 +70,13 @@ fn error_numbers_of_up_and_downloads_are_the_masters_to_read_and_the_slaves_to_w
 #[test]
 fn ports_are_found_by_name_and_by_number() {
     let found = DEVICE.port("node2").unwrap();
-    assert_eq!((found.number, found.role(), found.area.first), (2, Some(Role::Master), NODE2 as u32));
-    let found = DEVICE.port_numbered(1).unwrap();
+    assert_eq!(
+        (found.number, found.role(), found.area.first),
+        (PortNumber(2), Some(Role::Master), NODE2 as u32)
+    );
+    let found = DEVICE.port_numbered(PortNumber(1)).unwrap();
     assert_eq!((found.name, found.role(), found.medium), ("node1", Some(Role::Slave), "cansync"));
-    assert!(DEVICE.port("baps").is_none() && DEVICE.port_numbered(0).is_none());
+    assert!(DEVICE.port("baps").is_none() && DEVICE.port_numbered(PortNumber(0)).is_none());
 }
 
 /// 5.00005.03a p. 153, 181, 182 for 500 kbit/s; D-09 and D-26 for the other rates.

@@ -225,11 +225,12 @@ impl EventText for DpGarbled {
 mod tests {
     use super::*;
     use crate::identity::DeviceIndex;
+    use crate::identity::PortNumber;
 
     #[test]
     fn an_event_contains_the_telegram_that_was_sent() {
         let frame = Frame { da: 5, sa: 2, fc: 0x6D, dsap: Some(61), ssap: None, data: vec![1, 2, 3, 4, 5] };
-        let event = DpTelegram::new(BusIndex(0), Origin { plc: DeviceIndex(0), node: 1 }, &frame);
+        let event = DpTelegram::new(BusIndex(0), Origin { plc: DeviceIndex(0), node: PortNumber(1) }, &frame);
         assert_eq!(
             (event.saps(), event.octets(), hex(&event.frame(None).data, " ").as_str()),
             ([Some(61), None], 5, " 01 02 03 04")
@@ -241,17 +242,21 @@ mod tests {
         let octets = Telegram::Frame(frame.clone()).octets().unwrap();
         assert_eq!((known.as_slice(), length), (&octets[..12], octets.len()), "the fifth octet is not there");
         let short = Frame { data: vec![1, 2, 3, 4], ..frame.clone() };
-        let whole =
-            DpTelegram::new(BusIndex(0), Origin { plc: DeviceIndex(0), node: 1 }, &short).telegram().unwrap();
+        let whole = DpTelegram::new(BusIndex(0), Origin { plc: DeviceIndex(0), node: PortNumber(1) }, &short)
+            .telegram()
+            .unwrap();
         let octets = Telegram::Frame(short.clone()).octets().unwrap();
         assert_eq!(whole, Octets { length: octets.len(), known: octets });
         let fixed = Frame { fc: 0x5D, dsap: None, ..short.clone() };
-        let event = DpTelegram::new(BusIndex(0), Origin { plc: DeviceIndex(0), node: 1 }, &fixed);
+        let event = DpTelegram::new(BusIndex(0), Origin { plc: DeviceIndex(0), node: PortNumber(1) }, &fixed);
         assert!(
             !event.lacks(&Telegram::Frame(fixed).octets().unwrap()) && event.lacks(&[0; 14]),
             "another form"
         );
         let other = Frame { data: vec![1, 2, 3, 4, 6], ..frame };
-        assert_ne!(DpTelegram::new(BusIndex(0), Origin { plc: DeviceIndex(0), node: 1 }, &other), event);
+        assert_ne!(
+            DpTelegram::new(BusIndex(0), Origin { plc: DeviceIndex(0), node: PortNumber(1) }, &other),
+            event
+        );
     }
 }

@@ -111,7 +111,7 @@ mod tests {
             let place = match record.event.source() {
                 Source::Bus(bus) => (Some(names.bus(bus)), None, None),
                 Source::Plc(plc) => (None, Some(names.plc(plc)), None),
-                Source::Node(origin) => (None, Some(names.plc(origin.plc)), Some(origin.node.into())),
+                Source::Node(origin) => (None, Some(names.plc(origin.plc)), Some(origin.node.0.into())),
             };
             prop_assert_eq!((line["bus"].as_str(), line["plc"].as_str()), (place.0.as_deref(), place.1.as_deref()));
             // If the kind has a separate field of this name, the field holds the place.

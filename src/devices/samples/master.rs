@@ -5,7 +5,7 @@ use crate::can::Frame;
 use crate::devices::can_bus::{CanBusConfig, CanPort, CanSocket, Controller};
 use crate::devices::{Bus, Context, Plug, World};
 use crate::fault::Faults;
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use crate::journal::{Journal, Origin};
 use crate::memory::{HEADER_SIZE, Segment};
 use crate::snapshot_fields;
@@ -54,7 +54,7 @@ pub(crate) fn bus_with(plugs: Vec<Plug>) -> (Box<dyn Bus>, Arc<Mutex<Wires>>) {
     }
     let wires = Arc::new(Mutex::new(Wires::default()));
     let socket = CanSocket {
-        origin: Origin { plc: DeviceIndex(1), node: 1 },
+        origin: Origin { plc: DeviceIndex(1), node: PortNumber(1) },
         segment: Segment::heap(2 * HEADER_SIZE),
         layout: &STATION,
         port: Box::new(Master(wires.clone())),

@@ -1,5 +1,6 @@
 //! A station on a CAN bus, without registers.
 
+use crate::identity::PortNumber;
 use crate::layout::{Area, DeviceLayout, Port, Provenance, Role, Space, Unit};
 use crate::memory::HEADER_SIZE;
 
@@ -26,7 +27,8 @@ static AREA: Area = Area {
     phases: None,
     structures: &[],
 };
-static PORTS: [Port; 1] = [Port { name: "can", number: 1, medium: "can", roles: &[Role::Peer], area: &AREA }];
+static PORTS: [Port; 1] =
+    [Port { name: "can", number: PortNumber(1), medium: "can", roles: &[Role::Peer], area: &AREA }];
 
 /// A station on a CAN bus, without registers.
 pub(crate) static STATION: DeviceLayout = DeviceLayout { ports: &PORTS, ..DeviceLayout::UNKNOWN };

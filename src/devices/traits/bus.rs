@@ -4,6 +4,7 @@ use crate::devices::{
     BuildError, BusGuests, BusView, Context, Drives, Faulty, PortWatch, SyncLine, SyncSignal,
 };
 use crate::fault::Faults;
+use crate::identity::PortNumber;
 use crate::journal::{Journal, Origin};
 use crate::snapshot_fields::SnapshotFields;
 use core::any::Any;
@@ -23,7 +24,7 @@ pub struct World<'a> {
 /// A port of a device, before it is attached to a bus. The device creates it.
 pub struct Plug {
     /// Number of the port in the device's layout.
-    pub number: u8,
+    pub number: PortNumber,
     /// Family of buses to which the port can be attached, one of [`BUS_KINDS`](crate::devices::BUS_KINDS).
     pub family: &'static str,
     /// Name of the bus in the plant; `None` if the port is not connected.

@@ -1,39 +1,40 @@
 //! Functions of a device for events of its ports.
 
 use crate::devices::Context;
+use crate::identity::PortNumber;
 
 /// A device with number switches, LEDs or a SYNC signal for its ports ([`Device::ports`](crate::devices::Device::ports)). The
 /// plant passes events of the ports to the device.
 pub trait DevicePorts {
     /// Called once, before the first start: `port` is connected to a bus with this bit rate in bit/s. 0 if the bus has
     /// no bit rate.
-    fn plugged_in(&mut self, port: u8, bit_s: u32) {
+    fn plugged_in(&mut self, port: PortNumber, bit_s: u32) {
         let _ = (port, bit_s);
     }
 
     /// Returns the number of `port` on its bus: the number of the switches at the last start.
-    fn address(&self, port: u8) -> u8;
+    fn address(&self, port: PortNumber) -> u8;
 
     /// Called if another station has the number of `port`, so that the port is not connected.
-    fn address_taken(&mut self, ctx: &mut Context, port: u8);
+    fn address_taken(&mut self, ctx: &mut Context, port: PortNumber);
 
     /// Called when `port` starts or stops taking part in the traffic of its bus.
-    fn port_joined(&mut self, port: u8, takes_part: bool);
+    fn port_joined(&mut self, port: PortNumber, takes_part: bool);
 
     /// Called after the firmware of `port` has polled its registers in a processor cycle at `now`. `last_frame` is the
     /// time of the last frame that the port sent or received since it joined, if the bus records that time.
-    fn port_looked(&mut self, port: u8, last_frame: Option<u64>, now: u64) {
+    fn port_looked(&mut self, port: PortNumber, last_frame: Option<u64>, now: u64) {
         let _ = (port, last_frame, now);
     }
 
     /// Pairs of ports, from and to. The device passes the SYNC signal of the first port on to the second port, if the
     /// firmware of the second port enables this.
-    fn sync_ways(&self) -> &[(u8, u8)] {
+    fn sync_ways(&self) -> &[(PortNumber, PortNumber)] {
         &[]
     }
 
     /// Called at an edge of the SYNC signal at `port`, after all other parts have handled the edge.
-    fn sync_edge(&mut self, port: u8, now: u64) {
+    fn sync_edge(&mut self, port: PortNumber, now: u64) {
         let _ = (port, now);
     }
 }

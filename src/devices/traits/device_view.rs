@@ -1,5 +1,6 @@
 //! The visible state of a device: identity, image, registers and front panel.
 
+use crate::identity::PortNumber;
 use crate::layout::{DeviceFit, DeviceLayout};
 use crate::memory::{Header, Segment};
 
@@ -25,7 +26,7 @@ pub trait DeviceView {
 
     /// True if `port` is a drive on its bus, without registers in the device. Faults name this drive by its number on
     /// the bus.
-    fn is_drive(&self, port: u8) -> bool {
+    fn is_drive(&self, port: PortNumber) -> bool {
         let _ = port;
         false
     }

@@ -2,6 +2,7 @@
 
 use crate::devices::samples::tables::NODES as DEVICE;
 use crate::devices::samples::tables::SLOTS;
+use crate::identity::PortNumber;
 use crate::layout::{AreaOrRegisters, DeviceFit, Fit, LayoutError, Role, split_plc};
 
 fn error(name: &str) -> String {
@@ -168,7 +169,7 @@ fn a_name_may_cover_many_registers() {
 }
 
 fn slot_g(fit: Fit) -> DeviceFit {
-    DeviceFit::unknown(&SLOTS).with(1, fit)
+    DeviceFit::unknown(&SLOTS).with(PortNumber(1), fit)
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! The board's front panel, its power, and the start of the PLC program (manual 5.00005.03a p. 22, 38-40, 51).
 
 use super::{FRONT, Header};
+use crate::identity::PortNumber;
 use crate::memory::struct_tables::publish;
 use crate::memory::{Bell, Cell32, SharedRegs};
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
@@ -227,7 +228,7 @@ pub enum BoardSetting {
     /// Sets the DIP switches of a module.
     ModuleDip {
         /// Number of the port with the module.
-        port: u8,
+        port: PortNumber,
         /// Number on the DIP switches, 0 to 31.
         dip: u8,
     },
@@ -255,7 +256,7 @@ impl BoardSetting {
             BoardSetting::Reset => (6, 0),
             BoardSetting::PowerCycle => (7, 0),
             BoardSetting::Project(project) => (8, project.code()),
-            BoardSetting::ModuleDip { port, dip } => (9, u32::from(port) << 8 | u32::from(dip)),
+            BoardSetting::ModuleDip { port, dip } => (9, u32::from(port.0) << 8 | u32::from(dip)),
             BoardSetting::Front { word, value } => (FRONT_SETTINGS + u32::from(word), value),
         }
     }
@@ -272,9 +273,10 @@ impl BoardSetting {
             (6, 0) => BoardSetting::Reset,
             (7, 0) => BoardSetting::PowerCycle,
             (8, _) => BoardSetting::Project(Project::from_code(value)?),
-            (9, _) => {
-                BoardSetting::ModuleDip { port: up_to(value >> 8, u8::MAX)?, dip: up_to(value & 0xFF, 31)? }
-            }
+            (9, _) => BoardSetting::ModuleDip {
+                port: PortNumber(up_to(value >> 8, u8::MAX)?),
+                dip: up_to(value & 0xFF, 31)?,
+            },
             (FRONT_SETTINGS.., _) => {
                 let word = up_to(which - FRONT_SETTINGS, (FRONT - 1) as u8)?;
                 BoardSetting::Front { word, value }

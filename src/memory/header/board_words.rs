@@ -250,6 +250,7 @@ fn named(name: Option<impl core::fmt::Debug>, code: u32) -> String {
 mod tests {
     use super::*;
     use crate::devices::samples::tables::{PANEL, SLOTS};
+    use crate::identity::PortNumber;
 
     #[test]
     fn settings_are_named() {
@@ -262,7 +263,7 @@ mod tests {
         assert_eq!(setting("start=hot"), BoardSetting::Start(Start::Hot));
         assert_eq!(setting("project=sent"), BoardSetting::Project(Project::Sent));
         assert_eq!(parse("maxx:slotH.dip=7").plc, Some("maxx"));
-        assert_eq!(setting("maxx:slotH.dip=7"), BoardSetting::ModuleDip { port: 2, dip: 7 });
+        assert_eq!(setting("maxx:slotH.dip=7"), BoardSetting::ModuleDip { port: PortNumber(2), dip: 7 });
         let message = |text| {
             let setting = BoardAssignment::parse(text).and_then(|word| word.at(&SLOTS));
             setting.err().unwrap().to_string()
@@ -295,7 +296,7 @@ mod tests {
             ("project=none", Set::Project(Project::None)),
             ("project=boot", Set::Project(Project::Boot)),
             ("project=sent", Set::Project(Project::Sent)),
-            ("slotH.dip=21", Set::ModuleDip { port: 2, dip: 21 }),
+            ("slotH.dip=21", Set::ModuleDip { port: PortNumber(2), dip: 21 }),
         ];
         let mut numbers = Vec::new();
         for (text, setting) in all {

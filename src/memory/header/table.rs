@@ -99,7 +99,7 @@ impl PortEntry {
         self.clear();
         set_name(&self.name, port.name);
         set_name(&self.medium, port.medium);
-        self.number.store(port.number.into());
+        self.number.store(port.number.0.into());
         self.file_offset.store(port.area.first);
     }
 

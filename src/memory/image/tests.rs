@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::devices::samples::tables::SLOTS;
+use crate::identity::PortNumber;
 use crate::layout::{DeviceFit, DeviceLayout, Fit, Role};
 use crate::memory::{
     AttachMode, Width,
@@ -344,16 +345,18 @@ fn the_header_page_lists_areas_and_ports() {
 #[test]
 fn the_header_page_lists_the_roles_of_the_ports() {
     let header = Header::new_box_zeroed().unwrap();
-    let known = DeviceFit::unknown(&SLOTS).with(1, Fit::As(Role::Master)).with(2, Fit::As(Role::Slave));
+    let known = DeviceFit::unknown(&SLOTS)
+        .with(PortNumber(1), Fit::As(Role::Master))
+        .with(PortNumber(2), Fit::As(Role::Slave));
     header.describe(&SLOTS);
     header.set_fitted(&known);
     let listed = header.fitted(&SLOTS);
     assert_eq!(
-        [1, 2, 3].map(|port| listed.port(port)),
+        [1, 2, 3].map(|port| listed.port(PortNumber(port))),
         [Fit::As(Role::Master), Fit::As(Role::Slave), Fit::Empty]
     );
     header.ports[2].role.store(99);
-    assert_eq!(header.fitted(&SLOTS).port(3), Fit::Unknown);
+    assert_eq!(header.fitted(&SLOTS).port(PortNumber(3)), Fit::Unknown);
 }
 
 /// A new emulator does not inherit the port state of its predecessor.

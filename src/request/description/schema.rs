@@ -1,6 +1,7 @@
 //! JSON Schemas of the types in the tables of operations and replies.
 
 use super::*;
+use crate::identity::PortNumber;
 use serde_json::json;
 
 /// A type with a JSON form in operations or replies.
@@ -53,6 +54,7 @@ schemas! {
     u8 => integer(0, u8::MAX.into());
     u16 => integer(0, u16::MAX.into());
     DeviceIndex => u16::schema();
+    PortNumber => u8::schema();
     BusIndex => u16::schema();
     u32 => integer(0, u32::MAX.into());
     u64 => integer(0, u64::MAX);

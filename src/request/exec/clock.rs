@@ -2,7 +2,7 @@
 
 use super::Work;
 use super::time::{limit, no_sync, stepped};
-use crate::identity::DeviceIndex;
+use crate::identity::{DeviceIndex, PortNumber};
 use crate::layout::{Compare, Test, Width};
 use crate::request::register::{Register, known_plc};
 use crate::request::{Code, Host, MAX_CONDITIONS, Refused, Reply};
@@ -56,7 +56,11 @@ impl Work<'_> {
         self.advance_until(end)
     }
 
-    pub(super) fn advance_to_sync(&mut self, plc: DeviceIndex, node: u8) -> Result<Option<Reply>, Refused> {
+    pub(super) fn advance_to_sync(
+        &mut self,
+        plc: DeviceIndex,
+        node: PortNumber,
+    ) -> Result<Option<Reply>, Refused> {
         stepped(self.host)?;
         let number = known_plc(self.host, plc)?;
         let sync = match self.execution.end {

@@ -2,7 +2,7 @@ use super::*;
 use crate::devices;
 use crate::devices::samples::tables::NODES as DEVICE;
 use crate::fault::{Fault, FaultSpec, FaultStatus};
-use crate::identity::DeviceIndex;
+use crate::identity::{DeviceIndex, PortNumber};
 use crate::layout::{Compare, DeviceFit, NamedLocation};
 use crate::memory::Width;
 use crate::plant::Forced;
@@ -289,7 +289,7 @@ fn time_is_stepped_only_in_stepped_mode() {
     let mut host = TestHost::new(false);
     let steps = [
         Op::Advance { us: 0 },
-        Op::AdvanceToSync { plc: DeviceIndex(0), node: 1 },
+        Op::AdvanceToSync { plc: DeviceIndex(0), node: PortNumber(1) },
         Op::AdvanceToEvent { within_us: 1 },
     ];
     for op in steps {
@@ -343,11 +343,11 @@ fn a_long_advance_listens_to_the_stop_flag() {
 #[test]
 fn advance_to_sync_ends_on_the_edge() {
     let mut host = with_sync();
-    let sync = Op::AdvanceToSync { plc: DeviceIndex(0), node: 2 };
+    let sync = Op::AdvanceToSync { plc: DeviceIndex(0), node: PortNumber(2) };
     let edges = host.request(&[sync; 3]);
     let times: Vec<_> = edges.into_iter().map(|edge| edge.time().unwrap()).collect();
     assert_eq!((times[1] - times[0], times[2] - times[1]), (2_000, 2_000));
-    let (code, text) = host.refusal(Op::AdvanceToSync { plc: DeviceIndex(1), node: 2 });
+    let (code, text) = host.refusal(Op::AdvanceToSync { plc: DeviceIndex(1), node: PortNumber(2) });
     assert_eq!(code, Code::NO_SYNC);
     assert_eq!(
         text,
@@ -435,7 +435,7 @@ fn a_start_without_a_program_is_refused_by_name() {
 fn a_missing_switch_is_refused_by_name() {
     use crate::memory::header::BoardSetting;
     let mut host = TestHost::new(true);
-    let setting = BoardSetting::ModuleDip { port: 2, dip: 7 };
+    let setting = BoardSetting::ModuleDip { port: PortNumber(2), dip: 7 };
     let (code, text) = host.refusal(Op::SetBoard { plc: DeviceIndex(1), setting });
     assert_eq!(code, Code::NO_SUCH_SWITCH);
     assert_eq!(text, "PLC 'saw': there is no module with DIP switches in node2");
@@ -449,7 +449,7 @@ fn an_operation_that_pauses_does_the_same() {
         Op::Advance { us: 250_000 },
         wait(0xFFFF, 0x44, 1_000_000),
         wait(0xFFFF, 0x45, 130_000),
-        Op::AdvanceToSync { plc: DeviceIndex(0), node: 2 },
+        Op::AdvanceToSync { plc: DeviceIndex(0), node: PortNumber(2) },
         Op::AdvanceToEvent { within_us: 5_000 },
         Op::Advance { us: 99_999 },
         Op::Time,

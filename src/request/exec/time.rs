@@ -1,7 +1,7 @@
 //! Advances the clock for operations: in parts, so that the emulator keeps answering.
 
 use super::{Execution, plc_name};
-use crate::identity::DeviceIndex;
+use crate::identity::{DeviceIndex, PortNumber};
 use crate::layout::Test;
 use crate::request::register::Register;
 use crate::request::{Code, Host, MAX_ADVANCE_US, MAX_CONDITIONS, Refused, Waited, travel};
@@ -141,7 +141,7 @@ pub(super) fn no_conditions() -> Refused {
     Refused::new(Code::CONDITIONS, "it needs conditions in front of it")
 }
 
-pub(super) fn no_sync(host: &dyn Host, plc: DeviceIndex, node: u8) -> Refused {
+pub(super) fn no_sync(host: &dyn Host, plc: DeviceIndex, node: PortNumber) -> Refused {
     let ports = host.plant().devices().get(plc.index()).map(|device| device.layout().ports);
     let port = ports.unwrap_or_default().iter().find(|port| port.number == node);
     let name = port.map_or("this port", |port| port.name);

@@ -99,7 +99,7 @@ impl Programs {
         self.bench.rig.step(80);
         let counter = |at: NodePlace| {
             let header = self.bench.rig.plant.devices()[at.plc].segment().header().unwrap();
-            header.sync_counter[usize::from(at.port) - 1].load()
+            header.sync_counter[at.port.index()].load()
         };
         let edges = [self.bench.rig.master_at, self.bench.rig.slave_at].map(counter);
         let [master_runs, slave_runs] = [0, 1].map(|node| edges[node] != self.edges[node]);

@@ -3,7 +3,7 @@
 use super::bench::*;
 use crate::rig::{Memory, OMEGA_RATES, Rate};
 use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE2};
-use commram::identity::DeviceIndex;
+use commram::identity::{DeviceIndex, PortNumber};
 use commram::plant::Power;
 
 const LOCK_US: u64 = 10_000;
@@ -24,7 +24,7 @@ fn with_sync(rate: Rate, drive: &str) -> Bench {
 }
 
 fn to_edge(bench: &mut Bench) {
-    let edge = bench.plant.next_sync(DeviceIndex(0), 2).expect("SYNC runs");
+    let edge = bench.plant.next_sync(DeviceIndex(0), PortNumber(2)).expect("SYNC runs");
     bench.plant.advance_to(edge);
 }
 

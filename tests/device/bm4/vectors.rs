@@ -232,7 +232,7 @@ fn t26() {
     for (switches, number) in [(0b00110, 6), (0b00100, 4)] {
         let mut rig = Rig::new(Memory::Heap, rate());
         let header = rig.plant.devices()[rig.slave_at.plc].segment().header().unwrap();
-        header.ports[usize::from(rig.slave_at.port) - 1].dip.store(switches);
+        header.ports[rig.slave_at.port.index()].dip.store(switches);
         rig.plant.set_power(DeviceIndex::at(rig.slave_at.plc), commram::plant::Power::Off);
         rig.plant.set_power(DeviceIndex::at(rig.slave_at.plc), commram::plant::Power::On);
         assert_eq!(rig.slave.w_OMEGA_NR.load(), number, "w_SLAVE_NUMBER");

@@ -3,7 +3,7 @@
 use super::*;
 use crate::rig::{BOTH, FASTEST, Memory};
 use commram::fault::{Draft, FaultKind, MAX_AT_US, MAX_FAULTS, Refusal, Target};
-use commram::identity::{BusIndex, DeviceIndex};
+use commram::identity::{BusIndex, DeviceIndex, PortNumber};
 use commram::memory::Segment;
 use commram::plant::{Plant, PlantConfig};
 
@@ -69,8 +69,8 @@ fn faults_of_missing_stations_or_with_invalid_values_are_refused() {
                 node(DeviceIndex(0), rate.kind.slave.port),
                 &rate.kind.named("SLAVE of PLC 0 is not on a bus; ports on a bus: MASTER"),
             ),
-            (node(DeviceIndex(0), 9), "PLC 0 has no port 9; its ports are: "),
-            (node(DeviceIndex(2), 1), "PLC 2 does not exist; there are 2"),
+            (node(DeviceIndex(0), PortNumber(9)), "PLC 0 has no port 9; its ports are: "),
+            (node(DeviceIndex(2), PortNumber(1)), "PLC 2 does not exist; there are 2"),
         ];
         for (draft, expected) in cases {
             let refusal = draft.check().and_then(|fault| rig.plant.add_fault(fault)).unwrap_err().to_string();

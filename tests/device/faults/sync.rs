@@ -35,7 +35,7 @@ fn one_lost_edge_ends_no_lock() {
         assert!(is_locked(&rig));
         let counter = |rig: &Rig, at: NodePlace| {
             let segment = rig.plant.devices()[at.plc].segment();
-            segment.header().unwrap().sync_counter[usize::from(at.port) - 1].load()
+            segment.header().unwrap().sync_counter[at.port.index()].load()
         };
         let (master_at, slave_at) = (rig.master_at, rig.slave_at);
         let (master, slave) = (counter(&rig, master_at), counter(&rig, slave_at));

@@ -8,7 +8,7 @@ use crate::support::report::{Outcome, Samples, Target};
 use crate::support::{PATIENCE, emulator};
 use commram::channel::Client;
 use commram::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, NODE2};
-use commram::identity::DeviceIndex;
+use commram::identity::{DeviceIndex, PortNumber};
 use commram::memory::Width;
 use commram::request::{Op, Reply};
 use commram::runtime::Clock;
@@ -119,7 +119,8 @@ fn one_message(client: &Client, replies: &mut Vec<Reply>) {
 }
 
 fn to_sync_edge(client: &Client) {
-    let replies =
-        client.request(&[Op::AdvanceToSync { plc: DeviceIndex(0), node: 2 }]).expect("the emulator answers");
+    let replies = client
+        .request(&[Op::AdvanceToSync { plc: DeviceIndex(0), node: PortNumber(2) }])
+        .expect("the emulator answers");
     assert!(matches!(replies[..], [Reply::Time(_)]), "{replies:?}");
 }

@@ -2,7 +2,7 @@
 
 use crate::active::activate;
 use commram::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
-use commram::identity::DeviceIndex;
+use commram::identity::{DeviceIndex, PortNumber};
 use commram::memory::{MemoryError, Segment, View};
 use commram::plant::{Plant, PlantConfig, PlantError};
 use std::fmt::Write;
@@ -35,7 +35,7 @@ pub(crate) fn active_plant(drives: u8) -> (Plant, View<CANsync_MA_CTRL_BMSTRUCT>
     let mut plant = plant_of(&config);
     let segment = plant.devices()[0].segment().clone();
     let master = activate(&segment, 0..=drives - 1, |us| plant.advance_to(plant.now() + us));
-    let edge = plant.next_sync(DeviceIndex(0), 2).expect("SYNC runs");
+    let edge = plant.next_sync(DeviceIndex(0), PortNumber(2)).expect("SYNC runs");
     plant.advance_to(edge);
     (plant, master)
 }

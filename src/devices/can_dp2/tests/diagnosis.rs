@@ -3,14 +3,14 @@
 use super::*;
 use crate::devices::can_faults::OF_CAN;
 use crate::fault::{Draft, Owner, Target};
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 
 impl Bench {
     /// Activates a fault of the CAN bus, or of the gateway's controller there, `count` times.
     fn fault(&mut self, name: &str, count: u64) {
         let kind = OF_CAN.iter().find(|kind| kind.name() == name).unwrap();
         let target = if name == "overrun" {
-            Target::Port { device: DeviceIndex(0), port: 2 }
+            Target::Port { device: DeviceIndex(0), port: PortNumber(2) }
         } else {
             Target::Bus(BusIndex(1))
         };

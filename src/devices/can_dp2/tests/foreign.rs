@@ -7,7 +7,7 @@ use crate::devices::can_dp2::firmware::gateway::Gateway;
 use crate::devices::can_dp2::firmware::{Shared, lock, share};
 use crate::devices::can_dp2::registers::values::{bus_state, dp_state};
 use crate::devices::profibus_bus::{ProfibusPort, Station as Line};
-use crate::identity::DeviceIndex;
+use crate::identity::{DeviceIndex, PortNumber};
 use crate::profibus::{BusRate, Telegram};
 use profirust::dp::{
     DiagnosticFlags, DpMaster, Peripheral, PeripheralEvent, PeripheralHandle, PeripheralOptions,
@@ -67,7 +67,7 @@ impl Ring {
         let mut slave = DpPort::new(registers(), gateway.clone());
         let (mut journal, mut line) = (Journal::default(), Line::alone(rate_of_ours));
         registers().shown(FRONT_SWITCHES).store(5);
-        let origin = Origin { plc: DeviceIndex(0), node: 1 };
+        let origin = Origin { plc: DeviceIndex(0), node: PortNumber(1) };
         slave.power_on(&mut Context { now: 0, journal: &mut journal, origin, base: 0 }, &mut line);
         Ring {
             fdl,
@@ -99,7 +99,7 @@ impl Ring {
         if self.slave_phy.poll_transmission(now) {
             return;
         }
-        let origin = Origin { plc: DeviceIndex(0), node: 1 };
+        let origin = Origin { plc: DeviceIndex(0), node: PortNumber(1) };
         let ctx = &mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 };
         if self.slave.next_time() <= self.now {
             self.slave.due(ctx, &mut self.line);

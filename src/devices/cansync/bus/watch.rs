@@ -95,13 +95,13 @@ mod tests {
         let segment = Segment::heap(DEVICE.segment_size());
         let mut bus = SimBus::unplugged();
         for port in DEVICE.ports {
-            let number = port.number;
+            let number = port.number.0;
             let role = match number % 2 {
                 0 => SocketRole::Master { has_sync_in: false },
                 _ => SocketRole::Slave { number, lock: SyncLock::new(0, None) },
             };
             let location = NodeLocation::of(port, &BAUD_RATES);
-            let origin = Origin { plc: DeviceIndex(3), node: number };
+            let origin = Origin { plc: DeviceIndex(3), node: port.number };
             let socket = Socket { origin, segment: segment.clone(), location, area: port.area, role };
             let place = bus.attach(Box::new(socket)).unwrap();
             bus.power_on(place, number, 0, &mut Journal::default());

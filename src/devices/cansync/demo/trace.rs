@@ -156,7 +156,7 @@ impl<'a> Trace<'a> {
 
     /// Returns the number of SYNC pulses of the master up to now.
     pub(crate) fn syncs(&self) -> u32 {
-        let counter = self.header.sync_counter.get(usize::from(self.port.number) - 1);
+        let counter = self.header.sync_counter.get(self.port.number.index());
         counter.map_or(0, |counter| counter.load())
     }
 

@@ -65,6 +65,7 @@ impl JobRegisters<'_> {
 mod tests {
     use super::*;
     use crate::identity::DeviceIndex;
+    use crate::identity::PortNumber;
     use crate::journal::{Journal, Origin};
     use zerocopy::FromZeros;
 
@@ -75,7 +76,7 @@ mod tests {
         let mut ctx = Context {
             now: 7,
             journal: &mut journal,
-            origin: Origin { plc: DeviceIndex(0), node: 2 },
+            origin: Origin { plc: DeviceIndex(0), node: PortNumber(2) },
             base: 0,
         };
         let registers = JobRegisters { control: &control, status: &status, offset: 1, is_masters: true };
@@ -95,7 +96,7 @@ mod tests {
         let mut ctx = Context {
             now: 7,
             journal: &mut journal,
-            origin: Origin { plc: DeviceIndex(0), node: 1 },
+            origin: Origin { plc: DeviceIndex(0), node: PortNumber(1) },
             base: 0,
         };
         let registers = JobRegisters { control: &control, status: &status, offset: 1, is_masters: true };

@@ -4,9 +4,9 @@ use super::*;
 use crate::devices::can_faults::{self, OVERRUN};
 use crate::devices::cs0015::registers::values::{job, job_error};
 use crate::fault::{Draft, Effect, Target};
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 
-const PORT: Target = Target::Port { device: DeviceIndex(0), port: 1 };
+const PORT: Target = Target::Port { device: DeviceIndex(0), port: PortNumber(1) };
 
 fn bus_off(bench: &mut Bench) {
     let effect = Effect::new(can_faults::Effect::BusOff);

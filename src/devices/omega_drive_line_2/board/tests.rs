@@ -4,7 +4,7 @@ mod front;
 
 use super::*;
 use crate::devices::omega_drive_line_2::registers::SEGMENT_END;
-use crate::identity::DeviceIndex;
+use crate::identity::{DeviceIndex, PortNumber};
 use crate::journal::{Journal, Origin, Record};
 use crate::memory::header::{InterruptResult, OptInitResult, ProgramState, Project, RunSwitch, Start};
 use crate::memory::{Header, View};
@@ -45,7 +45,7 @@ impl Rig {
         let ctx = Context {
             now: self.now,
             journal: &mut self.journal,
-            origin: Origin { plc: DeviceIndex(0), node: 1 },
+            origin: Origin { plc: DeviceIndex(0), node: PortNumber(1) },
             base: 0,
         };
         (&mut self.board, ctx)

@@ -1,7 +1,7 @@
 use super::*;
 use crate::devices::catalogue;
 use crate::devices::omega_drive_line_2::registers::{DEVICE, SEGMENT_END};
-use crate::identity::DeviceIndex;
+use crate::identity::{DeviceIndex, PortNumber};
 use crate::journal::{Found, Journal, Origin};
 use std::net::Ipv4Addr as Ip;
 
@@ -58,7 +58,7 @@ impl Rig {
 }
 
 fn context(journal: &mut Journal) -> Context<'_> {
-    Context { now: 0, journal, origin: Origin { plc: DeviceIndex(0), node: 1 }, base: 0 }
+    Context { now: 0, journal, origin: Origin { plc: DeviceIndex(0), node: PortNumber(1) }, base: 0 }
 }
 
 const EXAMPLE: Ip = Ip::new(192, 168, 75, 190);

@@ -1,7 +1,7 @@
 //! A PROFIBUS segment without ports: busy time and restored requests.
 
 use super::*;
-use crate::identity::{BusIndex, DeviceIndex};
+use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use crate::profibus::Frame;
 
 fn bus() -> ProfibusBus {
@@ -13,7 +13,7 @@ fn bus() -> ProfibusBus {
 /// At 500 kbit/s a bit takes 2 us, and an octet has 11 bits.
 #[test]
 fn the_line_is_busy_for_as_long_as_the_octets_take() {
-    let (bus, sender) = (bus(), Origin { plc: DeviceIndex(0), node: 1 });
+    let (bus, sender) = (bus(), Origin { plc: DeviceIndex(0), node: PortNumber(1) });
     assert_eq!(bus.bit_s(), 500_000);
     let busy = |telegram: &Telegram| {
         let event = match (short(BusIndex(0), sender, telegram), telegram) {

@@ -207,7 +207,7 @@ fn ports(out: &mut String, device: &Device) {
         let roles: String = roles.iter().map(|role| format!("Role::{role:?}, ")).collect();
         let _ = writeln!(
             out,
-            "        Port {{ name: {name:?}, number: {number}, medium: {medium:?}, roles: &[{roles}], area: &AREAS[{area}] }},"
+            "        Port {{ name: {name:?}, number: commram::identity::PortNumber({number}), medium: {medium:?}, roles: &[{roles}], area: &AREAS[{area}] }},"
         );
     }
     out.push_str("    ];\n\n");

@@ -23,7 +23,7 @@ impl NodeLocation {
         let mut registers = port.area.structures.iter().flat_map(|placed| placed.structure.registers);
         NodeLocation {
             base: port.area.first as usize,
-            place: usize::from(port.number) - 1,
+            place: port.number.index(),
             rates,
             has_single_frame_area: registers.any(|register| register.name == "b_STEUREG_UPDOWN_SINGLE"),
         }

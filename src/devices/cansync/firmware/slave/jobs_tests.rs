@@ -5,7 +5,7 @@ use super::*;
 use crate::devices::cansync::frames::codec::{Direction, ParameterResponse, UpDownResponse};
 use crate::devices::omega_drive_line_2::registers::NODE1;
 use crate::devices::omega_drive_line_2::registers::SEGMENT_END;
-use crate::identity::DeviceIndex;
+use crate::identity::{DeviceIndex, PortNumber};
 use crate::journal::{Journal, Origin};
 use crate::memory::{Cell8, Segment, View};
 use core::fmt::Debug;
@@ -31,7 +31,7 @@ impl Bench {
 
     /// Lets a job arrive, and returns the answer that the node sends.
     fn turn(&mut self, frame: &Frame) -> Frame {
-        let origin = Origin { plc: DeviceIndex(0), node: 1 };
+        let origin = Origin { plc: DeviceIndex(0), node: PortNumber(1) };
         let ctx = &mut Context { now: 0, journal: &mut self.journal, origin, base: NODE1 };
         self.jobs.arrive(ctx, &self.regs, frame.payload(), 0);
         let answer = self.jobs.response(ctx, &self.regs).unwrap();
