@@ -61,6 +61,10 @@ const COUNT_US: u64 = 100_000;
 /// Longest wait in which no frame makes progress: emulated time with the stepped clock, real time with the real-time
 /// clock.
 const PATIENCE: Duration = Duration::from_secs(1);
+/// Minimum emulated time, in microseconds, between two requests that send frames with the real-time clock, unless a
+/// request is full: each request wakes up the emulator and this command, which costs more than its frames. canplayer of
+/// can-utils sends once per millisecond, too.
+const PART_US: u64 = 1_000;
 /// Pause between two attempts with the real-time clock.
 const PAUSE: Duration = Duration::from_millis(1);
 
@@ -300,8 +304,9 @@ impl<'a> Player<'a> {
         let begin_us = self.session.ask(Op::Time)?.time()?;
         let mut timing = Timing { took_us: 0, latest_us: 0 };
         let mut now_us = begin_us;
+        let mut part_us = begin_us;
         while let Some(next) = self.log.get(self.accepted) {
-            let left_us = self.due_us(next, begin_us).saturating_sub(now_us);
+            let left_us = self.due_us(next, begin_us).max(part_us).saturating_sub(now_us);
             if left_us > 0 {
                 self.count_at(now_us)?;
                 // Sleeps at most 10 ms before the next query, because emulated time can run faster or slower than real
@@ -311,6 +316,10 @@ impl<'a> Player<'a> {
                 continue;
             }
             let has_room = self.send_due(begin_us, &mut now_us, &mut timing)?;
+            // Frames that are late are sent at once.
+            if self.log.get(self.accepted).is_some_and(|next| self.due_us(next, begin_us) > now_us) {
+                part_us = now_us + PART_US;
+            }
             self.count_at(now_us)?;
             if !has_room {
                 self.note_wait(PAUSE)?;
