@@ -130,12 +130,14 @@ impl Drop for Unfinished {
     }
 }
 
-/// Writes a new file beside `path`, with the permissions of an existing file.
+/// Writes a new file beside `path`, with the permissions of an existing file of the same user.
 fn begin(path: &Path, bytes: &[u8], like: Option<&Metadata>) -> Result<Unfinished> {
     remove_leftovers(path);
     let (mut file, begun) = create_beside(path)?;
     let unfinished = Unfinished(begun, file.try_clone()?);
-    like.map_or(Ok(()), |like| file.set_permissions(like.permissions()))?;
+    // A file of another user may be open to all users.
+    let own = like.filter(|like| like.uid() == rustix::process::geteuid().as_raw());
+    own.map_or(Ok(()), |like| file.set_permissions(like.permissions()))?;
     file.write_all(bytes)?;
     Ok(unfinished)
 }
@@ -146,19 +148,25 @@ fn remove_leftovers(path: &Path) {
     let Some(directory) = path.parent() else { return };
     let directory = if directory.as_os_str().is_empty() { Path::new(".") } else { directory };
     for entry in fs::read_dir(directory).into_iter().flatten().flatten() {
-        if is_part_of(path, &entry.file_name()) {
+        if part_of(path, &entry.file_name()).is_some_and(|process| !is_other_living(process)) {
             let _ = remove_if_left(&entry.path());
         }
     }
 }
 
-/// True if [`create_beside`] gives this name to a new file beside `path`.
-fn is_part_of(path: &Path, name: &OsStr) -> bool {
+/// True if this is the number of a living process other than this one. The file may belong to that process, even if the
+/// process has not locked it.
+fn is_other_living(process: u32) -> bool {
+    process != std::process::id() && Path::new(&format!("/proc/{process}")).exists()
+}
+
+/// Returns the number of the process that gives this name to a new file beside `path` ([`create_beside`]).
+fn part_of(path: &Path, name: &OsStr) -> Option<u32> {
     let own = path.file_name().unwrap_or_default().as_encoded_bytes();
-    let rest = name.as_encoded_bytes().strip_prefix(own).and_then(|rest| rest.strip_prefix(b"."));
-    let numbers = rest.and_then(|rest| rest.strip_suffix(b".part"));
-    let numbers = numbers.and_then(|numbers| core::str::from_utf8(numbers).ok()?.split_once('-'));
-    numbers.is_some_and(|(process, tried)| process.parse::<u32>().is_ok() && tried.parse::<u32>().is_ok())
+    let rest = name.as_encoded_bytes().strip_prefix(own)?.strip_prefix(b".")?;
+    let (process, tried) = core::str::from_utf8(rest.strip_suffix(b".part")?).ok()?.split_once('-')?;
+    tried.parse::<u32>().ok()?;
+    process.parse().ok()
 }
 
 /// Removes a temporary file if no process is writing it. A process that writes it holds a lock.
@@ -267,6 +275,24 @@ mod tests {
         assert_eq!(names(directory.path()), ["a.h"]);
     }
 
+    /// The kernel lets only root give files to others, so the test does nothing for other users.
+    #[test]
+    fn the_permissions_of_another_users_file_are_not_kept() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.snap");
+        fs::write(&path, b"trap").unwrap();
+        fs::set_permissions(&path, PermissionsExt::from_mode(0o666)).unwrap();
+        if !rustix::process::geteuid().is_root() {
+            return;
+        }
+        std::os::unix::fs::chown(&path, Some(65_534), Some(65_534)).unwrap();
+        let usual = directory.path().join("usual");
+        write(&usual, b"new").unwrap();
+        write(&path, b"new").unwrap();
+        let mode = |path| fs::metadata(path).unwrap().permissions().mode();
+        assert_eq!(mode(&path), mode(&usual));
+    }
+
     #[test]
     fn links_are_followed_to_their_end() {
         let directory = tempfile::tempdir().unwrap();
@@ -326,17 +352,20 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.h");
         let own = format!("a.h.{}-0.part", std::process::id());
-        // The first file is being written, the second one was left by a killed process; the others have similar names.
-        let all = [own.as_str(), "a.h.4711-3.part", "a.h.4711.part", "a.h.x-0.part", "b.h.4711-0.part"];
+        // No process has this number: it is higher than the kernel's maximum.
+        let (left, link) = ("a.h.4194305-3.part", "a.h.4194306-0.part");
+        // The first file is being written, the second one was left by a killed process, the third one may belong to a
+        // living process; the others have similar names.
+        let all = [&own, left, "a.h.1-0.part", "a.h.4711.part", "a.h.x-0.part", "b.h.4711-0.part"];
         for name in all {
             fs::write(directory.path().join(name), "left").unwrap();
         }
-        symlink("b.h.4711-0.part", directory.path().join("a.h.4712-0.part")).unwrap();
+        symlink("b.h.4711-0.part", directory.path().join(link)).unwrap();
         let written = File::open(directory.path().join(&own)).unwrap();
         written.lock().unwrap();
         write(&path, b"new").unwrap();
         let mut kept =
-            vec!["a.h", "a.h.4711.part", "a.h.4712-0.part", "a.h.x-0.part", "b.h.4711-0.part", &own];
+            vec!["a.h", "a.h.1-0.part", "a.h.4711.part", link, "a.h.x-0.part", "b.h.4711-0.part", &own];
         kept.sort_unstable();
         assert_eq!(names(directory.path()), kept);
         drop(written);
