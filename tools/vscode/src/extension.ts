@@ -1,9 +1,11 @@
-// The extension for VS Code: starts the language server, debugs scenarios, and offers them as tests.
+// The extension for VS Code: starts the language server, debugs scenarios, offers them as tests, and opens
+// the page of a running instance.
 
 import * as vscode from "vscode";
 import { LanguageClient } from "vscode-languageclient/node";
 import { registerDebugger } from "./debug";
 import { ScenarioTests } from "./tests";
+import { WebPages } from "./web";
 
 let client: LanguageClient | undefined;
 
@@ -30,7 +32,9 @@ export async function activate(context: vscode.ExtensionContext): Promise<void> 
     await client?.stop();
     await start();
   });
-  context.subscriptions.push(restart, new ScenarioTests(program), registerDebugger(program));
+  const pages = new WebPages(program);
+  const page = vscode.commands.registerCommand("commram.openPage", () => pages.open());
+  context.subscriptions.push(restart, page, pages, new ScenarioTests(program), registerDebugger(program));
   await start();
 }
 
