@@ -5,6 +5,7 @@
 //! or has dropped its oldest records.
 
 use super::event::Origin;
+use crate::identity::{DeviceIndex, PortNumber};
 use crate::layout::RegisterPhase;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -19,10 +20,10 @@ pub struct PortPhase {
 }
 
 /// Index of the device and number of the port.
-type Port = (u16, u8);
+type Port = (DeviceIndex, PortNumber);
 
 fn port_of(origin: Origin) -> Port {
-    (origin.plc.0, origin.node)
+    (origin.plc, origin.node)
 }
 
 /// A port has entered a phase.
@@ -111,14 +112,14 @@ impl PhaseLog {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::identity::DeviceIndex;
 
     fn phase(node: u8, live: u8) -> PortPhase {
-        PortPhase { port: Origin { plc: DeviceIndex(0), node }, live: RegisterPhase::numbered(live) }
+        let port = Origin { plc: DeviceIndex(0), node: PortNumber(node) };
+        PortPhase { port, live: RegisterPhase::numbered(live) }
     }
 
     fn before(log: &PhaseLog, seq: u64) -> Vec<(u8, u8)> {
-        log.before(seq).iter().map(|it| (it.port.node, it.live.number())).collect()
+        log.before(seq).iter().map(|it| (it.port.node.0, it.live.number())).collect()
     }
 
     #[test]

@@ -276,7 +276,7 @@ fn lost_records_do_not_change_the_names_of_overlaid_registers() {
     let mut journal = Journal::new(3);
     let mut expected = Vec::new();
     let phase = |journal: &mut Journal, live| {
-        let origin = Origin { plc, node: 2 };
+        let origin = Origin { plc, node: PortNumber(2) };
         journal.push(1, State { origin, offset: 200_002, command: 200_000, from: 0, to: 3, live });
     };
     for (round, live) in [phases::INIT, phases::CYCLIC, phases::INIT, phases::CYCLIC].into_iter().enumerate()

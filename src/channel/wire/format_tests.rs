@@ -181,7 +181,8 @@ pub(super) fn replies() -> Vec<(&'static str, Reply)> {
         latency_us: Some(4),
         octets: Some([1, 2].into()),
         phases: Some(
-            [PortPhase { port: Origin { plc: DeviceIndex(1), node: 2 }, live: phases::CYCLIC }].into(),
+            [PortPhase { port: Origin { plc: DeviceIndex(1), node: PortNumber(2) }, live: phases::CYCLIC }]
+                .into(),
         ),
     };
     let how = ChangeDetails { width: Width::Word, by: By::Channel, live: phases::CYCLIC };

@@ -1,7 +1,7 @@
 //! Records of the journal on the wire.
 
 use crate::devices;
-use crate::identity::DeviceIndex;
+use crate::identity::{DeviceIndex, PortNumber};
 use crate::journal::{Change, Changed, EventCodec, Origin, PortPhase, Record};
 use crate::layout::RegisterPhase;
 use core::num::NonZeroU32;
@@ -34,13 +34,13 @@ struct WirePhase {
 
 impl From<&PortPhase> for WirePhase {
     fn from(&PortPhase { port, live }: &PortPhase) -> Self {
-        WirePhase { plc: port.plc.0, node: port.node, live: live.number() }
+        WirePhase { plc: port.plc.0, node: port.node.0, live: live.number() }
     }
 }
 
 impl From<&WirePhase> for PortPhase {
     fn from(&WirePhase { plc, node, live }: &WirePhase) -> Self {
-        let port = Origin { plc: DeviceIndex(plc), node };
+        let port = Origin { plc: DeviceIndex(plc), node: PortNumber(node) };
         PortPhase { port, live: RegisterPhase::numbered(live) }
     }
 }
