@@ -367,10 +367,8 @@ fn a_snapshot_continues_with_the_same_files_only() {
         emulator.step(&["10ms"]);
         emulator.run("snapshot", &[&saved]).ok();
     }
-    {
-        let emulator = Emulator::start(&["--from", &saved, "--clock", "stepped"]);
-        assert_eq!(emulator.peek(&["data.w_OUT"]), "16#55AA");
-    }
+    let emulator = Emulator::start(&["--from", &saved, "--clock", "stepped"]);
+    assert_eq!(emulator.peek(&["data.w_OUT"]), "16#55AA");
     place.edit("IO_DATA.toml", "The 16 outputs", "The outputs");
     let refused = run(&["run", "--from", &saved]);
     let message = refused.fails(1);
@@ -488,6 +486,8 @@ fn a_changed_script_is_read_again_in_stepped_mode() {
         emulator.peek(&["data.w_IN"])
     };
     assert_eq!(sum_after(1), "16#0001");
+    let saved = place.path("saved.snapshot");
+    emulator.run("snapshot", &[&saved]).ok();
     script("fn written(register, old, value) {\n  this.sum += 16#10;\n}");
     assert_eq!(sum_after(2), "16#0003");
     let trace = emulator.run("trace", &["--kind", "reload"]);
@@ -500,6 +500,9 @@ fn a_changed_script_is_read_again_in_stepped_mode() {
     script("fn written(register, old, value) { this.sum += 0x10 * value; output(\"data.w_IN\", this.sum); }");
     assert_eq!(sum_after(3), "16#0033");
     assert!(emulator.run("trace", &["--kind", "reload"]).ok().contains("script read again"));
+    let refused = emulator.run("restore", &[&saved]);
+    let reason = "a file of PLC 'io' has changed since the snapshot, in /";
+    assert!(refused.code != Some(0) && refused.err.contains(reason), "{refused:?}");
     // The history before the change belongs to another script.
     emulator.step(&["1ms"]);
     assert_ne!(emulator.run("step", &["--back", "3ms"]).code, Some(0));

@@ -21,6 +21,11 @@ const MEANINGS: &[(&str, &str)] = &[
     ("--list", "List only, and run nothing"),
     ("--jobs", "Number of scenarios or rounds that run at the same time"),
     ("--output", "File to write"),
+    (
+        "--report",
+        "Write a report into this file: html, a self-contained page for people (commram-report.html); with `test` also \
+         json (commram-report.json), which `commram test merge` can read; `test` accepts one of each kind",
+    ),
     ("--since", "Only from this emulated time on"),
     ("--until", "Only up to this emulated time"),
 ];

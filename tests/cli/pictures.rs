@@ -72,6 +72,28 @@ fn an_instance_and_its_journal_give_the_same_plot() {
     }
 }
 
+/// Registers that no client records have the values of writes, answers and states.
+#[test]
+fn a_journal_file_has_the_states_of_a_register_that_is_not_recorded() {
+    let emulator = Emulator::stepped();
+    let directory = tempfile::tempdir().unwrap();
+    let path = |name: &str| directory.path().join(name).to_str().unwrap().to_owned();
+    emulator.poke(&["node2.w_CPU_CONTROL=16#0001"]);
+    emulator.step(&["5ms"]);
+    emulator.poke(&["node2.b_BT_1=16#1C"]);
+    std::fs::write(path("run.jsonl"), emulator.run("trace", &["--format", "jsonl"]).ok()).unwrap();
+    let plot = |name: &str, more: &[&str]| {
+        let output = path(name);
+        let fixed = ["node2.w_OPTION_STATUS", "node2.w_CPU_CONTROL", "--until", "2ms", "-o", &output];
+        let outcome = emulator.run("plot", &[&fixed, more].concat());
+        assert_eq!(outcome.code, Some(0), "{outcome:?}");
+        std::fs::read_to_string(output).unwrap()
+    };
+    let live = plot("live.svg", &[]);
+    assert!(live.contains("16#0002"), "{live}");
+    assert_eq!(plot("past.svg", &["--journal", &path("run.jsonl")]), live);
+}
+
 /// Nothing is known after the present, or after the end of a journal.
 #[test]
 fn a_plot_ends_at_the_last_known_time() {

@@ -48,6 +48,32 @@ fn a_detached_emulator_is_ready_when_the_command_returns() {
     assert_eq!(files_of(name), Vec::<PathBuf>::new());
 }
 
+/// The kernel kills a process when memory runs out. The child is killed while it waits for its plant.
+#[test]
+fn a_detached_emulator_that_is_killed_during_its_start_is_an_error_with_the_signal() {
+    let instance = Background::new();
+    for options in [&[][..], &["-q"]] {
+        let mut command = commram();
+        command.args(["run", "/dev/stdin", "--detach", "-i", &instance.0]).args(options);
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut starter = command.spawn().unwrap();
+        let input = starter.stdin.take();
+        let children = format!("/proc/{0}/task/{0}/children", starter.id());
+        let child = || std::fs::read_to_string(&children).unwrap().trim().parse::<i32>().ok();
+        eventually(|| child().is_some());
+        let pid = rustix::process::Pid::from_raw(child().unwrap()).unwrap();
+        rustix::process::kill_process(pid, rustix::process::Signal::KILL).unwrap();
+        let output = starter.wait_with_output().unwrap();
+        drop(input);
+        let [out, err] = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
+        let outcome = Outcome { code: output.status.code(), out, err };
+        let message = outcome.fails(1);
+        let begin =
+            format!("commram: the emulator of instance '{}' was killed before it was ready", instance.0);
+        assert!(message.starts_with(&begin) && message.contains("(signal: 9 (SIGKILL))"), "{message}");
+    }
+}
+
 /// The starting user may close the terminal and the outputs.
 #[test]
 fn a_detached_emulator_has_left_its_terminal_and_outputs() {

@@ -99,6 +99,65 @@ fn readers_take_a_journal_that_continues_from_a_snapshot() {
     }
 }
 
+/// The structure of overlaid registers depends on states before the snapshot. Node 1 is not initialized, node 2 is.
+#[test]
+fn readers_of_a_continued_journal_name_the_registers_of_the_valid_structure() {
+    let directory = TempDir::new().unwrap();
+    let file = directory.path().join("a.snap");
+    let file = file.to_str().unwrap();
+    let emulator = Emulator::stepped();
+    emulator.poke(&["node2.w_CPU_CONTROL=16#0001"]);
+    emulator.step(&["1ms"]);
+    emulator.poke(&["node2.b_BT_1=16#1C", "node2.b_TIME_PATTERN=2", "node2.a_SL_TYP[1]=1"]);
+    emulator.poke(&["node2.w_CPU_CONTROL=16#0002"]);
+    emulator.step(&["1ms"]);
+    emulator.run("snapshot", &[file]).ok();
+    let continued = |emulator: &Emulator| {
+        emulator.poke(&["node2.a_SL_TYP[1]=4", "node1.a_SL_TYP[1]=5"]);
+        emulator.run("force", &["node1.a_SL_TYP[3]=9"]).ok();
+        emulator.step(&["5ms"]);
+        let trace = |format| {
+            let outcome = emulator.run("trace", &["--format", format, "--since", "2ms"]);
+            assert_eq!(outcome.code, Some(0), "{outcome:?}");
+            let lines: Vec<_> = outcome.out.lines().map(str::to_owned).collect();
+            // The heads of waveforms name the registers of all records.
+            lines[lines.len().saturating_sub(5)..].join("\n")
+        };
+        ["text", "jsonl", "csv"].map(trace)
+    };
+    let expected = continued(&emulator);
+    assert!(expected[1].contains("\"register\":\"node1.a_SL_TYP[1]\",\"address\""), "{expected:?}");
+    emulator.run("restore", &[file]).ok();
+    assert_eq!(continued(&emulator), expected);
+    let other = Emulator::start(&["--clock", "stepped", "--from", file]);
+    assert_eq!(continued(&other), expected);
+}
+
+/// The fault makes a change of the controller's state due at the present moment. The plant handles the change when the
+/// clock advances, also after a return to that moment.
+#[test]
+fn an_event_that_is_due_at_the_moment_of_a_return_is_handled_later() {
+    let directory = TempDir::new().unwrap();
+    let plant = directory.path().join("plant.toml");
+    let text = "[[device]]\nkind = 'cs0015'\nname = 'panel'\nbus = 'field'\nnode_id = 32\nkbit_s = 125\n\
+                [[bus]]\nname = 'field'\nkind = 'can'\nkbit_s = 125\n";
+    fs::write(&plant, text).unwrap();
+    let emulator = Emulator::start(&[plant.to_str().unwrap(), "--clock", "stepped"]);
+    let journal = || emulator.run("trace", &["--format", "jsonl"]).ok().to_owned();
+    emulator.step(&["5ms"]);
+    emulator.run("fault", &["add", "bus_off", "plc=panel"]).ok();
+    let due = journal();
+    emulator.step(&["1ms"]);
+    let handled = journal();
+    assert!(!due.contains("can_state") && handled.contains("can_state"), "{handled}");
+    for _ in 0..2 {
+        emulator.step(&["--back", "1ms"]);
+        assert_eq!(journal(), due);
+        emulator.step(&["1ms"]);
+        assert_eq!(journal(), handled);
+    }
+}
+
 /// The records before the snapshot were never in the journal, so they are not lost: also after going back, at once and
 /// with later records, and with records between the snapshot and the return.
 #[test]

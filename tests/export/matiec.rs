@@ -205,6 +205,24 @@ fn bits_and_bytes_of_inputs_outputs_and_flags_are_one_memory() {
     }
 }
 
+/// The time that a block computes is at most 100 ms after the last time of the firmware (D-789).
+#[test]
+fn the_computed_time_of_blocks_has_a_limit() {
+    let directory = tempfile::tempdir().unwrap();
+    prepare(directory.path());
+    fs::copy(Path::new(SOURCES).join("exact_time.c"), directory.path().join("exact_time.c")).unwrap();
+    fs::write(directory.path().join("commram_located.h"), "").unwrap();
+    for standard in ["-std=gnu99", "-std=gnu11"] {
+        let mut command = Command::new("cc");
+        command.current_dir(directory.path());
+        command.args([standard, "-O2", "-Wall", "-Wextra", "-Werror", "-DCOMMRAM_MATIEC_ACCESS"]);
+        finish(command.args(["exact_time.c", "-o", "exact_time"])).ok();
+        let outcome = finish(&mut Command::new(directory.path().join("exact_time")));
+        let expected = "stepped 1000000\nlate 1100000\nfast 20000000\nahead 3600000000\nbetween 1\n";
+        assert_eq!(outcome.ok(), expected, "{standard}");
+    }
+}
+
 /// A device without flags has only its registers as memory: variables of the program at `%MW100`, `%MB100` and
 /// `%MX100.2` would silently not overlay each other (D-740). Segments that a device does not have are refused in the
 /// same way.
