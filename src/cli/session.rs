@@ -12,7 +12,7 @@ use super::place::NamedLocation;
 use crate::devices;
 use crate::devices::ModuleFront;
 use crate::identity::{BusIndex, DeviceIndex, PortNumber};
-use crate::layout::{DeviceFit, DeviceLayout, FrontWord, LayoutError, RegisterRef, plc_prefix, split_plc};
+use crate::layout::{DeviceFit, DeviceLayout, FrontWord, RegisterRef, plc_prefix, split_plc};
 use crate::memory::header::BoardState;
 use crate::memory::{
     AttachMode, Attached, Condition, EmulatorProcess, Header, ImageInfo, ImageSummary, MemoryError,
@@ -187,16 +187,17 @@ impl Session {
         Ok(NamedLocation::parse(&self.fitted(self.plc(plc, name)?), text)?)
     }
 
-    /// Finds the indices of the PLC and of the port in `text`. Without a name, returns the first master.
+    /// Finds the indices of the PLC and of the port in `text`. Without the name of a port, returns the first
+    /// master of the PLC.
     ///
     /// # Errors
     /// Returns the errors of [`Session::plc`]. Also fails if the device has no such port.
     pub(crate) fn port(&self, text: &str) -> Result<(DeviceIndex, PortNumber), CliError> {
         let (plc, name) = split_plc(text);
-        let first = || self.fitted(DeviceIndex(0)).first_master().map(|port| port.name);
-        let name = if name.is_empty() { first().ok_or(LayoutError::NoMaster)? } else { name };
-        let plc = self.plc(plc, name)?;
-        Ok((plc, self.device(plc).port_named(name)?.number))
+        // A message without a PLC shows a port of the first PLC as an example.
+        let example = self.fitted(DeviceIndex(0)).port_or_master(name).map_or(name, |port| port.name);
+        let plc = self.plc(plc, example)?;
+        Ok((plc, self.fitted(plc).port_or_master(name)?.number))
     }
 
     /// Returns the index of the PLC of `place`.

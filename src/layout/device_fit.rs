@@ -1,5 +1,6 @@
 //! A device and its options: which structures its areas really contain.
 
+use super::LayoutError;
 use super::descriptor::{Area, AreaStructure, DeviceLayout, Dim, Port, Register, RegisterPhase, Role};
 use super::register::RegisterRef;
 use crate::identity::PortNumber;
@@ -89,6 +90,17 @@ impl DeviceFit {
             Fit::Unknown => port.roles.contains(&Role::Master).then_some(port),
             _ => (fit.role() == Some(Role::Master)).then_some(port),
         })
+    }
+
+    /// Returns the port with this name; for an empty name, the first port that is or can be a master.
+    ///
+    /// # Errors
+    /// The device has no such port, or no master.
+    pub fn port_or_master(&self, name: &str) -> Result<&'static Port, LayoutError> {
+        match name {
+            "" => self.first_master().ok_or(LayoutError::NoMaster),
+            name => self.device.port_named(name),
+        }
     }
 
     /// Returns the known facts about the port that has its registers in `area`.

@@ -199,6 +199,8 @@ fn every_command_knows_the_modules() {
     emulator.step(&["1us"]);
     let second = at(emulator.step(&["--to-sync", "maxx:slotG"]));
     assert_eq!(((second - first) * 1e6).round(), 1_000.0, "an interval of 1 ms");
+    // Without a port, the first master of the named PLC, which is in another slot than that of the first PLC.
+    emulator.step(&["--to-sync", "top:"]);
     // A dump of the module contains each register once.
     let dump = emulator.run("dump", &["maxx:slotG", "--all", "--format", "csv"]);
     let mut names: Vec<_> = dump.ok().lines().skip(1).map(|line| line.split(',').nth(2).unwrap()).collect();

@@ -2,7 +2,7 @@
 
 use super::Bench;
 use crate::identity::DeviceIndex;
-use crate::layout::{LayoutError, split_plc};
+use crate::layout::split_plc;
 use crate::request::Op;
 use crate::script::{ScenarioError, Span};
 
@@ -23,10 +23,10 @@ impl Bench {
     /// There is no such port, or there is no SYNC signal.
     pub fn step_to_sync(&mut self, port: &str) -> Result<(), ScenarioError> {
         let (plc, name) = split_plc(port);
-        let first = || self.names.fitted(DeviceIndex(0)).first_master().map(|port| port.name);
-        let name = if name.is_empty() { first().ok_or(LayoutError::NoMaster)? } else { name };
-        let plc = self.plc(plc, name)?;
-        let node = self.names.device(plc).port_named(name)?.number;
+        // A message without a PLC shows a port of the first PLC as an example.
+        let example = self.names.fitted(DeviceIndex(0)).port_or_master(name).map_or(name, |port| port.name);
+        let plc = self.plc(plc, example)?;
+        let node = self.names.fitted(plc).port_or_master(name)?.number;
         self.within_limit(0)?;
         self.ask(Op::AdvanceToSync { plc, node })?.time()?;
         Ok(())
