@@ -53,7 +53,7 @@ fn missing_duplicate_and_foreign_reports_are_refused() {
             .ends_with("it has 3 scenarios, expected are 2 of all 4; the shards do not have the same files")
     );
     let more = refused(vec![one(), two(), part(None, &[])]);
-    assert!(more.contains("all 2 shards are present without it"), "{more}");
+    assert!(more.contains("all shards are present without it"), "{more}");
     assert!(refused(vec![part(Some("1/3"), &["a"]), part(None, &[])]).contains("missing: shard 2/3"));
 }
 
