@@ -50,7 +50,7 @@ fn a_failing_round_is_minimized_and_fails_alone() {
     let outcome = run(&args);
     assert_eq!(outcome.code, Some(1), "{}", outcome.err);
     assert!(
-        outcome.err.contains("seed 5, cs0015-slave, ") && outcome.err.contains("\n0 of its "),
+        outcome.err.contains("seed 5, cs0015-slave, ") && outcome.err.contains("\nit fails with 0 of its "),
         "{}",
         outcome.err
     );

@@ -111,7 +111,7 @@ fn jsonl_has_the_documented_fields() {
     for (kind, expected) in [
         ("sync", "bus"),
         ("frame", "bus data id text"),
-        ("state", "from latency_us node plc text to"),
+        ("state", "address from latency_us node plc register text to"),
         ("handshake", "address answer latency_us node plc register request"),
         ("missed", "frame node plc"),
         ("ignored", "command node plc why"),
