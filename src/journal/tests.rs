@@ -1,4 +1,4 @@
-use super::testing::{Edge, Packet};
+use super::testing::{Edge, Packet, catalogue};
 use super::*;
 use crate::devices::samples::tables::phases;
 use crate::identity::{BusIndex, DeviceIndex, PortNumber};
@@ -290,7 +290,7 @@ fn lost_records_do_not_change_the_names_of_overlaid_registers() {
     // These records push out the last states, and none of them shows a phase.
     (0..3).for_each(|_| journal.push_event(3, Unforce { plc, offset: 1_000_000 }.into()));
     let read = |from| {
-        let mut lines = jsonl::Jsonl::new(names(), crate::devices::catalogue());
+        let mut lines = jsonl::Jsonl::new(names(), catalogue());
         let mut printer = Vec::new();
         for record in journal.read_with_phases(from) {
             let mut line = String::new();

@@ -64,13 +64,13 @@ fn faults_of_missing_stations_or_with_invalid_values_are_refused() {
             ),
             (slave(BusIndex(0), 7), "bus 0 has no slave 7; its slaves are: 0, 1, 2"),
             (slave(BusIndex(0), 200), "slave is 200; it must be 0 to 31"),
-            (slave(BusIndex(1), 0), "bus 1 does not exist; there are 1"),
+            (slave(BusIndex(1), 0), "bus 1 does not exist; the plant has 1, numbered from 0"),
             (
                 node(DeviceIndex(0), rate.kind.slave.port),
                 &rate.kind.named("SLAVE of PLC 0 is not on a bus; ports on a bus: MASTER"),
             ),
             (node(DeviceIndex(0), PortNumber(9)), "PLC 0 has no port 9; its ports are: "),
-            (node(DeviceIndex(2), PortNumber(1)), "PLC 2 does not exist; there are 2"),
+            (node(DeviceIndex(2), PortNumber(1)), "PLC 2 does not exist; the plant has 2, numbered from 0"),
         ];
         for (draft, expected) in cases {
             let refusal = draft.check().and_then(|fault| rig.plant.add_fault(fault)).unwrap_err().to_string();
