@@ -180,13 +180,16 @@ pub(super) static DUPLICATE_FRAME: FaultKind = FaultKind::new(
 /// Families of buses with ports that have a CAN controller.
 const CONTROLLERS: &[&str] = &["cansync", "can"];
 
-pub(super) static BUS_OFF: FaultKind =
-    FaultKind::new(11, "bus_off", TargetKind::Port, "A CAN controller switches itself off", |_| {
-        fault::Effect::new(Effect::BusOff)
-    })
-    .once()
-    .at_ports_to(CONTROLLERS)
-    .shown("plc=line node=2");
+pub(super) static BUS_OFF: FaultKind = FaultKind::new(
+    11,
+    "bus_off",
+    TargetKind::Port,
+    "The CAN controller of a port that takes part in its bus switches itself off",
+    |_| fault::Effect::new(Effect::BusOff),
+)
+.once()
+.at_ports_to(CONTROLLERS)
+.shown("plc=line node=2");
 
 pub(super) static OVERRUN: FaultKind =
     FaultKind::new(12, "overrun", TargetKind::Port, "A CAN controller loses frames that it receives", |_| {

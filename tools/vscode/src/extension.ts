@@ -27,17 +27,29 @@ async function start(): Promise<void> {
   await client.start();
 }
 
+/** Starts the language server anew, also after a start that has failed. */
+async function restartServer(): Promise<void> {
+  if (client?.isRunning()) {
+    await client.stop();
+  }
+  await start();
+}
+
 export async function activate(context: vscode.ExtensionContext): Promise<void> {
-  const restart = vscode.commands.registerCommand("commram.restart", async () => {
-    await client?.stop();
-    await start();
+  const restart = vscode.commands.registerCommand("commram.restart", restartServer);
+  const changed = vscode.workspace.onDidChangeConfiguration(async (event) => {
+    if (event.affectsConfiguration("commram.program")) {
+      await restartServer();
+    }
   });
   const pages = new WebPages(program);
   const page = vscode.commands.registerCommand("commram.openPage", () => pages.open());
-  context.subscriptions.push(restart, page, pages, new ScenarioTests(program), registerDebugger(program));
+  context.subscriptions.push(restart, changed, page, pages, new ScenarioTests(program), registerDebugger(program));
   await start();
 }
 
 export async function deactivate(): Promise<void> {
-  await client?.stop();
+  if (client?.isRunning()) {
+    await client.stop();
+  }
 }
