@@ -17,7 +17,7 @@ pub(crate) enum Order {
 struct GuardedNode {
     node: u8,
     guard_us: u64,
-    /// Permitted number of missing answers in a row.
+    /// Number of missing answers in a row at which the node counts as missing.
     life: u8,
     /// Time of the next request, in microseconds; `None` while the node is not guarded.
     next_at: Option<u64>,
@@ -50,8 +50,8 @@ pub(crate) struct Network {
 const TOGGLE: u8 = 0x80;
 
 impl Network {
-    /// Adds `node`. Its state is requested every `guard_us` microseconds, or never if `guard_us` is 0; `life` answers
-    /// in a row may be missing.
+    /// Adds `node`. Its state is requested every `guard_us` microseconds, or never if `guard_us` is 0. The node
+    /// counts as missing after `life` requests in a row without an answer.
     pub(crate) fn add(&mut self, node: u8, guard_us: u64, life: u8) {
         self.nodes.retain(|it| it.node != node);
         self.nodes.push(GuardedNode {

@@ -23,8 +23,8 @@ pub(crate) struct Presence {
     pub answers: bool,
 }
 
-/// Firmware of a device's port on PROFIBUS. Events on the line are reported at once, with the bit time in the
-/// [`Station`]. All other times of the firmware are in microseconds of emulated time.
+/// Firmware of a device's port on PROFIBUS. The bus reports events on the line at once. Before each call it sets the time
+/// of the [`Station`], which is counted in bits. All other times of the firmware are in microseconds of emulated time.
 pub(crate) trait ProfibusPort: Send + SnapshotFields {
     /// Called when the device starts.
     fn power_on(&mut self, ctx: &mut Context, station: &mut Station) {

@@ -92,7 +92,8 @@ pub(crate) enum Objection {
     SyncSlot(u32),
     /// P168 is not 0 (manual 5.01010.01 p. 13).
     SyncOffset(u32),
-    /// P103 is a frequency for which the manual has no masks of P258 (5.00005.03a p. 74).
+    /// The PWM frequency (P103) is not in the manual's table of masks for the angle reference value (P258), which has only
+    /// 4 and 8 kHz (5.00005.03a p. 74).
     Pwm(u32),
 }
 

@@ -17,9 +17,9 @@ use crate::devices::cansync::registers::values::{drive_status, par_element, par_
 use crate::snapshot_fields;
 use std::num::NonZeroU32;
 
-/// Element with the lowest value of a parameter (decision D-160).
+/// Element number of the minimum of a parameter (decision D-160).
 pub(crate) const MINIMUM_ELEMENT: u8 = par_element::MINIMUM;
-/// Element with the highest value of a parameter (decision D-160).
+/// Element number of the maximum of a parameter (decision D-160).
 pub(crate) const MAXIMUM_ELEMENT: u8 = par_element::MAXIMUM;
 /// Value of the operating mode parameter: synchronous reference position.
 const SYNCHRONOUS_POSITION: u32 = 1;
