@@ -156,6 +156,11 @@ fn an_event_that_is_due_at_the_moment_of_a_return_is_handled_later() {
         emulator.step(&["1ms"]);
         assert_eq!(journal(), handled);
     }
+    // Only the event makes this condition true, so a return to the condition handles the event.
+    assert_eq!(emulator.step(&["--back-to", "flags.CAN_BUS_OFF_ERROR==1"]), "0.005000 s");
+    assert_eq!(emulator.peek(&["flags.CAN_BUS_OFF_ERROR"]), "16#01");
+    emulator.step(&["1ms"]);
+    assert_eq!(journal(), handled);
 }
 
 /// The records before the snapshot were never in the journal, so they are not lost: also after going back, at once and

@@ -23,7 +23,7 @@ pub(in crate::request) fn back(host: &mut dyn Host, us: u64, detached: bool) -> 
     };
     let here = host.plant().snapshot();
     let search = host.plant_mut().search();
-    let outcome = arrive(host, target, &here, detached, false);
+    let outcome = arrive(host, target, &here, detached);
     host.plant_mut().end_search(search);
     host.has_travelled();
     outcome
@@ -72,12 +72,14 @@ fn find_back<T>(
         let (found, first) = found.inspect_err(|_| return_to(host, &here))?;
         let is_first = place == 0 && first.1;
         if let Some(target) = found.or(is_first.then_some(first.0)) {
-            arrive(host, target, &here, detached, false)?;
+            arrive(host, target, &here, detached)?;
             if let Some(found) = look(host)? {
                 return Ok(found);
             }
             // An event that was due at this moment has made the condition true.
-            arrive(host, target, &here, detached, true)?;
+            host.plant_mut().advance_to(target);
+            let (plant, travel) = host.plant_and_travel();
+            travel.is_at(plant);
             let none =
                 || Refused::new(Code::SNAPSHOT, "the moment was found, but not again on the way there");
             return look(host)?.ok_or_else(none);
@@ -145,14 +147,8 @@ fn last_in<T>(
 }
 
 /// Moves the plant to a moment of the history. `here` is a snapshot from the time of the request; the plant returns to
-/// it if the request is refused. `handles_due`: also handles the events that an operation has made due at this moment.
-fn arrive(
-    host: &mut dyn Host,
-    target: u64,
-    here: &Snapshot,
-    detached: bool,
-    handles_due: bool,
-) -> Result<(), Refused> {
+/// it if the request is refused.
+fn arrive(host: &mut dyn Host, target: u64, here: &Snapshot, detached: bool) -> Result<(), Refused> {
     let (_, travel) = host.plant_and_travel();
     let place = travel.stretch_of(target).ok_or_else(|| Refused::new(Code::NOT_SO_FAR, travel.nothing()))?;
     let stretch = travel.history[place].clone();
@@ -172,9 +168,6 @@ fn arrive(
     }
     go_to(host, &stretch.begin, true)?;
     stretch.way(target).go_to(host.plant_mut(), target);
-    if handles_due {
-        host.plant_mut().advance_to(target);
-    }
     let (plant, travel) = host.plant_and_travel();
     travel.is_at(plant);
     Ok(())
