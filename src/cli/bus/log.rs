@@ -57,11 +57,6 @@ impl Buses {
         Ok(Buses { info: session.ask(Op::Info)?.info()?, states: session.ask(Op::Buses)?.buses()? })
     }
 
-    /// Returns the time in microseconds that these octets take on a bus.
-    fn telegram_us(&self, bus: BusIndex, octets: &[u8]) -> u64 {
-        Telegram::bits(octets.len()) * 1_000_000 / self.bit_s(bus)
-    }
-
     /// Returns the bit rate of a bus, at least 1 bit/s.
     fn bit_s(&self, bus: BusIndex) -> u64 {
         self.states.get(bus.index()).map_or(0, |state| state.bit_s).max(1).into()
@@ -73,6 +68,11 @@ impl Buses {
         let is_profibus = matches!(traffic_kind, Some(TrafficKind::Telegrams));
         is_profibus == matches!(message, Message::Telegram(_))
     }
+}
+
+/// Returns the time in microseconds that the octets of a telegram take at `bit_s`.
+fn telegram_us(octets: &[u8], bit_s: u64) -> u64 {
+    Telegram::bits(octets.len()) * 1_000_000 / bit_s
 }
 
 /// Reads the log of a bus from a file.

@@ -6,7 +6,7 @@ use super::super::super::session::Session;
 use super::super::super::{Instance, output, time};
 use super::message::Message;
 use super::select::Select;
-use super::{AddressedMessage, Buses, nothing, put_in_order, read};
+use super::{AddressedMessage, Buses, nothing, put_in_order, read, telegram_us};
 use crate::channel::ClientError;
 use crate::plural::plural;
 use crate::request::{Code, FilePart, MAX_ADVANCE_US, MAX_OPS, Op, Reply, read_journal};
@@ -105,7 +105,7 @@ fn note_earlier(earlier: &[usize], unit: &str, path: &Path) {
 fn begin_telegrams(log: &mut [AddressedMessage], buses: &Buses) {
     let duration = |it: &AddressedMessage| match &it.message {
         Message::Frame(_) => 0,
-        Message::Telegram(octets) => buses.telegram_us(it.bus, octets),
+        Message::Telegram(octets) => telegram_us(octets, buses.bit_s(it.bus)),
     };
     // Shifts all times by the longest telegram: the times of a log may begin at 0, and no telegram can start before 0.
     let longest = log.iter().map(duration).max().unwrap_or(0);

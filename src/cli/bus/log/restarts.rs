@@ -1,9 +1,8 @@
 //! Restarts of the clock of a logger during a recording.
 
-use super::Message;
+use super::{Message, telegram_us};
 use crate::cli::{output, time};
 use crate::plural::plural;
-use crate::profibus::Telegram;
 use std::collections::BTreeMap;
 
 /// Largest disorder of a logger, in microseconds (D-824). A logger writes the frames of several interfaces, or of one
@@ -99,7 +98,7 @@ fn next_times(log: &[Entry]) -> Vec<Option<u64>> {
 fn duration_us(message: &Message) -> u64 {
     match message {
         Message::Frame(_) => 0,
-        Message::Telegram(octets) => Telegram::bits(octets.len()) * 1_000_000 / LOWEST_BIT_S,
+        Message::Telegram(octets) => telegram_us(octets, LOWEST_BIT_S),
     }
 }
 
