@@ -53,16 +53,7 @@ fn draw(kind: &'static EventKind) -> Vec<Record> {
     let events = event_at(Just(kind), (0..all().len() as u16, 0..4_u8));
     let mut runner = TestRunner::deterministic();
     let mut event = || events.new_tree(&mut runner).unwrap().current();
-    let record = |event| Record {
-        seq: 7,
-        time_us: 1_234_567,
-        event,
-        count: 1,
-        period_us: 0,
-        latency_us: None,
-        octets: None,
-        phases: None,
-    };
+    let record = |event| Record { seq: 7, ..Record::single(1_234_567, event) };
     (0..DRAWN).map(|_| record(event())).collect()
 }
 

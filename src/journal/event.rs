@@ -7,9 +7,10 @@ use super::kind::{ArrivedFrame, EventKind, EventText, Octets};
 use super::reader::Reader;
 use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use core::fmt;
+use serde::{Deserialize, Serialize};
 
 /// Origin of a record: a port of a device.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Origin {
     /// Index of the device in the plant.
     pub plc: DeviceIndex,

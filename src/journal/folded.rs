@@ -168,16 +168,7 @@ mod tests {
         let mut printer = Printer::new(Box::new(folded), Selection::default(), 0);
         let mut out = String::new();
         for (seq, &(time_us, count, event)) in (0..).zip(records) {
-            let record = Record {
-                seq,
-                time_us,
-                event,
-                count,
-                period_us: 10,
-                latency_us: None,
-                octets: None,
-                phases: None,
-            };
+            let record = Record { seq, count, period_us: 10, ..Record::single(time_us, event) };
             printer.print(&record, &mut out);
         }
         printer.end(&mut out);

@@ -5,25 +5,18 @@
 //! or has dropped its oldest records.
 
 use super::event::Origin;
-use crate::identity::{DeviceIndex, PortNumber};
 use crate::layout::RegisterPhase;
+use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 /// The phase of a port.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PortPhase {
     /// The port.
     pub port: Origin,
     /// The phase, which shows the valid structure if structures overlay each other.
     pub live: RegisterPhase,
-}
-
-/// Index of the device and number of the port.
-type Port = (DeviceIndex, PortNumber);
-
-fn port_of(origin: Origin) -> Port {
-    (origin.plc, origin.node)
 }
 
 /// A port has entered a phase.
@@ -36,13 +29,13 @@ struct PhaseChange {
 /// The changes of phases in the journal.
 pub(super) struct PhaseLog {
     /// Phases before the first entry of `changes`. Ports that are missing here are in their first phase.
-    begin: BTreeMap<Port, PortPhase>,
+    begin: BTreeMap<Origin, RegisterPhase>,
     /// Number of the first record with known phases: records from this number on follow `begin`.
     known_from: u64,
     /// Changes in the order of their numbers.
     changes: VecDeque<PhaseChange>,
     /// The phases after all changes.
-    now: BTreeMap<Port, PortPhase>,
+    now: BTreeMap<Origin, RegisterPhase>,
     /// Maximum number of changes.
     capacity: usize,
 }
@@ -61,14 +54,14 @@ impl PhaseLog {
 
     /// Takes the state of a port from the record with number `seq`.
     pub(super) fn entered(&mut self, seq: u64, entered: PortPhase) {
-        let before = self.now.insert(port_of(entered.port), entered);
-        if before == Some(entered) {
+        let before = self.now.insert(entered.port, entered.live);
+        if before == Some(entered.live) {
             return;
         }
         if self.changes.len() >= self.capacity
             && let Some(PhaseChange { seq, entered }) = self.changes.pop_front()
         {
-            self.begin.insert(port_of(entered.port), entered);
+            self.begin.insert(entered.port, entered.live);
             self.known_from = seq + 1;
         }
         self.changes.push_back(PhaseChange { seq, entered });
@@ -79,9 +72,9 @@ impl PhaseLog {
     pub(super) fn before(&self, seq: u64) -> Arc<[PortPhase]> {
         let mut phases = self.begin.clone();
         for PhaseChange { entered, .. } in self.changes.iter().take_while(|change| change.seq < seq) {
-            phases.insert(port_of(entered.port), *entered);
+            phases.insert(entered.port, entered.live);
         }
-        phases.into_values().collect()
+        phases.into_iter().map(|(port, live)| PortPhase { port, live }).collect()
     }
 
     /// True if a port changed its phase in the records from number `from` up to `end`, excluding `end`.
@@ -98,7 +91,7 @@ impl PhaseLog {
         is_same_run: bool,
         present: impl Iterator<Item = PortPhase>,
     ) {
-        self.now = present.map(|phase| (port_of(phase.port), phase)).collect();
+        self.now = present.map(|PortPhase { port, live }| (port, live)).collect();
         if is_same_run && end >= self.known_from {
             self.changes.truncate(self.changes.partition_point(|change| change.seq < end));
             return;
@@ -112,6 +105,7 @@ impl PhaseLog {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::identity::{DeviceIndex, PortNumber};
 
     fn phase(node: u8, live: u8) -> PortPhase {
         let port = Origin { plc: DeviceIndex(0), node: PortNumber(node) };

@@ -139,16 +139,7 @@ mod tests {
     }
 
     fn record(seq: u64, event: Event) -> Record {
-        Record {
-            seq,
-            time_us: 10 * seq,
-            event,
-            count: 1,
-            period_us: 0,
-            latency_us: None,
-            octets: None,
-            phases: None,
-        }
+        Record { seq, ..Record::single(10 * seq, event) }
     }
 
     fn sync(seq: u64, bus: BusIndex) -> Record {

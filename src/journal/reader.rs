@@ -5,7 +5,7 @@ use super::event::{Origin, Source};
 use super::names::Names;
 use super::record::Record;
 use super::registers::State;
-use crate::identity::{DeviceIndex, PortNumber};
+use crate::identity::DeviceIndex;
 use crate::layout::{Address, Area, RegType, RegisterPhase, RegisterRef, Width, format_value};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -20,14 +20,11 @@ pub struct Reader {
     knows_phases: Option<bool>,
     /// True if a record has had phases. Records then have phases again wherever the reader may not know them.
     gets_phases: bool,
-    live: HashMap<Port, RegisterPhase>,
+    live: HashMap<Origin, RegisterPhase>,
     /// Octets of the last record.
     octets: Option<Arc<[u8]>>,
     registers: HashMap<(DeviceIndex, u32, RegisterPhase), Option<RegisterRef>>,
 }
-
-/// Index of the device and number of the port.
-type Port = (DeviceIndex, PortNumber);
 
 impl Reader {
     /// Creates a reader without records.
@@ -48,12 +45,12 @@ impl Reader {
         if let Some(phases) = &record.phases {
             self.knows_phases = Some(true);
             self.gets_phases = true;
-            self.live = phases.iter().map(|it| ((it.port.plc, it.port.node), it.live)).collect();
+            self.live = phases.iter().map(|it| (it.port, it.live)).collect();
         }
         self.knows_phases.get_or_insert(record.seq == 0);
         self.octets.clone_from(&record.octets);
         if let Some(State { origin, live, .. }) = record.event.get() {
-            self.live.insert((origin.plc, origin.node), live);
+            self.live.insert(origin, live);
         }
     }
 
@@ -81,7 +78,7 @@ impl Reader {
         let Some(port) = ports.find(|port| port.area.first == area.first) else {
             return RegisterPhase::ALWAYS;
         };
-        match self.live.get(&(plc, port.number)) {
+        match self.live.get(&Origin { plc, node: port.number }) {
             Some(live) => *live,
             None if self.knows_phases == Some(true) => area.first_phase(),
             None => area.phase(None),

@@ -37,8 +37,7 @@ impl Record {
     pub const COUNTED: u64 = u64::MAX - 1;
 
     /// Returns a record of one event, without number.
-    pub(super) fn single(time_us: u64, event: Event) -> Self {
-        let (octets, phases) = (None, None);
+    pub(crate) fn single(time_us: u64, event: Event) -> Self {
         Record {
             seq: Self::PENDING,
             time_us,
@@ -46,8 +45,8 @@ impl Record {
             count: 1,
             period_us: 0,
             latency_us: None,
-            octets,
-            phases,
+            octets: None,
+            phases: None,
         }
     }
 

@@ -51,16 +51,8 @@ impl InJson for Vec<Record> {
 impl InJson for Vec<Change> {
     fn form(&self, names: &Names) -> impl Serialize {
         let mut lines = Jsonl::new(names.clone(), devices::catalogue());
-        let record = |&Change { seq, time_us, what }: &Change| Record {
-            seq,
-            time_us,
-            event: what.into(),
-            count: 1,
-            period_us: 0,
-            latency_us: None,
-            octets: None,
-            phases: None,
-        };
+        let record =
+            |&Change { seq, time_us, what }: &Change| Record { seq, ..Record::single(time_us, what.into()) };
         self.iter().map(|change| lines.line(&record(change))).collect::<Vec<_>>()
     }
 }

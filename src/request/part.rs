@@ -89,16 +89,7 @@ mod tests {
 
     fn record(seq: u64) -> Record {
         let event = Event::from(ChannelWrite { plc: DeviceIndex(0), offset: 200_000, width: 2, value: 1 });
-        Record {
-            seq,
-            time_us: seq,
-            event,
-            count: 1,
-            period_us: 0,
-            latency_us: None,
-            octets: None,
-            phases: None,
-        }
+        Record { seq, ..Record::single(seq, event) }
     }
 
     fn reply(numbers: &[u64], end: u64, turn: HistoryId) -> Reply {

@@ -1,9 +1,7 @@
 //! Records of the journal on the wire.
 
 use crate::devices;
-use crate::identity::{DeviceIndex, PortNumber};
-use crate::journal::{Change, Changed, EventCodec, Origin, PortPhase, Record};
-use crate::layout::RegisterPhase;
+use crate::journal::{Change, Changed, EventCodec, PortPhase, Record};
 use core::num::NonZeroU32;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -21,28 +19,7 @@ pub(super) struct WireRecord {
     /// Octets of a telegram, if the event does not have all of them.
     octets: Option<Vec<u8>>,
     /// Phases of the ports before the record, if the reader may not know them.
-    phases: Option<Vec<WirePhase>>,
-}
-
-/// The phase of a port.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct WirePhase {
-    plc: u16,
-    node: u8,
-    live: u8,
-}
-
-impl From<&PortPhase> for WirePhase {
-    fn from(&PortPhase { port, live }: &PortPhase) -> Self {
-        WirePhase { plc: port.plc.0, node: port.node.0, live: live.number() }
-    }
-}
-
-impl From<&WirePhase> for PortPhase {
-    fn from(&WirePhase { plc, node, live }: &WirePhase) -> Self {
-        let port = Origin { plc: DeviceIndex(plc), node: PortNumber(node) };
-        PortPhase { port, live: RegisterPhase::numbered(live) }
-    }
+    phases: Option<Vec<PortPhase>>,
 }
 
 impl From<&Record> for WireRecord {
@@ -51,8 +28,7 @@ impl From<&Record> for WireRecord {
         let octets = octets.as_ref().map(|octets| octets.to_vec());
         // A record counts at least one event.
         let count = NonZeroU32::new(count).unwrap_or(NonZeroU32::MIN);
-        let (event, phases) =
-            (event.words(), phases.as_ref().map(|all| all.iter().map(WirePhase::from).collect()));
+        let (event, phases) = (event.words(), phases.as_ref().map(|phases| phases.to_vec()));
         WireRecord { seq, time_us, count, period_us, latency_us, event, octets, phases }
     }
 }
@@ -62,7 +38,7 @@ impl WireRecord {
     pub(crate) fn record(&self) -> Option<Record> {
         let &WireRecord { seq, time_us, count, period_us, latency_us, event, ref octets, ref phases } = self;
         let octets = octets.as_deref().map(Arc::from);
-        let phases = phases.as_ref().map(|all| all.iter().map(PortPhase::from).collect());
+        let phases = phases.as_deref().map(Arc::from);
         let event = devices::catalogue().event(event)?;
         Some(Record { seq, time_us, event, count: count.get(), period_us, latency_us, octets, phases })
     }

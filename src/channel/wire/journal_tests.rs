@@ -1,16 +1,19 @@
 use super::*;
 use crate::channel::wire::{Block, ReplyBuffer, decode, serde_types};
 use crate::devices::samples::event;
-use crate::identity::DeviceIndex;
-use crate::journal::{HistoryId, Journal, Unforce};
+use crate::identity::{DeviceIndex, PortNumber};
+use crate::journal::{HistoryId, Journal, Origin, Unforce};
+use crate::layout::RegisterPhase;
 use crate::request::Reply;
 use proptest::prelude::*;
 
 fn record() -> impl Strategy<Value = Record> {
     let latency = proptest::option::of(0..u32::MAX);
     let octets = proptest::option::of(proptest::collection::vec(any::<u8>(), 0..=255));
-    let phase =
-        any::<(u16, u8, u8)>().prop_map(|(plc, node, live)| PortPhase::from(&WirePhase { plc, node, live }));
+    let phase = any::<(u16, u8, u8)>().prop_map(|(plc, node, live)| PortPhase {
+        port: Origin { plc: DeviceIndex(plc), node: PortNumber(node) },
+        live: RegisterPhase::numbered(live),
+    });
     let phases = proptest::option::of(proptest::collection::vec(phase, 0..5));
     (event(), any::<(u64, u64, u32)>(), 1..u32::MAX, latency, octets, phases).prop_map(
         |(event, (seq, time_us, period_us), count, latency_us, octets, phases)| Record {

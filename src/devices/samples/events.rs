@@ -120,7 +120,7 @@ mod tests {
 
         #[test]
         fn every_event_reads(event in event()) {
-            let record = Record { seq: 7, time_us: 8, event, count: 1, period_us: 0, latency_us: None, octets: None, phases: None };
+            let record = Record { seq: 7, ..Record::single(8, event) };
             let (mut text, mut json) = (String::new(), String::new());
             Text::new(Names::default(), catalogue()).record(&record, &mut text);
             Jsonl::new(Names::default(), catalogue()).record(&record, &mut json);

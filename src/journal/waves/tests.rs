@@ -5,16 +5,7 @@ use crate::journal::{By, ChangeDetails, Event};
 use crate::layout::RegisterPhase;
 
 fn record(seq: u64, time_us: u64, event: impl Into<Event>) -> Record {
-    Record {
-        seq,
-        time_us,
-        event: event.into(),
-        count: 1,
-        period_us: 0,
-        latency_us: None,
-        octets: None,
-        phases: None,
-    }
+    Record { seq, ..Record::single(time_us, event.into()) }
 }
 
 fn changed(offset: u32, from: u32, to: u32) -> Changed {
