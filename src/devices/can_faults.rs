@@ -76,21 +76,22 @@ impl Frames {
     }
 }
 
-const SLOT: Field = Field::new("slot", Form::Word(SLOTS), "On a CANsync bus. Left out: all");
+const SLOT: Field =
+    Field::new("slot", Form::Word(SLOTS), "Slot of the frame on a CANsync bus; all slots if left out");
 const ID: Field = Field::new(
     "id",
     Form::Hex { least: 0, most: MAX_EXTENDED as u64, digits: 3 },
-    "Identifier. Left out: all",
+    "Identifier of the frame; all identifiers if left out",
 );
 const MASK: Field = Field::new(
     "mask",
     Form::Hex { least: 0, most: MAX_EXTENDED as u64, digits: 3 },
-    "Bits of `id` that count. Left out: all",
+    "Bits of the identifier that are compared with `id`; all bits if left out",
 );
 const FORMAT: Field = Field::new(
     "format",
     Form::Word(&["standard", "extended"]),
-    "On a CAN bus, 11 or 29 bits. Left out: that of `id`, extended above 16#7FF; without `id` both",
+    "Identifiers of 11 or 29 bits on a CAN bus. If left out: extended for an `id` above 16#7FF, standard for another `id`, both without `id`",
 );
 
 /// Returns a delay of a frame or an answer.
@@ -160,22 +161,38 @@ pub(super) static DELAY_FRAME: FaultKind =
     FaultKind::new(2, "delay_frame", TargetKind::Bus, "A frame comes later than it would", |fault| {
         frame(fault, FrameEffect::Delay(us(fault)))
     })
-    .with(const { &[SLOT, ID, MASK, FORMAT, delay(1, "After its time").required(IN_US)] })
+    .with(
+        const {
+            &[
+                SLOT,
+                ID,
+                MASK,
+                FORMAT,
+                delay(1, "Delay after the normal time of the frame, in us").required(IN_US),
+            ]
+        },
+    )
     .agreeing(agree)
     .shown("slot=RC delay=500us count=1");
 
-pub(super) static DUPLICATE_FRAME: FaultKind = FaultKind::new(
-    3,
-    "duplicate_frame",
-    TargetKind::Bus,
-    "A frame comes once more",
-    |fault| frame(fault, FrameEffect::Duplicate(us(fault))),
-)
-.with(
-    const { &[SLOT, ID, MASK, FORMAT, delay(0, "After the end of the first frame; 0 if left out").default(0)] },
-)
-.agreeing(agree)
-.shown("slot=CC delay=50us");
+pub(super) static DUPLICATE_FRAME: FaultKind =
+    FaultKind::new(3, "duplicate_frame", TargetKind::Bus, "A frame comes once more", |fault| {
+        frame(fault, FrameEffect::Duplicate(us(fault)))
+    })
+    .with(
+        const {
+            &[
+                SLOT,
+                ID,
+                MASK,
+                FORMAT,
+                delay(0, "Time from the end of the first frame to the second frame, in us; 0 if left out")
+                    .default(0),
+            ]
+        },
+    )
+    .agreeing(agree)
+    .shown("slot=CC delay=50us");
 
 /// Families of buses with ports that have a CAN controller.
 const CONTROLLERS: &[&str] = &["cansync", "can"];

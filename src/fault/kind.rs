@@ -56,16 +56,19 @@ pub(super) static SLAVE: Field =
 pub(super) static AT_US: Field = Field::new(
     "at_us",
     Form::Time { least: 0, most: MAX_AT_US },
-    "Begin, emulated time since power-on. Left out or past: at once",
+    "Emulated time since power-on at which the fault begins; at once if left out or in the past",
 );
 /// Number of hits after which the fault ends.
-pub(super) static COUNT: Field =
-    Field::new("count", Form::Number { least: 1, most: u32::MAX as u64 }, "Ends after this number of hits");
+pub(super) static COUNT: Field = Field::new(
+    "count",
+    Form::Number { least: 1, most: u32::MAX as u64 },
+    "The fault ends after this number of hits",
+);
 /// Time after which the fault ends.
 pub(super) static DURATION_US: Field = Field::new(
     "duration_us",
     Form::Time { least: 1, most: MAX_DURATION_US as u64 },
-    "Ends after this emulated time. Not together with `count`",
+    "The fault ends after this emulated time; not possible together with `count`",
 )
 .or("for_us");
 

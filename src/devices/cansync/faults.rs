@@ -92,7 +92,7 @@ static JITTER_SYNC: FaultKind =
             &[Field::new(
                 "amplitude_us",
                 Form::Time { least: 1, most: MAX_JITTER_US as u64 },
-                "At most a quarter of the interval takes effect",
+                "Largest shift of an edge, in us; at most a quarter of the interval takes effect",
             )
             .required(IN_US)]
         },
@@ -113,7 +113,7 @@ static SLAVE_LATE: FaultKind =
     FaultKind::new(7, "slave_late", TargetKind::Participant, "A slave answers jobs late", |fault| {
         fault::Effect::new(Effect::SlaveLate(us(fault)))
     })
-    .with(const { &[delay(1, "After the slot of the answer").required(IN_US)] })
+    .with(const { &[delay(1, "Delay after the slot of the answer, in us").required(IN_US)] })
     .shown("slave=1 delay=700us");
 
 static SLAVE_BUSY: FaultKind =
@@ -149,12 +149,12 @@ static WRONG_OFFSET: FaultKind = FaultKind::new(
             Field::new(
                 "slot",
                 Form::Word(&["CC", "RC"]),
-                "In the job (CC) or in the answer (RC, if left out)",
+                "Frame with the wrong offset: the job (CC) or the answer (RC); RC if left out",
             ),
             Field::new(
                 "offset",
                 Form::Number { least: 0, most: MAX_OFFSET as u64 },
-                "The wrong offset. Left out: the right one plus 6",
+                "The wrong offset; if left out, the right offset plus 6",
             ),
         ]
     },

@@ -57,7 +57,7 @@ static SLOW: FaultKind = FaultKind::new(
         &[Field::new(
             "delay_us",
             Form::Time { least: 1, most: MAX_SLOWNESS_US as u64 },
-            "Later than the drive would do it",
+            "Delay of each action of the drive, in us",
         )
         .or("us")
         .required("give it in microseconds")]

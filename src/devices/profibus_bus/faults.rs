@@ -89,12 +89,13 @@ impl Telegrams {
 }
 
 const ADDRESS: Form = Form::Number { least: 0, most: 126 };
-const STATION: Field = Field::new("station", ADDRESS, "Address of the sender. Left out: all");
-const WHAT: Field = Field::new("what", Form::Word(&["request", "answer"]), "Left out: all telegrams");
+const STATION: Field = Field::new("station", ADDRESS, "Address of the sender; all senders if left out");
+const WHAT: Field =
+    Field::new("what", Form::Word(&["request", "answer"]), "Kind of the telegram; all telegrams if left out");
 const SAP: Field = Field::new(
     "sap",
     Form::Number { least: 0, most: 63 },
-    "Service access point of the slave, for example 61 for Set_Prm. Left out: all telegrams",
+    "Service access point of the slave, for example 61 for Set_Prm; all telegrams if left out",
 );
 const OCTETS: Field = Field::new(
     "octets",
@@ -125,7 +126,16 @@ static DELAY_TELEGRAM: FaultKind =
     FaultKind::new(21, "delay_telegram", TargetKind::Bus, "A telegram comes later than it would", |fault| {
         telegram(fault, TelegramEffect::Delay(us(fault)))
     })
-    .with(const { &[STATION, WHAT, SAP, delay(1, "After its time").required(IN_US)] })
+    .with(
+        const {
+            &[
+                STATION,
+                WHAT,
+                SAP,
+                delay(1, "Delay after the normal time of the telegram, in us").required(IN_US),
+            ]
+        },
+    )
     .shown("what=answer delay=5ms count=1");
 
 static REPEAT_TELEGRAM: FaultKind =
@@ -134,7 +144,16 @@ static REPEAT_TELEGRAM: FaultKind =
     })
     .with(
         const {
-            &[STATION, WHAT, SAP, delay(0, "After the end of the first telegram; 0 if left out").default(0)]
+            &[
+                STATION,
+                WHAT,
+                SAP,
+                delay(
+                    0,
+                    "Time from the end of the first telegram to the second telegram, in us; 0 if left out",
+                )
+                .default(0),
+            ]
         },
     )
     .shown("what=request delay=2ms");
@@ -163,7 +182,11 @@ static SILENT_STATION: FaultKind =
     FaultKind::new(25, "silent_station", TargetKind::Bus, "A station receives but cannot send", |fault| {
         telegram(fault, TelegramEffect::Lose)
     })
-    .with(const { &[Field::new("station", ADDRESS, "Its address").required("give its address, 0 to 126")] })
+    .with(
+        const {
+            &[Field::new("station", ADDRESS, "Address of the station").required("give its address, 0 to 126")]
+        },
+    )
     .shown("station=5 for=100ms");
 
 static NOISE: FaultKind = FaultKind::new(
