@@ -123,8 +123,8 @@ const RUNS: u32 = 128;
 /// Number of recessive bits of a sequence that counts for the recovery from BUS-off.
 const RUN: u32 = 11;
 
-/// Recovery from BUS-off: 128 sequences of eleven consecutive recessive bits. An idle bus has these sequences one after
-/// the other. A bus with frames has at least one such sequence after each frame.
+/// Recovery from BUS-off: 128 sequences of eleven consecutive recessive bits. An idle bus consists of such sequences. A
+/// bus with frames has at least one such sequence after each frame.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Recovery {
     /// Number of sequences that are still missing.

@@ -12,9 +12,9 @@ use serde::{Deserialize, Serialize};
 
 /// The stations at a line, numbered from 0 in the order of attachment.
 pub trait Participants {
-    /// Returns the winner of the arbitration and its frame. All stations that are on the bus and had a
-    /// frame to send at `at_ns`, except `but`, take part in the arbitration. If several frames have the same
-    /// arbitration field, the first station wins (decision D-349).
+    /// Returns the winner of the arbitration and its frame. All stations that are on the bus and had a frame to send at
+    /// `at_ns`, except `but`, take part in the arbitration. If the frames of several stations have equal arbitration
+    /// fields, the station with the lowest index wins (decision D-349).
     fn first(&self, at_ns: u64, but: Option<usize>) -> Option<(usize, Frame)>;
 
     /// True if any station except `sender` has taken part since `begin_ns` without interruption. Such a station

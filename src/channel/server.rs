@@ -212,7 +212,7 @@ impl Server {
         answered
     }
 
-    /// Used in real time. Tries the waiting requests again.
+    /// Used in real time. Checks once more whether the waiting requests can be answered.
     fn retry(&mut self, host: &mut dyn Host) -> usize {
         let mut answered = 0;
         let mut at = 0;

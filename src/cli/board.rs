@@ -57,7 +57,7 @@ enum Command {
         #[command(flatten)]
         instance: Instance,
     },
-    /// Press RESET and release it; afterwards the switch is at STOP
+    /// Press RESET and release it, which leaves the switch at STOP
     Reset {
         /// Name of the PLC
         #[arg(add = complete::plcs())]

@@ -125,7 +125,7 @@ pub(super) fn arguments_of_command() -> impl Iterator<Item = OsString> {
     with_options_after_command(std::env::args_os().collect(), 1, &command()).into_iter().skip(2)
 }
 
-/// Returns the same error without options set by environment variables: the usage text would show such options as
+/// Returns `error` without the options that environment variables set: the usage text would show such options as
 /// required.
 fn without_environment_values(error: clap::Error, words: &[OsString]) -> clap::Error {
     fn bare(command: Command) -> Command {

@@ -89,8 +89,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Returns the operation that reads the status register of overlaid structures at this place. `None` if no structures
-/// overlay each other there.
+/// Returns the operation that reads the status register of overlaid structures at `place`. `None` if the registers at
+/// `place` are not overlaid.
 fn peek_status(session: &Session, place: &NamedLocation) -> Result<Option<Op>, CliError> {
     let Some(status) = place.status() else { return Ok(None) };
     let address = status.address();

@@ -343,7 +343,8 @@ pub(crate) fn images_of(instance: &str) -> Result<Vec<ImageInfo>, CliError> {
     let (own, others): (Vec<_>, Vec<_>) = all.into_iter().partition(|image| image.instance == instance);
     let (foreign, own): (Vec<_>, Vec<_>) = own.into_iter().partition(is_foreign);
     if own.is_empty() {
-        // A process that removes the files of a killed emulator holds the same locks, but is not an emulator.
+        // A process that removes the files of a killed emulator holds the locks of the instance, but is not an
+        // emulator.
         if let Some(running) = RunningInstance::find(instance)? {
             let pid = running.process().map(EmulatorProcess::pid);
             return Err(CliError::NoImages { instance: instance.to_owned(), pid });

@@ -77,7 +77,7 @@ fn inputs_are_stored_and_changes_are_published() {
     coupling.give(&host.plant);
     assert!(!coupling.is_due(999) && coupling.is_due(1000));
     host.plant.advance_to(1000);
-    // Storing the same values again is not a store, and values out of range are refused.
+    // An exchange that delivers unchanged values stores nothing, and values out of range are refused.
     let before = host.plant.journal().hash();
     give(&[(2, 28.0), (0, 65_536.0), (0, f64::NAN), (1, f64::INFINITY)]);
     assert_eq!(coupling.take(&mut host).unwrap(), Progress::Exchanged(Vec::new()));

@@ -47,7 +47,7 @@ impl Move {
         Move { name, parameters, weight: 1 }
     }
 
-    /// Returns the same move with `weight` times the usual frequency.
+    /// Returns a copy of the move that is chosen `weight` times as often as a usual move.
     #[must_use]
     pub const fn often(self, weight: u32) -> Self {
         Move { weight, ..self }

@@ -87,7 +87,8 @@ pub struct GuestState {
     pub guest: u8,
     /// Door of the guest.
     pub door: DoorSpec,
-    /// True if the guest receives the traffic of the bus. It is also true if only a wrong rate prevents this.
+    /// True if the guest has requested the traffic of the bus. It is also true if the guest receives nothing only
+    /// because of its wrong rate.
     pub open: bool,
     /// The rate that the guest has named, in bit/s.
     pub bit_s: Option<u32>,

@@ -82,7 +82,8 @@ impl GuestTurn {
         }
     }
 
-    /// True if the guest may send. Between a request and the answer it may not send, because it has promised this.
+    /// True if the guest may send. A guest that has requested time must not send until the answer, because the request
+    /// is a promise to send nothing.
     #[must_use]
     pub fn may_speak(self) -> bool {
         matches!(self, GuestTurn::Free | GuestTurn::HasTurn)

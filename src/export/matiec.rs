@@ -38,8 +38,8 @@ pub(crate) fn generate(scope: &Scope) -> String {
     out
 }
 
-/// Generates the C header. matiec declares types for the same structures with names in capitals. Some names in this
-/// header differ from these only in their case.
+/// Generates the C header. matiec declares types for these structures, too, with names in capitals. Some names in this
+/// header differ from the names of matiec only in their case.
 pub(crate) fn header(scope: &Scope, format: &str) -> String {
     c::header(scope, format, "commram_")
 }

@@ -6,7 +6,7 @@ use core::time::Duration;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FederationError {
-    /// The connection to the others failed or was never made.
+    /// The connection to the other federates failed or was never made.
     #[error("{0}")]
     Exchange(String),
     /// The emulator was not started as a federate.

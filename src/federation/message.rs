@@ -20,7 +20,7 @@ pub(super) enum Message {
     Bye(Option<String>),
 }
 
-/// Settings of a federate, which the others compare with their own.
+/// Settings of a federate, which each other federate compares with its own settings.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Hello {
     pub(super) version: String,

@@ -277,7 +277,7 @@ impl Federation {
         Ok(news)
     }
 
-    /// Sends the others a sign of life if they have received nothing for a while.
+    /// Sends the other federates a sign of life if this federate has sent nothing for a while.
     fn show_life(&mut self) -> Result<(), FederationError> {
         if self.is_complete && self.spoken.elapsed() >= ALIVE {
             self.broadcast(&Message::Alive)
@@ -286,7 +286,7 @@ impl Federation {
         }
     }
 
-    /// Informs the others of the end of this federate, with the reason if it failed.
+    /// Informs the other federates of the end of this federate, with the reason if it failed.
     pub fn leave(mut self, error: Option<&FederationError>) {
         self.exchange.leave(&Message::Bye(error.map(ToString::to_string)).to_bytes());
     }

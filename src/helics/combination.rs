@@ -127,7 +127,8 @@ impl ValueFederate {
         Ok(())
     }
 
-    /// Waits until all federates that the broker expects have joined. Values published afterwards are valid at time 0.
+    /// Waits until all federates that the broker expects have joined. Values that a federate publishes after this call
+    /// are valid at time 0.
     pub(super) fn enter_initializing(&self) -> Result<(), String> {
         // SAFETY: as above.
         self.functions.checked(|it, status| unsafe { (it.enter_initializing)(self.federate, status) })?;

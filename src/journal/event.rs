@@ -93,7 +93,7 @@ pub enum Keeping {
         offset: u32,
         /// The value of the request.
         request: u32,
-        /// The value of the register now, if more answers to the same request will follow.
+        /// The present value of the register, if more answers to this request will follow.
         pending_value: Option<u32>,
     },
     /// The event has a separate record, and ends all counts: their records come first. The event may be the answer to a

@@ -61,7 +61,7 @@ impl Entry {
 #[derive(Clone, Debug, Default)]
 pub struct Findings {
     entries: Vec<Entry>,
-    /// Number of records of each entry, in the same order.
+    /// Number of records of each entry, in the order of the entries.
     records: Vec<u8>,
     /// One entry for each rule that has run out of room.
     further: Vec<Entry>,

@@ -208,8 +208,8 @@ impl History {
         true
     }
 
-    /// True if a client may follow this register: a client may follow at most as many registers as are still free for
-    /// the others.
+    /// True if a client may follow this register: a client may follow at most as many registers as remain free for
+    /// other clients.
     fn has_room_for(&mut self, client: u128, place: (DeviceIndex, u32), now: Instant) -> bool {
         let has_room = |this: &Self| {
             let left = MAX_FOLLOWED - this.followed.len().min(MAX_FOLLOWED);

@@ -147,7 +147,7 @@ mod tests {
         // Records 0 and 1 are known only by their effect.
         log.continue_at(3, true, [phase(1, 1)].into_iter());
         assert_eq!((before(&log, 3), before(&log, 2)), (vec![(1, 1)], vec![(1, 2)]));
-        // The state that the plant had at record 3 is entered again.
+        // The plant enters the state that it had at record 3 once more.
         log.entered(3, phase(1, 2));
         assert_eq!(before(&log, 4), [(1, 2)]);
         log.continue_at(1, true, [phase(1, 1)].into_iter());

@@ -221,7 +221,7 @@ impl Waves {
         self.changes.iter().filter(of_it)
     }
 
-    /// Drops a value that equals the one before; events are kept each time.
+    /// Drops a value that equals the previous value. Events are never dropped.
     fn drop_repetitions(&mut self) {
         let mut shown: HashMap<usize, Content> = HashMap::new();
         self.changes.retain(|Change { signal, content, .. }| {
@@ -234,7 +234,7 @@ struct WaveCollector {
     window: Window,
     reader: Reader,
     waves: Waves,
-    /// The registers at each address with a value: structures that overlay each other have different registers there.
+    /// The registers at each address with a value. An address has several registers if structures overlay each other.
     overlaid: HashMap<(DeviceIndex, u32), Vec<OverlaidRegister>>,
 }
 

@@ -159,12 +159,12 @@ impl AreaStructure {
 }
 
 impl Register {
-    /// True if both have the same name.
+    /// True if the name of `self` is the name of `other`.
     pub(super) fn has_name_of(&self, other: &Self) -> bool {
         self.name == other.name && self.group == other.group
     }
 
-    /// True if both have the same place in their structures, the same widths and the same array bounds.
+    /// True if `self` and `other` have equal offsets in their structures, equal widths and equal array bounds.
     pub(super) fn lies_like(&self, other: &Self) -> bool {
         let bounds = |of: &'static [Dim]| of.iter().map(|dim| (dim.count, dim.stride));
         self.offset == other.offset

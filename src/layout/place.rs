@@ -189,8 +189,8 @@ impl NamedLocation {
     /// # Errors
     /// `BadValue`, which names the register.
     pub fn parse_value(&self, text: &str) -> Result<u32, BadValue> {
-        // The valid structure is not known here, but the result is the same: the types at the same address differ only
-        // in their names.
+        // The valid structure is not known here, but any structure gives the right result: the types at one address
+        // differ only in their names.
         let live = self.last_phase();
         let ty = self.ty(live);
         let named = |error| match (self.bit(), self.exact(live)) {

@@ -34,8 +34,8 @@ pub struct Space {
 pub enum Unit {
     /// Bytes, for any width: `%MD3.200000` begins with `%MB3.200000`, and bits 0 to 7 are the bits of the byte.
     Byte,
-    /// The number counts accesses of the address's own width: `%MW2000`, `%MB4000` and `%MD1000` begin at the same
-    /// byte. Bits 0 to 15 are bits of the word (decision D-286).
+    /// The number counts units of the address's width: `%MW2000`, `%MB4000` and `%MD1000` begin at one byte. Bits 0 to
+    /// 15 are bits of the word (decision D-286).
     Word,
 }
 

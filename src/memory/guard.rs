@@ -19,8 +19,8 @@ use std::os::fd::{BorrowedFd, RawFd};
 
 /// Images of one process that can be guarded at the same time.
 const MAX_GUARDED: usize = 256;
-/// Number of consecutive faults that other threads may cause although the file has its full length. More faults mean
-/// that memory is missing.
+/// A fault (SIGBUS) in a file with its full length can be caused by another thread, so the access is tried again. After
+/// this number of consecutive faults memory must be missing, and the handler gives up.
 const MAX_TRIES: usize = 16;
 /// Message of an emulator when it cannot continue.
 const LAST_WORDS: &[u8] =

@@ -303,8 +303,7 @@ mod tests {
         assert_eq!(parts(200_012, Width::Word).len(), 2, "two byte registers");
     }
 
-    /// Only the master uses the slave types. On node 1 their bytes are parts of the reference values at the same
-    /// addresses.
+    /// Only a master uses the slave types. On node 1, which is a slave, their bytes belong to reference values.
     #[test]
     fn an_unused_register_has_the_width_of_the_one_under_it() {
         let slave = DEVICE.register("node1.a_SL_TYP[13]").unwrap().offset();

@@ -28,7 +28,7 @@ pub(crate) struct Stored {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum StoreTarget {
     Registers(StoredBytes),
-    /// A store to the header page: index of the cell among those that programs write, and the value.
+    /// A store to the header page: index of the cell in the list of the cells that programs write, and the value.
     Board(u16, u32),
 }
 

@@ -58,7 +58,7 @@ pub trait Program {
 /// Result of a call of a task.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// The task has more to do: call it again.
+    /// The task has more to do: the runner must call it once more.
     Again,
     /// The task has ended.
     Done,

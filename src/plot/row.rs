@@ -36,7 +36,8 @@ impl Row {
     /// Creates a row for the register at `place`, with all its values in a journal. For a single bit, these are the
     /// values of its register.
     pub fn of(name: String, place: &NamedLocation, past: &Past) -> Self {
-        // Types and meanings of overlaid registers depend on the phase. The last phase is used for both.
+        // Types and meanings of overlaid registers depend on the phase. A plot uses the last phase for the types and
+        // for the meanings.
         let live = place.last_phase();
         let bit = place.bit_in();
         let number = |value: u32| match bit {

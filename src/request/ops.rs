@@ -48,7 +48,8 @@ macro_rules! ops {
                 /// The value to write; must fit the width.
                 new: u32 => value,
             },
-            /// Copies bytes. Registers may tear against each other, never within themselves.
+            /// Copies bytes. The registers in a copy may be from different moments, but the value of each register is
+            /// from one moment.
             ReadRange = 4, read_range, Looks -> Bytes {
                 /// Number of the PLC.
                 plc: DeviceIndex => plc,
@@ -205,7 +206,7 @@ macro_rules! ops {
             Findings = 50, findings, Looks -> Findings,
             /// Clears the findings of the access checker.
             ClearFindings = 51, clear_findings, Acts -> Cleared,
-            /// Returns the buses, their doors, and the guests and stations there.
+            /// Returns the buses with their doors, guests and stations.
             Buses = 60, buses, Looks -> Buses,
             /// Returns the drives and their states.
             Drives = 80, drives, Looks -> Drives,

@@ -170,7 +170,8 @@ impl Guests {
 
     /// Gives a turn to all guests for which `now` is the requested time.
     pub(super) fn grant(&mut self, now: u64) {
-        // `count` visits all guests; `any` would stop at the first match.
+        // Every guest must get its turn, so the loop uses `count`, which visits all guests. `any` would stop at the
+        // first guest that takes a turn.
         if self.present.iter().filter(|it| it.guest.grant(now)).count() > 0 {
             self.doors.announce();
         }

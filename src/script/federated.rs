@@ -72,7 +72,7 @@ impl Federate {
         vec![0; self.plant.devices().len()]
     }
 
-    /// Receives the pending messages. Returns true if this federate has the turn afterwards.
+    /// Receives the pending messages. Returns true if this federate has the turn after these messages.
     fn look(&mut self) -> bool {
         let mut federation = self.federation.take().unwrap();
         federation.look(self).unwrap();
@@ -188,7 +188,7 @@ impl Federated {
         Ok(Federated { all, own: own.into() })
     }
 
-    /// Ends the turns of the other federates until it is the turn of the scenario's federate.
+    /// Ends the turns of the other federates until the federate of the scenario has the turn.
     fn others(&mut self) {
         while !self.all[self.own].look() {
             for (number, federate) in self.all.iter_mut().enumerate() {

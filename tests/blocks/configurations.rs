@@ -167,7 +167,7 @@ fn a_the_drive_starts_the_event_task() {
     }
 }
 
-/// Manual p. 64-66: board timer A is event and trigger at the same time.
+/// Manual p. 64-66: board timer A starts the event task and is also the source of the triggers.
 #[test]
 fn b_board_timer_a_drives_task_and_triggers() {
     for memory in BOTH {

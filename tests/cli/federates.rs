@@ -160,7 +160,7 @@ impl Broker {
         command
     }
 
-    /// Starts the same command.
+    /// Starts an emulator with the command that `command` returns.
     pub(crate) fn emulator(&self, plant: &[&str], more: &[&str]) -> Emulator {
         let clock = ["--clock", "stepped", "--broker", &self.address];
         let environment = [("COMMRAM_HELICS", self.library.as_os_str())];

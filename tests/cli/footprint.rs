@@ -10,7 +10,7 @@ const START: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenarios/03-pro
 /// Upper limit for a snapshot of the built-in plant.
 const SNAPSHOT_KB: u64 = 8;
 
-/// Memory of a process in KB: private memory, the same with its images, and all resident memory.
+/// Memory of a process in KB: private memory without images, private memory with images, and all resident memory.
 struct Resident {
     alone: u64,
     own: u64,

@@ -271,7 +271,7 @@ fn an_address_error_uses_the_words_of_the_devices_of_the_instance() {
     assert!(refused.fails(2).contains("%MB0 to %MB3071"), "{}", refused.err);
     let refused = emulator.run("peek", &["panel:%MW9999"]);
     assert!(refused.fails(2).contains("%MW0 to %MW4095 (flags)"), "{}", refused.err);
-    // Two devices of the same kind use the same words.
+    // The two PLCs have one type, so a refusal has the text that it has for a single PLC.
     let emulator = start_with_plant(TWO_PLCS);
     for (text, expected) in [
         ("%MB3.5", "is not in any area; the first one, `baps`, starts at %MB3.80000"),

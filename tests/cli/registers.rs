@@ -34,8 +34,8 @@ fn a_reference_value_comes_back_as_actual_value_of_a_drive() {
     assert_eq!(emulator.peek(&["node2.a_RD_BMARRAY[1][0]"]), "16#11223344");
 }
 
-/// Each reply of the channel rings a bell of the header page, so the test counts the replies there. The client also
-/// reads the names from the header page, without a request.
+/// Each reply of the channel rings a bell of the header page, so the test counts the replies by this bell. The client
+/// also reads the names from the header page, without a request.
 #[test]
 fn a_poke_is_one_exchange_for_any_number_of_registers() {
     let emulator = Emulator::stepped();

@@ -244,8 +244,8 @@ fn every_command_value_is_handled_in_every_state() {
     start_over(&mut rig);
 }
 
-/// A random generator rarely selects one register and rarely keeps a value in it. Here every byte holds the same value, long
-/// enough to count to more slaves than a bus can have.
+/// A random generator rarely selects one register, and rarely keeps a value in it. In this test every byte of the image
+/// has one value, for a time in which the master counts to more slaves than a bus can have.
 #[test]
 fn every_byte_value_is_handled_for_forty_intervals() {
     let mut rig = Rig::of(Memory::Heap, FASTEST[0], DRIVES);

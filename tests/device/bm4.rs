@@ -372,8 +372,8 @@ fn modules_of_a_plc_swap_their_numbers() {
     assert!(findings.errors().is_empty(), "{:?}", findings.errors());
 }
 
-/// The PLC itself has no DIP switches (p. 26 describes those of a slave module): the journal record of its power-on
-/// names no number.
+/// The PLC itself has no DIP switches (p. 26 describes the switches of a slave module), so the journal record of its
+/// power-on names no number.
 #[test]
 fn the_power_on_of_a_plc_without_dip_switches_names_no_number() {
     let mut bm4 = Bm4::new(&plant_text(1000));
@@ -474,9 +474,9 @@ fn a_master_without_a_bus_makes_its_sync_signal_for_the_plc() {
     assert_eq!(bm4.plant.journal().findings().errors(), [&rules::NO_MASTER]);
 }
 
-/// Manual p. 15-16, 50-51: a slave on a bus without a master never has a SYNC signal, and neither has a master that
-/// passes on the signal of this slave. The check of the plant warns of it, and the checker reports the start of the
-/// slave.
+/// Manual p. 15-16, 50-51: a slave on a bus without a master never has a SYNC signal. A master that passes on the
+/// signal of this slave has none either. The check of the plant warns of the bus, and the checker reports the start of
+/// the slave.
 #[test]
 fn a_bus_without_a_master_gives_a_warning_and_a_finding() {
     let text = "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n[[device.module]]\nslot = 'G'\nkind = 'can-06'\n\
@@ -670,9 +670,9 @@ fn the_switches_of_a_controller_slave_default_to_the_rate_of_its_bus() {
     }
 }
 
-/// Manual p. 31: H4 of a slave of the controller flashes in the case of a fault, which is BUS-off (D-367). A drive has
-/// no BUS-off, so commram refuses the fault, which would otherwise wait without effect (D-649). It refuses an overrun
-/// for the same reason.
+/// Manual p. 31: H4 of a slave of the controller flashes during a fault, which is BUS-off (D-367). A drive has no
+/// BUS-off, so commram refuses the fault, which would otherwise wait without effect (D-649). commram also refuses an
+/// overrun, because a drive has no overrun.
 #[test]
 fn a_slave_of_the_controller_has_the_faults_of_a_drive() {
     let mut bm4 = with_controllers_slave("dip9 = false");

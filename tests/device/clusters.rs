@@ -166,8 +166,8 @@ fn set_up(plant: &mut Plant, nodes: &[(usize, Mode, Rate)]) {
     }
 }
 
-/// Decision D-282: edges with the interval of another rate synchronize no station, at whichever level the rate changes,
-/// and the journal reports this.
+/// Decision D-282: edges with the interval of another rate synchronize no station, at any level of the cluster, and the
+/// journal reports the difference.
 #[test]
 fn a_cluster_of_unlike_rates_says_so() {
     let pairs = RATES.iter().flat_map(|upper| RATES.map(|lower| (*upper, lower)));

@@ -621,7 +621,7 @@ fn trigger() { this.count += 1; output(\"card.w_COUNT\", this.count); }
     // The pulse of a power-on comes at once, so a snapshot after it needs no pulse.
     bench.power_cycle("card").unwrap();
     assert_eq!((pulses(&mut bench), bench.peek("card:card.w_COUNT").unwrap()), ([2; 3], 1));
-    // A PLC without power gets no pulses, and has no triggers afterwards.
+    // A PLC without supply gets no pulses. After its next power-on its triggers have no sources.
     bench.set_board("line:power=off").unwrap();
     bench.poke("card:card.w_DATA", 2).unwrap();
     bench.step("1ms").unwrap();

@@ -53,7 +53,8 @@ fn gateways_with_the_same_address_are_found() {
     }
 }
 
-/// The switches count at power-on: until then nothing is shared, and afterwards no longer.
+/// The gateway reads its switches at power-on. Two gateways share an address only while both have read it and are
+/// switched on.
 #[test]
 fn an_address_is_shared_while_both_are_on() {
     let mut plant = plant_of(&text(&[Some(5), Some(6)]));

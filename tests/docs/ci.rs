@@ -215,7 +215,7 @@ fn the_job_for_gitlab_installs_a_package_and_runs_the_scenarios() {
     assert_merged(directory.path(), &file(".gitlab-ci.yml"), &installed);
 }
 
-/// Both servers install the package in the same way.
+/// The files for GitHub and GitLab install the package by equal commands.
 #[test]
 fn the_servers_share_their_steps() {
     let text = |name: &str| std::fs::read_to_string(Path::new(ROOT).join("tools/ci").join(name)).unwrap();

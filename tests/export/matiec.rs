@@ -223,9 +223,9 @@ fn the_computed_time_of_blocks_has_a_limit() {
     }
 }
 
-/// A device without flags has only its registers as memory: variables of the program at `%MW100`, `%MB100` and
-/// `%MX100.2` would silently not overlay each other (D-740). Segments that a device does not have are refused in the
-/// same way.
+/// A device without flags has only its registers as memory. Variables of a program at `%MW100`, `%MB100` and `%MX100.2`
+/// would not overlay each other, without a message (D-740). So the compiler refuses such variables, and also segments
+/// that the device does not have.
 #[test]
 fn flags_that_a_device_does_not_have_are_refused_by_the_compiler() {
     let directory = tempfile::tempdir().unwrap();

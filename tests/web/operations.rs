@@ -179,7 +179,7 @@ fn a_generated_client_brings_a_master_into_active_operation() {
     assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS"]), "16#0080");
 }
 
-/// Two sessions bring snapshot files at the same time, part by part.
+/// Two sessions send snapshot files part by part, with their parts in turn.
 #[test]
 fn each_session_brings_its_own_snapshot() {
     let emulator = Emulator::stepped();

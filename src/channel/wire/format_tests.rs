@@ -329,7 +329,7 @@ fn the_bytes_of_operations_and_replies_change_with_the_version_only() {
 /// The names are what iceoryx2 compares.
 #[test]
 fn the_type_names_carry_the_version() {
-    // SAFETY: both return a constant.
+    // SAFETY: the two functions return a constant.
     let names = unsafe { [WireOp::type_name(), Block::type_name()] };
     assert_eq!(names, ["WireOp", "Block"].map(|name| format!("commram.channel.{name}.v{WIRE_VERSION}")));
 }

@@ -189,7 +189,8 @@ fn the_channels_page_lists_the_operations_that_only_look() {
     assert_eq!(numbers_in(kinds), expected);
 }
 
-/// `format_tests.rs` compares the bytes of each sample and decodes them. Faults have the names of their kinds there.
+/// `format_tests.rs` compares the bytes of each sample and decodes them. In the file of samples, faults have the names
+/// of their kinds.
 #[test]
 fn each_operation_has_a_sample() {
     let path = format!("{}/tests/formats/channel-{WIRE_VERSION}", env!("CARGO_MANIFEST_DIR"));

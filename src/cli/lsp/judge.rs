@@ -149,7 +149,8 @@ impl Judge<'_> {
             return Some(Mistake::error(at, what));
         }
         let is_own = view.outline.function(name).is_some() || view.outline.variables.contains(name);
-        // The engine for firmware has other verbs; the keywords of the language are the same.
+        // The engine for firmware has other verbs than the engine for scenarios. Both engines have the keywords of the
+        // language.
         let is_known = match view.kind {
             ScriptKind::Firmware => self.checker.knows(name) && !is_verb_of_scenarios(name),
             _ => self.checker.knows(name),

@@ -69,7 +69,7 @@ impl Outline {
         Outline { calls, functions, imports, variables, tokens }
     }
 
-    /// Returns the index of the token at a position. If two tokens meet there, prefers a word or a text.
+    /// Returns the index of the token at a position. If the position is between two tokens, prefers a word or a text.
     pub(super) fn token_at(&self, offset: usize) -> Option<usize> {
         let all = &self.tokens.all;
         let after = all.partition_point(|token| token.range.start <= offset);

@@ -123,7 +123,7 @@ impl Schema {
         }
     }
 
-    /// Proposes all headers: those of sections, and those of tables in sections.
+    /// Proposes all headers: of sections, and of tables in sections.
     fn headers(&self) -> Vec<Proposal> {
         let place =
             TablePlace { slot: Slot::Key, path: Vec::new(), word: 0..0, given: Vec::new(), kind: None };

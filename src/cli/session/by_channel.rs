@@ -250,7 +250,8 @@ fn taken_from(instance: &str, images: &[ImageInfo]) -> Option<u32> {
         Condition::Alive(summary) => Some(summary.pid),
         _ => None,
     })?;
-    // If the holder of the lock is in another PID namespace, we cannot tell whether it is the same process.
+    // If the holder of the lock is in another PID namespace, we cannot tell whether it is the process of the emulator
+    // that this session knows.
     let holder = InstanceLock::holder(instance).ok()??.map(|process| process.pid());
     holder.is_some_and(|holder| holder != owner).then_some(owner)
 }

@@ -56,7 +56,7 @@ impl RetainFlags {
                 self.device
             ));
         }
-        // Both values are words.
+        // The casts lose nothing: the numbers in the flags are words.
         (self.kept, self.stored) = (least as u16, most as u16);
         Ok(())
     }

@@ -97,7 +97,7 @@ pub(super) struct Model {
     pub quits: bool,
     /// True if Ctrl-C was pressed.
     pub is_interrupted: bool,
-    /// Last input of the prompt for a step, offered again next time.
+    /// Last input of the prompt for a step. The next prompt offers this text.
     pub step: String,
     pub until: String,
 }

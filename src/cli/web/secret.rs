@@ -88,7 +88,7 @@ impl TokenFile {
             }
             other => other.into(),
         })?;
-        // A server at the same port of another address has a file of the same name.
+        // Two servers can have one port at different addresses, and their files would then have one name.
         let mut names =
             std::iter::once(name.to_owned()).chain((2..).map(|number| format!("{name}-{number}")));
         loop {

@@ -106,7 +106,7 @@ mod tests {
         std::process::exit(STOPPED);
     }
 
-    /// Other panics unwind as usual.
+    /// A panic outside of the guarded part of a thread unwinds, as in a thread without a guard.
     #[test]
     fn other_parts_of_a_thread_unwind() {
         stop_at_panics();

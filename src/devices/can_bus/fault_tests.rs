@@ -31,7 +31,7 @@ fn bench(frames: &[Frame], fault: Fault) -> Bench {
     of_two(frames, &[], fault)
 }
 
-/// Does the same as `bench`; the second port sends `others` at the same time.
+/// Returns three ports with a fault. The first port sends `frames` and the second port sends `others`, both at 10 us.
 fn of_two(frames: &[Frame], others: &[Frame], fault: Fault) -> Bench {
     let script = |frames: &[Frame]| frames.iter().map(|frame| (10, *frame)).collect();
     let scripts = vec![(vec![], script(frames)), (vec![], script(others)), (vec![], vec![])];

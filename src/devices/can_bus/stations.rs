@@ -68,7 +68,7 @@ impl Stations {
         &self.ends
     }
 
-    /// Returns a station; the caller calls [`Stations::settle`] afterwards.
+    /// Returns a station. The caller must call [`Stations::settle`] after it has changed the station.
     pub(super) fn get_mut(&mut self, station: usize) -> &mut Station {
         &mut self.ends[station]
     }

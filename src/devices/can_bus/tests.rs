@@ -296,7 +296,8 @@ fn with_one_off(others: Vec<(u64, Frame)>) -> Bench {
 fn a_bus_off_station_returns_after_128_times_eleven_bits() {
     let mut bench = with_one_off(Vec::new());
     bench.run(100_000);
-    // The frame is cut off, which costs the others six bits; the flag and the rest of the frame do not count.
+    // The frame is cut off. For the other stations the bus is then busy for six more bits; the error flag and the rest
+    // of the frame do not count.
     let cut = 50 + 6;
     let back = cut + 6 + 128 * 11;
     let end = back + wire::airtime(&frame(0x100, 7), BitRate::new(1_000_000).unwrap()).delivery_ns / 1000;

@@ -104,8 +104,8 @@ impl Network {
         self.nodes.iter().filter(|it| it.is_missing).map(|it| it.node)
     }
 
-    /// Returns the next missing node; each call shows the following missing node, and after the last one the first
-    /// again.
+    /// Returns the number of a missing node. Each call returns the next one, and the call after the last one begins
+    /// with the first.
     pub(crate) fn next_missing(&mut self) -> Option<u8> {
         let next = self.all_missing().skip_while(|node| Some(*node) != self.shown).nth(1);
         self.shown = next.or_else(|| self.all_missing().next());

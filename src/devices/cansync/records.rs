@@ -118,8 +118,8 @@ pub enum Command {
     Unknown,
     /// The command exists but is not possible in the node's present state.
     NotNow,
-    /// The value 16#0000, which remains after the firmware has cleared bit 7. A restart command that a program stores
-    /// over it in the RAM looks the same (decision D-29).
+    /// The value 16#0000, which remains after the firmware has cleared bit 7. The firmware cannot distinguish this
+    /// value from a restart command that a program stores in the RAM at this time (decision D-29).
     LeftBehind,
 }
 

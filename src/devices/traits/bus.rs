@@ -56,8 +56,8 @@ pub trait Bus: BusView + Any + Send + SnapshotFields {
     /// Called when the device of the port stops: the port leaves the bus and loses its state.
     fn power_off(&mut self, place: usize, now: u64, journal: &mut Journal);
 
-    /// Makes the port's firmware poll its control registers. Returns true if the port takes part in the traffic
-    /// afterwards.
+    /// Makes the port's firmware poll its control registers. Returns true if the port takes part in the traffic after
+    /// the poll.
     fn processor_cycle(&mut self, place: usize, now: u64, journal: &mut Journal) -> bool;
 
     /// True if the firmware of the port is quiescent, in the sense of

@@ -75,8 +75,8 @@ fn fill(address: usize) -> bool {
     }
     let start = core::ptr::without_provenance_mut(address - address % page);
     let rights = ProtFlags::READ | ProtFlags::WRITE;
-    // SAFETY: the page belongs to a map of shared memory. There are no Rust references into it, because other processes
-    // write there, too. Those processes could also have written zeros.
+    // SAFETY: the page belongs to a map of shared memory. Rust has no references into it, because other processes write
+    // to it, too. Those processes could also have written zeros.
     unsafe { rustix::mm::mmap_anonymous(start, page, rights, MapFlags::PRIVATE | MapFlags::FIXED) }.is_ok()
 }
 

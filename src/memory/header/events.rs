@@ -78,8 +78,8 @@ codes! {
         Done = 0,
         /// The event number is reserved or does not exist.
         NoSuchEvent = 1,
-        /// Another event is enabled that excludes this event: 11 and 12 exclude each other, so do 4 and 8 (manual p.
-        /// 48).
+        /// Another event is enabled that excludes this event: 11 and 12 exclude each other, and 4 and 8 exclude each
+        /// other (manual p. 48).
         Excluded = 2,
         /// `i_PAR1` of a CPU timer must be 1 to 32767.
         BadFactor = 3,

@@ -112,7 +112,7 @@ impl RemainingStores<'_> {
         };
         while let Some((store, rest)) = self.0.split_first().filter(|(store, _)| store.time_us <= time_us) {
             advance(plant, store.time_us);
-            // The store was possible the first time, and the plant has the same state now.
+            // The store was possible the first time, and the plant has the state of that time now.
             let _ = plant.store(store.plc, store.offset, store.width, store.value);
             self.0 = rest;
         }

@@ -50,7 +50,7 @@ fn going_back_by_a_time_restores_the_state_and_continues_from_it() {
     assert_eq!(held(&mut host), Reply::Value(1));
     let kept: Vec<_> = host.plant.journal().records().collect();
     assert!(kept.len() < records.len() && records.starts_with(&kept), "{kept:?}");
-    // The program repeats the same stores, so the journal is the same.
+    // The program repeats its stores, so the journal is unchanged after going back.
     host.request(&[Op::Advance { us: 1_500 }, poke(2), Op::Advance { us: 4_000 }]);
     assert_eq!((host.plant.journal().hash(), host.plant.journal().end()), (hash, end));
     // A reader of the journal can detect that the history is another one.

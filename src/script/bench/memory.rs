@@ -30,7 +30,7 @@ pub struct Change {
     pub before: u32,
     /// Value in the second snapshot.
     pub after: u32,
-    /// Both values with their meanings: `16#0001 ... -> 16#0002 ...`.
+    /// The value before and the value after the change with their meanings: `16#0001 ... -> 16#0002 ...`.
     pub text: String,
 }
 

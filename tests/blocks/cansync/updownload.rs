@@ -28,7 +28,7 @@ impl BlockPair {
         }
     }
 
-    /// Calls each block once; the master sends from and receives into the same array, the slave likewise.
+    /// Calls each block once. The master sends from the array into which it receives, and so does the slave.
     fn call(&mut self) {
         self.call_slave();
         self.call_master();

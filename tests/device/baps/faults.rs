@@ -97,7 +97,7 @@ fn communications_that_fall_due_meanwhile_become_one() {
     let mut bench = Bench::new(Memory::Heap, "");
     bench.configure(SAME_CYCLE, &[], &[]);
     bench.fault("baps_slow", &["delay=3ms"]);
-    // Each communication is 3 ms late; the regular time of the next communication is 500 us after that.
+    // Each communication is 3 ms late. The regular time of the next communication is 500 us after the delayed one.
     assert_eq!(communications(&mut bench, 14_000).len(), 4);
 }
 

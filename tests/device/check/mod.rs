@@ -208,7 +208,8 @@ fn working_ahead_and_pausing_are_not_late() {
     }
 }
 
-/// A finding has the emulated time of the write, independently of the steps in which time advances afterwards.
+/// A finding has the emulated time of the write, independently of the steps in which the test advances the clock after
+/// the write.
 #[test]
 fn the_time_is_that_of_the_write() {
     for rate in FASTEST {
@@ -231,7 +232,8 @@ fn the_time_is_that_of_the_write() {
     }
 }
 
-/// Writing the same value again does not change the RAM; through the channel it still counts as a write.
+/// A store of the present value does not change the RAM, so the checker does not see it. A write through the channel
+/// counts even if it does not change the value.
 #[test]
 fn through_the_channel_every_write_is_seen() {
     for rate in FASTEST {

@@ -198,7 +198,7 @@ impl Model {
         Next::Nothing
     }
 
-    /// Runs one interval and checks the frames sent, the answers, and the values of the registers afterwards.
+    /// Runs one interval and checks the frames in it, the answers, and the values of the registers at its end.
     fn interval(&mut self, bench: &mut Bench, reply: Reply) {
         let next = self.next();
         let frame = bench.interval();

@@ -205,7 +205,7 @@ fn an_answer_to_a_job_that_was_changed_or_withdrawn_is_ignored() {
             bench.put(0, 0, 0);
             bench.answer(0, &job, old);
             assert_eq!((bench.parameter(0), bench.value(0)), (0, 1));
-            // The PLC enters a job with another number by the rule; then the same job once more.
+            // The PLC replaces the job by a job with another number, as the manual says. The test does this twice.
             for number in [301, 301] {
                 bench.enter_parameter(0, 0x03, 300, 1);
                 let (_, job) = bench.parameter_job().unwrap();

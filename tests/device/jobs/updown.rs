@@ -227,7 +227,7 @@ fn a_changed_job_restarts_and_a_withdrawn_job_ends() {
             bench.answer_block(0, &job, UpDownResult::Done);
             assert_eq!((bench.block(), bench.counter()), (0, 6));
             assert_eq!(bench.interval(), None);
-            // The PLC enters the same job again.
+            // The PLC enters the job once more.
             let job = started(&mut bench);
             bench.enter_block(DOWNLOAD, 0, ADDRESS, 60);
             bench.answer_block(0, &job, UpDownResult::Done);

@@ -246,7 +246,8 @@ pub struct Field {
     pub kind: FieldType,
     /// Bounds of the array; empty for a single register.
     pub dims: Vec<u32>,
-    /// Elements below these indices are used; the others are reserved. As many entries as `dims`.
+    /// One index for each dimension in `dims`: elements below this index are used, the elements from it on are
+    /// reserved.
     pub used: Vec<u32>,
     /// The manual's name of the type of the whole array; empty if the name follows the pattern.
     pub array_type: String,

@@ -77,7 +77,7 @@ pub(crate) struct Range {
     pub last: u8,
 }
 
-/// Addresses that the application writes in the same notation, and their position in the image.
+/// Addresses that have one spelling in the application, and their position in the image.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Space {

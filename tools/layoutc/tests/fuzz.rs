@@ -33,7 +33,7 @@ fn fuzz_declarations() {
     });
 }
 
-/// The first byte selects which file of a layout gets the other bytes as its content.
+/// The first byte selects a file of the layout. The remaining bytes are the content of this file.
 #[test]
 fn fuzz_layout() {
     let mut files: Vec<_> = fs::read_dir(FIXTURE).unwrap().map(|entry| entry.unwrap().path()).collect();

@@ -108,7 +108,7 @@ function_block! {
             FREIGABE: bool;
             /// Sends the order of WRITE_COMMAND.
             WRITE_ENABLE: bool;
-            /// Reads a frame afterwards by command 3, which the block issues itself.
+            /// Reads a frame after the order, by command 3, which the block issues itself.
             READ_ENABLE: bool;
             /// Identifier, of 11 bits.
             WRITE_CAN_ID: u16;

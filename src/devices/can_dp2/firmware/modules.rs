@@ -56,7 +56,8 @@ pub(in crate::devices::can_dp2) enum ModuleFunction {
         /// Identifier of the frames.
         #[serde(with = "crate::can::kept")]
         id: Id,
-        /// True if a later module has the same identifier.
+        /// True if a later module of the configuration has the identifier of this module: then this module never
+        /// changes.
         is_frozen: bool,
     },
     /// Data sent with this identifier, and repeated every `cycle_ms` unless 0.

@@ -59,7 +59,8 @@ struct Rx {
     length: usize,
     data: [u8; 8],
     count: u8,
-    /// True if a later entry has the same identifier (p. 35).
+    /// True if a later entry of the configuration has the identifier of this entry (p. 35): then this entry never
+    /// changes.
     is_frozen: bool,
 }
 

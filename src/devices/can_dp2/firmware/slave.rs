@@ -310,8 +310,8 @@ impl Slave {
         match Configuration::parse(octets, parameters) {
             Ok(configuration) => {
                 let sync_ms = configuration.sync_ms;
-                // If the master sends the same configuration again, only the SYNC time in its comment has an effect,
-                // because the last entry is valid (p. 30; D-381).
+                // If the master repeats the configuration that is in force, only the SYNC time in its comment has an
+                // effect, because the last setting of this time is valid (p. 30; D-381).
                 if self.state != dp_state::DATA_EXCHANGE || configuration != self.configuration {
                     registers.set_configuration(&configuration);
                     gateway.begin(parameters, &configuration, now);

@@ -340,8 +340,9 @@ fn no_data_are_sent_before_the_first_outputs() {
     }
 }
 
-/// Manual p. 30, 39, 44: parameters, octets 4 and 5 of a window's comment and command 20 set the same time. The last
-/// one counts, 0 switches SYNC off, and 16#FFFF keeps the stored time, even if none was stored (D-385).
+/// Manual p. 30, 39, 44: the parameters, octets 4 and 5 of a window's comment, and command 20 all set the SYNC time.
+/// The last setting is valid. 0 switches SYNC off, and 16#FFFF keeps the stored time, even if no time was stored
+/// (D-385).
 #[test]
 fn all_sources_of_a_sync_time_have_the_same_rule() {
     for stored in [0, 20] {

@@ -6,7 +6,7 @@ use crate::fault::{Draft, Owner, Target};
 use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 
 impl Bench {
-    /// Activates a fault of the CAN bus, or of the gateway's controller there, `count` times.
+    /// Activates a fault of the CAN bus, or of the gateway's controller on this bus, `count` times.
     fn fault(&mut self, name: &str, count: u64) {
         let kind = OF_CAN.iter().find(|kind| kind.name() == name).unwrap();
         let target = if name == "overrun" {
@@ -93,7 +93,7 @@ fn a_wrong_configuration_ends_data_exchange() {
     assert_eq!((bench.diag()[0], bench.registers.outputs(2)), (0x0E, vec![0, 0]));
     bench.ask(62, &CFG);
     assert_eq!(bench.diag()[0], 0);
-    // If the master sends the same configuration again, nothing happens.
+    // The master sends the configuration that is in force once more, which has no effect.
     bench.exchange(&[1, 2]);
     bench.ask(62, &CFG);
     assert_eq!(bench.registers.outputs(2), [1, 2]);

@@ -99,7 +99,7 @@ fn a_garbled_telegram_is_ignored_and_repeated() {
     }
 }
 
-/// The slave takes the request for a repetition: it answers as before and does not take the outputs.
+/// The slave takes the request for a repetition: it repeats its previous answer and does not take the outputs.
 #[test]
 fn outputs_with_a_wrong_frame_count_bit_are_not_taken() {
     let mut bench = exchanging();

@@ -105,7 +105,8 @@ fn counters() {
     }
     bench.run(10 * MS);
     assert_eq!(bench.exchange(&[0; 9]), [1, 2, 3, 4, 5, 6, 7, 8, 3]);
-    // The counter sends the same data again, and is not sent itself.
+    // The outputs differ only in the Tx-Counter, which makes the gateway send the unchanged data once more. The counter
+    // itself is not sent on CAN.
     bench.exchange(&[0, 0, 0, 0, 0, 0, 0, 0, 1]);
     bench.run(10 * MS);
     assert_eq!(bench.heard(), ["203: 00 00 00 00 00 00 00 00"]);

@@ -10,7 +10,8 @@ use core::time::Duration;
 
 /// Control register of a new job, without the direction. The firmware adds the mode.
 const ENTERED: u8 = ACTIVE | MODE_INIT;
-/// The manual gives a preset of `t_TIME` only for the slave's block. The master's block uses the same (decision D-212).
+/// The manual gives a preset of `t_TIME` only for the slave's block. The master's block uses the preset of the slave's
+/// block (decision D-212).
 pub(crate) const PRESET_TIME: Duration = Duration::from_secs(30);
 
 #[derive(Clone, Copy, Debug, Default)]

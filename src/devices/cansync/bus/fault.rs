@@ -193,7 +193,7 @@ impl Run<'_> {
         self.bus.disturbance.shift = shift;
     }
 
-    /// Returns the job that arrives: with a wrong offset if a fault requires this.
+    /// Returns the job that arrives at the slave. A fault may have changed its offset.
     #[cold]
     pub(super) fn wrong_job(&mut self, number: u8, frame: Frame) -> Frame {
         let Ok(job) = UpDownJob::decode(frame.payload()) else { return frame };
@@ -206,7 +206,7 @@ impl Run<'_> {
         }
     }
 
-    /// Returns the answer that arrives: with a wrong offset if a fault requires this.
+    /// Returns the answer that arrives at the master. A fault may have changed its offset.
     #[cold]
     pub(super) fn wrong_answer(&mut self, number: u8, frame: Frame) -> Frame {
         let job = self.bus.disturbance.job.and_then(|job| UpDownJob::decode(job.payload()).ok());

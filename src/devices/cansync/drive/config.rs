@@ -82,7 +82,7 @@ pub struct DriveConfig {
 pub struct ParameterNumbers {
     /// Speed reference value, signed, in increments of the drive's own speed format.
     pub speed_reference: u16,
-    /// Speed actual value, in the same unit; read only.
+    /// Number of the parameter with the actual value of the speed, in the unit of the speed reference value; read only.
     pub speed_actual: u16,
     /// Additional reference value: stored without an effect on the drive.
     pub additional_reference: u16,

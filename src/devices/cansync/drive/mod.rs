@@ -224,8 +224,8 @@ impl Drive {
             let status_word = self.status_word();
             self.card.sample(&mut self.regler.store, status_word);
         }
-        // A position reference value from an interval without lock is lost, even if the lock comes immediately
-        // afterwards.
+        // The reference value of an interval without lock is lost in position mode, even if the drive locks at the end
+        // of this interval.
         self.go_on(was_synchronized && self.is_synchronized(), now_us, interval_us);
     }
 

@@ -239,8 +239,8 @@ impl Master {
         }
         match (self.node.state(), self.node.init()) {
             (NodeState::SetUp, Some(init)) => Some(self.polling.frame(init.expected)),
-            // A PLC may enable active operation before the first command slot. The slaves must receive the order to
-            // synchronize all the same (decision D-38).
+            // A PLC may enable active operation before the first command slot. The master must still send the slaves
+            // the order to synchronize (decision D-38).
             (NodeState::Active, _) => self.polling.announcement().or_else(|| self.job(ctx)),
             _ => None,
         }

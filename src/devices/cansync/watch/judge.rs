@@ -243,7 +243,7 @@ impl Judge<'_> {
     }
 }
 
-// The rules require that these bits are the same in all jobs.
+// The rules for jobs use one set of constants, so these bits must have equal meanings in all kinds of jobs.
 const _: () = assert!(
     updown_master::ACTIVE == ACTIVE && par_job_slave::ACTIVE == ACTIVE && updown_slave::ACTIVE == ACTIVE
 );

@@ -32,7 +32,8 @@ pub(super) fn judge(judge: &mut Judge) {
 /// Finds values with halves in different frames: one half only in one frame, the other half only in the other frame.
 fn split_doublewords(judge: &mut Judge, group: usize) {
     let config: [u8; WORDS] = core::array::from_fn(|word| judge.registers.now(group + word));
-    // For each frame two bit sets of values: those with the low word in the frame, and those with the high word.
+    // For each frame two bit sets of values: the values with their low word in the frame, and the values with their
+    // high word in the frame.
     let mut halves = [[0u8; 2]; 2];
     for (word, byte) in config.iter().enumerate().filter(|(_, byte)| **byte & cfg_word::ASSIGNED != 0) {
         halves[word / 4][usize::from(byte & cfg_word::HIGH_WORD != 0)] |= value_bit(*byte);

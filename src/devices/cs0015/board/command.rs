@@ -81,7 +81,7 @@ impl Firmware {
                 self.node.registers.parameters.b_OPERATING_SYSTEM.store(loaded::YES);
                 self.shared.restart();
             }
-            // Manual p. 28: afterwards the device is not a CANopen node until the program switches CANopen on.
+            // Manual p. 28: after the command the device is not a CANopen node until the program switches CANopen on.
             program::RESET => self.shared.restart(),
             _ => {}
         }

@@ -19,7 +19,7 @@ const DIVIDED_HZ: u32 = 156_250;
 enum Group {
     /// Channels 0 to 3: count from RELOAD down to 0; each has its own frequency.
     Down,
-    /// Channels 4 to 7: count from RELOAD up to FFFFh; all have the same frequency.
+    /// Channels 4 to 7: the counter counts from RELOAD up to FFFFh, and all four channels have one frequency.
     Up,
 }
 

@@ -36,7 +36,8 @@ pub(crate) struct Slave {
 }
 
 impl Slave {
-    /// Exchanges the module's words in the flags: writes the inputs there, and returns the outputs.
+    /// Exchanges the words of the module with the flags: writes the inputs into the flags, and returns the outputs from
+    /// the flags.
     pub(crate) fn exchange(&self, registers: &Registers) -> ModuleOutputs {
         let Some(flags) =
             usize::from(self.node).checked_sub(1).and_then(|it| registers.slaves.a_SLAVE.get(it))

@@ -66,7 +66,7 @@ pub(crate) fn master<'a>(
     Some((job_context.firmware.nmt.as_mut()?, &mut job_context.firmware.node, &*job_context.controller))
 }
 
-/// `CAN_OPEN` takes effect at once here: both may be done in the first cycle (p. 52).
+/// `CAN_OPEN` takes effect at once here: the program may set it and call NMM_SET_NMT_MASTER in its first cycle (p. 52).
 fn set_nmt_master(job_context: JobContext) -> Outcome {
     job_context.firmware.open(job_context.now);
     if job_context.firmware.node.state() == State::Initialising {

@@ -197,7 +197,8 @@ fn without_an_operating_system_only_a_download_helps() {
     assert_eq!(reasons, expected.map(|why| why as u8));
 }
 
-/// If guarding was active when the supply was switched off, the master does not count as missing afterwards.
+/// If guarding was active when the supply was switched off, the device does not report a missing master after the
+/// supply is switched on.
 #[test]
 fn no_master_is_missed_during_the_reset() {
     let mut bench = Bench::running("guarding = { guard_time_ms = 100, life_time = 1 }");

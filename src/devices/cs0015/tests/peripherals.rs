@@ -327,7 +327,7 @@ fn a_slave_configures_its_pdos_before_it_is_started() {
     assert_eq!(broken(&mut bench), [""; 0]);
 }
 
-/// The blocks give the same orders, with the manual's inputs and outputs.
+/// The function blocks give the orders that the functions give, with the inputs and outputs of the manual.
 #[cfg(feature = "plc")]
 #[test]
 fn blocks_give_the_orders_of_the_functions() {

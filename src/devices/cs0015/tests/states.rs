@@ -141,7 +141,7 @@ fn a_controller_stopped_by_the_programming_system_is_not_started_by_the_master()
     assert_eq!(bench.state(), "stop", "a stop of the master is always executed");
 }
 
-/// Manual p. 28: afterwards the device is not a CANopen node until its program switches CANopen on. D-663.
+/// Manual p. 28: after a reset command the device is not a CANopen node until its program switches CANopen on. D-663.
 #[test]
 fn a_reset_command_begins_in_direct_mode() {
     let mut bench = Bench::running("program = 'attached'");

@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 
 /// Time slice of the drive for the BAPS, in us.
 pub(crate) const SLICE_US: u64 = 500;
-/// Number of reference values in the same cycle.
+/// Number of reference values that one communication can transfer.
 const SAME_CYCLE_WRITES: usize = 2;
-/// First version of the drive software with four actual values in the same cycle (manual p. 104).
+/// First version of the drive software that transfers four actual values in one communication (manual p. 104).
 pub(super) const FOUR_ACTUAL_VALUES: u32 = 309;
 
 /// Selection of reference and actual values, bits 2-1.

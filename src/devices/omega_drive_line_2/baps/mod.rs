@@ -98,7 +98,7 @@ impl Baps {
         self.service_hold.forget();
     }
 
-    /// Handles power-off. The drive has the same supply, so it stops, too.
+    /// Handles power-off of the PLC. The drive is connected to the supply of the PLC, so it stops, too.
     pub fn power_off(&mut self) {
         self.reset();
         self.drive = self.powered_on.clone();

@@ -12,7 +12,8 @@ function_block! {
     /// Sets the LEDs on the board's front panel (manual p. 51).
     pub struct LED(ram: Ram) {
         in {
-            /// Bit 0: upper red, 1: upper green, 2: lower red, 3: lower green LED; the other bits have no meaning.
+            /// Bits of the LEDs: 0 upper red, 1 upper green, 2 lower red, 3 lower green. The other bits have no
+            /// meaning.
             b_LEDS: u8;
         }
     }

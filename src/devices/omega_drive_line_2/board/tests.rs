@@ -119,7 +119,8 @@ fn reserved_events_are_refused() {
     }
 }
 
-/// Manual p. 48: 11 and 12, 4 and 8 cannot be used at the same time; all others can.
+/// Manual p. 48: events 11 and 12 exclude each other, and events 4 and 8 exclude each other. All other events can be
+/// enabled together.
 #[test]
 fn events_exclude_each_other_in_pairs() {
     let events = [0, 2, 4, 5, 6, 8, 11, 12];

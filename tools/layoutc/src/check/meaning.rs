@@ -65,7 +65,7 @@ pub(crate) fn add(
     Ok(())
 }
 
-/// Returns the values of request and answer. Both must be single values of the meaning.
+/// Returns the values of request and answer. Request and answer must be single values of the meaning.
 fn handshake(
     sources: &Sources,
     file: usize,

@@ -98,8 +98,7 @@ pub(super) fn check_register(
         let (structure, register) = (structure.name.clone(), register.clone());
         return wrong(Reason::NoPhaseRegister { structure, register });
     };
-    // Comparing with one structure is enough: the other structures were already checked and have the register at the
-    // same offset.
+    // A comparison with one other structure is enough: all other structures were already compared with each other.
     if let Some(other) = others.iter().find(|other| other.live != 0) {
         let other = &structures[other.structure];
         if found(other).is_some_and(|(elsewhere, _)| elsewhere != offset) {

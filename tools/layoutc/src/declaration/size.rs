@@ -49,7 +49,8 @@ const UNSIZED: [&str; 12] = [
     "PVOID",
 ];
 
-/// Maximum alignment of members. A member begins at a multiple of its own alignment, or of this one if this is smaller.
+/// Maximum alignment of members. A member begins at a multiple of its own alignment, or of the maximum alignment if
+/// this is smaller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Alignment {
     /// Members follow without a gap.

@@ -1,4 +1,4 @@
-//! Constants for the values and bits that the code needs: those with an `id`, a module for each meaning.
+//! Constants for the values and bits with an `id`, which the code needs. Each meaning has a module.
 
 use super::text::doc;
 use crate::model::{Bit, Device, Meaning, Provenance, Scalar, Value};

@@ -7,11 +7,12 @@ use std::fmt;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// The register has the same offset, or the structure the same size.
+    /// The import does not change the offset of the register, or the size of the structure.
     Same,
     /// The register has another offset, or the structure another size.
     Moved,
-    /// The register has the same offset, but another elementary type of the same width. The layout keeps its type.
+    /// The import does not change the offset of the register. The declaration has another elementary type of equal
+    /// width, and the layout keeps its type.
     Type,
     /// Only the declaration contains the register: the layout gets padding in its place.
     New,

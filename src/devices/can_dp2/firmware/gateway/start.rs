@@ -17,8 +17,8 @@ impl Gateway {
         }
     }
 
-    /// Sets the SYNC time from the comment of a window. If the master sends a configuration again that is already in
-    /// force, this also sets the time, because the last entry is valid (p. 30, 44).
+    /// Sets the SYNC time from the comment of a window. A configuration that is already in force sets the time, too,
+    /// because the last setting of this time is valid (p. 30, 44).
     pub(in crate::devices::can_dp2) fn set_sync_time_of_comment(&mut self, time: u16) {
         if self.registers.stored.stored_sync_time.load() != time {
             self.set_sync_time(time);

@@ -80,8 +80,8 @@ impl<const WHOLE: bool> Seat<WHOLE> {
     }
 }
 
-/// A task requests an event, leaves and dies, and the next task requests its own event. At the same time the emulator
-/// answers, gives up and frees. Then it checks once more, as after a request.
+/// A task requests an event, leaves and dies, and the next task requests another event. In the meantime the emulator
+/// answers, gives up and frees. At the end the emulator checks the seat once more, as it does after a request.
 fn one_after_the_other<const WHOLE: bool>(may_first: bool) {
     loom::model(move || {
         let seat = Arc::new(Seat::<WHOLE>::new());
