@@ -48,8 +48,7 @@ macro_rules! ops {
                 /// The value to write; must fit the width.
                 new: u32 => value,
             },
-            /// Copies bytes. The registers in a copy may be from different moments, but the value of each register is
-            /// from one moment.
+            /// Copies bytes. Each register is from one moment; different registers may be from different moments.
             ReadRange = 4, read_range, Looks -> Bytes {
                 /// Number of the PLC.
                 plc: DeviceIndex => plc,
