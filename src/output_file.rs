@@ -354,8 +354,8 @@ mod tests {
         let own = format!("a.h.{}-0.part", std::process::id());
         // No process has this number: it is higher than the kernel's maximum.
         let (left, link) = ("a.h.4194305-3.part", "a.h.4194306-0.part");
-        // The first file is being written, the second one was left by a killed process, the third one may belong to a
-        // living process; the others have similar names.
+        // Names of files: the first is being written, the second was left by a killed process, and the third may belong
+        // to a living process. The remaining files have similar names.
         let all = [&own, left, "a.h.1-0.part", "a.h.4711.part", "a.h.x-0.part", "b.h.4711-0.part"];
         for name in all {
             fs::write(directory.path().join(name), "left").unwrap();

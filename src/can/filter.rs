@@ -79,7 +79,7 @@ mod tests {
         ) {
             let filter = Filter::masked(code, mask);
             let filter = if data_only { filter.data_only() } else { filter };
-            // Random frames, and frames that differ from the code in one bit at most.
+            // Tests a random frame, and a frame that differs from the code of the filter in at most one bit.
             let near = match code {
                 Id::Standard(id) => StandardId::new(id.as_raw() ^ 1u16.checked_shl(flipped).unwrap_or(0)).map(Id::Standard),
                 Id::Extended(id) => ExtendedId::new(id.as_raw() ^ 1 << flipped).map(Id::Extended),

@@ -149,7 +149,7 @@ fn stuffed_bits(frame: &Frame) -> u32 {
     let changes = (bits ^ bits >> 1) | u128::MAX << (count - 1);
     let bytes = changes.to_be_bytes();
     let [_, _, _, standard @ ..] = &bytes;
-    // The number of bytes is the same for each frame of a format, so that the code needs no branch for it.
+    // All frames of a format have one number of bytes to read, so the loop needs no branch for it.
     count + if count <= u8::BITS * standard.len() as u32 { stuff_bits(standard) } else { stuff_bits(&bytes) }
 }
 

@@ -385,8 +385,8 @@ fn ports(
     let domain = domain_of(instance, root, bells)?;
     let (name, place) = (instance.to_owned(), root.to_owned());
     let ends = guest::enter_within(limit, instance, move || enter(&name, &place, domain))?;
-    // If another emulator has replaced this one during the connection, the objects of this connection may have been
-    // removed.
+    // If another emulator has started during the connection and has replaced this emulator, it may have removed the
+    // objects of the connection.
     if !ends.2.domain().is_announced(bells.emulator_pid()) {
         return Err(not_running());
     }

@@ -519,7 +519,7 @@ mod tests {
         assert_ne!(tag("a", 0), tag("b", 0));
         assert_ne!(tag("a", 0), tag("a", 1));
         assert_eq!(tag("a", 0), tag("a", 0));
-        // No prefix is the beginning of another prefix: all have the same length and the same end.
+        // All prefixes have one length and one ending, so no prefix is the beginning of another prefix.
         assert_eq!(tag("a", 0).len(), tag("another", 1).len());
     }
 

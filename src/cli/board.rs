@@ -109,7 +109,7 @@ struct Front(Vec<(&'static FrontWord, u32)>);
 impl Serialize for Front {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_map(self.words().map(|(word, value)| {
-            // The value has no name: its number is shown.
+            // A value without a name is shown as a number.
             let called = word.called(*value);
             let value = if called == value.to_string() { Value::from(*value) } else { called.into() };
             (word.name, value)

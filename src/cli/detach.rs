@@ -44,7 +44,7 @@ pub(crate) fn start(instance: &str, reads_input: bool) -> Result<(), CliError> {
         let status = child.wait().map_err(failed)?;
         return Err(super::with::ended_early(&format!("the emulator of instance '{instance}'"), status));
     }
-    // Both lines are notes about a successful start, so `--quiet` suppresses them.
+    // The two lines below are notes about a successful start, so `--quiet` suppresses them.
     if output::is_quiet() {
         return Ok(());
     }

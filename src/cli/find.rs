@@ -82,7 +82,7 @@ pub(crate) fn words<'a>(texts: impl IntoIterator<Item = &'a str>) -> Vec<String>
 pub(crate) fn entries_with(devices: &[DeviceFit], words: &[String], all: bool) -> Vec<Entry> {
     let candidates = devices.iter().flat_map(entries).filter(|entry| all || !entry.reserved);
     let mut found: Vec<_> = candidates.filter_map(|entry| Some((rank(&entry, words)?, entry))).collect();
-    // Entries of equal rank keep the order of the map.
+    // Entries of equal rank stay in the order of the register map.
     found.sort_by_key(|(rank, _)| *rank);
     found.into_iter().map(|(_, entry)| entry).collect()
 }

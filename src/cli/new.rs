@@ -175,7 +175,7 @@ impl Made {
 impl Drop for Made {
     fn drop(&mut self) {
         for path in self.paths.iter().rev() {
-            // The function does not remove a directory into which another program has written.
+            // `remove_dir` does not remove a directory into which another program has written.
             let _ = if path.is_dir() { fs::remove_dir(path) } else { fs::remove_file(path) };
         }
     }

@@ -142,8 +142,8 @@ impl ReadTarget {
     /// Returns the read operations for the registers.
     pub(crate) fn reads(&self) -> Vec<Read> {
         match self {
-            // If two structures overlay each other, a status register shows which one is valid. The request reads both
-            // registers at the same moment.
+            // If two structures overlay each other, a status register shows which one is valid. One request reads the
+            // register and the status register, so that both values are from one moment.
             Self::One(plc, place) => {
                 let status = place.status().map(|status| Read::register(*plc, &status));
                 [Read::place(*plc, place)].into_iter().chain(status).collect()

@@ -71,7 +71,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let statuses =
         writes.iter().map(|(place, _)| peek_status(&session, place)).collect::<Result<Vec<_>, _>>()?;
     ops.extend(statuses.iter().flatten());
-    // With very many writes, not all reads fit into the same request.
+    // With very many writes, not all reads fit into the request with the writes.
     let (first, rest) = ops.split_at(ops.len().min(MAX_OPS.max(writes.len())));
     let mut replies = session.request(first)?;
     if !rest.is_empty() {

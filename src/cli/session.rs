@@ -194,7 +194,7 @@ impl Session {
     /// Returns the errors of [`Session::plc`]. Also fails if the device has no such port.
     pub(crate) fn port(&self, text: &str) -> Result<(DeviceIndex, PortNumber), CliError> {
         let (plc, name) = split_plc(text);
-        // A message without a PLC shows a port of the first PLC as an example.
+        // The user has not named a PLC, so the message shows a port of the first PLC as an example.
         let example = self.fitted(DeviceIndex(0)).port_or_master(name).map_or(name, |port| port.name);
         let plc = self.plc(plc, example)?;
         Ok((plc, self.fitted(plc).port_or_master(name)?.number))

@@ -321,8 +321,8 @@ fn ask(name: &str, running: &RunningInstance) -> Result<(), CliError> {
     let patience = Patience { enter_limit: ANSWER, reply: ANSWER, ..Patience::default() };
     // The client is dropped at the end of this function: the emulator can remove its channel only without clients.
     let client = Client::connect(name, &channel_root(name)?, bells, patience)?;
-    // The next emulator opens its channel only after this one has released its locks. If this one still holds them, the
-    // connected channel is its own.
+    // The next emulator can open a channel only after the present emulator has released its locks. If the present
+    // emulator still holds the locks, the connected channel belongs to it.
     if running.has_ended() {
         return Ok(());
     }

@@ -195,7 +195,8 @@ impl Drop for Doors {
         let Some(mut io) = self.io.take() else { return };
         io.send(Command::End);
         if let Some(thread) = io.thread.take() {
-            // Only a panic of the thread makes this an error, and nothing depends on the thread any more.
+            // `join` fails only if the thread has panicked. Nothing depends on the thread any more, so the error is
+            // ignored.
             let _ = thread.join();
         }
     }

@@ -308,7 +308,7 @@ impl Adapter for &Guest {
     }
 
     fn ask_until(&mut self, bit: u64) -> bool {
-        // The real duration is computed when it begins.
+        // The duration of the promised time is computed when the turn begins, so the largest value is given here.
         let may = self.ask(u64::MAX);
         if may {
             self.inner().until_bit = Some(bit);

@@ -212,7 +212,7 @@ impl Session {
                 answer.extend_from_slice(format!("F{:02X}", adapter.take_status().code()).as_bytes());
                 true
             }
-            // The answer follows when the time has come.
+            // The answer is sent when the requested time has passed.
             (b'K', _) if number(rest).is_some_and(|us| adapter.ask(us)) => return,
             // These settings have no effect: all frames are always sent when they arrive.
             (b'X', [b'0' | b'1']) => true,

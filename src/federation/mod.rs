@@ -362,7 +362,8 @@ impl Federation {
                 Input::Op(bytes) => {
                     let op =
                         Input::op(&bytes).filter(Op::acts).ok_or(FederationError::Nonsense { federate })?;
-                    // An operation that the other federate refused is refused here, too.
+                    // If the federate that has sent the operation has refused it, this federate refuses it, too.
+                    // So the result is ignored.
                     let _ = Execution::default().run(host, &op);
                 }
                 Input::Boards => {

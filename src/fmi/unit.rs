@@ -187,7 +187,8 @@ impl Unit {
         let to_us = |time: f64| ((time - self.own.start_s) * MICROS).round();
         let (begin, end) = (to_us(point), to_us(point + size));
         let now = (self.plant.now() - self.own.start_us) as f64;
-        // A caller adds up its steps, and this sum may differ by a microsecond.
+        // The caller adds up its steps, so its time may differ from the time of the unit by rounding, at most by a
+        // microsecond.
         if !begin.is_finite() || (begin - now).abs() > 1.0 {
             return Err(UnitError::OtherTime { given: point, now: self.time_s() });
         }
@@ -238,7 +239,7 @@ impl Unit {
             (Quantity::Register { plc, offset, width, ty, owner }, Value::Integer(value)) => {
                 let bits = value as u32 & ty.mask();
                 // Some tools set all variables at each step; this must not cause more stores than a program would make
-                // (decision D-535). In a register that the firmware writes, too, each store has an effect.
+                // (decision D-535). In a register that the firmware also writes, each store has an effect.
                 if owner == Owner::Both || self.plant.load(plc, offset, width) != Ok(bits) {
                     let _ = self.plant.store(plc, offset, width, bits);
                 }

@@ -269,7 +269,7 @@ fn talk(
                 Err(_) => break,
             };
         }
-        // The next command ends the wait for commands.
+        // The thread that waits for commands checks this flag after the next command.
         ends.store(true, Ordering::Release);
         result.and(federate.send(&own, "end"))
     });

@@ -476,7 +476,8 @@ mod tests {
         history.asked = Instant::now().checked_sub(GONE + Duration::from_secs(1)).unwrap();
         compare(&mut history);
         assert_eq!(history.followed.iter().map(|it| it.offset).collect::<Vec<_>>(), [6]);
-        // A stepped clock may be idle, without a comparison.
+        // With a stepped clock a long time may pass without a comparison. Then the next request drops the
+        // registers that no client requests any more.
         history.follow(0, DeviceIndex(0), 2, Width::Dword, Keep::ForOnlookers, &rams);
         history.asked = Instant::now().checked_sub(GONE + Duration::from_secs(1)).unwrap();
         history.follow(0, DeviceIndex(0), 10, Width::Dword, Keep::ForOnlookers, &rams);
@@ -509,7 +510,7 @@ mod tests {
             assert!(count as u32 >= most - 1 && count as u32 <= most, "{client}: {count}");
             assert!(follow(&mut history, client, first), "a register that it follows already");
         }
-        // A client that sends no requests makes room for others.
+        // The registers of a client that sends no more requests become free for other clients.
         assert!(follow(&mut history, 4, 0) && !follow(&mut history, 1, 1));
         history.onlookers.age(1, GONE + Duration::from_secs(1));
         assert!((0..MAX_FOLLOWED as u32 / 4).all(|number| follow(&mut history, 5, number)));

@@ -144,7 +144,7 @@ mod tests {
     fn a_return_drops_the_later_changes() {
         let mut log = PhaseLog::new(2);
         (0..4).for_each(|seq| log.entered(seq, phase(1, 1 + (seq % 2) as u8)));
-        // Records 0 and 1 are known only by their effect.
+        // Records 0 and 1 are not known, only the phases after them.
         log.continue_at(3, true, [phase(1, 1)].into_iter());
         assert_eq!((before(&log, 3), before(&log, 2)), (vec![(1, 1)], vec![(1, 2)]));
         // The plant enters the state that it had at record 3 once more.

@@ -192,8 +192,7 @@ mod tests {
     #[test]
     fn a_gap_without_wanted_records_is_not_reported() {
         let kinds = |kind| Selection { kinds: vec![kind], ..Selection::default() };
-        // The ring of states still has its first record, so it has dropped nothing; the later gap concerns another
-        // ring.
+        // The ring of states still has its first record, so no state is missing. The later gap concerns another ring.
         let first = [refused(0, DeviceIndex(0)), sync(9, BusIndex(0)), refused(10, DeviceIndex(0))];
         assert_eq!(lost(kinds(Refused::KIND), &[&first]), 0);
         assert_eq!(lost(kinds(Edge::KIND), &[&first]), 8);

@@ -251,7 +251,7 @@ mod tests {
             "{}",
             record_ring.lines.len()
         );
-        // Later records without octets use all lines again.
+        // Records without octets that follow use all lines of the ring.
         (0..1000).for_each(|_| note(&mut rings, 0));
         let record_ring = &rings.record_rings[Ring::Traffic as usize];
         assert_eq!(

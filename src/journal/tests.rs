@@ -205,7 +205,7 @@ fn a_state_knows_how_long_its_command_waited() {
 
 #[test]
 fn many_watched_events_do_not_disturb_the_count() {
-    // The number is larger than that of a plant, and far larger than the number of places in one group.
+    // The number of distinct events is larger than in a plant, and far larger than the number of places in one group.
     let mut journal = Journal::default();
     for n in 0..20 {
         for register in 0..60 {

@@ -35,7 +35,7 @@ impl Registers {
         if self.next < self.run_end {
             return;
         }
-        // An element of the sub-structure ends here. If the sub-structure is an array, its next element follows.
+        // One element of the sub-structure ends here. If the sub-structure is an array, the next element follows.
         self.next = self.run;
         for dim in (0..group_dims).rev() {
             if self.step(register, dim) {

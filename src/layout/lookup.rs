@@ -239,7 +239,7 @@ mod tests {
         assert_eq!(names("%MB3.200012", None), ["b_CTRLREG_WRC1", "b_MA_SL_MODE"]);
         assert_eq!(names("%MB3.200012", Some(phases::INIT)), ["b_MA_SL_MODE"]);
         assert_eq!(names("%MB3.200012", Some(phases::CYCLIC)), ["b_CTRLREG_WRC1"]);
-        // After the end of INIT there is only the cyclic structure, in any phase.
+        // At addresses beyond the end of INIT only the cyclic structure has registers, in any phase.
         assert_eq!(names("%MD3.200052", Some(phases::INIT)), ["a_WR_VALUE[0]"]);
     }
 

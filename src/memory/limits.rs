@@ -128,8 +128,8 @@ pub(crate) fn allow_files(more: u64, wished: u64) -> Result<(), FileLimit> {
     // The listing itself uses one descriptor.
     let open = match fs::read_dir(OPEN_FILES) {
         Ok(files) => files.count().saturating_sub(1) as u64,
-        // Without /proc, a new descriptor shows the lowest free number. If the file cannot be opened, all descriptors
-        // are in use.
+        // Without /proc, the number of open descriptors is estimated: a new descriptor gets the lowest free number. If
+        // the file cannot be opened, all descriptors are in use.
         Err(_) => fs::File::open(NOTHING).map_or(u64::MAX, |file| u64::from(file.as_raw_fd().unsigned_abs())),
     };
     let Rlimit { current, maximum } = getrlimit(Resource::Nofile);

@@ -119,7 +119,7 @@ mod tests {
         segment.store(first + 2, Width::Byte, 0x81).unwrap();
         segment.store(first + 126, Width::Word, 0xFEDC).unwrap();
         segment.store(end as u32 - 4, Width::Dword, 0x0100_0001).unwrap();
-        // The address is not in a watched range.
+        // This store is at an address that is not in a watched range.
         segment.store(first + 128, Width::Dword, 7).unwrap();
         let stored = segment.stored_since(&ranges, &mut copy);
         assert_eq!(

@@ -184,7 +184,7 @@ impl IndependentPeriod {
         let (mut last, mut cycle) = (0, self.first_cycle);
         loop {
             let next = bus.next_time().min(self.until);
-            // At the same moment, the processor cycle precedes the events of the buses.
+            // If the processor cycle and an event of a bus are due at one time, the processor cycle comes first.
             while cycle < self.until && cycle <= next {
                 for (place, seat) in seats.iter().enumerate() {
                     if !bus.poll_changes_nothing(place, cycle, true) {

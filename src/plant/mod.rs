@@ -167,7 +167,7 @@ impl Plant {
         plant.set_cores(NonZero::<usize>::MIN);
         DeviceIndex::first(plant.devices.len()).for_each(|device| plant.start(device));
         plant.find_next_device();
-        // The watches begin with the state after power-on.
+        // The watches compare the registers with their state after power-on.
         plant.leave();
         for fault in config.resolved_faults()? {
             // The fault was checked a moment ago, and there is room for all faults.

@@ -178,7 +178,7 @@ impl<P: Program> Tasks<P> {
             Phase::Cyclic => {
                 self.run_events()?;
                 if now >= self.next_us {
-                    // The phase stays the same; missed periods are skipped.
+                    // The phase of the periods does not change: the task skips the periods that it has missed.
                     self.next_us += self.period_us * ((now - self.next_us) / self.period_us + 1);
                     self.ram.header().program_cycles.increment();
                     return self.program.cyclic();

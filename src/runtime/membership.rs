@@ -133,8 +133,8 @@ impl Emulator {
                 continues = self.take_turn(None) == TurnOutcome::Continues;
                 has_ended = !continues;
             }
-            // Messages of the others are processed before this federate acts again. If it is the only federate, it has
-            // the next turn immediately.
+            // The federate must process messages of other federates before it acts in its next turn. If it is the only
+            // federate, it has the next turn immediately.
             has_ended |= had_turn && !self.may_act_now();
             outcome = news.map(drop).and_then(|()| self.membership.error.take().map_or(Ok(()), Err));
             if !has_news && !served && !has_ended && !continues && outcome.is_ok() {
@@ -155,7 +155,8 @@ impl Emulator {
     }
 
     fn look_for_news(&mut self) -> Result<FederationEvent, FederationError> {
-        // The federation is taken out for the call, so that input from other federates is not sent to them again.
+        // The federation is taken out of the emulator for the call. The emulator then does not send the input of other
+        // federates back to them.
         let Some(mut federation) = self.membership.federation.take() else {
             return Ok(FederationEvent::Nothing);
         };

@@ -116,7 +116,8 @@ impl Novram {
         if !stored && !flags {
             return None;
         }
-        // Both parts are always written, so that a file never loses a part of its previous content.
+        // The file contains the flags and the registers. Both are always written, so that a file never loses a part of
+        // its previous content.
         if !flags {
             self.read_flags();
         }

@@ -19,7 +19,7 @@ impl Emulator {
     /// Advances the clock to `target`. Returns false if the emulator must stop, or if other clients must be served
     /// during the turn of a task or guest; then call it again with the same target.
     pub(super) fn step_to(&mut self, target: u64) -> bool {
-        // Only guests with seats can connect during a step, even where it pauses.
+        // During a step only guests with seats can connect, even while the step is paused.
         if self.under_way.take() != Some(target) && !self.lockstep.is_in_turn() {
             self.guests.enter(&mut self.plant, true);
         }

@@ -161,12 +161,12 @@ pub(crate) fn argument(bench: &mut Bench, kind: ArgumentKind, text: &str) -> Res
         ArgumentKind::Drive => bench.drive(text).map(drop),
         ArgumentKind::Fault => {
             let added = bench.fault(text).map(drop);
-            // The next fault meets a plant without faults.
+            // Faults of earlier lines are cleared, so that each fault is checked in a plant without faults.
             bench.clear_faults()?;
             added
         }
         ArgumentKind::Time => Span::Text(text.to_owned()).us().map(drop),
-        // Either the verbs change the plant, or a second argument decides what the text means.
+        // These verbs change the plant, or a second argument decides what their text means.
         ArgumentKind::Block
         | ArgumentKind::Place
         | ArgumentKind::Port

@@ -57,8 +57,8 @@ mod tests {
         let handed_on = Rc::new(RefCell::new(String::new()));
         let copy = Rc::clone(&handed_on);
         let mut printed = Printed::new(move |line| copy.borrow_mut().push_str(line));
-        // Each character has two bytes, and a line with its end has an odd number of bytes. So the limit is within a
-        // character.
+        // Each character has two bytes, and a line with its end has an odd number of bytes. So the limit is
+        // within a character.
         let line = "ü".repeat(300_000);
         printed.line("first");
         for _ in 0..3 {

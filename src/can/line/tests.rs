@@ -233,7 +233,7 @@ fn a_lone_sender_that_withdraws_causes_an_error() {
     let Event::Begun(it) = line.withdraw(0, 0, standard(1)) else { panic!() };
     assert_eq!((it.fate, it.end_ns, it.free_ns), (Fate::Withdrawn, bits(7), bits(7 + 6 + 8 + 3)));
     assert_eq!(line.next_sender(0, &stations), None);
-    // The station has not sent it, so it does not wait for longer than the other stations.
+    // This station did not send the frame, so it does not wait for longer than the other stations.
     let events = stations.run(&mut line, bits(24));
     let [Event::Failed(_), Event::Begun(again)] = events[..] else { panic!("{events:?}") };
     assert_eq!((again.sender, again.begin_ns), (0, bits(24)));

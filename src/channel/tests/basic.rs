@@ -186,7 +186,7 @@ fn without_an_emulator_there_is_no_connection() {
     let place = place();
     let refused = place.connect(Patience::default()).unwrap_err();
     assert!(matches!(refused, ClientError::NotRunning { .. }), "{refused}");
-    // The check also holds after the emulator has ended.
+    // A client can also check its connection after the emulator has ended.
     Emulator::start(&place, true).end();
     let refused = place.connect(Patience::default()).unwrap_err();
     assert!(matches!(refused, ClientError::NotRunning { .. }), "{refused}");

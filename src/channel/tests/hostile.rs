@@ -92,8 +92,8 @@ fn random_requests_do_not_stop_the_server() {
                 .map(|_| {
                     let bytes: [u8; 32] = std::array::from_fn(|_| noise.u8(..));
                     let mut op = WireOp::read_from_bytes(&bytes).unwrap();
-                    // Half of the random messages look valid at first. None of them stops the emulator or makes it wait
-                    // for a long time.
+                    // Half of the random messages have a valid beginning. No message may stop the emulator or make it
+                    // wait for a long time.
                     if noise.bool() {
                         op.kind = noise.u16(..8);
                         op.plc %= 3;

@@ -169,7 +169,7 @@ fn a_killed_emulator_is_noticed_and_can_be_started_again() {
         assert!(start.elapsed() < quick().reply, "a dead emulator is noticed before the timeout");
         let gone = client.peek(DeviceIndex(0), REG, Width::Word).unwrap_err();
         assert!(matches!(gone, ClientError::EmulatorGone { .. }), "{gone}");
-        // A new client does not wait for a dead emulator, either.
+        // A new client does not wait for a dead emulator, but gets an error at once.
         let refused = place.connect(Patience::default()).unwrap_err();
         assert!(matches!(refused, ClientError::NotRunning { .. }), "{refused}");
         assert!(!place.remains().is_empty());

@@ -112,7 +112,7 @@ pub(super) fn ops() -> Vec<(String, Op)> {
     {
         ops.push(Op::Condition { plc: DeviceIndex(plc), offset, width, test: test(compare, is_signed) });
     }
-    // Compares kinds and indices: the names in the program may change.
+    // The test compares the kinds by their numbers and indices, because the names in the program may change.
     let mut places = std::collections::BTreeMap::<u16, usize>::new();
     let mut named = |op: Op| {
         let kind = WireOp::from(&op).kind;

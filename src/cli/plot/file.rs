@@ -203,7 +203,8 @@ impl RecordedRegisters {
         let mut events = Vec::new();
         for run in runs {
             let times = window.times(run.last_us, run.count, run.period_us);
-            // The first and the last event of a line do not count towards the limit.
+            // A line of several events has two points in any case, for its first and its last event. Only the events in
+            // between count towards the limit.
             let more = (times.size_hint().0 as u64).saturating_sub(2);
             let spare = self.spare.get().checked_sub(more);
             self.spare.set(spare.ok_or_else(|| self.wrong(&JournalFileError::TooMany { line: run.line }))?);

@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 /// Name of the rounds with kills among the exercises.
 pub(super) const NAME: &str = "novram";
-/// Number of emulators in a round, one after the other.
+/// Number of emulators in a round, which run one after the other.
 const LIVES: usize = 6;
 /// Time limit for the start or the end of an emulator. A slower emulator counts as hanging.
 const PATIENCE: Duration = Duration::from_secs(60);

@@ -251,7 +251,8 @@ fn in_order<T>(parts: Vec<Part<T>>) -> Result<Vec<Scenario<T>>, CliError> {
         }
         *place = Some(part);
     }
-    // Only the last shards can be empty, so the reports without a shard number belong to them.
+    // A report without a shard number belongs to an empty shard. Only the last shards can be empty, so these reports
+    // get the last free numbers.
     let mut empty = empty.into_iter();
     for place in places.iter_mut().rev().take_while(|place| place.is_none()) {
         *place = empty.next();

@@ -196,7 +196,7 @@ impl Scenario {
 
 impl Drop for Scenario {
     fn drop(&mut self) {
-        // Both calls fail if the process has ended, which is the usual case.
+        // `kill` and `wait` fail if the process has ended, which is the usual case.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }

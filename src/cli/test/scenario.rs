@@ -65,7 +65,7 @@ fn play(args: &Args) -> Result<(), CliError> {
         real: Duration::from_micros(args.limits.max_real_time),
     };
     let print = |line: &str| {
-        // An error is ignored: it means that the parent has ended, and this process ends with its parent.
+        // Sending fails only if the parent has ended. This process then ends with its parent, so the error is ignored.
         let _ = send(&Message::Printed(line.into()));
     };
     let sections = |name: &str, time_us: u64| {

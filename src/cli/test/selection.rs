@@ -264,8 +264,8 @@ mod tests {
         }
         std::os::unix::fs::symlink(directory.path(), at("deep/round")).unwrap();
         let found = scenarios(&[directory.path().to_owned()], &[], None).unwrap();
-        // No script imports `unused`, so it is listed and reported as empty; `b` is imported but does something by
-        // itself.
+        // `unused` is listed and reported as empty, because no script imports it. `b` is imported, but is also a
+        // scenario, because it calls verbs.
         let expected = ["a.rhai", "b.rhai", "common/unused.rhai", "deep/er/c.rhai"].map(at);
         assert_eq!(found, expected);
         let filters = ["er/c".to_owned(), "a".to_owned()];

@@ -55,7 +55,7 @@ impl Format for Csv {
     }
 
     fn gap(&mut self, lost: u64, out: &mut String) -> bool {
-        // The text writer must also count the gap; its line is not needed.
+        // The CSV writer has printed the gap. The text writer must also count it, but its line is not needed.
         self.text.gap(lost, &mut String::new());
         self.lines.gap(lost, &mut String::new());
         let fields = json!({"kind": "gap", "lost": lost});

@@ -163,7 +163,7 @@ impl Frames {
             Some((begin, next)) => {
                 let interval = scene.get(self.bus.index()).and_then(|bus| bus.interval.as_ref());
                 let usual = interval.map_or(PART_US, |interval| u64::from(interval.us));
-                // If an edge is lost, the interval still has its usual length.
+                // If the next edge is not known, the interval has the usual length.
                 let us = next.map_or(usual, |next| next - begin).clamp(1, usual.max(1) * 2);
                 Window { begin_us: *begin, us, is_interval: true }
             }

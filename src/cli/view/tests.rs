@@ -79,7 +79,8 @@ impl User {
 
     /// Draws, polls, and draws the result, until all tasks are done.
     fn look(&mut self) {
-        // Several rounds: the available space decides what is read, and the data that was read decides the space.
+        // The loop draws several times: the available space decides which data the view reads, and the new data can
+        // change the space.
         for _ in 0..3 {
             self.draw();
             self.queue.take(super::link::LinkCommand::Show(self.model.query()));

@@ -282,7 +282,7 @@ impl Device for Bm4Plc {
             module.edge = None;
             module.last_frame = None;
             if module.work == Work::InitError && module.has_registers {
-                // There is no firmware that would reset the registers.
+                // A module with an error at initialization has no firmware that would reset its registers.
                 module.regs.reset_from(0);
             }
         }

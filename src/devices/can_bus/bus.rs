@@ -194,7 +194,8 @@ impl Bus for CanBus {
         if core::mem::take(&mut self.has_state_changes) {
             self.report_states(now, world.journal);
         }
-        // Events on the wire come first: they were due before the end of the microsecond.
+        // Events on the wire are handled before the events of the ports, because they were due before the end of the
+        // microsecond.
         if !self.wire_event(world) && !self.recover(now, world.journal) {
             let mut from = 0;
             while let Some(station) = self.stations.due(from, now) {

@@ -35,7 +35,7 @@ impl CanBus {
                     until_ns = Some((at_ns + u64::from(us) * 1000, true));
                     true
                 }
-                // The frame takes part again in the next arbitration.
+                // The frame loses this arbitration and takes part in the next one.
                 FrameEffect::LoseArbitration if until_ns.is_none() => {
                     until_ns = Some((at_ns + 1, false));
                     true
@@ -80,7 +80,7 @@ impl CanBus {
             wire.disturb();
         }
         if !is_copy {
-            // A frame that does not get through is announced again when it is repeated.
+            // A frame that does not arrive is announced to the faults once more when its sender repeats it.
             self.stations.get_mut(it.sender).copies = copies;
         }
     }

@@ -152,8 +152,8 @@ fn a_lost_arbitration_without_a_winner_leaves_an_error_frame() {
     bench.run(10_000);
     assert_eq!(bench.lost(), [(17, (it, Fate::Withdrawn)), (17 + 24, (it, Fate::Withdrawn))]);
     assert_eq!(bench.marks(), [(10 + 2 * 24 + lasts(&it).0, 1)]);
-    // All stations have counted an error as receivers. The two other stations then counted one error less, because they
-    // received the frame.
+    // First all three stations have counted an error as receivers. Then the two other stations have received the frame
+    // and subtracted 1.
     assert_eq!(bench.errors(), [(0, 2), (0, 1), (0, 1)]);
 }
 

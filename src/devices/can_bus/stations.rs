@@ -264,7 +264,8 @@ impl SnapshotFields for Stations {
             has_changed,
             has_held,
         } = self;
-        // Disconnected guests are still stations; the ports exist before the snapshot is loaded.
+        // The snapshot also contains disconnected guests, which are still stations. The ports are stations before the
+        // snapshot is loaded.
         let guests: Vec<u8> = ends.iter().filter_map(|end| end.origin.guest()).collect();
         to.value(&guests);
         ends.save(to);

@@ -256,7 +256,7 @@ fn a_station_alone_on_the_bus_becomes_passive_and_repeats_its_frame() {
     assert_eq!((bench.frames(), bench.lost()), (vec![], vec![(flag(1), (it, Fate::NotAcknowledged))]));
     let changes = bench.journal.records().filter_map(|record| record.event.get::<StateChange>());
     assert_eq!(changes.map(|it| (it.transmit, it.receive)).collect::<Vec<_>>(), [(96, 0), (128, 0)]);
-    // The passive station waits eight bits between two tries.
+    // The error-passive station waits eight more bits between two attempts.
     let again = 100 + rate.time_ns(16 * round + 8) / 1000;
     let passive_round = rate.time_ns(round + 8) / 1000;
     let next = again + (20_000 - again).div_ceil(passive_round) * passive_round;
@@ -277,7 +277,8 @@ fn a_frame_whose_sender_goes_off_is_cut_off_even_if_it_comes_back() {
     bench.bus.power_off(0, 110, &mut bench.journal);
     bench.bus.power_on(0, 0, 120, &mut bench.journal);
     bench.run(100_000);
-    // Two recessive bits have begun, and six recessive bits are an error.
+    // The switched-off sender leaves the bus recessive. Two recessive bits have begun, and after six recessive bits the
+    // receivers detect an error.
     let lost = (100 + 8 * 8, (it, Fate::SenderGone));
     assert_eq!((bench.frames(), bench.lost(), bench.log()), (vec![], vec![lost], vec![]));
     assert_eq!(bench.errors(), [(0, 0), (0, 1)]);

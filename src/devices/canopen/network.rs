@@ -163,7 +163,7 @@ impl Network {
             it.next_at = Some(now + it.guard_us);
             if it.unanswered >= it.life {
                 it.is_missing = true;
-                // The node restarts its toggle bit after the reset.
+                // After the reset, the node begins with the first value of its toggle bit.
                 (it.toggle, it.state) = (None, None);
                 orders.push(Order::Command(Command::ResetNode, it.node));
             }

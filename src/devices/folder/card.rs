@@ -156,7 +156,7 @@ impl Card {
         }
         let (mut at, mut rest) = (to, copy.as_slice());
         while !rest.is_empty() {
-            // Whole words where possible: a byte costs as much.
+            // The loop copies whole words if possible, because a byte takes as long as a word.
             let width = match rest.len() {
                 _ if at % 2 == 1 => Width::Byte,
                 1 => Width::Byte,

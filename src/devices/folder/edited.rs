@@ -56,7 +56,7 @@ pub(crate) fn check_script(dir: &Path, name: &str, text: &str) -> Result<(), Fol
             let layout = layout(dir)?;
             let path = dir.join(handshakes::FILE);
             let tables = commram_layoutc::read_file_of_folder(dir, handshakes::FILE)?;
-            // A mistake in the tables is reported with the tables.
+            // Mistakes in the tables are reported for the file of the tables, and not here.
             let tables = tables.and_then(|text| handshakes::read(&path, &text, layout).ok());
             let records = tables.unwrap_or_default().records;
             script.with(name, text).check(dir, layout, &records).map(drop)

@@ -166,7 +166,7 @@ impl Ethernet {
 
     fn registers(&self) -> Stored {
         let mut bytes = Stored::default();
-        // The cast cannot fail: both types have the same size by their definition.
+        // This cannot fail: source and destination are arrays of one size by their definitions.
         let _ = self.config.snapshot().write_to(&mut bytes);
         bytes
     }

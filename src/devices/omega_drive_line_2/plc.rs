@@ -77,7 +77,7 @@ impl Plc {
             }),
         };
         let slave = SocketRole::Slave { number: config.dip, lock };
-        // If both nodes were on the same bus, node 2 would wait for the signal that it must generate itself.
+        // If node 1 and node 2 were on one bus, node 2 would wait for the signal that it must generate itself.
         let has_sync_in = config.node1.is_some() && config.node1 != config.node2;
         let ports = vec![
             plug(&DEVICE.ports[0], &config.node1, slave),

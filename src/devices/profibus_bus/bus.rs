@@ -152,7 +152,7 @@ impl ProfibusBus {
         // A request waits while a station sends or is about to answer.
         let is_quiet = on().all(|(_, end)| !matches!(end.station.intent, Some(Intent::At(..))));
         let Some(since) = self.line.idle_since().filter(|_| is_quiet) else { return step };
-        // A request also waits while another sender waits for an answer. An answer does not wait.
+        // A request also waits while another sender waits for an answer. An answer does not wait for this.
         let kept = |participant| {
             self.asked.filter(|asked| asked.sender != participant).map_or(0, |asked| asked.until)
         };

@@ -114,7 +114,8 @@ mod tests {
                 Source::Node(origin) => (None, Some(names.plc(origin.plc)), Some(origin.node.0.into())),
             };
             prop_assert_eq!((line["bus"].as_str(), line["plc"].as_str()), (place.0.as_deref(), place.1.as_deref()));
-            // If the kind has a separate field of this name, the field holds the place.
+            // If the kind has a field with the name of the place (`node`), the line has the field of the kind and not
+            // the place.
             prop_assert!(place.2.is_none() || number("node") == place.2);
         }
 

@@ -135,7 +135,7 @@ fn a_takeover_resets_the_registers_but_keeps_the_ring_counts() {
     assert_eq!(header.virtual_time_us.load(), 0);
     assert_eq!(header.sync_counter[1].load(), 0);
     assert_eq!(header.events[12].time_us.load(), 0);
-    // One ring of the last run, and one that announces the takeover.
+    // The answer bell has two rings: one of the previous run, and one that announces the takeover.
     assert_eq!(header.answer.rings(), 2);
     assert_eq!(header.events[12].bell.rings(), 1);
 }

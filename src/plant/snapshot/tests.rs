@@ -58,7 +58,7 @@ fn a_sample_of_the_format_can_be_read() {
         let mut plant = plant(&file.plant);
         let name = known.layout.name;
         match plant.restore(&file.snapshot) {
-            // With other registers the snapshots belong to other plants, in any format.
+            // If the registers have moved since the sample was written, it belongs to another plant.
             Err(SnapshotError::OtherLayout { .. }) => {
                 panic!("{name}: the registers have moved: write a new sample")
             }

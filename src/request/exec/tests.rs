@@ -329,7 +329,8 @@ fn a_long_advance_listens_to_the_stop_flag() {
     let mut host = TestHost::new(true);
     host.stop_at = 1_000_000;
     assert_eq!(host.refusal(Op::Advance { us: 3_600_000_000 }).0, Code::SHUTTING_DOWN);
-    // The operation notices a change at the end of the part that contains it, and nothing changes in this plant.
+    // The operation notices the flag at the end of the present part. Nothing happens in this plant, so a
+    // part may be long.
     assert!((1_000_000..100_000_000).contains(&host.plant.now()), "{}", host.plant.now());
 
     let mut host = TestHost::new(true);

@@ -144,7 +144,7 @@ fn stores_of_operations_are_repeated() {
     };
     let value = |us| states(us).0;
     assert_eq!([0, 1_999, 2_000, 4_999, 5_000, 8_999].map(value), [0, 0, 1, 1, 2, 2].map(Reply::Value));
-    // Later parts are dropped, also of the stretch.
+    // Stretches and parts of stretches after this moment are dropped.
     assert_eq!([1_999, 2_000, 4_999, 5_000].map(|us| states(us).2), [0, 1, 1, 2]);
     // A comparison that has failed has stored nothing.
     let exchange = |current, new| Op::CompareExchange {
@@ -201,9 +201,10 @@ fn many_stores_cause_a_snapshot() {
 #[test]
 fn unrepeatable_stores_through_the_map_are_reported() {
     let mut host = TestHost::new(true);
-    // A command to the master: its journal differs by that.
+    // The script stores a command to the master. The way back does not repeat the store, so its journal
+    // differs.
     host.script = vec![(4_500, 200_000, 1)];
-    // Event by event, and so the store is in the middle.
+    // The clock advances event by event, so the store is in the middle of the stretch.
     let within_us = 9_000;
     host.request(&[Op::Wait {
         plc: DeviceIndex(0),

@@ -24,7 +24,8 @@ pub(crate) fn shrink<T: Clone>(items: &[T], tries: usize, mut fails: impl FnMut(
         if tries == 0 {
             break;
         }
-        // The items are tried again, because an item may have been needed only by a removed item.
+        // The loop tries all remaining items once more, because an item may have been necessary only for an item that
+        // is now removed.
         part = if part == 1 && kept.len() == before { 0 } else { (part / 2).max(1) };
     }
     kept

@@ -60,7 +60,7 @@ fn find_and_continue(log: &mut [Entry]) -> Vec<Restart> {
     // The latest time of each interface, and of the log, since the last restart.
     let mut latest_of: BTreeMap<String, u64> = BTreeMap::new();
     let mut latest_us = 0;
-    // The latest time of all, after the continuation.
+    // The latest time of all interfaces after the continuation.
     let mut latest_continued_us = 0;
     // The time of the first message since the last restart, in the log and after the continuation.
     let (mut begin_us, mut begin_continued_us) = (0, 0);

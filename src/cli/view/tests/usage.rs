@@ -86,7 +86,7 @@ fn a_stepped_clock_advances_by_the_given_time() {
     let mut user = User::built_in();
     user.type_in("s\n");
     assert_eq!(user.host.plant.now(), 1_000);
-    // The last input is offered again, and typing replaces it.
+    // The prompt offers the last input, and typing replaces it.
     user.type_in("s");
     user.sees("1ms");
     user.type_in("2\n");
@@ -273,7 +273,7 @@ fn a_stepped_plant_goes_back_and_reports_its_limit() {
     user.sees("are too far");
     user.type_in("Bnode2.w_OPTION_STATUS==16#0002 and node2.w_CPU_CONTROL==1\n");
     user.sees("back to node2.w_OPTION_STATUS==16#0002 and");
-    // The condition was always true, so the plant goes back as far as possible.
+    // The condition was true at all times, so the plant goes back as far as possible.
     assert_eq!(user.host.plant.now(), 5_000);
 }
 
@@ -331,8 +331,8 @@ fn with_a_running_clock_the_last_complete_interval_is_shown_with_pending_records
     let mut user = User::at(TestHost::of(&PlantConfig::built_in().unwrap(), false), false);
     user.activate();
     user.type_in("4");
-    // These times are in the middle of an interval. They are long enough that each repeated record is still being
-    // counted.
+    // These times are in the middle of an interval. They are long enough that the journal still adds events to each
+    // record of repeated events.
     for passes in [10_300, 30_700, 1_100, 1_900] {
         user.host.run_to(user.host.plant.now() + passes);
         user.look();

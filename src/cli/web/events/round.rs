@@ -139,8 +139,8 @@ impl Poller {
             self.followed = Some(Instant::now());
         }
         let mut round = Round { before: self.sent, ..Round::default() };
-        // The changes are read before the clock and the values. Thus, a round that reports that the plant went back
-        // contains no data from before.
+        // The changes are read before the clock and the values. If a round reports that the plant went back, it then
+        // contains no data from the time before this.
         self.changes(wish, &mut round)?;
         if wish.journal.is_some() {
             self.journal(&mut round)?;
@@ -187,7 +187,7 @@ impl Poller {
 
     /// Reads the followed registers, in as many requests as needed.
     fn values(&self, wish: &Wish, round: &mut Round) -> Result<(), CliError> {
-        // A register in both lists is read once.
+        // A register that is both in the list of followed registers and in the list of values is read once.
         let registers: BTreeMap<_, _> = wish.registers().map(|it| (it.text.as_str(), it)).collect();
         let registers: Vec<_> = registers.into_values().collect();
         let mut rest = registers.as_slice();

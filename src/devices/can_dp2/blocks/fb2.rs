@@ -208,7 +208,7 @@ impl FB2 {
         if released && self.internal.page == Page::Sized {
             self.internal.page = Page::Tx(0);
         }
-        // After its last page a configuration continues with the next kind of page.
+        // After the last page of one kind, the block continues with the next kind of page.
         for (here, block, next) in [
             (Page::Tx as fn(u16) -> Page, self.WRITE_CONFIG_DB, Page::Rx(0)),
             (Page::Rx, self.READ_CONFIG_DB, Page::Data(0)),

@@ -90,7 +90,7 @@ impl FB3 {
         let is_ready = self.internal.motor >= MOTORS;
         if is_ready {
             self.copy(data_blocks, list, |place| {
-                // Force, then control word and target position; the byte between them is reserved.
+                // The fields of a motor: `force`, a reserved byte, control word and target position.
                 let from: [u8; CELL] = place.data_blocks.read(place.data, place.of_data)?;
                 let to = [from[0], from[2], from[3], from[4], from[5], from[6], from[7]];
                 place.data_blocks.write(outputs, place.of_cell + 1, &to).then_some(())

@@ -93,8 +93,8 @@ impl Master {
                     dsap.into(),
                 );
             }
-            // If a slave has answered, the frame count bit of the next request has a meaning for the slave. If it has
-            // not answered, the next request counts as its first.
+            // If the slave has answered before, the frame count bit of the next request tells new requests from
+            // repetitions. If it has not answered, the slave takes the next request for the first one.
             if let FunctionCode::Request { fcb, request: Request::Srd, .. } = FunctionCode::parse(frame.fc) {
                 self.fcb = (result != mst_result::NO_ANSWER).then_some(fcb);
             }

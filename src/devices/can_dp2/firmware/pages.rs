@@ -209,7 +209,7 @@ impl Pages {
             if !(1..=8).contains(&length) || length + 1 > room {
                 return Err(wrong(Outcome::Length));
             }
-            // P. 10: an identifier can have one direction only; here it can also be sent only once.
+            // P. 10: an identifier can have only one direction. In this configuration it can also be sent only once.
             if tx.iter().any(|it| it.id == id) {
                 return Err(wrong(Outcome::Identifier));
             }

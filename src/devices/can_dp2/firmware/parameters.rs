@@ -274,7 +274,7 @@ mod tests {
             Parameters::parse(octets).map_err(|fault| (fault.number, fault.right, fault.is_unsupported))
         };
         let others = [0x88, 1, 10, 11, 0x80, 0x1D, 0, 0xC0, 0x60];
-        // Shorter than a valid telegram, equally long, and longer.
+        // The test sends telegrams that are shorter than a valid telegram, of equal length, and longer.
         for length in [7, 9, 16, 30] {
             let mut octets = others.to_vec();
             octets.resize(length, 0xFF);

@@ -254,7 +254,7 @@ impl Slave {
             return self.refusal(frame);
         }
         match frame.data.len() {
-            // Decision D-387: a data exchange without outputs clears them.
+            // Decision D-387: a data exchange without outputs sets all outputs to 0.
             0 => {
                 registers.set_outputs(&[]);
                 gateway.cleared(now);

@@ -52,7 +52,7 @@ impl SnapshotFields for Stored {
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         let stored = from.raw(BYTES)?;
-        // A restored value counts as a change, since the file has the previous values.
+        // The number of changes is increased, because the file of NOVRAM has the values from before the restoration.
         self.generation = self.generation.wrapping_add((self.stored != stored).into());
         self.stored.copy_from_slice(stored);
         Ok(())
@@ -83,7 +83,7 @@ impl Firmware for Stored {
     fn keep(&mut self) {
         self.put_back();
         let mut now = [0; BYTES];
-        // Cannot fail: both have the same size by definition.
+        // This cannot fail: source and destination are arrays of one size by their definitions.
         let _ = self.registers.snapshot().write_to(&mut now);
         if now != self.stored {
             self.stored = now;

@@ -190,7 +190,7 @@ mod tests {
         let sends = order([0, 0x12, 0, 0], [0, 1, 2, 3, 4, 5, 6, 7], 8, 1, 1);
         assert_eq!(window.written(&sends), Order::Send(frame(0x12, &[0, 1, 2, 3, 4, 5, 6, 7])));
         assert_eq!(window.shown()[13], 1);
-        // An order with the same counter is not a new order.
+        // If the counter has not changed, the window contains no new order.
         assert_eq!(window.written(&sends), Order::Nothing);
 
         let id = [0x01, 0x23, 0, 0];
@@ -235,7 +235,7 @@ mod tests {
         assert_eq!((window.shown()[4], window.waiting()), (1, 1));
         window.written(&reads(4));
         assert_eq!((window.shown()[4], window.waiting()), (2, 0), "this frame came with an answer");
-        // A data exchange without a new order reads the frame, too.
+        // The next data exchange returns the frame even if it contains no new order.
         window.written(&reads(5));
         assert!(window.received(frame(0x181, &[3])));
         window.written(&reads(5));

@@ -49,7 +49,7 @@ fn check_state_and_diagnosis(prm: &[u8], cfg: &[u8], outputs: &[u8]) {
         assert!([6, 11].contains(&diag.len()), "{:02X?}", diag);
         assert_eq!(&diag[4..6], &[0x04, 0xA4]);
     }
-    // Each bit has its reason, and each refusal sets its bit.
+    // Each error bit of the diagnosis has its octets with the reason, and each refusal sets its bit.
     let cause = diag.get(8).copied();
     assert_eq!(diag[0] & 0x40 != 0, cause == Some(0x3D));
     assert_eq!(diag[0] & 0x04 != 0, cause == Some(0x3E));

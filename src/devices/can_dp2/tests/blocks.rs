@@ -113,7 +113,7 @@ fn fb4_sends_orders_over_the_window() {
 #[test]
 fn one_pulse_of_fb4_is_one_transfer() {
     let mut plc = Plc::new(0x80, &WINDOWS, 16);
-    // One pulse of FREIGABE is one transfer: the next transfer needs another pulse.
+    // One pulse of FREIGABE starts one transfer. The next transfer needs another pulse.
     let mut again =
         FB4 { FREIGABE: true, WRITE_ENABLE: true, WRITE_LEN: 1, WRITE_COMMAND: 1, ..Default::default() };
     plc.run(60, |_, peripherals| again.call(peripherals));

@@ -194,7 +194,7 @@ fn the_end_of_data_exchange_empties_the_can_controller() {
             "wrong configuration" => drop(bench.ask(62, &[0x83])),
             _ => drop(bench.ask(255, &[1])),
         }
-        // Request and answer take some ms, so some frames have gone out before.
+        // The SDO request and its answer take some ms, so the gateway has already sent some frames.
         let before = bench.heard().len();
         bench.run(100 * MS);
         let after = bench.heard();
@@ -332,7 +332,7 @@ fn no_data_are_sent_before_the_first_outputs() {
             assert_eq!(count("203: 00 07"), 5, "every 20 ms: {heard:?}");
             assert_eq!(count("80:"), if flags & 0x04 == 0 { 0 } else { 10 }, "{heard:?}");
         }
-        // Without data exchange a start sends nothing either (D-386).
+        // A start without data exchange sends nothing, like a start without outputs (D-386).
         bench.ask(61, &timed(flags, 0, 10));
         bench.send(data(0, &[1, 5]));
         bench.run(100 * MS);

@@ -135,7 +135,7 @@ fn states_of_the_can_bus() {
     assert_eq!(bench.registers.diag.ext_cause.load(), 0x80, "no request in between");
     assert_eq!(bench.ask(255, &[1, 2]).0, mst_result::DATA_AND_DIAGNOSIS);
     assert_eq!(bench.diag(), [0x08, 0x04, 0x00, 1, 0x04, 0xA4, 5, 4, 0x80, 0, 0]);
-    // Another station is present again: the frame arrives, and the counter falls.
+    // Another station is switched on: now the frame is acknowledged, and the counter of errors falls.
     bench.buses[bus].power_on(station, 0, bench.now, &mut bench.journal);
     bench.run(10 * MS);
     for number in 0..=128 {

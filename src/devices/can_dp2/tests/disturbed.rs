@@ -107,7 +107,8 @@ fn outputs_with_a_wrong_frame_count_bit_are_not_taken() {
     assert_eq!(bench.ask(255, &[0x56, 0x78]).0, mst_result::DATA);
     assert_eq!(bench.registers.outputs(2), OUTPUTS);
     assert!(bench.faults.is_empty());
-    // The master has counted on and the slave has not: the next request has the bit of the last one that the slave took.
+    // The master has toggled its frame count bit, and the slave has not taken the request. So the next request has the
+    // bit of the last request that the slave took.
     assert_eq!(bench.ask(255, &[0x9A, 0xBC]).0, mst_result::DATA);
     assert_eq!(bench.registers.outputs(2), OUTPUTS);
     assert_eq!(bench.ask(255, &[0xDE, 0xF0]).0, mst_result::DATA);

@@ -14,7 +14,7 @@ fn outputs_are_sent_when_they_change() {
     bench.exchange(&[0x12, 0x34]);
     bench.run(10 * MS);
     assert_eq!(bench.heard(), ["203: 12 34"]);
-    // A data exchange without outputs clears them, and so does Clear_Data.
+    // A data exchange without outputs clears the outputs. Clear_Data clears them, too.
     bench.exchange(&[]);
     bench.run(10 * MS);
     bench.exchange(&[5, 6]);
@@ -32,7 +32,7 @@ fn freeze_and_sync_are_ignored() {
     bench.run(10 * MS);
     assert_eq!(bench.heard(), ["203: 01 02"]);
     assert_eq!(bench.diag()[1], 0x04);
-    // Other commands of Global_Control do not clear outputs; Clear_Data for another group does not either.
+    // Other commands of Global_Control do not clear outputs, and Clear_Data for another group does not clear them.
     for octets in [[0x28, 0], [0x02, 0x10]] {
         assert_eq!(bench.ask(58, &octets).0, mst_result::SENT);
     }
@@ -48,7 +48,8 @@ fn frames_become_inputs() {
     bench.send(data(0x28A, &[1, 2]));
     bench.run(10 * MS);
     assert_eq!(bench.exchange(&[0, 0]), [0x55, 0x66]);
-    // A short frame keeps the bytes that it does not contain; of a long frame the first bytes count (D-388).
+    // A received frame that is shorter than the input leaves the remaining bytes unchanged. Of a longer frame only the
+    // first bytes are used (D-388).
     bench.send(data(0x289, &[0x77]));
     bench.run(10 * MS);
     assert_eq!(bench.ask(56, &[]).1, [0x77, 0x66]);

@@ -79,7 +79,7 @@ impl Foreign {
     /// Brings the gateway into data exchange, with a watchdog of 100 ms.
     fn commission(&mut self, bench: &mut Bench) {
         let status = [0x10, 5, self.address, 0x49, 5u8.wrapping_add(self.address).wrapping_add(0x49), 0x16];
-        // The slave uses it only to detect the bit rate.
+        // The slave uses the first telegram only to detect the bit rate.
         self.send(bench, 0, &status);
         bench.run(MS);
         let mut prm = prm(0, 0);

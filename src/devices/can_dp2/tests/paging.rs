@@ -37,7 +37,7 @@ fn identifiers_are_exchanged_by_pages() {
     bench.send(data(0x302, &[1, 2]));
     bench.run(10 * MS);
     assert_eq!(bench.heard(), ["203: 34 12"]);
-    // The input page was filled when the output page was handled; the next one has the frame.
+    // The gateway had filled the input page when it handled the output page. So the next input page has the frame.
     assert_eq!(bench.exchange(&page(251, 4, &[2, 0x12, 0x34]))[8..11], [0, 0, 0]);
     assert_eq!(bench.exchange(&page(251, 5, &[2, 0x12, 0x34]))[8..11], [1, 0x66, 0x55]);
     bench.run(10 * MS);
@@ -90,8 +90,8 @@ fn invalid_segments_are_refused() {
         (&[0x40, 0x9F, 0xA7], 1, 3),
         (&[0x40, 0x9F], 0, 3),
         (&[], 0, 3),
-        // An exchange with words, data in both directions at the same time, one identifier, and the window at the
-        // front.
+        // Four segments that are refused: a module that counts words, a module with data in both directions,
+        // a module with one identifier, and a window at the front.
         (&[0x40, 0x9F, 0xEF], 1, 2),
         (&[0x40, 0x9F, 0xBF], 1, 1),
         (&[0x40, 0x9F, 0x80, 0x9F, 0x83, 1, 2, 3, 0], 2, 6),

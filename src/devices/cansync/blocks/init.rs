@@ -64,7 +64,7 @@ impl Initialization {
         base: &Viewed<'_, CANsync_INIT_BMSTRUCT>,
         inputs: &Inputs<'_>,
     ) -> (u16, bool) {
-        // One call makes as many steps as the node's answers permit.
+        // The block makes as many steps in one call as the node's answers permit.
         while let Some(next) = self.next(base, inputs) {
             self.step = next;
         }

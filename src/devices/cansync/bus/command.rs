@@ -25,7 +25,7 @@ impl Run<'_> {
         let Some(frame) = self.bus.command.take() else { return };
         match (self.arrives(Slot::CommandEnd, &frame), frame.kind()) {
             (Fate::Arrives, _) => self.deliver(&frame, false),
-            // The master does not notice the loss, and waits for the answer.
+            // The master does not notice that its job frame was lost, so it waits for the answer.
             (Fate::Lost, Some(FrameKind::Job(_))) => self.start_timeout(),
             (Fate::Lost | Fate::Late, _) => {}
         }

@@ -145,7 +145,7 @@ impl SimBus {
     pub(super) fn destroy_frames_of(&mut self, now: u64, sender: Sender) {
         for (place, wire) in self.on_wire.iter_mut().enumerate() {
             if let Some(OnWire { due, .. }) = wire.take_if(|wire| wire.sender == sender && wire.until > now)
-                // The place of a frame that a fault has delayed may already belong to another frame.
+                // A fault has delayed the frame beyond its slot, so another frame may be in its place now.
                 && due > now
             {
                 self.disturbance.lost |= 1 << place;

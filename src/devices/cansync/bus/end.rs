@@ -135,7 +135,7 @@ impl End<Master> {
 
     /// Resets the firmware: its RAM and all its state are lost.
     pub(super) fn forget(&mut self) {
-        // Cannot fail: the memory segment was large enough before.
+        // This cannot fail: a structure was at this address before, so the memory segment is large enough.
         if let Ok(master) = Master::new(&self.segment, self.location) {
             self.firmware = master;
         }

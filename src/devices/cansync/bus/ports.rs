@@ -361,7 +361,7 @@ impl Drives for SimBus {
         }
         drive.set_parameter(number, value)?;
         journal.push(now, DriveSet { bus, slave, number, value: value as u32 });
-        // The drive may move now even without SYNC.
+        // The drive may have to move now, even if no SYNC edge comes.
         self.wake_drives(now);
         Ok(())
     }
@@ -373,7 +373,7 @@ impl Drives for SimBus {
     fn turn_shaft(&mut self, drive: usize, speed: Option<i32>, now: u64) {
         if let Some(drive) = self.drives.get_mut(drive) {
             drive.turn_shaft(speed);
-            // The drive may move now even without SYNC.
+            // The drive may have to move now, even if no SYNC edge comes.
             self.wake_drives(now);
         }
     }

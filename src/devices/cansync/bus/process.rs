@@ -72,7 +72,7 @@ impl Run<'_> {
         let disturbance = &self.bus.disturbance;
         for end in self.bus.slaves.iter_mut().filter(|end| !disturbance.is_off(end.firmware.number())) {
             end.count_sync();
-            // SYNC has a separate line, so nodes see it at any baud rate.
+            // SYNC has a separate line, so a node receives SYNC edges at any baud rate.
             if end.firmware.is_on_bus() {
                 end.firmware.sync_edge(now, interval_us);
             }

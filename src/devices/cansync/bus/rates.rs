@@ -18,7 +18,7 @@ impl SimBus {
 
     /// Reports stations with another rate. Called when the bus starts.
     pub(super) fn report_mismatches(&mut self, now: u64, kbit_s: u16, journal: &mut Journal) {
-        // Without a wire no station misses a frame.
+        // On a bus that does not run, no station misses a frame because of its rate.
         if self.running.is_none() {
             return;
         }

@@ -138,7 +138,7 @@ mod tests {
 
     #[test]
     fn one_step_covers_at_most_the_whole_distance() {
-        // 8000 increments in 8 ms are 1000 per ms, with every gain.
+        // 8000 increments in 8 ms are 1000 increments per ms. The gain must not change this speed.
         assert_eq!(follow((8000, 0), 0, 1000, 8000), 1000);
         assert_eq!(follow((8000, 0), 0, 50, 8000), 400);
         assert_eq!(follow((8000, 7), 8000, 50, 500), 7);

@@ -80,7 +80,7 @@ impl Drive {
         let now = self.card.hand_over_in_run(references).unwrap_or(run.speed_reference);
         let parts = parts_of(interval_us);
         match references.speeds(alike, heard) {
-            // A value that comes in an interval takes effect in the next one.
+            // A value that arrives in an interval takes effect in the next interval.
             Some(speeds) => {
                 let before_last = speeds.len() - 1;
                 let speeds = speeds.take(before_last);

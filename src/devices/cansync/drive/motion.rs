@@ -137,7 +137,7 @@ impl Motion {
             return;
         }
         self.speed_carry = way % 1_000_000;
-        // Smaller than the distance, so the step fits 32 bits and cannot overshoot.
+        // The step is smaller than the distance to the target, so it fits 32 bits and cannot overshoot.
         let step = step as u32;
         self.speed = if target > self.speed {
             self.speed.wrapping_add_unsigned(step)

@@ -414,7 +414,8 @@ impl VRegler {
         let slot = self.store.slot(number)?;
         let named = match renamed.iter().find(|(own, _)| *own == slot) {
             Some((_, named)) => *named,
-            // The name belongs only to the other parameter, which replaced this one.
+            // The plant file has given the built-in parameter another number. The old number belongs only to the
+            // parameter that the plant file defines with it.
             None if renamed.iter().any(|(_, named)| *named == number) => return None,
             None => number,
         };

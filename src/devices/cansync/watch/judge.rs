@@ -210,7 +210,7 @@ impl Judge<'_> {
         let control = offset_of!(Master, a_CTRLREG_PAR_CMD_SL)
             + usize::from(slave) * size_of::<CTRLREG_PAR_CMD_SL>()
             + offset_of!(CTRLREG_PAR_CMD_SL, b_STEUREG_PAR_CMD);
-        // The firmware writes the value of a read job.
+        // Only the firmware writes the value of a read job, so a change by the program matters only in a write job.
         let matters = !is_value || self.registers.now(control) & par_job_master::WRITE != 0;
         if matters && self.is_untouched(control, par_job_master::SENT) {
             self.report_violation(&rules::JOB_CHANGED, offset, after);
@@ -235,7 +235,7 @@ impl Judge<'_> {
 
     fn block_data(&mut self, is_data: bool, offset: usize, after: u32) {
         let control = offset_of!(Master, b_STEUREG_UPDOWNBLK1);
-        // The firmware writes the data of an upload.
+        // Only the firmware writes the data of an upload, so a change by the program matters only in a download.
         let matters = !is_data || self.registers.now(control) & updown_master::DOWNLOAD != 0;
         if matters && self.is_untouched(control, updown_master::SENT) {
             self.report_violation(&rules::JOB_CHANGED, offset, after);
@@ -248,6 +248,6 @@ const _: () = assert!(
     updown_master::ACTIVE == ACTIVE && par_job_slave::ACTIVE == ACTIVE && updown_slave::ACTIVE == ACTIVE
 );
 const _: () = assert!(par_job_slave::RESET == RESET && updown_slave::RESET == RESET);
-// The rules require that a status register directly follows its control register, in the same word.
+// The rules require that a status register directly follows its control register within one word.
 const _: () =
     assert!(offset_of!(CTRLREG_PAR_CMD_SL, b_STATREG_PAR_CMD) == 1 && size_of::<DATA_PARAMETER>() == 8);

@@ -98,7 +98,7 @@ impl CAN_RECEIVE {
     pub fn call(&mut self, jobs: &Jobs) {
         let arguments = [self.CONFIG.into(), self.CLEAR.into(), self.ID.into()];
         let answer = self.internal.call(jobs, true, job::CAN_RECEIVE, &arguments, &[]);
-        // AVAILABLE is 0 until the next message is fetched.
+        // The block shows AVAILABLE 0 until the program fetches the next message.
         self.AVAILABLE = 0;
         self.ANSWERED = answer.is_some();
         let Some(answer) = answer else { return };

@@ -40,7 +40,8 @@ impl Controller {
             0 => 0.0,
             tn => self.integral + kp * now_it_is * passed as f64 / tn as f64,
         };
-        // A larger integral part would only take longer to fall again.
+        // The integral part is limited to the range of the output. A larger value would have no effect, and would only
+        // take longer to fall.
         self.integral = self.integral.clamp(-RANGE, RANGE);
         // A change of the deviation has an effect for the time TV only (p. 126).
         let before = self.past.ago(deviation, now, us(settings.tv)).map_or(0.0, f64::from);

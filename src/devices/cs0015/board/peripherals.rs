@@ -45,7 +45,7 @@ pub(crate) struct Peripherals {
 snapshot_fields!(Peripherals {
     values: pwm, fast_inputs, slow_inputs, lcd, serial, eeprom, on_since, shown;
     parts: watch;
-    // Reported before the call of the port ends.
+    // The port has reported all findings before its call ends, so a snapshot contains none.
     built: findings
 });
 

@@ -37,7 +37,7 @@ impl SnapshotFields for Retained {
 
     fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
         let stored = from.raw(BYTES)?;
-        // A restored value counts as a change, since the file has the previous values.
+        // The number of changes is increased, because the file of NOVRAM has the values from before the restoration.
         self.generation = self.generation.wrapping_add((self.stored != stored).into());
         self.stored.copy_from_slice(stored);
         Ok(())
@@ -62,7 +62,7 @@ impl Retained {
             self.put_back();
         }
         if self.has_changed() {
-            // Cannot fail: both have the same size by definition.
+            // This cannot fail: source and destination are arrays of one size by their definitions.
             let _ = self.parameters.snapshot().write_to(&mut self.stored);
             self.generation = self.generation.wrapping_add(1);
         }

@@ -177,7 +177,7 @@ pub(crate) fn look(firmware: &mut Firmware, ctx: &mut Context, controller: &mut 
         job.arguments.iter_mut().zip(&jobs.a_ARGUMENT[place]).for_each(|(to, cell)| *to = cell.load());
         let job_context =
             JobContext { firmware: &mut *firmware, controller: &mut *controller, place, now: ctx.now };
-        // The high byte is the part of the manual.
+        // The high byte of a function's number is the part of the manual that describes the function.
         let outcome = match function >> 8 {
             1 => can::carry_out(job_context, &job),
             2 => slave::carry_out(job_context, &job),

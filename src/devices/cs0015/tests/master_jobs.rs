@@ -9,7 +9,7 @@ const WRONG: u32 = 2;
 /// Returns a master with node 5, which is guarded every 100 ms.
 fn master() -> Bench {
     let mut bench = Bench::running("node_id = 1, program = 'attached'");
-    // Both jobs are started in the first cycle.
+    // The program gives the two orders in its first cycle.
     bench.registers.flags.CAN_OPEN.store(1);
     assert_eq!(bench.job(job::NMM_SET_NMT_MASTER, &[]).0, job_error::NONE);
     assert_eq!(bench.result(job::NMM_ADD_NODE, &[5, 100, 2]), 0);

@@ -161,7 +161,7 @@ impl Script {
         records: &[OwnRecord],
     ) -> Result<Vec<String>, FolderError> {
         self.records = records.into();
-        // The identity of a compiled script includes the records of its device.
+        // The records that the device declares are part of the identity of the script.
         self.id = XxHash3_64::oneshot_with_seed(self.id, format!("{records:?}").as_bytes());
         let (hooks, written, imports) = check::check(self, layout).map_err(|mistake| {
             let Mistake { file, line, what } = mistake;

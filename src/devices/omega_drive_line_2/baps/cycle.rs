@@ -119,7 +119,8 @@ mod tests {
         for (number, ms) in [(1, 1), (2, 2), (3, 4), (4, 8), (5, 16), (15, 16384)] {
             assert_eq!(cycle(number << 4 | 8).communication_us(), ms * 1000);
         }
-        // The next slice after the slot: slots 1 are the odd slices, slots 2 the slices 2, 6, 10.
+        // The first communication comes one slice after the first time slot v. Slots 1 are the odd slices, slots 2 the
+        // slices 2, 6, 10.
         for (number, first) in [(1, 1000), (2, 1500), (3, 2500), (15, 8_192_500)] {
             assert_eq!(cycle(number << 4 | 8).first_us(), first);
         }

@@ -92,7 +92,7 @@ impl Process {
         if let Some(configured) = &mut self.configured
             && configured.next <= now
         {
-            // After an alignment to the trigger signal, slots that were missed are skipped.
+            // After the drive has aligned its slices to the trigger signal, it skips the slots that it has missed.
             configured.next = now + configured.cycle.communication_us();
             configured.count += 1;
             configured.is_due = true;

@@ -136,7 +136,7 @@ impl Board {
         let asked = requests != self.requests;
         self.requests = requests;
         if asked && self.is_up() {
-            // Initial values and projects come before a start, which needs both.
+            // The board handles initial values and projects before a start, because a start uses them.
             self.front.look_at_flags(&self.face);
             self.front.look_at_project_request(ctx, &self.face);
         }

@@ -133,7 +133,7 @@ fn events_exclude_each_other_in_pairs() {
                 .any(|&(a, b)| (first, second) == (a, b) || (second, first) == (a, b));
             let wanted = if excluded { InterruptResult::Excluded } else { InterruptResult::Done };
             assert_eq!(rig.set_event(second, 1, true), wanted, "{first} then {second}");
-            // The enabled event continues; once it is disabled the other event may be enabled.
+            // The enabled event is not changed. When it is disabled, the other event can be enabled.
             assert_eq!(rig.set_event(first, 1, false), InterruptResult::Done);
             assert_eq!(rig.set_event(second, 1, true), InterruptResult::Done);
         }
@@ -250,7 +250,7 @@ fn opt_init_may_run_once_in_each_start_of_the_program() {
     rig.turn(RunSwitch::Stop);
     rig.turn(RunSwitch::Run);
     assert_eq!(rig.opt_init([4, 4, 2], with_timer), OptInitResult::Done, "warm start by the switch");
-    // A program that starts when the request has already been made.
+    // The program makes its start request before the board is started.
     let mut rig = Rig::new();
     assert_eq!(rig.opt_init([0; 3], OFF), OptInitResult::Done);
     rig.header.program.state.store(ProgramState::Stopped.code());

@@ -115,7 +115,7 @@ fn writing_d_ip_config_stores_and_nothing_else_does() {
     assert_ne!(rig.ethernet.stored().1, before);
     assert_eq!(rig.ethernet.stored().0[..8], [0x78, 0x56, 0x34, 0x12, 192, 168, 75, 190]);
     assert_eq!(rig.events(), [BoardEvent::AddressStored { config: ip_config::FIXED, address: EXAMPLE }]);
-    // The same values are written again, so there is no change to store.
+    // The program writes unchanged values, so there is no change to store.
     rig.store(ip_config::FIXED, EXAMPLE, OTHER_MASK);
     assert_eq!(rig.events().len(), 1);
 }

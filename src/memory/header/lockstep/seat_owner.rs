@@ -73,7 +73,7 @@ impl<W: Word> SeatWords<'_, W> {
             if self.state.exchange(deciding, answer.code()) {
                 return Some((event, is_seated));
             }
-            // The task has given up its seat, so the event may be that of the next task. That task must not get an
+            // The task has given up its seat, and the event may belong to the next task. The next task must not get an
             // answer before its request.
         }
         None

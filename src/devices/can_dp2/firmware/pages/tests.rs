@@ -117,7 +117,7 @@ fn outputs_are_sent_according_to_force() {
         })
         .collect();
     assert_eq!(once, [true, false, true, false, true]);
-    // A page with the same counter is not a new page.
+    // If the counter has not changed, the outputs contain no new page.
     let again = master.outputs.clone();
     assert_eq!(master.pages.written(&again, true), PageEffect::default());
     assert_eq!(master.pages.written(&[0; 32], true), PageEffect::default(), "cleared outputs are not a page");

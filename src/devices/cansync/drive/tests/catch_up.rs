@@ -9,7 +9,7 @@ fn passed() -> impl Strategy<Value = BusEvent> {
     let reference =
         (prop_oneof![9 => Just(500), 1 => Just(250)], any::<bool>(), any::<[u16; 4]>(), 0..5usize);
     prop_oneof![
-        // Mostly in time, so that the drive becomes and stays synchronized.
+        // Most intervals are in time, so that the drive becomes synchronized and stays synchronized.
         3 => prop_oneof![9 => Just(2000_u64), 1 => 0..9000_u64]
             .prop_map(|now_us| BusEvent::Edge { now_us, interval_us: INTERVAL }),
         3 => reference.prop_map(|(kbit_s, first, words, count)| BusEvent::Reference {

@@ -210,7 +210,8 @@ fn bit_15_goes_with_the_lock_also_after_the_exchange_was_stopped() {
 
 #[test]
 fn master_and_drive_agree_on_the_words() {
-    // The card extracts the words that a master's configuration registers build, and vice versa.
+    // The card extracts the words that the configuration registers of a master put into a frame, and the master
+    // extracts the words of the card.
     use crate::devices::cansync::frames::codec::FrameConfig;
     let words = [WordConfig::new(2, false).0, WordConfig::new(2, true).0, 0, 0];
     let built = FrameConfig::master_reference(words).build(|_| 0x1122_3344);

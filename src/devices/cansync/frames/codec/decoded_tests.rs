@@ -102,7 +102,8 @@ fn decoded_or_refused(id: u16, bytes: [u8; 8], len: usize) {
     assert!(!line(&frame).is_empty());
     match decode(&frame) {
         Ok(decoded) => {
-            // Decoding may lose reserved bits, and lengths that the emulator never sends. The meaning must stay.
+            // Decoding may lose reserved bits, and lengths that the emulator never sends. The meaning of the frame must
+            // not change.
             let again = encode(&decoded);
             assert_eq!(again.kind(), frame.kind());
             assert_eq!(decode(&again), Ok(decoded));

@@ -127,7 +127,7 @@ impl Client {
                 Outcome::Answered(answer)
             }
             (Phase::Running(ticket), Stage::Entered(of)) if of.ticket == ticket => Outcome::Busy,
-            // The variable was reset in between, so no answer will come.
+            // Another block has reset the shared variable in the meantime, so no answer will come.
             (Phase::Running(_), _) => {
                 self.phase = Phase::Locked;
                 Outcome::Answered(Answer { communication: -1, ..Answer::default() })
@@ -170,7 +170,7 @@ mod tests {
         other.step(&mut shared, RESET, job);
         assert!(matches!(shared.stage, Stage::Entered(Job { ticket: 1, .. })), "{:?}", shared.stage);
         let mut running = one;
-        // The variable was reset and another block has taken it in the meantime.
+        // The shared variable was reset, and another block has taken it in the meantime.
         shared.stage = Stage::Free;
         other.step(&mut shared, CALL, job);
         let outcome = one.step(&mut shared, CALL, job);

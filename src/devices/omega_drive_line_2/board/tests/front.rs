@@ -212,7 +212,7 @@ fn a_reset_loses_a_project_that_was_only_sent() {
         rig.header.board.switch.store(RunSwitch::Stop.code());
         rig.start();
         assert_eq!((rig.header.program.state.load(), rig.display()), (after.code(), (display, false)));
-        // A late report of its program does not restore the project.
+        // A late report of the lost project's program does not restore the project.
         rig.program(ProgramState::Cyclic);
         rig.turn(RunSwitch::Run);
         let is_back = project == Project::Boot;
