@@ -124,7 +124,7 @@ impl<'a> Modules<'a> {
             event.call(&self.ram);
             assert!(!event.x_ERR);
             if let Some((regs, _)) = &self.slave {
-                // Keeps the input TRUE; otherwise the slave would leave active operation again.
+                // The input must stay TRUE once the mode is being set up, or the slave would leave active operation.
                 mode_sl.x_CANsync_RUN |= mode_sl.x_PREPARE_ACTIV;
                 mode_sl.call(regs);
             }

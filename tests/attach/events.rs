@@ -123,13 +123,14 @@ fn stepped_events_reach_processes_in_three_ways_without_loss() {
     let slot = &image.header().unwrap().events[SYNC];
     let first = slot.bell.rings();
     for step in 1..=10 {
-        // The test raises one event, then 49, to check whether many events are merged or lost.
+        // Odd steps raise one event, even steps 49, to check whether events that are raised together are merged or
+        // lost.
         emulator.step(&[if step % 2 == 1 { "2ms" } else { "98ms" }]);
         let (count, time) = (u64::from(slot.bell.rings()), slot.time_us.load());
         assert_eq!(count - u64::from(first), (step / 2) * 50 + step % 2);
         for waiter in &mut waiters {
             let way = waiter.way;
-            // Many events may arrive in several parts; the last part completes them.
+            // Many events may reach the listener in several parts. The test waits until all have arrived.
             let seen = std::iter::repeat_with(|| waiter.next("event")).find(|seen| seen[0] >= count).unwrap();
             assert_eq!(seen, [count, time], "{way}, step {step}");
         }

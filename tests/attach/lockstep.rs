@@ -172,7 +172,8 @@ fn the_higher_level_takes_the_processor() {
         }
     };
     let mut high = Vec::new();
-    // CPU timer 2, level 13, every 3 ms for 2.5 ms of run time; SYNC, level 14, every 2 ms for 100 us.
+    // Two tasks: CPU timer 2 with level 13 runs every 3 ms for 2.5 ms, and SYNC with level 14 runs every 2 ms for 100
+    // us.
     let low = beside(&emulator, 2, 60, run(2_500), || {
         high = beside(&emulator, SYNC, 0, run(100), || drop(emulator.step(&["12ms"])));
     });

@@ -80,7 +80,7 @@ fn the_next_emulator_finds_the_old_or_the_new_content() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().to_str().unwrap();
     let name = unique_name();
-    // The fixed seed gives the same numbers in every run.
+    // The random generator has a fixed seed, so that every run has equal numbers.
     let mut numbers = fastrand::Rng::with_seed(815);
     let mut last = 0;
     let mut contents = std::collections::BTreeSet::new();

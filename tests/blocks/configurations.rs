@@ -234,7 +234,8 @@ fn a_program_with_opt_init_starts_again() {
     stage.has_followed(0xFFFF_FFF8);
     drop(tasks);
     stage.plant.advance_to(stage.plant.now() + 1_000);
-    // A different program leads to a cold start, and so does a program after the supply was switched off and on.
+    // A different program leads to a cold start. A program that starts after the supply was switched off and on also
+    // has a cold start.
     for cycle in [false, true] {
         if cycle {
             stage.plant.set_power(DeviceIndex(0), Power::Off);

@@ -133,7 +133,7 @@ fn a_board_shows_its_modules_and_their_dip_switches_are_set() {
         let outcome = emulator.run("board", &["set", setting]);
         assert!(outcome.fails(2).contains(text), "{setting}: {}", outcome.err);
     }
-    // The state of a killed emulator can be read as well.
+    // `board get` can also read the state of a killed emulator.
     emulator.kill();
     let outcome = emulator.run("board", &["get", "maxx", "--format", "json"]);
     let rows: serde_json::Value = serde_json::from_str(&outcome.out).unwrap();
@@ -199,7 +199,8 @@ fn every_command_knows_the_modules() {
     emulator.step(&["1us"]);
     let second = at(emulator.step(&["--to-sync", "maxx:slotG"]));
     assert_eq!(((second - first) * 1e6).round(), 1_000.0, "an interval of 1 ms");
-    // Without a port, the first master of the named PLC, which is in another slot than that of the first PLC.
+    // Without a port, `step` uses the first master of the named PLC. It is in another slot than the first master of the
+    // first PLC.
     emulator.step(&["--to-sync", "top:"]);
     // A dump of the module contains each register once.
     let dump = emulator.run("dump", &["maxx:slotG", "--all", "--format", "csv"]);

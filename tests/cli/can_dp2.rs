@@ -41,7 +41,7 @@ fn wireshark_shows_an_interface_with_its_frames_for_each_bus() {
     assert_eq!(output.code, Some(0), "{}", output.err);
     let lines: Vec<Vec<_>> = output.out.lines().map(|line| line.split('\t').collect()).collect();
     let on = |bus| lines.iter().filter(move |line| line[0] == bus);
-    // The request without data, and its answer of six octets.
+    // The log has the request without data, and its answer of six octets.
     let telegrams: Vec<_> = on("dp").map(|line| (line[1], line[2], line[3])).collect();
     assert_eq!(telegrams.last(), Some(&("17", "17", "")), "{}", output.out);
     assert_eq!(telegrams[0], ("11", "11", ""), "{}", output.out);

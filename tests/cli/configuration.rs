@@ -26,7 +26,8 @@ fn a_configuration_file_sets_the_defaults_of_options() {
         run(&["peek", "node2.w_CPU_CONTROL", "--format", "csv"]).ok().starts_with("time_us,"),
         "command line"
     );
-    // The working directory has precedence over the user's directory, the environment over both.
+    // The file in the working directory has precedence over the file in the user's directory. The environment has
+    // precedence over both files.
     let own = directory.path().join("commram.toml");
     std::fs::write(&own, "format = \"text\"\nplant = \"p.toml\"\n").unwrap();
     assert!(run(&["peek", "node2.w_CPU_CONTROL"]).ok().starts_with("node2.w_CPU_CONTROL = "));

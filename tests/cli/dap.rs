@@ -163,7 +163,7 @@ fn at(reason: &str, frames: &[(&str, u64)]) -> (String, Vec<(String, u64)>) {
 fn breakpoints_and_steps_stop_at_their_lines() {
     let (_directory, own, common) = scenario();
     let (mut editor, set) = Editor::launch(&own, &json!({}), &[(&own, &[3, 4, 200]), (&common, &[2])]);
-    // Line 3 is empty, and line 4 has no statement of its own.
+    // No statement begins in lines 3 and 4, so the breakpoint moves to the next statement.
     let lines: Vec<_> = set.iter().map(|point| (point["verified"].clone(), point["line"].clone())).collect();
     assert_eq!(
         lines,

@@ -205,7 +205,7 @@ fn with_the_stepped_clock_frames_enter_at_the_next_step() {
     emulator.step(&["10ms"]);
     assert_eq!(other.hear(), "t1230\r");
     let log = emulator.run("trace", &["--format", "candump"]);
-    // 44 bits and a stuff bit at 125 kbit/s from the beginning of the step.
+    // The frame ends after 44 bits and a stuff bit at 125 kbit/s, counted from the beginning of the step.
     assert_eq!(log.ok(), "(0000000000.001360) open 123#\n");
 }
 
@@ -432,7 +432,7 @@ fn a_log_is_played_and_compared() {
             false => played.ok() == "3 frames in 10 ms\n",
         };
         assert!(is_reported, "{}", played.out);
-        // The last frame has ended on the bus.
+        // The last frame of the log has ended on the bus when `bus play` ends.
         assert_eq!([guest.hear(), guest.hear(), guest.hear()], ["t1231AA\r", "R1FFF00018\r", "t1240\r"]);
         // In real time the machine's load decides when a frame is sent.
         let tolerance = if clock.is_empty() { "1h" } else { "1ms" };
@@ -832,7 +832,7 @@ fn departed_guests_take_no_place_while_the_bus_is_slow() {
     for _ in 0..250 {
         let mut guest = Guest::come(port);
         guest.send("O\r");
-        // The emulator may close the connection before it has taken all.
+        // The emulator may close the connection before it has read all frames, so the write may fail.
         let _ = guest.0.write_all(frames.as_bytes());
         let _ = guest.0.shutdown(std::net::Shutdown::Write);
         let _ = guest.0.read_to_end(&mut Vec::new());

@@ -317,8 +317,8 @@ fn stop_and_clean_reach_the_emulator_despite_damaged_instance_files() {
         for state in [ProcessState::Running, ProcessState::Stopped, ProcessState::Dying] {
             for damage in DAMAGES {
                 case += 1;
-                // Tries each subset of files in each state of the process with one damage in turn, and the lock alone
-                // with every damage.
+                // The test combines each subset of the files with each state of the process, and each combination with
+                // one of the damages. The lock alone is combined with every damage.
                 if all || case % 15 == (subset % 5) * 3 {
                     reach(subset, damage, state);
                 }

@@ -68,7 +68,7 @@ fn every_command_exits_with_3_without_its_instance() {
     for command in commands() {
         let needs = run(&[&command, "--help"]).ok().contains("--connect-timeout");
         let known = AT_AN_INSTANCE.iter().any(|args| args[0] == command);
-        // A view cannot run without a terminal: tests/cli/viewers.rs.
+        // A view cannot run without a terminal. tests/cli/viewers.rs tests its exit codes.
         assert!(
             known || !needs || command == "view",
             "add `{command}` with valid arguments to AT_AN_INSTANCE of tests/cli/exit_codes.rs, as \

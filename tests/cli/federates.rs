@@ -230,7 +230,7 @@ fn federates_produce_the_same_journal_as_one_process() {
     for count in [2, 3] {
         let broker = Broker::start(&helics, count);
         let follows = |number| broker.federate(&plant, &format!("{number}/{count}"), &["--follow"]);
-        // The journals are the same for each leader.
+        // The journals do not depend on the federate that leads.
         let leader = count - 2;
         let mut federates: Vec<_> = (0..count).filter(|number| *number != leader).map(follows).collect();
         federates.push(broker.federate(&plant, &format!("{leader}/{count}"), &[]));
@@ -319,7 +319,7 @@ h.helicsFederateDisconnect(federate)
 #[test]
 fn a_process_that_is_no_federate_of_this_plant_is_refused() {
     let Some(helics) = helics() else { return };
-    // A greeting by another version, and an invalid greeting.
+    // The other program sends a greeting of another version, or an invalid greeting.
     let other_version = "0005392e392e3902000000";
     for (greeting, code, complaint) in [
         (other_version, 2, "federate 1 is commram 9.9.9"),

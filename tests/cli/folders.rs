@@ -59,7 +59,7 @@ fn a_folder_is_a_device_in_every_command() {
     assert!(dump.ok().contains("data.w_OUT") && dump.out.contains("%MW3.16"), "{}", dump.out);
     assert!(emulator.run("status", &[]).ok().contains("digital-io"));
 
-    // Names that no device of the program has.
+    // Only the folder has these names, and no device of the program has them.
     for block in ["data", "io:data", "data.*", "%MW3.16"] {
         assert!(emulator.run("dump", &[block]).ok().contains("data.w_OUT"), "{block}");
     }

@@ -50,7 +50,7 @@ fn an_emulator_stays_small_and_does_not_grow() {
         assert!(before.all < 32_000, "{} KB", before.all);
     }
     let more: u64 = std::env::var("COMMRAM_FOOTPRINT_S").map_or(120, |seconds| seconds.parse().unwrap());
-    // Steps one hour per command, so that no command takes longer than its watchdog allows.
+    // Each command steps one hour, so that no command takes longer than its watchdog allows.
     for begin in (0..more).step_by(3600) {
         emulator.step(&[&format!("{}s", (more - begin).min(3600))]);
     }

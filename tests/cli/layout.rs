@@ -100,7 +100,8 @@ fn an_export_of_commram_is_recognized_for_every_device_and_proves_nothing() {
             assert_eq!(checkout.all_files(), before, "{device}");
         }
     }
-    // An export without its head, which a vendor's tool may drop: the names of our fillers contain their offsets.
+    // The test removes the head of the export, as a vendor's tool may do. The export is still recognized, because the
+    // names of its fillers contain their offsets.
     for device in ["omega-drive-line-2", "bm4-plc"] {
         let export = run(&["export", "st", "--device", device]).ok().to_owned();
         let lines: Vec<_> = export.lines().filter(|line| !line.starts_with("(*")).collect();
@@ -268,8 +269,8 @@ fn confirmed_offsets_of_a_shared_structure_stay_where_they_are() {
     assert_eq!(checkout.all_files(), before);
     let confirms = import(&checkout, &vendors(run(&["export", "st", "--device", "bm4-plc"]).ok()), &bm4);
     assert_eq!(confirms.code, Some(0), "{}", confirms.err);
-    // Imports the other library first: the registers of the Omega Drive-Line II are not confirmed yet, so they move
-    // too, and the command reports it.
+    // The test imports the library of the b maXX PLC before the library of the Omega Drive-Line II. The registers of
+    // the Omega Drive-Line II are not confirmed yet, so they move too, and the command reports this.
     let checkout = Checkout::with(&with_more_in_the_master(), &every_layout());
     let moves = checkout.import(&bm4);
     assert_eq!(moves.code, Some(0), "{}", moves.err);
@@ -320,8 +321,8 @@ fn a_library_laid_out_as_the_tables_of_the_bmaxx_plc_is_taken_over() {
         finish(commram().args(["layout", "check", "--format", "json"]).current_dir(checkout.0.path()));
     assert!(!judged.out.contains("\"wrong\""), "{}", judged.out);
 
-    // Without the room for the number, the addresses of the general registers would differ, and the firmware does not
-    // support that.
+    // Without the padding for the number, the addresses of the general registers would differ from those of the
+    // firmware, so the import is refused.
     let without: Vec<_> = declared.lines().filter(|line| !line.contains(" padding_0")).collect();
     let checkout = Checkout::with(&without.join("\n"), &every_layout());
     let refused = checkout.import(&["--device", "bm4-plc"]);

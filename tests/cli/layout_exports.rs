@@ -98,7 +98,7 @@ fn objects_of_twincat_are_imported_together() {
         err.contains("note: FB_X.TcPOU: skipped, because only types are read: POU FB_X in line 3\n"),
         "{err}"
     );
-    // If the other files are not given, the error names what is missing.
+    // If only one of the files is given, the error names what is missing.
     let checkout = tempfile::tempdir().unwrap();
     copy(Path::new(LAYOUTS), &checkout.path().join("layouts"));
     fs::write(checkout.path().join("STRUCTURE.TcDUT"), &files[0].1).unwrap();

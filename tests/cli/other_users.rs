@@ -68,7 +68,7 @@ fn a_link_in_place_of_the_directory_is_refused() {
     let expected = format!("{directory} belongs to user {ATTACKER}, not to user 0");
     assert!(outcome.fails(1).contains(&expected), "{}", outcome.err);
     assert_eq!(std::fs::read_dir(own.path()).unwrap().count(), 0);
-    // An emulator does not follow a link of its own user either.
+    // An emulator does not follow a link, even if the link belongs to its own user.
     symlink(own.path(), &directory).unwrap();
     let outcome = run(&["run", "-i", &name]);
     std::fs::remove_file(&directory).unwrap();

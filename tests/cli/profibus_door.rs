@@ -113,7 +113,7 @@ fn pyprofibus_reaches_a_controller_through_the_gateway() {
     let Some(mut python) = python(&["pyprofibus"]) else { return };
     let plant = include_str!("../../tools/plants/can-dp2-door.toml");
     let emulator = start_with(plant, &["--clock", "stepped"]);
-    // Time for the controller to receive the start frame.
+    // The step gives the controller time to receive the start frame.
     emulator.step(&["1s"]);
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/check_profibus.py");
     let child = seat(&emulator, python.arg(script));

@@ -120,7 +120,7 @@ fn a_soft_plc_in_rust_compiles_and_gets_its_answer() {
     }
 }
 
-/// Both servers run pytest and the scenarios, even if one of them fails, and keep both reports.
+/// The files for GitHub and GitLab run pytest and the scenarios, even if one of the two fails, and keep both reports.
 #[test]
 fn only_the_project_for_pytest_needs_a_wheel_in_ci() {
     for template in ["minimal", "soft-plc-c", "soft-plc-rust", "pytest"] {

@@ -182,7 +182,7 @@ fn a_sensor_in_python_is_on_a_can_bus() {
         let mut emulator = broker.emulator(&[plant.to_str().unwrap()], &more);
         let printed = sensor.end();
         assert!(printed.contains("open 720#00") && printed.contains("said 50 heard 1"), "{printed}");
-        // The process ends after the others have ended.
+        // The process ends because all other federates have ended.
         assert_eq!(emulator.wait().code(), Some(0));
         let complaints = emulator.complaints();
         assert!(complaints.contains("the other simulators have ended"), "{complaints}");

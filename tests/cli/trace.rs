@@ -196,7 +196,7 @@ fn following_prints_new_records_and_ends_with_the_emulator() {
     assert!(follower.line().contains("b_AC (%MB3.200013) := 16#FF"), "also while the clock is stopped");
     emulator.run("stop", &[]);
     let (code, rest, err) = follower.end();
-    // A request on its way when the emulator ends gets the reason; a later one finds no emulator.
+    // If a request is on its way when the emulator ends, the client gets the reason. A later request finds no emulator.
     let ended = format!("commram: note: instance '{}' ", emulator.name);
     assert_eq!((code, rest.as_slice()), (Some(0), &[][..]));
     assert!(err.starts_with(&ended) && err.lines().count() == 1, "{err}");

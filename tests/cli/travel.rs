@@ -28,7 +28,7 @@ fn a_file_brings_the_instance_back_and_starts_another_one() {
     assert_eq!(emulator.run("restore", &[file]).ok(), "0.005000 s\n");
     let waiting = emulator.peek(&[STATUS]);
     assert!(waiting != later && waiting.contains("16#0002"), "{waiting}");
-    // An instance that starts from the file continues exactly like this instance.
+    // An instance that starts from the file continues exactly like the instance that has written it.
     let other = Emulator::start(&["--clock", "stepped", "--from", file]);
     assert_eq!(other.peek(&[STATUS]), waiting);
     for emulator in [&emulator, &other] {
@@ -156,7 +156,7 @@ fn an_event_that_is_due_at_the_moment_of_a_return_is_handled_later() {
         emulator.step(&["1ms"]);
         assert_eq!(journal(), handled);
     }
-    // Only the event makes this condition true, so a return to the condition handles the event.
+    // The condition becomes true only by the event that is due now, so a return to the condition handles this event.
     assert_eq!(emulator.step(&["--back-to", "flags.CAN_BUS_OFF_ERROR==1"]), "0.005000 s");
     assert_eq!(emulator.peek(&["flags.CAN_BUS_OFF_ERROR"]), "16#01");
     emulator.step(&["1ms"]);
@@ -228,7 +228,7 @@ fn back_by_a_time_and_to_a_condition() {
     assert!(follower.note().contains("the instance has gone back"));
     emulator.step(&["10ms"]);
     assert_eq!(emulator.step(&["--back-to", "node2.w_OPTION_STATUS==16#0002"]), "0.000500 s");
-    // A step back that is not possible has exit code 1, because the arguments are right.
+    // A step back that is not possible has exit code 1 and not 2, because its arguments are right.
     let outcome = emulator.run("step", &["--back", "1s"]);
     assert!(outcome.fails(1).contains("the earliest moment is 0.000000 s, it is 0.0"), "{outcome:?}");
     let outcome = emulator.run("step", &["--back-to", "node2.w_OPTION_STATUS==16#0043"]);

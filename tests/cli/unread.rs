@@ -136,7 +136,7 @@ fn the_log_of_a_background_process_is_none_of_its_outputs() {
         assert!(message.contains(&format!("--log {log}")) && message.contains("name a file"), "{message}");
         assert_eq!(files_of(&name), NOTHING);
     }
-    // The background process does not treat a pipe of the caller as an output of its own.
+    // The caller gives the background process a pipe as another file. The process must not use this pipe as its output.
     let script =
         "$COMMRAM run --detach -i $0 --log /dev/fd/3 3>&1 >/dev/null | true; exec $COMMRAM stop -i $0";
     let mut shell = Command::new("sh");

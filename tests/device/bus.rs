@@ -312,7 +312,7 @@ fn the_load_of_a_bus_is_the_time_of_its_frames() {
         assert!(expected > 100, "{expected}");
         // The journal has whole microseconds; the load is calculated from nanoseconds.
         assert!(load.abs_diff(expected) <= 10, "{load}, {expected}");
-        // A journal that continues from a snapshot has no records from before the snapshot.
+        // A journal that continues from a snapshot has no records from the time before the snapshot.
         let snapshot = rig.plant.snapshot();
         rig.plant.restore(&snapshot).unwrap();
         let begin = rig.plant.now();

@@ -133,7 +133,8 @@ fn a_run_on_several_cores_equals_a_run_on_one() {
                 intervals(&mut cluster, 10);
             }
             assert_eq!(cluster.plant.faults().count(), 0, "both are over");
-            // Reserved bits: the checker reports a warning or an error for each of these PLCs.
+            // The programs of these PLCs set reserved bits, so the checker reports a warning or an error for each of
+            // these PLCs.
             for plc in [5, 31, 7] {
                 cluster.plcs[plc].master.b_MAX_SL_NR.store(0x7F);
             }

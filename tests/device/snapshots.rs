@@ -194,7 +194,7 @@ proptest! {
         let [swift, thorough] = &mut plants;
         for act in &acts {
             if let Act::Pass(us) = act {
-                // Long enough for counts of the journal to end.
+                // The steps are long enough that the journal completes records of repeated events.
                 let us = us * 40;
                 swift.advance_to(swift.now() + us);
                 pass_each(thorough, us);

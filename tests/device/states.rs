@@ -69,7 +69,7 @@ fn every_command_in_every_state() {
                         if state == 1 {
                             node(&rig, role).write_init_data();
                         }
-                        // A command that the register already holds is no new command.
+                        // A command that the register already contains is not a new command.
                         let again = regs.w_CPU_CONTROL.load() == command;
                         let is_refused = !again
                             && next(state, command).is_none()
@@ -331,7 +331,7 @@ fn a_restart_over_the_remains_of_bit_7_is_reported() {
                 "checker, state {state}"
             );
         }
-        // With the bits of the present state the result is unambiguous.
+        // If the PLC writes bit 7 with the bits of the present state, the remaining value is no restart.
         let mut rig = Rig::new(Memory::Heap, rate);
         bring_to(&mut rig, Role::Master, 4).w_CPU_CONTROL.store(0x00C0);
         rig.step(5000);
@@ -465,7 +465,7 @@ fn the_can_status_shows_what_the_controller_does() {
         assert_eq!(look(&mut rig), 0x0020, "\"SYNC mode: on\" is still on the wire");
         rig.run_to_sync();
         assert_eq!(look(&mut rig), 0x000C, "send buffer free, last job done");
-        // WRC1 is on the wire from then on.
+        // From this moment on, WRC1 is on the wire in each interval.
         rig.configure_wrc1([0x01, 0x03, 0x05, 0x07]);
         rig.run_to_sync();
         rig.master.b_CTRLREG_WRC1.store(0x05);

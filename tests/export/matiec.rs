@@ -100,9 +100,9 @@ fn located_variables_are_the_registers() {
     let emulator = Emulator::start(&[]);
     emulator.poke(&["node2.a_WR_VALUE[0]=41"]);
     let plc = Plc::start(&program, &emulator, &[]);
-    // 16#0001 has become 16#0002 by two commands in one scan.
+    // The program has answered 16#0001 with 16#0002 by two commands in one scan.
     assert!(eventually(|| emulator.peek(&["node2.w_OPTION_STATUS"]) == "16#0002"));
-    // Values that the first scan has read: registers, no initial values.
+    // These flags contain the values that the first scan has read from registers, which get no initial values.
     assert_eq!(emulator.peek(&["%MB10000001", "%MD10000004"]), "16#00 16#0000002A");
     assert_eq!(emulator.peek(&["%MW10000008"]), emulator.peek(&["ethernet.w_SPEED"]));
     let board = emulator.run("board", &["get"]);

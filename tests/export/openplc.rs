@@ -100,13 +100,13 @@ fn located_variables_of_openplc_are_the_registers() {
         assert!(ready);
         // The emulated time advances only by steps.
         assert!(eventually(|| emulator.peek(&["%MB10000002"]) == format!("16#{:02X}", ms % 256)), "{ms}");
-        // Value that the first scan has read: registers, no initial values.
+        // This flag contains the value that the first scan has read from a register, which gets no initial value.
         assert_eq!(emulator.peek(&["%MB10000001"]), "16#01");
         let speed = emulator.peek(&["ethernet.w_SPEED"]);
         assert_eq!(emulator.peek(&["%MB10000003"])[3..], speed[5..]);
     };
     goes(&emulator);
-    // After a restart of the controller the program starts again.
+    // After a restart of the controller the program starts, too.
     emulator.kill();
     drop(emulator);
     let emulator = Emulator::start_as(&name, &["--clock", "stepped"]);

@@ -325,7 +325,7 @@ fn a_program_that_scans_at_sync_starts_its_bus_itself() {
         emulator.run("trace", &[]).ok().to_owned()
     };
     assert_eq!(journal(), journal(), "the same, however fast this computer is");
-    // The time is that of the computer's clock.
+    // Without a stepped clock the program uses the time of the computer's clock.
     let emulator = Emulator::start(&[]);
     let running = Plc::start_at(&program, &emulator, "line", &["12", "0"]);
     assert!(eventually(|| emulator.peek(&["node2.w_OPTION_STATUS"]) == "16#0043"));

@@ -30,7 +30,7 @@ fn svd_is_valid_and_says_where_the_cpu_finds_a_register() {
     assert_eq!(find("a_RD_BMARRAY_1_0").address_offset, 832 + 64);
     assert_eq!(find("a_CONTROLWORD_SL3").address_offset, 2948 + 6);
     assert_eq!(peripheral(&device, "CANsync_INIT_MA").registers().count(), 15 + 31);
-    // The CPU address of the other device is unknown, so the SVD has the offset in the image.
+    // The CPU addresses of the b maXX PLC are unknown, so the SVD has the offset in the image.
     let device = expanded("bm4-plc");
     assert_eq!(peripheral(&device, "CANsyncSlave_Ctrl_Slot_M").base_address, 7_001_792);
 }
@@ -167,7 +167,8 @@ fn cantools_reads_the_messages_of_a_bus() {
         "nodes door_1 panel".to_owned(),
         "0A0 panel_EMCY 8 panel> error_code@0:16 error_register@16:8 own@24:40".to_owned(),
         format!("1A0 panel_TX_PDO1 8 panel> {words}"),
-        // Manual p. 160: from the third PDO on the identifiers do not depend on the Node-ID, so both send it.
+        // Manual p. 160: the identifiers of PDOs from the third one on do not depend on the Node-ID, so two devices
+        // send this identifier.
         format!("38A panel_TX_PDO3 8 panel,door_1> {words}"),
         format!("3A5 panel_TX_PDO2 8 panel>door_1 {words}"),
         "585 door_1_SDO_ANSWER 8 door_1> command@0:8 index@8:16 sub_index@24:8 data@32:32".to_owned(),

@@ -243,7 +243,7 @@ fn a_connection_without_room_is_refused_with_a_problem() {
     for _ in 0..256 {
         let mut stream = server.connect();
         stream.write_all(head.as_bytes()).unwrap();
-        // The connection has shown its token before the next one comes.
+        // The test waits until the connection has shown its token before it opens the next one.
         stream.read_exact(&mut [0; 12]).unwrap();
         open.push(stream);
     }
@@ -335,7 +335,7 @@ fn a_shortened_channel_of_one_instance_ends_no_other() {
         server.get(&path(1, "time")).ok();
         server.post(&path(1, "advance"), &json!({"us": 1})).ok();
     }
-    // The next emulator of that name is served again.
+    // The server also serves the next emulator with the name of the killed one.
     emulators[0].run("stop", &[]).ok();
     let again = Emulator::start_with(&emulators[0].name, &["--clock", "stepped"], &[]);
     assert!(crate::common::eventually(|| server.get(&path(0, "time")).status == 200));

@@ -106,7 +106,7 @@ fn registers_of_which_only_values_are_requested_have_no_changes() {
     let (changes, changed_us) = change(&[1, 2, 3, 4, 5]);
     assert_eq!(changes, ["16#01", "16#02", "16#03", "16#04", "16#05"]);
     assert_eq!(changed_us, 4);
-    // The value is the same as at the end of the previous round, but its age is not.
+    // The value equals the value at the end of the previous round, but its age has changed.
     assert_eq!(change(&[9, 5]), (vec![json!("16#09"), json!("16#05")], json!(6)));
 }
 

@@ -72,7 +72,8 @@ fn every_operation_of_the_table_is_reached_by_its_method() {
                 reply.as_str().or(reply.as_object().and_then(|it| it.keys().next()).map(String::as_str));
             assert_eq!(answered, operation["reply"].as_str(), "{name}: {reply}");
         } else {
-            // The plant does not have what the sample names; the emulator itself has said so.
+            // The plant does not have the names of the sample, so the emulator has refused the operation. This is an
+            // answer, too.
             let problem = right.problem(right.status);
             assert!(problem["code"].is_u64() && problem["exit_code"].is_u64(), "{name}: {problem}");
         }

@@ -60,7 +60,7 @@ impl Programs {
         let mut comm_ma =
             CANsync_PD_COMM_MA { si_MAX_SL_NR: 1, x_COPY_TO_RD_ARRAY: true, ..Default::default() };
         send(&mut comm_ma);
-        // Shorter than some faults, so that jobs are also given up.
+        // The monitoring time is shorter than some faults, so that the blocks also give up jobs.
         let t_TIME = Duration::from_millis(30);
         let for_blocks = Duration::from_millis(100);
         Programs {

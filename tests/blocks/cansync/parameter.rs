@@ -69,7 +69,7 @@ fn every_error_bit_of_the_masters_blocks() {
                 assert!((500_000..502_000).contains(&took), "{took}");
                 assert_eq!(bench.ma.a_CTRLREG_PAR_CMD_SL[5].b_STEUREG_PAR_CMD.load(), 0, "withdrawn");
             }
-            // `x_EN` FALSE and TRUE again do not clear the error; a reset does.
+            // A change of `x_EN` to FALSE and back to TRUE does not clear the error. Only a reset clears it.
             for x_EN in [false, true] {
                 block.x_EN = x_EN;
                 block.call(&bench.ma);

@@ -51,7 +51,7 @@ fn a_parameter_of_another_format_gives_the_result_of_the_manual() {
         assert_eq!((read.b_ERR, read.x_ERR, read.x_OK), (error, error != 0, error == 0));
         assert_eq!((read.ud_PAR_VALUE, read.x_PAR_FORMAT_READ), (77, answered));
         assert!(!read.x_BUSY);
-        // After an error only a reset makes the block ready again.
+        // After an error the block accepts a job only when it has been reset.
         read.x_EN = false;
         read.call(&base);
         read.x_EN = true;

@@ -139,7 +139,7 @@ fn mode_gives_each_command_and_shows_each_state() {
     assert_eq!(give(&mut bench, |mode| mode.x_SET_INIT_DATA = true), Some(2));
     assert_eq!(give(&mut bench, |mode| mode.x_SYNC_MODE = true), Some(3));
     assert_eq!(give(&mut bench, |mode| mode.x_CANsync_RUN = true), Some(4));
-    // While both inputs stay TRUE, the node stays active.
+    // While `x_SYNC_MODE` and `x_CANsync_RUN` stay TRUE, the node stays active.
     assert_eq!(give(&mut bench, |mode| (mode.x_SYNC_MODE, mode.x_CANsync_RUN) = (true, true)), Some(4));
     assert_eq!(give(&mut bench, |mode| mode.x_RESET_CANsync_CONTROLLER = true), Some(4));
     assert_eq!(bench.ma.w_CPU_CONTROL.load() & 0x0080, 0, "the firmware has cleared bit 7");

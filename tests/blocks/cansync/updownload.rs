@@ -275,7 +275,8 @@ fn a_master_that_stops_half_way_is_a_timeout_at_the_slave() {
         assert!(both.bench.rig.plant.now() - start < 1_000_000);
     }
     assert_eq!((both.sl.w_ERR, both.sl.x_BUSY, both.sl.x_OK), (1 << 0, false, false));
-    // The master detects the timeout when it continues. Both blocks can start again after a reset.
+    // The master detects the timeout when it continues. After a reset, the blocks of master and slave can start a new
+    // job.
     both.until(|both| !both.ma.x_BUSY);
     assert_eq!(both.ma.w_ERR_SL, 0x0103);
     (both.ma.x_RESET, both.sl.x_RESET) = (true, true);

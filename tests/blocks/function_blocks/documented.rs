@@ -33,7 +33,7 @@ fn type_of(block: &str, pin: &str, preset: &PinValue) -> &'static str {
         return match preset {
             PinValue::Bool(_) => "BOOL",
             PinValue::Time(_) => "TIME",
-            // The documents write presets of BYTE, WORD and DWORD in the same way.
+            // The documents write presets of BYTE, WORD and DWORD in one notation, so a preset does not show the type.
             _ => "",
         };
     }

@@ -98,7 +98,7 @@ impl Model {
             }
             Op::Clear => {
                 regs.b_MA_SEMAPHORE.store(0);
-                // A job that has had no answer until now must never be carried out.
+                // A job that was given up before its answer must never be carried out, so the test counts it.
                 self.given_up += u32::from(self.job.take().is_some());
                 // The drive cannot see that the semaphore was 0 for less than a slice.
                 self.slice()?;
@@ -121,7 +121,8 @@ impl Model {
         self.semaphores.0 = self.bench.regs.b_MA_SEMAPHORE.load();
         self.bench.step(500);
         let regs = &self.bench.regs;
-        // Actual values are older than the reference values of the same slice.
+        // In a slice the drive exchanges the actual values before it takes the reference values, so an actual value is
+        // older.
         prop_assert_eq!(regs.a_RD_VALUE[0].load(), self.shared);
         if let Some(value) = self.command.take() {
             prop_assert_eq!(regs.b_COMMAND.load(), 0, "answered in every slice");

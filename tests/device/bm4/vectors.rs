@@ -314,8 +314,8 @@ fn t36() {
 fn t37() {
     let mut rig = active();
     let mut block = CANsync_PD_COMM_MA { si_WRC1_SEND: 5, si_RD_SL_NR1_RECEIVE: 9, ..Default::default() };
-    // The registers hold 0 since the start, which is the number of slave 0. The first call prepares them for a
-    // reception.
+    // The reception registers contain 0 after the start, which is also the number of slave 0. The first call prepares
+    // them for a reception.
     block.call(&master(&rig), &mut [[0; 16]; 32]);
     for _ in 0..3 {
         rig.run_to_sync();

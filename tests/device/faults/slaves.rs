@@ -187,7 +187,7 @@ fn a_drive_with_a_fault_brakes_until_it_is_reset() {
             let state = |rig: &Rig| drives(rig.plant.buses()).next().unwrap().status_word() & 0x006F;
             assert_eq!(state(&rig), 0x0027);
             let fault = add(&mut rig, &format!("kind = 'drive_fault'\nslave = {DRIVE}\nerror = 17"));
-            // A second fault has to wait until the first one is reset.
+            // The second fault waits until a program has reset the first one.
             let second = add(&mut rig, &format!("kind = 'drive_fault'\nslave = {DRIVE}\nerror = 18"));
             intervals(&mut rig, 2);
             assert_eq!(state(&rig), 0x0008);

@@ -48,7 +48,8 @@ fn bring_to(bench: &mut Bench, state: JobState) {
 fn right(state: JobState, control: u8) -> (Option<u8>, Option<u8>) {
     let (active, sent) = (control & 0x01 != 0, control & 0x08 != 0);
     let (read, write) = (control & 0x02 != 0, control & 0x04 != 0);
-    // Bits 1, 2 and 7 stay; bit 4 stays with a write and is the answer's (here a word) with a read.
+    // Bits 1, 2 and 7 do not change. Bit 4 does not change in a write job; in a read job it is the format of the
+    // answer, which is a word here.
     let good_end = control & 0x86 | if write { control & 0x10 } else { 0 };
     let due = matches!(state, JobState::Sent | JobState::Busy);
     if due && active && sent && read && !write {

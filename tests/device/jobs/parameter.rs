@@ -217,13 +217,14 @@ fn an_answer_to_a_job_that_was_changed_or_withdrawn_is_ignored() {
                 bench.answer(0, &job, ParameterResult::Word(3));
                 assert_eq!((bench.parameter(0), bench.value(0)), (0x02, 3));
             }
-            // A job that the PLC enters again is a new job: only an answer after the new frame counts.
+            // If the PLC enters a job once more, this is a new job: only an answer after the new frame ends it.
             bench.enter_parameter(0, 0x03, 300, 1);
             let (_, job) = bench.parameter_job().unwrap();
             bench.put(0, 0x03, 0x03);
             bench.answer(0, &job, old);
             assert_eq!(bench.parameter(0), 0x03);
-            // The PLC changes the value but no register of the job: the answer to the old value does not end the job.
+            // The PLC changes the value of the job, but not its control register. The answer to the old value does not
+            // end the job.
             bench.enter_parameter(0, 0x05, 300, 1);
             let (_, job) = bench.parameter_job().unwrap();
             bench.regs.a_DATA_PARAMETER[0].d_PAR_VALUE.store(2);
@@ -393,7 +394,7 @@ fn over_the_bus(memory: Memory, rate: Rate) {
     rig.slave.b_STEUREG_PAR_CMD.store(0x64);
     intervals(&mut rig, 4);
     assert_eq!((control(&rig, 0), value(&rig, 0)), (0x24, 0xFFFE));
-    // The bus has no slave 2: the job stays.
+    // The bus has no slave 2, so no answer comes and the job stays in its registers.
     rig.master.b_MAX_SL_NR.store(2);
     enter(&rig, 2, 0x03, 1, 1);
     intervals(&mut rig, 9);

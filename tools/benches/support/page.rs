@@ -82,7 +82,7 @@ pub(crate) fn ring(word: &Cell32) {
 /// Sleeps until the word is no longer `seen`; wakes up periodically to check the other process.
 pub(crate) fn sleep(word: &Cell32, seen: u32) {
     let timeout = futex::Timespec { tv_sec: 0, tv_nsec: 100_000_000 };
-    // After any error of this call, the caller polls again.
+    // The caller polls the word after any result of this call, so an error has no effect.
     let _ = futex::wait(futex_word(word), futex::Flags::empty(), seen.to_le(), Some(&timeout));
 }
 

@@ -17,7 +17,8 @@ pub(crate) const CASES: &[Case] = &[
         },
         right: |rig| set_up_with_drive(rig, &[], 167, rig.rate.interval_us as u16),
     },
-    // A drive that the master never polls: it receives the command for SYNC mode like all other drives.
+    // In this case the master never polls the drive. The drive receives the command for SYNC mode like all other
+    // drives.
     Case {
         rule: &cansync::rules::DRIVE_SYNC_SLOT,
         register: "MASTER.a_DATA_PARAMETER[5].d_PAR_VALUE",

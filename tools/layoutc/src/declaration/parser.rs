@@ -244,7 +244,8 @@ impl<'a, 'd> Parser<'a, 'd> {
             }
         }
         let name = self.qualified_name("a type")?;
-        // A subrange is as large as its type. The arguments of a function block have the same form.
+        // A subrange is as large as its type, so the parser skips its bounds. The arguments of a function block have
+        // the form of bounds.
         while matches!(self.next.1, Token::Symbol("(" | "[")) {
             self.group()?;
         }
@@ -291,8 +292,8 @@ impl<'a, 'd> Parser<'a, 'd> {
                 ty,
             }));
         }
-        // A member cannot have the attribute `pack_mode`, so the attribute does not belong to the next structure
-        // either.
+        // A member cannot have the attribute `pack_mode`. The attribute must not apply to the next structure, so it is
+        // dropped.
         self.lexer.pack = None;
         self.advance()?;
         Ok(record)

@@ -71,7 +71,7 @@ impl<'a> Matcher<'a> {
             let places = places.collect::<Result<Vec<_>, _>>()?;
             let end = places.iter().flatten().map(|place| place.end).max().unwrap_or_default();
             let declared = self.sizes.size(ty)?.next_multiple_of(4);
-            // The library may omit the other members of the family's structure.
+            // The library may omit members that only the family's structure has.
             let least = home.view.map_or(0, |_| home.size());
             let size = if list == index { declared.max(least) } else { end };
             let user = format!("`{}`", structure.name);
@@ -192,7 +192,8 @@ impl<'a> Matcher<'a> {
             let width = Scalar::named(our_type).map(Scalar::width);
             match shape.element {
                 Element::Scalar(theirs) if shape.counts == counts && Some(shape.size) == width => {
-                    // The offset in the sub-structure: if the whole sub-structure moves, that was already reported.
+                    // The comparison uses the offset in the sub-structure. If the whole sub-structure has moved, the
+                    // import has already reported that.
                     if our_offset != part.offset || our_type != theirs {
                         structure.scalar(&path, before, &at, our_type, theirs);
                     }
