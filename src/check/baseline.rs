@@ -123,7 +123,7 @@ mod tests {
             places.iter().for_each(|place| segment.store(place + offset, width, values[turn % 2]).unwrap());
         };
         registers.into_iter().for_each(|register| store(0, register));
-        let cells = segment.view::<[Cell64; Block::WORDS]>(HEADER_SIZE).unwrap();
+        let cells = segment.view::<[Cell64; Block::WORDS]>(AT).unwrap();
         let (mut left, mut changed) = (Baseline::new(Block::WORDS), Vec::new());
         std::thread::scope(|scope| {
             let store = &store;

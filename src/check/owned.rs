@@ -76,12 +76,9 @@ impl OwnedWatch {
             let offset = register.offset() / WORD * WORD;
             match words.last_mut().filter(|word| word.offset == offset) {
                 Some(word) => word.watched |= mask(register),
-                None => words.push(Word {
-                    offset,
-                    now: segment.view(offset as usize)?,
-                    left: 0,
-                    watched: mask(register),
-                }),
+                None => {
+                    words.push(Word { offset, now: segment.view(offset)?, left: 0, watched: mask(register) })
+                }
             }
         }
         let mut watch = OwnedWatch { plc, registers, words: words.into() };

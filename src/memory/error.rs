@@ -33,7 +33,7 @@ pub enum MemoryError {
     #[error("byte {offset} of the image: {size} bytes from there end after the last one, byte {}", end - 1)]
     BlockOutOfRange {
         /// First byte of the block.
-        offset: usize,
+        offset: u32,
         /// Length of the access in bytes.
         size: usize,
         /// Offset of the first byte after the permitted range.
@@ -43,7 +43,7 @@ pub enum MemoryError {
     #[error("byte {offset} of the image: a view of {type_name} needs an address divisible by {align}")]
     BlockMisaligned {
         /// First byte of the block.
-        offset: usize,
+        offset: u32,
         /// Alignment of the type's widest register.
         align: usize,
         /// The Rust type of the view.
@@ -71,7 +71,7 @@ pub enum MemoryError {
     )]
     ReadOnly {
         /// First byte of the access.
-        offset: usize,
+        offset: u32,
     },
     /// The name of an instance or a PLC breaks the rules.
     #[error("{what} name {name:?}: use 1 to 31 characters of A-Z a-z 0-9 _ -")]

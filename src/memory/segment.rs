@@ -132,10 +132,10 @@ impl Segment {
     /// # Errors
     /// The range is out of bounds or misaligned, or the memory segment is read-only. A read-only memory segment has no
     /// views, because the cells of a view can be written; use [`Segment::snapshot`] instead.
-    pub fn view<T: SharedRegs>(&self, offset: usize) -> Result<View<T>, MemoryError> {
+    pub fn view<T: SharedRegs>(&self, offset: u32) -> Result<View<T>, MemoryError> {
         self.need_writable(offset)?;
-        if offset < HEADER_SIZE && size_of::<T>() > 0 {
-            return Err(MemoryError::InHeader { address: Width::Byte.at(offset as u32) });
+        if (offset as usize) < HEADER_SIZE && size_of::<T>() > 0 {
+            return Err(MemoryError::InHeader { address: Width::Byte.at(offset) });
         }
         View::new(Arc::clone(&self.backing), offset)
     }
@@ -190,7 +190,7 @@ impl Segment {
     ///
     /// # Errors
     /// The range is out of bounds or in the header page.
-    pub fn snapshot<T: SharedRegs>(&self, offset: usize) -> Result<Box<T>, MemoryError> {
+    pub fn snapshot<T: SharedRegs>(&self, offset: u32) -> Result<Box<T>, MemoryError> {
         self.check_block(offset, size_of::<T>())?;
         let mut copy = new_box::<T>();
         self.copy_bytes(offset, copy.as_mut_bytes());
@@ -319,13 +319,14 @@ impl Segment {
     /// # Errors
     /// The range is out of bounds or in the header page.
     pub fn read_range(&self, offset: u32, into: &mut [u8]) -> Result<(), MemoryError> {
-        self.check_block(offset as usize, into.len())?;
-        self.copy_bytes(offset as usize, into);
+        self.check_block(offset, into.len())?;
+        self.copy_bytes(offset, into);
         Ok(())
     }
 
     /// Copies bytes without a check of the bounds, which the callers have made.
-    pub(super) fn copy_bytes(&self, offset: usize, into: &mut [u8]) {
+    pub(super) fn copy_bytes(&self, offset: u32, into: &mut [u8]) {
+        let offset = offset as usize;
         let first_word = offset & !3;
         let skip = offset - first_word;
         let (head, rest) = into.split_at_mut(into.len().min((4 - skip) % 4));
@@ -350,16 +351,16 @@ impl Segment {
         unsafe { u32::load(self.backing.base.as_ptr().add(offset).cast::<u32>()) }.to_ne_bytes()
     }
 
-    fn need_writable(&self, offset: usize) -> Result<(), MemoryError> {
+    fn need_writable(&self, offset: u32) -> Result<(), MemoryError> {
         if self.backing.writable { Ok(()) } else { Err(MemoryError::ReadOnly { offset }) }
     }
 
-    fn check_block(&self, offset: usize, size: usize) -> Result<(), MemoryError> {
-        if offset.checked_add(size).is_none_or(|end| end > self.size()) {
+    fn check_block(&self, offset: u32, size: usize) -> Result<(), MemoryError> {
+        if (offset as usize).checked_add(size).is_none_or(|end| end > self.size()) {
             return Err(MemoryError::BlockOutOfRange { offset, size, end: self.size() });
         }
-        if offset < HEADER_SIZE && size > 0 && !is_front(offset, size) {
-            return Err(MemoryError::InHeader { address: Width::Byte.at(offset as u32) });
+        if (offset as usize) < HEADER_SIZE && size > 0 && !is_front(offset, size) {
+            return Err(MemoryError::InHeader { address: Width::Byte.at(offset) });
         }
         Ok(())
     }
@@ -374,7 +375,7 @@ impl Segment {
         for &value in values {
             fits(offset, width, value)?;
         }
-        self.need_writable(offset as usize)?;
+        self.need_writable(offset)?;
         Ok(register)
     }
 
@@ -388,7 +389,7 @@ impl Segment {
             return Err(MemoryError::Misaligned { address });
         }
         // The front panel consists of 32-bit words.
-        if start < HEADER_SIZE && !(width == Width::Dword && is_front(start, 4)) {
+        if start < HEADER_SIZE && !(width == Width::Dword && is_front(offset, 4)) {
             return Err(MemoryError::InHeader { address });
         }
         // SAFETY: in bounds and aligned for the width (just checked, the base is page-aligned), mapped for as long as
@@ -405,8 +406,8 @@ impl Segment {
 }
 
 /// True if all of these bytes are part of [`Header::front`].
-fn is_front(offset: usize, size: usize) -> bool {
-    let first = core::mem::offset_of!(Header, front);
+fn is_front(offset: u32, size: usize) -> bool {
+    let (first, offset) = (core::mem::offset_of!(Header, front), offset as usize);
     first <= offset && offset - first + size <= size_of::<[Cell32; FRONT]>()
 }
 

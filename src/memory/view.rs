@@ -20,20 +20,20 @@ unsafe impl<T: SharedRegs> Sync for View<T> {}
 
 impl<T: SharedRegs> View<T> {
     /// Returns the view of `T` at `offset`. The caller has checked that the backing is writable.
-    pub(super) fn new(keep: Arc<Backing>, offset: usize) -> Result<Self, MemoryError> {
-        let (size, align) = (size_of::<T>(), align_of::<T>());
-        if offset.checked_add(size).is_none_or(|end| end > keep.size()) {
+    pub(super) fn new(keep: Arc<Backing>, offset: u32) -> Result<Self, MemoryError> {
+        let (size, align, first) = (size_of::<T>(), align_of::<T>(), offset as usize);
+        if first.checked_add(size).is_none_or(|end| end > keep.size()) {
             return Err(MemoryError::BlockOutOfRange { offset, size, end: keep.size() });
         }
-        if !offset.is_multiple_of(align) {
+        if !first.is_multiple_of(align) {
             return Err(MemoryError::BlockMisaligned {
                 offset,
                 align,
                 type_name: core::any::type_name::<T>(),
             });
         }
-        // SAFETY: the backing is `size` bytes long and `offset` was just checked to lie inside.
-        let cells = unsafe { keep.base().add(offset) }.cast::<T>();
+        // SAFETY: the backing is `size` bytes long and `first` was just checked to lie inside.
+        let cells = unsafe { keep.base().add(first) }.cast::<T>();
         debug_assert!(cells.is_aligned(), "the backing is page-aligned");
         Ok(Self { cells, keep })
     }

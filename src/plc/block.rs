@@ -42,7 +42,7 @@ pub struct BlockContext<'a> {
     /// The RAM of the PLC.
     pub ram: &'a Ram,
     /// Offset of the block's area in the RAM.
-    pub offset: usize,
+    pub offset: u32,
     /// Variables of the PLC program.
     pub variables: &'a Variables,
 }

@@ -38,13 +38,14 @@ impl Ram {
     /// # Errors
     /// The offset is misaligned for the structure, or the structure extends beyond the memory in which it begins:
     /// beyond the image, or into another area of the device, such as its flags.
-    pub fn at<T: SharedRegs>(&self, offset: usize) -> Result<Base<T>, MemoryError> {
+    pub fn at<T: SharedRegs>(&self, offset: u32) -> Result<Base<T>, MemoryError> {
         let registers = self.segment.view(offset)?;
         let size = size_of::<T>();
-        let inside = offset + 1..offset + size;
-        let begins = self.header.areas.iter().map(|area| area.file_offset.load() as usize);
+        // The view was created, so the structure ends within the image.
+        let inside = offset + 1..offset + size as u32;
+        let begins = self.header.areas.iter().map(|area| area.file_offset.load());
         match begins.filter(|begin| inside.contains(begin)).min() {
-            Some(end) => Err(MemoryError::BlockOutOfRange { offset, size, end }),
+            Some(end) => Err(MemoryError::BlockOutOfRange { offset, size, end: end as usize }),
             None => Ok(Base { registers, offset, ram: self.clone() }),
         }
     }
@@ -81,7 +82,7 @@ impl Ram {
 #[derive(Clone, Debug)]
 pub struct Base<T: SharedRegs> {
     registers: View<T>,
-    offset: usize,
+    offset: u32,
     ram: Ram,
 }
 
@@ -117,7 +118,7 @@ impl<V, T: SharedRegs + AsRef<V>> Like<V> for T {}
 /// The structure at a `_BASE` as another type with the same layout, for one call of a block.
 pub(crate) struct Viewed<'a, V> {
     registers: &'a V,
-    offset: usize,
+    offset: u32,
     ram: &'a Ram,
 }
 
@@ -130,7 +131,7 @@ impl<V> Viewed<'_, V> {
     /// Notifies the firmware that a restart was written to the control register of the port with this structure. The
     /// firmware cannot see the write in the RAM if the register already had this value (decision D-29).
     pub(crate) fn notify_restart(&self) {
-        let is_here = |port: &&PortEntry| port.file_offset.load() as usize == self.offset;
+        let is_here = |port: &&PortEntry| port.file_offset.load() == self.offset;
         if let Some(port) = self.ram.header.ports.iter().find(is_here) {
             port.restarts_written.increment();
         }

@@ -16,7 +16,7 @@ const LONG: Duration = Duration::from_secs(60);
 /// Time after which a task detects that it is no longer needed.
 const SHORT: Duration = Duration::from_millis(5);
 const SYNC: usize = 12;
-const WRC1: u32 = NODE2 as u32 + 12;
+const WRC1: u32 = NODE2 + 12;
 const CHILD_OF: &str = "COMMRAM_TEST_LOCKSTEP";
 
 fn attach(instance: &str) -> Attached {

@@ -9,7 +9,7 @@ use std::process::Command;
 
 fn set_flag(emulator: &Emulator, value: u32) {
     let image = Image::attach(&emulator.name, "line", AttachMode::ReadWrite, Some(LAYOUT_HASH)).unwrap();
-    image.segment().store(RETAIN as u32, Width::Byte, value).unwrap();
+    image.segment().store(RETAIN, Width::Byte, value).unwrap();
 }
 
 /// Creates a directory at the path of the new file, so that even root cannot write it.

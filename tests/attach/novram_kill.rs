@@ -23,7 +23,7 @@ fn attach(emulator: &Emulator) -> Attached {
 }
 
 fn flag(n: u32) -> u32 {
-    RETAIN as u32 + 2 * n
+    RETAIN + 2 * n
 }
 
 /// Returns the address, mask and choice for number `n`.

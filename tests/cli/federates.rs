@@ -17,7 +17,7 @@ const SHORT: Duration = Duration::from_millis(5);
 /// Number of the event of a SYNC edge.
 const SYNC: usize = 12;
 /// `b_CTRLREG_WRC1` of node 2.
-const WRC1: u32 = NODE2 as u32 + 12;
+const WRC1: u32 = NODE2 + 12;
 
 /// Two identical PLCs, each with a separate bus, and faults.
 const PLANT: &str = "\

@@ -43,7 +43,7 @@ impl Bm4 {
         self.plant.advance_to(self.plant.now() + us);
     }
 
-    fn node(&self, device: usize, base: usize, timing: &'static BaudRate, mode: Mode) -> Node {
+    fn node(&self, device: usize, base: u32, timing: &'static BaudRate, mode: Mode) -> Node {
         Node::at(&self.segment(device), base, timing, mode).expecting(match mode {
             Mode::Slave => 0..0,
             _ => 0..8,

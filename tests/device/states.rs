@@ -155,7 +155,7 @@ fn restarts_are_counted_where_they_are_stored() {
     for rate in FASTEST {
         let mut rig = Rig::new(Memory::Heap, rate);
         rig.step(1_000);
-        let (at, others) = (rig.master_at, rig.master_at.base as u32 + 20);
+        let (at, others) = (rig.master_at, rig.master_at.base + 20);
         let counted = |rig: &Rig| -> u32 {
             let header = rig.plant.devices()[at.plc].header();
             header.ports.iter().map(|port| port.restarts_written.load()).sum()
@@ -163,9 +163,9 @@ fn restarts_are_counted_where_they_are_stored() {
         let before = counted(&rig);
         rig.plant.store(DeviceIndex::at(at.plc), others, Width::Byte, 0).unwrap();
         assert_eq!(counted(&rig), before, "that was another register");
-        rig.plant.store(DeviceIndex::at(at.plc), at.base as u32, Width::Word, 0x0000).unwrap();
+        rig.plant.store(DeviceIndex::at(at.plc), at.base, Width::Word, 0x0000).unwrap();
         assert_eq!(counted(&rig), before + 1);
-        rig.plant.store(DeviceIndex::at(at.plc), at.base as u32, Width::Word, 0x0001).unwrap();
+        rig.plant.store(DeviceIndex::at(at.plc), at.base, Width::Word, 0x0001).unwrap();
         assert_eq!(counted(&rig), before + 1, "that was no restart");
     }
 }
@@ -251,7 +251,7 @@ fn an_early_write_is_reported_with_bit_7_too() {
 fn write_by_name(rig: &mut Rig, role: Role, value: u16) {
     regs(rig, role).w_CPU_CONTROL.store(value);
     let at = if role == Role::Master { rig.master_at } else { rig.slave_at };
-    rig.plant.note_channel_write(DeviceIndex::at(at.plc), at.base as u32, 2, value.into());
+    rig.plant.note_channel_write(DeviceIndex::at(at.plc), at.base, 2, value.into());
 }
 
 /// Decision D-29: the value that the firmware leaves after clearing is no command, even if a program rings the doorbell
@@ -325,11 +325,7 @@ fn a_restart_over_the_remains_of_bit_7_is_reported() {
             let found = entries
                 .filter(|entry| entry.last.rule == &cansync::rules::LEFT_BEHIND)
                 .map(|entry| entry.last.offset);
-            assert_eq!(
-                found.collect::<Vec<_>>(),
-                vec![rig.master_at.base as u32; noted],
-                "checker, state {state}"
-            );
+            assert_eq!(found.collect::<Vec<_>>(), vec![rig.master_at.base; noted], "checker, state {state}");
         }
         // If the PLC writes bit 7 with the bits of the present state, the remaining value is no restart.
         let mut rig = Rig::new(Memory::Heap, rate);
@@ -356,12 +352,7 @@ fn a_forced_0_restarts_after_bit_7() {
         regs.w_CPU_CONTROL.store(0x0080);
         rig.step(500);
         rig.plant
-            .force(Forced {
-                plc: DeviceIndex(0),
-                offset: rig.master_at.base as u32,
-                width: Width::Word,
-                value: 0,
-            })
+            .force(Forced { plc: DeviceIndex(0), offset: rig.master_at.base, width: Width::Word, value: 0 })
             .unwrap();
         rig.step(500);
         assert_eq!(regs.w_OPTION_STATUS.load(), 0x0001);

@@ -69,7 +69,7 @@ pub(crate) struct Node {
 
 impl Node {
     /// Returns the node with registers that begin at `base`; a master expects slaves 0 to 3.
-    pub(crate) fn at(segment: &Segment, base: usize, timing: &'static BaudRate, mode: Mode) -> Node {
+    pub(crate) fn at(segment: &Segment, base: u32, timing: &'static BaudRate, mode: Mode) -> Node {
         let slaves = if mode == Mode::Slave { 0..0 } else { 0..4 };
         Node { init: segment.view(base).expect("the node is there"), timing, mode, slaves }
     }

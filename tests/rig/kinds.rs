@@ -25,7 +25,7 @@ pub(crate) struct NodeDevice {
 pub(crate) struct NodePlace {
     pub plc: usize,
     pub port: PortNumber,
-    pub base: usize,
+    pub base: u32,
 }
 
 static OMEGA: NodeDevice = NodeDevice {

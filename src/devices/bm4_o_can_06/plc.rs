@@ -55,7 +55,7 @@ impl Module {
             other_switches: u32::from(config.dip_baud.unwrap_or(UNPLUGGED_BAUD)) << DIP_BAUD
                 | if config.has_registers() { 0 } else { DIP_9_OFF }
                 | if config.dip10 { DIP_10_ON } else { 0 },
-            regs: segment.view(config.port.area.first as usize)?,
+            regs: segment.view(config.port.area.first)?,
             dip: config.dip,
             takes_part: false,
             edge: None,

@@ -13,10 +13,10 @@ use core::mem::offset_of;
 fn six_slots_lie_a_million_bytes_apart() {
     let slots = ["slotG", "slotH", "slotJ", "slotK", "slotL", "slotM"];
     assert_eq!(DEVICE.ports.len(), slots.len());
-    for (n, name) in slots.into_iter().enumerate() {
+    for (n, name) in (0..).zip(slots) {
         let port = DEVICE.port(name).unwrap();
-        assert_eq!(usize::from(port.number.0), n + 1);
-        assert_eq!(port.area.first as usize, 2_001_792 + n * 1_000_000);
+        assert_eq!(u32::from(port.number.0), n + 1);
+        assert_eq!(port.area.first, 2_001_792 + n * 1_000_000);
         assert_eq!(port.area.bytes as usize, size_of::<CANsync_PLC_MA_BMSTRUCT>());
         assert_eq!((port.role(), port.roles), (None, &[Role::Master, Role::Slave][..]));
     }

@@ -12,7 +12,7 @@ use crate::snapshot_fields;
 /// A port on the bus, or a guest.
 pub(super) struct Station {
     pub(super) origin: Origin,
-    base: usize,
+    base: u32,
     pub(super) port: Box<dyn CanPort>,
     pub(super) controller: Controller,
     /// The watch over the station's registers; `None` for a guest, which has no registers.
@@ -49,7 +49,7 @@ snapshot_fields!(Station {
 });
 
 impl Station {
-    fn new(origin: Origin, base: usize, port: Box<dyn CanPort>, watch: Option<OwnedWatch>) -> Self {
+    fn new(origin: Origin, base: u32, port: Box<dyn CanPort>, watch: Option<OwnedWatch>) -> Self {
         Station {
             origin,
             base,
@@ -79,7 +79,7 @@ impl Station {
         let CanSocket { origin, segment, layout, port } = socket;
         let area = layout.port_numbered(origin.node).ok_or(BuildError::OtherFamily)?.area;
         let watch = OwnedWatch::of_area(origin.plc, &segment, layout, area)?;
-        Ok(Station::new(origin, area.first as usize, port, Some(watch)))
+        Ok(Station::new(origin, area.first, port, Some(watch)))
     }
 
     /// True if the station has taken part since `begin_ns`. If not, the station joined later and has missed a frame

@@ -38,7 +38,7 @@ impl Master {
     /// The emulator has ended, or does not answer as it should.
     pub(crate) fn run(&self, attached: Attached, show: Show<'_>) -> Result<(), DemoError> {
         let [start, data, words, set_up] = self.headlines;
-        let init = attached.segment().view::<CANsync_INIT_BMSTRUCT>(self.port.area.first as usize)?;
+        let init = attached.segment().view::<CANsync_INIT_BMSTRUCT>(self.port.area.first)?;
         let trace = &Trace::new(attached, self.device, self.port, show)?;
         trace.headline(start)?;
         command(trace, cpu_control::RESTART, option_status::START_UP)?;

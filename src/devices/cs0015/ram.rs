@@ -139,7 +139,7 @@ impl Registers {
 
     /// Returns the offset of this area.
     pub(super) fn unnamed_at(&self) -> u32 {
-        (FLAGS + size_of::<CS0015_FLAGS>()) as u32
+        FLAGS + size_of::<CS0015_FLAGS>() as u32
     }
 
     /// Returns the retain flags.

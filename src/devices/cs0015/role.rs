@@ -46,7 +46,7 @@ impl Firmware {
 
     /// Resets the communication, if CANopen was started; the role of master is lost (p. 48).
     pub(super) fn reset_communication(&mut self, now: u64) {
-        let at = (JOBS + core::mem::offset_of!(CS0015_JOBS, a_FUNCTION)) as u32;
+        let at = JOBS + core::mem::offset_of!(CS0015_JOBS, a_FUNCTION) as u32;
         if self.nmt.is_some() || self.master.is_some() {
             self.peripherals.findings.push((&rules::PDO_AFTER_MASTER, at, 0));
         } else if self.node.state().has_pdo() {

@@ -160,7 +160,7 @@ impl DeviceConfig for PlcConfig {
 
     /// Returns the Ethernet configuration (p. 61, 76).
     fn novram(&self) -> Option<&'static Area> {
-        DEVICE.areas.iter().find(|area| area.first == ETHERNET_CONFIG as u32)
+        DEVICE.areas.iter().find(|area| area.first == ETHERNET_CONFIG)
     }
 
     fn build(

@@ -152,7 +152,7 @@ impl Ethernet {
             return;
         }
         self.report(ctx, |config, address| BoardEvent::AddressRefused { config, address });
-        let offset = ETHERNET_CONFIG + offset_of!(ETHERNET_CONFIG_BMSTRUCT, a_IP_ADDRESS) + 3;
+        let offset = ETHERNET_CONFIG as usize + offset_of!(ETHERNET_CONFIG_BMSTRUCT, a_IP_ADDRESS) + 3;
         ctx.find(&rules::IP_ADDRESS, RegisterPhase::ALWAYS, offset, address.octets()[3].into());
         self.put_back();
         self.keep();

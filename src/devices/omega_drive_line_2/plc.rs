@@ -366,7 +366,7 @@ impl AddressWrites for Plc {
 
     /// True only for `d_IP_CONFIG`.
     fn answers_write(&self, offset: u32) -> bool {
-        offset == ETHERNET_CONFIG as u32
+        offset == ETHERNET_CONFIG
     }
 
     fn answer_write(&mut self, ctx: &mut Context) {

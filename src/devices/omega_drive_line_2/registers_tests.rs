@@ -70,10 +70,7 @@ fn error_numbers_of_up_and_downloads_are_the_masters_to_read_and_the_slaves_to_w
 #[test]
 fn ports_are_found_by_name_and_by_number() {
     let found = DEVICE.port("node2").unwrap();
-    assert_eq!(
-        (found.number, found.role(), found.area.first),
-        (PortNumber(2), Some(Role::Master), NODE2 as u32)
-    );
+    assert_eq!((found.number, found.role(), found.area.first), (PortNumber(2), Some(Role::Master), NODE2));
     let found = DEVICE.port_numbered(PortNumber(1)).unwrap();
     assert_eq!((found.name, found.role(), found.medium), ("node1", Some(Role::Slave), "cansync"));
     assert!(DEVICE.port("baps").is_none() && DEVICE.port_numbered(PortNumber(0)).is_none());

@@ -37,7 +37,7 @@ const NEVER: u64 = u64::MAX;
 /// A port on the PROFIBUS segment.
 pub(super) struct BusPort {
     origin: Origin,
-    base: usize,
+    base: u32,
     pub(super) port: Box<dyn ProfibusPort>,
     station: Station,
     watch: OwnedWatch,
@@ -387,7 +387,7 @@ impl Bus for ProfibusBus {
         let area = layout.port_numbered(origin.node).ok_or(BuildError::OtherFamily)?.area;
         self.ends.push(BusPort {
             origin,
-            base: area.first as usize,
+            base: area.first,
             port,
             station: Station::new(self.slot_bits),
             watch: OwnedWatch::of_area(origin.plc, &segment, layout, area)?,

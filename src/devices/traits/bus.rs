@@ -148,7 +148,7 @@ impl dyn Bus {
 
 impl World<'_> {
     /// Returns the context for firmware of `origin` with an area that begins at `base`.
-    pub fn context(&mut self, origin: Origin, base: usize) -> Context<'_> {
+    pub fn context(&mut self, origin: Origin, base: u32) -> Context<'_> {
         Context { now: self.now, journal: self.journal, origin, base }
     }
 }

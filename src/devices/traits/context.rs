@@ -16,7 +16,7 @@ pub struct Context<'a> {
     /// The node for which the firmware runs.
     pub origin: Origin,
     /// First byte of the area of this firmware. Offsets of the firmware are relative to this byte.
-    pub base: usize,
+    pub base: u32,
 }
 
 impl Context<'_> {
@@ -29,7 +29,7 @@ impl Context<'_> {
     /// Returns the position in the RAM of the register at `offset` of the area.
     #[inline]
     pub fn at(&self, offset: usize) -> u32 {
-        (self.base + offset) as u32 // areas lie in segments of a few megabytes
+        self.base + offset as u32 // areas are a few megabytes long
     }
 
     /// Reports the answer to a handshake register at `offset` of the area, which contained `request`.

@@ -155,7 +155,7 @@ fn post_and_answer_meet() {
     let client = attach(&instance, AttachMode::ReadWrite).unwrap();
     thread::scope(|scope| {
         scope.spawn(|| {
-            let register = image.segment().view::<crate::memory::Cell8>(REGISTER as usize).unwrap();
+            let register = image.segment().view::<crate::memory::Cell8>(REGISTER).unwrap();
             let bell = &image.header().doorbell;
             loop {
                 let seen = bell.rings();

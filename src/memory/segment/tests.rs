@@ -108,10 +108,10 @@ fn view_refusals() {
             "byte 200001 of the image: a view of commram::memory::cell::Cell16 needs an address divisible by 2"
         );
         assert_eq!(
-            message(segment.view::<[Cell8; 2]>(SEGMENT_SIZE - 1)),
+            message(segment.view::<[Cell8; 2]>(LAST)),
             "byte 3262143 of the image: 2 bytes from there end after the last one, byte 3262143"
         );
-        assert!(matches!(segment.view::<Cell32>(usize::MAX - 3), Err(MemoryError::BlockOutOfRange { .. })));
+        assert!(matches!(segment.view::<Cell32>(u32::MAX - 3), Err(MemoryError::BlockOutOfRange { .. })));
         // The words of the front panel are accessible at their own width, and no other bytes are.
         segment.store(3_520, Width::Dword, 7).unwrap();
         let front = segment.load(3_520, Width::Dword).unwrap();
@@ -353,12 +353,12 @@ fn a_copy_ends_with_the_segment() {
     type Four = [Cell32; 4];
     for segment in both() {
         segment.store(LAST, Width::Byte, 0xA5).unwrap();
-        let end = SEGMENT_SIZE - size_of::<Four>();
+        let end = (SEGMENT_SIZE - size_of::<Four>()) as u32;
         assert_eq!(segment.snapshot::<Four>(end).unwrap()[3].load(), 0xA500_0000);
-        for beyond in [end + 4, SEGMENT_SIZE, 2 * SEGMENT_SIZE, usize::MAX - 3] {
+        for beyond in [end + 4, LAST + 1, 2 * LAST, u32::MAX - 3] {
             assert!(segment.snapshot::<Four>(beyond).is_err(), "{beyond}");
         }
-        let error = message(segment.snapshot::<Four>(HEADER_SIZE - size_of::<Four>()));
+        let error = message(segment.snapshot::<Four>((HEADER_SIZE - size_of::<Four>()) as u32));
         assert!(error.contains("header page"), "{error}");
     }
 }

@@ -128,8 +128,8 @@ fn a_forced_register_keeps_its_value_until_it_is_unforced() -> Result<(), Scenar
 #[test]
 fn programs_work_on_the_ram_of_a_bench() -> Result<(), ScenarioError> {
     let mut bench = Bench::built_in()?;
-    let [control, status] = ["node2.w_CPU_CONTROL", "node2.w_OPTION_STATUS"]
-        .map(|name| NODES.register(name).unwrap().offset() as usize);
+    let [control, status] =
+        ["node2.w_CPU_CONTROL", "node2.w_OPTION_STATUS"].map(|name| NODES.register(name).unwrap().offset());
     let ram = bench.ram("line")?;
     let (control, status) = (ram.at::<Cell16>(control)?, ram.at::<Cell16>(status)?);
     bench.wait_until("1s", |_| {

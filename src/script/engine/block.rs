@@ -76,7 +76,7 @@ impl Block {
             check_area(device, kind, structure, area, place)?;
         }
         let variables = variables.entry(plc).or_default();
-        let offset = area.map_or(0, |area| area.first as usize);
+        let offset = area.map_or(0, |area| area.first);
         let instance = kind.make(&BlockContext { ram: &ram, offset, variables })?;
         Ok(Self { kind, place: place.to_owned(), instance: Rc::new(RefCell::new(instance)) })
     }

@@ -72,7 +72,7 @@ fn presets(device: &Registered, kind: &BlockKind) -> Vec<PinValue> {
     let area = device.layout.areas.iter().find(has);
     assert_eq!(area.is_some(), kind.structure.is_some(), "{} works on {:?}", kind.name, kind.structure);
     let ram = Ram::of(&Segment::of(device.layout)).unwrap();
-    let offset = area.map_or(0, |area| area.first as usize);
+    let offset = area.map_or(0, |area| area.first);
     let block = kind.make(&BlockContext { ram: &ram, offset, variables: &Variables::default() }).unwrap();
     assert_eq!(block.get("x_UNHEARD_OF"), None);
     kind.pins.iter().map(|pin| block.get(pin.name).unwrap()).collect()

@@ -261,7 +261,7 @@ fn through_the_channel_every_write_to_the_baps_is_seen() {
     let mut rig = Rig::new(Memory::Heap, OMEGA_RATES[0]);
     rig.expect_errors(&[&rules::OWNER]);
     rig.activate();
-    let status = BAPS as u32 + 2;
+    let status = BAPS + 2;
     for times in [1, 2] {
         rig.plant.devices()[0].segment().store(status, Width::Word, 0x0008).unwrap();
         rig.plant.note_channel_write(DeviceIndex(0), status, 2, 0x0008);

@@ -46,8 +46,8 @@ fn a_master_in_bus_off_sends_nothing_until_it_is_reset() {
             assert_eq!(parameter(&rig, DRIVE), (0x02, 100));
             assert_eq!(rig.master.b_CTRLREG_WRC1.load(), 0x04);
             let noted = rig.records().filter_map(|record| record.event.get());
-            let noted = noted
-                .filter_map(|it: Register| (it.offset as usize == rig.master_at.base + 4).then_some(it.to));
+            let noted =
+                noted.filter_map(|it: Register| (it.offset == rig.master_at.base + 4).then_some(it.to));
             assert!(noted.skip_while(|to| *to != u32::from(BUS_OFF)).count() >= 2, "off and on again");
         }
     }

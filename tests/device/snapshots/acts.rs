@@ -313,7 +313,7 @@ fn init_data(plant: &Plant) {
         };
         let at_500 = |rate: &&Rate| rate.kind.layout == layout && rate.timing.kbit_per_s == 500;
         let rate = RATES.iter().find(at_500).unwrap();
-        Node::at(device.segment(), base as usize, rate.timing, mode).write_init_data();
+        Node::at(device.segment(), base, rate.timing, mode).write_init_data();
     }
 }
 

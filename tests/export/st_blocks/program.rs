@@ -12,7 +12,7 @@ use commram::memory::{Cell8, Cell32, MemoryError};
 use std::time::Duration;
 
 /// Byte offset of the first retain flag in the image.
-const FLAGS: usize = 8192;
+const FLAGS: u32 = 8192;
 
 /// Mapping of reference values: 0 and 1 as doublewords in frame 1, low words of 7 to 4 in frame 2.
 const HALVES: [i8; 4] = [0, 0, 1, 1];

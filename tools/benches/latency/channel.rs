@@ -18,10 +18,10 @@ use std::cell::OnceCell;
 use std::time::Duration;
 
 /// `w_OPTION_STATUS` of node 2, and its value after power-on.
-const W_OPTION_STATUS: u32 = NODE2 as u32 + 2;
+const W_OPTION_STATUS: u32 = NODE2 + 2;
 const START_UP: u32 = 0x0001;
 /// `b_CTRLREG_WRC1` of node 2.
-const B_CTRLREG_WRC1: u32 = (NODE2 + offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC1)) as u32;
+const B_CTRLREG_WRC1: u32 = NODE2 + offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC1) as u32;
 /// Values of the register: a reference value frame is released, and the firmware has taken it.
 const RELEASED: u32 = 0x05;
 const TAKEN: u32 = 0x04;

@@ -23,9 +23,9 @@ use std::time::{Duration, Instant};
 pub(crate) const ROLE: &str = "page";
 
 /// `w_CPU_CONTROL` of node 2, `%MW3.200000`.
-const W_CPU_CONTROL: u32 = NODE2 as u32;
+const W_CPU_CONTROL: u32 = NODE2;
 /// `w_OPTION_STATUS` of node 2, `%MW3.200002`.
-const W_OPTION_STATUS: u32 = NODE2 as u32 + 2;
+const W_OPTION_STATUS: u32 = NODE2 + 2;
 /// Commands for the restart and for the handshake. The answer to a command is the next number.
 const RESTART: u16 = 0x0000;
 const HANDSHAKE: u16 = 0x0001;

@@ -15,7 +15,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// `w_OPTION_STATUS` of node 2, and its value after power-on.
-const W_OPTION_STATUS: u32 = NODE2 as u32 + 2;
+const W_OPTION_STATUS: u32 = NODE2 + 2;
 const START_UP: u32 = 0x0001;
 
 /// Measures the start. The processes are not pinned, as in a script that starts an emulator and continues at once.

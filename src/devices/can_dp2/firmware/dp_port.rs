@@ -63,7 +63,7 @@ impl DpPort {
                 News::State(to) => ctx.report(DpState { plc, to }),
                 News::Refused([cause, number, detail]) => ctx.report(Refused { plc, cause, number, detail }),
                 News::Watchdog => ctx.report(WatchdogOut { plc }),
-                News::Found(rule, at, value) => find(ctx, rule, at as u32, value),
+                News::Found(rule, at, value) => find(ctx, rule, at, value),
             }
         }
         let state = slave.state();

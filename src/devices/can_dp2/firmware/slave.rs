@@ -31,7 +31,7 @@ pub(in crate::devices::can_dp2) enum News {
     /// The watchdog has run out.
     Watchdog,
     /// A rule was broken: the byte of the image, and the value.
-    Found(&'static Rule, usize, u32),
+    Found(&'static Rule, u32, u32),
 }
 
 #[derive(Serialize, Deserialize)]
@@ -335,7 +335,7 @@ impl Slave {
     /// Reports parts of a valid configuration that are probably mistakes (p. 32, 35, 39).
     fn judge(&mut self, configuration: &Configuration) {
         if !configuration.has_output() {
-            let at = CFG + offset_of!(CAN_DP2_CFG, output_len);
+            let at = CFG + offset_of!(CAN_DP2_CFG, output_len) as u32;
             self.news.push(News::Found(&rules::NO_OUTPUT, at, 0));
         }
         let is_frozen =
@@ -347,7 +347,7 @@ impl Slave {
             (&rules::WINDOW, wrong_window),
         ] {
             let Some(number) = found else { continue };
-            let at = CFG + offset_of!(CAN_DP2_CFG, module) + number * size_of::<CAN_DP2_MODULE>();
+            let at = CFG + (offset_of!(CAN_DP2_CFG, module) + number * size_of::<CAN_DP2_MODULE>()) as u32;
             self.news.push(News::Found(rule, at, number as u32));
         }
     }

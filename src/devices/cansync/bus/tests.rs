@@ -149,8 +149,8 @@ impl Bench {
 }
 
 /// Returns the offset of the node's registers: a slot of the b maXX PLC, at all rates.
-fn base(place: usize) -> usize {
-    DEVICE.ports[place].area.first as usize
+fn base(place: usize) -> u32 {
+    DEVICE.ports[place].area.first
 }
 
 fn interval_us(rate: &BaudRate) -> u64 {

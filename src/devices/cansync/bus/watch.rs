@@ -59,7 +59,7 @@ impl PortWatch for SimBus {
 
     fn judge_write(&mut self, place: usize, offset: u32, bytes: u32, now: u64, journal: &mut Journal) {
         if let Some((watch, facts)) = self.watched(place) {
-            watch.written(offset as usize, bytes as usize, now, &facts, journal);
+            watch.written(offset, bytes, now, &facts, journal);
         }
     }
 

@@ -49,7 +49,7 @@ impl<'a> Trace<'a> {
         port: &'static Port,
         show: Show<'a>,
     ) -> Result<Self, DemoError> {
-        let node = attached.segment().view::<CANsync_MA_CTRL_BMSTRUCT>(port.area.first as usize)?;
+        let node = attached.segment().view::<CANsync_MA_CTRL_BMSTRUCT>(port.area.first)?;
         let header = attached.header()?.clone();
         let fitted = header.fitted(device);
         Ok(Self { show, device, fitted, port, attached, header, node, notes: RefCell::default() })
@@ -173,7 +173,7 @@ impl<'a> Trace<'a> {
 
     fn address<T: SharedRegs>(&self, cell: &T) -> Result<Address, DemoError> {
         let inside = core::ptr::from_ref(cell).addr().wrapping_sub(core::ptr::from_ref(&*self.node).addr());
-        let offset = u32::try_from((self.port.area.first as usize).wrapping_add(inside)).unwrap_or(u32::MAX);
+        let offset = self.port.area.first.wrapping_add(inside as u32);
         let width = match size_of::<T>() {
             1 => Width::Byte,
             2 => Width::Word,

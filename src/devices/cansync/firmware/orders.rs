@@ -113,7 +113,7 @@ pub(crate) fn note_restarts(
     bytes: u32,
 ) {
     for location in locations {
-        let register = location.base as u32;
+        let register = location.base;
         let is_hit = offset < register + 2 && register < offset + bytes;
         let holds_restart = || {
             segment.load(register, Width::Word).is_ok_and(|value| value == u32::from(cpu_control::RESTART))

@@ -140,7 +140,7 @@ mod tests {
     fn register_offsets_of_every_slave_match_the_table() {
         let base = NODES.area("node2").unwrap().first;
         let segment = Segment::of(&NODES);
-        let regs = segment.view::<CANsync_MA_CTRL_BMSTRUCT>(base as usize).unwrap();
+        let regs = segment.view::<CANsync_MA_CTRL_BMSTRUCT>(base).unwrap();
         for slave in 0..32 {
             let area = Area::of(&regs, slave).unwrap();
             let of = |name: &str| NODES.register(name).unwrap().offset() - base;

@@ -31,7 +31,7 @@ const PARAMETER_COMMAND: u8 = par_job_master::READ | par_job_master::WRITE | par
 pub(super) struct CheckedNode {
     pub plc: DeviceIndex,
     /// First byte of the node.
-    pub base: usize,
+    pub base: u32,
     /// Phase, which selects the valid structure.
     pub live: RegisterPhase,
 }
@@ -55,7 +55,7 @@ impl Judge<'_> {
 
     fn report_late(&mut self, rule: &'static Rule, offset: usize, value: u32, late_us: u32) {
         let CheckedNode { plc, base, live } = self.node;
-        let finding = Finding { rule, plc, offset: (base + offset) as u32, live, value, late_us };
+        let finding = Finding { rule, plc, offset: base + offset as u32, live, value, late_us };
         self.journal.find(self.now, finding);
     }
 

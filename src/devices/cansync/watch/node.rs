@@ -109,7 +109,7 @@ impl SnapshotFields for Registers {
 pub(in crate::devices::cansync) struct NodeWatch {
     plc: DeviceIndex,
     /// First byte of the node's area.
-    base: usize,
+    base: u32,
     maps: Arc<RegisterMaps>,
     registers: Registers,
     live: RegisterPhase,
@@ -133,7 +133,7 @@ impl NodeWatch {
         role: Role,
         segment: &Segment,
     ) -> Result<Self, MemoryError> {
-        let base = area.first as usize;
+        let base = area.first;
         let registers = Registers { now: segment.view(base)?, baseline: Baseline::new(WORDS) };
         let mut watch = NodeWatch {
             plc,
@@ -245,22 +245,23 @@ impl NodeWatch {
     /// map, it is noticed even if it changes no value.
     pub(crate) fn written(
         &mut self,
-        offset: usize,
-        bytes: usize,
+        offset: u32,
+        bytes: u32,
         now: u64,
         facts: &Facts,
         journal: &mut Journal,
     ) {
-        let Some(offset) = offset.checked_sub(self.base) else { return };
+        let Some(first) = offset.checked_sub(self.base) else { return };
+        let (first, bytes) = (first as usize, bytes as usize);
         let (mut judge, maps, _) = self.judge_with(now, facts, journal);
-        for register in maps.of_phase(judge.node.live).registers(offset, bytes) {
+        for register in maps.of_phase(judge.node.live).registers(first, bytes) {
             let start = usize::from(register.offset);
             let Some(word) = judge.registers.now.get(start / WORD).map(Cell64::load) else { continue };
             let [before, after] =
                 [judge.registers.baseline.word(start / WORD), word].map(|word| register.of(word));
             judge.write(register, before, after);
         }
-        for register in self.maps.of_phase(self.live).registers(offset, bytes) {
+        for register in self.maps.of_phase(self.live).registers(first, bytes) {
             self.registers.copy_register(register);
         }
     }

@@ -101,15 +101,15 @@ mod tests {
         Ram::of(&Segment::of(&DEVICE)).unwrap()
     }
 
-    fn load(ram: &Ram, offset: usize) -> u32 {
-        ram.segment().load(offset as u32, Width::Byte).unwrap()
+    fn load(ram: &Ram, offset: u32) -> u32 {
+        ram.segment().load(offset, Width::Byte).unwrap()
     }
 
     #[test]
     fn bytes_are_copied_also_onto_themselves() {
         let ram = ram();
-        write(ram.segment(), FUNCTION as u32, &[1, 2, 3, 4]);
-        let (from, to) = (FUNCTION as u32, FUNCTION as u32 + 1);
+        write(ram.segment(), FUNCTION, &[1, 2, 3, 4]);
+        let (from, to) = (FUNCTION, FUNCTION + 1);
         MEMCPY { DST: to, SRC: from, LEN: 3 }.call(&ram);
         assert_eq!(read(&ram, from, 5), Some(vec![1, 1, 2, 3, 0]));
         // A single byte of a word (p. 108).
@@ -120,20 +120,20 @@ mod tests {
     #[test]
     fn addresses_outside_the_memory_are_ignored() {
         let ram = ram();
-        write(ram.segment(), FUNCTION as u32, &[7; 8]);
-        let end = FLAGS as u32 + 256;
+        write(ram.segment(), FUNCTION, &[7; 8]);
+        let end = FLAGS + 256;
         for (dst, src, len) in [
-            (0, FUNCTION as u32, 4),
-            (FUNCTION as u32, 0, 4),
-            (end - 2, FUNCTION as u32, 4),
-            (FUNCTION as u32, end - 2, 4),
-            (INPUTS as u32 + 6, FUNCTION as u32, 4),
-            (u32::MAX, FUNCTION as u32, 4),
-            (FUNCTION as u32 + 1, FUNCTION as u32, 0),
+            (0, FUNCTION, 4),
+            (FUNCTION, 0, 4),
+            (end - 2, FUNCTION, 4),
+            (FUNCTION, end - 2, 4),
+            (INPUTS + 6, FUNCTION, 4),
+            (u32::MAX, FUNCTION, 4),
+            (FUNCTION + 1, FUNCTION, 0),
         ] {
-            let before = (read(&ram, FUNCTION as u32, 8), read(&ram, end - 4, 4));
+            let before = (read(&ram, FUNCTION, 8), read(&ram, end - 4, 4));
             MEMCPY { DST: dst, SRC: src, LEN: len }.call(&ram);
-            assert_eq!((read(&ram, FUNCTION as u32, 8), read(&ram, end - 4, 4)), before, "{dst} {src} {len}");
+            assert_eq!((read(&ram, FUNCTION, 8), read(&ram, end - 4, 4)), before, "{dst} {src} {len}");
         }
     }
 
@@ -146,9 +146,9 @@ mod tests {
             check.RESULT
         };
         assert!(result(&mut check) && result(&mut check));
-        write(ram.segment(), FUNCTION as u32 + 4, &[1]);
+        write(ram.segment(), FUNCTION + 4, &[1]);
         assert!(result(&mut check), "after them");
-        write(ram.segment(), FUNCTION as u32 + 3, &[1]);
+        write(ram.segment(), FUNCTION + 3, &[1]);
         assert!(!result(&mut check) && !result(&mut check));
         check.UPDATE = true;
         assert!(result(&mut check));

@@ -132,7 +132,7 @@ mod tests {
     #[test]
     fn the_variable_is_read_from_the_image() {
         let ram = Ram::of(&Segment::of(&DEVICE)).unwrap();
-        ram.segment().store(FUNCTION as u32, crate::layout::Width::Word, 0x1234).unwrap();
+        ram.segment().store(FUNCTION, crate::layout::Width::Word, 0x1234).unwrap();
         let mut block = STR { A: FUNCTION as i32, ..Default::default() };
         block.F[..2].copy_from_slice(b"%x");
         block.call(&ram);

@@ -71,7 +71,7 @@ impl Retained {
     fn has_changed(&self) -> bool {
         let mut head = [0; HEAD];
         // Cannot fail: the range is in the image.
-        let _ = self.segment.read_range(PARAMETERS as u32, &mut head);
+        let _ = self.segment.read_range(PARAMETERS, &mut head);
         !self.stored.starts_with(&head)
     }
 

@@ -51,5 +51,5 @@ impl Watch {
 /// Returns a finding if a program has changed one of the outputs that PWM drives.
 pub(crate) fn pwm_outputs(before: u16, now: u16, pwm: u16) -> Option<WatchFinding> {
     let is_changed = (before ^ now) & pwm != 0;
-    is_changed.then_some((&rules::PWM_OUTPUT, OUTPUTS as u32, now.into()))
+    is_changed.then_some((&rules::PWM_OUTPUT, OUTPUTS, now.into()))
 }

@@ -89,7 +89,7 @@ fn put(
             (misuse.is_too_fast, &rules::PWM_TOO_FAST),
         ];
         let found = found.into_iter().filter(|(is_so, _)| *is_so);
-        findings.extend(found.map(|(_, rule)| (rule, OUTPUTS as u32, u32::from(channel))));
+        findings.extend(found.map(|(_, rule)| (rule, OUTPUTS, u32::from(channel))));
     }
     if let Some(value) = value {
         value(pwm);
@@ -187,7 +187,7 @@ fn has_serial(job_context: &mut JobContext) -> bool {
     let flag = &node.registers.flags.SERIAL_MODE;
     let is_programs = flag.load() != bool::FALSE;
     if !is_programs {
-        let at = (FLAGS + core::mem::offset_of!(CS0015_FLAGS, SERIAL_MODE)) as u32;
+        let at = FLAGS + core::mem::offset_of!(CS0015_FLAGS, SERIAL_MODE) as u32;
         peripherals.findings.push((&rules::SERIAL_MODE, at, flag.load().into()));
     }
     is_programs

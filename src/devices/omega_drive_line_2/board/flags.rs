@@ -6,7 +6,7 @@ use crate::memory::{MemoryError, Segment, Width};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
 
 /// Position of the first flag.
-const FIRST: u32 = RETAIN as u32;
+const FIRST: u32 = RETAIN;
 
 /// The flags of a PLC. The retain flags have their initial values.
 #[derive(Debug)]

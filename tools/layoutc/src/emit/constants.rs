@@ -23,7 +23,7 @@ pub(crate) fn emit(out: &mut String, device: &Device, layout_hash: u64) {
         out.push_str(&doc("", &format!("{} (manual {manual} p. {}).", area.doc, area.page)));
         let _ = writeln!(
             out,
-            "///\n/// The value is the area's first byte in the image.\npub const {name}: usize = {};",
+            "///\n/// The value is the area's first byte in the image.\npub const {name}: u32 = {};",
             area.first
         );
         let _ = writeln!(out, "/// Bytes of the area `{}`.", area.name);

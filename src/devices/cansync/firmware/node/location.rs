@@ -7,7 +7,7 @@ use crate::layout::Port;
 #[derive(Clone, Copy, Debug)]
 pub struct NodeLocation {
     /// First byte of the node's area.
-    pub base: usize,
+    pub base: u32,
     /// Index of the node among the ports of the header page, from 0.
     pub place: usize,
     /// Baud rates of the device.
@@ -22,7 +22,7 @@ impl NodeLocation {
     pub fn of(port: &Port, rates: &'static [BaudRate]) -> Self {
         let mut registers = port.area.structures.iter().flat_map(|placed| placed.structure.registers);
         NodeLocation {
-            base: port.area.first as usize,
+            base: port.area.first,
             place: port.number.index(),
             rates,
             has_single_frame_area: registers.any(|register| register.name == "b_STEUREG_UPDOWN_SINGLE"),

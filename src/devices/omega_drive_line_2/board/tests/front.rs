@@ -157,12 +157,12 @@ fn kept_retain_flags_make_the_first_start_warm() {
         [(Project::None, Start::Warm), (Project::Boot, Start::Warm), (Project::Sent, Start::Cold)]
     {
         let segment = Segment::heap(SEGMENT_END);
-        segment.store(RETAIN as u32 + 60, Width::Dword, 7).unwrap();
+        segment.store(RETAIN + 60, Width::Dword, 7).unwrap();
         let mut rig = Rig::of(segment, None, project);
         rig.program(ProgramState::Stopped);
         assert_eq!(rig.ordered(), (1, first), "{project:?}");
         let kept = if first == Start::Warm { 7 } else { 0 };
-        assert_eq!(rig.segment.load(RETAIN as u32 + 60, Width::Dword).unwrap(), kept);
+        assert_eq!(rig.segment.load(RETAIN + 60, Width::Dword).unwrap(), kept);
     }
 }
 
@@ -172,7 +172,7 @@ fn a_cold_start_alone_touches_the_retain_flags() {
     let mut rig = Rig::of(Segment::heap(SEGMENT_END), None, Project::Boot);
     let slot = &rig.header.initial_flag;
     let (good, flag) = (slot.ask(4, 4, 99), |rig: &Rig| {
-        [0, 4].map(|flag| rig.segment.load(RETAIN as u32 + flag, Width::Dword).unwrap())
+        [0, 4].map(|flag| rig.segment.load(RETAIN + flag, Width::Dword).unwrap())
     });
     rig.header.submit_request();
     rig.look();
@@ -183,12 +183,12 @@ fn a_cold_start_alone_touches_the_retain_flags() {
     assert_eq!(rig.header.initial_flag.outcome(bad), Some(InitialFlagResult::NoSuchFlag.code()));
     for (start, held) in [(Start::Warm, [5, 5]), (Start::Hot, [5, 5]), (Start::Cold, [0, 99])] {
         for flag in [0, 4] {
-            rig.segment.store(RETAIN as u32 + flag, Width::Dword, 5).unwrap();
+            rig.segment.store(RETAIN + flag, Width::Dword, 5).unwrap();
         }
         rig.ask_for(start);
         assert_eq!(flag(&rig), held, "{start:?}");
     }
-    rig.segment.store(RETAIN as u32, Width::Dword, 5).unwrap();
+    rig.segment.store(RETAIN, Width::Dword, 5).unwrap();
     rig.board.set_power(Power::Off);
     rig.board.stop();
     rig.board.set_power(Power::On);
