@@ -46,7 +46,7 @@ pub enum Fate {
 pub struct OnWire {
     /// Number of the station that sends the frame.
     pub sender: usize,
-    /// The frame. Its content does not change after its start.
+    /// Frame on the wire. Its content does not change after its start.
     pub frame: Frame,
     /// The beginning of the frame's start bit, in ns.
     pub begin_ns: u64,

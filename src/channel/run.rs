@@ -19,7 +19,7 @@ pub(crate) struct Run {
     next: usize,
     /// State of the operation in progress.
     execution: Execution,
-    /// The replies so far.
+    /// Replies of the operations that have already ended.
     pub replies: ReplyBuffer,
 }
 

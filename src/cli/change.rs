@@ -45,7 +45,7 @@ pub(crate) struct Change {
     pub address: String,
     /// The earlier value in IEC notation; `None` if the register was absent.
     pub before: Option<String>,
-    /// The later value; `None` if the register is absent now.
+    /// Value after the change; `None` if the register no longer exists.
     pub after: Option<String>,
     /// The meaning of the later value.
     pub meaning: String,

@@ -317,7 +317,7 @@ errors! {
     /// A process was killed before it was ready.
     #[error("{what} was killed before it was ready ({status}){}", because(*.signal))]
     Killed {
-        /// The process, as the subject of a sentence.
+        /// Name of the process, as the subject of a sentence.
         what: String,
         /// Text of the exit status, with the signal.
         status: String,

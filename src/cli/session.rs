@@ -59,7 +59,7 @@ impl Read {
 pub(crate) struct Snapshot {
     /// Emulated time of the read, in microseconds.
     pub time_us: u64,
-    /// The bytes, one item per read. Registers are in little-endian order.
+    /// Bytes that were read, one item for each read. Registers are in little-endian order.
     pub data: Vec<Vec<u8>>,
     /// The registers that were forced at that moment; empty if the emulator is dead.
     pub forces: Vec<Forced>,

@@ -28,7 +28,7 @@ pub enum CouplingError {
     Unfit {
         /// Name of a value, as the file with the exchanges gives it.
         name: String,
-        /// The reason, and a correct use.
+        /// Reason of the refusal, and a correct use.
         why: String,
     },
     /// The connection to the other simulators failed or was never made.

@@ -151,9 +151,9 @@ pub struct MasterConfig {
 pub struct Doubt {
     /// Name in the section of the plant file; for a module the name of its port, as in `maxx:slotG`.
     pub section: String,
-    /// The key, if the section contains it.
+    /// Key of the doubtful setting, if the section contains it.
     pub key: &'static str,
-    /// The doubtful setting, and a better one.
+    /// Text about the doubtful setting, with a better one.
     pub text: String,
 }
 

@@ -10,7 +10,7 @@ use std::time::Duration;
 /// A demonstration of a device.
 #[derive(Debug)]
 pub struct Demo {
-    /// The plant file; `None` for the built-in plant.
+    /// Plant file of the demonstration; `None` for the built-in plant.
     pub plant: Option<&'static str>,
     /// Name of the registers that are shown at the end.
     pub area: &'static str,

@@ -12,7 +12,7 @@ use core::ops::RangeInclusive;
 pub struct Exercise {
     /// Name of the exercise, unique among all exercises.
     pub name: &'static str,
-    /// The plant file, in which `${NAME}` is replaced by the value with this name in the setting.
+    /// Text of the plant file. Each `${NAME}` in it is replaced by the value with this name in the setting.
     pub plant: &'static str,
     /// Alternative settings, each a list of names and values. A run uses one of the settings. Values are written as in
     /// a script.

@@ -14,7 +14,7 @@ pub enum Led {
     On,
     /// Flashes this many times, then pauses.
     Flashes(u8),
-    /// Flashes alternately with the other LED of the module that has this state.
+    /// The LED flashes alternately with another LED of the module in this state.
     InTurn,
 }
 

@@ -105,12 +105,12 @@ pub trait Firmware: SnapshotFields + Send + 'static {
         None
     }
 
-    /// Does the same as [`Device::file_changes`].
+    /// Returns the same value as [`Device::file_changes`] of the device.
     fn file_changes(&mut self) -> Option<&mut dyn FileChanges> {
         None
     }
 
-    /// Same as [`Device::option_card`].
+    /// Returns the same value as [`Device::option_card`] of the device.
     fn option_card(&mut self) -> Option<&mut dyn OptionCard> {
         None
     }

@@ -94,7 +94,7 @@ pub enum BoardEvent {
     NumberTaken {
         /// Number of the port.
         port: PortNumber,
-        /// The number, which another station already has.
+        /// The slave number that another station already has.
         number: u8,
     },
     /// A task has requested to take part in lockstep, or has stopped taking part.

@@ -77,7 +77,7 @@ pub enum RegisterError {
     Taken {
         /// Name of the device that cannot be added.
         name: &'static str,
-        /// The duplicate part: "the name", "the layout hash", "the number of record" ...
+        /// Text that names the duplicate part: "the name", "the layout hash", "the number of record" ...
         what: &'static str,
         /// Name or number that another device or family already has.
         taken: String,

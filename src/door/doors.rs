@@ -28,7 +28,7 @@ pub struct DoorError {
 /// State of an open door.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DoorState {
-    /// The door, with its real port or number.
+    /// Specification of the door, with its real port or number.
     pub door: DoorSpec,
     /// The guests at the door.
     pub guests: Vec<GuestState>,

@@ -22,9 +22,9 @@ pub(crate) enum Member {
 /// A sub-structure with its registers.
 #[derive(Debug)]
 pub(crate) struct Group {
-    /// The registers; their offsets count from the start of the whole structure.
+    /// Registers of the sub-structure. Their offsets count from the start of the whole structure.
     registers: &'static [Register],
-    /// The first of these registers.
+    /// First register of the sub-structure.
     first: &'static Register,
 }
 

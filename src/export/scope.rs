@@ -7,7 +7,7 @@ use crate::layout::{Area, AreaStructure, DeviceLayout, LayoutError, Meaning, Reg
 pub struct Scope {
     /// Layout of the device to export.
     pub device: &'static DeviceLayout,
-    /// The areas, in ascending order.
+    /// Areas to export, in ascending order.
     pub areas: Vec<&'static Area>,
     /// The requested area; `None` for all areas.
     pub block: Option<&'static str>,

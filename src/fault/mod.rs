@@ -79,7 +79,7 @@ pub struct FaultStatus {
     pub fault: Fault,
     /// True if the fault has begun.
     pub acting: bool,
-    /// Number of hits so far.
+    /// Number of times that the fault has hit.
     pub hits: u32,
 }
 

@@ -68,7 +68,7 @@ pub struct Federation {
     is_complete: bool,
     /// Number of the federate that has the turn.
     turn: u8,
-    /// Earliest of the times that the federates requested in this round.
+    /// Earliest of the times that the federates have requested in this round of turns.
     want: u64,
     /// For each federate, turns that have arrived too early. Messages of different federates may arrive in any order.
     pending: Vec<VecDeque<Turn>>,

@@ -87,7 +87,7 @@ pub enum HelicsError {
 pub struct HelicsConfig {
     /// Name of the federation. A federate is called `<federation>/<number>`.
     pub federation: String,
-    /// Number of this federate.
+    /// Number of the federate of this process.
     pub own: u8,
     /// Number of federates that simulate the plant.
     pub count: u8,

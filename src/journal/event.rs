@@ -106,7 +106,7 @@ pub enum Keeping {
     },
 }
 
-/// A single event. Register offsets are absolute bytes of the device's RAM.
+/// A single event of the journal. Register offsets are absolute bytes of the device's RAM.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Event {
     kind: &'static EventKind,

@@ -32,7 +32,7 @@ pub struct Finding {
     /// Offset of the register in the device's RAM; on a bus the number of the guest, or 256 plus the number of the
     /// participant.
     pub offset: u32,
-    /// The phase, which shows the structure of the register if structures overlay each other.
+    /// Phase of the device. It selects the structure of the register if structures overlay each other.
     pub live: RegisterPhase,
     /// Value that was written.
     pub value: u32,
@@ -47,7 +47,7 @@ event_kinds! {
         rule: u8,
         /// Offset of the register in the device's RAM.
         offset: u32,
-        /// The phase, which shows the structure of the register if structures overlay each other.
+        /// Phase of the device. It selects the structure of the register if structures overlay each other.
         live: RegisterPhase,
         /// Value that was written.
         value: u32,

@@ -43,7 +43,7 @@ pub struct Change {
     pub seq: u64,
     /// Emulated time in microseconds: of the comparison, or of the firmware's report.
     pub time_us: u64,
-    /// The register, and its values before and after the change.
+    /// The changed register, and its values before and after the change.
     pub what: Changed,
 }
 

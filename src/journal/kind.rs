@@ -104,7 +104,7 @@ pub struct ArrivedFrame {
 /// A telegram, or the first octets of a telegram if the event does not contain all of them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Octets {
-    /// The first octets, as far as the record contains them.
+    /// The first octets of the telegram, as many as the record contains.
     pub known: Vec<u8>,
     /// Number of all octets.
     pub length: usize,

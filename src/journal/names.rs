@@ -8,9 +8,9 @@ use std::borrow::Cow;
 /// Names of the devices and buses to which records refer by index.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Names {
-    /// The PLCs, in the order of the plant.
+    /// Names of the PLCs, in the order of the plant.
     pub plcs: Vec<String>,
-    /// The buses, in the order of the plant.
+    /// Names of the buses, in the order of the plant.
     pub buses: Vec<String>,
     /// The device and the options of each PLC, in the order of the plant.
     pub devices: Vec<DeviceFit>,

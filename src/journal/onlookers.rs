@@ -22,7 +22,7 @@ struct Onlooker {
     client: u128,
     /// Time of the client's last request to follow a register, or for changes.
     asked: Instant,
-    /// The registers, each with the time of the client's last request to follow it.
+    /// Followed registers, each with the time of the client's last request to follow it.
     registers: HashMap<Place, Instant>,
 }
 

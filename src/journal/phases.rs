@@ -13,9 +13,9 @@ use std::sync::Arc;
 /// The phase of a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PortPhase {
-    /// The port.
+    /// The port whose phase has changed.
     pub port: Origin,
-    /// The phase, which shows the valid structure if structures overlay each other.
+    /// New phase of the port. It selects the valid structure if structures overlay each other.
     pub live: RegisterPhase,
 }
 

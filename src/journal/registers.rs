@@ -29,7 +29,7 @@ event_kinds! {
         offset: u32,
         /// Value that the PLC had written.
         request: u16,
-        /// Value that the firmware wrote instead.
+        /// Value that the firmware has written in place of the request.
         answer: u16,
         /// True if more answers to the same request will follow.
         more_answers_follow: bool,
@@ -51,7 +51,7 @@ event_kinds! {
         offset: u32,
         /// Width in bytes: 1, 2 or 4.
         width: u8,
-        /// The value written.
+        /// Value that the client has written.
         value: u32,
     }
 
@@ -61,7 +61,7 @@ event_kinds! {
         offset: u32,
         /// Width in bytes: 1, 2 or 4.
         width: u8,
-        /// The forced value.
+        /// Value that the register keeps.
         value: u32,
     }
 

@@ -106,7 +106,8 @@ pub struct Condition {
     pub place: NamedLocation,
     /// The condition on the content.
     pub test: Test,
-    /// The awaited content, in words that can follow "did not become": `less than 16#05`, `16#80 under mask 16#80`.
+    /// Description of the awaited content, in words that can follow "did not become": `less than 16#05`, `16#80 under
+    /// mask 16#80`.
     pub wanted: String,
 }
 

@@ -38,7 +38,7 @@ pub struct DeviceLayout {
     pub areas: &'static [Area],
     /// The area of the retain flags, if the device has one. Each plant sets its size.
     pub retain: Option<&'static Retain>,
-    /// The object dictionary, in the order of index and sub-index; empty if the device has none.
+    /// Object dictionary of the device, in the order of index and sub-index; empty if the device has none.
     pub objects: &'static [Object],
     /// The device description (GSD) for masters, if the device is a PROFIBUS-DP slave.
     pub gsd: Option<&'static Gsd>,
@@ -173,7 +173,7 @@ pub struct Area {
     pub page: &'static str,
     /// The phases in which different structures are valid; `None` if each structure is always valid.
     pub phases: Option<&'static Phases>,
-    /// The structures, all starting at the area's first byte; empty for plain RAM.
+    /// Structures of the area, which all start at the area's first byte; empty for plain RAM.
     pub structures: &'static [AreaStructure],
 }
 

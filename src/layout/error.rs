@@ -125,7 +125,7 @@ pub enum LayoutError {
     Ambiguous {
         /// Name of the register, as the user wrote it.
         name: String,
-        /// The names to use instead.
+        /// Names that the user can use instead of this name.
         names: String,
     },
     /// A variable that belongs to another role than the role of the port.

@@ -52,7 +52,7 @@ pub struct Parameter {
     pub octets: u32,
     /// Name of the parameter; empty if its bit has a name.
     pub name: &'static str,
-    /// The bit, if the parameter is a single bit.
+    /// Bit of the parameter, if the parameter is a single bit.
     pub bit: Option<Bit>,
     /// Default value of the parameter.
     pub default: u32,

@@ -289,7 +289,7 @@ impl DeviceFit {
 struct Block {
     area: &'static Area,
     fit: Fit,
-    /// The structure, if the name begins with its variable.
+    /// Structure to search, if the name begins with the variable of a structure.
     only: Option<&'static AreaStructure>,
 }
 

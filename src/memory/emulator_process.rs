@@ -128,7 +128,7 @@ impl EmulatorProcess {
         // SAFETY: the descriptor is open during the call, and the kernel only reads the structure.
         let sent =
             unsafe { libc::syscall(libc::SYS_pidfd_send_signal, process, libc::SIGTERM, &raw const info, 0) };
-        // A sandbox may refuse a signal with such fields.
+        // A sandbox may refuse a signal with the mark. A plain SIGTERM is sent instead.
         if sent == 0 { Ok(()) } else { self.signal(Signal::TERM) }
     }
 

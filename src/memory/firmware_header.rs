@@ -7,7 +7,7 @@
 use super::{Cell32, Header, View};
 use core::ops::Deref;
 
-/// The header page, for firmware. It dereferences to the page that programs see.
+/// The header page as firmware uses it. It dereferences to the page that programs see.
 pub struct FirmwareHeader {
     current: View<Header>,
     requested: View<Header>,

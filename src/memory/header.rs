@@ -196,7 +196,7 @@ impl State {
 codes! {
     /// Source of the emulated time.
     ClockMode {
-        /// The wall clock, times the speed.
+        /// The emulated time is the wall clock, times the speed.
         RealTime = 0,
         /// Requests of clients or of a script. Between two requests the emulated time does not advance.
         Stepped = 1,

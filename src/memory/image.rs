@@ -22,7 +22,7 @@ use std::{
 /// Properties of an image that the emulator sets when it creates the image.
 #[derive(Clone, Debug)]
 pub struct ImageSpec {
-    /// The device: its name, the hash of its register map and the length of its segment.
+    /// Layout of the device: its name, the hash of its register map and the length of its segment.
     pub device: &'static DeviceLayout,
     /// Source of the emulated time.
     pub clock_mode: ClockMode,

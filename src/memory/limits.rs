@@ -71,7 +71,7 @@ pub(crate) const OF_A_COMMAND: u64 = 16 << 20;
 #[cfg(feature = "emulator")]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct MemoryLimit {
-    /// The limited memory, for example `data`.
+    /// Name of the limited memory, for example `data`.
     pub(crate) what: &'static str,
     /// Option of `ulimit`, for example `-d`.
     pub(crate) option: &'static str,

@@ -5,7 +5,7 @@
 use rustix::fs::{Stat, fstat, major, minor};
 use std::fs::{self, File};
 
-/// The table. Locks of processes in other pid namespaces are missing from it.
+/// The kernel's table of locks. Locks of processes in other PID namespaces are missing from it.
 const TABLE: &str = "/proc/locks";
 
 /// Process id of the holder of the exclusive `flock` lock of a file. `None` if the kernel shows no such process here.

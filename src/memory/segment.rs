@@ -27,7 +27,7 @@ use memmap2::{MmapOptions, MmapRaw};
 use std::sync::Arc;
 use zerocopy::IntoBytes;
 
-/// The memory itself; unmapped when the last [`Segment`] or [`View`] is dropped.
+/// Memory of the segment. It is unmapped when the last [`Segment`] or [`View`] is dropped.
 pub(super) struct Backing {
     base: NonNull<u8>,
     /// Number of accessible bytes, a multiple of 4 and at least [`HEADER_SIZE`].

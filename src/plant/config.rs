@@ -40,7 +40,7 @@ pub struct PlantConfig {
     /// Interval at which the firmware polls registers that no doorbell announces, in emulated microseconds (10..=10000,
     /// default 500; decision D-22).
     pub processor_cycle_us: u32,
-    /// The devices, at least one: first each `[[plc]]`, then each `[[device]]`.
+    /// Devices of the plant, at least one: first each `[[plc]]`, then each `[[device]]`.
     pub devices: Vec<Arc<dyn DeviceConfig>>,
     /// Sections of the buses, in the order of the plant file.
     pub buses: Vec<Arc<dyn BusSection>>,

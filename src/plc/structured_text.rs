@@ -4,7 +4,7 @@
 /// A part of a device's function blocks in Structured Text.
 #[derive(Clone, Copy, Debug)]
 pub struct StPart {
-    /// The text; `@WORD@` marks the parts that differ between devices or blocks.
+    /// Source text of the block. `@WORD@` marks the parts that differ between devices or blocks.
     pub text: &'static str,
     /// The replacement of each word.
     pub words: &'static [(&'static str, &'static str)],

@@ -101,9 +101,9 @@ pub struct Tasks<P: Program> {
     phase: Phase,
     /// True if the variables of the program have been initialized.
     is_initialized: bool,
-    /// Number of starts and stops that the board has requested so far.
+    /// Number of starts and stops that the board has requested before this poll.
     orders: u32,
-    /// Number of power-ons and resets of the board so far.
+    /// Number of power-ons and resets of the board before this poll.
     restarts: u32,
     /// Time at which the start task or the cyclic task is due.
     next_us: u64,

@@ -14,7 +14,7 @@ pub const MAX_OCTETS: usize = 255;
 pub struct Burst {
     /// Bit time of the first bit.
     pub begin: u64,
-    /// The octets, [`MAX_OCTETS`] at most.
+    /// Octets of the telegram, at most [`MAX_OCTETS`].
     pub octets: Vec<u8>,
 }
 
@@ -57,7 +57,7 @@ pub struct Frame {
     pub dsap: Option<u8>,
     /// Service access point of the source.
     pub ssap: Option<u8>,
-    /// The data, at most [`MAX_DATA`] octets including the service access points.
+    /// Data of the telegram, at most [`MAX_DATA`] octets including the service access points.
     pub data: Vec<u8>,
 }
 

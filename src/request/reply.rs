@@ -149,7 +149,7 @@ pub struct InstanceInfo {
 pub struct Waited {
     /// Emulated time at the end of the wait, in microseconds.
     pub time_us: u64,
-    /// The register's whole value at that time.
+    /// Value of the whole register at that time.
     pub value: u32,
 }
 

@@ -64,7 +64,7 @@ pub enum RuntimeError {
     MemoryLimit {
         /// Number of PLCs in the plant.
         plcs: usize,
-        /// The limited memory, for example `data`.
+        /// Name of the limited memory, for example `data`.
         what: &'static str,
         /// Option of `ulimit`, for example `-d`.
         option: &'static str,

@@ -57,7 +57,7 @@ struct Turn {
 enum TurnCheck {
     /// The turn has ended, and the task has stated its run time.
     Ended,
-    /// The turn continues, and another client rings.
+    /// The turn is not over, and another client has rung the doorbell.
     Continues,
     /// The task has died, has given up its seat, or has exceeded its patience.
     Lost,

@@ -33,9 +33,9 @@ const OF_LANGUAGE: [&str; 12] = [
 
 /// A text that is no script.
 pub(crate) struct Misreading {
-    /// The line, from 1; `None` at the end of the text.
+    /// Line of the mistake, counted from 1; `None` at the end of the text.
     pub line: Option<usize>,
-    /// The column, from 1, in characters.
+    /// Column of the mistake, counted from 1, in characters.
     pub column: Option<usize>,
     /// Description of the error.
     pub what: String,

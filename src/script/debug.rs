@@ -25,9 +25,9 @@ pub(crate) struct DebugFrame {
     pub function: String,
     /// The file with the line.
     pub file: PathBuf,
-    /// The line, from 1; 0 if it is not known.
+    /// Line of the position, counted from 1; 0 if it is not known.
     pub line: usize,
-    /// The column, from 1; 0 if it is not known.
+    /// Column of the position, counted from 1; 0 if it is not known.
     pub column: usize,
 }
 

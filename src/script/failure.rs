@@ -46,9 +46,9 @@ pub struct Failure {
     pub register: Option<String>,
     /// Address of the register.
     pub address: Option<String>,
-    /// The expected value, decoded.
+    /// Text of the expected value with its meaning.
     pub expected: Option<String>,
-    /// The actual value, decoded.
+    /// Text of the actual value with its meaning.
     pub actual: Option<String>,
     /// Expected and actual value as numbers, if the expectation concerns a register.
     pub numbers: Option<Numbers>,
@@ -60,7 +60,7 @@ pub struct Failure {
     pub section: Option<String>,
     /// Number of findings of the access checker.
     pub findings: u64,
-    /// The first findings, a line each.
+    /// Texts of the first findings, one line each.
     pub first_findings: Vec<String>,
     /// The faults that wait or act, a line each.
     pub faults: Vec<String>,
@@ -148,9 +148,9 @@ pub struct JournalLine {
 pub struct ScriptLocation {
     /// Path of the script.
     pub file: String,
-    /// The line, from 1, if it is known.
+    /// Line of the failure, counted from 1, if it is known.
     pub line: Option<u32>,
-    /// The column, from 1, for a test in Rust.
+    /// Column of the failure, counted from 1, for a test in Rust.
     pub column: Option<u32>,
     /// Text of the line, for a script.
     pub source: Option<String>,

@@ -88,7 +88,7 @@ pub struct FoundLine {
     pub register: String,
     /// Number of occurrences.
     pub count: u64,
-    /// The error, and the right use.
+    /// Text about the error, with the right use.
     pub text: String,
     /// Pages of the manuals.
     pub page: String,
@@ -128,7 +128,7 @@ pub struct Report {
     /// them.
     #[serde(skip)]
     pub printed: String,
-    /// The sections, including the part before the first one.
+    /// Sections of the scenario, including the part before the first section.
     pub steps: Vec<Step>,
     /// The findings of the access checker.
     pub findings: Vec<FoundLine>,

@@ -135,7 +135,7 @@ fn clients_wait_for_an_emulator_that_is_just_starting() {
     }
 }
 
-/// A new user types this line.
+/// The test does what a new user types: a start in the background, and at once a command.
 #[test]
 fn a_command_right_after_a_background_start_works() {
     let instance = Background::new();

@@ -56,7 +56,7 @@ impl World {
         })
     }
 
-    /// An operation on a path affects the directory that has the name now.
+    /// An operation on a path affects the directory that has the name at the time of the operation.
     fn at_path(&mut self) -> Option<&mut Content> {
         self.named.and_then(|number| self.directories.get_mut(number))
     }

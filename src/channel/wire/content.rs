@@ -190,7 +190,8 @@ impl Element for FaultStatus {
     }
 }
 
-/// The entries, then their notes if there are any: a client of an earlier build does not read them.
+/// The entries come first, followed by their notes if there are any. A client of an earlier build does not read the
+/// notes.
 impl Content for Vec<Entry> {
     fn put(&self, _: &mut Block, data: &mut Vec<u8>) {
         serde_types::append(&self.iter().map(WireEntry::from).collect::<Vec<_>>(), data);

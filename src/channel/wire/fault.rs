@@ -41,8 +41,8 @@ pub(super) struct WireFault {
     number: u8,
     /// Bit n is set if value n is given.
     given: u8,
-    /// The values, packed: each with the number of bits of its field, the first in the lowest bits. Values that are not
-    /// given are 0.
+    /// Values of the fault, packed. Each value has the number of bits of its field, and the first value is in the
+    /// lowest bits. Values that are not given are 0.
     values: [u8; BYTES],
     at_us: u64,
     limit: Limit,

@@ -17,7 +17,7 @@ pub(in crate::cli) struct PlcScope {
 
 /// A value of a register with a name.
 pub(in crate::cli) struct NamedValue {
-    /// The name; it may contain blanks.
+    /// Name of the candidate; it may contain blanks.
     pub name: String,
     /// The bits of the value.
     pub bits: u32,

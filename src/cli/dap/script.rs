@@ -201,7 +201,7 @@ fn page(all: impl Iterator<Item = Value>, start: usize, count: usize) -> Vec<Val
 
 /// An area of registers.
 struct AreaView {
-    /// The name with its PLC, if there are several.
+    /// Name of the register, with its PLC if the instance has several.
     name: String,
     doc: String,
     /// Names of the registers in the area.

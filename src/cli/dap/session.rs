@@ -23,7 +23,7 @@ pub(super) enum Event {
     Message(Value),
     /// The editor has closed the connection; the error if it sent something else than a message.
     Closed(Option<io::Error>),
-    /// The scenario prints.
+    /// The scenario has printed this text.
     Output(String),
     /// The scenario has stopped at an emulated time in microseconds.
     Stopped { reason: StopReason, frames: Vec<DebugFrame>, time_us: u64 },

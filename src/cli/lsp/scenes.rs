@@ -37,7 +37,7 @@ pub(super) struct Scene {
     pub(super) drives: Vec<String>,
 }
 
-/// A plant, or the reason why it could not be built, with a number that changes when its files change.
+/// A plant, or the reason why it could not be built. The number changes when the files of the plant change.
 struct Known {
     stamp: u64,
     scene: Result<Scene, String>,

@@ -36,7 +36,7 @@ struct Open {
     sign: char,
     /// Length of the path at the beginning of the table or array.
     depth: usize,
-    /// Keys that the enclosing table has so far.
+    /// Keys that the enclosing table has before the position.
     given: Vec<String>,
 }
 

@@ -88,7 +88,7 @@ fn head((name, is_number): (&str, bool)) -> String {
     format!("<th{class} aria-sort=\"none\"><button>{name}</button></th>")
 }
 
-/// A text. Its markup is escaped when the text is formatted.
+/// A text for a page. Its markup is escaped when the text is formatted.
 struct EscapedText<T>(T);
 
 impl<T: Display> Display for EscapedText<T> {

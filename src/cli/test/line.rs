@@ -58,7 +58,7 @@ pub(crate) struct Line {
     /// The shard that contained the scenario.
     #[serde(skip_serializing_if = "Option::is_none")]
     shard: Option<String>,
-    /// The whole report, which `commram test merge --report html` needs.
+    /// The whole report of the scenario, which `commram test merge --report html` needs.
     #[serde(skip_serializing_if = "Option::is_none")]
     page: Option<Value>,
 }

@@ -35,7 +35,7 @@ pub(super) struct Pins {
     changes: VecDeque<Change>,
     /// Changes from the journal, of pinned and other registers, the oldest first.
     recorded: VecDeque<Change>,
-    /// The displayed changes, merged from both lists; the oldest first.
+    /// The displayed changes, merged from `changes` and `recorded`; the oldest first.
     shown: Vec<Change>,
     /// Position of the selection in the list of changes.
     pub history: List,

@@ -77,7 +77,7 @@ pub(super) struct DeviceFront {
     pub board: BoardState,
     /// Switches and displays that only this device type has.
     pub front: Vec<(&'static FrontWord, u32)>,
-    /// The modules, each with the name of its port. Empty if the device is not modular.
+    /// Fronts of the modules, each with the name of its port. Empty if the device is not modular.
     pub modules: Vec<(&'static str, ModuleFront)>,
 }
 
@@ -105,7 +105,7 @@ pub(super) struct PollData {
     /// Traffic on the buses.
     pub scene: Option<Vec<BusScene>>,
     pub drives: Option<Vec<DriveEntry>>,
-    /// The buses, if they were read in this poll.
+    /// States of the buses, if they were read in this poll.
     pub buses: Option<Vec<BusState>>,
 }
 

@@ -36,7 +36,7 @@ type RegisterPhases = Vec<(DeviceIndex, u32, RegisterPhase)>;
 pub(super) struct Tree {
     /// Position of the selection.
     pub list: List,
-    /// The search text; `None` if no search is active.
+    /// Text of the search; `None` if no search is active.
     pub sought: Option<String>,
     names: Names,
     open: HashSet<BranchKey>,

@@ -62,7 +62,7 @@ impl Origin {
 
 /// The requirements that every request must meet.
 pub(super) struct Guard {
-    /// The token: programs send it with each request, and browsers exchange it for a cookie.
+    /// The token of the server. Programs send the token with each request, and browsers exchange it for a cookie.
     pub token: Secret,
     /// Keys of the browsers that are signed in.
     pub sessions: Sessions,

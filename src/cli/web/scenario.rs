@@ -40,7 +40,7 @@ struct Action {
     time_us: u64,
     /// Emulated time of its end in microseconds, if the action advanced the clock or went back.
     end_us: Option<u64>,
-    /// The operation, in its JSON form.
+    /// The recorded operation, in its JSON form.
     operation: Option<Op>,
     /// Name of the operation's register, if it differs from the name that the register has in the last phase of its
     /// overlaid structures.

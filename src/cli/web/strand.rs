@@ -76,7 +76,7 @@ mod tests {
 
     /// Environment variable that is set in the process in which the thread stops.
     const CHILD: &str = "COMMRAM_TEST_STRAND";
-    /// Exit code of that process.
+    /// Exit code of the child process in which the guarded thread has stopped.
     const STOPPED: i32 = 47;
 
     /// The thread stops inside the panic hook and blocks it for the test harness. Therefore the test runs in a separate

@@ -22,7 +22,7 @@ event_kinds! {
     /// A frame has ended in an error frame. The time is the beginning of the error flag. A frame that no station
     /// acknowledges is recorded once, not at each repetition.
     Lost = 51, "can_lost", Missed, at bus {
-        /// The frame, and the reason.
+        /// The lost frame, and the reason of the loss.
         frame: (Frame, Fate),
         /// Sender of the frame.
         sender: Origin,

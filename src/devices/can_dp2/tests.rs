@@ -74,7 +74,7 @@ fn prm(flags_1: u8, flags_2: u8) -> Vec<u8> {
 const CFG: [u8; 10] = [0x83, 1, 2, 3, 0, 0x43, 1, 2, 0x89, 0];
 
 struct Bench {
-    /// The PROFIBUS segment, then the CAN bus.
+    /// The buses of the gateway: the PROFIBUS segment, and the CAN bus.
     buses: [Box<dyn Bus>; 2],
     /// Positions of the ports: bus and index.
     places: Vec<(usize, usize)>,

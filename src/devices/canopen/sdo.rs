@@ -59,7 +59,7 @@ enum ServerTransfer {
     None,
     /// `rest`: bytes still to be sent.
     Upload { at: EntryAddress, rest: Vec<u8>, toggle: bool },
-    /// `data`: bytes received so far.
+    /// `data` are the bytes that the server has received.
     Download { at: EntryAddress, length: Length, announced: Option<usize>, data: Vec<u8>, toggle: bool },
 }
 

@@ -31,7 +31,7 @@ pub(super) enum Effect {
     WrongOffset {
         /// The frame with the wrong offset.
         at: OffsetAt,
-        /// The wrong offset; `None` for the correct offset plus 6.
+        /// The wrong offset of the block; `None` for the correct offset plus 6.
         offset: Option<u16>,
     },
     /// A slave is a drive and has this fault, 1 to 65535.

@@ -72,9 +72,9 @@ pub enum Role {
     DigitalInput,
     /// The connector carries an output bit.
     DigitalOutput,
-    /// An input word: number of the word, 0 to 3.
+    /// Number of the input word, 0 to 3.
     AnalogInput(usize),
-    /// An output word: number of the word, 0 to 3.
+    /// Number of the output word, 0 to 3.
     AnalogOutput(usize),
     /// Driven by a signed word: number of the word, and whether a positive value drives this connector.
     Signed(usize, bool),

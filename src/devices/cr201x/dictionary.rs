@@ -21,7 +21,7 @@ pub(super) struct PdoValues {
     pub words: [u16; 4],
 }
 
-/// The entries, for one request.
+/// Entries of the object dictionary, for one request.
 pub(super) struct Entries<'a> {
     pub inputs: PdoValues,
     pub outputs: PdoValues,

@@ -75,7 +75,7 @@ pub(super) struct Card {
     events: Events,
     /// True if the device has events.
     has_events: bool,
-    /// Requests of clients seen so far.
+    /// Number of requests of clients that the device has handled.
     requests: u32,
     /// Pulses for the controller of an option card. The plant takes them at the moment at which they occur.
     pulses: CardPulses,
@@ -211,7 +211,8 @@ impl Card {
         }
     }
 
-    /// Like [`Card::watch`] for a changed script: registers that were compared before keep their last known value.
+    /// Watches registers like [`Card::watch`], for a changed script. Registers that were compared before keep their
+    /// last known value.
     #[cfg(feature = "script")]
     pub(super) fn watch_again(&mut self, layout: &'static DeviceLayout, names: Option<&[String]>) {
         let known = mem::take(&mut self.watched);

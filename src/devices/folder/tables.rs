@@ -75,7 +75,7 @@ struct Placed {
     structures: Vec<&'static Structure>,
 }
 
-/// The tables made so far.
+/// Tables of a layout while they are made.
 #[derive(Default)]
 struct Tables {
     /// Stores each text only once: the registers of shared sub-structures have the same texts.

@@ -7,7 +7,7 @@ use crate::journal::{Event, Origin};
 /// A station of a bus with known stations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StationState {
-    /// The port, or the guest.
+    /// The port or the guest of the station.
     pub origin: Origin,
     /// Address of the station, if it has one and it is known.
     pub address: Option<u8>,

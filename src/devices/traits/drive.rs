@@ -22,7 +22,7 @@ pub struct DriveState {
     pub speed_actual: i32,
     /// Number of the drive's fault; 0 if there is no fault.
     pub fault: u32,
-    /// Number of missed reference value frames so far.
+    /// Number of reference value frames that the drive has missed.
     pub lost_references: u64,
     /// True if the drive ignores reference values because too many were lost.
     pub is_stopped: bool,

@@ -18,7 +18,7 @@ pub enum GuestRefusal {
     /// The time of the frame is too far ahead. All later frames of the guest would have to wait for this frame.
     #[error("the time of the guest's telegram lies {seconds} s ahead; it may be 60 s at most")]
     TooFarAhead {
-        /// Emulated seconds from now until that time.
+        /// Time from now until the requested time, in emulated seconds.
         seconds: u64,
     },
     /// The guest does not take part, no master runs the bus, or the bus has no frames of that kind.

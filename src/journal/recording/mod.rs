@@ -26,9 +26,9 @@ pub struct Logged<T = Frame> {
     pub time_us: u64,
     /// Name of the interface. In a log of commram, the name of the bus.
     pub interface: String,
-    /// The direction, if the logger wrote it.
+    /// Direction of the frame, if the logger has written it.
     pub direction: Option<Direction>,
-    /// The frame, or the telegram from its start delimiter to its end delimiter.
+    /// The recorded frame, or the telegram from its start delimiter to its end delimiter.
     pub frame: T,
 }
 

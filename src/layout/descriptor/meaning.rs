@@ -36,7 +36,7 @@ pub struct ValueMeaning {
     pub first: u32,
     /// Last value; equal to `first` for a single value.
     pub last: u32,
-    /// The meaning. `{}` is replaced by the value.
+    /// Text of the meaning. `{}` is replaced by the value.
     pub text: &'static str,
     /// True if the manual reserves the value.
     pub reserved: bool,

@@ -19,7 +19,7 @@ pub struct LockstepTask<'a> {
     header: View<Header>,
     seat: View<Seat>,
     event: usize,
-    /// Number of turns so far.
+    /// Number of turns that the task has had.
     turns: u32,
     in_turn: bool,
 }

@@ -9,7 +9,7 @@ use crate::layout::{DeviceLayout, LayoutError, Owner, RegType, split_plc, value}
 pub struct BoardAssignmentError {
     /// Assignment to the board that cannot be read, as the user wrote it.
     pub text: String,
-    /// The accepted values, as a sentence.
+    /// Text about the accepted values, as a sentence.
     pub expected: String,
 }
 
@@ -18,7 +18,7 @@ pub struct BoardAssignmentError {
 pub struct BoardAssignment<'a> {
     /// The assignment as the user wrote it.
     pub text: &'a str,
-    /// The PLC, if one is named.
+    /// Name of the PLC, if the user has given one.
     pub plc: Option<&'a str>,
     what: AssignmentTarget<'a>,
 }
@@ -188,7 +188,7 @@ pub struct BoardWords {
     pub dip_latched: Option<u32>,
     /// `none`, `stopped`, `initializing`, `cyclic` and so on.
     pub program: Option<String>,
-    /// The last start: `none`, `cold`, `warm`, `hot`, `stop`.
+    /// Kind of the last start: `none`, `cold`, `warm`, `hot` or `stop`.
     pub start: Option<String>,
     /// Number of power-ons and resets.
     pub restarts: u32,

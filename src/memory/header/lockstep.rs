@@ -56,7 +56,7 @@ codes! {
         Asking = 1,
         /// The task takes part.
         Seated = 2,
-        /// Refused: the clock is not stepped, or there is no such event.
+        /// The emulator has refused the task: the clock is not stepped, or the event does not exist.
         Refused = 3,
         /// The emulator gave the task up, because its process died or its turn took too long.
         Lost = 4,

@@ -23,7 +23,7 @@ pub enum PlantError {
     Syntax {
         /// Path of the plant file.
         file: String,
-        /// The line, from 1, if it is known.
+        /// Line of the error, counted from 1, if it is known.
         line: Option<usize>,
         /// Description of the error in one line.
         what: String,
@@ -33,7 +33,7 @@ pub enum PlantError {
     At {
         /// Path of the plant file.
         file: String,
-        /// The line, from 1; none if the error has no line, because something is missing.
+        /// Line of the error, counted from 1. `None` if the file lacks something, which has no line.
         line: Option<usize>,
         /// Error of the plant that the file describes.
         source: Box<PlantError>,

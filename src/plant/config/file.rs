@@ -35,7 +35,7 @@ fn default_cycle() -> u32 {
     500
 }
 
-/// The text, for messages.
+/// Text of the plant file, for messages.
 #[derive(Clone, Copy)]
 pub(super) struct Source<'a> {
     pub(super) file: &'a str,

@@ -30,8 +30,8 @@ struct Pattern {
     mask: u32,
     /// True if the identifier has 29 bits.
     extended: bool,
-    /// The data bytes; a byte is `None` if it can have any value. `None` instead of the list allows any data of any
-    /// length.
+    /// Data bytes of the frame; a byte is `None` if it can have any value. `None` instead of the list allows any data
+    /// of any length.
     data: Option<Vec<Option<u8>>>,
 }
 

@@ -26,9 +26,9 @@ pub(crate) struct Stage {
     pub(super) directory: PathBuf,
     /// Longest emulated time, in microseconds.
     limit_us: u64,
-    /// Number of expectations that the script has checked so far.
+    /// Number of expectations that the script has checked.
     pub(super) expectations: u64,
-    /// The plant file, if the plant was read from a file.
+    /// Path of the plant file, if the plant was read from a file.
     plant_file: Option<PathBuf>,
     /// Description of the plant for a report.
     plant_name: String,

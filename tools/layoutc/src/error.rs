@@ -9,14 +9,14 @@ use std::path::PathBuf;
 pub struct Error {
     /// Place of the error in the layout.
     pub at: Location,
-    /// The error, and the correct form.
+    /// Reason of the error, with the correct form.
     pub reason: Box<Reason>,
 }
 
 /// A place in a layout file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Location {
-    /// The file, as a path that can be opened.
+    /// Path of the file, which can be opened.
     pub file: PathBuf,
     /// Number of the line, from 1.
     pub line: usize,

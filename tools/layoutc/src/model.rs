@@ -32,7 +32,7 @@ pub struct Device {
     pub areas: Vec<Area>,
     /// The area with a size that each plant sets, and its default size in bytes.
     pub retain: Option<(Area, u32)>,
-    /// The object dictionary, in ascending order.
+    /// Object dictionary of the device, in ascending order.
     pub(crate) objects: Vec<Object>,
     /// Properties of a PROFIBUS-DP slave that masters need.
     pub(crate) gsd: Option<Gsd>,
@@ -90,7 +90,7 @@ pub struct FrontWord {
     pub scalar: Scalar,
     /// First byte in the front panel.
     pub offset: u32,
-    /// The writer.
+    /// Owner of the word: the side that writes it.
     pub owner: Owner,
     /// Index into [`Device::meanings`].
     pub meaning: Option<usize>,
@@ -255,7 +255,7 @@ pub struct Field {
     pub also: String,
     /// True if the manual reserves the bits.
     pub reserved: bool,
-    /// The writer.
+    /// Owner of the register: the side that writes it.
     pub owner: Owner,
     /// Value after power-on, in two's complement.
     pub reset: u32,
@@ -428,7 +428,7 @@ pub struct Value {
     pub first: u32,
     /// Highest bit.
     pub last: u32,
-    /// The meaning; `{}` stands for the value.
+    /// Text of the meaning; `{}` stands for the value.
     pub text: String,
     /// True if the manual reserves the bits.
     pub reserved: bool,
@@ -450,7 +450,7 @@ pub struct Bit {
     pub zero: String,
     /// Meaning of a single bit with value 1.
     pub one: String,
-    /// The meaning; `{}` stands for the value.
+    /// Text of the meaning; `{}` stands for the value.
     pub text: String,
     /// Meanings of values as a whole.
     pub values: Vec<Value>,

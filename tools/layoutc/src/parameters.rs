@@ -32,7 +32,7 @@ pub(crate) struct Row {
     access: Access,
     unit: String,
     page: Option<String>,
-    /// The decision, if no manual names the parameter.
+    /// Number of the decision, if no manual names the parameter.
     inferred: Option<String>,
     #[serde(default)]
     settle_us: u32,

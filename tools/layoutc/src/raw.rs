@@ -275,7 +275,7 @@ pub(crate) struct Structure {
     pub doc: String,
     /// Source of the type's own name. A block has no type name.
     pub name_from: Option<Provenance>,
-    /// The family's structure as which firmware and function blocks view this structure.
+    /// Name of the family's structure through which firmware and function blocks view this structure.
     pub view: Option<Spanned<String>>,
     pub offsets: Provenance,
     pub names: Provenance,

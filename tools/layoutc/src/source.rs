@@ -8,7 +8,7 @@ use std::io::{self, Read};
 use std::ops::Range;
 use std::path::{Component, Path, PathBuf};
 
-/// Every file read so far.
+/// Every file that has been read, with its number.
 pub(crate) struct Sources {
     dir: PathBuf,
     reach: Reach,

@@ -152,7 +152,7 @@ pub(crate) struct Fault {
     text: String,
     /// True if the fault has begun.
     acting: bool,
-    /// Number of hits of the fault so far.
+    /// Number of times that the fault has hit.
     hits: u32,
 }
 

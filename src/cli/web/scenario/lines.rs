@@ -67,7 +67,7 @@ fn step(text: &mut String, now: u64, until: u64) -> u64 {
     now.max(until)
 }
 
-/// A condition for the wait that follows.
+/// A condition that a wait uses later in the request.
 pub(super) struct Condition {
     /// The register as a string literal.
     name: String,

@@ -42,7 +42,7 @@ enum InitialisationStep {
     Request,
     /// Waits for the answer.
     Answer,
-    /// Disables the answers; the block then ends with this result.
+    /// Disables the answers of the device. The block then ends with this result.
     Disable(u16),
     /// Waits until `transfer` is FALSE.
     Over,

@@ -27,7 +27,7 @@ const OCTETS: usize = 244;
 #[derive(Serialize, Deserialize)]
 struct Pending {
     frame: Frame,
-    /// Number of transmissions so far.
+    /// Number of times that the request has been sent.
     tries: u8,
     /// True if the request is on the line, or the answer is expected.
     is_sent: bool,

@@ -12,7 +12,7 @@ function_block! {
     /// Every call with `x_EN` enters the control word again. One interval is enough to send it once.
     pub struct CANsync_CONTROLWORD_MA(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
         in {
-            /// The slave, 0 to 31.
+            /// Number of the slave, 0 to 31.
             si_SL_NR_CTRL: i8;
             /// Control word for the slave.
             w_CONTROLWORD: u16;

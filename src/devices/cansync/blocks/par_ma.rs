@@ -38,7 +38,7 @@ pub(crate) struct CallResult {
     pub error: u8,
     /// Value of the output `i_ERR`.
     pub number: i16,
-    /// The answer; set when the job is done.
+    /// Answer of the slave; set when the job is done.
     pub answer: Option<Answer>,
 }
 
@@ -176,7 +176,7 @@ macro_rules! par_read_ma {
             /// same time, one per slave.
             pub struct CANsync_PAR_READ_MA(_BASE: $crate::plc::Base<$crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT>) {
                 in {
-                    /// The slave, 0 to 31.
+                    /// Number of the slave, 0 to 31.
                     si_SL_NR: i8;
                     /// Number of the parameter in the drive.
                     u_PAR_NR: u16;
@@ -248,7 +248,7 @@ function_block! {
     /// same time, one per slave.
     pub struct CANsync_PAR_WRITE_MA(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
         in {
-            /// The slave, 0 to 31.
+            /// Number of the slave, 0 to 31.
             si_SL_NR: i8;
             /// Number of the parameter in the drive.
             u_PAR_NR: u16;

@@ -26,7 +26,7 @@ macro_rules! pd_comm_read {
             #[doc = concat!("old projects, for use with `x_COPY_TO_RD_ARRAY` FALSE at `", $other, "`.")]
             pub struct $name(_BASE: $crate::plc::Base<$crate::devices::cansync::registers::$base>) {
                 in {
-                    /// The slave, 0 to 31. Other numbers read no values.
+                    /// Number of the slave, 0 to 31. Other numbers read no values.
                     si_SL_NR: i8;
                 }
                 out {

@@ -228,7 +228,7 @@ macro_rules! updownload_ma {
             #[doc = concat!("Manual p. ", $page, ".")]
             pub struct CANsync_UPDOWNLOAD_MA(_BASE: $crate::plc::Base<$crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT>) {
                 in {
-                    /// The slave, 0 to 31.
+                    /// Number of the slave, 0 to 31.
                     si_SL_NR: i8;
                     /// FALSE: upload, TRUE: download.
                     x_UPDOWN: bool;

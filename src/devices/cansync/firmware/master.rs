@@ -33,7 +33,7 @@ const NO_SLAVE: u8 = 0x7F;
 /// A reference value frame that was built and waits for its slot.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Built {
-    /// The frame, identifier included.
+    /// The frame that was built, including its identifier.
     pub frame: Frame,
     /// Number of used words; building takes 15 us for each.
     pub used_words: u8,

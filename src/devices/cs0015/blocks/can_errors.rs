@@ -34,7 +34,7 @@ function_block! {
             RESET: bool;
         }
         out {
-            /// Number of errors so far.
+            /// Number of errors since the last reset of the counter.
             ERRORCOUNT: u16;
             /// The previous order has been answered; added by commram.
             ANSWERED: bool;

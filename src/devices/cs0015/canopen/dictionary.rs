@@ -9,7 +9,7 @@ use crate::layout::Object;
 use crate::layout::object::{Access, Default, Type};
 use crate::memory::Cell16;
 
-/// The entries, for one request.
+/// Entries of the object dictionary, for one request.
 pub(crate) struct Entries<'a> {
     pub communication: &'a mut Communication,
     pub registers: &'a Registers,

@@ -143,7 +143,7 @@ fn poll(rule: &Rule, step: &mut Step, card: &mut Card, ctx: &mut Context) -> boo
     false
 }
 
-/// Carries out the action of a row that is due now.
+/// Carries out an action of a row, at its time.
 fn fire(rule: &Rule, step: &mut Step, card: &mut Card, ctx: &mut Context) {
     let due = step.due.take();
     match rule {

@@ -86,7 +86,7 @@ impl Meter {
         self.used.get() + processor_time().saturating_sub(self.begun.get())
     }
 
-    /// Steps of the call so far.
+    /// Number of steps that the present call has taken.
     pub(super) fn operations(&self) -> u64 {
         self.operations.get()
     }

@@ -14,7 +14,7 @@ const LONGEST: usize = 160;
 pub(super) struct Mistake {
     /// Name of the file in the folder.
     pub(super) file: String,
-    /// The line, from 1, if it is known.
+    /// Line of the mistake, counted from 1, if it is known.
     pub(super) line: Option<usize>,
     /// Description of the error.
     pub(super) what: String,

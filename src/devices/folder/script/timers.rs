@@ -14,7 +14,7 @@ pub(super) struct Timer {
     /// Number of the entry. Functions with the same time are called in the order of these numbers.
     number: u64,
     pub(super) function: String,
-    /// The arguments, as an array.
+    /// Arguments of the call, as an array.
     pub(super) arguments: Data,
 }
 
@@ -22,7 +22,7 @@ pub(super) struct Timer {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Timers {
     waiting: Vec<Timer>,
-    /// Number of functions scheduled so far.
+    /// Number of functions that the script has scheduled.
     orders: u64,
 }
 

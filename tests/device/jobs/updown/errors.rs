@@ -109,7 +109,7 @@ fn a_wrong_block_number_ends_the_job_with_0001() {
     }
 }
 
-/// Manual p. 142-143: the master repeats a frame that got no answer; BUSY likewise.
+/// Manual p. 142-143: the master repeats a frame if it gets no answer, or the answer BUSY.
 #[test]
 fn frames_without_an_answer_and_with_busy_are_repeated() {
     for rate in FASTEST {

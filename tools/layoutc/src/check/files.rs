@@ -10,7 +10,7 @@ use toml::Spanned;
 pub(crate) struct Top {
     pub file: usize,
     pub device: raw::Device,
-    /// The family, with the number of its file.
+    /// Family of the device, with the number of its file.
     pub family: Option<(usize, raw::Family)>,
     /// Files with meanings, sub-structures and blocks. The files of the family come first.
     pub parts: Vec<FileReference>,

@@ -10,7 +10,7 @@ use std::path::Path;
 pub struct DeclarationError {
     /// Place of the error in the file of declarations.
     pub at: Location,
-    /// The error, and the correct form.
+    /// Kind of the error, with the correct form.
     pub reason: Wrong,
 }
 

@@ -31,7 +31,7 @@ pub enum ImportError {
         ours: String,
         /// Name of a structure or register in the declarations.
         theirs: String,
-        /// The error, and the correct form.
+        /// Text about the right names.
         right: String,
     },
     /// Several structures share a part, and would need different offsets in it.
@@ -76,7 +76,7 @@ pub enum ImportError {
     Confirmed {
         /// The file with the declarations.
         path: PathBuf,
-        /// The shared structure, sub-structure or block.
+        /// Name of the shared structure, sub-structure or block.
         structure: String,
         /// Name of the register that would move, or `size` for the end of the structure.
         register: Box<str>,

@@ -11,7 +11,7 @@ use std::ops::Range;
 
 /// Places of the registers of one list, as one structure uses it.
 pub(crate) struct Placement {
-    /// The list: an index into [`Homes::all`].
+    /// Index of the list of registers in [`Homes::all`].
     pub home: usize,
     /// Origin of the placement: the structure, or its member that has the sub-structure's type.
     pub user: String,

@@ -26,7 +26,7 @@ enum AnswerEffect {
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 enum DueAnswer {
     Answer(UpDownResponse, AnswerEffect),
-    /// The answer that the application has prepared by then.
+    /// The application has prepared the answer, which is read when it is sent.
     Application,
 }
 

@@ -20,7 +20,7 @@ pub enum DecodedFrame {
         channel: Channel,
         /// The slave that must answer with its actual values.
         asked: u8,
-        /// The words. The configuration defines their meaning.
+        /// Words of the frame. The configuration of the receiver defines their meaning.
         payload: Payload,
     },
     /// Actual values of a slave.
@@ -45,7 +45,7 @@ pub enum DecodedFrame {
     ParameterResponse {
         /// Sender of the answer.
         slave: u8,
-        /// The answer, decoded without the job.
+        /// Answer to a parameter job. It is decoded without the job.
         response: ParameterResponse,
     },
     /// A job of an up- or download.
@@ -59,7 +59,7 @@ pub enum DecodedFrame {
     UpDownResponse {
         /// Sender of the answer.
         slave: u8,
-        /// The answer, decoded without the job.
+        /// Answer to an up-/download job. It is decoded without the job.
         response: UpDownResponse,
     },
 }

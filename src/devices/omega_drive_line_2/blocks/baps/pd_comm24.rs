@@ -25,7 +25,8 @@ function_block! {
             w_CONTROLWORD: u16;
             /// Transmission method and cycle time, the same as at `BAPS_INIT`; another value changes them.
             w_COMMAND_REG: u16;
-            /// 0: called in any task, 1: in the event task "BAPS process data"; makes no difference here.
+            /// Task that calls the block: 0 any task, 1 the event task "BAPS process data". The input has no effect in
+            /// commram.
             us_MODE: u8;
             /// Reference value 0 for the drive.
             ud_WR_VALUE0: u32;
