@@ -329,7 +329,7 @@ fn wrong_handshakes_are_refused_with_their_line() {
     }
 }
 
-/// A file or function that nothing reads or calls because of its name.
+/// A file that nothing reads, or a function that nothing calls, because its name is wrong.
 #[test]
 fn misnamed_files_are_refused_and_others_are_named() {
     for (name, wrong) in [("handshakes.toml", "handshake.toml"), ("handshakes.toml", "Handshakes.toml")] {

@@ -105,7 +105,7 @@ fn retain_flags_are_read_and_written_by_their_addresses() {
     assert_eq!(emulator.peek(&["%MD10000000", "%MD10000004"]), "16#00000000 16#00000005", "cold, but forced");
 }
 
-/// Decision D-29: a client could not see this in the RAM.
+/// Decision D-29: the emulator is informed of a write by `poke`; a write of an equal value leaves no trace in the RAM.
 #[test]
 fn a_restart_written_over_the_value_of_bit_7_restarts() {
     let emulator = Emulator::stepped();

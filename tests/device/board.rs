@@ -81,7 +81,7 @@ fn a_watched_event_stops_the_time_at_each_edge() {
     assert_eq!(event(&rig.plant, B, SYNC).0, 10);
 }
 
-/// Stops at events do not change the run.
+/// Stops at events do not change what happens in the run.
 #[test]
 fn a_watched_run_is_the_same_run() {
     let run = |watch: u16| {

@@ -161,7 +161,7 @@ fn a_slave_that_leaves_active_operation_refuses_the_jobs() {
     }
 }
 
-/// Manual p. 134-135; D-64: no SYNC, no interval. What the slave's PLC has entered waits.
+/// Manual p. 134-135; D-64: without SYNC there is no interval, and what the PLC of the slave has entered waits.
 #[test]
 fn without_sync_nothing_is_due_and_nothing_is_lost() {
     for rate in FASTEST {

@@ -42,7 +42,7 @@ static OMEGA: NodeDevice = NodeDevice {
     master_number: 9,
 };
 
-/// Slots in the middle, so that no number is right by chance.
+/// The modules are in slots from the middle of the row, so that no number is right by chance.
 static BM4: NodeDevice = NodeDevice {
     name: "b maXX PLC",
     layout: &bm4::DEVICE,
@@ -64,7 +64,7 @@ static BM4: NodeDevice = NodeDevice {
     master_number: 0,
 };
 
-/// Returns an empty text for an empty text.
+/// Returns the text, or an empty text if there is none.
 fn text(text: Option<String>) -> String {
     text.unwrap_or_default()
 }
@@ -161,7 +161,7 @@ pub(crate) static OMEGA_RATES: [Rate; 3] = [
     rate(&OMEGA, &omega::BAUD_RATES[2]),
 ];
 
-/// All rates of all devices: a test over this list runs the same on each.
+/// All rates of all devices: a test that goes through this list runs at each rate.
 pub(crate) static RATES: [Rate; 7] = [
     OMEGA_RATES[0],
     OMEGA_RATES[1],

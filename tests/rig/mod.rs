@@ -33,7 +33,7 @@ pub(crate) enum Memory {
     Mapped,
 }
 
-/// Both kinds of memory; a test over this list runs on both.
+/// Both kinds of memory: a test that goes through this list runs with both.
 pub(crate) const BOTH: [Memory; 2] = [Memory::Heap, Memory::Mapped];
 
 pub(crate) struct Rig {

@@ -1,4 +1,4 @@
-//! Data for the pages: the same as the commands print.
+//! Data for the pages are the data that the commands print.
 
 use crate::common::Emulator;
 use crate::server::Server;

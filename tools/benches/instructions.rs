@@ -1,5 +1,5 @@
-//! The intervals of the benchmark `intervals`, in the requested number, for an instruction counter. The difference of two runs
-//! is the cost of the additional intervals, without the start. `just instructions` does that.
+//! Runs the intervals of the benchmark `intervals` in the requested number, for an instruction counter. The difference
+//! between two runs is the cost of the additional intervals, without the start. `just instructions` counts them.
 
 #[path = "support/active.rs"]
 mod active;

@@ -10,7 +10,7 @@ const RATE: BitRate = BitRate::new(1_000_000).unwrap();
 #[derive(Default)]
 struct Stations {
     now_ns: u64,
-    /// Frames, and when each is there to be sent.
+    /// Frames of each station, and the time in nanoseconds from which each frame is there to be sent.
     queues: Vec<VecDeque<(u64, Frame)>>,
     off: Vec<usize>,
     passive: Vec<usize>,
@@ -171,7 +171,8 @@ fn a_station_without_power_sends_nothing() {
     assert_eq!(delivered(&events), [(1, standard(2))]);
 }
 
-/// Six recessive bits after the cut there is an error flag.
+/// If a sender goes off in the middle of its frame, the bus stays recessive, and the sixth recessive bit after the cut
+/// makes the other stations send an error flag.
 #[test]
 fn a_frame_is_destroyed_if_its_sender_goes_off() {
     let to_acknowledgement = wire::bits_to_acknowledgement(&standard(1));

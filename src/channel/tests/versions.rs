@@ -10,7 +10,8 @@ use iceoryx2::service::builder::request_response::RequestResponseOpenError as Op
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// The types of another version: like today's, under another name.
+/// The types of another version of the wire format: their content is that of the current version, their names are those
+/// of the other version.
 macro_rules! of_version {
     ($module:ident, $op:literal, $block:literal) => {
         mod $module {
@@ -51,7 +52,7 @@ fn the_versions_beside_todays_are_tried() {
     assert_eq!(WIRE_VERSION, 4, "take the version before and the version after it");
 }
 
-/// Today's client at an emulator of another version.
+/// A client of the current version at an emulator of another version.
 #[test]
 fn a_client_names_the_version_of_an_emulator_that_has_another() {
     fn refused<Op: ZeroCopySend + core::fmt::Debug + Copy, Reply: ZeroCopySend + core::fmt::Debug + Copy>(
@@ -80,7 +81,8 @@ fn a_client_names_the_version_of_an_emulator_that_has_another() {
     refused::<newer::Op, newer::Reply>(5);
 }
 
-/// A client of another version at today's emulator, which goes on to answer its own.
+/// A client of another version at an emulator of the current version, which goes on to answer clients of the current
+/// version.
 #[test]
 fn an_emulator_lets_no_client_of_another_version_in() {
     let place = Arc::new(InstanceFiles::new());

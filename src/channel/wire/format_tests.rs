@@ -297,8 +297,8 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().fold(String::new(), |text, byte| text + &format!("{byte:02X}"))
 }
 
-/// A change of any of them needs a new version in the names of the types. New operations and replies do not: an emulator
-/// refuses an unknown operation by code 13.
+/// A change of the bytes of any operation or reply needs a new version in the names of the types. New operations and
+/// replies need none: an emulator refuses an unknown operation with code 13.
 #[test]
 fn the_bytes_of_operations_and_replies_change_with_the_version_only() {
     let mut lines = String::new();

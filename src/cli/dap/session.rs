@@ -135,7 +135,7 @@ impl Session {
 
     /// Reports the end of the scenario to the editor.
     fn end(&mut self, code: u8, answers: &mut Vec<Value>) {
-        // Without the sender of commands, a stopped script ends.
+        // A script that is stopped ends as soon as the sender of its commands is dropped.
         self.state = State::Over;
         self.event("exited", json!({ "exitCode": code }), answers);
         self.event("terminated", json!({}), answers);

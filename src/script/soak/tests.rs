@@ -1,4 +1,4 @@
-//! Rounds are scenarios, and the same seed gives the same.
+//! Rounds are scenarios, and the same seed gives the same rounds.
 
 use super::*;
 use crate::layout::RegisterRef;

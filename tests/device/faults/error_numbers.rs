@@ -13,7 +13,7 @@ enum ErrorSource {
     Application,
     /// An up-/download to slave node 0: control register, base address, length.
     Block(u8, u32, u16),
-    /// The same up-/download is disturbed by a fault.
+    /// A download to slave node 0 that the fault with this text disturbs.
     Fault(&'static str),
     /// A fault that answers in place of the slave.
     Slave,
@@ -112,7 +112,7 @@ fn every_error_number_of_an_up_or_download() {
     }
 }
 
-/// The fault can bring up any number of either list, of a drive and of a node.
+/// The fault `slave_error` can make a drive or a node answer any error number of either list.
 #[test]
 fn a_slave_can_be_made_to_answer_any_error_number() {
     for rate in FASTEST {

@@ -165,7 +165,8 @@ fn set_up_mode_takes_no_transfer() {
     }
 }
 
-/// Decision D-307: on a device without a single-frame area, the application could not answer.
+/// Decision D-307: on a device without a single-frame area, the application has no register in which to answer such a
+/// transfer.
 #[test]
 fn block_1_refuses_transfers_without_a_single_frame_area() {
     for rate in FASTEST.into_iter().filter(|rate| !rate.kind.is_omega()) {

@@ -21,7 +21,7 @@ fn start() -> Emulator {
     Emulator::start(&[PLANT, "--clock", "stepped"])
 }
 
-/// A device needs little code: the purpose of this crate.
+/// The purpose of this crate is to show that a device needs little code.
 #[test]
 fn a_device_takes_at_most_150_lines() {
     fn lines(directory: &Path) -> usize {
@@ -94,7 +94,7 @@ fn its_front_is_read_by_name() {
     assert!(unknown.fails(2).contains("has no register `passes`"), "{}", unknown.err);
 }
 
-/// Programs of matiec have the device's own addresses.
+/// The located variables of a program that matiec compiles have the addresses of the device's registers.
 #[test]
 fn located_variables_are_its_registers() {
     const SOURCES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../matiec");

@@ -33,7 +33,7 @@ unsafe impl SharedRegs for Registers {}
 /// A page of memory that two processes map.
 pub(crate) struct Page {
     map: MmapRaw,
-    /// The file keeps the memory reachable for [`Page::open`]; the memory has no name.
+    /// File that keeps the memory reachable for [`Page::open`]; the memory has no name.
     file: File,
 }
 

@@ -20,7 +20,8 @@ impl Bench {
     }
 }
 
-/// Bits 6 and 3, 3D with the number of the octet and the right value; the slave keeps waiting for parameters.
+/// The diagnosis after wrong parameters has bits 6 and 3 in its first octet, and 3D with the number of the wrong octet
+/// and the right value; the slave keeps waiting for parameters.
 #[test]
 fn wrong_parameters() {
     let mut bench = Bench::new(5);
@@ -61,8 +62,8 @@ fn wrong_parameters() {
     assert_eq!(bench.diag(), [0x02, 0x04, 0x00, 1, 0x04, 0xA4], "the fault is gone");
 }
 
-/// Bits 2 and 3, 3E with the number of the module and a code; LED E shows that the slave waits for a configuration
-/// (D-381).
+/// The diagnosis after a wrong configuration has bits 2 and 3 in its first octet, and 3E with the number of the module
+/// and a code; LED E shows that the slave waits for a configuration (D-381).
 #[test]
 fn wrong_configurations() {
     let mut bench = Bench::new(5);

@@ -7,7 +7,7 @@ use crate::door::{BusMessage, Guest};
 use crate::identity::BusIndex;
 use crate::profibus::{Burst, MIN_TSDR_BITS, SYN_BITS, Telegram};
 
-/// Returns bits in a microsecond of the bench's PROFIBUS segment.
+/// Returns the number of bits that pass in `us` microseconds on the PROFIBUS segment of the bench.
 const fn bits(us: u64) -> u64 {
     us / 2
 }

@@ -15,7 +15,7 @@ fn page(number: u16, counter: u8, carried: &[u8]) -> Vec<u8> {
     page
 }
 
-/// 203h with 2 bytes is sent, 301h with 2 received.
+/// Returns a bench whose gateway is configured to send the frame 203h with 2 bytes and to receive 301h with 2 bytes.
 fn configured(flags: u8) -> Bench {
     let mut bench = Bench::exchanging(flags, 0, &CFG_PAGES);
     let inputs = bench.exchange(&page(0, 1, &[]));

@@ -39,7 +39,8 @@ fn messages_wait_for_the_program() {
     assert_eq!(bench.job(job::CAN_RECEIVE, &[0, 0, 0x111]).0, job_error::STATE, "forgotten");
 }
 
-/// Manual p. 42: also with CANopen. Section 11.1: a reset by the master removes the registered identifiers.
+/// Manual p. 42: the jobs of CAN messages are available with CANopen as well. Section 11.1: a reset by the master
+/// removes the registered identifiers.
 #[test]
 fn with_canopen_messages_wait_until_the_master_resets_the_node() {
     let mut bench = Bench::running("");

@@ -168,7 +168,7 @@ fn a_reset_command_begins_in_direct_mode() {
     assert_eq!(bench.heard(), [(0x720, vec![0x7F])]);
 }
 
-/// Manual p. 7: 25 Hz at inputs 4 to 15.
+/// Manual p. 7: inputs 4 to 15 follow signals of at most 25 Hz.
 #[test]
 fn a_short_signal_at_a_slow_input_is_not_seen() {
     let mut bench = Bench::running("cycle_us = 1000");

@@ -44,7 +44,8 @@ impl Master {
         (taken, self.pages.shown()[RESULT])
     }
 
-    /// 203h with 4 and 204h with 6 bytes are sent, 301h with 6 and 302h with 4 received.
+    /// A configured master: the gateway sends the frames 203h with 4 and 204h with 6 bytes, and receives 301h with 6
+    /// and 302h with 4 bytes.
     fn configured() -> Self {
         let mut master = Master::new(&[32], &[32]);
         assert_eq!(master.page(0, &[]).1, 0);

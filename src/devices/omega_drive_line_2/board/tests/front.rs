@@ -74,7 +74,7 @@ fn the_display_blinks_while_a_boot_project_is_copied() {
     assert_eq!(seen, [('L', true), ('L', false), ('L', true), ('L', false)]);
 }
 
-/// Manual p. 40: dark while RESET is held.
+/// Manual p. 40: the display and the LEDs are dark while RESET is held.
 #[test]
 fn reset_is_dark_and_reads_the_dip_switches_at_its_end() {
     let mut rig = Rig::new();
