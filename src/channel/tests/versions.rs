@@ -10,8 +10,8 @@ use iceoryx2::service::builder::request_response::RequestResponseOpenError as Op
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// The types of another version of the wire format: their content is that of the current version, their names are those
-/// of the other version.
+/// The types of another version of the wire format: they have the same content as the types of the current version, and
+/// the names of the other version.
 macro_rules! of_version {
     ($module:ident, $op:literal, $block:literal) => {
         mod $module {
