@@ -229,8 +229,8 @@ pub struct BusKind {
     pub fits: fn(&Fault) -> Result<(), String>,
     /// Reads a `[[bus]]` of this kind.
     pub read: Read<dyn BusSection>,
-    /// JSON schema of the keys of that section, except `kind`; `#/definitions/name` is the schema of names. Devices can
-    /// use the definitions of this schema, too.
+    /// JSON schema of the keys of the `[[bus]]` section, except `kind`; `#/definitions/name` is the schema of names.
+    /// Devices can use the definitions of this schema, too.
     pub schema: fn() -> serde_json::Value,
     /// Type of the messages at the doors to this bus.
     pub traffic_kind: TrafficKind,

@@ -136,7 +136,7 @@ impl History {
         register.is_some_and(|it| it.in_journal && offset < it.offset + it.width.bytes())
     }
 
-    /// Replaces the registers with changes in the journal. Onlookers keep their registers.
+    /// Replaces the registers with changes in the journal. Registers that observers follow stay followed.
     pub(super) fn restore_in_journal(&mut self, followed: Vec<FollowedRegister>) {
         self.followed.retain_mut(|register| {
             register.in_journal = false;
@@ -244,7 +244,7 @@ impl History {
         }
     }
 
-    /// Called when the plant has moved to another moment. Onlookers receive the differences as changes; the journal
+    /// Called when the plant has moved to another moment. Observers receive the differences as changes; the journal
     /// does not. The next comparison still finds what programs have written since the last comparison.
     pub(super) fn arrived(&mut self, time_us: u64, rams: &impl Rams) {
         let History { followed, changes, end, is_searching, .. } = self;

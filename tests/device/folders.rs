@@ -109,7 +109,7 @@ fn the_examples_pass_their_scenarios() {
     }
 }
 
-/// The encoder in a slot of a PLC: trigger, interrupt, SYNC signal.
+/// The example `encoder` is a card in a slot of a PLC, and handles the trigger, the interrupt and the SYNC signal.
 #[test]
 fn the_encoder_is_an_option_card() {
     let tests = Path::new(EXAMPLES).join("encoder/tests");

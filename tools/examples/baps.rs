@@ -17,7 +17,8 @@ use commram::memory::header::Start;
 
 /// Event "BAPS process data" with high priority.
 const PROCESS_DATA: usize = 8;
-/// Two reference and two actual values in every communication, every 2 ms.
+/// Value of `w_COMMAND_REG`: two reference and two actual values in every communication, and a communication every 2
+/// ms.
 const COMMAND_REG: u16 = 0x0044;
 /// Parameters of the drive: speed reference value, speed actual value, speed limit.
 const SPEED_REFERENCE: u16 = 300;

@@ -26,9 +26,10 @@ const REFERENCE: i32 = 5000;
 /// SYNC interval in ms, and the SYNC slot of the drive in us.
 const INTERVAL_MS: u8 = 2;
 const SLOT_US: u16 = 2000;
-/// Two reference and two actual values in every communication, every 2 ms.
+/// Value of `w_COMMAND_REG`: two reference and two actual values in every communication, and a communication every 2
+/// ms.
 const COMMAND_REG: u16 = 0x0044;
-/// P167 2000 us, P103 4 kHz (p. 74).
+/// Mask of the angle reference value for a SYNC slot (P167) of 2000 us and a PWM frequency (P103) of 4 kHz (p. 74).
 const MASK: u32 = 0xFFFF_FFF0;
 
 /// The PLC program of the example.

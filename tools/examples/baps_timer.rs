@@ -15,12 +15,13 @@ use commram::memory::header::Start;
 
 /// Event "board timer A" with high priority.
 const TIMER_A: usize = 5;
-/// (2499 + 1) x 2 / 5 MHz = 1 ms.
+/// Divider of board timer A for a period of 1 ms: (2499 + 1) x 2 / 5 MHz.
 const DIVIDER: u16 = 2499;
 const SLOT_US: u16 = 1000;
-/// Two reference and two actual values in every communication, every 1 ms.
+/// Value of `w_COMMAND_REG`: two reference and two actual values in every communication, and a communication every 1
+/// ms.
 const COMMAND_REG: u16 = 0x0024;
-/// P167 1000 us, P103 4 kHz (p. 74).
+/// Mask of the angle reference value for a SYNC slot (P167) of 1000 us and a PWM frequency (P103) of 4 kHz (p. 74).
 const MASK: u32 = 0xFFFF_FFF8;
 
 /// The PLC program of the example.

@@ -19,9 +19,9 @@ use commram::memory::header::Start;
 /// Events of CPU timer 1 and 2, and of board timer A at levels 14 and 13.
 const CPU_TIMERS: [usize; 2] = [0, 2];
 const BOARD_TIMERS: [usize; 2] = [5, 6];
-/// 20 x 50 us = 1 ms.
+/// Factor of the CPU timer for a period of 1 ms: 20 x 50 us.
 const FACTOR: i16 = 20;
-/// (2499 + 1) x 2 / 5 MHz = 1 ms.
+/// Divider of board timer A for a period of 1 ms: (2499 + 1) x 2 / 5 MHz.
 const DIVIDER: u16 = 2499;
 /// Number of events after which the program ends.
 const EVENTS: u32 = 1000;

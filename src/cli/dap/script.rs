@@ -34,7 +34,7 @@ pub(super) struct Shared {
 
 /// A question to a stopped script.
 pub(super) enum Question {
-    /// Children of a reference, from a first one, with a count; a count of 0 means all.
+    /// Up to `count` children of the object `reference`, from number `start` on; a count of 0 means all children.
     Variables { reference: u64, start: usize, count: usize },
     /// The value of a register or of an expression.
     Evaluate(String),

@@ -281,7 +281,8 @@ impl Server {
             Some((proposals, document.text.range(&range)))
         });
         let (proposals, range) = found.or(in_table)?;
-        // After a blank or a sign, the editor requests names in a text; the verbs would be too many.
+        // After a blank or a sign, the editor requests names in a text. The list does not contain the verbs, because it
+        // would become too long.
         let by_sign = params
             .context
             .as_ref()

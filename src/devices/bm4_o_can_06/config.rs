@@ -22,7 +22,8 @@ pub enum ModuleKind {
     /// BM4-O-CAN-06: the master of its bus.
     #[serde(rename = "can-06")]
     Can06,
-    /// BM4-O-CAN-05: a slave of the PLC with DIP switch 9 at ON, of the controller at OFF.
+    /// BM4-O-CAN-05. With DIP switch 9 at ON it is a slave of the PLC, with the switch at OFF a slave of the
+    /// controller.
     #[serde(rename = "can-05")]
     Can05,
 }
@@ -38,7 +39,7 @@ pub(super) enum Work {
     ControllerSlave(Option<u16>),
     /// The module has no function: DIP switch 10 is at ON (decision D-648).
     InitError,
-    /// No function: DIP switches 1 to 3 are at a code without a baud rate (p. 27, 31).
+    /// The module has no function: DIP switches 1 to 3 are at a code without a baud rate (p. 27, 31).
     UnknownBaudRate,
 }
 

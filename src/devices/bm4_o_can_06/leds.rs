@@ -94,8 +94,8 @@ fn interval(interval_us: Option<u64>) -> Led {
     interval_us.map_or(Led::Off, |us| Led::Flashes(((us + 500) / 1000).clamp(1, 8) as u8)) // at most 8
 }
 
-/// Returns the state of H1: lit while the module waits for the program; then it shows frames. A controller in BUS-off
-/// has none.
+/// Returns the state of H1. The LED is lit while the module waits for the program; then it flashes while frames pass.
+/// It is dark in BUS-off.
 fn green(option: &Cell16, can: &Cell16, has_traffic: bool) -> Led {
     if option.load() <= option_status::WAITING_FOR_INIT {
         Led::On

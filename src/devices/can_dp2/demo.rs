@@ -19,7 +19,8 @@ pub(crate) static DEMO: Demo = Demo {
 /// Octets of Set_Prm: no watchdog, 125 kbit/s, CANopen master with start frame, no times (p. 22-30).
 const PRM: [u8; 16] = [0x80, 0, 0, 11, 0x04, 0xA4, 0, 0, 6, 0x06, 1, 0, 0, 0, 0, 0];
 
-/// 8 bytes to 220h and 8 from 1A0h, each word swapped (p. 33-36).
+/// Octets of Chk_Cfg: the module for 8 bytes to the identifier 220h, and the module for 8 bytes from 1A0h. The bytes of
+/// each word are swapped (p. 33-36).
 const CFG: [u8; 10] = [0x83, 0x87, 0x02, 0x20, 0xAA, 0x43, 0x87, 0x01, 0xA0, 0xAA];
 
 /// The DP master of the demonstration.

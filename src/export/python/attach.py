@@ -117,7 +117,7 @@ def decode(meaning: str, value: int, width: int) -> str:
             found, source = _known_value(field_values, part) or (found, source)
         if not found:
             continue
-        # Of parts in a row that follow from one decision the last one names it.
+        # If consecutive parts follow from one decision, only the last of these parts names the decision.
         if source != decision:
             text, decision = _told(text, decision), source
         if text:

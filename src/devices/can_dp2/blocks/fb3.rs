@@ -10,7 +10,7 @@ const MOTORS: u16 = 127;
 const IN_LIST: usize = 8;
 const IN_DATA: usize = 16;
 
-/// Marks an existing motor without a list; a missing motor has 0 (p. 76).
+/// Value in the list of motors for a motor that exists and has no list; the value for a missing motor is 0 (p. 76).
 const NO_LIST: u16 = 0xFFFF;
 
 /// Number of bytes of a motor in the blocks of outputs and inputs: length, `force` or `count_in`, a word, a double word

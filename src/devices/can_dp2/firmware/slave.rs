@@ -194,8 +194,8 @@ impl Slave {
         self.responder.short(frame.sa, Answer::NotActivated)
     }
 
-    /// Returns the inputs as an answer. If there are no inputs, the answer is a short acknowledgement. If a diagnosis
-    /// waits, it is not, because a short acknowledgement cannot signal the diagnosis.
+    /// Returns the answer with the inputs. Without inputs, the answer is a short acknowledgement, but not while a
+    /// diagnosis waits, because a short acknowledgement cannot announce it.
     fn data(&self, frame: &Frame, inputs: Vec<u8>) -> Telegram {
         match (self.has_diagnosis, inputs.is_empty()) {
             (false, true) => Telegram::ShortAck,

@@ -1,6 +1,6 @@
-//! Two foreign DP masters pass a token to each other through the PROFIBUS segment's door, with the gateway and a
-//! foreign slave on the PROFIBUS segment: `profirust` as programs that receive telegrams at their end and send theirs
-//! as soon as the line is free.
+//! Two foreign DP masters pass a token to each other. They are on the PROFIBUS segment with the gateway and a foreign
+//! slave. The masters and the foreign slave use `profirust` as programs at the door of the segment: they receive
+//! telegrams at the end of these, and send their own as soon as the line is free.
 
 use super::*;
 use crate::devices::can_dp2::registers::values::dp_state;

@@ -285,7 +285,7 @@ impl Card {
         }
     }
 
-    /// A line without a delay contains no waiting values.
+    /// Passes the received reference values to the drive without a delay.
     #[inline]
     fn hand_over_at_once(&mut self, regler: &mut VRegler, is_synchronized: bool) {
         for slot in self.references.iter_mut().flatten() {

@@ -54,7 +54,7 @@ mod tests {
 
     const MS: u64 = 1000;
 
-    /// Manual p. 7: 25 Hz at inputs 4 to 15.
+    /// Manual p. 7: inputs 4 to 15 follow signals of at most 25 Hz.
     #[test]
     fn a_level_passes_after_half_a_period_of_25_hz() {
         let mut inputs = SlowInputs::power_on(0, 0);

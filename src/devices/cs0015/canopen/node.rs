@@ -34,7 +34,7 @@ pub enum BootUp {
     None,
     /// An emergency object without data.
     EmptyEmergency,
-    /// A single byte 0 with the identifier 700h + Node-ID.
+    /// A frame with a single data byte 0 and the identifier 700h + Node-ID.
     Guarding,
 }
 

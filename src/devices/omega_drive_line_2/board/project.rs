@@ -20,7 +20,7 @@ pub(super) struct Projects {
     flash: Flash,
     /// True if the next start must be a cold start, because the loaded project is new.
     cold: bool,
-    /// Corresponds to `cold`, but for the boot project.
+    /// True if the first start of the boot project must be a cold start, because the boot project is new.
     boot_cold: bool,
     /// True if a sent project (not a boot project) was lost.
     lost: bool,
