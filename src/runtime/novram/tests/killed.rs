@@ -1,4 +1,4 @@
-//! Kills a process that writes, at random moments.
+//! Kills a process at random moments while it writes.
 
 use super::*;
 use std::io::{BufRead, BufReader};
