@@ -46,13 +46,13 @@ function_block! {
             CFG: [u8; 244] = [0; 244];
             /// Number of octets in `CFG`.
             CFG_LEN: u8;
-            /// Octets of all output modules.
+            /// Number of octets of all output modules.
             OUTPUT_LEN: u8;
         }
         out {
             /// TRUE while data exchange with the slave runs.
             READY: bool;
-            /// Data exchanges since ENABLE.
+            /// Number of data exchanges since ENABLE.
             COUNT: u32;
             /// Octets of the last diagnosis that the slave sent.
             DIAG: [u8; 16] = [0; 16];
