@@ -6,6 +6,7 @@ mod session;
 mod tests;
 mod wire;
 
+use super::editor_messages::framed;
 use super::error::CliError;
 use super::output;
 use crate::memory::limits;
@@ -37,7 +38,7 @@ pub(crate) fn run(_: &Args) -> Result<(), CliError> {
         let mut answers = Vec::new();
         let next = session.take(event, &mut answers);
         for answer in answers {
-            output::print(&wire::framed(&answer))?;
+            output::print(&framed(&answer))?;
         }
         match next {
             Next::Continue => {}

@@ -12,7 +12,7 @@ use rustix::fs::Stat;
 use rustix::io::Errno;
 use rustix::process::{Pid, Signal};
 use std::fs::{File, OpenOptions};
-use std::io::{self, Read};
+use std::io::{self, PipeWriter, Read};
 use std::os::fd::AsRawFd;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -34,9 +34,13 @@ pub(crate) fn start(instance: &str, reads_input: bool) -> Result<(), CliError> {
     let mut command = Command::new(program);
     command.args(["run", "--detached"]).args(parse::arguments_of_command());
     let input = if reads_input { Stdio::inherit() } else { Stdio::null() };
-    command.stdin(input).stdout(Stdio::piped()).stderr(Stdio::piped());
+    // The threads start before the child, so that no child remains if they cannot be started.
+    let (out, stdout) = collect()?;
+    let (err, stderr) = collect()?;
+    command.stdin(input).stdout(stdout).stderr(stderr);
     let mut child = command.spawn().map_err(failed)?;
-    let (out, err) = (collect(child.stdout.take())?, collect(child.stderr.take())?);
+    // Closes the ends of the pipes for writing in this process; otherwise the streams have no end.
+    drop(command);
     let printed_lines = until_end(&out, &mut child, &interrupts)?;
     let complaint = until_end(&err, &mut child, &interrupts)?;
     output::relay(&complaint);
@@ -59,21 +63,20 @@ pub(crate) fn start(instance: &str, reads_input: bool) -> Result<(), CliError> {
     printed
 }
 
-/// Reads a stream up to its end in a thread.
+/// Returns a pipe for an output of a child, and the text that a thread reads from the pipe up to its end.
 ///
 /// # Errors
-/// The operating system cannot start a thread.
-fn collect(stream: Option<impl Read + Send + 'static>) -> Result<Receiver<Vec<u8>>, CliError> {
+/// The operating system cannot create a pipe or start a thread.
+fn collect() -> Result<(Receiver<Vec<u8>>, PipeWriter), CliError> {
+    let (mut stream, output) = io::pipe().map_err(|reason| CliError::Process { reason })?;
     let (send, receive) = mpsc::channel();
     in_thread(move || {
         let mut text = Vec::new();
-        if let Some(mut stream) = stream {
-            // Bytes that were read before an error are kept.
-            let _ = stream.read_to_end(&mut text);
-        }
+        // Bytes that were read before an error are kept.
+        let _ = stream.read_to_end(&mut text);
         let _ = send.send(text);
     })?;
-    Ok(receive)
+    Ok((receive, output))
 }
 
 /// Waits for the end of a stream. If the user interrupts the wait, the process gets SIGTERM, which ends its streams.

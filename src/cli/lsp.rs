@@ -20,11 +20,16 @@ mod tests;
 mod text;
 mod tokens;
 
+use super::editor_messages::{self, Received};
 use super::error::CliError;
+use super::output;
 use crate::devices::folder::edited::allow_many_folders;
 use crate::script::with_stack;
-use lsp_server::{Connection, Message};
+use lsp_server::{ErrorCode, Message};
+use serde_json::json;
 use server::{Next, Server};
+use std::io::{self, BufRead};
+use std::sync::mpsc::{self, Sender};
 
 /// Serve an editor: check, complete and explain scenarios and the files of plants and devices while they are edited.
 ///
@@ -47,33 +52,66 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     with_stack(serve).map_err(|reason| CliError::Process { reason })?
 }
 
+/// A message for the server, or the end of the input.
+type Input = io::Result<Option<Received>>;
+
 fn serve() -> Result<(), CliError> {
     allow_many_folders();
-    let (connection, threads) = Connection::stdio();
+    let (inputs, received) = mpsc::channel();
+    std::thread::Builder::new()
+        .spawn(move || read_all(&mut io::stdin().lock(), &inputs))
+        .map_err(|reason| CliError::Process { reason })?;
     let mut server = Server::new();
-    let mut next = Next::Continue;
     let mut waiting = None;
-    'messages: while let Some(message) = waiting.take().or_else(|| connection.receiver.recv().ok()) {
+    while let Some(input) = waiting.take().or_else(|| received.recv().ok()) {
         let mut answers: Vec<Message> = Vec::new();
-        next = server.take(message, &mut answers);
+        let next = match input {
+            Ok(Some(Received::Message(message))) => match serde_json::from_value(message) {
+                Ok(message) => server.take(message, &mut answers),
+                Err(reason) => refuse(
+                    ErrorCode::InvalidRequest,
+                    &format!("this is no message of the protocol: {reason}"),
+                )?,
+            },
+            Ok(Some(Received::NotJson(reason))) => refuse(ErrorCode::ParseError, &reason)?,
+            // If the input ends without the message `exit`, the editor has crashed.
+            Ok(None) => return Ok(()),
+            Err(reason) => return Err(CliError::Editor { reason }),
+        };
         // Fast typing sends several changes in a row. The document is checked only after the last of them.
-        waiting = connection.receiver.try_recv().ok();
+        waiting = received.try_recv().ok();
         if matches!(next, Next::Continue) && waiting.is_none() {
             server.settle(&mut answers);
         }
         for answer in answers {
-            if connection.sender.send(answer).is_err() {
-                break 'messages;
-            }
+            let mut text = Vec::new();
+            answer.write(&mut text).map_err(|reason| CliError::Output { reason })?;
+            output::print_bytes(&text)?;
         }
-        if !matches!(next, Next::Continue) {
-            break;
+        match next {
+            Next::Continue => {}
+            Next::End => return Ok(()),
+            Next::EndWithoutShutdown => return Err(CliError::EditorLeft),
         }
     }
-    drop(connection);
-    match next {
-        Next::EndWithoutShutdown => Err(CliError::EditorLeft),
-        // If the input ends without the message `exit`, the editor has crashed.
-        _ => threads.join().map_err(|reason| CliError::Editor { reason }),
+    Ok(())
+}
+
+/// Sends all messages of the input, then its end.
+fn read_all(input: &mut dyn BufRead, inputs: &Sender<Input>) {
+    loop {
+        let received = editor_messages::read(input);
+        let is_last = !matches!(received, Ok(Some(_)));
+        if inputs.send(received).is_err() || is_last {
+            return;
+        }
     }
+}
+
+/// Answers a message whose request is not known.
+fn refuse(code: ErrorCode, reason: &str) -> Result<Next, CliError> {
+    let error = json!({ "code": code as i32, "message": reason });
+    let answer = json!({ "jsonrpc": "2.0", "id": null, "error": error });
+    output::print(&editor_messages::framed(&answer))?;
+    Ok(Next::Continue)
 }

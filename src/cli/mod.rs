@@ -16,6 +16,7 @@ mod device_folder;
 mod diff;
 mod drive;
 mod dump;
+mod editor_messages;
 mod error;
 mod exit;
 mod export;

@@ -23,7 +23,7 @@ pub(crate) fn print(text: &str) -> Result<(), CliError> {
 }
 
 /// Does the same as [`print()`], for any bytes.
-fn print_bytes(bytes: &[u8]) -> Result<(), CliError> {
+pub(super) fn print_bytes(bytes: &[u8]) -> Result<(), CliError> {
     match print_while_read(bytes) {
         Err(CliError::BrokenPipe) => Ok(()),
         other => other,

@@ -7,6 +7,14 @@ use std::process::{ChildStdout, Command, Output, Stdio};
 
 /// Sends the messages, closes the input, and returns the output of the server.
 fn served(messages: &[Value]) -> (Vec<Value>, Output) {
+    let texts = messages.iter().map(Value::to_string);
+    served_text(
+        &texts.map(|text| format!("Content-Length: {}\r\n\r\n{text}", text.len())).collect::<String>(),
+    )
+}
+
+/// Sends a text, closes the input, and returns the output of the server.
+fn served_text(text: &str) -> (Vec<Value>, Output) {
     let mut child = commram()
         .args(["lsp", "--stdio"])
         .stdin(Stdio::piped())
@@ -17,10 +25,7 @@ fn served(messages: &[Value]) -> (Vec<Value>, Output) {
     let mut input = child.stdin.take().unwrap();
     let output = BufReader::new(child.stdout.take().unwrap());
     let reader = std::thread::spawn(move || received(output));
-    for message in messages {
-        let text = message.to_string();
-        write!(input, "Content-Length: {}\r\n\r\n{text}", text.len()).unwrap();
-    }
+    input.write_all(text.as_bytes()).unwrap();
     drop(input);
     let output = child.wait_with_output().unwrap();
     (reader.join().unwrap(), output)
@@ -82,9 +87,19 @@ fn the_exit_code_tells_how_the_editor_left() {
     assert!(String::from_utf8_lossy(&output.stderr).contains("`exit` without `shutdown`"));
     // An editor that dies closes the input.
     assert_eq!(served(&[initialize()]).1.status.code(), Some(0));
-    let (_, output) = served(&[json!("no message")]);
+}
+
+#[test]
+fn a_wrong_message_is_answered_and_a_wrong_header_ends_the_server() {
+    let (found, output) = served(&[json!("no message"), initialize()]);
+    assert_eq!(output.status.code(), Some(0));
+    assert_eq!((&found[0]["error"]["code"], &found[0]["id"]), (&json!(-32600), &Value::Null));
+    assert_eq!(found[1]["result"]["serverInfo"]["name"], "commram");
+    let (found, output) = served_text("Content-Length: 1\r\n\r\n{");
+    assert_eq!((output.status.code(), &found[0]["error"]["code"]), (Some(0), &json!(-32700)));
+    let (_, output) = served_text("Content-Length: 9000000000000000000\r\n\r\n{}");
     assert_eq!(output.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&output.stderr).contains("the connection to the editor: "));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("right is 0 to 8388608"));
 }
 
 #[test]

@@ -161,6 +161,18 @@ fn the_plant_is_part_of_the_scenario() {
 }
 
 #[test]
+fn consecutive_steps_are_one_step() {
+    let emulator = Emulator::stepped();
+    let server = Server::of(&emulator, &[]);
+    let advance =
+        |from: u64| json!({"time_us": from, "end_us": from + 1000, "operation": {"advance": {"us": 1000}}});
+    let mut actions: Vec<_> = (0..5000).map(|at| advance(at * 1000)).collect();
+    actions.insert(2000, json!({"time_us": 2_000_000, "section": "later"}));
+    let answer = server.post(&server.path("scenario"), &json!({"actions": actions})).ok();
+    assert_eq!(answer["scenario"], "step(\"2000000us\");\nsection(\"later\");\nstep(\"3000000us\");\n");
+}
+
+#[test]
 fn actions_that_no_scenario_repeats_are_named() {
     let emulator = Emulator::stepped();
     let server = Server::of(&emulator, &[]);
@@ -186,6 +198,10 @@ fn actions_that_no_scenario_repeats_are_named() {
         assert_eq!(problem["index"], 1, "{problem}");
         assert!(problem["detail"].as_str().unwrap().contains(reason), "{reason}: {problem}");
     }
+    let poke = |value: u64| json!({"poke": {"plc": 0, "offset": 200_000, "width": "Word", "value": value}});
+    let pokes: Vec<_> = (0..2500).map(|at| json!({"time_us": at, "operation": poke(at)})).collect();
+    let problem = server.post(&path, &json!({"actions": pokes})).problem(400);
+    assert!(problem["detail"].as_str().unwrap().contains("reads at most 65536"), "{problem}");
     let real_time = Emulator::start(&[]);
     let server = Server::of(&real_time, &[]);
     let body = |plant: Value| json!({"actions": [], "plant": plant});

@@ -101,21 +101,3 @@ proptest! {
         prop_assert_eq!(ends, 1);
     }
 }
-
-#[test]
-fn a_wrong_length_names_the_limit() {
-    let read = |text: &str| wire::read(&mut Cursor::new(text.as_bytes())).unwrap_err().to_string();
-    assert_eq!(
-        read("Content-Length: 99999999999\r\n\r\n"),
-        "Content-Length is \"99999999999\"; right is 0 to 4194304"
-    );
-    assert_eq!(read("\r\n"), "a message has no header `Content-Length: N`");
-    assert!(read("Content-Length: 1\r\n\r\nx").starts_with("a message is not JSON: "));
-}
-
-#[test]
-fn a_framed_message_is_read_again() {
-    let message = json!({ "text": "Größe" });
-    let text = wire::framed(&message);
-    assert_eq!(wire::read(&mut Cursor::new(text.as_bytes())).unwrap(), Some(message));
-}

@@ -7,6 +7,7 @@ use super::link::Connection;
 use super::problem::Problem;
 use super::router::{body_of, json_response};
 use crate::cli::snapshot;
+use crate::input_file::LONGEST_SCRIPT;
 use crate::plant::{PlantConfig, SnapshotFile};
 use crate::request::{Code, Op};
 use axum::extract::{Path, Request, State};
@@ -62,7 +63,7 @@ enum Expectation {
 /// Turns recorded actions into a scenario.
 ///
 /// # Errors
-/// A scenario cannot repeat an action; the problem contains the `index` of the action.
+/// A scenario cannot repeat an action (the problem contains the `index` of the action), or the scenario is too long.
 pub(super) async fn answer(
     State(app): State<Arc<App>>,
     Path(instance): Path<String>,
@@ -95,6 +96,13 @@ fn scenario(connection: &mut Connection, recording: &Recording) -> Result<String
     }
     text += &plant(connection, recording)?;
     text += &lines::text(&lines);
+    if text.len() as u64 > LONGEST_SCRIPT {
+        return Err(Problem::wrong_use(format!(
+            "the scenario would have {} bytes, and `commram test` reads at most {LONGEST_SCRIPT}; record fewer actions, \
+             or name the plant file in `plant`",
+            text.len()
+        )));
+    }
     Ok(text)
 }
 

@@ -35,36 +35,46 @@ pub(super) fn quoted(text: &str) -> String {
     quoted + "\""
 }
 
-/// Returns all lines, with a step before each line that begins later than the end of the previous one.
+/// Returns all lines, with a step before each line that begins later than the end of the previous one. Consecutive steps
+/// become one step.
 pub(super) fn text(lines: &[Line]) -> String {
     let mut text = String::new();
-    let mut now = 0;
+    // Time of the recorded plant, and time that the lines in `text` reach.
+    let (mut now, mut reached) = (0, 0);
     for line in lines {
-        if line.begin_us < now && !line.text.is_empty() {
-            // Writing to a string cannot fail.
-            let _ = writeln!(
-                text,
-                "// The next line was recorded at {} us, before the end of the previous one.",
-                line.begin_us
-            );
-        }
-        now = step(&mut text, now, line.begin_us);
+        let was_earlier = line.begin_us < now;
+        now = now.max(line.begin_us);
         if !line.text.is_empty() {
+            step(&mut text, reached, now);
+            reached = now;
+            if was_earlier {
+                // Writing to a string cannot fail.
+                let _ = writeln!(
+                    text,
+                    "// The next line was recorded at {} us, before the end of the previous one.",
+                    line.begin_us
+                );
+            }
             text += &line.text;
             text.push('\n');
+            if line.advances {
+                reached = reached.max(line.end_us);
+            }
         }
-        now = if line.advances { now.max(line.end_us) } else { step(&mut text, now, line.end_us) };
+        now = now.max(line.end_us);
     }
+    step(&mut text, reached, now);
     text
 }
 
-/// Adds a step from one time to a later one, if it is later. Returns the time after the step.
-fn step(text: &mut String, now: u64, until: u64) -> u64 {
-    if until > now {
+/// Adds steps from one time to a later one, if it is later.
+fn step(text: &mut String, mut now: u64, until: u64) {
+    while until > now {
+        let us = (until - now).min(MAX_ADVANCE_US);
         // Writing to a string cannot fail.
-        let _ = writeln!(text, "step(\"{}us\");", until - now);
+        let _ = writeln!(text, "step(\"{us}us\");");
+        now += us;
     }
-    now.max(until)
 }
 
 /// A condition that a wait uses later in the request.
