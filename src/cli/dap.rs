@@ -1,5 +1,6 @@
 //! `commram dap`: a debug adapter for scenarios.
 
+mod history;
 mod script;
 mod session;
 #[cfg(test)]

@@ -237,7 +237,11 @@ pub(crate) fn run_for_device(
     let round = Round { setting, jobs: None, fail_fast: false };
     let shown = Shown { format: Some(format), shard: None, beside_report: false };
     let (reports, shown) = play_round(&round, &files, shown, &interrupts)?;
-    let ending = if interrupts.any() { Err(CliError::Interrupted) } else { verdict(&reports) };
+    let ending = if interrupts.any() {
+        Err(CliError::Interrupted)
+    } else {
+        verdict(reports.iter().map(|report| &report.outcome))
+    };
     first_of(ending, [shown])
 }
 
@@ -269,7 +273,11 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let (reports, shown, ending) = match reachable(args.attach.as_deref()) {
         Ok(()) => {
             let (reports, shown) = play(args, &files, &interrupts)?;
-            let ending = if interrupts.any() { Err(CliError::Interrupted) } else { verdict(&reports) };
+            let ending = if interrupts.any() {
+                Err(CliError::Interrupted)
+            } else {
+                verdict(reports.iter().map(|report| &report.outcome))
+            };
             (reports, shown, ending)
         }
         Err(error) => {
@@ -468,11 +476,11 @@ fn write(path: &Path, text: &str) -> Result<(), CliError> {
     output::write(path, text.as_bytes())
 }
 
-/// Converts the results of the run to the result of the command, which determines the exit code.
-fn verdict(reports: &[Report]) -> Result<(), CliError> {
-    let any = |is: fn(&Outcome) -> bool| reports.iter().any(|report| is(&report.outcome));
-    if any(|outcome| matches!(outcome, Outcome::Broken(_))) {
+/// Converts the outcomes of scenarios to the result of the command, which determines the exit code.
+pub(super) fn verdict<'a>(outcomes: impl Iterator<Item = &'a Outcome> + Clone) -> Result<(), CliError> {
+    if outcomes.clone().any(|outcome| matches!(outcome, Outcome::Broken(_))) {
         return Err(CliError::ReportedWrongUse);
     }
-    if any(|outcome| !outcome.is_fine()) { Err(CliError::Reported) } else { Ok(()) }
+    let mut outcomes = outcomes;
+    if outcomes.any(|outcome| !outcome.is_fine()) { Err(CliError::Reported) } else { Ok(()) }
 }

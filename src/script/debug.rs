@@ -61,6 +61,27 @@ pub(crate) enum Resume {
     End,
 }
 
+/// A place at which a script can stop.
+pub(crate) struct Place<'a> {
+    /// Number of functions in the call stack; 0 outside of functions.
+    pub depth: usize,
+    /// The file with the line.
+    pub file: &'a Path,
+    /// The line, from 1.
+    pub line: usize,
+}
+
+/// Decision of a debugger at a place.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Visit {
+    /// The script stops if a step ends here, or for a breakpoint or a pause.
+    Run,
+    /// The script does not stop.
+    Pass,
+    /// The script stops.
+    Stop(StopReason),
+}
+
 /// Ends a script because the debugger has disconnected. The script cannot catch it.
 #[derive(Clone, Copy)]
 pub(super) struct DebuggerLeft;
@@ -69,6 +90,9 @@ pub(super) struct DebuggerLeft;
 pub(crate) trait ScriptDebugger {
     /// True if the script stops at its first statement.
     fn stops_on_entry(&self) -> bool;
+
+    /// Called at each place, in the order in which the script visits the places. The state has no variables.
+    fn visit(&self, place: &Place<'_>, state: &mut StoppedScript<'_>) -> Visit;
 
     /// Takes a request for a pause: true once for each request.
     fn takes_pause(&self) -> bool;
@@ -270,6 +294,12 @@ impl Stepper {
 
     fn reason(&self, depth: usize, file: &Path, line: usize) -> Option<StopReason> {
         let is_first = self.is_first.replace(false);
+        let mut state = StoppedScript { variables: Vec::new(), stage: &self.stage };
+        match self.debugger.visit(&Place { depth, file, line }, &mut state) {
+            Visit::Pass => return None,
+            Visit::Stop(reason) => return Some(reason),
+            Visit::Run => {}
+        }
         if is_first && self.debugger.stops_on_entry() {
             return Some(StopReason::Entry);
         }

@@ -165,15 +165,18 @@ impl Report {
 
     /// Turns a passed scenario without expectations into a failure.
     pub fn refuse_empty(&mut self) {
+        self.refuse_empty_with(", or use --allow-empty");
+    }
+
+    /// Does the same for a command with other options: the message ends with `remedy`, which may be empty.
+    pub(crate) fn refuse_empty_with(&mut self, remedy: &str) {
         if !self.outcome.is_passed() || self.expectations > 0 {
             return;
         }
         let file = self.file.display().to_string();
         self.outcome = Outcome::Failed(Box::new(Failure {
             kind: FailureKind::Empty,
-            what:
-                "the scenario has no expectation, so it cannot fail; add an expectation, or use --allow-empty"
-                    .to_owned(),
+            what: format!("the scenario has no expectation, so it cannot fail; add an expectation{remedy}"),
             register: None,
             address: None,
             expected: None,

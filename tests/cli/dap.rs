@@ -240,6 +240,71 @@ fn a_failure_stops_the_scenario_where_it_fails() {
 }
 
 #[test]
+fn steps_back_reach_earlier_lines_with_their_state() {
+    let (_directory, own, _) = scenario();
+    let (mut editor, _) = Editor::launch(&own, &json!({}), &[(&own, &[6, 11])]);
+    assert_eq!(editor.stop(), at("breakpoint", &[("start", 6), ("(scenario)", 9)]));
+    assert_eq!(editor.resume("continue"), at("breakpoint", &[("(scenario)", 11)]));
+    assert_eq!((editor.value("now()"), editor.value("speed")), ("2000".to_owned(), "7".to_owned()));
+    assert_eq!(editor.resume("next"), at("step", &[("(scenario)", 12)]));
+    assert_eq!(editor.value("speed"), "8");
+    // The variables, the registers and the emulated time are those of the earlier line.
+    assert_eq!(editor.resume("stepBack"), at("step", &[("(scenario)", 11)]));
+    assert_eq!(editor.value("speed"), "7");
+    assert_eq!(editor.resume("stepBack"), at("step", &[("(scenario)", 10)]));
+    assert_eq!(editor.value("now()"), "0");
+    assert!(editor.value("node2.w_CPU_CONTROL").contains("16#0001"));
+    assert_eq!(editor.resume("reverseContinue"), at("breakpoint", &[("start", 6), ("(scenario)", 9)]));
+    // The first verb has not run, so there is no plant yet.
+    assert!(editor.refused("evaluate", json!({ "expression": "node2.w_CPU_CONTROL" })).contains("node2"));
+    assert_eq!(editor.resume("stepBack"), at("step", &[("start", 5), ("(scenario)", 9)]));
+    assert_eq!(editor.resume("reverseContinue"), at("entry", &[("(scenario)", 1)]));
+    // Nothing is before the first line.
+    assert_eq!(editor.resume("stepBack"), at("entry", &[("(scenario)", 1)]));
+    assert_eq!(editor.resume("continue"), at("breakpoint", &[("start", 6), ("(scenario)", 9)]));
+    editor.disconnect();
+}
+
+#[test]
+fn a_failure_is_stepped_back_and_mended_by_a_change() {
+    let (_directory, own, _) = scenario();
+    let (mut editor, _) = Editor::launch(&own, &json!({}), &[]);
+    assert_eq!(editor.stop(), at("exception", &[("(scenario)", 14)]));
+    assert_eq!(editor.event("output")["output"], "started\n");
+    assert_eq!(editor.resume("stepBack"), at("step", &[("(scenario)", 14)]));
+    // An earlier run has printed this line.
+    assert!(editor.events.iter().all(|event| event["event"] != "output"), "{:?}", editor.events);
+    let areas = editor.ok("variables", json!({ "variablesReference": 2 }));
+    let node = areas["variables"].as_array().unwrap().iter().find(|it| it["name"] == "node2").unwrap();
+    let change = json!({
+        "variablesReference": node["variablesReference"], "name": "w_CPU_CONTROL", "value": "16#0005",
+    });
+    editor.ok("setVariable", change);
+    editor.ok("continue", json!({}));
+    assert_eq!(editor.event("exited")["exitCode"], 0);
+    editor.disconnect();
+}
+
+#[test]
+fn a_scenario_without_expectations_has_the_exit_code_of_the_command_test() {
+    let directory = tempfile::tempdir().unwrap();
+    let own = directory.path().join("own.rhai");
+    for (text, code, message) in [
+        ("step(\"1ms\");\n", 1, "the scenario has no expectation, so it cannot fail; add an expectation\n"),
+        ("skip(\"later\");\n", 0, "skipped: later\n"),
+    ] {
+        std::fs::write(&own, text).unwrap();
+        let (mut editor, _) = Editor::launch(&own, &json!({}), &[]);
+        let printed = editor.event("output")["output"].as_str().unwrap().to_owned();
+        assert!(printed.contains(message), "{printed}");
+        assert_eq!(editor.event("exited")["exitCode"], code);
+        editor.disconnect();
+        let tested = commram().arg("test").arg(&own).output().unwrap();
+        assert_eq!(tested.status.code(), Some(code), "{text}");
+    }
+}
+
+#[test]
 fn a_scenario_without_debugging_stops_nowhere() {
     let (_directory, own, _) = scenario();
     let arguments = json!({ "stopOnEntry": true, "noDebug": true });
@@ -271,7 +336,8 @@ fn wrong_launches_and_hostile_input_get_an_error() {
     let mut editor = Editor::new();
     let refusal = editor.refused("launch", json!({ "program": "/nonexistent/own.rhai" }));
     assert_eq!(refusal, "program: /nonexistent/own.rhai is not a file; name a scenario");
-    assert_eq!(editor.refused("stepBack", json!({})), "this adapter has no request `stepBack`");
+    assert_eq!(editor.refused("goto", json!({})), "this adapter has no request `goto`");
+    assert_eq!(editor.refused("stepBack", json!({})), "the scenario has not started");
     write!(editor.input, "Content-Length: x\r\n\r\n").unwrap();
     let output = editor.child.wait().unwrap();
     assert_eq!(output.code(), Some(2));

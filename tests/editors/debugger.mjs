@@ -48,6 +48,8 @@ try {
     await Promise.all([client.stepOutRequest({ threadId: 1 }), client.assertStoppedLocation("step", { line: 5 })]);
     const { body } = await client.evaluateRequest({ expression: "node2.w_CPU_CONTROL", frameId: 0 });
     assert.match(body.result, /16#0001/);
+    await Promise.all([client.stepBackRequest({ threadId: 1 }), client.assertStoppedLocation("step", { line: 4 })]);
+    await Promise.all([client.nextRequest({ threadId: 1 }), client.assertStoppedLocation("step", { line: 5 })]);
     await Promise.all([
       client.continueRequest({ threadId: 1 }),
       client.assertOutput("stdout", "started"),

@@ -33,9 +33,12 @@ poke("node2.w_CPU_CONTRL", "handshake");
 let us = wait("node2.w_OPTION_STATUS", "16#0002", "1ms");
 expect("node2.w_OPTION_STATUS", "16#0003");
 """
+# The extension is in the server. A program of the server's machine is a setting of this machine: VS Code ignores it among
+# the settings of the user as soon as it reads them again.
+MACHINE = {"commram.program": PROGRAM}
 SETTINGS = {
-    "commram.program": PROGRAM,
     "chat.disableAIFeatures": True,
+    "debug.internalConsoleOptions": "neverOpen",
     "editor.minimap.enabled": False,
     "editor.wordWrap": "on",
     "extensions.ignoreRecommendations": True,
@@ -74,6 +77,7 @@ def code_server(directory: pathlib.Path, extension: str, work: pathlib.Path):
     data = work / "data"
     (data / "User").mkdir(parents=True)
     (data / "User" / "settings.json").write_text(json.dumps(SETTINGS))
+    set_machine(data, MACHINE)
     command = [directory / "node", directory / "code-server", "--config", work / "config.yaml"]
     command += ["--user-data-dir", data, "--extensions-dir", work / "extensions"]
     subprocess.run([*command, "--install-extension", extension], check=True, capture_output=True, timeout=PATIENCE)
@@ -90,6 +94,15 @@ def code_server(directory: pathlib.Path, extension: str, work: pathlib.Path):
         yield address
     finally:
         ended(child)
+
+
+def set_machine(data: pathlib.Path, settings: dict):
+    """Writes the settings of the machine, whole or not at all: the server watches the file."""
+    file = data / "Machine" / "settings.json"
+    file.parent.mkdir(exist_ok=True)
+    new = file.with_suffix(".new")
+    new.write_text(json.dumps(settings))
+    new.rename(file)
 
 
 def waits_for(condition):
@@ -118,8 +131,8 @@ class Instance:
 class Editor:
     """The window of the editor, with a few actions of a user."""
 
-    def __init__(self, page: Page, pictures: str | None):
-        self.page, self.pictures = page, pictures
+    def __init__(self, page: Page, pictures: str | None, data: pathlib.Path):
+        self.page, self.pictures, self.data = page, pictures, data
 
     def open(self, address: str, folder: pathlib.Path, file: str):
         opened = json.dumps([["openFile", f"vscode-remote://{address}{folder / file}"]])
@@ -185,6 +198,89 @@ def a_failing_test_shows_its_line(editor: Editor):
     editor.picture("failure")
 
 
+def stops_at(editor: Editor, text: str, time: str):
+    """Waits until the debugger has stopped at a line, at an emulated time."""
+    expect(editor.page.locator(".statusbar-item").filter(has_text=f"{time} s emulated")).to_be_visible()
+    mark = editor.page.locator(".debug-top-stack-frame-line")
+    expect(mark).to_have_count(1)
+    line = editor.line(text)
+    expect(line).to_be_visible()
+    # The mark and the text of a line are in different layers of the editor.
+    waits_for(lambda: abs(mark.bounding_box()["y"] - line.bounding_box()["y"]) < 5)
+
+
+def row_of(editor: Editor, text: str) -> Locator:
+    return editor.page.locator(".debug-variables .monaco-list-row").filter(has_text=text).first
+
+
+def opened(row: Locator):
+    row.locator(".monaco-tl-twistie").click()
+    expect(row).to_have_attribute("aria-expanded", "true")
+
+
+def a_breakpoint_stops_and_steps_lead_forward_and_back(editor: Editor):
+    page = editor.page
+    size = page.viewport_size
+    page.set_viewport_size({"width": 1240, "height": 620})
+    last = editor.line('expect("node2.w_OPTION_STATUS"')
+    editor.go_to(5)
+    # A click beside the line number sets the breakpoint; the editor shows a hint there as soon as it takes clicks.
+    margin, box = page.locator(".editor-group-container .glyph-margin").first.bounding_box(), last.bounding_box()
+    x, y = margin["x"] + margin["width"] / 2, box["y"] + box["height"] / 2
+
+    def is_hinted():
+        page.mouse.move(x, y - 40)
+        page.mouse.move(x, y)
+        return page.locator(".codicon-debug-hint").count()
+
+    waits_for(is_hinted)
+    page.mouse.click(x, y)
+    expect(page.locator(".cgmr.codicon-debug-breakpoint")).to_have_count(1)
+    page.keyboard.press("F5")
+    stops_at(editor, 'expect("node2.w_OPTION_STATUS"', "0.000500")
+    expect(row_of(editor, "us =")).to_contain_text("500")
+    # Room for the registers: a wider and longer list.
+    for other in ("Watch", "Call Stack"):
+        page.locator(".debug-viewlet .pane-header").filter(has_text=other).click()
+    side = page.locator(".part.sidebar").bounding_box()
+    page.mouse.move(side["x"] + side["width"], 400)
+    page.mouse.down()
+    page.mouse.move(side["x"] + side["width"] + 200, 400, steps=4)
+    page.mouse.up()
+    opened(row_of(editor, "Registers"))
+    opened(row_of(editor, "node2 ="))
+    opened(row_of(editor, "[0..99]"))
+    status = row_of(editor, "w_OPTION_STATUS")
+    expect(status).to_contain_text("16#0002")
+    expect(status).to_contain_text("take over initialization data")
+    status.scroll_into_view_if_needed()
+    editor.picture("debugger")
+    # Back to the line before, with the registers and the time that it had.
+    page.locator(".debug-toolbar .codicon-debug-step-back").click()
+    stops_at(editor, "let us = wait", "0.000000")
+    page.keyboard.press("F10")
+    stops_at(editor, 'expect("node2.w_OPTION_STATUS"', "0.000500")
+    # The editor keeps the list open. With another value of the register the scenario passes, so that the debugger does not stop again.
+    row_of(editor, "w_OPTION_STATUS").locator(".value").dblclick()
+    box = page.locator(".debug-variables .monaco-inputbox input")
+    box.fill("16#0003")
+    box.press("Enter")
+    expect(row_of(editor, "w_OPTION_STATUS")).to_contain_text("16#0003")
+    page.keyboard.press("F5")
+    expect(page.locator(".debug-toolbar")).to_be_hidden()
+    expect(page.locator(".statusbar-item").filter(has_text="emulated")).to_be_hidden()
+    page.set_viewport_size(size)
+
+
+def a_debugger_without_its_program_says_so(editor: Editor):
+    set_machine(editor.data, {"commram.program": "/nonexistent/commram"})
+    # The language server starts again with the setting, so the window has the setting when this message appears.
+    refused = editor.page.locator(".notifications-toasts .notification-list-item")
+    expect(refused.filter(has_text="couldn't create connection").first).to_be_visible()
+    editor.command("Debug: Start Debugging")
+    expect(refused.filter(has_text="The debugger does not start: spawn /nonexistent/commram ENOENT").first).to_be_visible()
+
+
 def a_page_is_offered_and_a_refusal_is_shown(editor: Editor):
     page = editor.page
     first, second = (Instance(f"vscode{os.getpid()}{letter}") for letter in "ab")
@@ -215,7 +311,9 @@ def a_page_is_offered_and_a_refusal_is_shown(editor: Editor):
 STEPS = [
     a_wrong_register_is_underlined_and_completed,
     a_failing_test_shows_its_line,
+    a_breakpoint_stops_and_steps_lead_forward_and_back,
     a_page_is_offered_and_a_refusal_is_shown,
+    a_debugger_without_its_program_says_so,
 ]
 
 
@@ -245,7 +343,7 @@ def main():
         stack.callback(browser.close)
         page = browser.new_context(viewport={"width": 900, "height": 480}).new_page()
         page.set_default_timeout(PATIENCE * 1000)
-        editor = Editor(page, options.pictures)
+        editor = Editor(page, options.pictures, work / "data")
         try:
             editor.open(address, project, "handshake.rhai")
             for step in STEPS:

@@ -23,6 +23,8 @@ pub(in crate::cli) struct NamedValue {
     pub bits: u32,
     /// The value with its meaning.
     pub meaning: String,
+    /// The number of the bit, if the name is that of a bit and not of a value.
+    pub bit: Option<u32>,
 }
 
 impl PlcScope {
@@ -130,7 +132,16 @@ impl PlcScope {
             return Vec::new();
         };
         let named = value::names(meaning).into_iter();
-        named.map(|(name, bits)| NamedValue { name, bits, meaning: found.decode(bits) }).collect()
+        let is_value = |name: &str, bits: u32| {
+            let mut same =
+                meaning.values.iter().filter(|value| value.first == bits && value.first == value.last);
+            same.any(|value| [value.id, value.text].iter().any(|text| text.eq_ignore_ascii_case(name)))
+        };
+        let with_bit = named.map(|(name, bits)| {
+            let bit = (!is_value(&name, bits)).then(|| bits.trailing_zeros());
+            NamedValue { meaning: found.decode(bits), name, bits, bit }
+        });
+        with_bit.collect()
     }
 
     /// Returns the fields that belong to the kind of fault among `words` and are not given yet, as `NAME=`. After `=`,

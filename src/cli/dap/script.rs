@@ -1,9 +1,10 @@
 //! The thread of the debugged scenario, and the questions that it answers while the scenario is stopped.
 
+use super::history::{Direction, History};
 use super::session::Event;
 use crate::layout::Fit;
 use crate::plant::PlantConfig;
-use crate::script::debug::{DebugFrame, Resume, ScriptDebugger, StopReason, StoppedScript};
+use crate::script::debug::{DebugFrame, Place, Resume, ScriptDebugger, StopReason, StoppedScript, Visit};
 use crate::script::{Bench, Limits, run_debugged, spawn_with_stack};
 use core::cell::RefCell;
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -46,6 +47,8 @@ pub(super) enum Question {
 pub(super) enum Command {
     Ask(Question, SyncSender<Result<Value, String>>),
     Resume(Resume),
+    /// The scenario goes back to an earlier place.
+    Back(Direction),
 }
 
 /// A scenario that the editor starts.
@@ -69,16 +72,26 @@ pub(super) fn start(
         let Launch { program, stop_on_entry, is_debugged, device, time_us } = launch;
         // A stop takes real time, and an editor can pause an endless script.
         let limits = Limits { operations: 0, time_us, real: core::time::Duration::MAX };
-        let printed = events.clone();
-        let print = move |line: &str| {
-            let _ = printed.send(Event::Output(line.to_owned()));
-        };
-        let stops = events.clone();
         let stop_on_entry = stop_on_entry && is_debugged;
-        let paths = RefCell::default();
-        let stopper = Stopper { shared, commands, events: stops, stop_on_entry, is_debugged, paths };
-        let report = run_debugged(&program, device, limits, print, Rc::new(stopper));
-        let _ = events.send(Event::Ended(Box::new(report)));
+        let (paths, history) = (RefCell::default(), RefCell::default());
+        let stopper = Stopper { shared, commands, events, stop_on_entry, is_debugged, paths, history };
+        let stopper = Rc::new(stopper);
+        loop {
+            stopper.history.borrow_mut().begin();
+            let printing = Rc::clone(&stopper);
+            let print = move |line: &str| {
+                // The editor has these lines of an earlier run.
+                if !printing.history.borrow().goes_back() {
+                    let _ = printing.events.send(Event::Output(line.to_owned()));
+                }
+            };
+            let debugger: Rc<dyn ScriptDebugger> = Rc::<Stopper>::clone(&stopper);
+            let report = run_debugged(&program, device.clone(), limits, print, debugger);
+            if !stopper.history.borrow_mut().takes_end() {
+                let _ = stopper.events.send(Event::Ended(Box::new(report)));
+                return;
+            }
+        }
     })
 }
 
@@ -91,11 +104,35 @@ struct Stopper {
     is_debugged: bool,
     /// Real paths of the files.
     paths: RefCell<BTreeMap<PathBuf, PathBuf>>,
+    history: RefCell<History>,
 }
 
 impl ScriptDebugger for Stopper {
     fn stops_on_entry(&self) -> bool {
         self.stop_on_entry
+    }
+
+    fn visit(&self, place: &Place<'_>, state: &mut StoppedScript<'_>) -> Visit {
+        let mut history = self.history.borrow_mut();
+        history.visit(place.depth, place.line);
+        if !history.goes_back() {
+            return Visit::Run;
+        }
+        for (register, value) in history.changes_here() {
+            // The same change succeeded at this place in the run before.
+            let _ = state.plant(|bench| bench.poke(register, value));
+        }
+        if self.takes_pause() {
+            history.stay();
+            return Visit::Stop(StopReason::Pause);
+        }
+        let decision = history.decide(|| self.has_breakpoint(place.file, place.line));
+        if history.takes_difference() {
+            let text =
+                "the scenario or its imports have changed since the start: this stop is at another line\n";
+            let _ = self.events.send(Event::Output(text.to_owned()));
+        }
+        decision
     }
 
     fn takes_pause(&self) -> bool {
@@ -122,20 +159,45 @@ impl ScriptDebugger for Stopper {
         if !self.is_debugged && matches!(reason, StopReason::Failure(_)) {
             return Resume::Continue;
         }
-        let time_us = state.time_us();
-        if self.events.send(Event::Stopped { reason, frames: frames.to_vec(), time_us }).is_err() {
+        if self.history.borrow_mut().has_searched() {
+            return Resume::End;
+        }
+        let is_failure = matches!(reason, StopReason::Failure(_));
+        if !self.reports_stop(&reason, frames, state) {
             return Resume::End;
         }
         loop {
             match self.commands.recv() {
                 Ok(Command::Ask(question, reply)) => {
-                    let _ = reply.send(answer(question, state));
+                    let _ = reply.send(answer(question, state, &self.history));
                 }
                 Ok(Command::Resume(resume)) => return resume,
+                Ok(Command::Back(direction)) => {
+                    if self.history.borrow_mut().turns(direction, is_failure) {
+                        return Resume::End;
+                    }
+                    // No place is before the first one.
+                    if !self.reports_stop(&reason, frames, state) {
+                        return Resume::End;
+                    }
+                }
                 // The session has ended.
                 Err(_) => return Resume::End,
             }
         }
+    }
+}
+
+impl Stopper {
+    /// Reports a stop to the session; false if the session has ended.
+    fn reports_stop(
+        &self,
+        reason: &StopReason,
+        frames: &[DebugFrame],
+        state: &mut StoppedScript<'_>,
+    ) -> bool {
+        let (reason, frames, time_us) = (reason.clone(), frames.to_vec(), state.time_us());
+        self.events.send(Event::Stopped { reason, frames, time_us }).is_ok()
     }
 }
 
@@ -144,7 +206,11 @@ pub(super) fn real_path(file: &Path) -> PathBuf {
     file.canonicalize().unwrap_or_else(|_| file.to_owned())
 }
 
-fn answer(question: Question, state: &mut StoppedScript<'_>) -> Result<Value, String> {
+fn answer(
+    question: Question,
+    state: &mut StoppedScript<'_>,
+    history: &RefCell<History>,
+) -> Result<Value, String> {
     match question {
         Question::Variables { reference: VARIABLES, start, count } => {
             let all = state.variables().into_iter().map(|(name, value)| {
@@ -183,6 +249,7 @@ fn answer(question: Question, state: &mut StoppedScript<'_>) -> Result<Value, St
             }
             let full = format!("{}.{name}", area(state, reference)?.name);
             state.plant(|bench| bench.poke(&full, value.trim()))?;
+            history.borrow_mut().change(&full, value.trim());
             Ok(json!({ "value": described(state, &full)? }))
         }
     }

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use std::io::Cursor;
 use std::sync::mpsc;
 
-const REQUESTS: [&str; 18] = [
+const REQUESTS: [&str; 19] = [
     "initialize",
     "launch",
     "configurationDone",
@@ -26,6 +26,7 @@ const REQUESTS: [&str; 18] = [
     "evaluate",
     "exceptionInfo",
     "stepBack",
+    "reverseContinue",
 ];
 
 fn arguments() -> impl Strategy<Value = Value> {

@@ -19,6 +19,14 @@ const WORDS: [&str; 20] = [
     "private", "return", "switch", "throw", "true", "try", "while",
 ];
 
+/// Examples of emulated times, which show the units.
+const TIMES: [(&str, &str); 4] = [
+    ("500us", "a processor cycle of a node"),
+    ("1ms", "1000 microseconds"),
+    ("100ms", "100 milliseconds"),
+    ("1s", "a second"),
+];
+
 /// A text that the editor proposes at the cursor.
 pub(super) struct Proposal {
     pub(super) label: String,
@@ -99,7 +107,10 @@ fn in_text(
         ArgumentKind::Rules => rules(),
         ArgumentKind::Value => values(view, scene, call, |value| value.name.clone()),
         ArgumentKind::Fault => return fault(scene, view.text, content, offset),
-        ArgumentKind::Plant | ArgumentKind::Board | ArgumentKind::Time => Vec::new(),
+        ArgumentKind::Time => {
+            TIMES.map(|(text, about)| Proposal::new(text, about, CompletionItemKind::UNIT)).into()
+        }
+        ArgumentKind::Plant | ArgumentKind::Board => Vec::new(),
     };
     (found, content)
 }
@@ -167,10 +178,13 @@ fn values(
     label: impl Fn(&NamedValue) -> String,
 ) -> Vec<Proposal> {
     let values = view.register_of(call).map(|register| scene.scope.values(register)).unwrap_or_default();
-    let mut found: Vec<_> = values
-        .iter()
-        .map(|value| Proposal::new(label(value), value.meaning.clone(), CompletionItemKind::ENUM_MEMBER))
-        .collect();
+    let proposal = |value: &NamedValue| match value.bit {
+        None => Proposal::new(label(value), value.meaning.clone(), CompletionItemKind::ENUM_MEMBER),
+        Some(bit) => {
+            Proposal::new(label(value), format!("bit {bit}: {}", value.meaning), CompletionItemKind::PROPERTY)
+        }
+    };
+    let mut found: Vec<_> = values.iter().map(proposal).collect();
     found.dedup_by(|next, before| next.label == before.label);
     found
 }
@@ -194,7 +208,7 @@ fn fault(scene: &Scene, text: &str, content: Range<usize>, offset: usize) -> (Ve
     let found =
         fields.into_iter().map(|(name, about)| Proposal::new(name, about, CompletionItemKind::PROPERTY));
     let required =
-        Proposal::new("required", "the scenario fails if the fault never hits", CompletionItemKind::KEYWORD);
+        Proposal::new("required", "the scenario fails if the fault never hits", CompletionItemKind::PROPERTY);
     let has_required = words.iter().any(|word| word == "required") || whole[start..at].contains('=');
     (found.chain((!has_required).then_some(required)).collect(), range)
 }
@@ -206,6 +220,10 @@ fn words(view: &ScriptView<'_>, scene: Option<&mut Scene>, call: Option<(&Call, 
         && view.argument_kind(call, argument) == Some(ArgumentKind::Value)
     {
         found.extend(values(view, scene, call, |value| format!("{:#06x}", value.bits)));
+    }
+    if call.is_some_and(|(call, argument)| view.argument_kind(call, argument) == Some(ArgumentKind::Time)) {
+        let quoted = |(text, about)| Proposal::new(format!("\"{text}\""), about, CompletionItemKind::UNIT);
+        found.extend(TIMES.map(quoted));
     }
     let mut last = "";
     for verb in &view.verbs {

@@ -40,13 +40,16 @@ pub(super) fn at(
     }
 }
 
-/// Returns the page that `commram map` prints for a register.
+/// Returns the facts that `commram map` prints for a register, with the values and bits before the sources.
 pub(super) fn register(scene: &mut Scene, text: &str) -> Option<String> {
     let (_, name) = split_plc(text);
     let pages = scene.scope.each(text).into_iter().filter_map(|(_, fitted)| {
         let (entries, _) = map::entries_of(&fitted, name).ok().filter(|_| !name.is_empty())?;
         let entry = entries.first()?;
-        Some(format!("```text\n{}\n```", map::detail::text(fitted.device(), entry).trim_end()))
+        Some(format!(
+            "```text\n{}\n```",
+            map::detail::text_with_values_first(fitted.device(), entry).trim_end()
+        ))
     });
     pages.into_iter().next()
 }

@@ -202,6 +202,9 @@ fn registers_values_faults_and_verbs_are_completed() {
         ("fault(\"lose_frame slot=WRC1 ¦\")", "count="),
         ("fault(\"lose_frame slot=¦\")", "slot=WRC1"),
         ("fault(\"lose_frame bus=¦\")", "bus=drives"),
+        ("wait(\"node2.w_OPTION_STATUS\", 2, \"¦\")", "1ms"),
+        ("wait(\"node2.w_OPTION_STATUS\", 2, ¦)", "\"1ms\""),
+        ("step(\"¦\")", "1ms"),
         ("snapshot(\"¦\")", "node2"),
         ("send_frame(\"¦\")", "drives"),
         ("drive(\"¦\")", "drive1"),
@@ -225,8 +228,23 @@ fn a_typed_sign_proposes_names_in_texts_only() {
         let mut params = editor.place();
         params["context"] = json!({ "triggerKind": 2, "triggerCharacter": " " });
         let found = editor.ask("textDocument/completion", params);
-        assert_eq!(!found["items"].as_array().unwrap().is_empty(), expected, "{text}");
+        let items = found["items"].as_array().unwrap();
+        assert_eq!(items.iter().any(|item| item["label"] == "required"), expected, "{text}");
+        assert_eq!(!items.is_empty(), expected, "{text}");
     }
+}
+
+#[test]
+fn bits_are_marked_among_the_values() {
+    let mut editor = Editor::with("poke(\"node2.w_CPU_CONTROL\", \"¦\")");
+    let found = editor.ask("textDocument/completion", editor.place());
+    let detail = |label: &str| {
+        let items = found["items"].as_array().unwrap();
+        let item = items.iter().find(|item| item["label"] == label).unwrap();
+        item["detail"].as_str().unwrap().to_owned()
+    };
+    assert_eq!(detail("handshake"), "handshake");
+    assert_eq!(detail("enable"), "bit 6: enable active operation");
 }
 
 #[test]
@@ -251,6 +269,7 @@ fn descriptions_name_meaning_address_page_and_source() {
     ] {
         assert!(register.contains(part), "{part}: {register}");
     }
+    assert!(register.find("  values\n") < register.find("  sources\n"), "{register}");
     let verb = Editor::with("wa¦it(\"x\");").hover();
     assert!(
         verb.contains("wait(register: String, value, within) -> int") && verb.contains("Advances the clock"),

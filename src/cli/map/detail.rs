@@ -14,8 +14,30 @@ fn address(entry: &Entry) -> String {
 
 /// Formats the description as several lines of text.
 pub(crate) fn text(device: &DeviceLayout, entry: &Entry) -> String {
-    let line = |name: &str, value: String| vec![format!("  {name}"), value];
-    let mut lines = vec![
+    let mut lines = facts(device, entry);
+    lines.extend(sources(entry));
+    lines.extend(remarks(device, entry));
+    let mut text = format!("{}\n{}", entry.name, table::columns(&lines));
+    add_meanings(&mut text, entry);
+    text
+}
+
+/// Does the same with the values and bits before the source of each fact, for a small window.
+pub(crate) fn text_with_values_first(device: &DeviceLayout, entry: &Entry) -> String {
+    let mut lines = facts(device, entry);
+    lines.extend(remarks(device, entry));
+    let mut text = format!("{}\n{}", entry.name, table::columns(&lines));
+    add_meanings(&mut text, entry);
+    section(&mut text, "sources", &sources(entry));
+    text
+}
+
+fn line(name: &str, value: String) -> Vec<String> {
+    vec![format!("  {name}"), value]
+}
+
+fn facts(device: &DeviceLayout, entry: &Entry) -> Vec<Vec<String>> {
+    vec![
         line("meaning", entry.meaning.to_owned()),
         line("address", address(entry)),
         line("type", entry.ty.clone()),
@@ -23,10 +45,17 @@ pub(crate) fn text(device: &DeviceLayout, entry: &Entry) -> String {
         line("reset value", entry.reset.clone()),
         line("structure", entry.structure.to_owned()),
         line("manual", format!("{} p. {}", device.manual, entry.page)),
-    ];
-    for (fact, source) in entry.provenance.all() {
-        lines.push(line(&format!("{} from", fact.replace('_', " ")), source.clone()));
-    }
+    ]
+}
+
+/// The source of each fact.
+fn sources(entry: &Entry) -> Vec<Vec<String>> {
+    let sources = entry.provenance.all().iter();
+    sources.map(|(fact, source)| line(&format!("{} from", fact.replace('_', " ")), source.clone())).collect()
+}
+
+fn remarks(device: &DeviceLayout, entry: &Entry) -> Vec<Vec<String>> {
+    let mut lines = Vec::new();
     if !entry.used.is_empty() {
         lines.push(line("elements", format!("{} used, the others reserved", entry.used)));
     }
@@ -37,7 +66,11 @@ pub(crate) fn text(device: &DeviceLayout, entry: &Entry) -> String {
     if has_meaning && !entry.meaning_page.is_empty() {
         lines.push(line("values, bits", format!("{} p. {}", device.manual, entry.meaning_page)));
     }
-    let mut text = format!("{}\n{}", entry.name, table::columns(&lines));
+    lines
+}
+
+/// Adds the values and bits that have a meaning.
+fn add_meanings(text: &mut String, entry: &Entry) {
     let described = |meaning: &str, source: &str| match source {
         "manual" => meaning.to_owned(),
         other => format!("{meaning} ({other})"),
@@ -46,14 +79,13 @@ pub(crate) fn text(device: &DeviceLayout, entry: &Entry) -> String {
         .values
         .iter()
         .map(|value| vec![format!("    {}", value.hex), described(&value.meaning, &value.provenance)]);
-    section(&mut text, "values", &values.collect::<Vec<_>>());
+    section(text, "values", &values.collect::<Vec<_>>());
     let bits = entry.bits.iter().map(|bit| {
         let range =
             if bit.first == bit.last { bit.first.to_string() } else { format!("{}-{}", bit.first, bit.last) };
         vec![format!("    {range}"), bit.name.to_owned(), described(&bit.meaning, &bit.provenance)]
     });
-    section(&mut text, "bits", &bits.collect::<Vec<_>>());
-    text
+    section(text, "bits", &bits.collect::<Vec<_>>());
 }
 
 fn section(text: &mut String, head: &str, lines: &[Vec<String>]) {

@@ -18,7 +18,11 @@ interface TestEvent {
   actual_text?: string;
   outcome?: string;
   real_us?: number;
+  journal?: { text: string }[];
 }
+
+/** Longest message, in characters, that fits above two compared values; the editor cuts a longer one. */
+const LONGEST_TITLE = 60;
 
 const SCRIPTS = "**/*.rhai";
 
@@ -144,6 +148,7 @@ function report(
       break;
     case "failure":
       failures.set(item.id, message(item, event));
+      run.appendOutput(details(event).join("\r\n") + "\r\n", undefined, item);
       break;
     case "end": {
       const took = event.real_us === undefined ? undefined : event.real_us / 1000;
@@ -162,12 +167,19 @@ function report(
   }
 }
 
-/** The failure at its line, with the expected and the actual value side by side. */
+/** The whole failure: its message and the journal before it. */
+function details({ message, journal }: TestEvent): string[] {
+  const lines = (message ?? "").split("\n");
+  return journal?.length ? [...lines, "journal:", ...journal.map(({ text }) => `  ${text}`)] : lines;
+}
+
+/** The failure at its line, with the expected and the actual value side by side if its message is short. */
 function message(item: vscode.TestItem, event: TestEvent): vscode.TestMessage {
   const text = event.message ?? "";
   const { expected_text: expected, actual_text: actual } = event;
   const has = expected !== undefined && expected !== null && actual !== undefined && actual !== null;
-  const shown = has ? vscode.TestMessage.diff(text, expected, actual) : new vscode.TestMessage(text);
+  const fits = has && text.length <= LONGEST_TITLE;
+  const shown = fits ? vscode.TestMessage.diff(text, expected, actual) : new vscode.TestMessage(details(event).join("\n"));
   const uri = event.script ? vscode.Uri.file(event.script) : item.uri;
   if (uri && event.line) {
     shown.location = new vscode.Location(uri, new vscode.Position(event.line - 1, 0));
