@@ -3,7 +3,7 @@
 use super::program::Starts;
 use super::supply::Supply;
 use super::{
-    Context, Device, DeviceView, Events, Faulty, FileChanges, Front, FrontAction, NovramContents, OptionCard,
+    Context, Device, DevicePorts, DeviceView, Events, Faulty, FileChanges, Front, FrontAction, NovramContents, OptionCard,
     Power, World,
 };
 use crate::fault::{Effect, Faults, Hit, Owner, Target};
@@ -112,6 +112,11 @@ pub trait Firmware: SnapshotFields + Send + 'static {
 
     /// Returns the same value as [`Device::option_card`] of the device.
     fn option_card(&mut self) -> Option<&mut dyn OptionCard> {
+        None
+    }
+
+    /// Same as [`Device::ports`].
+    fn ports(&mut self) -> Option<&mut dyn DevicePorts> {
         None
     }
 
@@ -306,6 +311,10 @@ impl<F: Firmware> Device for Plain<F> {
         self.firmware.option_card()
     }
 
+    fn ports(&mut self) -> Option<&mut dyn DevicePorts> {
+        self.firmware.ports()
+    }
+
     fn faults(&mut self) -> Option<&mut dyn Faulty> {
         Some(self)
     }
@@ -343,6 +352,6 @@ mod tests {
         let kept = (none.next_time(), none.novram(), (0..16).find_map(|event| none.event_level(event)));
         assert_eq!(kept, (u64::MAX, (&[][..], 0), None));
         assert_eq!(none.refusal(BoardSetting::Reset), None);
-        assert!(none.file_changes().is_none() && none.option_card().is_none());
+        assert!(none.file_changes().is_none() && none.option_card().is_none() && none.ports().is_none());
     }
 }

@@ -117,7 +117,7 @@ pub struct Port {
     pub medium: &'static str,
     /// The possible roles of the port.
     pub roles: &'static [Role],
-    /// The area of its registers.
+    /// The area of its registers. The port of a device in a folder has no registers: its area has no bytes.
     pub area: &'static Area,
 }
 

@@ -42,6 +42,7 @@ impl Plant {
             self.follow(look, plc);
         }
         if changed {
+            self.pass_signals();
             self.find_next_device();
         }
         changed

@@ -30,9 +30,17 @@ pub(super) fn plug_in(devices: &[Arc<dyn DeviceConfig>]) -> Arc<[PluggedCard]> {
 }
 
 impl Plant {
+    /// Passes on what devices have sent at this moment: pulses between controllers and cards, and orders for ports. Returns
+    /// whether there were pulses.
+    pub(super) fn pass_signals(&mut self) -> bool {
+        let has_passed = self.pass_card_pulses();
+        self.pass_orders();
+        has_passed
+    }
+
     /// Passes the pulses of this moment on, until there are none. Cards without power get no pulses. Returns whether there
     /// were pulses.
-    pub(super) fn pass_card_pulses(&mut self) -> bool {
+    fn pass_card_pulses(&mut self) -> bool {
         if self.cards.is_empty() {
             return false;
         }

@@ -333,7 +333,7 @@ impl Plant {
         for device in devices.iter_mut().filter(|device| device.next_time() == *now) {
             device.due(&mut world);
         }
-        self.pass_card_pulses();
+        self.pass_signals();
         self.find_next_device();
     }
 
@@ -370,7 +370,7 @@ impl Plant {
                 self.ports_look(plc);
             }
         }
-        self.pass_card_pulses();
+        self.pass_signals();
         self.is_seen = !self.forces.apply(&self.devices);
         self.find_next_device();
         self.is_seen
@@ -386,7 +386,9 @@ impl Plant {
     /// Handles the present event of a bus. If no participant can see the order of the events, also handles the
     /// following events of this bus before events of others.
     fn bus_events(&mut self, index: BusIndex, time: u64) {
-        let until = if self.is_unobserved() {
+        // A device with a port handles its frame before the next event of the bus.
+        let is_linked = self.ports.is_linked(index);
+        let until = if self.is_unobserved() && !is_linked {
             let others =
                 self.schedule.first_besides(index.index()).min(self.next_cycle).min(self.next_device);
             others.min(time.saturating_add(1))
@@ -404,6 +406,9 @@ impl Plant {
             }
             *now = next;
         };
+        if is_linked {
+            self.find_next_device();
+        }
         if !self.edges.is_empty() {
             self.tell_edges();
         }
@@ -433,7 +438,7 @@ impl Plant {
                 self.next_device = self.next_device.min(device.next_time());
             }
         }
-        if self.pass_card_pulses() {
+        if self.pass_signals() {
             self.is_seen = false;
             self.find_next_device();
         }

@@ -2,7 +2,7 @@
 
 use super::Plant;
 use crate::devices::{
-    BUS_KINDS, BuildError, Bus, Context, Device, FrontAction, Plug, SyncOrigin, SyncSignal,
+    BUS_KINDS, BuildError, Bus, Context, Device, DevicePorts, FrontAction, Plug, SyncOrigin, SyncSignal,
 };
 use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use crate::journal::{Origin, Source};
@@ -31,8 +31,17 @@ pub(super) struct PluggedPort {
     pub(super) port: usize,
 }
 
+/// A port with events that its device handles ([`DevicePorts::exchanges_with_ports`]).
+///
+/// [`DevicePorts::exchanges_with_ports`]: crate::devices::DevicePorts::exchanges_with_ports
+#[derive(Clone, Copy, Debug)]
+struct LinkedPort {
+    device: DeviceIndex,
+    port: Port,
+}
+
 snapshot_fields!(Port { values: takes_part; built: number, bus, place });
-snapshot_fields!(Ports { parts: of_device; built: ways, seats });
+snapshot_fields!(Ports { parts: of_device; built: ways, seats, linked });
 
 /// The ports of all devices.
 #[derive(Default)]
@@ -43,6 +52,8 @@ pub(super) struct Ports {
     ways: Vec<Vec<(DeviceIndex, usize, usize)>>,
     /// For each bus, the port at each of its places.
     seats: Arc<Vec<Vec<PluggedPort>>>,
+    /// Ports with events that their devices handle.
+    linked: Arc<Vec<LinkedPort>>,
 }
 
 impl Ports {
@@ -77,7 +88,12 @@ impl Ports {
             }
             seats[index]
                 .push(PluggedPort { device: DeviceIndex::at(self.of_device.len()), port: ports.len() });
-            ports.push(Port { number, bus: BusIndex::at(index), place, takes_part: false });
+            let port = Port { number, bus: BusIndex::at(index), place, takes_part: false };
+            if device.ports().is_some_and(|ports| ports.exchanges_with_ports()) {
+                let device = DeviceIndex::at(self.of_device.len());
+                Arc::make_mut(&mut self.linked).push(LinkedPort { device, port });
+            }
+            ports.push(port);
         }
         self.ways.resize(buses.len(), Vec::new());
         let find = |number: PortNumber| ports.iter().position(|port| port.number == number);
@@ -102,6 +118,11 @@ impl Ports {
     /// For each bus, the port at each of its places. The places are in the order in which the ports were connected.
     pub(super) fn seats(&self) -> Arc<Vec<Vec<PluggedPort>>> {
         Arc::clone(&self.seats)
+    }
+
+    /// True if a device handles the events of its port at this bus.
+    pub(super) fn is_linked(&self, bus: BusIndex) -> bool {
+        self.linked.iter().any(|linked| linked.port.bus == bus)
     }
 
     /// Returns the port with this number.
@@ -141,7 +162,7 @@ impl Plant {
                 of_device.address_taken(&mut Context { now, journal, origin, base: 0 }, port.number);
             }
         }
-        self.pass_card_pulses();
+        self.pass_signals();
     }
 
     /// Stops device `index`, then lets its ports leave their buses.
@@ -161,7 +182,7 @@ impl Plant {
                 ports.port_joined(port.number, false);
             }
         }
-        self.pass_card_pulses();
+        self.pass_signals();
     }
 
     /// Carries out the action that results from polling the front panel of device `index`.
@@ -177,6 +198,21 @@ impl Plant {
                 self.devices[index.index()].supply_failed();
             }
             FrontAction::Up => self.start(index),
+        }
+    }
+
+    /// Lets the ports handle the orders that their devices have given at this moment. Devices without power have none.
+    pub(super) fn pass_orders(&mut self) {
+        if self.ports.linked.is_empty() {
+            return;
+        }
+        for &LinkedPort { device, port } in &*Arc::clone(&self.ports.linked) {
+            let has_orders = |ports: &mut dyn DevicePorts| ports.has_orders(port.number);
+            if self.devices[device.index()].ports().is_some_and(has_orders) {
+                let bus = &mut self.buses[port.bus.index()];
+                bus.processor_cycle(port.place, self.now, &mut self.journal);
+                self.schedule.set(port.bus.index(), bus.next_time());
+            }
         }
     }
 

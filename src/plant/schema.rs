@@ -76,8 +76,13 @@ fn of_folder() -> Value {
         "type": "object",
         "additionalProperties": false,
         "required": ["name", "kind"],
-        "properties": { "name": name(), "kind": path, "option": card() },
+        "properties": { "name": name(), "kind": path, "option": card(), "bus": bus() },
     })
+}
+
+/// Schema of the bus at the port of a device in a folder.
+fn bus() -> Value {
+    json!({ "type": "string", "description": "Name of the CAN bus at the port of the device" })
 }
 
 /// Schema of the slot of an option card.

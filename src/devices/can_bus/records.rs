@@ -99,7 +99,7 @@ impl Part for Frame {
 }
 
 /// Formats a frame: `16#123 01 02`, `16#00000123 remote, length 2`.
-fn text(frame: &Frame) -> String {
+pub(crate) fn text(frame: &Frame) -> String {
     let rest = if frame.arbitration().is_remote() {
         format!(" remote, length {}", frame.length())
     } else {

@@ -1,5 +1,10 @@
 //! Access of tables and script to the registers and events of a device in a folder.
 
+use super::port::BusLink;
+#[cfg(feature = "script")]
+use super::port::{Arrival, Unsendable};
+#[cfg(feature = "script")]
+use crate::can::{ErrorState, Filter, Frame};
 use crate::devices::{CardPulses, Context, Events};
 use crate::journal::Register;
 #[cfg(feature = "script")]
@@ -79,13 +84,20 @@ pub(super) struct Card {
     requests: u32,
     /// Pulses for the controller of an option card. The plant takes them at the moment at which they occur.
     pulses: CardPulses,
+    /// The CAN port, if the device has one.
+    link: Option<BusLink>,
 }
 
 impl Card {
-    pub(super) fn new(segment: Segment, face: FirmwareHeader, has_events: bool) -> Self {
+    pub(super) fn new(
+        segment: Segment,
+        face: FirmwareHeader,
+        has_events: bool,
+        link: Option<BusLink>,
+    ) -> Self {
         let face = Arc::new(face);
         let (events, pulses) = (Events::default(), CardPulses::default());
-        Card { segment, face, watched: Vec::new(), events, has_events, requests: 0, pulses }
+        Card { segment, face, watched: Vec::new(), events, has_events, requests: 0, pulses, link }
     }
 
     /// Moves registers and events to a new card for a call of the script. [`Card::give_back`] takes the changes back.
@@ -95,6 +107,7 @@ impl Card {
             segment: self.segment.clone(),
             face: Arc::clone(&self.face),
             watched: mem::take(&mut self.watched),
+            link: self.link.clone(),
             ..*self
         }
     }
@@ -298,6 +311,35 @@ impl Card {
         mem::take(&mut self.pulses)
     }
 
+    /// Removes and returns the first event of the port that was not handled.
+    #[cfg(feature = "script")]
+    pub(super) fn take_arrival(&self) -> Option<Arrival> {
+        self.link.as_ref()?.take_arrival()
+    }
+
+    /// Puts a frame into the transmit queue of the port.
+    ///
+    /// # Errors
+    /// The frame is lost.
+    #[cfg(feature = "script")]
+    pub(super) fn send(&self, frame: Frame) -> Result<(), Unsendable> {
+        self.link.as_ref().ok_or(Unsendable::NoBus)?.send(frame)
+    }
+
+    /// Replaces the filters of the port.
+    #[cfg(feature = "script")]
+    pub(super) fn accept(&self, filters: Vec<Filter>) {
+        if let Some(link) = &self.link {
+            link.accept(filters);
+        }
+    }
+
+    /// Returns the error state of the port; `None` if it is at no bus.
+    #[cfg(feature = "script")]
+    pub(super) fn bus_state(&self) -> Option<ErrorState> {
+        self.link.as_ref()?.state()
+    }
+
     /// Raises an event at `now`; returns false if the device has no such event.
     #[cfg(feature = "script")]
     pub(super) fn raise(&mut self, event: usize, now: u64) -> bool {
@@ -311,7 +353,8 @@ impl Card {
 /// The registers themselves are not saved here: they are in the plant's snapshot.
 impl SnapshotFields for Card {
     fn save(&self, to: &mut Saving) {
-        let Self { segment: _, face: _, watched, events, has_events: _, requests, pulses: _ } = self;
+        // The port saves the link.
+        let Self { segment: _, face: _, watched, events, has_events: _, requests, pulses: _, link: _ } = self;
         to.value(&watched.iter().map(|watched| watched.last).collect::<Vec<_>>());
         to.value(requests);
         events.save(to);

@@ -5,11 +5,14 @@ use super::card::Card;
 use super::firmware::FolderFirmware;
 use super::handshakes::Handshakes;
 use super::part::Part;
+use super::port::{BusLink, FolderPort};
 use super::source::Source;
 use crate::devices::settings::range;
-use crate::devices::{BuildError, CardPlace, Device, DeviceConfig, Plain, Plug};
+use crate::devices::can_bus::CanSocket;
+use crate::devices::{BuildError, CardPlace, Device, DeviceConfig, Plain, Plug, PortConfig};
 use crate::identity::DeviceIndex;
-use crate::layout::DeviceLayout;
+use crate::journal::Origin;
+use crate::layout::{DeviceLayout, Port};
 use crate::memory::Segment;
 use core::fmt;
 use serde::Deserialize;
@@ -24,6 +27,8 @@ pub(crate) struct FolderConfig {
     pub(super) folder: &'static Folder,
     pub(super) dir: PathBuf,
     card: Option<CardSection>,
+    /// Name of the bus at the port.
+    bus: Option<String>,
 }
 
 /// Keys of the section in the plant file, except `kind`.
@@ -33,6 +38,7 @@ pub(crate) struct FolderConfig {
 struct Section {
     name: String,
     option: Option<CardSection>,
+    bus: Option<String>,
 }
 
 /// The slot of an option card.
@@ -58,19 +64,27 @@ impl FolderConfig {
         dir: PathBuf,
         section: ValueDeserializer<'_>,
     ) -> Result<Arc<dyn DeviceConfig>, Error> {
-        let Section { name, option: card } = Section::deserialize(section)?;
-        Ok(Arc::new(FolderConfig { name, folder, dir, card }))
+        let Section { name, option: card, bus } = Section::deserialize(section)?;
+        Ok(Arc::new(FolderConfig { name, folder, dir, card, bus }))
+    }
+}
+
+impl FolderConfig {
+    /// The port that `device.toml` declares; its medium is CAN.
+    fn port(&self) -> Option<&'static Port> {
+        self.layout().ports.first()
     }
 }
 
 /// Settings by which plants are compared with a snapshot: the files of the device, but not the path of the folder.
 impl fmt::Debug for FolderConfig {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { name, folder, dir: _, card } = self;
+        let Self { name, folder, dir: _, card, bus } = self;
         f.debug_struct(folder.registered.layout.name)
             .field("name", name)
             .field("files", &folder.fingerprint)
             .field("card", card)
+            .field("bus", bus)
             .finish()
     }
 }
@@ -85,6 +99,14 @@ impl DeviceConfig for FolderConfig {
     }
 
     fn check(&self) -> Result<(), BuildError> {
+        if self.bus.is_some() && self.port().is_none() {
+            let reason = format!(
+                "'{}' has no port: its {} declares no [[port]]",
+                self.name,
+                self.dir.join("device.toml").display()
+            );
+            return Err(BuildError::own(&self.name, "bus", reason));
+        }
         let Some(card) = &self.card else { return Ok(()) };
         range("option.trigger", &self.name, card.trigger.into(), 1..=2, "1 or 2")?;
         if self.folder.script.is_none() {
@@ -94,6 +116,10 @@ impl DeviceConfig for FolderConfig {
             return Err(BuildError::own(&self.name, "option", reason));
         }
         Ok(())
+    }
+
+    fn ports(&self) -> Vec<PortConfig<'_>> {
+        self.port().map(|port| PortConfig::of(port, self.bus.as_deref())).into_iter().collect()
     }
 
     fn card_place(&self) -> Option<CardPlace<'_>> {
@@ -115,7 +141,9 @@ impl DeviceConfig for FolderConfig {
         segment: Segment,
     ) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
         let script = self.folder.script.as_ref();
-        let mut card = Card::new(segment.clone(), segment.firmware_header()?, script.is_some());
+        let link = self.port().map(|_| BusLink::default());
+        let mut card =
+            Card::new(segment.clone(), segment.firmware_header()?, script.is_some(), link.clone());
         let mut parts: Vec<Box<dyn Part>> = Vec::new();
         if let Some(script) = script {
             if script.watches() {
@@ -124,8 +152,17 @@ impl DeviceConfig for FolderConfig {
             parts.push(script.firmware(self.layout()));
         }
         parts.push(Box::new(Handshakes::new(&self.folder.rows)));
-        let firmware = FolderFirmware::new(parts, card, Source::new(self.clone()));
+        let plugs = self.port().zip(link.clone()).map(|(port, link)| {
+            let origin = Origin { plc: index, node: port.number };
+            let firmware = Box::new(FolderPort::new(link, script.is_some()));
+            let socket =
+                CanSocket { origin, segment: segment.clone(), layout: self.layout(), port: firmware };
+            let (number, family, bus) = (port.number, port.medium, self.bus.clone());
+            Plug { number, family, bus, socket: Box::new(socket) }
+        });
+        let plugs = Vec::from_iter(plugs);
+        let firmware = FolderFirmware::new(parts, card, Source::new(self.clone()), link);
         let device = Plain::new(index, &self.name, self.layout(), segment, firmware)?;
-        Ok((Box::new(device), Vec::new()))
+        Ok((Box::new(device), plugs))
     }
 }

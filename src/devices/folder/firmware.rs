@@ -2,9 +2,10 @@
 
 use super::card::Card;
 use super::part::Part;
+use super::port::BusLink;
 use super::records::Reload;
 use super::source::Source;
-use crate::devices::{CardPulses, Context, Events, FileChanges, Firmware, OptionCard};
+use crate::devices::{CardPulses, Context, DevicePorts, Events, FileChanges, Firmware, OptionCard};
 use crate::memory::header::Start;
 use crate::snapshot_fields;
 
@@ -13,13 +14,27 @@ pub(super) struct FolderFirmware {
     parts: Vec<Box<dyn Part>>,
     card: Card,
     source: Source,
+    /// The part that the CAN port shares with the firmware, if the device has a port.
+    link: Option<BusLink>,
 }
 
-snapshot_fields!(FolderFirmware { parts: parts, card; built: source });
+snapshot_fields!(FolderFirmware { parts: parts, card; built: source, link });
 
 impl FolderFirmware {
-    pub(super) fn new(parts: Vec<Box<dyn Part>>, card: Card, source: Source) -> Self {
-        FolderFirmware { parts, card, source }
+    pub(super) fn new(
+        parts: Vec<Box<dyn Part>>,
+        card: Card,
+        source: Source,
+        link: Option<BusLink>,
+    ) -> Self {
+        FolderFirmware { parts, card, source, link }
+    }
+
+    /// Switches the port on or off with the device. At power-off the script can send nothing.
+    fn switch_port(&self, is_on: bool) {
+        if let Some(link) = &self.link {
+            link.switch(is_on);
+        }
     }
 
     /// Calls each part with the registers.
@@ -31,10 +46,12 @@ impl FolderFirmware {
 impl Firmware for FolderFirmware {
     fn start(&mut self, ctx: &mut Context) {
         self.card.start();
+        self.switch_port(true);
         self.each(|part, card| part.start(ctx, card));
     }
 
     fn stop(&mut self, ctx: &mut Context) {
+        self.switch_port(false);
         self.each(|part, card| part.stop(ctx, card));
     }
 
@@ -53,7 +70,8 @@ impl Firmware for FolderFirmware {
     }
 
     fn next_time(&self) -> u64 {
-        self.parts.iter().map(|part| part.next_time()).min().unwrap_or(u64::MAX)
+        let of_port = self.link.as_ref().map_or(u64::MAX, BusLink::next_time);
+        self.parts.iter().map(|part| part.next_time()).fold(of_port, u64::min)
     }
 
     fn due(&mut self, ctx: &mut Context) {
@@ -74,6 +92,10 @@ impl Firmware for FolderFirmware {
 
     fn option_card(&mut self) -> Option<&mut dyn OptionCard> {
         Some(self)
+    }
+
+    fn ports(&mut self) -> Option<&mut dyn DevicePorts> {
+        self.link.as_mut().map(|link| link as &mut dyn DevicePorts)
     }
 
     /// No event occurs while the program is stopped (D-300).

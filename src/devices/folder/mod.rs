@@ -14,6 +14,7 @@ mod firmware;
 mod handshakes;
 mod own_records;
 mod part;
+mod port;
 pub mod records;
 pub mod rules;
 #[cfg_attr(not(feature = "script"), path = "absent.rs")]

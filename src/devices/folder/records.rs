@@ -1,13 +1,17 @@
 //! Journal records of devices in folders: texts of their scripts. The text is in the octets of the record.
 
 use super::own_records;
+use super::port::Unsendable;
+use crate::can::Frame;
+use crate::devices::can_bus;
 use crate::event_kinds;
 use crate::identity::DeviceIndex;
 use crate::journal::{EventCodec, EventKind, EventText, Fields, Journal, Reader};
 use twox_hash::XxHash3_64;
 
 /// All kinds of records of devices in folders.
-pub static KINDS: &[&EventKind] = &[Note::KIND, Stopped::KIND, Reload::KIND, DeviceRecord::KIND];
+pub static KINDS: &[&EventKind] = 
+    &[Note::KIND, Stopped::KIND, Reload::KIND, DeviceRecord::KIND, Unsent::KIND];
 
 /// Longest text of a record in bytes.
 pub const LONGEST_NOTE: usize = 200;
@@ -25,6 +29,11 @@ event_kinds! {
     }
     /// Files of a device in a folder have changed while it runs.
     Reload = 79, "reload", Rare, at plc {
+        /// XXH3 of the text.
+        sum: u64,
+    }
+    /// A script has sent a frame, and the frame is lost before it was in the transmit queue.
+    Unsent = 81, "unsent", Missed, at plc {
         /// XXH3 of the text.
         sum: u64,
     }
@@ -66,6 +75,32 @@ impl DeviceRecord {
         let line = &line[..line.floor_char_boundary(255)];
         let sum = XxHash3_64::oneshot(line.as_bytes());
         journal.push_octets(now, DeviceRecord { plc, sum }, Some(line.as_bytes()));
+    }
+}
+
+impl Unsent {
+    /// Writes a record with the frame and the reason for its loss.
+    #[cfg_attr(not(feature = "script"), expect(dead_code, reason = "only scripts send frames"))]
+    pub(super) fn write(
+        journal: &mut Journal,
+        now: u64,
+        plc: DeviceIndex,
+        frame: &Frame,
+        reason: Unsendable,
+    ) {
+        let text = format!("{}: {reason}", can_bus::records::text(frame));
+        let (text, sum) = shortened(&text);
+        journal.push_octets(now, Unsent { plc, sum }, Some(text.as_bytes()));
+    }
+}
+
+impl EventText for Unsent {
+    fn text(&self, reader: &mut Reader) -> String {
+        format!("frame not sent: {}", text(reader))
+    }
+
+    fn fields(&self, reader: &mut Reader) -> Fields {
+        Fields::new().with("text", text(reader))
     }
 }
 

@@ -55,6 +55,30 @@ pub(super) fn of(read: &commram_layoutc::Layout) -> &'static DeviceLayout {
     }))
 }
 
+/// The area of a port without registers.
+static NO_REGISTERS: Area = Area {
+    name: "",
+    name_from: Provenance::Manual,
+    space: &Space {
+        name: "",
+        letter: 'M',
+        segment: "",
+        unit: Unit::Byte,
+        first: 0,
+        offset: 0,
+        bytes: 0,
+        page: "",
+        doc: "",
+    },
+    first: 0,
+    bytes: 0,
+    cpu: None,
+    doc: "",
+    page: "",
+    phases: None,
+    structures: &[],
+};
+
 fn leaked<T>(items: Vec<T>) -> &'static [T] {
     Box::leak(items.into_boxed_slice())
 }
@@ -303,7 +327,7 @@ impl Tables {
             number: PortNumber(port.number),
             medium: self.text(&port.medium),
             roles: leaked(port.roles.iter().copied().map(role).collect()),
-            area: &areas[port.area],
+            area: port.area.and_then(|area| areas.get(area)).unwrap_or(&NO_REGISTERS),
         }
     }
 }

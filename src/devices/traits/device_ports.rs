@@ -33,6 +33,19 @@ pub trait DevicePorts {
         &[]
     }
 
+    /// True if the device itself handles events of its ports, at the moment of the event. The time of its next event
+    /// ([`Device::next_time`](crate::devices::Device::next_time)) then depends on them.
+    fn exchanges_with_ports(&self) -> bool {
+        false
+    }
+
+    /// True if the device has orders for `port` that the port has not handled yet, for example a frame to be sent. The
+    /// plant then lets the port poll at once.
+    fn has_orders(&self, port: PortNumber) -> bool {
+        let _ = port;
+        false
+    }
+
     /// Called at an edge of the SYNC signal at `port`, after all other parts have handled the edge.
     fn sync_edge(&mut self, port: PortNumber, now: u64) {
         let _ = (port, now);

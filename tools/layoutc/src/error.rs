@@ -174,6 +174,10 @@ pub enum Reason {
     PortNumberTwice(u8),
     #[error("`roles` lists the roles of a port at its medium, each once: \"master\", \"slave\", \"peer\"")]
     PortRoles,
+    #[error("port `{0}` names no `area` of its registers")]
+    PortWithoutArea(String),
+    #[error("the port of a device in a folder: {0}")]
+    PortInFolder(&'static str),
     #[error("unknown area `{0}`; areas are defined under [[area]] of device.toml")]
     UnknownArea(String),
     #[error("an array has one or two dimensions of 1 to 65535 elements, this one is {0:?}")]

@@ -114,8 +114,9 @@ pub struct Port {
     pub medium: String,
     /// Possible roles at the medium.
     pub roles: Vec<Role>,
-    /// Index into [`Device::areas`].
-    pub area: usize,
+    /// Index of the area of its registers in [`Device::areas`]; `None` for a port of a device in a folder, which has no
+    /// registers.
+    pub area: Option<usize>,
 }
 
 /// One line of the timing table as Rust source: names and values of its fields.

@@ -178,9 +178,10 @@ pub(crate) struct Front {
 pub(crate) struct Port {
     pub name: Spanned<String>,
     pub number: Spanned<u8>,
-    pub medium: String,
+    pub medium: Spanned<String>,
     pub roles: Spanned<Vec<Role>>,
-    pub area: Spanned<String>,
+    /// Area of the port's registers. A port of a device in a folder has none.
+    pub area: Option<Spanned<String>>,
 }
 
 /// The role of a port at its medium.

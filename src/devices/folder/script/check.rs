@@ -4,7 +4,7 @@ use super::budget::{MOST_OPERATIONS, Meter};
 use super::engine::{MISSING, MOST_ARGUMENTS, engine};
 use super::mistake::Mistake;
 use super::verb_context::VerbContext;
-use super::verbs::{CHANGING, OF_REGISTERS};
+use super::verbs::{CHANGING, OF_PORT, OF_REGISTERS};
 use super::{Hooks, MAIN, Script};
 use crate::devices::folder::own_records::OwnRecord;
 use crate::devices::folder::state_word::may_change;
@@ -19,6 +19,10 @@ type Found = (Hooks, Option<Vec<String>>, Vec<String>);
 
 /// A line and its error.
 type Wrong = (Position, String);
+
+/// The correction of a script that needs a port.
+const DECLARE_PORT: &str = "declare it in device.toml: \
+    port = [{ name = \"can\", number = 1, medium = \"can\", roles = [\"peer\"] }]";
 
 /// Name of the constant that selects the registers of the hook `written` (D-822).
 pub(super) const WRITTEN: &str = "WRITTEN";
@@ -43,6 +47,7 @@ pub(super) fn check(script: &Script, layout: &'static DeviceLayout) -> Result<Fo
         named.collect(&ast);
         if file == MAIN {
             hooks = hooks_of(&ast)?;
+            check_port(script, hooks, layout)?;
         }
         // Runs the statements outside of functions. They may be constants and imports; verbs are refused here. All
         // files share the processor time of one millisecond.
@@ -107,6 +112,18 @@ fn hooks_of(ast: &AST) -> Result<Hooks, Mistake> {
         *flag = true;
     }
     Ok(hooks)
+}
+
+/// Refuses hooks for events of a port if the device has none.
+fn check_port(script: &Script, mut hooks: Hooks, layout: &'static DeviceLayout) -> Result<(), Mistake> {
+    let has = |name: &&&str| hooks.flag(name).is_some_and(|flag| *flag);
+    match Hooks::OF_PORT.iter().find(has) {
+        Some(name) if layout.ports.is_empty() => Err(Mistake {
+            line: line_of(script, name),
+            ..Mistake::new(format!("the hook {name} needs a port; {DECLARE_PORT}"))
+        }),
+        _ => Ok(()),
+    }
 }
 
 /// The names that the files of a script use.
@@ -214,6 +231,9 @@ impl Calls<'_> {
                 found.iter().try_for_each(may_change).map_err(|what| (at, what))?;
             }
             return Ok(());
+        }
+        if OF_PORT.contains(&name) && self.layout.ports.is_empty() {
+            return Err((at, format!("`{name}` needs a port; {DECLARE_PORT}")));
         }
         if name == "record"
             && let Some(kind) = text(call, 0)

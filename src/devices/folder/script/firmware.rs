@@ -1,8 +1,9 @@
 //! The firmware that a script describes.
 
-use super::Script;
+use super::{Hooks, Script};
 use super::budget::Budget;
 use super::data::Data;
+use super::frames;
 use super::mistake::Mistake;
 use super::program::{Outcome, Program};
 use super::timers::Timers;
@@ -10,6 +11,7 @@ use super::verb_context::Acting;
 use crate::devices::Context;
 use crate::devices::folder::card::{Card, Place};
 use crate::devices::folder::part::Part;
+use crate::devices::folder::port::Arrival;
 use crate::devices::folder::records::Stopped;
 use crate::devices::folder::{rules, state_word};
 use crate::journal::Finding;
@@ -104,6 +106,25 @@ impl ScriptFirmware {
         }
     }
 
+    /// Calls the hooks for the events of the port, in their order. A stopped script handles none.
+    fn take_arrivals(&mut self, ctx: &mut Context, card: &mut Card) {
+        let Hooks { frame: has_frame, bus_event: has_event, .. } = self.script.hooks;
+        while let Some(arrival) = card.take_arrival() {
+            match arrival {
+                Arrival::Frame(frame) if has_frame => {
+                    self.call(ctx, card, "frame", vec![frames::value_of(&frame)]);
+                }
+                Arrival::State(state) if has_event => {
+                    self.call(ctx, card, "bus_event", vec![state.name().into()]);
+                }
+                Arrival::Overrun if has_event => {
+                    self.call(ctx, card, "bus_event", vec!["overrun".into()]);
+                }
+                Arrival::Frame(_) | Arrival::State(_) | Arrival::Overrun => {}
+            }
+        }
+    }
+
     /// Calls the functions that are due now.
     fn run_timers(&mut self, ctx: &mut Context, card: &mut Card) {
         while let Some(timer) = self.timers.take(ctx.now) {
@@ -134,6 +155,7 @@ impl Part for ScriptFirmware {
 
     fn look(&mut self, ctx: &mut Context, card: &mut Card) {
         self.has_moved = false;
+        self.take_arrivals(ctx, card);
         if self.is_stopped {
             return;
         }
@@ -159,6 +181,7 @@ impl Part for ScriptFirmware {
     }
 
     fn due(&mut self, ctx: &mut Context, card: &mut Card) {
+        self.take_arrivals(ctx, card);
         self.run_timers(ctx, card);
     }
 

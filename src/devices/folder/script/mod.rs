@@ -13,6 +13,7 @@ mod data;
 mod engine;
 mod exercise;
 mod firmware;
+mod frames;
 mod imports;
 mod mistake;
 mod program;
@@ -71,11 +72,13 @@ struct Hooks {
     board: bool,
     trigger: bool,
     sync_edge: bool,
+    frame: bool,
+    bus_event: bool,
 }
 
 impl Hooks {
     /// Names of the hooks, each with its parameters.
-    const ALL: [(&'static str, &'static [&'static str]); 7] = [
+    const ALL: [(&'static str, &'static [&'static str]); 9] = [
         ("power_on", &[]),
         ("power_off", &[]),
         ("poll", &[]),
@@ -83,7 +86,12 @@ impl Hooks {
         ("board", &["order"]),
         ("trigger", &[]),
         ("sync_edge", &[]),
+        ("frame", &["frame"]),
+        ("bus_event", &["event"]),
     ];
+
+    /// Hooks of devices with a port.
+    const OF_PORT: [&'static str; 2] = ["frame", "bus_event"];
 
     fn flag(&mut self, name: &str) -> Option<&mut bool> {
         match name {
@@ -94,6 +102,8 @@ impl Hooks {
             "board" => Some(&mut self.board),
             "trigger" => Some(&mut self.trigger),
             "sync_edge" => Some(&mut self.sync_edge),
+            "frame" => Some(&mut self.frame),
+            "bus_event" => Some(&mut self.bus_event),
             _ => None,
         }
     }

@@ -3,10 +3,12 @@
 
 use super::engine::LARGEST_ARRAY;
 use super::timers::Timers;
+use crate::can::Frame;
 use crate::devices::Context;
 use crate::devices::folder::card::{Card, Place};
 use crate::devices::folder::own_records::OwnRecord;
-use crate::devices::folder::records::{DeviceRecord, Note};
+use crate::devices::folder::port::Unsendable;
+use crate::devices::folder::records::{DeviceRecord, Note, Unsent};
 use crate::devices::folder::rules;
 use crate::journal::{Finding, Handshake, Origin, Register};
 use crate::layout::{DeviceLayout, RegisterRef};
@@ -57,6 +59,8 @@ pub(super) enum Report {
     Recorded(String),
     /// A finding with its text.
     Violated(Finding, String),
+    /// A frame that was not sent.
+    Unsent(Frame, Unsendable),
 }
 
 impl Report {
@@ -67,6 +71,9 @@ impl Report {
             Report::Recorded(line) => DeviceRecord::write(ctx.journal, ctx.now, ctx.origin.plc, &line),
             Report::Changed(event) => ctx.report(event),
             Report::Answered(event) => ctx.report(event),
+            Report::Unsent(frame, reason) => {
+                Unsent::write(ctx.journal, ctx.now, ctx.origin.plc, &frame, reason);
+            }
             Report::Violated(finding, text) => ctx.journal.find_with(ctx.now, finding, &text),
         }
     }
@@ -95,6 +102,13 @@ impl Acting {
             _ => Report::Changed(Register { origin, offset, from: request, to: answer }),
         });
         true
+    }
+
+    /// Puts a frame into the transmit queue of the port. Returns false if the frame is lost; the journal then has a record.
+    pub(super) fn send(&mut self, frame: Frame) -> bool {
+        let sent = self.card.send(frame);
+        self.reports.extend(sent.err().map(|reason| Report::Unsent(frame, reason)));
+        sent.is_ok()
     }
 
     /// Reports that a program has broken a rule of the device.

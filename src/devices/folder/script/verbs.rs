@@ -3,7 +3,9 @@
 use super::budget::Meter;
 use super::data::Data;
 use super::engine::MOST_ARGUMENTS;
+use super::frames;
 use super::verb_context::{Acting, Found, Report, VerbContext};
+use crate::can::ErrorState;
 use crate::devices::folder::card::Place;
 use crate::devices::folder::own_records::OwnRecord;
 use crate::devices::folder::records::LONGEST_NOTE;
@@ -20,9 +22,11 @@ use std::sync::Arc;
 type Fallible<T> = Result<T, Box<EvalAltResult>>;
 
 /// Names of the verbs, for suggestions.
-pub(super) const NAMES: [&str; 20] = [
+pub(super) const NAMES: [&str; 23] = [
+    "accept",
     "after",
     "at",
+    "bus_state",
     "cancel",
     "clear_bits",
     "copy",
@@ -37,11 +41,15 @@ pub(super) const NAMES: [&str; 20] = [
     "read_all",
     "record",
     "reset",
+    "send",
     "set_bits",
     "sync_pulse",
     "violation",
     "write",
 ];
+
+/// Verbs of devices with a port.
+pub(super) const OF_PORT: [&str; 3] = ["accept", "bus_state", "send"];
 
 /// Verbs with the name of one register, or of several registers, as their first argument.
 pub(super) const OF_REGISTERS: [(&str, bool); 11] = [
@@ -70,6 +78,7 @@ pub(super) fn register(engine: &mut Engine, context: &Rc<RefCell<VerbContext>>, 
     verbs.bits_and_answers();
     verbs.times();
     verbs.reports();
+    verbs.bus();
 }
 
 /// Access of a verb to the objects on which verbs act.
@@ -252,6 +261,33 @@ impl Verbs<'_> {
             move |number: INT| {
                 context.device(|device| {
                     Ok(u64::try_from(number).is_ok_and(|number| device.timers.cancel(number)))
+                })
+            }
+        });
+    }
+
+    fn bus(&mut self) {
+        self.on("send", |context| {
+            move |id: INT, data: Dynamic| {
+                context.device(|device| Ok(device.send(frames::data_frame(id, &data)?)))
+            }
+        });
+        self.on("send", |context| {
+            move |frame: Map| context.device(|device| Ok(device.send(frames::frame_of(&frame)?)))
+        });
+        self.on("accept", |context| {
+            move |filters: Array| {
+                context.device(|device| {
+                    device.card.accept(frames::filters_of(&filters)?);
+                    Ok(())
+                })
+            }
+        });
+        self.on("bus_state", |context| {
+            move || {
+                context.device(|device| {
+                    let state = device.card.bus_state();
+                    Ok(ImmutableString::from(state.map_or("no_bus", ErrorState::name)))
                 })
             }
         });

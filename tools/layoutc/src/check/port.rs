@@ -30,8 +30,15 @@ pub(crate) fn check(
         if roles.is_empty() || (1..roles.len()).any(|n| roles[..n].contains(&roles[n])) {
             return Err(sources.error(at(file, raw.roles.span()), Reason::PortRoles));
         }
-        let area = area(sources, file, &raw.area, areas)?;
-        let (name, medium) = (raw.name.get_ref().clone(), raw.medium.clone());
+        let name = raw.name.get_ref().clone();
+        let area = match &raw.area {
+            Some(name) => Some(area(sources, file, name, areas)?),
+            None if sources.is_folder() => None,
+            None => {
+                return Err(sources.error(at(file, raw.name.span()), Reason::PortWithoutArea(name)));
+            }
+        };
+        let medium = raw.medium.get_ref().clone();
         ports.push(Port { name, number, medium, roles: roles.clone(), area });
     }
     ports.sort_by_key(|port| port.number);

@@ -204,6 +204,8 @@ fn ports(out: &mut String, device: &Device) {
         "    /// The ports in the order of their numbers.\n    pub static PORTS: [Port; {count}] = ["
     );
     for Port { name, number, medium, roles, area } in &device.ports {
+        // Only the port of a device in a folder has no area, and no tables are generated for such a device.
+        let Some(area) = area else { continue };
         let roles: String = roles.iter().map(|role| format!("Role::{role:?}, ")).collect();
         let _ = writeln!(
             out,

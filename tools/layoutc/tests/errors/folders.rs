@@ -47,13 +47,6 @@ fn a_folder_reads_like_a_layout() {
 
 #[test]
 fn keys_that_only_code_serves() {
-    let dir =
-        edited("device.toml", "structures = [\"INIT\", \"CTRL\"]", "structures = [\"INIT\", \"CTRL\"] ");
-    let error = error_of(dir.path());
-    assert!(
-        error.ends_with("a device in a folder has no `port`; a device in a crate can have it"),
-        "{error}"
-    );
     let dir = plain();
     replace(dir.path(), "title =", "objects = \"objects.toml\"\ntitle =");
     let error = error_of(dir.path());
@@ -61,6 +54,31 @@ fn keys_that_only_code_serves() {
         error.ends_with("a device in a folder has no `objects`; a device in a crate can have it"),
         "{error}"
     );
+}
+
+/// The only port of a device in a folder is number 1 at a CAN bus, without registers.
+#[test]
+fn ports_of_a_folder() {
+    let with = |ports: &str| {
+        let dir = plain();
+        replace(dir.path(), "title =", &format!("port = [{ports}]\ntitle ="));
+        dir
+    };
+    let right = "{ name = 'bus', number = 1, medium = 'can', roles = ['peer'] }";
+    let dir = with(right);
+    let device = commram_layoutc::read_folder(dir.path()).unwrap().device;
+    assert_eq!((device.ports.len(), device.ports[0].area), (1, None));
+    for (from, to, error) in [
+        ("number = 1", "number = 2", "its number is 1"),
+        ("'can'", "'profibus'", "its medium is \"can\""),
+        ("['peer']", "['peer', 'master']", "its roles are [\"peer\"]"),
+        (" }", ", area = 'node' }", "it has no `area`, because no register belongs to it"),
+        ("'peer'] }", "'peer'] }, { name = 'b', number = 2, medium = 'can', roles = ['peer'] }", "there is one port only"),
+    ] {
+        let found = error_of(with(&right.replace(from, to)).path());
+        let end = format!("the port of a device in a folder: {error}");
+        assert!(found.starts_with("device.toml:") && found.ends_with(&end), "{found}");
+    }
 }
 
 #[test]
