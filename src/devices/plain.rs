@@ -3,8 +3,8 @@
 use super::program::Starts;
 use super::supply::Supply;
 use super::{
-    Context, Device, DevicePorts, DeviceView, Events, Faulty, FileChanges, Front, FrontAction, NovramContents, OptionCard,
-    Power, World,
+    Context, Device, DevicePorts, DeviceView, Events, Faulty, FileChanges, Front, FrontAction,
+    NovramContents, OptionCard, Power, World,
 };
 use crate::fault::{Effect, Faults, Hit, Owner, Target};
 use crate::identity::DeviceIndex;

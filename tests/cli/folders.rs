@@ -144,7 +144,7 @@ fn the_examples_pass_their_scenarios() {
         assert!(lines <= 120 || dir.ends_with("netx-dpm"), "{}: {lines} lines", dir.display());
         count += 1;
     }
-    assert!(count >= 3);
+    assert!(count >= 5);
     let missing = run(&["device", "test", examples]);
     assert!(missing.fails(2).contains("device.toml"), "{}", missing.err);
 }
@@ -153,7 +153,9 @@ fn the_examples_pass_their_scenarios() {
 #[test]
 fn the_examples_pass_rounds_of_soak() {
     // A round of the dual-port memory takes as long as several rounds of a small card.
-    for (example, rounds) in [("digital-io", "12"), ("mailbox", "12"), ("encoder", "12"), ("netx-dpm", "3")] {
+    for (example, rounds) in
+        [("digital-io", "12"), ("mailbox", "12"), ("encoder", "12"), ("can-sensor", "12"), ("netx-dpm", "3")]
+    {
         let dir = format!("{}/tools/devices/{example}", env!("CARGO_MANIFEST_DIR"));
         let keep = tempfile::tempdir().unwrap();
         let keep = keep.path().to_str().unwrap();

@@ -32,10 +32,10 @@ register = [
 ";
 
 /// A folder with a made-up card and this script.
-struct Card(tempfile::TempDir);
+pub(super) struct Card(tempfile::TempDir);
 
 impl Card {
-    fn new(script: &str) -> Self {
+    pub(super) fn new(script: &str) -> Self {
         // A process identifies a device by the hash of its layout, so each card has another name.
         static NUMBER: AtomicU32 = AtomicU32::new(0);
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
@@ -52,7 +52,18 @@ impl Card {
         card
     }
 
-    fn dir(&self) -> &Path {
+    /// Does the same as [`Card::new`], for a card with a CAN port.
+    pub(super) fn with_port(script: &str) -> Self {
+        let card = Self::new(script);
+        let device = fs::read_to_string(card.dir().join("device.toml")).unwrap();
+        card.write(
+            "device.toml",
+            &(device + "port = [{ name = 'can', number = 1, medium = 'can', roles = ['peer'] }]\n"),
+        );
+        card
+    }
+
+    pub(super) fn dir(&self) -> &Path {
         self.0.path()
     }
 
@@ -60,17 +71,17 @@ impl Card {
         fs::write(self.dir().join(name), text).unwrap();
     }
 
-    fn bench(&self) -> Bench {
+    pub(super) fn bench(&self) -> Bench {
         Bench::plant(&format!("[[device]]\nname = 'card'\nkind = '{}'\n", self.dir().display())).unwrap()
     }
 
-    fn refused(&self) -> String {
+    pub(super) fn refused(&self) -> String {
         folder::load(self.dir()).unwrap_err().to_string()
     }
 }
 
 /// Returns the lines of the journal, each with its kind.
-fn journal(bench: &mut Bench) -> Vec<String> {
+pub(super) fn journal(bench: &mut Bench) -> Vec<String> {
     let lines = bench.last_entries(1000).unwrap();
     lines.iter().map(|line| format!("{} {}: {}", line.time_us, line.kind, line.text.trim())).collect()
 }

@@ -76,12 +76,10 @@ fn play(args: &Args) -> Result<(), CliError> {
     send_report(run_observed(&args.file, bench, plant, limits, print, sections))
 }
 
-/// Returns a plant that contains only the device in this folder, and the text of the plant.
+/// Returns a plant that contains only the device in this folder, and a name of the plant for messages.
 pub(in crate::cli) fn plant_of(dir: &Path) -> Result<(String, PlantConfig), CliError> {
     let dir = folder::find(Path::new(""), &dir.display().to_string())?;
-    let name = folder::load(&dir)?.registered.layout.name;
-    let kind = toml::Value::from(dir.display().to_string());
-    let text = format!("[[device]]\nname = {}\nkind = {kind}\n", toml::Value::from(name));
+    let text = folder::plant_alone(&dir, folder::load(&dir)?.registered.layout);
     Ok((format!("the device {}", dir.display()), PlantConfig::parse("the device", &text)?))
 }
 

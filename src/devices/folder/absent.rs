@@ -11,7 +11,10 @@ use std::path::Path;
 ///
 /// # Errors
 /// Returns `None`, because exercises are not available.
-pub(super) fn read_exercise(_: &Path, _: &str) -> Result<Option<&'static Exercise>, FolderError> {
+pub(super) fn read_exercise(
+    _: &Path,
+    _: &'static DeviceLayout,
+) -> Result<Option<&'static Exercise>, FolderError> {
     Ok(None)
 }
 

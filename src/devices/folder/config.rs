@@ -7,8 +7,8 @@ use super::handshakes::Handshakes;
 use super::part::Part;
 use super::port::{BusLink, FolderPort};
 use super::source::Source;
-use crate::devices::settings::range;
 use crate::devices::can_bus::CanSocket;
+use crate::devices::settings::range;
 use crate::devices::{BuildError, CardPlace, Device, DeviceConfig, Plain, Plug, PortConfig};
 use crate::identity::DeviceIndex;
 use crate::journal::Origin;
@@ -142,8 +142,7 @@ impl DeviceConfig for FolderConfig {
     ) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
         let script = self.folder.script.as_ref();
         let link = self.port().map(|_| BusLink::default());
-        let mut card =
-            Card::new(segment.clone(), segment.firmware_header()?, script.is_some(), link.clone());
+        let mut card = Card::new(segment.clone(), segment.firmware_header()?, script.is_some(), link.clone());
         let mut parts: Vec<Box<dyn Part>> = Vec::new();
         if let Some(script) = script {
             if script.watches() {

@@ -21,12 +21,7 @@ pub(super) struct FolderFirmware {
 snapshot_fields!(FolderFirmware { parts: parts, card; built: source, link });
 
 impl FolderFirmware {
-    pub(super) fn new(
-        parts: Vec<Box<dyn Part>>,
-        card: Card,
-        source: Source,
-        link: Option<BusLink>,
-    ) -> Self {
+    pub(super) fn new(parts: Vec<Box<dyn Part>>, card: Card, source: Source, link: Option<BusLink>) -> Self {
         FolderFirmware { parts, card, source, link }
     }
 

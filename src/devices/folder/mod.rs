@@ -180,7 +180,7 @@ pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
     if let Some(script) = &mut script {
         inputs.extend(script.check(dir, layout, &records)?);
     }
-    let exercises = script::read_exercise(dir, layout.name)?;
+    let exercises = script::read_exercise(dir, layout)?;
     let emulation = Emulation { exercises: Vec::leak(Vec::from_iter(exercises)), ..Emulation::NONE };
     let registered = Registered { emulation, ..Registered::new(layout) };
     let folder = Folder { registered, rows, records, script, fingerprint, tables, inputs };
@@ -191,6 +191,20 @@ pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
 
 fn file_name(path: &Path) -> Option<String> {
     Some(path.file_name()?.to_str()?.to_owned())
+}
+
+/// Returns the text of a plant file with only the device in the folder `dir`. If the device has a port, the plant also has a CAN
+/// bus `can` at 125 kbit/s for it (D-813).
+#[must_use]
+pub fn plant_alone(dir: &Path, layout: &DeviceLayout) -> String {
+    let (name, kind) = (toml::Value::from(layout.name), toml::Value::from(dir.display().to_string()));
+    let device = format!("[[device]]\nname = {name}\nkind = {kind}\n");
+    match layout.ports.first() {
+        None => device,
+        Some(_) => {
+            format!("{device}bus = \"can\"\n\n[[bus]]\nname = \"can\"\nkind = \"can\"\nkbit_s = 125\n")
+        }
+    }
 }
 
 /// Checks that the device has a name and a layout hash of its own.

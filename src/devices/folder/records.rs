@@ -10,7 +10,7 @@ use crate::journal::{EventCodec, EventKind, EventText, Fields, Journal, Reader};
 use twox_hash::XxHash3_64;
 
 /// All kinds of records of devices in folders.
-pub static KINDS: &[&EventKind] = 
+pub static KINDS: &[&EventKind] =
     &[Note::KIND, Stopped::KIND, Reload::KIND, DeviceRecord::KIND, Unsent::KIND];
 
 /// Longest text of a record in bytes.

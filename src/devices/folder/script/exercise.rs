@@ -3,8 +3,9 @@
 //! The file is a scenario without a plant. It defines `start()`, `recover()` and a function for each move. Two
 //! constants declare the moves, and the warnings that a correct program may cause.
 
-use crate::devices::folder::FolderError;
+use crate::devices::folder::{FolderError, plant_alone};
 use crate::devices::{Exercise, Move};
+use crate::layout::DeviceLayout;
 use core::ops::RangeInclusive;
 use rhai::{AST, Array, Dynamic, Engine, INT, Map, Scope};
 use std::path::Path;
@@ -18,11 +19,15 @@ const MOST_OPERATIONS: u64 = 10_000;
 /// Longest file in bytes, as of every scenario.
 const LONGEST: usize = 64 << 10;
 
-/// Reads the exercise of the device `name` in the folder `dir`, with the text of the file. The exercise is never freed.
+/// Reads the exercise of the device with this layout in the folder `dir`, with the text of the file. The exercise is never freed.
 ///
 /// # Errors
 /// [`FolderError::Script`]: the file is no script, or its declarations are wrong.
-pub(super) fn read(dir: &Path, name: &str, text: &str) -> Result<&'static Exercise, FolderError> {
+pub(super) fn read(
+    dir: &Path,
+    layout: &'static DeviceLayout,
+    text: &str,
+) -> Result<&'static Exercise, FolderError> {
     let wrong = |line: Option<usize>, what: String| {
         Err(FolderError::Script { path: dir.join(super::EXERCISE), line: line.unwrap_or(1), what })
     };
@@ -43,11 +48,9 @@ pub(super) fn read(dir: &Path, name: &str, text: &str) -> Result<&'static Exerci
         Err(what) => return wrong(None, what),
     };
     let (moves, allowed) = declared;
-    let kind = toml::Value::from(dir.display().to_string());
-    let plant = format!("[[device]]\nname = {}\nkind = {kind}\n", toml::Value::from(name));
     Ok(Box::leak(Box::new(Exercise {
-        name: lasting(name.to_owned()),
-        plant: lasting(plant),
+        name: layout.name,
+        plant: lasting(plant_alone(dir, layout)),
         settings: &[],
         script: lasting(text.to_owned()),
         moves: Vec::leak(moves),

@@ -1,6 +1,5 @@
 //! The firmware that a script describes.
 
-use super::{Hooks, Script};
 use super::budget::Budget;
 use super::data::Data;
 use super::frames;
@@ -8,6 +7,7 @@ use super::mistake::Mistake;
 use super::program::{Outcome, Program};
 use super::timers::Timers;
 use super::verb_context::Acting;
+use super::{Hooks, Script};
 use crate::devices::Context;
 use crate::devices::folder::card::{Card, Place};
 use crate::devices::folder::part::Part;

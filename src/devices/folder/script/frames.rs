@@ -179,7 +179,8 @@ mod tests {
         let standard = StandardId::new(0x200).unwrap();
         let extended = ExtendedId::new(0x200).unwrap();
         let all = "[0x200, #{ id: 0x200, mask: 0x7F0 }, #{ id: 0x200, extended: true }]";
-        let expected = [Filter::exactly(standard), Filter::masked(standard, 0x7F0), Filter::exactly(extended)];
+        let expected =
+            [Filter::exactly(standard), Filter::masked(standard, 0x7F0), Filter::exactly(extended)];
         assert_eq!(filters(all), Ok(expected.to_vec()));
         for (text, error) in [
             ("[\"x\"]", "a filter is an identifier"),
@@ -191,6 +192,8 @@ mod tests {
             let found = filters(text).unwrap_err();
             assert!(found.contains(error), "{text}: {found}");
         }
-        assert!(filters_of(&vec![Dynamic::from_int(1); MOST_FILTERS + 1]).unwrap_err().contains("at most 64"));
+        assert!(
+            filters_of(&vec![Dynamic::from_int(1); MOST_FILTERS + 1]).unwrap_err().contains("at most 64")
+        );
     }
 }

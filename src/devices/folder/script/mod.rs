@@ -205,13 +205,16 @@ impl Script {
     }
 }
 
-/// Reads the exercise of a device with this name in the folder `dir`, if it has one, and its text.
+/// Reads the exercise of a device with this layout in the folder `dir`, if it has one.
 ///
 /// # Errors
 /// The file is a link, too long, no script, or its declarations are wrong.
-pub(super) fn read_exercise(dir: &Path, name: &str) -> Result<Option<&'static Exercise>, FolderError> {
+pub(super) fn read_exercise(
+    dir: &Path,
+    layout: &'static DeviceLayout,
+) -> Result<Option<&'static Exercise>, FolderError> {
     let text = commram_layoutc::read_file_of_folder(dir, EXERCISE)?;
-    text.map(|text| exercise::read(dir, name, &text)).transpose()
+    text.map(|text| exercise::read(dir, layout, &text)).transpose()
 }
 
 /// Returns names of the scripts other than the main script, in alphabetical order.

@@ -73,7 +73,11 @@ fn ports_of_a_folder() {
         ("'can'", "'profibus'", "its medium is \"can\""),
         ("['peer']", "['peer', 'master']", "its roles are [\"peer\"]"),
         (" }", ", area = 'node' }", "it has no `area`, because no register belongs to it"),
-        ("'peer'] }", "'peer'] }, { name = 'b', number = 2, medium = 'can', roles = ['peer'] }", "there is one port only"),
+        (
+            "'peer'] }",
+            "'peer'] }, { name = 'b', number = 2, medium = 'can', roles = ['peer'] }",
+            "there is one port only",
+        ),
     ] {
         let found = error_of(with(&right.replace(from, to)).path());
         let end = format!("the port of a device in a folder: {error}");

@@ -48,6 +48,16 @@ fn names_roles_and_areas_of_ports() {
 }
 
 #[test]
+fn a_port_of_a_device_in_a_crate_has_an_area() {
+    check(
+        "device.toml",
+        "roles = [\"slave\", \"master\"]\narea = \"node\"",
+        "roles = [\"slave\", \"master\"]",
+        "device.toml:32:8: port `first` names no `area` of its registers",
+    );
+}
+
+#[test]
 fn a_deadline_is_one_time_or_two_in_order() {
     for wrong in ["from = 1000, to = 800", "from = 800", "at = 800, to = 1000"] {
         check(

@@ -1,0 +1,210 @@
+//! The CAN port of a device in a folder: frames, filters, losses, faults, snapshots.
+
+use super::folders::{Card, journal};
+use commram::can::{BitRate, Frame, Payload, wire};
+use commram::plant::PlantConfig;
+use commram::script::Bench;
+
+/// A plant with these cards at a bus of 125 kbit/s.
+fn plant(cards: &[(&str, &Card)]) -> Bench {
+    let mut text = "[[bus]]\nname = 'open'\nkind = 'can'\nkbit_s = 125\n".to_owned();
+    for (name, card) in cards {
+        text += &format!("[[device]]\nname = '{name}'\nkind = '{}'\nbus = 'open'\n", card.dir().display());
+    }
+    Bench::plant(&text).unwrap()
+}
+
+const SENDER: &str = "fn written(register, old, value) { send(0x123, [value, 2, 3]); }
+fn frame(frame) { journal(`answer ${frame.id} ${frame.extended} ${frame.data}`); output(\"card.w_COUNT\", frame.data[0]); }
+";
+const ANSWERER: &str = "fn frame(frame) {
+    journal(`request ${frame.id} ${frame.remote} ${frame.length}`);
+    frame.id = 0x12345;
+    frame.extended = true;
+    send(frame);
+}
+";
+
+/// Frames take the time of their bits, and the hooks are called at their ends.
+#[test]
+fn frames_arrive_at_the_end_of_their_bits() {
+    let (one, other) = (Card::with_port(SENDER), Card::with_port(ANSWERER));
+    let run = |steps: &[&str]| {
+        let mut bench = plant(&[("one", &one), ("other", &other)]);
+        bench.poke("one:card.w_DATA", 7).unwrap();
+        steps.iter().for_each(|step| bench.step(*step).unwrap());
+        assert_eq!(bench.peek("one:card.w_COUNT").unwrap(), 7);
+        (journal(&mut bench), bench.journal_hash())
+    };
+    let (lines, hash) = run(&["10ms"]);
+    let data = Payload::new(&[7, 2, 3]).unwrap();
+    let rate = BitRate::new(125_000).unwrap();
+    let request = wire::airtime(&Frame::standard(0x123, data), rate);
+    // The firmware sees the store at its first cycle, 500 us after power-on.
+    let arrival = 500 + request.delivery_ns.div_ceil(1000);
+    let id = commram::can::ExtendedId::new(0x12345).unwrap();
+    let answer = wire::airtime(&Frame::new(id, data), rate);
+    let answered = 500 + (request.occupation_ns + answer.delivery_ns).div_ceil(1000);
+    for (time, text) in [
+        (arrival, "16#123 07 02 03 from one:can"),
+        (arrival, "request 291 false 3"),
+        (answered, "16#00012345 07 02 03 from other:can"),
+        (answered, "answer 74565 true [7, 2, 3]"),
+    ] {
+        let is_it = |line: &String| line.starts_with(&format!("{time} ")) && line.contains(text);
+        assert_eq!(lines.iter().filter(|line| is_it(line)).count(), 1, "{time} {text}: {lines:#?}");
+    }
+    assert_eq!(run(&["100us"; 100]).1, hash, "the steps of the clock make no difference");
+}
+
+/// A snapshot contains frames in the queue and on the wire.
+#[test]
+fn going_back_restores_the_frames_of_the_port() {
+    let burst =
+        "fn written(register, old, value) { for i in 0..20 { send(0x100 + i, [value]); } accept([0x300]); }";
+    let count = "fn frame(frame) { write(\"card.w_COUNT\", read(\"card.w_COUNT\") + 1); }";
+    let (one, other) = (Card::with_port(burst), Card::with_port(count));
+    let mut bench = plant(&[("one", &one), ("other", &other)]);
+    bench.poke("one:card.w_DATA", 1).unwrap();
+    bench.step("3700us").unwrap();
+    let (middle, before) = (bench.save().unwrap(), bench.peek("other:card.w_COUNT").unwrap());
+    assert!((1..20).contains(&before), "{before}");
+    let mut ends = Vec::new();
+    for _ in 0..2 {
+        bench.step("30ms").unwrap();
+        ends.push((bench.peek("other:card.w_COUNT").unwrap(), bench.journal_hash()));
+        bench.back_to(middle).unwrap();
+        assert_eq!(bench.peek("other:card.w_COUNT").unwrap(), before);
+    }
+    assert_eq!((ends[0].0, ends[0]), (20, ends[1]));
+}
+
+/// No frame is lost silently: the verb returns false, and the journal has a record.
+#[test]
+fn lost_frames_are_visible() {
+    let script = "fn power_off() { this.count(1); }
+fn written(register, old, value) { this.count(value); journal(bus_state()); }
+fn count(value) { for i in 0..value { if !send(i, []) { write(\"card.w_COUNT\", read(\"card.w_COUNT\") + 1); } } }";
+    let card = Card::with_port(script);
+    let mut bench = card.bench();
+    bench.poke("card.w_DATA", 2).unwrap();
+    bench.step("1ms").unwrap();
+    assert_eq!(bench.peek("card.w_COUNT").unwrap(), 2);
+    let lines = journal(&mut bench);
+    assert!(lines.iter().any(|line| line.ends_with(" no_bus")), "{lines:#?}");
+    let lost = |lines: &[String], text: &str| lines.iter().filter(|line| line.ends_with(text)).count();
+    assert_eq!(lost(&lines, "frame not sent: 16#001: the port is at no bus"), 1, "{lines:#?}");
+    // Alone at its bus, the card gets no acknowledgement.
+    let mut bench = plant(&[("one", &card)]);
+    bench.poke("card.w_DATA", 66).unwrap();
+    bench.step("100ms").unwrap();
+    assert_eq!(bench.peek("card.w_COUNT").unwrap(), 2);
+    let lines = journal(&mut bench);
+    assert_eq!(lost(&lines, "the transmit queue is full (64 frames)"), 2, "{lines:#?}");
+    assert_eq!(lost(&lines, "frame not sent: 16#041: the transmit queue is full (64 frames)"), 1);
+    bench.power_cycle("").unwrap();
+    assert_eq!(lost(&journal(&mut bench), "frame not sent: 16#000: the device has no power"), 1);
+    // After power-on the queue is empty, and a second station acknowledges.
+    bench.poke("card.w_DATA", 64).unwrap();
+    bench.step("1ms").unwrap();
+    assert_eq!(bench.peek("card.w_COUNT").unwrap(), 0);
+    bench.send_frame("open", 0x7FF, false, "").unwrap();
+    bench.step("100ms").unwrap();
+    bench.poke("card.w_DATA", 63).unwrap();
+    bench.step("1ms").unwrap();
+    assert_eq!(bench.peek("card.w_COUNT").unwrap(), 0, "sent frames leave the queue");
+}
+
+/// Filters select the frames for which the hook is called. Power-on removes them.
+#[test]
+fn filters_select_frames() {
+    let script = "fn written(register, old, value) {
+    accept([0x123, #{ id: 0x200, mask: 0x7F0 }, #{ id: 0x123, extended: true }]);
+}
+fn frame(frame) { write(\"card.w_COUNT\", read(\"card.w_COUNT\") + 1); }";
+    let card = Card::with_port(script);
+    let mut bench = plant(&[("one", &card)]);
+    let mut arrivals = |bench: &mut Bench| {
+        let before = bench.peek("card.w_COUNT").unwrap();
+        for (id, extended) in [(0x123, false), (0x124, false), (0x20F, false), (0x210, false), (0x123, true)]
+        {
+            bench.send_frame("open", id, extended, "01").unwrap();
+            bench.step("3ms").unwrap();
+        }
+        bench.peek("card.w_COUNT").unwrap() - before
+    };
+    assert_eq!(arrivals(&mut bench), 5);
+    bench.poke("card.w_DATA", 1).unwrap();
+    bench.step("1ms").unwrap();
+    assert_eq!(arrivals(&mut bench), 3);
+    bench.power_cycle("").unwrap();
+    bench.step("1ms").unwrap();
+    assert_eq!(arrivals(&mut bench), 5, "power-on removes the filters");
+}
+
+/// Faults of the bus reach the port and its script.
+#[test]
+fn faults_of_the_bus_reach_the_script() {
+    let script = "fn written(register, old, value) { send(5, [1]); }
+fn bus_event(event) { journal(`event ${event} ${bus_state()}`); }
+fn frame(frame) { journal(\"frame\"); }";
+    let card = Card::with_port(script);
+    let mut bench = plant(&[("one", &card)]);
+    bench.fault("bus_off plc=one node=can").unwrap();
+    bench.poke("card.w_DATA", 1).unwrap();
+    bench.send_frame("open", 0x10, false, "").unwrap();
+    bench.step("1ms").unwrap();
+    bench.fault("overrun plc=one node=can").unwrap();
+    bench.step("50ms").unwrap();
+    bench.send_frame("open", 0x10, false, "").unwrap();
+    bench.step("50ms").unwrap();
+    let lines = journal(&mut bench);
+    let at = |text: &str| lines.iter().position(|line| line.contains(text));
+    let events =
+        ["event bus_off bus_off", "event error_active error_active", "16#005 01 from", "event overrun"];
+    let places = events.map(at);
+    assert!(places.iter().all(Option::is_some) && places.is_sorted(), "{places:?} {lines:#?}");
+    assert_eq!(at("note: frame"), None, "{lines:#?}");
+}
+
+/// Each mistake has its place and the correct form.
+#[test]
+fn mistakes_about_ports_are_refused() {
+    let declare = "declare it in device.toml: port = [{ name = \"can\", number = 1, medium = \"can\", roles = [\"peer\"] }]";
+    for (script, line, what) in [
+        ("\nfn frame(frame) {}", 2, "the hook frame needs a port; "),
+        ("fn bus_event(event) {}", 1, "the hook bus_event needs a port; "),
+        ("fn poll() {\n  send(1, [2]); }", 2, "`send` needs a port; "),
+        ("fn poll() { accept([]); }", 1, "`accept` needs a port; "),
+    ] {
+        let refused = Card::new(script).refused();
+        assert!(refused.ends_with(&format!("firmware.rhai:{line}: {what}{declare}")), "{refused}");
+    }
+    let parameters = Card::with_port("fn frame() {}").refused();
+    assert!(parameters.ends_with("the hook frame is a function frame(frame)"), "{parameters}");
+    let refused = |card: &Card, kind: &str, bus: &str| {
+        let text = format!(
+            "[[bus]]\nname = 'open'\nkind = '{kind}'\nkbit_s = 500\n[[device]]\nname = 'one'\nkind = '{}'\nbus = '{bus}'\n",
+            card.dir().display()
+        );
+        let config = PlantConfig::parse("plant", &text).and_then(|plant| plant.check());
+        config.unwrap_err().to_string()
+    };
+    let (with, without) = (Card::with_port("fn frame(frame) {}"), Card::new("fn poll() {}"));
+    let none = refused(&without, "can", "open");
+    assert!(none.contains("'one' has no port: its ") && none.contains("declares no [[port]]"), "{none}");
+    let unknown = refused(&with, "can", "others");
+    assert!(unknown.contains("others") && unknown.contains("open"), "{unknown}");
+    let other = refused(&with, "profibus", "open");
+    assert!(other.contains("profibus") && other.contains("can"), "{other}");
+    // A wrong frame stops the script, as every mistake of a running script.
+    let card = Card::with_port("fn written(register, old, value) { send(0x800, []); }");
+    let mut bench = plant(&[("one", &card)]);
+    bench.poke("card.w_DATA", 1).unwrap();
+    bench.step("1ms").unwrap();
+    let lines = journal(&mut bench);
+    assert!(
+        lines.iter().any(|line| line.contains("script stopped: firmware.rhai:1: 16#800 is no identifier")),
+        "{lines:#?}"
+    );
+}
