@@ -93,6 +93,13 @@ fn main() {
     assert_eq!(server.mistakes(), 0);
 
     let place = json!({ "textDocument": { "uri": uri }, "position": { "line": 1000, "character": 14 } });
+    measure("completion of a register", || {
+        let found = server.ask("textDocument/completion", place.clone());
+        assert!(found["items"].as_array().is_some_and(|items| items.len() > 100));
+    });
+    measure("description of a register", || {
+        assert!(server.ask("textDocument/hover", place.clone())["contents"]["value"].is_string());
+    });
     let mut version = 1;
     let mut typed = |server: &mut Server| {
         version += 1;
@@ -107,13 +114,6 @@ fn main() {
         assert_eq!(server.mistakes(), 1 - version % 2);
     };
     measure("mistakes after a typed character", || typed(&mut server));
-    measure("completion of a register", || {
-        let found = server.ask("textDocument/completion", place.clone());
-        assert!(found["items"].as_array().is_some_and(|items| items.len() > 100));
-    });
-    measure("description of a register", || {
-        assert!(server.ask("textDocument/hover", place.clone())["contents"]["value"].is_string());
-    });
     server.ask("shutdown", Value::Null);
     server.note("exit", Value::Null);
     server.child.wait().expect("the server ends");
