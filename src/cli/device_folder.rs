@@ -89,7 +89,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 fn check(args: &CheckArgs) -> Result<(), CliError> {
     let dir = folder::find(Path::new(""), &args.dir.display().to_string())?;
     let folder = folder::load(&dir)?;
-    let rows: Vec<_> = folder.rows.iter().map(HandshakeRow::of).collect();
+    let faults = folder.faults.iter().map(HandshakeRow::of_fault);
+    let rows: Vec<_> = folder.rows.iter().map(HandshakeRow::of).chain(faults).collect();
     output::note(&summary(folder));
     for name in folder.unread_files(&dir)? {
         output::note(&format!("{}: the device does not read this file", args.dir.join(name).display()));
@@ -110,12 +111,16 @@ fn summary(folder: &Folder) -> String {
     let layout = folder.registered.layout;
     let registers = layout.areas.iter().flat_map(|area| area.structures);
     let registers: usize = registers.map(|placed| placed.structure.registers.len()).sum();
+    let faults = match &folder.faults[..] {
+        [] => String::new(),
+        faults => format!(", {}", plural_of(faults, "kind") + if faults.len() == 1 { " of fault" } else { " of faults" }),
+    };
     let script = match folder.has_script() {
         true => format!(", script with {}", plural_of(&folder.hooks(), "hook")),
         false => String::new(),
     };
     format!(
-        "{} ({}): {}, {}, {}{script}, layout 16#{:016X}",
+        "{} ({}): {}, {}, {}{faults}{script}, layout 16#{:016X}",
         layout.name,
         layout.title,
         plural_of(layout.areas, "area"),
@@ -130,7 +135,7 @@ fn summary(folder: &Folder) -> String {
 struct HandshakeRow {
     kind: &'static str,
     register: &'static str,
-    behaviour: &'static str,
+    behaviour: String,
     page: &'static str,
     source: String,
 }
@@ -138,7 +143,19 @@ struct HandshakeRow {
 impl HandshakeRow {
     fn of(row: &'static folder::Handshake) -> Self {
         let folder::Handshake { kind, register, behaviour, page, source, .. } = row;
-        Self { kind, register, behaviour, page, source: source.to_string() }
+        Self { kind, register, behaviour: behaviour.clone(), page, source: source.to_string() }
+    }
+
+    /// Returns the row of a fault that the device declares: its name, its text and its fields.
+    fn of_fault(fault: &'static folder::OwnFault) -> Self {
+        let folder::OwnFault { name, text, fields, page, .. } = fault;
+        let field = |field: &folder::OwnField| {
+            let folder::OwnField { name, from, to, default, .. } = field;
+            let default = default.map(|default| format!(" (default {default})")).unwrap_or_default();
+            format!("; {name} {from} to {to}{default}")
+        };
+        let behaviour = text.clone() + &fields.iter().map(field).collect::<String>();
+        Self { kind: "fault", register: name, behaviour, page, source: String::new() }
     }
 }
 
@@ -147,6 +164,6 @@ impl Row for HandshakeRow {
 
     fn cells(&self) -> Vec<String> {
         let Self { kind, register, behaviour, page, source } = self;
-        [kind, register, behaviour, page, source.as_str()].map(str::to_owned).to_vec()
+        [kind, register, behaviour.as_str(), page, source.as_str()].map(str::to_owned).to_vec()
     }
 }

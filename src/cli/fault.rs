@@ -138,13 +138,13 @@ fn number(text: &str) -> Result<NonZeroU16, NumberError> {
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     match &args.command {
         Command::Add(args) => {
-            let spec = crate::fault::FaultSpec::from_words(devices::fault_kinds(), &args.kind, &args.fields)?;
-            if spec.required {
-                let right = "only a scenario can require that a fault takes effect: fault(\"... required\")"
-                    .to_owned();
-                return Err(CliError::Argument { text: "required".to_owned(), right });
+            let name = args.kind.replace('-', "_");
+            // Only an instance knows the kinds that its devices declare.
+            let kinds = devices::fault_kinds();
+            if kinds.iter().any(|kind| kind.name() == name) {
+                by_channel::read(args, kinds)?;
             }
-            by_channel::add(&spec, &args.instance)
+            by_channel::add(args)
         }
         Command::List(args) => by_channel::list(args.format.format, &args.instance),
         Command::Clear(args) => by_channel::clear(&args.numbers, &args.instance),
@@ -155,8 +155,9 @@ mod by_channel {
     use super::super::session::Session;
     use super::super::table::{self, Format, Row};
     use super::super::{Instance, error::CliError, output};
+    use super::Add;
     use crate::devices;
-    use crate::fault::{FaultSpec, FaultStatus};
+    use crate::fault::{FaultKind, FaultSpec, FaultStatus};
     use crate::journal::Names;
     use crate::request::Op;
     use crate::request::json::faults::FaultJson;
@@ -185,9 +186,22 @@ mod by_channel {
         Ok(session.ask(Op::Info)?.info()?.names)
     }
 
-    pub(super) fn add(spec: &FaultSpec, instance: &Instance) -> Result<(), CliError> {
-        let session = Session::open(instance, 0)?;
-        let fault = spec.resolve(devices::fault_kinds(), &names(&session)?)?;
+    /// Reads the description of a fault.
+    pub(super) fn read(args: &Add, kinds: &[&'static FaultKind]) -> Result<FaultSpec, CliError> {
+        let spec = FaultSpec::from_words(kinds, &args.kind, &args.fields)?;
+        if spec.required {
+            let right = "only a scenario can require that a fault takes effect: fault(\"... required\")"
+                .to_owned();
+            return Err(CliError::Argument { text: "required".to_owned(), right });
+        }
+        Ok(spec)
+    }
+
+    pub(super) fn add(args: &Add) -> Result<(), CliError> {
+        let session = Session::open(&args.instance, 0)?;
+        let names = names(&session)?;
+        let kinds = devices::fault_kinds_of(&names);
+        let fault = read(args, &kinds)?.resolve(&kinds, &names)?;
         let id = session.ask(Op::FaultAdd { fault })?.fault_added()?;
         output::print(&format!("{id}\n"))
     }

@@ -80,6 +80,22 @@ pub fn fault_kinds() -> &'static [&'static fault::FaultKind] {
     &SUM
 }
 
+/// Returns the kinds of faults that the folders which this process has read declare, in the order of reading.
+pub(crate) fn declared_fault_kinds() -> Vec<&'static fault::FaultKind> {
+    folder::declared_fault_kinds()
+}
+
+/// Returns the kinds of faults of [`fault_kinds`], then those of [`declared_fault_kinds`].
+pub(crate) fn known_fault_kinds() -> Vec<&'static fault::FaultKind> {
+    fault_kinds().iter().copied().chain(declared_fault_kinds()).collect()
+}
+
+/// Returns the kinds of faults that devices with these names can have.
+#[cfg(feature = "cli")]
+pub(crate) fn fault_kinds_of(names: &journal::Names) -> Vec<&'static fault::FaultKind> {
+    fault::in_installation(&known_fault_kinds(), names)
+}
+
 /// Returns the kinds of faults that a device has itself.
 pub fn faults_of_device(layout: &DeviceLayout) -> &'static [&'static fault::FaultKind] {
     of_hash(layout.layout_hash).map_or(&[], |known| known.emulation.faults)

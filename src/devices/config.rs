@@ -1,12 +1,12 @@
 //! Interfaces for the sections of devices and buses in the plant file. The plant uses these functions; all keys are
 //! read by the device or the bus itself.
 
-use super::{BuildError, Bus, Device, Plug};
+use super::{BuildError, Bus, Device, Plug, faults_of_device};
 use crate::can;
 use crate::can::Message;
 use crate::door::{DoorSpec, TrafficKind};
 use crate::fault;
-use crate::fault::Fault;
+use crate::fault::{Fault, FaultKind};
 use crate::identity::{BusIndex, DeviceIndex, PortNumber};
 use crate::journal::{EventKind, Rule};
 use crate::layout;
@@ -37,6 +37,11 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
     /// Settings that are allowed but are probably a mistake, as far as the device itself can detect them.
     fn doubts(&self) -> Vec<Doubt> {
         Vec::new()
+    }
+
+    /// Kinds of faults that the device or its ports can have.
+    fn fault_kinds(&self) -> &'static [&'static FaultKind] {
+        faults_of_device(self.layout())
     }
 
     /// Ports of the device, connected or not.

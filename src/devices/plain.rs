@@ -4,9 +4,9 @@ use super::program::Starts;
 use super::supply::Supply;
 use super::{
     Context, Device, DevicePorts, DeviceView, Events, Faulty, FileChanges, Front, FrontAction,
-    NovramContents, OptionCard, Power, World,
+    NovramContents, OptionCard, Power, World, faults_of_device,
 };
-use crate::fault::{Effect, Faults, Hit, Owner, Target};
+use crate::fault::{Effect, FaultKind, Faults, Hit, Owner, Target};
 use crate::identity::DeviceIndex;
 use crate::layout;
 use crate::layout::{Area, DeviceFit};
@@ -79,8 +79,13 @@ pub trait Firmware: SnapshotFields + Send + 'static {
     }
 
     /// Called when the set of active faults of `owner` has changed.
-    fn faults_changed(&mut self, faults: &Faults, owner: Owner) {
-        let _ = (faults, owner);
+    fn faults_changed(&mut self, now: u64, faults: &Faults, owner: Owner) {
+        let _ = (now, faults, owner);
+    }
+
+    /// Kinds of faults that the device declares itself; `None` if its registration has them.
+    fn fault_kinds(&self) -> Option<&'static [&'static FaultKind]> {
+        None
     }
 
     /// See [`Front::refusal`].
@@ -295,6 +300,10 @@ impl<F: Firmware> Device for Plain<F> {
         self.firmware.due(&mut world.context(origin, 0));
     }
 
+    fn fault_kinds(&self) -> &'static [&'static FaultKind] {
+        self.firmware.fault_kinds().unwrap_or_else(|| faults_of_device(self.layout))
+    }
+
     fn novram(&self) -> Option<&dyn NovramContents> {
         Some(self)
     }
@@ -335,8 +344,8 @@ impl<F: Firmware> Faulty for Plain<F> {
         self.firmware.fire(now, effect)
     }
 
-    fn faults_changed(&mut self, _: u64, faults: &Faults) {
-        self.firmware.faults_changed(faults, Owner::Device(self.index));
+    fn faults_changed(&mut self, now: u64, faults: &Faults) {
+        self.firmware.faults_changed(now, faults, Owner::Device(self.index));
     }
 }
 

@@ -28,7 +28,11 @@ struct Entry {
 impl Entry {
     fn report(&self, now: u64, journal: &mut Journal, news: News) {
         let FaultStatus { id, fault, .. } = self.status;
-        journal.push(now, FaultNews { target: fault.target(), id, kind: fault.kind().number(), news });
+        let kind = fault.kind();
+        let record = FaultNews { target: fault.target(), id, kind: kind.number(), news };
+        // The journal has the names of commram's kinds, but not of a kind that a folder declares.
+        let name = kind.declaration().map(|_| kind.name().as_bytes());
+        journal.push_octets(now, record, name);
     }
 
     fn next_time(&self) -> u64 {
@@ -75,7 +79,8 @@ impl SavedFault {
     }
 
     fn entry(&self, kinds: &'static [&'static FaultKind], sites: &Sites) -> Option<Entry> {
-        let kind = kinds.iter().find(|kind| kind.number() == self.kind)?;
+        let known = kinds.iter().chain(sites.declared(self.index));
+        let kind = known.copied().find(|kind| kind.number() == self.kind)?;
         let target = Target::of_numbers(kind.place(), self.index, self.number);
         let values = self.values.map(|value| value.map(u64::from));
         let (count, duration_us) = match self.limit {
@@ -254,6 +259,12 @@ impl Faults {
     pub fn acting<E: 'static>(&self, owner: Owner) -> impl Iterator<Item = (Target, &E)> {
         let entries = self.entries.iter().filter(move |entry| entry.status.acting && entry.owner == owner);
         entries.filter_map(|entry| Some((entry.status.fault.target(), entry.effect.get()?)))
+    }
+
+    /// Returns the numbers and effects of active faults of the device `owner` itself.
+    pub(crate) fn acting_numbered<E: 'static>(&self, owner: Owner) -> impl Iterator<Item = (u16, &E)> {
+        let entries = self.entries.iter().filter(move |entry| entry.status.acting && entry.owner == owner);
+        entries.filter_map(|entry| Some((entry.status.id, entry.effect.get()?)))
     }
 
     /// Returns all faults in the order in which they were added.

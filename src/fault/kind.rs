@@ -14,9 +14,33 @@ pub const MAX_BITS: u32 = 88;
 /// Highest number of a participant that a fault can name.
 pub const MAX_PARTICIPANT: u8 = 31;
 
-/// A kind of fault. Kinds are equal if their numbers are.
+/// Number of the first kind that a device in a folder declares. The kinds of a folder have consecutive numbers, so
+/// the number identifies a kind only together with the device.
+pub(crate) const FIRST_DECLARED: u8 = 100;
+/// Maximum number of kinds that a device in a folder declares.
+pub(crate) const MOST_DECLARED: usize = 16;
+/// Maximum number of bits of all values of a declared kind. The operation needs the other bits for
+/// [`Declaration::id`].
+pub(crate) const DECLARED_BITS: u32 = MAX_BITS - u32::BITS;
+
+/// Origin of a kind that a device in a folder declares (D-827).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Declaration {
+    /// Name of the device, as in its layout.
+    pub(crate) device: &'static str,
+    /// Hash of the declaration. The same declaration has the same hash in each process.
+    pub(crate) id: u32,
+}
+
+/// True if a device in a folder declares the kind with this number.
+pub(crate) fn is_declared(number: u8) -> bool {
+    (usize::from(FIRST_DECLARED)..usize::from(FIRST_DECLARED) + MOST_DECLARED).contains(&number.into())
+}
+
+/// A kind of fault. Kinds are equal if their numbers and declarations are.
 pub struct FaultKind {
     number: u8,
+    declaration: Option<Declaration>,
     name: &'static str,
     place: TargetKind,
     about: &'static str,
@@ -100,6 +124,7 @@ impl FaultKind {
     ) -> Self {
         FaultKind {
             number,
+            declaration: None,
             name,
             place,
             about,
@@ -136,6 +161,26 @@ impl FaultKind {
         }
         assert!(bits <= MAX_BITS, "the values do not fit into an operation of the channel");
         FaultKind { fields, ..self }
+    }
+
+    /// Creates a kind without hits that a device in a folder declares; it acts on this device. The caller has checked
+    /// the fields against [`MAX_FIELDS`] and [`DECLARED_BITS`].
+    pub(crate) fn declared(
+        index: u8,
+        declaration: Declaration,
+        name: &'static str,
+        about: &'static str,
+        fields: &'static [Field],
+        effect: fn(&Fault) -> Effect,
+    ) -> Self {
+        let number = FIRST_DECLARED + index;
+        let kind = FaultKind::new(number, name, TargetKind::Device, about, effect).without_hits();
+        FaultKind { declaration: Some(declaration), fields, ..kind }
+    }
+
+    /// Returns the declaration of the kind, if a device in a folder declares it.
+    pub(crate) fn declaration(&self) -> Option<Declaration> {
+        self.declaration
     }
 
     /// Gives the kind an example for the help.
@@ -234,7 +279,7 @@ impl FaultKind {
 
 impl PartialEq for FaultKind {
     fn eq(&self, other: &Self) -> bool {
-        self.number == other.number
+        self.number == other.number && self.declaration == other.declaration
     }
 }
 

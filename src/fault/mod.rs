@@ -24,9 +24,12 @@ pub use effect::Effect;
 pub use error::{FaultError, Refusal, slave_list};
 pub use field::{Field, Form};
 pub use field_value::{FaultSpec, FieldValue};
+pub(crate) use kind::{DECLARED_BITS, Declaration, MOST_DECLARED, is_declared};
 pub use kind::{FaultKind, MAX_BITS, MAX_FIELDS, MAX_PARTICIPANT, TargetKind};
 pub use record::{FaultNews, Hit, KINDS, News};
 pub use sites::{BusSite, DeviceSite, Owner, Sites, Target};
+#[cfg(feature = "cli")]
+pub(crate) use spec::in_installation;
 pub use words::WordError;
 
 use kind::{AT_US, COUNT, DURATION_US};

@@ -1,6 +1,6 @@
 //! Journal records about injected faults.
 
-use super::{Target, TargetKind};
+use super::{Target, TargetKind, is_declared};
 use crate::journal::{
     Catalogue, EventCodec, EventKind, EventText, Fields, Keeping, Origin, Packer, Part, Reader, Ring, Source,
     Unpacker, Words,
@@ -118,6 +118,18 @@ impl EventCodec for FaultNews {
 }
 
 impl FaultNews {
+    /// Returns the name of the kind. A record of a kind that a folder declares contains the name. Journals may come from
+    /// unknown authors, so control characters are replaced.
+    fn name(&self, reader: &Reader) -> String {
+        match reader.octets() {
+            Some(name) if is_declared(self.kind) => {
+                let name = String::from_utf8_lossy(&name);
+                name.chars().map(|letter| if letter.is_control() { ' ' } else { letter }).collect()
+            }
+            _ => reader.fault(self.kind).to_owned(),
+        }
+    }
+
     fn slave(&self) -> Option<u8> {
         match self.target {
             Target::Participant { number, .. } => Some(number),
@@ -132,11 +144,11 @@ impl EventText for FaultNews {
     }
 
     fn is_known(&self, catalogue: &Catalogue) -> bool {
-        catalogue.fault(self.kind).is_some()
+        catalogue.fault(self.kind).is_some() || is_declared(self.kind)
     }
 
     fn text(&self, reader: &mut Reader) -> String {
-        let name = reader.fault(self.kind);
+        let name = self.name(reader);
         let slave = self.slave().map(|slave| format!(" of slave {slave}")).unwrap_or_default();
         let news = match self.news {
             News::Added => "added".to_owned(),
@@ -158,7 +170,7 @@ impl EventText for FaultNews {
         };
         let fields = Fields::new()
             .with("fault", self.id)
-            .with("what", reader.fault(self.kind))
+            .with("what", self.name(reader))
             .with_any("slave", self.slave())
             .with("news", news);
         match self.news {

@@ -156,6 +156,12 @@ impl Sites {
         }
     }
 
+    /// Returns the kinds that the device with this index, a device in a folder, declares.
+    pub(super) fn declared(&self, index: u16) -> impl Iterator<Item = &'static &'static FaultKind> {
+        let kinds = self.devices.get(usize::from(index)).map_or(&[][..], |site| site.faults);
+        kinds.iter().filter(|kind| kind.declaration().is_some())
+    }
+
     fn bus(&self, bus: BusIndex, fault: &Fault) -> Result<&BusSite, Refusal> {
         let count = self.buses.len() as u16; // the plant file's indices are 16 bits wide
         let site = self.buses.get(bus.index()).ok_or(Refusal::UnknownBus { bus, count })?;

@@ -17,12 +17,39 @@ impl FaultSpec {
     /// [`FaultError`] names the field and a correct value. Only the installation can check that the slave
     /// or port exists: [`Sites::owner`](super::Sites::owner).
     pub fn resolve(&self, kinds: &[&'static FaultKind], names: &Names) -> Result<Fault, FaultError> {
-        let Some(kind) = named(&self.kind, kinds) else {
+        let kinds = &in_installation(kinds, names);
+        let Some(kind) = self.chosen(kinds, names) else {
             let hint = did_you_mean(&self.kind, kinds.iter().map(|kind| kind.name()));
             return Err(FaultError::UnknownKind { kind: self.kind.clone(), hint, known: kind_list(kinds) });
         };
         Reader::new(self, kind, kinds, names)?.fault()
     }
+
+    /// Returns the kind of this description. Several devices in folders may declare kinds of the same name; then the
+    /// kind is that of the device in the description.
+    fn chosen(&self, kinds: &[&'static FaultKind], names: &Names) -> Option<&'static FaultKind> {
+        let first = named(&self.kind, kinds)?;
+        let field = TargetKind::Device.fields()[0];
+        let device = self.fields.iter().find_map(|(name, value)| match value {
+            FieldValue::Text(device) if field.is_called(name) => Some(device),
+            _ => None,
+        });
+        let device = names.plcs.iter().position(|known| Some(known) == device);
+        let device = device.map(|index| names.device(DeviceIndex::at(index)).name);
+        let same = kinds.iter().copied().filter(|kind| kind.name() == first.name());
+        let declared = same.filter(|kind| kind.declaration().map(|it| it.device) == device);
+        // A process may have read several versions of a folder; the last one is the present one.
+        Some(declared.last().filter(|_| device.is_some()).unwrap_or(first))
+    }
+}
+
+/// Returns the kinds without those that devices outside of the installation declare.
+pub(crate) fn in_installation(kinds: &[&'static FaultKind], names: &Names) -> Vec<&'static FaultKind> {
+    let has = |device| {
+        (0..names.devices.len()).any(|index| names.device(DeviceIndex::at(index)).name == device)
+    };
+    let is_possible = |kind: &&FaultKind| kind.declaration().is_none_or(|it| has(it.device));
+    kinds.iter().copied().filter(is_possible).collect()
 }
 
 /// Returns the kind of this name; `-` and `_` are equivalent.
@@ -36,6 +63,8 @@ struct Reader<'a> {
     given: Vec<(&'static Field, &'a FieldValue)>,
     kind: &'static FaultKind,
     names: &'a Names,
+    /// Names of the devices that declare a kind of this name. Empty for a kind of commram.
+    declaring: Vec<String>,
 }
 
 impl<'a> Reader<'a> {
@@ -59,7 +88,17 @@ impl<'a> Reader<'a> {
             }
             given.push((field, value));
         }
-        Ok(Reader { given, kind, names })
+        let declarations = || {
+            let same = kinds.iter().filter(|other| other.name() == kind.name());
+            same.filter_map(|kind| kind.declaration())
+        };
+        let declares = |index| {
+            let device = names.device(DeviceIndex::at(index)).name;
+            declarations().any(|declaration| declaration.device == device)
+        };
+        let named = names.plcs.iter().enumerate();
+        let declaring = named.filter(|(index, _)| declares(*index)).map(|(_, name)| name.clone()).collect();
+        Ok(Reader { given, kind, names, declaring })
     }
 
     fn fault(&self) -> Result<Fault, FaultError> {
@@ -109,6 +148,17 @@ impl<'a> Reader<'a> {
     fn plc(&self) -> Result<DeviceIndex, FaultError> {
         let kind = self.kind;
         let unknown = |plc, known| FaultError::UnknownPlc { kind, plc, known };
+        let field = TargetKind::Device.fields()[0];
+        if self.given(field).is_none() {
+            match &self.declaring[..] {
+                [] => {}
+                [only] => {
+                    let index = self.names.plcs.iter().position(|known| known == only);
+                    return Ok(DeviceIndex::at(index.unwrap_or_default()));
+                }
+                several => return Err(self.missing(field, format!("give one of: {}", list(several)))),
+            }
+        }
         self.named(TargetKind::Device, &self.names.plcs, unknown).map(DeviceIndex::at)
     }
 

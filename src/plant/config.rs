@@ -18,7 +18,7 @@ use crate::can;
 use crate::can::Message;
 use crate::devices;
 use crate::devices::{BusSection, DeviceConfig, PortConfig, settings_number};
-use crate::fault::{DeviceSite, Fault, FaultError, FaultSpec, MAX_FAULTS, Refusal, Sites};
+use crate::fault::{DeviceSite, Fault, FaultError, FaultKind, FaultSpec, MAX_FAULTS, Refusal, Sites};
 use crate::identity::BusIndex;
 use crate::input_file;
 use crate::journal::Names;
@@ -127,9 +127,9 @@ impl PlantConfig {
     /// # Errors
     /// [`PlantError::Fault`] names the field and a correct value.
     pub fn resolved_faults(&self) -> Result<Vec<Fault>, PlantError> {
-        let (names, sites) = (self.names(), self.sites());
+        let (names, sites, kinds) = (self.names(), self.sites(), self.fault_kinds());
         let resolve = |spec: &FaultSpec| {
-            let fault = spec.resolve(devices::fault_kinds(), &names)?;
+            let fault = spec.resolve(&kinds, &names)?;
             let owner = sites.owner(&fault);
             owner.map_err(|refusal| FaultError::refused(fault.kind(), refusal, &names))?;
             Ok(fault)
@@ -147,6 +147,17 @@ impl PlantConfig {
                 Err(PlantError::Fault { number: MAX_FAULTS + 1, source })
             }
         }
+    }
+
+    /// Returns the kinds of faults that the plant can have: those of commram, then those that its devices declare.
+    pub(crate) fn fault_kinds(&self) -> Vec<&'static FaultKind> {
+        let mut kinds = devices::fault_kinds().to_vec();
+        for kind in self.devices.iter().flat_map(|device| device.fault_kinds()) {
+            if !kinds.contains(kind) {
+                kinds.push(kind);
+            }
+        }
+        kinds
     }
 
     fn names(&self) -> Names {
@@ -176,7 +187,7 @@ impl PlantConfig {
             let drives = device.ports().into_iter().map(|port| port.number);
             DeviceSite {
                 layout: device.layout(),
-                faults: devices::faults_of_device(device.layout()),
+                faults: device.fault_kinds(),
                 plugged: plugged.collect(),
                 drives: drives.filter(|port| device.is_drive(*port)).collect(),
             }

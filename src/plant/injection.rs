@@ -24,6 +24,7 @@ impl Plant {
     pub fn clear_fault(&mut self, id: u16) -> Result<(), Refusal> {
         self.faults.clear(self.now, id, &mut self.journal)?;
         self.tell_of_faults();
+        self.find_next_device();
         Ok(())
     }
 
@@ -70,7 +71,7 @@ impl Plant {
             let plugged = ports.iter().filter(|port| port.bus.index() < self.named_buses);
             DeviceSite {
                 layout: device.layout(),
-                faults: devices::faults_of_device(device.layout()),
+                faults: device.fault_kinds(),
                 plugged: plugged.map(|port| (port.number, port.bus)).collect(),
                 drives: ports.iter().map(|port| port.number).filter(|port| device.is_drive(*port)).collect(),
             }

@@ -30,7 +30,8 @@ pub fn schema() -> Value {
         .enumerate()
         .map(|(index, bus)| of_kind(section((bus.schema)(), &mut definitions), bus.name, index > 0))
         .collect();
-    let faults: Vec<_> = devices::fault_kinds().iter().map(|kind| fault(kind)).collect();
+    let faults: Vec<_> =
+        devices::fault_kinds().iter().map(|kind| fault(kind)).chain([declared_fault()]).collect();
     let sections =
         |about: &str, items: Value| json!({ "type": "array", "description": about, "items": items });
     json!({
@@ -141,6 +142,23 @@ fn fault(kind: &'static FaultKind) -> Value {
         "additionalProperties": false,
         "required": ["kind"],
         "properties": properties,
+    })
+}
+
+/// Schema of a `[[fault]]` of a kind that a device in a folder declares.
+fn declared_fault() -> Value {
+    let names: Vec<_> = devices::fault_kinds().iter().map(|kind| kind.name()).collect();
+    let number = json!({ "type": ["integer", "string"] });
+    json!({
+        "type": "object",
+        "description": "A fault that a device in a folder declares",
+        "additionalProperties": { "type": ["integer", "string", "boolean"] },
+        "required": ["kind"],
+        "properties": {
+            "kind": { "type": "string", "not": { "enum": names } },
+            "plc": { "type": "string" }, "device": { "type": "string" },
+            "at_us": number, "duration_us": number, "for_us": number,
+        },
     })
 }
 

@@ -2,7 +2,7 @@
 
 use crate::can::Frame;
 use crate::devices;
-use crate::fault::{Draft, Fault, Limit, Target};
+use crate::fault::{Draft, Fault, FaultKind, Limit, Target};
 use crate::journal::Keep;
 use crate::layout::{Compare, Test};
 use crate::memory::header::BoardSetting;
@@ -108,6 +108,9 @@ impl FrameForm {
 #[serde(deny_unknown_fields)]
 struct FaultForm {
     kind: String,
+    /// Name of the device in a folder that declares the kind.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    device: Option<String>,
     index: u16,
     number: u8,
     values: BTreeMap<String, u64>,
@@ -123,6 +126,7 @@ impl From<&Fault> for FaultForm {
         let kind = fault.kind().name().to_owned();
         FaultForm {
             kind,
+            device: fault.kind().declaration().map(|declaration| declaration.device.to_owned()),
             index,
             number,
             values: values.collect(),
@@ -134,7 +138,13 @@ impl From<&Fault> for FaultForm {
 
 impl FaultForm {
     fn read(mut self) -> Option<Fault> {
-        let kind = devices::fault_kinds().iter().find(|kind| kind.name() == self.kind)?;
+        let is_it = |kind: &&&'static FaultKind| {
+            let device = kind.declaration().map(|declaration| declaration.device);
+            kind.name() == self.kind && device == self.device.as_deref()
+        };
+        // A process may have read several versions of a folder; the last one is the present one.
+        let kinds = devices::known_fault_kinds();
+        let kind = kinds.iter().rev().find(is_it)?;
         let mut draft = Draft::new(kind, Target::of_numbers(kind.place(), self.index, self.number));
         for (value, field) in draft.values.iter_mut().zip(kind.fields()) {
             *value = self.values.remove(field.name());

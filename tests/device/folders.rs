@@ -358,6 +358,178 @@ fn own_records_are_in_the_journal_with_their_fields() {
     assert!(wrong.refused().contains("handshakes.toml:6: `Idle` is no name"), "{}", wrong.refused());
 }
 
+const FAULTS: &str = "\
+[[fault]]
+name = 'noise'
+text = 'The input is disturbed'
+fields = [{ name = 'input', text = 'Number of the input', to = 7 }, { name = 'level', text = 'Level', from = 1, to = 9, default = 3 }]
+page = '1'
+
+[[fault]]
+name = 'lost'
+text = 'The card does not answer'
+page = '1'
+
+[[answer]]
+register = 'card.w_COMMAND'
+request = 5
+answer = 4
+after = '1ms'
+unless_fault = 'lost'
+page = '1'
+source = 'manual'
+
+[[counter]]
+register = 'card.w_COUNT'
+every = '1ms'
+unless_fault = 'lost'
+page = '1'
+source = 'manual'
+
+[[mirror]]
+from = 'card.w_DATA'
+to = 'card.i_VALUE'
+unless_fault = 'lost'
+page = '1'
+source = 'manual'
+";
+
+const FAULT_HOOK: &str = "\
+fn power_on() { this.noise = 0; }
+fn fault(name, on, fields) {
+    journal(`${name} ${on} ${fields}`);
+    if name == \"noise\" {
+        this.noise = if on { fields.level } else { 0 };
+        output(\"card.a_OUT[0]\", this.noise);
+    }
+}
+";
+
+/// A declared fault calls the hook at its begin and its end, also after power-on and after going back.
+#[test]
+fn declared_faults_call_the_hook() {
+    let card = Card::new(FAULT_HOOK);
+    card.write("handshakes.toml", FAULTS);
+    let mut bench = card.bench();
+    bench.step("1ms").unwrap();
+    let number = bench.fault("noise input=2 level=7 at=3ms").unwrap();
+    let text = bench.faults().unwrap()[0].fault.text(bench.names());
+    assert_eq!(text, "noise plc=card input=2 level=7 at_us=3000");
+    let early = bench.save().unwrap();
+    bench.step("2500us").unwrap();
+    assert_eq!(bench.peek("card.a_OUT[0]").unwrap(), 7);
+    let acting = bench.save().unwrap();
+    bench.clear_fault(number).unwrap();
+    bench.step("1us").unwrap();
+    assert_eq!(bench.peek("card.a_OUT[0]").unwrap(), 0);
+    let lines = journal(&mut bench);
+    for line in [
+        "fault 1, noise: added",
+        "0.003000 s  card        noise true #{\"input\": 2, \"level\": 7}",
+        "fault 1, noise: cleared",
+        "0.003500 s  card        noise false #{\"input\": 2, \"level\": 7}",
+    ] {
+        assert!(lines.iter().any(|it| it.contains(line)), "{line}: {lines:#?}");
+    }
+    // Back to a time at which the fault acts, and to a time before its begin.
+    bench.back_to(acting).unwrap();
+    assert_eq!((bench.peek("card.a_OUT[0]").unwrap(), bench.faults().unwrap().len()), (7, 1));
+    bench.step("1ms").unwrap();
+    assert_eq!(bench.peek("card.a_OUT[0]").unwrap(), 7);
+    // Power-on empties `this` and the registers; the hook is called again, because the fault still acts.
+    bench.power_cycle("").unwrap();
+    bench.step("1ms").unwrap();
+    assert_eq!(bench.peek("card.a_OUT[0]").unwrap(), 7);
+    bench.back_to(early).unwrap();
+    assert_eq!(bench.peek("card.a_OUT[0]").unwrap(), 0);
+    bench.step("2500us").unwrap();
+    assert_eq!(bench.peek("card.a_OUT[0]").unwrap(), 7);
+    // A duration ends the fault; a field that is left out has its default value.
+    bench.clear_fault(number).unwrap();
+    bench.fault("noise input=0 duration=2ms").unwrap();
+    bench.step("1ms").unwrap();
+    assert_eq!(bench.peek("card.a_OUT[0]").unwrap(), 3);
+    bench.step("1ms").unwrap();
+    assert_eq!((bench.peek("card.a_OUT[0]").unwrap(), bench.faults().unwrap().len()), (0, 0));
+}
+
+/// A table with `unless_fault` does nothing while the fault acts, and continues afterwards.
+#[test]
+fn a_fault_suspends_the_tables_that_name_it() {
+    let card = Card::new(FAULT_HOOK);
+    card.write("handshakes.toml", FAULTS);
+    let mut bench = card.bench();
+    bench.poke("card.w_DATA", 9).unwrap();
+    bench.step("10500us").unwrap();
+    assert_eq!((bench.peek("card.w_COUNT").unwrap(), bench.peek("card.i_VALUE").unwrap()), (10, 9));
+    // The fault begins while the answer is on its way.
+    bench.poke("card.w_COMMAND", 5).unwrap();
+    bench.step("1ms").unwrap();
+    let number = bench.fault("lost").unwrap();
+    bench.poke("card.w_DATA", 8).unwrap();
+    let lost = bench.save().unwrap();
+    for _ in 0..2 {
+        bench.step("10ms").unwrap();
+        let seen = ["card.w_COMMAND", "card.w_COUNT", "card.i_VALUE"].map(|name| bench.peek(name).unwrap());
+        assert_eq!(seen, [5, 11, 9]);
+        bench.back_to(lost).unwrap();
+    }
+    bench.step("10ms").unwrap();
+    bench.clear_fault(number).unwrap();
+    // The time of the answer begins with the next poll.
+    bench.step("1ms").unwrap();
+    assert_eq!((bench.peek("card.w_COMMAND").unwrap(), bench.peek("card.i_VALUE").unwrap()), (5, 8));
+    bench.step("1ms").unwrap();
+    assert_eq!((bench.peek("card.w_COMMAND").unwrap(), bench.peek("card.w_COUNT").unwrap()), (4, 13));
+}
+
+#[test]
+fn wrong_declared_faults_are_refused() {
+    let card = Card::new(FAULT_HOOK);
+    card.write("handshakes.toml", FAULTS);
+    let mut bench = card.bench();
+    let refused = |bench: &mut Bench, words: &str| bench.fault(words).unwrap_err().to_string();
+    assert!(refused(&mut bench, "nois").contains("did you mean noise?"), "{}", refused(&mut bench, "nois"));
+    assert!(refused(&mut bench, "noise").contains("give input, 0 to 7"), "{}", refused(&mut bench, "noise"));
+    let text = refused(&mut bench, "noise input=8");
+    assert!(text.contains("input is 8; it must be 0 to 7"), "{text}");
+    let text = refused(&mut bench, "noise inptu=1");
+    assert!(text.contains("did you mean input?"), "{text}");
+    let text = refused(&mut bench, "noise input=1 count=2");
+    assert!(text.contains("count has no meaning for noise"), "{text}");
+    // Two devices of the folder: the description names one of them.
+    let plant = |name: &str| format!("[[device]]\nname = '{name}'\nkind = '{}'\n", card.dir().display());
+    let mut two = Bench::plant(&(plant("one") + &plant("two"))).unwrap();
+    let text = refused(&mut two, "lost");
+    assert!(text.contains("plc is missing; give one of: one, two"), "{text}");
+    two.fault("lost device=two").unwrap();
+    two.poke("one:card.w_COMMAND", 5).unwrap();
+    two.poke("two:card.w_COMMAND", 5).unwrap();
+    two.step("5ms").unwrap();
+    let seen = ["one:card.w_COMMAND", "two:card.w_COMMAND"].map(|name| two.peek(name).unwrap());
+    assert_eq!(seen, [4, 5]);
+    // In a plant file, and in the files of a folder.
+    let with = |fault: &str| PlantConfig::parse("plant", &format!("{}[[fault]]\n{fault}\n", plant("card")));
+    with("kind = 'noise'\ninput = 1").unwrap().resolved_faults().unwrap();
+    let refused = with("kind = 'noise'").and_then(|config| config.resolved_faults().map(drop)).unwrap_err();
+    assert!(refused.to_string().contains("give input, 0 to 7"), "{refused}");
+    let refused = |tables: &str, script: &str| {
+        let card = Card::new(script);
+        card.write("handshakes.toml", tables);
+        card.refused()
+    };
+    let text = refused(&FAULTS.replace("unless_fault = 'lost'", "unless_fault = 'last'"), "");
+    assert!(text.contains(":18: ") && text.contains("did you mean lost?"), "{text}");
+    let text = refused(FAULTS, "");
+    assert!(text.contains("handshakes.toml:1: the fault `noise` has no effect"), "{text}");
+    let text = refused(&FAULTS.replace("'lost'\ntext", "'noise'\ntext"), FAULT_HOOK);
+    assert!(text.contains(":7: another [[fault]]"), "{text}");
+    let text = refused("", FAULT_HOOK);
+    assert!(text.contains("the hook fault has no effect"), "{text}");
+    let text = refused(FAULTS, "fn fault(name) {}");
+    assert!(text.contains("the hook fault is a function fault(name, on, fields)"), "{text}");
+}
+
 /// The unit of a plant finds the folders of its devices after a simulator has unpacked it elsewhere.
 #[test]
 fn a_unit_runs_the_script_of_a_folder() {

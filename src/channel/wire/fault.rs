@@ -2,7 +2,10 @@
 
 use super::{WireOp, serde_types};
 use crate::devices;
-use crate::fault::{Draft, Fault, FaultKind, FaultStatus, Limit, MAX_BITS, MAX_FIELDS, Target, Values};
+use crate::fault::{
+    DECLARED_BITS, Draft, Fault, FaultKind, FaultStatus, Limit, MAX_BITS, MAX_FIELDS, Target, Values,
+    is_declared,
+};
 use serde::{Deserialize, Serialize};
 use zerocopy::{FromBytes, IntoBytes};
 
@@ -16,14 +19,34 @@ fn packed(kind: &FaultKind, values: Values) -> [u8; BYTES] {
         bits |= u128::from(value.unwrap_or(0)) << place;
         place += field.bits();
     }
+    if let Some(declaration) = kind.declaration() {
+        bits |= u128::from(declaration.id) << DECLARED_BITS;
+    }
     let mut packed = [0; BYTES];
     packed.iter_mut().zip(bits.to_le_bytes()).for_each(|(to, from)| *to = from);
     packed
 }
 
+fn bits_of(packed: [u8; BYTES]) -> u128 {
+    packed.iter().rev().fold(0, |bits, byte| bits << 8 | u128::from(*byte))
+}
+
+/// Returns the kind of a fault with this number and these packed values. For a kind that a folder declares, this process
+/// must have read the folder.
+fn kind_of(number: u8, packed: [u8; BYTES]) -> Option<&'static FaultKind> {
+    if !is_declared(number) {
+        return devices::fault_kinds().iter().copied().find(|kind| kind.number() == number);
+    }
+    let id = (bits_of(packed) >> DECLARED_BITS) as u32;
+    let is_it = |kind: &&FaultKind| {
+        kind.number() == number && kind.declaration().is_some_and(|declaration| declaration.id == id)
+    };
+    devices::declared_fault_kinds().into_iter().find(is_it)
+}
+
 /// Inverse of [`packed`].
 fn unpacked(kind: &FaultKind, packed: [u8; BYTES]) -> [u64; MAX_FIELDS] {
-    let mut bits = packed.iter().rev().fold(0, |bits, byte| bits << 8 | u128::from(*byte));
+    let mut bits = bits_of(packed);
     let mut values = [0; MAX_FIELDS];
     for (value, field) in values.iter_mut().zip(kind.fields()) {
         *value = (bits & ((1 << field.bits()) - 1)) as u64;
@@ -68,7 +91,7 @@ impl From<&Fault> for WireFault {
 impl WireFault {
     /// Decodes the fault; `None` if no kind allows it.
     fn fault(&self) -> Option<Fault> {
-        let kind = devices::fault_kinds().iter().find(|kind| kind.number() == self.kind)?;
+        let kind = kind_of(self.kind, self.values)?;
         let mut draft = Draft::new(kind, Target::of_numbers(kind.place(), self.index, self.number));
         for (bit, (value, sent)) in draft.values.iter_mut().zip(unpacked(kind, self.values)).enumerate() {
             *value = (self.given >> bit & 1 != 0).then_some(sent);

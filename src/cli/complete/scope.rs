@@ -153,8 +153,8 @@ impl PlcScope {
         buses: impl Fn() -> Vec<String>,
     ) -> Vec<(String, String)> {
         let named = |word: &String| {
-            let kinds = devices::fault_kinds().iter().copied();
-            kinds.into_iter().find(|kind: &&'static FaultKind| kind.name() == word.replace('-', "_"))
+            let mut kinds = devices::known_fault_kinds().into_iter();
+            kinds.find(|kind: &&'static FaultKind| kind.name() == word.replace('-', "_"))
         };
         let Some(kind) = words.iter().find_map(named) else { return Vec::new() };
         let is_it = |field: &Field, name: &str| field.name() == name || field.other_name() == Some(name);

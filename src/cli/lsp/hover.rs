@@ -60,7 +60,7 @@ fn fault(text: &str, at: usize) -> Option<(String, Range<usize>)> {
     let word = text[start..].split_whitespace().next()?;
     let range = start..start + word.len();
     let kind_name = text.split_whitespace().next()?.replace('-', "_");
-    let kind = devices::fault_kinds().iter().copied().find(|kind| kind.name() == kind_name)?;
+    let kind = devices::known_fault_kinds().into_iter().find(|kind| kind.name() == kind_name)?;
     if start <= text.len() - text.trim_start().len() {
         return Some((kind.about().to_owned(), range));
     }

@@ -199,8 +199,9 @@ fn rules(_: &mut Connection, _: &Fields<'_>) -> Result<Shown, Problem> {
     named("rules", check::rules())
 }
 
-fn fault_kinds(_: &mut Connection, _: &Fields<'_>) -> Result<Shown, Problem> {
-    named("kinds", devices::fault_kinds().iter().map(|kind| kind_of_fault(kind)).collect::<Vec<_>>())
+fn fault_kinds(connection: &mut Connection, _: &Fields<'_>) -> Result<Shown, Problem> {
+    let kinds = devices::fault_kinds_of(&connection.names);
+    named("kinds", kinds.into_iter().map(kind_of_fault).collect::<Vec<_>>())
 }
 
 fn kind_of_fault(kind: &'static FaultKind) -> Value {

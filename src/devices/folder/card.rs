@@ -86,6 +86,8 @@ pub(super) struct Card {
     pulses: CardPulses,
     /// The CAN port, if the device has one.
     link: Option<BusLink>,
+    /// Declared kinds of which a fault acts, bit n for kind n.
+    faults: u16,
 }
 
 impl Card {
@@ -97,7 +99,8 @@ impl Card {
     ) -> Self {
         let face = Arc::new(face);
         let (events, pulses) = (Events::default(), CardPulses::default());
-        Card { segment, face, watched: Vec::new(), events, has_events, requests: 0, pulses, link }
+        let watched = Vec::new();
+        Card { segment, face, watched, events, has_events, requests: 0, pulses, link, faults: 0 }
     }
 
     /// Moves registers and events to a new card for a call of the script. [`Card::give_back`] takes the changes back.
@@ -268,6 +271,16 @@ impl Card {
         area.phase(status)
     }
 
+    /// Sets the declared kinds of which a fault acts, bit n for kind n.
+    pub(super) fn set_faults(&mut self, mask: u16) {
+        self.faults = mask;
+    }
+
+    /// True if a fault of the declared kind with this index acts.
+    pub(super) fn has_fault(&self, index: usize) -> bool {
+        self.faults >> index & 1 != 0
+    }
+
     /// Handles power-on: no event is enabled.
     pub(super) fn start(&mut self) {
         self.events.disable_all();
@@ -354,9 +367,10 @@ impl Card {
 impl SnapshotFields for Card {
     fn save(&self, to: &mut Saving) {
         // The port saves the link.
-        let Self { segment: _, face: _, watched, events, has_events: _, requests, pulses: _, link: _ } = self;
+        let Self { segment: _, face: _, watched, events, has_events: _, requests, pulses: _, link: _, faults } = self;
         to.value(&watched.iter().map(|watched| watched.last).collect::<Vec<_>>());
         to.value(requests);
+        to.value(faults);
         events.save(to);
     }
 
@@ -365,6 +379,7 @@ impl SnapshotFields for Card {
         from.check(last.len() == self.watched.len(), "value of each watched register")?;
         self.watched.iter_mut().zip(last).for_each(|(watched, last)| watched.last = last);
         self.requests = from.value()?;
+        self.faults = from.value()?;
         self.events.restore(from)
     }
 }

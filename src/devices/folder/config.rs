@@ -4,12 +4,14 @@ use super::Folder;
 use super::card::Card;
 use super::firmware::FolderFirmware;
 use super::handshakes::Handshakes;
+use super::own_faults::OwnFaults;
 use super::part::Part;
 use super::port::{BusLink, FolderPort};
 use super::source::Source;
 use crate::devices::can_bus::CanSocket;
 use crate::devices::settings::range;
 use crate::devices::{BuildError, CardPlace, Device, DeviceConfig, Plain, Plug, PortConfig};
+use crate::fault::FaultKind;
 use crate::identity::DeviceIndex;
 use crate::journal::Origin;
 use crate::layout::{DeviceLayout, Port};
@@ -98,6 +100,10 @@ impl DeviceConfig for FolderConfig {
         self.folder.registered.layout
     }
 
+    fn fault_kinds(&self) -> &'static [&'static FaultKind] {
+        self.folder.fault_kinds
+    }
+
     fn check(&self) -> Result<(), BuildError> {
         if self.bus.is_some() && self.port().is_none() {
             let reason = format!(
@@ -160,7 +166,8 @@ impl DeviceConfig for FolderConfig {
             Plug { number, family, bus, socket: Box::new(socket) }
         });
         let plugs = Vec::from_iter(plugs);
-        let firmware = FolderFirmware::new(parts, card, Source::new(self.clone()), link);
+        let faults = OwnFaults::new(self.folder.fault_kinds);
+        let firmware = FolderFirmware::new(parts, card, faults, Source::new(self.clone()), link);
         let device = Plain::new(index, &self.name, self.layout(), segment, firmware)?;
         Ok((Box::new(device), plugs))
     }

@@ -1,11 +1,13 @@
 //! The firmware of a device in a folder.
 
 use super::card::Card;
+use super::own_faults::OwnFaults;
 use super::part::Part;
 use super::port::BusLink;
 use super::records::Reload;
 use super::source::Source;
 use crate::devices::{CardPulses, Context, DevicePorts, Events, FileChanges, Firmware, OptionCard};
+use crate::fault::{FaultKind, Faults, Owner};
 use crate::memory::header::Start;
 use crate::snapshot_fields;
 
@@ -13,22 +15,38 @@ use crate::snapshot_fields;
 pub(super) struct FolderFirmware {
     parts: Vec<Box<dyn Part>>,
     card: Card,
+    faults: OwnFaults,
     source: Source,
     /// The part that the CAN port shares with the firmware, if the device has a port.
     link: Option<BusLink>,
 }
 
-snapshot_fields!(FolderFirmware { parts: parts, card; built: source, link });
+snapshot_fields!(FolderFirmware { parts: parts, card, faults; built: source, link });
 
 impl FolderFirmware {
-    pub(super) fn new(parts: Vec<Box<dyn Part>>, card: Card, source: Source, link: Option<BusLink>) -> Self {
-        FolderFirmware { parts, card, source, link }
+    pub(super) fn new(
+        parts: Vec<Box<dyn Part>>,
+        card: Card,
+        faults: OwnFaults,
+        source: Source,
+        link: Option<BusLink>,
+    ) -> Self {
+        FolderFirmware { parts, card, faults, source, link }
     }
 
     /// Switches the port on or off with the device. At power-off the script can send nothing.
     fn switch_port(&self, is_on: bool) {
         if let Some(link) = &self.link {
             link.switch(is_on);
+        }
+    }
+
+    /// Notifies the parts of faults that have begun or ended.
+    fn report_faults(&mut self, ctx: &mut Context) {
+        let changes = self.faults.take_changes();
+        if !changes.is_empty() {
+            self.card.set_faults(self.faults.mask());
+            changes.iter().for_each(|change| self.each(|part, card| part.fault(ctx, card, change)));
         }
     }
 
@@ -42,7 +60,10 @@ impl Firmware for FolderFirmware {
     fn start(&mut self, ctx: &mut Context) {
         self.card.start();
         self.switch_port(true);
+        self.faults.restart();
+        self.card.set_faults(0);
         self.each(|part, card| part.start(ctx, card));
+        self.report_faults(ctx);
     }
 
     fn stop(&mut self, ctx: &mut Context) {
@@ -51,12 +72,13 @@ impl Firmware for FolderFirmware {
     }
 
     fn look(&mut self, ctx: &mut Context) {
+        self.report_faults(ctx);
         self.card.answer_requests(ctx);
         self.each(|part, card| part.look(ctx, card));
     }
 
     fn is_quiescent(&self) -> bool {
-        self.parts.iter().all(|part| part.is_quiescent())
+        self.faults.next_time() == u64::MAX && self.parts.iter().all(|part| part.is_quiescent())
     }
 
     /// The next cycle is needed, because a part may have changed a register that another part reads.
@@ -66,11 +88,21 @@ impl Firmware for FolderFirmware {
 
     fn next_time(&self) -> u64 {
         let of_port = self.link.as_ref().map_or(u64::MAX, BusLink::next_time);
-        self.parts.iter().map(|part| part.next_time()).fold(of_port, u64::min)
+        let first = of_port.min(self.faults.next_time());
+        self.parts.iter().map(|part| part.next_time()).fold(first, u64::min)
     }
 
     fn due(&mut self, ctx: &mut Context) {
+        self.report_faults(ctx);
         self.each(|part, card| part.due(ctx, card));
+    }
+
+    fn faults_changed(&mut self, now: u64, faults: &Faults, owner: Owner) {
+        self.faults.changed(now, faults, owner);
+    }
+
+    fn fault_kinds(&self) -> Option<&'static [&'static FaultKind]> {
+        Some(self.faults.kinds())
     }
 
     fn event_level(&self, event: usize) -> Option<u8> {

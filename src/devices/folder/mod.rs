@@ -12,6 +12,7 @@ mod error;
 mod files;
 mod firmware;
 mod handshakes;
+mod own_faults;
 mod own_records;
 mod part;
 mod port;
@@ -36,12 +37,18 @@ pub use search::{names_in_search_path, search, search_first, search_path};
 #[cfg(feature = "cli")]
 pub(crate) use state_word::WORD as SCRIPT_WORD;
 
+#[cfg(feature = "cli")]
+pub(crate) use own_faults::{OwnFault, OwnField};
 pub use own_records::OwnRecord;
 
 use handshakes::Tables;
+use own_faults::Declarations;
+#[cfg(not(feature = "cli"))]
+use own_faults::OwnFault;
 use script::Script;
 
 use super::{Emulation, Registered, registry};
+use crate::fault::FaultKind;
 use crate::layout::DeviceLayout;
 use crate::memory::InstanceLock;
 use crate::memory::header::{AREAS, DEVICE_LENGTH, TABLE_NAME_LENGTH};
@@ -71,6 +78,11 @@ pub struct Folder {
     pub rows: Vec<Handshake>,
     /// Kinds of journal records that the device defines.
     pub records: Vec<OwnRecord>,
+    /// Kinds of faults that the device defines, as in its file.
+    #[cfg(feature = "cli")]
+    pub(crate) faults: Vec<OwnFault>,
+    /// The same kinds for the list of faults.
+    fault_kinds: &'static [&'static FaultKind],
     script: Option<Script>,
     /// Number that differs between folders with different files.
     fingerprint: u64,
@@ -109,6 +121,8 @@ struct Loaded {
     folders: Vec<&'static Folder>,
     /// Devices of running instances, of which only the registers were read.
     registers: Vec<&'static Registered>,
+    /// Kinds of faults that folders declare.
+    faults: Declarations,
     /// Maximum number of folders, and of tables.
     most: usize,
 }
@@ -124,17 +138,42 @@ impl Loaded {
         layout
     }
 
+    /// Reads the faults that the folder declares, for a client of a running device. If the file is wrong, the client does
+    /// not know these faults.
+    fn read_faults(&mut self, dir: &Path, layout: &'static DeviceLayout) {
+        let path = dir.join(handshakes::FILE);
+        let text = commram_layoutc::read_file_of_folder(dir, handshakes::FILE).ok().flatten();
+        if let Some(text) = text
+            && self.faults.len() < self.most
+            && texts::check(&path, &text).is_ok()
+            && let Ok(faults) = handshakes::read_faults(&path, &text, layout)
+        {
+            self.faults.kinds(layout.name, &faults);
+        }
+    }
+
     /// Checks that another folder can be read.
     fn has_room(&self, dir: &Path) -> Result<(), FolderError> {
-        if self.tables.len().max(self.folders.len()).max(self.registers.len()) < self.most {
+        let lengths = [self.tables.len(), self.folders.len(), self.registers.len(), self.faults.len()];
+        if lengths.into_iter().all(|length| length < self.most) {
             return Ok(());
         }
         Err(FolderError::TooManyFolders { dir: dir.to_owned(), most: self.most })
     }
 }
 
-static LOADED: Mutex<Loaded> =
-    Mutex::new(Loaded { tables: Vec::new(), folders: Vec::new(), registers: Vec::new(), most: MOST_FOLDERS });
+static LOADED: Mutex<Loaded> = Mutex::new(Loaded {
+    tables: Vec::new(),
+    folders: Vec::new(),
+    registers: Vec::new(),
+    faults: Declarations::new(),
+    most: MOST_FOLDERS,
+});
+
+/// Returns the kinds of faults that the folders declare, in the order of reading.
+pub(super) fn declared_fault_kinds() -> Vec<&'static FaultKind> {
+    LOADED.lock().unwrap_or_else(PoisonError::into_inner).faults.all()
+}
 
 /// True if `kind` of a plant file, or the name of a device on the command line, is the path of a folder.
 #[must_use]
@@ -173,20 +212,59 @@ pub fn load(dir: &Path) -> Result<&'static Folder, FolderError> {
     loaded.has_room(dir)?;
     let layout = loaded.table(of_layout, &read);
     let tables = XxHash3_64::oneshot(handshakes.as_deref().unwrap_or_default().as_bytes());
-    let Tables { rows, records } = match handshakes {
+    let Tables { rows, records, faults } = match handshakes {
         Some(text) => handshakes::read(&dir.join(handshakes::FILE), &text, layout)?,
         None => Tables::default(),
     };
     if let Some(script) = &mut script {
         inputs.extend(script.check(dir, layout, &records)?);
     }
+    check_fault_hook(dir, script.as_ref(), &rows, &faults)?;
+    let fault_kinds = loaded.faults.kinds(layout.name, &faults);
     let exercises = script::read_exercise(dir, layout)?;
     let emulation = Emulation { exercises: Vec::leak(Vec::from_iter(exercises)), ..Emulation::NONE };
     let registered = Registered { emulation, ..Registered::new(layout) };
-    let folder = Folder { registered, rows, records, script, fingerprint, tables, inputs };
+    let folder = Folder {
+        registered,
+        rows,
+        records,
+        #[cfg(feature = "cli")]
+        faults,
+        fault_kinds,
+        script,
+        fingerprint,
+        tables,
+        inputs,
+    };
     let folder: &'static Folder = Box::leak(Box::new(folder));
     loaded.folders.push(folder);
     Ok(folder)
+}
+
+/// Checks that each declared fault has an effect, and that a hook for faults has faults.
+fn check_fault_hook(
+    dir: &Path,
+    script: Option<&Script>,
+    rows: &[Handshake],
+    faults: &[OwnFault],
+) -> Result<(), FolderError> {
+    if script.is_some_and(|script| script.hooks().iter().any(|hook| hook == "fault")) {
+        if faults.is_empty() {
+            let what = format!("the hook fault has no effect: {} declares no [[fault]]", handshakes::FILE);
+            return Err(FolderError::Script { path: dir.join(SCRIPT), line: 1, what });
+        }
+        return Ok(());
+    }
+    let is_used = |index| rows.iter().any(|row| row.unless_fault() == Some(index));
+    match faults.iter().enumerate().find(|(index, _)| !is_used(*index)) {
+        None => Ok(()),
+        Some((_, OwnFault { name, line, .. })) => {
+            let what = format!(
+                "the fault `{name}` has no effect: no table has unless_fault = \"{name}\", and {SCRIPT} has no hook fault(name, on, fields)"
+            );
+            Err(FolderError::Table { path: dir.join(handshakes::FILE), line: *line, what })
+        }
+    }
 }
 
 fn file_name(path: &Path) -> Option<String> {
@@ -231,8 +309,8 @@ pub(super) fn of_hash(hash: u64) -> Option<&'static Registered> {
     registered.find(|known| known.layout.layout_hash == hash)
 }
 
-/// Reads the registers of the device in the folder `dir`. A client of a running device needs nothing else, so its
-/// handshakes and its script may be wrong.
+/// Reads the registers of the device in the folder `dir`, and the faults that it declares. A client of a running device
+/// needs nothing else, so its handshakes and its script may be wrong.
 ///
 /// # Errors
 /// Like [`load`], for the files with registers.
@@ -248,7 +326,9 @@ fn load_registers(dir: &Path) -> Result<&'static Registered, FolderError> {
     let known = loaded.tables.iter().find(|(known, _)| *known == of_layout).map(|(_, layout)| *layout);
     let is_of = |layout: &DeviceLayout| known.is_some_and(|known| core::ptr::eq(layout, known));
     let folders = loaded.folders.iter().map(|folder| &folder.registered);
-    if let Some(known) = folders.chain(loaded.registers.iter().copied()).find(|it| is_of(it.layout)) {
+    let known = folders.chain(loaded.registers.iter().copied()).find(|it| is_of(it.layout));
+    if let Some(known) = known {
+        loaded.read_faults(dir, known.layout);
         return Ok(known);
     }
     check_limits(dir, &read)?;
@@ -257,6 +337,7 @@ fn load_registers(dir: &Path) -> Result<&'static Registered, FolderError> {
     let layout = loaded.table(of_layout, &read);
     let registered: &'static Registered = Box::leak(Box::new(Registered::new(layout)));
     loaded.registers.push(registered);
+    loaded.read_faults(dir, layout);
     Ok(registered)
 }
 

@@ -1,6 +1,7 @@
 //! Parts of the firmware of a device in a folder: its script, and its tables of handshakes.
 
 use super::card::Card;
+use super::own_faults::FaultChange;
 use super::script::Script;
 use crate::devices::Context;
 use crate::memory::header::Start;
@@ -36,6 +37,11 @@ pub(super) trait Part: SnapshotFields + Send {
     /// Called at an edge of the SYNC signal of the controller's network.
     fn sync_edge(&mut self, ctx: &mut Context, card: &mut Card) {
         let _ = (ctx, card);
+    }
+
+    /// Called when a fault that the device declares begins or ends, and after power-on for each fault that acts.
+    fn fault(&mut self, ctx: &mut Context, card: &mut Card, change: &FaultChange) {
+        let _ = (ctx, card, change);
     }
 
     /// Called when the script of the device has changed.

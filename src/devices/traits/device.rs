@@ -2,8 +2,9 @@
 
 use crate::devices::{
     AddressWrites, Context, DevicePorts, DeviceView, Drives, Events, Faulty, FileChanges, Front,
-    NovramContents, OptionCard, OptionSlots, World,
+    NovramContents, OptionCard, OptionSlots, World, faults_of_device,
 };
+use crate::fault::FaultKind;
 use crate::memory::Width;
 use crate::memory::header::BoardState;
 use crate::snapshot_fields::SnapshotFields;
@@ -93,6 +94,11 @@ pub trait Device: DeviceView + Front + Any + Send + SnapshotFields {
     /// Returns the part that answers writes by address, if the device has such a part.
     fn address_writes(&mut self) -> Option<&mut dyn AddressWrites> {
         None
+    }
+
+    /// Kinds of faults that the device or its ports can have.
+    fn fault_kinds(&self) -> &'static [&'static FaultKind] {
+        faults_of_device(self.layout())
     }
 
     /// Returns the part that takes over changed files of the device, if it is described by files that may change.

@@ -61,9 +61,9 @@ impl Bench {
         let text = words;
         let mut words = words.split_whitespace();
         let kind = words.next().unwrap_or_default();
-        let kinds = devices::fault_kinds();
-        let spec = FaultSpec::from_words(kinds, kind, &words.collect::<Vec<_>>())?;
-        let fault = spec.resolve(kinds, &self.names)?;
+        let kinds = devices::known_fault_kinds();
+        let spec = FaultSpec::from_words(&kinds, kind, &words.collect::<Vec<_>>())?;
+        let fault = spec.resolve(&kinds, &self.names)?;
         let number = self.ask(Op::FaultAdd { fault })?.fault_added()?;
         if spec.required {
             self.required.push(Required { number, text: text.to_owned(), place });

@@ -1,6 +1,6 @@
 //! Random choices: moves, faults, stores.
 
-use crate::devices::{self, DeviceConfig, Exercise};
+use crate::devices::{DeviceConfig, Exercise};
 use crate::fault::Form;
 use crate::plant::PlantConfig;
 use fastrand::Rng;
@@ -29,8 +29,11 @@ pub(super) fn made(exercise: &Exercise, is_right: bool, rng: &mut Rng) -> String
 
 /// Returns a random fault of any kind at any target. The plant may refuse it.
 pub(super) fn fault(plant: &PlantConfig, rng: &mut Rng) -> String {
-    let Some(kind) = rng.choice(devices::fault_kinds()) else { return String::new() };
-    let device = rng.choice(&plant.devices);
+    let Some(kind) = rng.choice(plant.fault_kinds()) else { return String::new() };
+    let device = match kind.declaration() {
+        Some(it) => rng.choice(plant.devices.iter().filter(|device| device.layout().name == it.device).collect::<Vec<_>>()),
+        None => rng.choice(&plant.devices),
+    };
     let mut words = kind.name().to_owned();
     let ends_by_hits = kind.has_hits() && rng.bool();
     for field in kind.all_fields() {

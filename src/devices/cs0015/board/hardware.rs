@@ -175,7 +175,7 @@ impl Firmware for Hardware {
         Some(Hit::Plain)
     }
 
-    fn faults_changed(&mut self, faults: &Faults, owner: Owner) {
+    fn faults_changed(&mut self, _: u64, faults: &Faults, owner: Owner) {
         let mut found = Defects::default();
         for (_, effect) in faults.acting(owner) {
             match *effect {

@@ -23,6 +23,8 @@ pub(super) struct File {
     pub(super) mirror: Vec<Mirror>,
     #[serde(default)]
     pub(super) record: Vec<Spanned<Record>>,
+    #[serde(default)]
+    pub(super) fault: Vec<Spanned<Fault>>,
 }
 
 /// A ready flag: changes of registers some time after power-on.
@@ -50,6 +52,8 @@ pub(super) struct Answer {
     pub(super) then_after: Option<Spanned<Time>>,
     #[serde(default)]
     pub(super) state: Vec<Spanned<Change>>,
+    /// Fault that disturbs this behaviour while it acts.
+    pub(super) unless_fault: Option<Spanned<String>>,
     pub(super) page: String,
     pub(super) source: Provenance,
 }
@@ -63,6 +67,8 @@ pub(super) struct Toggle {
     pub(super) bits: Spanned<u32>,
     #[serde(default)]
     pub(super) after: Time,
+    /// Fault that disturbs this behaviour while it acts.
+    pub(super) unless_fault: Option<Spanned<String>>,
     pub(super) page: String,
     pub(super) source: Provenance,
 }
@@ -73,6 +79,8 @@ pub(super) struct Toggle {
 pub(super) struct Counter {
     pub(super) register: Spanned<String>,
     pub(super) every: Spanned<Time>,
+    /// Fault that disturbs this behaviour while it acts.
+    pub(super) unless_fault: Option<Spanned<String>>,
     pub(super) page: String,
     pub(super) source: Provenance,
 }
@@ -96,6 +104,8 @@ pub(super) struct Watchdog {
 pub(super) struct Mirror {
     pub(super) from: Spanned<String>,
     pub(super) to: Spanned<String>,
+    /// Fault that disturbs this behaviour while it acts.
+    pub(super) unless_fault: Option<Spanned<String>>,
     pub(super) page: String,
     pub(super) source: Provenance,
 }
@@ -109,6 +119,29 @@ pub(super) struct Record {
     #[serde(default)]
     pub(super) fields: Vec<String>,
     pub(super) page: String,
+}
+
+/// A kind of fault that the device can have.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Fault {
+    pub(super) name: String,
+    pub(super) text: String,
+    #[serde(default)]
+    pub(super) fields: Vec<FaultField>,
+    pub(super) page: String,
+}
+
+/// A number in the description of a fault.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FaultField {
+    pub(super) name: String,
+    pub(super) text: String,
+    #[serde(default)]
+    pub(super) from: u32,
+    pub(super) to: u32,
+    pub(super) default: Option<u32>,
 }
 
 /// A change of a register: a value, or bits to set and to clear.
@@ -154,6 +187,8 @@ pub(in crate::devices::folder) fn keys(table: &str) -> Vec<String> {
         "watchdog" => of::<Watchdog>(),
         "mirror" => of::<Mirror>(),
         "record" => of::<Record>(),
+        "fault" => of::<Fault>(),
+        "fields" => of::<FaultField>(),
         "state" | "recovered" => of::<Change>(),
         _ => Vec::new(),
     }

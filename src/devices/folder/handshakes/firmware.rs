@@ -4,6 +4,7 @@ use super::Row;
 use super::rule::{Change, Rule};
 use crate::devices::Context;
 use crate::devices::folder::card::{Card, Place};
+use crate::devices::folder::own_faults::FaultChange;
 use crate::devices::folder::part::Part;
 use crate::journal::Handshake;
 use serde::{Deserialize, Serialize};
@@ -48,9 +49,9 @@ impl Handshakes {
     }
 
     /// Applies `f` to each row, with its state.
-    fn each(&mut self, mut f: impl FnMut(&Rule, &mut Step)) {
+    fn each(&mut self, mut f: impl FnMut(&Row, &mut Step)) {
         for (row, step) in self.rows.iter().zip(&mut self.steps) {
-            f(&row.rule, step);
+            f(row, step);
         }
     }
 }
@@ -58,9 +59,9 @@ impl Handshakes {
 impl Part for Handshakes {
     fn start(&mut self, ctx: &mut Context, card: &mut Card) {
         self.has_moved = true;
-        self.each(|rule, step| {
+        self.each(|row, step| {
             *step = Step::default();
-            match rule {
+            match &row.rule {
                 Rule::Ready { after_us, .. } => step.due = Some(ctx.now.saturating_add(*after_us)),
                 Rule::Counter { every_us, .. } => step.due = Some(ctx.now.saturating_add(*every_us)),
                 Rule::Watchdog { at, .. } => step.seen = card.load(*at),
@@ -71,10 +72,14 @@ impl Part for Handshakes {
 
     fn look(&mut self, ctx: &mut Context, card: &mut Card) {
         let mut has_moved = false;
-        self.each(|rule, step| {
-            has_moved |= poll(rule, step, card, ctx);
+        self.each(|row, step| {
+            if is_disturbed(row, card) {
+                suspend(&row.rule, step);
+            } else {
+                has_moved |= poll(&row.rule, step, card, ctx);
+            }
             if step.due.is_some_and(|due| due <= ctx.now) {
-                fire(rule, step, card, ctx);
+                fire(row, step, card, ctx);
                 has_moved = true;
             }
         });
@@ -91,11 +96,36 @@ impl Part for Handshakes {
 
     fn due(&mut self, ctx: &mut Context, card: &mut Card) {
         self.has_moved = true;
-        self.each(|rule, step| {
+        self.each(|row, step| {
+            if is_disturbed(row, card) {
+                suspend(&row.rule, step);
+            }
             if step.due.is_some_and(|due| due <= ctx.now) {
-                fire(rule, step, card, ctx);
+                fire(row, step, card, ctx);
             }
         });
+    }
+
+    fn fault(&mut self, _: &mut Context, _: &mut Card, _: &FaultChange) {
+        self.has_moved = true;
+    }
+}
+
+/// True if the fault acts that disturbs the behaviour of a row.
+fn is_disturbed(row: &Row, card: &Card) -> bool {
+    row.unless_fault().is_some_and(|fault| card.has_fault(fault))
+}
+
+/// Forgets what the program waits for while a fault disturbs the row. The time of an answer or of an acknowledgement
+/// begins anew when the fault ends. A value that follows an answer comes as usual.
+fn suspend(rule: &Rule, step: &mut Step) {
+    match rule {
+        Rule::Answer { .. } if step.phase != Phase::Second => step.due = None,
+        Rule::Toggle { .. } => {
+            step.bits.clear();
+            step.due = None;
+        }
+        _ => {}
     }
 }
 
@@ -144,9 +174,9 @@ fn poll(rule: &Rule, step: &mut Step, card: &mut Card, ctx: &mut Context) -> boo
 }
 
 /// Carries out an action of a row, at its time.
-fn fire(rule: &Rule, step: &mut Step, card: &mut Card, ctx: &mut Context) {
+fn fire(row: &Row, step: &mut Step, card: &mut Card, ctx: &mut Context) {
     let due = step.due.take();
-    match rule {
+    match &row.rule {
         Rule::Ready { state, .. } => apply(state, ctx, card),
         Rule::Answer { at, request, answer, then, state, .. } => {
             let (from, to) = match (step.phase, then) {
@@ -187,7 +217,9 @@ fn fire(rule: &Rule, step: &mut Step, card: &mut Card, ctx: &mut Context) {
             card.show(ctx, *to, |value| (value & !bits) | wanted);
         }
         Rule::Counter { at, every_us } => {
-            card.update(*at, |value| value.wrapping_add(1));
+            if !is_disturbed(row, card) {
+                card.update(*at, |value| value.wrapping_add(1));
+            }
             step.due = due.map(|due| due.saturating_add(*every_us));
         }
         Rule::Watchdog { state, .. } => {

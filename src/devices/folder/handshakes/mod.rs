@@ -13,11 +13,13 @@ pub(super) use firmware::Handshakes;
 use rule::{Change, Rule};
 
 use super::card::Place;
+use super::own_faults::{OwnFault, OwnField};
 use super::own_records::{MOST_KINDS, OwnRecord};
-use super::{FolderError, state_word, tables};
-use crate::layout::{DeviceLayout, Owner, Provenance, RegisterRef};
+use super::{FolderError, own_faults, state_word, tables};
+use crate::layout::{DeviceLayout, Owner, Provenance, RegisterRef, did_you_mean};
 use crate::time::short;
 use commram_layoutc::model;
+use core::mem;
 use core::ops::Range;
 use file::File;
 use std::path::Path;
@@ -46,6 +48,15 @@ pub struct Row {
     /// Source of the behaviour.
     pub source: Provenance,
     rule: Rule,
+    /// Index of the `[[fault]]` that disturbs this behaviour while it acts.
+    unless_fault: Option<usize>,
+}
+
+impl Row {
+    /// Returns the index of the `[[fault]]` that disturbs this behaviour.
+    pub(super) fn unless_fault(&self) -> Option<usize> {
+        self.unless_fault
+    }
 }
 
 /// The content of a file `handshakes.toml`.
@@ -55,6 +66,8 @@ pub(super) struct Tables {
     pub(super) rows: Vec<Row>,
     /// Kinds of journal records that the device defines.
     pub(super) records: Vec<OwnRecord>,
+    /// Kinds of faults that the device defines.
+    pub(super) faults: Vec<OwnFault>,
 }
 
 /// Reads the text of the file for a device with this layout.
@@ -62,13 +75,30 @@ pub(super) struct Tables {
 /// # Errors
 /// [`FolderError::Table`] with the line.
 pub(super) fn read(path: &Path, text: &str, layout: &'static DeviceLayout) -> Result<Tables, FolderError> {
-    let reader = Reader { path, text, layout };
+    let mut reader = Reader { path, text, layout, faults: Vec::new() };
     let mut file: File = toml::from_str(text).map_err(|error| {
         let what = error.message().lines().collect::<Vec<_>>().join(", ");
         reader.wrong(error.span().unwrap_or(0..0), what)
     })?;
-    let records = reader.records(core::mem::take(&mut file.record))?;
-    Ok(Tables { rows: reader.rows(file)?, records })
+    let records = reader.records(mem::take(&mut file.record))?;
+    reader.faults = reader.read_faults(mem::take(&mut file.fault))?;
+    Ok(Tables { rows: reader.rows(file)?, records, faults: reader.faults })
+}
+
+/// Returns the faults that the text declares, without checks of the other tables. A client of a running device needs
+/// nothing else of the file, so the other tables may be wrong.
+///
+/// # Errors
+/// [`FolderError::Table`] with the line.
+pub(super) fn read_faults(
+    path: &Path,
+    text: &str,
+    layout: &'static DeviceLayout,
+) -> Result<Vec<OwnFault>, FolderError> {
+    let reader = Reader { path, text, layout, faults: Vec::new() };
+    let file: File = toml::from_str(text)
+        .map_err(|error| reader.wrong(error.span().unwrap_or(0..0), error.message().to_owned()))?;
+    reader.read_faults(file.fault)
 }
 
 /// Returns the offset of the register, and the request, of an answer.
@@ -84,17 +114,21 @@ struct Reader<'a> {
     path: &'a Path,
     text: &'a str,
     layout: &'static DeviceLayout,
+    /// The faults that tables may name.
+    faults: Vec<OwnFault>,
 }
 
 impl Reader<'_> {
     fn wrong(&self, place: Range<usize>, what: String) -> FolderError {
-        let before = self.text.as_bytes().iter().take(place.start);
-        let line = 1 + before.filter(|byte| **byte == b'\n').count();
-        FolderError::Table { path: self.path.to_owned(), line, what }
+        FolderError::Table { path: self.path.to_owned(), line: self.line(place.start), what }
+    }
+
+    fn line(&self, byte: usize) -> usize {
+        1 + self.text.as_bytes().iter().take(byte).filter(|byte| **byte == b'\n').count()
     }
 
     fn rows(&self, file: File) -> Result<Vec<Row>, FolderError> {
-        let File { ready, answer, toggle, counter, watchdog, mirror, record: _ } = file;
+        let File { ready, answer, toggle, counter, watchdog, mirror, record: _, fault: _ } = file;
         let mut rows = Vec::new();
         ready.into_iter().try_for_each(|it| self.ready(it).map(|row| rows.push(row)))?;
         for it in answer {
@@ -137,12 +171,57 @@ impl Reader<'_> {
         Ok(records)
     }
 
+    fn read_faults(&self, tables: Vec<Spanned<file::Fault>>) -> Result<Vec<OwnFault>, FolderError> {
+        let mut faults: Vec<OwnFault> = Vec::new();
+        for table in tables {
+            let place = table.span();
+            let file::Fault { name, text, fields, page } = table.into_inner();
+            let field = |file::FaultField { name, text, from, to, default }| OwnField {
+                name,
+                text,
+                from,
+                to,
+                default,
+            };
+            let fields = fields.into_iter().map(field).collect();
+            let fault = OwnFault { name, text, fields, page, line: self.line(place.start) };
+            fault.check().map_err(|what| self.wrong(place.clone(), what))?;
+            if faults.iter().any(|known| known.name == fault.name) {
+                return Err(self.wrong(place, format!("another [[fault]] has the name `{}`", fault.name)));
+            }
+            faults.push(fault);
+            if faults.len() > own_faults::MOST_KINDS {
+                let most = own_faults::MOST_KINDS;
+                return Err(self.wrong(place, format!("a device has at most {most} kinds of faults")));
+            }
+        }
+        Ok(faults)
+    }
+
+    /// Returns the index of the fault that disturbs a behaviour, and adds the fault to the description.
+    fn unless(
+        &self,
+        name: Option<&Spanned<String>>,
+        behaviour: &mut String,
+    ) -> Result<Option<usize>, FolderError> {
+        let Some(name) = name else { return Ok(None) };
+        let wanted = name.get_ref();
+        let index = self.faults.iter().position(|fault| fault.name == *wanted);
+        if index.is_none() {
+            let near = did_you_mean(wanted, self.faults.iter().map(|fault| fault.name.as_str()));
+            let what = format!("the file has no [[fault]] with the name `{wanted}`{near}");
+            return Err(self.wrong(name.span(), what));
+        }
+        *behaviour += &format!("; not while a fault {wanted} acts");
+        Ok(index)
+    }
+
     fn ready(&self, it: file::Ready) -> Result<Row, FolderError> {
         let (state, state_text) = self.changes(&it.state)?;
         let behaviour = format!("after power-on and {}: {state_text}", short(it.after.0));
         let register = it.state.first().map(|change| change.get_ref().register.clone());
         let rule = Rule::Ready { state, after_us: it.after.0 };
-        Ok(row("ready", register.unwrap_or_default(), behaviour, (it.page, &it.source), rule))
+        Ok(row("ready", register.unwrap_or_default(), behaviour, (it.page, &it.source), rule, None))
     }
 
     fn answer(&self, it: file::Answer) -> Result<Row, FolderError> {
@@ -183,9 +262,10 @@ impl Reader<'_> {
         if !state_text.is_empty() {
             behaviour += &format!("; with the answer {state_text}");
         }
+        let unless = self.unless(it.unless_fault.as_ref(), &mut behaviour)?;
         let (request, answer) = (*request.get_ref() as u16, *answer.get_ref() as u16);
         let rule = Rule::Answer { at, request, answer, after_us: it.after.0, then, state };
-        Ok(row("answer", it.register.into_inner(), behaviour, (it.page, &it.source), rule))
+        Ok(row("answer", it.register.into_inner(), behaviour, (it.page, &it.source), rule, unless))
     }
 
     fn toggle(&self, it: file::Toggle) -> Result<Row, FolderError> {
@@ -197,9 +277,10 @@ impl Reader<'_> {
             return Err(self.wrong(it.bits.span(), "`bits` is a mask of at least one bit".to_owned()));
         }
         let acknowledge = it.acknowledge.into_inner();
-        let behaviour = format!("bits 16#{bits:X} appear in {acknowledge} after {}", short(it.after.0));
+        let mut behaviour = format!("bits 16#{bits:X} appear in {acknowledge} after {}", short(it.after.0));
+        let unless = self.unless(it.unless_fault.as_ref(), &mut behaviour)?;
         let rule = Rule::Toggle { from, to, bits, after_us: it.after.0 };
-        Ok(row("toggle", it.register.into_inner(), behaviour, (it.page, &it.source), rule))
+        Ok(row("toggle", it.register.into_inner(), behaviour, (it.page, &it.source), rule, unless))
     }
 
     fn counter(&self, it: file::Counter) -> Result<Row, FolderError> {
@@ -209,14 +290,10 @@ impl Reader<'_> {
             let what = format!("`every` is {}; it is at least {SHORTEST_COUNT_US} us", short(every_us));
             return Err(self.wrong(it.every.span(), what));
         }
-        let behaviour = format!("counts every {}", short(every_us));
-        Ok(row(
-            "counter",
-            it.register.into_inner(),
-            behaviour,
-            (it.page, &it.source),
-            Rule::Counter { at, every_us },
-        ))
+        let mut behaviour = format!("counts every {}", short(every_us));
+        let unless = self.unless(it.unless_fault.as_ref(), &mut behaviour)?;
+        let rule = Rule::Counter { at, every_us };
+        Ok(row("counter", it.register.into_inner(), behaviour, (it.page, &it.source), rule, unless))
     }
 
     fn watchdog(&self, it: file::Watchdog) -> Result<Row, FolderError> {
@@ -238,7 +315,7 @@ impl Reader<'_> {
             behaviour += &format!("; with the next change {back}");
         }
         let rule = Rule::Watchdog { at, within_us, state, recovered };
-        Ok(row("watchdog", it.register.into_inner(), behaviour, (it.page, &it.source), rule))
+        Ok(row("watchdog", it.register.into_inner(), behaviour, (it.page, &it.source), rule, None))
     }
 
     fn mirror(&self, it: file::Mirror, mirrored: &mut usize) -> Result<Row, FolderError> {
@@ -266,9 +343,11 @@ impl Reader<'_> {
         if let Some(what) = refused {
             return Err(self.wrong(it.to.span(), what));
         }
-        let behaviour = format!("appears in {}", it.to.get_ref());
+        let mut behaviour = format!("appears in {}", it.to.get_ref());
+        let unless = self.unless(it.unless_fault.as_ref(), &mut behaviour)?;
         let pairs = from.iter().zip(&to).map(|(from, to)| (Place::of(from), Place::of(to))).collect();
-        Ok(row("mirror", it.from.into_inner(), behaviour, (it.page, &it.source), Rule::Mirror { pairs }))
+        let rule = Rule::Mirror { pairs };
+        Ok(row("mirror", it.from.into_inner(), behaviour, (it.page, &it.source), rule, unless))
     }
 
     fn register(&self, name: &str, place: Range<usize>) -> Result<RegisterRef, FolderError> {
@@ -348,8 +427,9 @@ fn row(
     behaviour: String,
     (page, source): (String, &model::Provenance),
     rule: Rule,
+    unless_fault: Option<usize>,
 ) -> Row {
     // A row is never freed, like the tables of the layout.
     let source = tables::provenance(source, |text| Box::leak(text.to_owned().into_boxed_str()));
-    Row { kind, register, behaviour, page, source, rule }
+    Row { kind, register, behaviour, page, source, rule, unless_fault }
 }

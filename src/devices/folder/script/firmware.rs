@@ -10,6 +10,7 @@ use super::verb_context::Acting;
 use super::{Hooks, Script};
 use crate::devices::Context;
 use crate::devices::folder::card::{Card, Place};
+use crate::devices::folder::own_faults::FaultChange;
 use crate::devices::folder::part::Part;
 use crate::devices::folder::port::Arrival;
 use crate::devices::folder::records::Stopped;
@@ -18,7 +19,7 @@ use crate::journal::Finding;
 use crate::layout::DeviceLayout;
 use crate::memory::header::Start;
 use core::mem;
-use rhai::{Dynamic, INT};
+use rhai::{Dynamic, INT, Map};
 
 /// Calls the functions of a script when they are due.
 pub(super) struct ScriptFirmware {
@@ -192,6 +193,19 @@ impl Part for ScriptFirmware {
         }
         (self.script, self.is_stopped, self.has_moved) = (script, false, true);
         self.show_state(card);
+    }
+
+    fn fault(&mut self, ctx: &mut Context, card: &mut Card, change: &FaultChange) {
+        if !self.script.hooks.fault {
+            return;
+        }
+        let FaultChange { kind, values, is_on } = change;
+        let fields = kind.fields().iter().zip(values);
+        let fields: Map = fields
+            .filter_map(|(field, value)| Some((field.name().into(), INT::from((*value)?).into())))
+            .collect();
+        let arguments = vec![kind.name().into(), (*is_on).into(), fields.into()];
+        self.call(ctx, card, "fault", arguments);
     }
 
     fn trigger(&mut self, ctx: &mut Context, card: &mut Card) {

@@ -74,11 +74,12 @@ struct Hooks {
     sync_edge: bool,
     frame: bool,
     bus_event: bool,
+    fault: bool,
 }
 
 impl Hooks {
     /// Names of the hooks, each with its parameters.
-    const ALL: [(&'static str, &'static [&'static str]); 9] = [
+    const ALL: [(&'static str, &'static [&'static str]); 10] = [
         ("power_on", &[]),
         ("power_off", &[]),
         ("poll", &[]),
@@ -88,6 +89,7 @@ impl Hooks {
         ("sync_edge", &[]),
         ("frame", &["frame"]),
         ("bus_event", &["event"]),
+        ("fault", &["name", "on", "fields"]),
     ];
 
     /// Hooks of devices with a port.
@@ -104,6 +106,7 @@ impl Hooks {
             "sync_edge" => Some(&mut self.sync_edge),
             "frame" => Some(&mut self.frame),
             "bus_event" => Some(&mut self.bus_event),
+            "fault" => Some(&mut self.fault),
             _ => None,
         }
     }
