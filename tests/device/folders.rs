@@ -360,7 +360,7 @@ fn own_records_are_in_the_journal_with_their_fields() {
 
 const FAULTS: &str = "\
 [[fault]]
-name = 'noise'
+name = 'flicker'
 text = 'The input is disturbed'
 fields = [{ name = 'input', text = 'Number of the input', to = 7 }, { name = 'level', text = 'Level', from = 1, to = 9, default = 3 }]
 page = '1'
@@ -395,12 +395,12 @@ source = 'manual'
 ";
 
 const FAULT_HOOK: &str = "\
-fn power_on() { this.noise = 0; }
+fn power_on() { this.flicker = 0; }
 fn fault(name, on, fields) {
     journal(`${name} ${on} ${fields}`);
-    if name == \"noise\" {
-        this.noise = if on { fields.level } else { 0 };
-        output(\"card.a_OUT[0]\", this.noise);
+    if name == \"flicker\" {
+        this.flicker = if on { fields.level } else { 0 };
+        output(\"card.a_OUT[0]\", this.flicker);
     }
 }
 ";
@@ -412,9 +412,9 @@ fn declared_faults_call_the_hook() {
     card.write("handshakes.toml", FAULTS);
     let mut bench = card.bench();
     bench.step("1ms").unwrap();
-    let number = bench.fault("noise input=2 level=7 at=3ms").unwrap();
+    let number = bench.fault("flicker input=2 level=7 at=3ms").unwrap();
     let text = bench.faults().unwrap()[0].fault.text(bench.names());
-    assert_eq!(text, "noise plc=card input=2 level=7 at_us=3000");
+    assert_eq!(text, "flicker plc=card input=2 level=7 at_us=3000");
     let early = bench.save().unwrap();
     bench.step("2500us").unwrap();
     assert_eq!(bench.peek("card.a_OUT[0]").unwrap(), 7);
@@ -424,10 +424,10 @@ fn declared_faults_call_the_hook() {
     assert_eq!(bench.peek("card.a_OUT[0]").unwrap(), 0);
     let lines = journal(&mut bench);
     for line in [
-        "fault 1, noise: added",
-        "0.003000 s  card        noise true #{\"input\": 2, \"level\": 7}",
-        "fault 1, noise: cleared",
-        "0.003500 s  card        noise false #{\"input\": 2, \"level\": 7}",
+        "fault 1, flicker: added",
+        "0.003000 s  card        flicker true #{\"input\": 2, \"level\": 7}",
+        "fault 1, flicker: cleared",
+        "0.003500 s  card        flicker false #{\"input\": 2, \"level\": 7}",
     ] {
         assert!(lines.iter().any(|it| it.contains(line)), "{line}: {lines:#?}");
     }
@@ -446,7 +446,7 @@ fn declared_faults_call_the_hook() {
     assert_eq!(bench.peek("card.a_OUT[0]").unwrap(), 7);
     // A duration ends the fault; a field that is left out has its default value.
     bench.clear_fault(number).unwrap();
-    bench.fault("noise input=0 duration=2ms").unwrap();
+    bench.fault("flicker input=0 duration=2ms").unwrap();
     bench.step("1ms").unwrap();
     assert_eq!(bench.peek("card.a_OUT[0]").unwrap(), 3);
     bench.step("1ms").unwrap();
@@ -489,14 +489,14 @@ fn wrong_declared_faults_are_refused() {
     card.write("handshakes.toml", FAULTS);
     let mut bench = card.bench();
     let refused = |bench: &mut Bench, words: &str| bench.fault(words).unwrap_err().to_string();
-    assert!(refused(&mut bench, "nois").contains("did you mean noise?"), "{}", refused(&mut bench, "nois"));
-    assert!(refused(&mut bench, "noise").contains("give input, 0 to 7"), "{}", refused(&mut bench, "noise"));
-    let text = refused(&mut bench, "noise input=8");
+    assert!(refused(&mut bench, "flickr").contains("did you mean flicker?"), "{}", refused(&mut bench, "flickr"));
+    assert!(refused(&mut bench, "flicker").contains("give input, 0 to 7"), "{}", refused(&mut bench, "flicker"));
+    let text = refused(&mut bench, "flicker input=8");
     assert!(text.contains("input is 8; it must be 0 to 7"), "{text}");
-    let text = refused(&mut bench, "noise inptu=1");
+    let text = refused(&mut bench, "flicker inptu=1");
     assert!(text.contains("did you mean input?"), "{text}");
-    let text = refused(&mut bench, "noise input=1 count=2");
-    assert!(text.contains("count has no meaning for noise"), "{text}");
+    let text = refused(&mut bench, "flicker input=1 count=2");
+    assert!(text.contains("count has no meaning for flicker"), "{text}");
     // Two devices of the folder: the description names one of them.
     let plant = |name: &str| format!("[[device]]\nname = '{name}'\nkind = '{}'\n", card.dir().display());
     let mut two = Bench::plant(&(plant("one") + &plant("two"))).unwrap();
@@ -510,8 +510,8 @@ fn wrong_declared_faults_are_refused() {
     assert_eq!(seen, [4, 5]);
     // In a plant file, and in the files of a folder.
     let with = |fault: &str| PlantConfig::parse("plant", &format!("{}[[fault]]\n{fault}\n", plant("card")));
-    with("kind = 'noise'\ninput = 1").unwrap().resolved_faults().unwrap();
-    let refused = with("kind = 'noise'").and_then(|config| config.resolved_faults().map(drop)).unwrap_err();
+    with("kind = 'flicker'\ninput = 1").unwrap().resolved_faults().unwrap();
+    let refused = with("kind = 'flicker'").and_then(|config| config.resolved_faults().map(drop)).unwrap_err();
     assert!(refused.to_string().contains("give input, 0 to 7"), "{refused}");
     let refused = |tables: &str, script: &str| {
         let card = Card::new(script);
@@ -519,10 +519,10 @@ fn wrong_declared_faults_are_refused() {
         card.refused()
     };
     let text = refused(&FAULTS.replace("unless_fault = 'lost'", "unless_fault = 'last'"), "");
-    assert!(text.contains(":18: ") && text.contains("did you mean lost?"), "{text}");
+    assert!(text.contains(":17: ") && text.contains("did you mean lost?"), "{text}");
     let text = refused(FAULTS, "");
-    assert!(text.contains("handshakes.toml:1: the fault `noise` has no effect"), "{text}");
-    let text = refused(&FAULTS.replace("'lost'\ntext", "'noise'\ntext"), FAULT_HOOK);
+    assert!(text.contains("handshakes.toml:1: the fault `flicker` has no effect"), "{text}");
+    let text = refused(&FAULTS.replace("'lost'\ntext", "'flicker'\ntext"), FAULT_HOOK);
     assert!(text.contains(":7: another [[fault]]"), "{text}");
     let text = refused("", FAULT_HOOK);
     assert!(text.contains("the hook fault has no effect"), "{text}");

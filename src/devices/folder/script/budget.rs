@@ -14,7 +14,10 @@ const CALL: u64 = 20;
 /// minutes. Only a script that is too slow for any use reaches it, so journals do not depend on the speed of the
 /// machine (D-801).
 pub(super) const LONGEST_TIME: Duration = Duration::from_secs(1);
-/// Steps between two reads of the processor time.
+/// Elapsed time of a script within a millisecond that counts in place of its processor time. To read the processor time of a
+/// thread is a system call, which takes longer than a short hook. The elapsed time is never shorter.
+const UNMEASURED: Duration = Duration::from_millis(100);
+/// Steps between two reads of the time.
 const STEPS_PER_LOOK: u64 = 64;
 /// Stack in bytes that a hook may take, from the call on.
 const MOST_STACK: usize = 1 << 20;
@@ -49,11 +52,22 @@ pub(super) struct Meter {
     operations: Cell<u64>,
     allowed: Cell<u64>,
     bottom: Cell<usize>,
-    /// The millisecond of emulated time of the last call, and the processor time of all its calls.
+    /// The millisecond of emulated time of the last call.
     millisecond: Cell<u64>,
+    /// Elapsed time of all calls in this millisecond, until it exceeds [`UNMEASURED`].
+    elapsed: Cell<Duration>,
+    /// Processor time of all calls in this millisecond, after this elapsed time.
     used: Cell<Duration>,
-    /// Processor time of the thread when the call began.
-    begun: Cell<Duration>,
+    /// Last read of the time in this call.
+    last: Cell<Read>,
+}
+
+/// A read of the time.
+#[derive(Clone, Copy, Debug, Default)]
+struct Read {
+    /// True for the processor time of this thread, false for the elapsed time.
+    is_of_processor: bool,
+    time: Duration,
 }
 
 /// Limit that a call has exceeded.
@@ -68,9 +82,10 @@ impl Meter {
     /// Begins a call at the emulated time `now`, in microseconds. The call may take `allowed` steps.
     pub(super) fn begin(&self, allowed: u64, now: u64) {
         if self.millisecond.replace(now / 1000) != now / 1000 {
+            self.elapsed.set(Duration::ZERO);
             self.used.set(Duration::ZERO);
         }
-        self.begun.set(processor_time());
+        self.last.set(self.read());
         self.operations.set(0);
         self.allowed.set(allowed);
         self.bottom.set(stack_position());
@@ -78,12 +93,25 @@ impl Meter {
 
     /// Ends the measurement of a call.
     pub(super) fn end(&self) {
-        self.used.set(self.time());
+        self.measure();
     }
 
-    /// Processor time of all calls in this millisecond.
-    fn time(&self) -> Duration {
-        self.used.get() + processor_time().saturating_sub(self.begun.get())
+    /// Reads the time that counts now.
+    fn read(&self) -> Read {
+        let is_of_processor = self.elapsed.get() > UNMEASURED;
+        let clock = if is_of_processor { ClockId::ThreadCPUTime } else { ClockId::Monotonic };
+        // The clock of the thread does not count the time in which other programs run.
+        Read { is_of_processor, time: Duration::try_from(clock_gettime(clock)).unwrap_or_default() }
+    }
+
+    /// Counts the time since the last read. Returns true if the calls in this millisecond have taken too long.
+    fn measure(&self) -> bool {
+        let (last, now) = (self.last.get(), self.read());
+        let sum = if last.is_of_processor { &self.used } else { &self.elapsed };
+        sum.set(sum.get() + now.time.saturating_sub(last.time));
+        // The sum may now be so large that the other clock counts.
+        self.last.set(if last.is_of_processor { now } else { self.read() });
+        self.used.get() > LONGEST_TIME.saturating_sub(UNMEASURED)
     }
 
     /// Number of steps that the present call has taken.
@@ -102,16 +130,11 @@ impl Meter {
         if self.operations.get() > self.allowed.get() {
             return Some(Exceeded::Operations);
         }
-        if self.operations.get().is_multiple_of(STEPS_PER_LOOK) && self.time() > LONGEST_TIME {
+        if self.operations.get().is_multiple_of(STEPS_PER_LOOK) && self.measure() {
             return Some(Exceeded::Time);
         }
         (self.bottom.get().abs_diff(stack_position()) > MOST_STACK).then_some(Exceeded::Stack)
     }
-}
-
-/// Processor time of this thread. The clock of the thread does not count the time in which other programs run.
-fn processor_time() -> Duration {
-    Duration::try_from(clock_gettime(ClockId::ThreadCPUTime)).unwrap_or_default()
 }
 
 /// Returns an address in the stack of this thread.

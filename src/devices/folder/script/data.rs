@@ -5,7 +5,7 @@
 
 use super::engine::{LARGEST_ARRAY, LARGEST_MAP, LONGEST_TEXT};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
-use core::slice::Iter;
+use core::slice::{Iter, IterMut};
 use rhai::{Array, Blob, Dynamic, INT, Map};
 use serde::{Deserialize, Serialize};
 
@@ -112,14 +112,101 @@ impl Data {
 
     /// Returns the values of an array. If the data are not an array, returns a list with a single value.
     pub(super) fn values(&self) -> Vec<Dynamic> {
-        let value = self.value();
-        value.clone().try_cast::<Array>().unwrap_or_else(|| vec![value])
+        let mut items = self.0.iter();
+        match items.next() {
+            Some(Item::Array(count)) => (0..*count).map_while(|_| read(&mut items, 1)).collect(),
+            _ => vec![self.value()],
+        }
+    }
+
+    /// Takes over the state of a script if it differs from these data only in numbers, bools and characters, so that its
+    /// sizes are the same. This is faster than [`Data::of_state`], because nothing is allocated.
+    pub(super) fn take_over(&mut self, this: &Dynamic) -> Update {
+        let mut items = self.0.iter();
+        match compare(&mut items, this).filter(|_| items.as_slice().is_empty()) {
+            None => Update::Other,
+            Some(false) => Update::Same,
+            Some(true) => {
+                copy(&mut self.0.iter_mut(), this);
+                Update::Changed
+            }
+        }
     }
 
     /// True if the items are exactly one value within the limits.
     fn is_whole(&self) -> bool {
         let mut items = self.0.iter();
         self.0.len() <= 2 * MOST_ITEMS && read(&mut items, 0).is_some() && items.next().is_none()
+    }
+}
+
+/// Result of [`Data::take_over`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Update {
+    /// The state is the same as before.
+    Same,
+    /// The data have taken over the changes of the state.
+    Changed,
+    /// The state has other elements or texts. The data are unchanged.
+    Other,
+}
+
+/// Compares a value with the next items. `None`: it has another form, or it has properties that data do not keep. Otherwise
+/// returns true if a number, bool or character differs.
+fn compare(items: &mut Iter<'_, Item>, value: &Dynamic) -> Option<bool> {
+    if value.is_shared() || value.is_read_only() || value.tag() != 0 {
+        return None;
+    }
+    match items.next()? {
+        Item::Nothing => value.is_unit().then_some(false),
+        Item::Bool(known) => Some(value.as_bool().ok()? != *known),
+        Item::Int(known) => Some(value.as_int().ok()? != *known),
+        Item::Float(known) => Some(value.as_float().ok()?.to_bits() != *known),
+        Item::Char(known) => Some(value.as_char().ok()? != *known),
+        Item::Text(known) => (*value.as_immutable_string_ref().ok()? == known.as_str()).then_some(false),
+        Item::Bytes(known) => (*value.read_lock::<Blob>()? == *known).then_some(false),
+        Item::Array(count) => {
+            let array = value.read_lock::<Array>()?;
+            if array.len() != *count as usize {
+                return None;
+            }
+            array.iter().try_fold(false, |any, value| Some(any | compare(items, value)?))
+        }
+        Item::Map(count) => {
+            let map = value.read_lock::<Map>()?;
+            if map.len() != *count as usize {
+                return None;
+            }
+            map.iter().try_fold(false, |any, (key, value)| match items.next()? {
+                Item::Text(known) if known == key.as_str() => Some(any | compare(items, value)?),
+                _ => None,
+            })
+        }
+    }
+}
+
+/// Copies the numbers, bools and characters of a value to items of the same form, as [`compare`] has found.
+fn copy(items: &mut IterMut<'_, Item>, value: &Dynamic) {
+    match items.next() {
+        Some(Item::Bool(known)) => *known = value.as_bool().unwrap_or(*known),
+        Some(Item::Int(known)) => *known = value.as_int().unwrap_or(*known),
+        Some(Item::Float(known)) => *known = value.as_float().map_or(*known, f64::to_bits),
+        Some(Item::Char(known)) => *known = value.as_char().unwrap_or(*known),
+        Some(Item::Array(_)) => {
+            if let Some(array) = value.read_lock::<Array>() {
+                array.iter().for_each(|value| copy(items, value));
+            }
+        }
+        Some(Item::Map(_)) => {
+            if let Some(map) = value.read_lock::<Map>() {
+                for value in map.values() {
+                    // The key.
+                    items.next();
+                    copy(items, value);
+                }
+            }
+        }
+        Some(Item::Nothing | Item::Text(_) | Item::Bytes(_)) | None => {}
     }
 }
 
@@ -251,6 +338,44 @@ mod tests {
         let mut back = Data::empty_map();
         back.restore(&mut Saved::new(saving.bytes())).unwrap();
         assert_eq!((&back, Data::of(&back.value()).unwrap()), (&data, data.clone()));
+    }
+
+    /// Data take over what they can without a change of their form, with the same result as new data.
+    #[test]
+    fn changed_numbers_are_taken_over() {
+        let map = |number: INT, letter: char, text: &str, array: Vec<INT>| -> Dynamic {
+            let array: Array = array.into_iter().map(Dynamic::from_int).collect();
+            let inner = Map::from([("letter".into(), letter.into()), ("ratio".into(), 0.5.into())]);
+            Map::from([
+                ("array".into(), array.into()),
+                ("inner".into(), inner.into()),
+                ("number".into(), number.into()),
+                ("text".into(), text.into()),
+            ])
+            .into()
+        };
+        let first = map(1, 'a', "x", vec![1, 2]);
+        let mut tagged = first.clone();
+        tagged.set_tag(1);
+        for (value, expected) in [
+            (first.clone(), Update::Same),
+            (map(2, 'b', "x", vec![1, 3]), Update::Changed),
+            (map(1, 'a', "y", vec![1, 2]), Update::Other),
+            (map(1, 'a', "x", vec![1]), Update::Other),
+            (map(1, 'a', "x", vec![1, 2, 3]), Update::Other),
+            (Map::new().into(), Update::Other),
+            (Dynamic::UNIT, Update::Other),
+            (tagged, Update::Other),
+        ] {
+            let before = Data::of(&first).unwrap();
+            let mut data = before.clone();
+            assert_eq!(data.take_over(&value), expected);
+            let after = if expected == Update::Other { before } else { Data::of(&value).unwrap() };
+            assert_eq!(data, after);
+        }
+        let mut array = Data::of(&vec![Dynamic::from_int(1), "x".into()].into()).unwrap();
+        assert_eq!(array.values().len(), 2);
+        assert_eq!(array.take_over(&vec![Dynamic::from_int(1), 7.into()].into()), Update::Other);
     }
 
     #[test]

@@ -1,10 +1,10 @@
 //! The firmware that a script describes.
 
 use super::budget::Budget;
-use super::data::Data;
 use super::frames;
 use super::mistake::Mistake;
 use super::program::{Outcome, Program};
+use super::state::State;
 use super::timers::Timers;
 use super::verb_context::Acting;
 use super::{Hooks, Script};
@@ -26,7 +26,7 @@ pub(super) struct ScriptFirmware {
     script: &'static Script,
     layout: &'static DeviceLayout,
     /// The map `this` of the script.
-    state: Data,
+    state: State,
     timers: Timers,
     budget: Budget,
     /// True if an error has stopped the script until the next power-on.
@@ -46,7 +46,7 @@ impl ScriptFirmware {
         ScriptFirmware {
             script,
             layout,
-            state: Data::empty_map(),
+            state: State::empty(),
             timers: Timers::default(),
             budget: Budget::default(),
             is_stopped: false,
@@ -72,17 +72,16 @@ impl ScriptFirmware {
             reports: Vec::new(),
         };
         let allowed = self.budget.begin(ctx.now);
-        let Outcome { state, acting, operations } =
-            program.call(acting, allowed, &self.state, function, arguments);
+        let Outcome { result, acting, operations } =
+            program.call(acting, allowed, &mut self.state, function, arguments);
         self.budget.end(operations);
         if let Some(acting) = acting {
             card.give_back(acting.card);
             self.timers = acting.timers;
             acting.reports.into_iter().for_each(|report| report.write(ctx));
         }
-        match state {
-            Ok(state) => self.state = state,
-            Err(mistake) => self.halt(ctx, card, &mistake),
+        if let Err(mistake) = result {
+            self.halt(ctx, card, &mistake);
         }
     }
 
@@ -136,7 +135,7 @@ impl ScriptFirmware {
 
 impl Part for ScriptFirmware {
     fn start(&mut self, ctx: &mut Context, card: &mut Card) {
-        self.state = Data::empty_map();
+        self.state = State::empty();
         self.timers = Timers::default();
         self.is_stopped = false;
         self.has_moved = true;

@@ -17,6 +17,7 @@ mod frames;
 mod imports;
 mod mistake;
 mod program;
+mod state;
 mod timers;
 mod verb_context;
 mod verbs;

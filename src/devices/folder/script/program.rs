@@ -3,9 +3,9 @@
 use super::Script;
 use super::budget::Meter;
 use super::check::WRITTEN;
-use super::data::Data;
 use super::engine::engine;
 use super::mistake::Mistake;
+use super::state::{LiveStates, State};
 use super::verb_context::{Acting, VerbContext};
 use crate::layout::DeviceLayout;
 use core::cell::RefCell;
@@ -32,12 +32,13 @@ pub(super) struct Program {
     has_statements: bool,
     context: Rc<RefCell<VerbContext>>,
     meter: Rc<Meter>,
+    live: RefCell<LiveStates>,
 }
 
 /// Result of a call.
 pub(super) struct Outcome {
-    /// `this` after the call.
-    pub(super) state: Result<Data, Mistake>,
+    /// Error of the call. The state is then unchanged.
+    pub(super) result: Result<(), Mistake>,
     /// The device after the call; always `Some`.
     pub(super) acting: Option<Acting>,
     /// Number of steps that the call has taken.
@@ -76,19 +77,19 @@ impl Program {
             engine.compile(text).map_err(|error| Mistake::misread(super::MAIN, text, layout, &error))?;
         let has_statements =
             !ast.statements().iter().all(is_selection) || text.contains(&format!("global::{WRITTEN}"));
-        Ok(Program { engine, ast, text: text.to_owned(), has_statements, context, meter })
+        Ok(Program { engine, ast, text: text.to_owned(), has_statements, context, meter, live: RefCell::default() })
     }
 
-    /// Calls a function with `state` as `this`.
+    /// Calls a function with `state` as `this`, and takes over the changes of `this`.
     pub(super) fn call(
         &self,
         acting: Acting,
         allowed: u64,
-        state: &Data,
+        state: &mut State,
         function: &str,
         arguments: Vec<Dynamic>,
     ) -> Outcome {
-        let mut this = state.value();
+        let mut this = self.live.borrow_mut().take(state);
         let now = acting.now;
         self.context.borrow_mut().acting = Some(acting);
         self.meter.begin(allowed, now);
@@ -98,13 +99,13 @@ impl Program {
             self.engine.call_fn_with_options::<Dynamic>(options, &mut scope, &self.ast, function, arguments);
         self.meter.end();
         let acting = self.context.borrow_mut().acting.take();
-        let state = match result {
-            Ok(_) => Data::of_state(&this).map_err(|what| {
+        let result = match result {
+            Ok(_) => self.live.borrow_mut().put_back(this, state).map_err(|what| {
                 self.placed(Mistake::new(format!("`this` after {function}: {what}")), function)
             }),
             Err(error) => Err(self.placed(Mistake::ran(&error), function)),
         };
-        Outcome { state, acting, operations: self.meter.operations() }
+        Outcome { result, acting, operations: self.meter.operations() }
     }
 
     /// Adds a line to an error. If the engine reports no line, as for an empty loop, adds the line of the function.

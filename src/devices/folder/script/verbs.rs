@@ -158,6 +158,13 @@ impl Verbs<'_> {
         self.on("output", |context| {
             move |name: &str, new: Dynamic| context.change(name, false, |found| whole(found, &new))
         });
+        // The engine finds a verb faster by the types of all its arguments.
+        self.on("write", |context| {
+            move |name: &str, new: INT| context.change(name, true, |found| whole(found, &new.into()))
+        });
+        self.on("output", |context| {
+            move |name: &str, new: INT| context.change(name, false, |found| whole(found, &new.into()))
+        });
         self.on("output_all", |context| {
             move |name: &str, new: Array| {
                 context.with(|context| {
@@ -229,12 +236,11 @@ impl Verbs<'_> {
             }
         });
         self.on("exchange", |context| {
-            move |name: &str, request: Dynamic, answer: Dynamic| {
-                context.with(|context| {
-                    let found = own(context.register(name)?)?;
-                    let (request, answer) = (bits(found, &request)?, bits(found, &answer)?);
-                    Ok(context.device()?.exchange(found, request, answer))
-                })
+            move |name: &str, request: Dynamic, answer: Dynamic| exchange(&context, name, &request, &answer)
+        });
+        self.on("exchange", |context| {
+            move |name: &str, request: INT, answer: INT| {
+                exchange(&context, name, &request.into(), &answer.into())
             }
         });
     }
@@ -247,6 +253,16 @@ impl Verbs<'_> {
         self.on("after", |context| {
             move |time: Dynamic, function: Dynamic, arguments: Array| {
                 order(&context, &time, true, &function, &arguments)
+            }
+        });
+        self.on("after", |context| {
+            move |time: INT, function: ImmutableString, arguments: Array| {
+                order(&context, &time.into(), true, &function.into(), &arguments)
+            }
+        });
+        self.on("after", |context| {
+            move |time: ImmutableString, function: ImmutableString, arguments: Array| {
+                order(&context, &time.into(), true, &function.into(), &arguments)
             }
         });
         self.on("at", |context| {
@@ -340,6 +356,15 @@ impl Verbs<'_> {
         let context = self.context.clone();
         self.engine.on_debug(move |text, _, _| drop(note(&context, text)));
     }
+}
+
+/// Replaces a request by its answer, if the register still has the request.
+fn exchange(context: &SharedContext, name: &str, request: &Dynamic, answer: &Dynamic) -> Fallible<bool> {
+    context.with(|context| {
+        let found = own(context.register(name)?)?;
+        let (request, answer) = (bits(found, request)?, bits(found, answer)?);
+        Ok(context.device()?.exchange(found, request, answer))
+    })
 }
 
 /// Writes a record of a kind that the device declares, with a value for each of its fields.

@@ -1,0 +1,103 @@
+//! The map `this` of a running script.
+
+use super::data::{Data, Update};
+use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
+use core::sync::atomic::{AtomicU64, Ordering};
+use rhai::Dynamic;
+use std::collections::HashMap;
+
+/// The map `this` as data, which snapshots keep and which may move to another thread.
+#[derive(Debug)]
+pub(super) struct State {
+    data: Data,
+    /// Number of this content. No other content in this process has the same number, so a thread can keep the value of the
+    /// engine for the next call ([`LiveStates`]).
+    version: u64,
+}
+
+/// Returns a number that no state has.
+fn new_version() -> u64 {
+    static NEXT: AtomicU64 = AtomicU64::new(0);
+    NEXT.fetch_add(1, Ordering::Relaxed)
+}
+
+impl State {
+    /// Returns the empty map.
+    pub(super) fn empty() -> Self {
+        State { data: Data::empty_map(), version: new_version() }
+    }
+}
+
+impl SnapshotFields for State {
+    fn save(&self, to: &mut Saving) {
+        self.data.save(to);
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        self.version = new_version();
+        self.data.restore(from)
+    }
+}
+
+/// Maximum number of values that a thread keeps for a script: the devices of the same folder, and values of the past.
+const MOST_KEPT: usize = 64;
+
+/// The values of the engine for the states of a script, by their versions. A call with a known state makes no new value.
+#[derive(Debug, Default)]
+pub(super) struct LiveStates(HashMap<u64, Dynamic>);
+
+impl LiveStates {
+    /// Returns the value for a call.
+    pub(super) fn take(&mut self, state: &State) -> Dynamic {
+        self.0.remove(&state.version).unwrap_or_else(|| state.data.value())
+    }
+
+    /// Takes over the value after a call.
+    ///
+    /// # Errors
+    /// The value is no map, is too large, or cannot be saved. The state is then unchanged.
+    pub(super) fn put_back(&mut self, this: Dynamic, state: &mut State) -> Result<(), String> {
+        match state.data.take_over(&this) {
+            Update::Same => {}
+            Update::Changed => state.version = new_version(),
+            // The next call makes a value of the data. It has only what data keep.
+            Update::Other => {
+                *state = State { data: Data::of_state(&this)?, version: new_version() };
+                return Ok(());
+            }
+        }
+        if self.0.len() >= MOST_KEPT {
+            self.0.clear();
+        }
+        self.0.insert(state.version, this);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rhai::Map;
+
+    #[test]
+    fn values_are_kept_for_the_content_that_they_had() {
+        let (mut live, mut state) = (LiveStates::default(), State::empty());
+        let number = |value: &Dynamic| value.read_lock::<Map>().and_then(|map| map.get("n")?.as_int().ok());
+        let set = |number: i64| Dynamic::from(Map::from([("n".into(), number.into())]));
+        live.put_back(set(1), &mut state).unwrap();
+        let mut saving = Saving::default();
+        state.save(&mut saving);
+        live.put_back(set(2), &mut state).unwrap();
+        assert_eq!((number(&live.take(&state)), live.0.len()), (Some(2), 0));
+        live.put_back(set(3), &mut state).unwrap();
+        // A restored state does not get the value of a later one.
+        state.restore(&mut Saved::new(saving.bytes())).unwrap();
+        assert_eq!(number(&live.take(&state)), Some(1));
+        assert!(live.put_back(Dynamic::UNIT, &mut state).unwrap_err().contains("must stay a map"));
+        assert_eq!(number(&live.take(&state)), Some(1));
+        for number in 0..1000 {
+            live.put_back(set(number), &mut state).unwrap();
+        }
+        assert!(live.0.len() <= MOST_KEPT);
+    }
+}
