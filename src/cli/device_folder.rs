@@ -113,7 +113,7 @@ fn summary(folder: &Folder) -> String {
     let registers: usize = registers.map(|placed| placed.structure.registers.len()).sum();
     let faults = match &folder.faults[..] {
         [] => String::new(),
-        faults => format!(", {}", plural_of(faults, "kind") + if faults.len() == 1 { " of fault" } else { " of faults" }),
+        faults => format!(", {}", plural_of(faults, "fault")),
     };
     let script = match folder.has_script() {
         true => format!(", script with {}", plural_of(&folder.hooks(), "hook")),

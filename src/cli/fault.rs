@@ -190,8 +190,8 @@ mod by_channel {
     pub(super) fn read(args: &Add, kinds: &[&'static FaultKind]) -> Result<FaultSpec, CliError> {
         let spec = FaultSpec::from_words(kinds, &args.kind, &args.fields)?;
         if spec.required {
-            let right = "only a scenario can require that a fault takes effect: fault(\"... required\")"
-                .to_owned();
+            let right =
+                "only a scenario can require that a fault takes effect: fault(\"... required\")".to_owned();
             return Err(CliError::Argument { text: "required".to_owned(), right });
         }
         Ok(spec)

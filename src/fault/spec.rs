@@ -45,9 +45,8 @@ impl FaultSpec {
 
 /// Returns the kinds without those that devices outside of the installation declare.
 pub(crate) fn in_installation(kinds: &[&'static FaultKind], names: &Names) -> Vec<&'static FaultKind> {
-    let has = |device| {
-        (0..names.devices.len()).any(|index| names.device(DeviceIndex::at(index)).name == device)
-    };
+    let has =
+        |device| (0..names.devices.len()).any(|index| names.device(DeviceIndex::at(index)).name == device);
     let is_possible = |kind: &&FaultKind| kind.declaration().is_none_or(|it| has(it.device));
     kinds.iter().copied().filter(is_possible).collect()
 }

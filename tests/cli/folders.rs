@@ -472,6 +472,50 @@ fn clients_of_a_running_instance_accept_changes_beside_the_registers() {
     place.edit("IO_DATA.toml", "\"w_OUTPUTS\"", "\"w_OUT\"");
 }
 
+/// A running instance knows the faults that a folder declares, on the command line, in the journal and in snapshots.
+#[test]
+fn declared_faults_work_in_every_command() {
+    let place = Place::new();
+    let fault = "\n[[fault]]\nname = 'frozen'\ntext = 'A counter does not count'\npage = '3'\n\
+                 fields = [{ name = 'line', text = 'Number of the line', to = 3, default = 0 }]\n";
+    let tables = fs::read_to_string(place.card().join("handshakes.toml")).unwrap();
+    let tables = tables.replace("every = \"1ms\"", "every = \"1ms\"\nunless_fault = \"frozen\"");
+    fs::write(place.card().join("handshakes.toml"), tables + fault).unwrap();
+    let check = run(&["device", "check", place.card().to_str().unwrap()]);
+    let row = "A counter does not count; line 0 to 3 (default 0)";
+    assert!(check.ok().contains(row) && check.out.contains("not while a fault frozen acts"), "{}", check.out);
+    assert!(check.err.contains("6 handshakes, 1 fault"), "{}", check.err);
+    place.write(
+        "plant.toml",
+        "[[plc]]\nname = 'line'\n[[device]]\nname = 'io'\nkind = './cards/digital-io'\n\
+         [[fault]]\nkind = 'frozen'\nat_us = 900000\nline = 2\n",
+    );
+    run(&["plant", "check", &place.path("plant.toml")]).ok();
+    let emulator = Emulator::start(&[&place.path("plant.toml"), "--clock", "stepped"]);
+    emulator.step(&["10ms"]);
+    let near = emulator.run("fault", &["add", "frosen", "line=1"]);
+    assert!(near.fails(2).contains("did you mean frozen?"), "{}", near.err);
+    let wrong = emulator.run("fault", &["add", "frozen", "line=4"]);
+    assert!(wrong.fails(2).contains("line is 4; it must be 0 to 3"), "{}", wrong.err);
+    assert_eq!(emulator.run("fault", &["add", "frozen", "line=1"]).ok(), "2\n");
+    let list = emulator.run("fault", &["list"]);
+    for line in ["frozen plc=io line=2 at_us=900000", "frozen plc=io line=1"] {
+        assert!(list.ok().contains(line), "{line}: {}", list.out);
+    }
+    let saved = place.path("saved.snapshot");
+    emulator.run("snapshot", &[&saved]).ok();
+    for _ in 0..2 {
+        emulator.step(&["20ms"]);
+        assert_eq!(emulator.peek(&["io:control.ud_CYCLES"]), "16#0000000A");
+        emulator.run("restore", &[&saved]).ok();
+    }
+    emulator.run("fault", &["clear", "2"]).ok();
+    emulator.step(&["20ms"]);
+    assert_eq!(emulator.peek(&["io:control.ud_CYCLES"]), "16#0000001E");
+    let trace = emulator.run("trace", &["--kind", "fault"]);
+    assert!(trace.ok().contains("fault 2, frozen: cleared"), "{}", trace.out);
+}
+
 /// A stepped instance reads a changed script before its clock advances; a wrong one leaves the old one running.
 #[test]
 fn a_changed_script_is_read_again_in_stepped_mode() {

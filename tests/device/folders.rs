@@ -489,8 +489,16 @@ fn wrong_declared_faults_are_refused() {
     card.write("handshakes.toml", FAULTS);
     let mut bench = card.bench();
     let refused = |bench: &mut Bench, words: &str| bench.fault(words).unwrap_err().to_string();
-    assert!(refused(&mut bench, "flickr").contains("did you mean flicker?"), "{}", refused(&mut bench, "flickr"));
-    assert!(refused(&mut bench, "flicker").contains("give input, 0 to 7"), "{}", refused(&mut bench, "flicker"));
+    assert!(
+        refused(&mut bench, "flickr").contains("did you mean flicker?"),
+        "{}",
+        refused(&mut bench, "flickr")
+    );
+    assert!(
+        refused(&mut bench, "flicker").contains("give input, 0 to 7"),
+        "{}",
+        refused(&mut bench, "flicker")
+    );
     let text = refused(&mut bench, "flicker input=8");
     assert!(text.contains("input is 8; it must be 0 to 7"), "{text}");
     let text = refused(&mut bench, "flicker inptu=1");

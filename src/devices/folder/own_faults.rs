@@ -232,7 +232,7 @@ impl OwnFaults {
         }
     }
 
-    /// Forgets all notifications: the firmware starts anew.
+    /// Forgets all notifications: the firmware starts again.
     pub(super) fn restart(&mut self) {
         self.notified.clear();
     }
@@ -331,18 +331,21 @@ mod tests {
         add(1, 4, &mut journal, &mut faults);
         own.changed(5, &faults, owner);
         assert_eq!((own.next_time(), own.mask()), (5, 0));
-        let told = |own: &mut OwnFaults| -> Vec<_> {
+        let report_of = |own: &mut OwnFaults| -> Vec<_> {
             let changes = own.take_changes().into_iter();
             changes.map(|it| (it.kind.name(), it.values[0], it.values[1], it.is_on)).collect()
         };
-        assert_eq!(told(&mut own), [("stuck", Some(3), Some(2), true), ("lost", Some(4), Some(2), true)]);
-        assert_eq!((own.next_time(), own.mask(), told(&mut own)), (u64::MAX, 0b11, vec![]));
+        assert_eq!(
+            report_of(&mut own),
+            [("stuck", Some(3), Some(2), true), ("lost", Some(4), Some(2), true)]
+        );
+        assert_eq!((own.next_time(), own.mask(), report_of(&mut own)), (u64::MAX, 0b11, vec![]));
         faults.clear(9, first, &mut journal).unwrap();
         own.changed(9, &faults, owner);
-        assert_eq!(told(&mut own), [("stuck", Some(3), Some(2), false)]);
-        // After power-on, the firmware hears of the faults that still act.
+        assert_eq!(report_of(&mut own), [("stuck", Some(3), Some(2), false)]);
+        // After power-on, the firmware is notified of the faults that still act.
         own.restart();
-        assert_eq!(told(&mut own), [("lost", Some(4), Some(2), true)]);
+        assert_eq!(report_of(&mut own), [("lost", Some(4), Some(2), true)]);
         assert_eq!(own.mask(), 0b10);
     }
 }

@@ -31,7 +31,9 @@ pub(super) fn made(exercise: &Exercise, is_right: bool, rng: &mut Rng) -> String
 pub(super) fn fault(plant: &PlantConfig, rng: &mut Rng) -> String {
     let Some(kind) = rng.choice(plant.fault_kinds()) else { return String::new() };
     let device = match kind.declaration() {
-        Some(it) => rng.choice(plant.devices.iter().filter(|device| device.layout().name == it.device).collect::<Vec<_>>()),
+        Some(it) => rng.choice(
+            plant.devices.iter().filter(|device| device.layout().name == it.device).collect::<Vec<_>>(),
+        ),
         None => rng.choice(&plant.devices),
     };
     let mut words = kind.name().to_owned();

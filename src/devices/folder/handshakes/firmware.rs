@@ -117,7 +117,7 @@ fn is_disturbed(row: &Row, card: &Card) -> bool {
 }
 
 /// Forgets what the program waits for while a fault disturbs the row. The time of an answer or of an acknowledgement
-/// begins anew when the fault ends. A value that follows an answer comes as usual.
+/// starts again when the fault ends. A value that follows an answer comes as usual.
 fn suspend(rule: &Rule, step: &mut Step) {
     match rule {
         Rule::Answer { .. } if step.phase != Phase::Second => step.due = None,

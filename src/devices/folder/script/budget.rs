@@ -15,7 +15,7 @@ const CALL: u64 = 20;
 /// machine (D-801).
 pub(super) const LONGEST_TIME: Duration = Duration::from_secs(1);
 /// Elapsed time of a script within a millisecond that counts in place of its processor time. To read the processor time of a
-/// thread is a system call, which takes longer than a short hook. The elapsed time is never shorter.
+/// thread is a system call, which takes longer than a short hook. The elapsed time is never shorter (D-837).
 const UNMEASURED: Duration = Duration::from_millis(100);
 /// Steps between two reads of the time.
 const STEPS_PER_LOOK: u64 = 64;

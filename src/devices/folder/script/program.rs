@@ -77,7 +77,15 @@ impl Program {
             engine.compile(text).map_err(|error| Mistake::misread(super::MAIN, text, layout, &error))?;
         let has_statements =
             !ast.statements().iter().all(is_selection) || text.contains(&format!("global::{WRITTEN}"));
-        Ok(Program { engine, ast, text: text.to_owned(), has_statements, context, meter, live: RefCell::default() })
+        Ok(Program {
+            engine,
+            ast,
+            text: text.to_owned(),
+            has_statements,
+            context,
+            meter,
+            live: RefCell::default(),
+        })
     }
 
     /// Calls a function with `state` as `this`, and takes over the changes of `this`.

@@ -6,7 +6,7 @@ use core::sync::atomic::{AtomicU64, Ordering};
 use rhai::Dynamic;
 use std::collections::HashMap;
 
-/// The map `this` as data, which snapshots keep and which may move to another thread.
+/// The map `this` as data, which snapshots keep and which may move to another thread (D-838).
 #[derive(Debug)]
 pub(super) struct State {
     data: Data,
