@@ -320,7 +320,7 @@ mod tests {
         let kinds = Declarations::new().kinds("card", &[fault("stuck"), fault("lost")]);
         let (mut own, mut faults, mut journal) = (OwnFaults::new(kinds), Faults::default(), Journal::new(10));
         let owner = Owner::Device(DeviceIndex(0));
-        let mut add = |index: usize, input: u64, journal: &mut Journal, faults: &mut Faults| {
+        let add = |index: usize, input: u64, journal: &mut Journal, faults: &mut Faults| {
             let mut draft = Draft::new(kinds[index], Target::Device(DeviceIndex(0)));
             draft.values[0] = Some(input);
             let id = faults.add(5, draft.check().unwrap(), owner, journal).unwrap();
