@@ -501,7 +501,7 @@ fn wrong_declared_faults_are_refused() {
     );
     let text = refused(&mut bench, "flicker input=8");
     assert!(text.contains("input is 8; it must be 0 to 7"), "{text}");
-    let text = refused(&mut bench, "flicker inptu=1");
+    let text = refused(&mut bench, "flicker inputs=1");
     assert!(text.contains("did you mean input?"), "{text}");
     let text = refused(&mut bench, "flicker input=1 count=2");
     assert!(text.contains("count has no meaning for flicker"), "{text}");
