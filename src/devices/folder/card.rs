@@ -367,7 +367,17 @@ impl Card {
 impl SnapshotFields for Card {
     fn save(&self, to: &mut Saving) {
         // The port saves the link.
-        let Self { segment: _, face: _, watched, events, has_events: _, requests, pulses: _, link: _, faults } = self;
+        let Self {
+            segment: _,
+            face: _,
+            watched,
+            events,
+            has_events: _,
+            requests,
+            pulses: _,
+            link: _,
+            faults,
+        } = self;
         to.value(&watched.iter().map(|watched| watched.last).collect::<Vec<_>>());
         to.value(requests);
         to.value(faults);
