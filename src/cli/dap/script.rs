@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
-use std::sync::mpsc::{Receiver, Sender, SyncSender};
+use std::sync::mpsc::{self, Receiver, Sender, SyncSender};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Reference of the variables of the script.
@@ -21,6 +21,9 @@ pub(super) const VARIABLES: u64 = 1;
 pub(super) const AREAS: u64 = 2;
 /// Reference of the first area.
 const FIRST_AREA: u64 = 1000;
+/// Maximum number of printed lines that wait for the editor. With more, the scenario waits: requests of the editor are
+/// answered after these lines.
+const MOST_LINES: usize = 64;
 /// Maximum number of variables in one answer; the editor requests more.
 const MOST_VARIABLES: usize = 2000;
 
@@ -61,20 +64,22 @@ pub(super) struct Launch {
     pub time_us: u64,
 }
 
-/// Starts the scenario. Its events go to `events`.
+/// Starts the scenario. Its events go to `events`. The caller receives from the result once for each [`Event::Output`]: a
+/// scenario that prints waits while [`MOST_LINES`] of them are on their way.
 pub(super) fn start(
     launch: Launch,
     shared: Arc<Shared>,
     commands: Receiver<Command>,
     events: Sender<Event>,
-) -> std::io::Result<()> {
+) -> std::io::Result<Receiver<()>> {
+    let (lines, printed) = mpsc::sync_channel(MOST_LINES);
     spawn_with_stack(move || {
         let Launch { program, stop_on_entry, is_debugged, device, time_us } = launch;
         // A stop takes real time, and an editor can pause an endless script.
         let limits = Limits { operations: 0, time_us, real: core::time::Duration::MAX };
         let stop_on_entry = stop_on_entry && is_debugged;
         let (paths, history) = (RefCell::default(), RefCell::default());
-        let stopper = Stopper { shared, commands, events, stop_on_entry, is_debugged, paths, history };
+        let stopper = Stopper { shared, commands, events, lines, stop_on_entry, is_debugged, paths, history };
         let stopper = Rc::new(stopper);
         loop {
             stopper.history.borrow_mut().begin();
@@ -82,7 +87,7 @@ pub(super) fn start(
             let print = move |line: &str| {
                 // The editor has these lines of an earlier run.
                 if !printing.history.borrow().goes_back() {
-                    let _ = printing.events.send(Event::Output(line.to_owned()));
+                    printing.print(line.to_owned());
                 }
             };
             let debugger: Rc<dyn ScriptDebugger> = Rc::<Stopper>::clone(&stopper);
@@ -92,7 +97,8 @@ pub(super) fn start(
                 return;
             }
         }
-    })
+    })?;
+    Ok(printed)
 }
 
 /// The debugger in the thread of the script.
@@ -100,6 +106,8 @@ struct Stopper {
     shared: Arc<Shared>,
     commands: Receiver<Command>,
     events: Sender<Event>,
+    /// Has an item for each printed line that the session has not taken.
+    lines: SyncSender<()>,
     stop_on_entry: bool,
     is_debugged: bool,
     /// Real paths of the files.
@@ -130,7 +138,7 @@ impl ScriptDebugger for Stopper {
         if history.takes_difference() {
             let text =
                 "the scenario or its imports have changed since the start: this stop is at another line\n";
-            let _ = self.events.send(Event::Output(text.to_owned()));
+            self.print(text.to_owned());
         }
         decision
     }
@@ -189,6 +197,13 @@ impl ScriptDebugger for Stopper {
 }
 
 impl Stopper {
+    /// Sends a line to the editor. Waits while too many lines are on their way.
+    fn print(&self, line: String) {
+        // If the session has ended, the process ends, too.
+        let _ = self.lines.send(());
+        let _ = self.events.send(Event::Output(line));
+    }
+
     /// Reports a stop to the session; false if the session has ended.
     fn reports_stop(
         &self,

@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{self, Sender};
+use std::sync::mpsc::{self, Receiver, Sender};
 use std::sync::{Arc, PoisonError};
 
 /// The only thread of a scenario.
@@ -67,6 +67,8 @@ pub(super) struct Session {
     state: State,
     shared: Arc<Shared>,
     events: Sender<Event>,
+    /// Has an item for each [`Event::Output`] of the scenario.
+    printed: Option<Receiver<()>>,
     is_configured: bool,
     /// Number of the first line and of the first column for this editor.
     first_line: usize,
@@ -81,6 +83,7 @@ impl Session {
             state: State::Waiting,
             shared: Arc::default(),
             events,
+            printed: None,
             is_configured: false,
             first_line: 1,
             first_column: 1,
@@ -90,6 +93,10 @@ impl Session {
 
     /// Acts on an event; messages to the editor are added to `answers`.
     pub(super) fn take(&mut self, event: Event, answers: &mut Vec<Value>) -> Next {
+        if matches!(event, Event::Output(_)) {
+            // The scenario may print another line.
+            let _ = self.printed.as_ref().map(Receiver::try_recv);
+        }
         match event {
             Event::Message(message) => return self.message(&message, answers),
             Event::Closed(None) => return Next::End,
@@ -285,7 +292,10 @@ impl Session {
         let State::Ready(launch) = core::mem::replace(&mut self.state, State::Over) else { return };
         let (commands, received) = mpsc::channel();
         match script::start(*launch, Arc::clone(&self.shared), received, self.events.clone()) {
-            Ok(()) => self.state = State::Running(commands),
+            Ok(printed) => {
+                self.printed = Some(printed);
+                self.state = State::Running(commands);
+            }
             Err(error) => {
                 self.output(answers, "stderr", &format!("the scenario cannot start: {error}"));
                 self.end(1, answers);
