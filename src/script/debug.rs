@@ -7,7 +7,8 @@ use super::imports::module_file;
 use core::cell::{Cell, RefCell};
 use rhai::debugger::DebuggerCommand;
 use rhai::{
-    ASTNode, Dynamic, Engine, EvalAltResult, EvalContext, Expr, OptimizationLevel, Position, Scope, Stmt,
+    AST, ASTNode, Dynamic, Engine, EvalAltResult, EvalContext, Expr, ImmutableString, OptimizationLevel,
+    Position, Scope, Stmt,
 };
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -116,24 +117,21 @@ impl StoppedScript<'_> {
         self.variables.iter().rev().map(|(name, value)| (name.clone(), value_text(value))).collect()
     }
 
-    /// Calls `act` with the plant.
+    /// Calls `act` with the plant. Before the first verb this is the plant that the first verb will use.
     ///
     /// # Errors
-    /// The plant is refused, or `act` returns an error.
+    /// The plant is refused, `act` returns an error, or the script calls `plant` and this verb has not run.
     pub(crate) fn plant<T>(
         &mut self,
         act: impl FnOnce(&mut Bench) -> Result<T, ScenarioError>,
     ) -> Result<T, String> {
         let mut stage = self.stage.try_borrow_mut().map_err(|_| "the plant executes a verb".to_owned())?;
-        stage.existing_bench().map_or_else(
-            || Err("the scenario has no plant yet: no verb has used it".to_owned()),
-            |bench| act(bench).map_err(|error| error.to_string()),
-        )
+        stage.bench_of_debugger().and_then(act).map_err(|error| error.to_string())
     }
 
     /// Emulated time in microseconds; 0 before the first verb.
     pub(crate) fn time_us(&mut self) -> u64 {
-        self.plant(Bench::now).unwrap_or(0)
+        self.stage.try_borrow_mut().map_or(0, |mut stage| stage.now_us())
     }
 
     /// The value of a register with its meaning, or of an expression that only reads: no verb except `peek`, `describe`
@@ -157,7 +155,10 @@ impl StoppedScript<'_> {
             scope.push_dynamic(name.as_str(), value.flatten_clone());
         }
         let value = engine.eval_expression_with_scope::<Dynamic>(&mut scope, text);
-        value.map(|value| value_text(&value)).map_err(|error| error.to_string())
+        value.map(|value| value_text(&value)).map_err(|error| match self.plant(|_| Ok(())) {
+            Ok(()) => error.to_string(),
+            Err(missing) => format!("{error}; {missing}"),
+        })
     }
 }
 
@@ -182,13 +183,52 @@ pub(crate) fn lines_of_statements(text: &str) -> Result<BTreeSet<usize>, String>
     Ok(lines)
 }
 
+/// True if a script or one of its functions calls a function with this name.
+pub(super) fn calls(ast: &AST, name: &str) -> bool {
+    let mut found = false;
+    ast.walk(&mut |path| {
+        found |= match path.last() {
+            Some(ASTNode::Stmt(Stmt::FnCall(call, _)) | ASTNode::Expr(Expr::FnCall(call, _))) => {
+                call.name == name
+            }
+            _ => false,
+        };
+        !found
+    });
+    found
+}
+
 /// Statements that only contain other ones: a stop there would be a second stop of the same line.
 fn is_structure(stmt: &Stmt) -> bool {
     matches!(stmt, Stmt::Block(..) | Stmt::Noop(..))
 }
 
-/// Position in a file, for comparison.
-type Line = (Option<String>, usize);
+/// A line that a function executes.
+#[derive(Default)]
+struct Line {
+    source: Option<String>,
+    /// The line, from 1; 0 if it is not known.
+    line: usize,
+    /// The calls that this line has begun: column and name.
+    calls: Vec<(usize, ImmutableString)>,
+}
+
+impl Line {
+    /// Notes a statement, or a call with its column and name. True if the line is another one, or begins again.
+    ///
+    /// The engine does not report a statement that is only a call, but reports each call. A loop with such a body repeats
+    /// a call. The parts of a call do not.
+    fn begins(&mut self, source: Option<&str>, line: usize, call: Option<(usize, ImmutableString)>) -> bool {
+        let is_new = self.line != line
+            || self.source.as_deref() != source
+            || call.as_ref().is_none_or(|call| self.calls.contains(call));
+        if is_new {
+            *self = Self { source: source.map(str::to_owned), line, calls: Vec::new() };
+        }
+        self.calls.extend(call);
+        is_new
+    }
+}
 
 /// Decides at each statement whether the script stops.
 struct Stepper {
@@ -256,24 +296,21 @@ impl Stepper {
     ) -> Result<DebuggerCommand, Box<EvalAltResult>> {
         let Some(line) = position.line() else { return Ok(DebuggerCommand::StepInto) };
         let calls = context.debugger().map_or(&[][..], |debugger| debugger.call_stack());
-        let is_statement = match node {
+        let call = match node {
             ASTNode::Stmt(stmt) if is_structure(stmt) => return Ok(DebuggerCommand::StepInto),
-            ASTNode::Stmt(_) => true,
-            // Parts of a call over several lines are no statements.
-            ASTNode::Expr(Expr::FnCall(..) | Expr::Dot(..) | Expr::MethodCall(..)) => false,
+            ASTNode::Stmt(_) => None,
+            ASTNode::Expr(Expr::FnCall(call, _) | Expr::MethodCall(call, _)) => Some(call.name.clone()),
+            ASTNode::Expr(Expr::Dot(..)) => Some(ImmutableString::new()),
             _ => return Ok(DebuggerCommand::StepInto),
         };
+        let call = call.map(|name| (position.position().unwrap_or(0), name));
         let depth = calls.len();
-        let here = (source.map(str::to_owned), line);
         let mut lines = self.lines.borrow_mut();
-        let is_new = lines.len() <= depth || lines.get(depth) != Some(&here);
-        lines.truncate(depth + 1);
-        lines.resize(depth, (None, 0));
-        lines.push(here);
-        drop(lines);
-        if !is_statement && !is_new {
+        lines.resize_with(depth + 1, Line::default);
+        if !lines.last_mut().is_some_and(|here| here.begins(source, line, call)) {
             return Ok(DebuggerCommand::StepInto);
         }
+        drop(lines);
         let file = self.file(source);
         let Some(reason) = self.reason(depth, &file, line) else {
             *self.last.borrow_mut() = self.frames(context, source, position);

@@ -46,9 +46,9 @@ pub(super) fn engine(stage: &Rc<RefCell<Stage>>) -> Engine {
 #[cfg(feature = "cli")]
 pub(super) fn reader(stage: &Rc<RefCell<Stage>>) -> Engine {
     let mut verbs = Verbs { engine: Engine::new(), stage: Shared(Rc::clone(stage)), names: Vec::new() };
-    verbs.on("peek", |stage| move |register: &str| stage.act(|bench| bench.peek(register)));
-    verbs.on("describe", |stage| move |register: &str| stage.act(|bench| bench.describe(register)));
-    verbs.on("now", |stage| move || stage.act(|bench| Ok(int(bench.now()?))));
+    verbs.on("peek", |stage| move |register: &str| stage.preview(|bench| bench.peek(register)));
+    verbs.on("describe", |stage| move |register: &str| stage.preview(|bench| bench.describe(register)));
+    verbs.on("now", |stage| move || stage.preview(|bench| Ok(int(bench.now()?))));
     caught::register(&mut verbs.engine);
     shown::register(&mut verbs.engine);
     name_types(&mut verbs.engine);
@@ -74,6 +74,12 @@ impl Shared {
 
     fn act<T>(&self, act: impl FnOnce(&mut Bench) -> Result<T, ScenarioError>) -> Fallible<T> {
         self.with(|stage| stage.bench().and_then(act))
+    }
+
+    /// Does the same as [`Shared::act`] for a debugger: `plant` may still be the first verb of the script.
+    #[cfg(feature = "cli")]
+    fn preview<T>(&self, act: impl FnOnce(&mut Bench) -> Result<T, ScenarioError>) -> Fallible<T> {
+        self.with(|stage| stage.bench_of_debugger().and_then(act))
     }
 
     /// Does the same as [`Shared::act`], and counts an expectation.

@@ -229,6 +229,8 @@ fn run_text(
             return broken(&what, place);
         }
     };
+    #[cfg(feature = "cli")]
+    stage.borrow_mut().set_calls_plant(super::debug::calls(&ast, "plant"));
     let mut scope = Scope::new();
     // A constant for the last argument of the verbs about frames.
     scope.push_constant("extended", true);

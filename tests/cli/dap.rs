@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Stdio};
+use std::sync::mpsc;
 
 /// A scenario with a function; its last line fails.
 const SCENARIO: &str = "\
@@ -25,6 +26,9 @@ expect(\"node2.w_CPU_CONTROL\", 5);
 ";
 const COMMON: &str = "fn twice(number) {\n    let result = number * 2;\n    result\n}\n";
 
+/// Longest life of a session that has to end itself.
+const WATCHDOG: core::time::Duration = core::time::Duration::from_secs(60);
+
 /// An editor with its adapter.
 struct Editor {
     child: Child,
@@ -33,6 +37,8 @@ struct Editor {
     sent: u64,
     /// Events that no test has asked for.
     events: Vec<Value>,
+    /// Ends the watchdog when the session is dropped.
+    watchdog: Option<mpsc::Sender<()>>,
 }
 
 impl Editor {
@@ -46,7 +52,7 @@ impl Editor {
             .unwrap();
         let input = child.stdin.take().unwrap();
         let output = BufReader::new(child.stdout.take().unwrap());
-        Self { child, input, output, sent: 0, events: Vec::new() }
+        Self { child, input, output, sent: 0, events: Vec::new(), watchdog: None }
     }
 
     /// Starts a scenario with breakpoints; the result has the answer for the breakpoints.
@@ -255,8 +261,8 @@ fn steps_back_reach_earlier_lines_with_their_state() {
     assert_eq!(editor.value("now()"), "0");
     assert!(editor.value("node2.w_CPU_CONTROL").contains("16#0001"));
     assert_eq!(editor.resume("reverseContinue"), at("breakpoint", &[("start", 6), ("(scenario)", 9)]));
-    // The first verb has not run, so there is no plant yet.
-    assert!(editor.refused("evaluate", json!({ "expression": "node2.w_CPU_CONTROL" })).contains("node2"));
+    // The first verb has not run.
+    assert!(editor.value("node2.w_CPU_CONTROL").contains("16#0000"));
     assert_eq!(editor.resume("stepBack"), at("step", &[("start", 5), ("(scenario)", 9)]));
     assert_eq!(editor.resume("reverseContinue"), at("entry", &[("(scenario)", 1)]));
     // Nothing is before the first line.
@@ -329,6 +335,137 @@ fn an_endless_scenario_is_paused_and_ended_at_once() {
     editor.ok("terminate", json!({}));
     editor.event("terminated");
     editor.disconnect();
+}
+
+/// Starts a scenario with this text and breakpoints. A session that hangs is ended, so that its test fails.
+fn watched(text: &str, breakpoints: &[u32]) -> (tempfile::TempDir, Editor) {
+    let directory = tempfile::tempdir().unwrap();
+    let own = directory.path().join("own.rhai");
+    std::fs::write(&own, text).unwrap();
+    let (mut editor, _) = Editor::launch(&own, &json!({}), &[(&own, breakpoints)]);
+    let process = rustix::process::Pid::from_child(&editor.child);
+    let (end, ended) = mpsc::channel();
+    std::thread::spawn(move || {
+        if ended.recv_timeout(WATCHDOG) == Err(mpsc::RecvTimeoutError::Timeout) {
+            let _ = rustix::process::kill_process(process, rustix::process::Signal::KILL);
+        }
+    });
+    editor.watchdog = Some(end);
+    (directory, editor)
+}
+
+#[test]
+fn a_loop_with_a_call_as_its_only_statement_stops_in_each_round() {
+    for (text, line) in [
+        ("loop {\n    step(\"1us\");\n}\n", 2),
+        ("fn own() { 1 }\nloop {\n    own();\n}\n", 3),
+        ("for i in 0..1000000000 { now(); }\n", 1),
+        ("while now() >= 0 { }\n", 1),
+        ("let all = [1];\nloop {\n    all.len();\n}\n", 3),
+    ] {
+        let (_directory, mut editor) = watched(text, &[line]);
+        for round in 0..3 {
+            if round > 0 {
+                editor.ok("continue", json!({ "threadId": 1 }));
+            }
+            let (reason, frames) = editor.stop();
+            assert_eq!((reason.as_str(), frames[0].1), ("breakpoint", u64::from(line)), "{text}");
+        }
+        editor.disconnect();
+        let (_directory, mut editor) = watched(text, &[]);
+        editor.ok("pause", json!({ "threadId": 1 }));
+        assert_eq!(editor.stop().0, "pause", "{text}");
+        editor.disconnect();
+    }
+}
+
+#[test]
+fn the_parts_of_a_call_are_no_stops() {
+    let text = "let sum = 0;\nsum = abs(abs(1) + abs(2)) + abs(3);\nabs(abs(sum));\nsum = 9;\n";
+    let (_directory, mut editor) = watched(text, &[2]);
+    assert_eq!(editor.stop(), at("breakpoint", &[("(scenario)", 2)]));
+    assert_eq!(editor.resume("stepIn"), at("step", &[("(scenario)", 3)]));
+    assert_eq!(editor.resume("stepIn"), at("step", &[("(scenario)", 4)]));
+    editor.disconnect();
+}
+
+#[test]
+fn requests_overtake_the_lines_of_a_scenario_that_prints_without_end() {
+    let text = "loop {\n    print(\"x\");\n    let q = 1;\n}\n";
+    let (_directory, mut editor) = watched(text, &[]);
+    // The scenario prints before the first request.
+    editor.event("output");
+    editor.events.clear();
+    editor.ok("pause", json!({ "threadId": 1 }));
+    // Lines that wait in the adapter (64) and in the pipe (64 KiB, more than 90 bytes a line).
+    assert!(editor.events.len() < 1500, "{} lines came before the answer", editor.events.len());
+    assert_eq!(editor.stop().0, "pause");
+    editor.ok("continue", json!({ "threadId": 1 }));
+    editor.events.clear();
+    editor.ok("disconnect", json!({}));
+    assert!(editor.events.len() < 1500, "{} lines came before the answer", editor.events.len());
+    assert_eq!(editor.child.wait().unwrap().code(), Some(0));
+}
+
+#[test]
+fn a_scenario_that_prints_ends_with_the_connection() {
+    let text = "loop {\n    print(\"x\");\n    let q = 1;\n}\n";
+    let (_directory, mut editor) = watched(text, &[]);
+    editor.event("output");
+    let Editor { mut child, input, output, .. } = editor;
+    drop((input, output));
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+}
+
+#[test]
+fn registers_are_known_before_the_first_verb() {
+    let directory = tempfile::tempdir().unwrap();
+    let own = directory.path().join("own.rhai");
+    std::fs::write(&own, "let a = 1;\nexpect(\"node2.w_CPU_CONTROL\", 5);\n").unwrap();
+    let (mut editor, _) = Editor::launch(&own, &json!({ "stopOnEntry": true }), &[]);
+    assert_eq!(editor.stop().0, "entry");
+    assert!(editor.value("node2.w_CPU_CONTROL").contains("16#0000"));
+    let areas = editor.ok("variables", json!({ "variablesReference": 2 }));
+    let node = areas["variables"].as_array().unwrap().iter().find(|it| it["name"] == "node2").unwrap();
+    let change = json!({
+        "variablesReference": node["variablesReference"], "name": "w_CPU_CONTROL", "value": "5",
+    });
+    // The first verb uses the plant that the editor has shown and changed.
+    editor.ok("setVariable", change);
+    editor.ok("continue", json!({}));
+    assert_eq!(editor.event("exited")["exitCode"], 0, "{:?}", editor.events);
+    editor.disconnect();
+}
+
+#[test]
+fn an_expression_before_the_first_verb_does_not_replace_the_plant_of_the_scenario() {
+    let directory = tempfile::tempdir().unwrap();
+    let (own, common) = (directory.path().join("own.rhai"), directory.path().join("common.rhai"));
+    let plant = "plant(`[[plc]]\nname = \"own\"\n`);";
+    for (text, import) in [
+        (format!("let a = 1;\n{plant}\nexpect_that(now() == 0, \"none\");\n"), String::new()),
+        (
+            "import \"common\" as common;\ncommon::begin();\nexpect_that(now() == 0, \"none\");\n".to_owned(),
+            format!("fn begin() {{\n    {plant}\n}}\n"),
+        ),
+    ] {
+        std::fs::write(&own, &text).unwrap();
+        std::fs::write(&common, &import).unwrap();
+        let (mut editor, _) = Editor::launch(&own, &json!({ "stopOnEntry": true }), &[]);
+        assert_eq!(editor.stop().0, "entry");
+        for expression in ["now()", "node2.w_CPU_CONTROL"] {
+            let answer = editor.request("evaluate", json!({ "expression": expression, "frameId": 0 }));
+            // A scenario that calls the verb itself has no registers before it.
+            assert_eq!(answer["success"], !import.is_empty(), "{answer}");
+            if import.is_empty() {
+                let message = answer["message"].as_str().unwrap();
+                assert!(message.contains("this verb has not run"), "{message}");
+            }
+        }
+        editor.ok("continue", json!({}));
+        assert_eq!(editor.event("exited")["exitCode"], 0, "{:?}", editor.events);
+        editor.disconnect();
+    }
 }
 
 #[test]

@@ -22,6 +22,11 @@ pub(crate) struct Stage {
     unnamed: Option<PlantConfig>,
     /// True if the bench belongs to a running instance.
     attached: bool,
+    /// True if only a debugger has used the plant.
+    is_preview: bool,
+    /// True if the script calls `plant`.
+    #[cfg(feature = "cli")]
+    calls_plant: bool,
     /// Directory at which relative paths begin.
     pub(super) directory: PathBuf,
     /// Longest emulated time, in microseconds.
@@ -46,6 +51,9 @@ impl Stage {
         let attached = bench.is_some();
         let mut stage = Self {
             attached,
+            is_preview: false,
+            #[cfg(feature = "cli")]
+            calls_plant: false,
             unnamed: None,
             bench: None,
             directory,
@@ -156,10 +164,36 @@ impl Stage {
         self.bench().ok()?.failure(what.to_owned(), Location::caller()).ok()
     }
 
-    /// The plant, if a verb has used it.
+    /// Notes whether the script calls `plant`.
     #[cfg(feature = "cli")]
-    pub(in crate::script) fn existing_bench(&mut self) -> Option<&mut Bench> {
-        self.bench.as_mut()
+    pub(in crate::script) fn set_calls_plant(&mut self, calls_plant: bool) {
+        self.calls_plant = calls_plant;
+    }
+
+    /// Emulated time in microseconds; 0 before the first verb.
+    #[cfg(feature = "cli")]
+    pub(in crate::script) fn now_us(&mut self) -> u64 {
+        self.bench.as_mut().and_then(|bench| bench.now().ok()).unwrap_or(0)
+    }
+
+    /// The plant for a debugger. Before the first verb this is a preview: the first verb uses the same plant, and `plant`
+    /// replaces it.
+    ///
+    /// # Errors
+    /// The plant is refused, or the verb `plant` of the script has not run.
+    #[cfg(feature = "cli")]
+    pub(in crate::script) fn bench_of_debugger(&mut self) -> Result<&mut Bench, ScenarioError> {
+        let is_preview = self.is_preview || self.bench.is_none();
+        if self.bench.is_none() && self.calls_plant {
+            let right = "this verb has not run, so the scenario has no registers yet";
+            return Err(ScenarioError::argument("plant", right));
+        }
+        let bench = match self.bench.take() {
+            Some(bench) => bench,
+            None => self.new_bench()?,
+        };
+        self.is_preview = is_preview;
+        Ok(self.bench.insert(bench))
     }
 
     fn limited(&self, mut bench: Bench) -> Bench {
@@ -177,12 +211,21 @@ impl Stage {
     /// Returns the plant of the script. If the script has not called `plant`, the plant of [`Stage::set_unnamed`] or
     /// the built-in one.
     pub(super) fn bench(&mut self) -> Result<&mut Bench, ScenarioError> {
-        let bench = match (self.bench.take(), &self.unnamed) {
-            (Some(bench), _) => bench,
-            (None, Some(plant)) => self.limited(Bench::new(plant)?),
-            (None, None) => self.limited(Bench::built_in()?),
+        self.is_preview = false;
+        let bench = match self.bench.take() {
+            Some(bench) => bench,
+            None => self.new_bench()?,
         };
         Ok(self.bench.insert(bench))
+    }
+
+    /// Creates the plant of a script that has not called `plant`.
+    fn new_bench(&self) -> Result<Bench, ScenarioError> {
+        let bench = match &self.unnamed {
+            Some(plant) => Bench::new(plant)?,
+            None => Bench::built_in()?,
+        };
+        Ok(self.limited(bench))
     }
 
     /// Reads a plant file, for the verb `plant`.
@@ -195,6 +238,9 @@ impl Stage {
             self.plant_name = file.display().to_string();
             PlantConfig::load(file)?
         };
+        if core::mem::take(&mut self.is_preview) {
+            self.bench = None;
+        }
         match &self.bench {
             Some(bench) if self.attached => {
                 let plcs: Vec<_> = config.devices.iter().map(|device| device.name()).collect();
