@@ -4,7 +4,7 @@ use super::error::CliError;
 use crate::coupling::{Coupling, CouplingConfig};
 use crate::door::DoorSpec;
 use crate::federation::{Exchange, FederateConfig, FederationError, MOST, NoExchange};
-use crate::helics::{HelicsConfig, HelicsExchange, HelicsSimulators};
+use crate::helics::{BrokerAddress, HelicsConfig, HelicsExchange, HelicsSimulators};
 use crate::plant::Plant;
 use crate::runtime::{Clock, Emulator};
 use crate::time;
@@ -25,9 +25,9 @@ pub(crate) struct FederateArgs {
     /// Follow the time of the other federates and simulators, without waiting for clients of this emulator
     #[arg(long = "follow-others", alias = "follow", requires = "helics")]
     follow: bool,
-    /// Address of the HELICS broker
+    /// Address of the HELICS broker: tcp://HOST:PORT
     #[arg(long, value_name = "ADDRESS", requires = "helics", default_value = "tcp://127.0.0.1:23404")]
-    broker: String,
+    broker: BrokerAddress,
     /// Name of the federation, if the broker has several
     #[arg(long, value_name = "NAME", requires = "helics", default_value = "commram")]
     federation: String,

@@ -3,18 +3,20 @@
 //!
 //! The calls of the library block, so two threads make them: one joins and sends, the other waits for commands.
 
+mod broker;
 mod combination;
 mod federate;
 mod library;
 mod simulators;
 
+pub use broker::{BrokerAddress, BrokerAddressError};
 pub use simulators::HelicsSimulators;
 
 use crate::federation::Exchange;
 use federate::CommandFederate;
 use library::{Functions, VARIABLE};
 use std::io::Read;
-use std::net::{SocketAddr, TcpStream, ToSocketAddrs};
+use std::net::{IpAddr, SocketAddr, TcpStream};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,11 +25,9 @@ use std::thread::Builder;
 use std::time::Duration;
 
 /// Longest time for the last message to the other federates.
-const FAREWELL: Duration = Duration::from_secs(3);
+const FAREWELL: Duration = Duration::from_secs(1);
 /// Longest time for the check whether a broker runs: to connect, and then to receive its greeting.
 const CONNECT: Duration = Duration::from_millis(500);
-/// Port of a broker if its address has none.
-const PORT: u16 = 23404;
 
 /// Reasons why HELICS cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -92,7 +92,7 @@ pub struct HelicsConfig {
     /// Number of federates that simulate the plant.
     pub count: u8,
     /// Address of the broker, for example `tcp://127.0.0.1:23404`.
-    pub broker: String,
+    pub broker: BrokerAddress,
     /// Longest wait for the broker.
     pub limit: Duration,
 }
@@ -105,7 +105,12 @@ impl HelicsConfig {
     /// Arguments for the core of a federate.
     fn of_core(&self) -> String {
         let (broker, limit) = (&self.broker, self.limit.as_millis());
-        format!("--federates=1 --broker_address={broker} --timeout={limit}ms --loglevel=no_print")
+        let local = broker.local_interface().map(|address| match address {
+            IpAddr::V4(address) => format!(" --local_interface=tcp://{address}"),
+            IpAddr::V6(address) => format!(" --local_interface=tcp://[{address}]"),
+        });
+        let local = local.unwrap_or_default();
+        format!("--federates=1 --broker_address={broker}{local} --timeout={limit}ms --loglevel=no_print")
     }
 }
 
@@ -113,7 +118,7 @@ impl HelicsConfig {
 #[derive(Clone)]
 struct Joining {
     is_done: Arc<AtomicBool>,
-    broker: String,
+    broker: BrokerAddress,
     limit: Duration,
 }
 
@@ -131,7 +136,7 @@ impl Joining {
         if self.is_done.load(Ordering::Acquire) {
             return None;
         }
-        let (broker, limit) = (self.broker.clone(), self.limit);
+        let (broker, limit) = (self.broker.to_string(), self.limit);
         let missing = match self.has_broker() {
             true => HelicsError::Incomplete { broker, limit },
             false => HelicsError::NoBroker { broker, limit },
@@ -139,12 +144,9 @@ impl Joining {
         Some(missing.to_string())
     }
 
-    /// True if a broker answers at its address, `HOST`, `HOST:PORT` or `tcp://HOST:PORT`.
+    /// True if a broker answers at its address.
     fn has_broker(&self) -> bool {
-        let address = self.broker.rsplit("//").next().unwrap_or_default();
-        let has_port = address.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_ok());
-        let address = if has_port { address.to_owned() } else { format!("{address}:{PORT}") };
-        address.to_socket_addrs().is_ok_and(|mut addresses| addresses.any(greets))
+        self.broker.addresses().any(greets)
     }
 
     /// Longest wait for the end of the thread. While the thread joins the federation, it cannot send a message to the
@@ -330,8 +332,11 @@ mod tests {
     /// A program that accepts connections is not always a broker.
     #[test]
     fn only_a_program_with_the_greeting_of_zeromq_is_a_broker() {
-        let joining =
-            |broker: String| Joining { is_done: Arc::default(), broker, limit: Duration::from_secs(2) };
+        let joining = |broker: &str| Joining {
+            is_done: Arc::default(),
+            broker: broker.parse().unwrap(),
+            limit: Duration::from_secs(2),
+        };
         for (greeting, is_broker) in [
             (&b"\xFF\0\0\0\0\0\0\0\x01\x7F\x03"[..], true),
             (b"HTTP/1.1 400 Bad Request\r\n", false),
@@ -346,14 +351,14 @@ mod tests {
                 // Waits until the other side has closed the connection.
                 let _ = stream.read(&mut [0]);
             });
-            let missing = joining(broker).missing().unwrap();
+            let missing = joining(&broker).missing().unwrap();
             assert_eq!(missing.contains("has waited for more federates"), is_broker, "{missing}");
             assert_eq!(missing.contains("no HELICS broker answers"), !is_broker, "{missing}");
             guest.join().unwrap();
         }
         let closed = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
         for broker in [format!("tcp://{closed}"), closed.to_string(), "x.invalid".to_owned()] {
-            assert!(!joining(broker).has_broker());
+            assert!(!joining(&broker).has_broker());
         }
     }
 

@@ -1,6 +1,6 @@
 //! One plant in several processes that are connected through HELICS.
 
-use crate::common::{Emulator, Outcome, commram, eventually, finish, python_for, unique_name};
+use crate::common::{Emulator, Outcome, commram, eventually, finish, is_there, python_for, unique_name};
 use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, LAYOUT_HASH, NODE2};
 use commram::memory::{AttachMode, Image, MemoryError, Width};
 use std::net::TcpListener;
@@ -241,6 +241,42 @@ fn federates_produce_the_same_journal_as_one_process() {
         }
     }
     assert!(expected.contains("lose_frame") && expected.contains("jitter_sync"), "{expected}");
+}
+
+/// Two network namespaces that are connected by a cable are two hosts. The script ends with all its processes, because
+/// they have a separate process namespace.
+#[test]
+fn federates_on_two_hosts_find_each_other() {
+    let Some(helics) = helics() else { return };
+    if !is_there("ip") {
+        return;
+    }
+    let script = "mount -t tmpfs tmpfs /dev/shm || exit 77
+        ip link set lo up
+        unshare --net sleep 1000 & other=$!
+        until [ $(readlink /proc/$other/ns/net) != $(readlink /proc/self/ns/net) ]; do sleep 0.01; done
+        there=\"nsenter -t $other -n\"
+        ip link add cable0 type veth peer name cable1 netns $other || exit 77
+        ip address add 10.9.0.1/24 dev cable0; ip link set cable0 up
+        $there ip address add 10.9.0.2/24 dev cable1; $there ip link set cable1 up; $there ip link set lo up
+        $BROKER --coretype=zmq --federates=2 --ipv4 --loglevel=no_print &
+        place='--clock stepped --broker tcp://10.9.0.1:23404 --detach --quiet'
+        $there $COMMRAM run plant.toml $place -i press --federate 1/2 --follow || echo press $?
+        $COMMRAM run plant.toml $place -i line --federate 0/2 || echo line $?
+        $COMMRAM step 10ms -i line; echo step $?
+        $COMMRAM stop -i line; echo stop $?";
+    let directory = TempDir::new().unwrap();
+    written(&directory, "plant.toml", PLANT);
+    let mut command = Command::new("unshare");
+    command.args(["--net", "--mount", "--pid", "--fork", "--kill-child", "--mount-proc", "sh", "-c", script]);
+    command.env("COMMRAM", commram().get_program()).env("BROKER", &helics.broker);
+    command.env("COMMRAM_HELICS", &helics.library).env_remove("COMMRAM_INSTANCE").current_dir(directory.path());
+    let outcome = finish(&mut command);
+    if outcome.code == Some(77) || outcome.err.contains("unshare") {
+        eprintln!("SKIPPED: no network namespaces: {}", outcome.err);
+        return;
+    }
+    assert!(outcome.out.ends_with("0.010000 s\nstep 0\nstop 0\n"), "{outcome:?}");
 }
 
 /// A task in lockstep and a program that writes to an image, on two hosts. The other host leads.
