@@ -270,13 +270,19 @@ fn federates_on_two_hosts_find_each_other() {
     let mut command = Command::new("unshare");
     command.args(["--net", "--mount", "--pid", "--fork", "--kill-child", "--mount-proc", "sh", "-c", script]);
     command.env("COMMRAM", commram().get_program()).env("BROKER", &helics.broker);
-    command.env("COMMRAM_HELICS", &helics.library).env_remove("COMMRAM_INSTANCE").current_dir(directory.path());
+    command
+        .env("COMMRAM_HELICS", &helics.library)
+        .env_remove("COMMRAM_INSTANCE")
+        .current_dir(directory.path());
     let outcome = finish(&mut command);
     if outcome.code == Some(77) || outcome.err.contains("unshare") {
         eprintln!("SKIPPED: no network namespaces: {}", outcome.err);
         return;
     }
-    assert!(outcome.out.ends_with("0.010000 s\nstep 0\nstop 0\n"), "{outcome:?}");
+    assert!(
+        outcome.out.ends_with("0.010000 s\nstep 0\ninstance 'line' has stopped\nstop 0\n"),
+        "{outcome:?}"
+    );
 }
 
 /// A task in lockstep and a program that writes to an image, on two hosts. The other host leads.
