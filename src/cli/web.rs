@@ -26,6 +26,7 @@ pub(crate) use secret::remove_left_files;
 
 use super::error::CliError;
 use super::{Instance, demo, log, output};
+use crate::devices::folder::edited::allow_many_folders;
 use crate::memory::{limits, survive_lost_channels};
 use crate::request::Op;
 use guard::{Guard, Origin};
@@ -122,6 +123,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         demo::end_with(parent)?;
     }
     log::to_stderr();
+    allow_many_folders();
     strand::stop_at_panics();
     survive_lost_channels().map_err(|reason| CliError::Signals { reason })?;
     // If the limit cannot be raised, the server accepts fewer connections.

@@ -13,9 +13,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{MutexGuard, PoisonError};
 
-/// Maximum number of folder states that a process reads if it runs as long as an editor. A table of registers has some
-/// 10 KB.
-const MOST_OF_AN_EDITOR: usize = 4096;
+/// Maximum number of folder states that a process reads if it runs for long: beside an editor, or as a server of all
+/// instances. A table of registers has some 10 KB.
+const MOST_FOR_LONG: usize = 4096;
 
 fn loaded() -> MutexGuard<'static, Loaded> {
     LOADED.lock().unwrap_or_else(PoisonError::into_inner)
@@ -23,7 +23,7 @@ fn loaded() -> MutexGuard<'static, Loaded> {
 
 /// Allows this process to read more folders than other processes: each saved state of a folder counts.
 pub(crate) fn allow_many_folders() {
-    loaded().most = MOST_OF_AN_EDITOR;
+    loaded().most = MOST_FOR_LONG;
 }
 
 /// Checks the layout in `dir` with texts that replace the contents of files, by their paths.
