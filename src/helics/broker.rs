@@ -14,7 +14,7 @@ pub struct BrokerAddress {
     port: u16,
 }
 
-/// A text that is not the address of a broker.
+/// The text is no address of a broker.
 #[derive(Debug, thiserror::Error)]
 #[error(
     "write tcp://HOST:PORT, HOST:PORT or HOST, for example tcp://192.168.0.5:{PORT}; without a port it is {PORT}"
@@ -57,16 +57,15 @@ impl BrokerAddress {
         (host, self.port).to_socket_addrs().into_iter().flatten()
     }
 
-    /// Returns the address of this host in the network of the broker. The broker and the other federates connect to it;
-    /// without it a federate of HELICS listens only to programs of its own host. Returns `None` if there is no route to
-    /// the broker.
+    /// Returns the address of this host in the network of the broker, or `None` without a route to the broker. A core of
+    /// HELICS must listen at this address for the broker and for the other federates. By default it listens at 127.0.0.1.
     pub(super) fn local_interface(&self) -> Option<IpAddr> {
         let address = self.addresses().next()?;
         let any: IpAddr = match address {
             SocketAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
             SocketAddr::V6(_) => Ipv6Addr::UNSPECIFIED.into(),
         };
-        // A UDP socket that is connected sends nothing. The operating system selects its route and its local address.
+        // To connect a UDP socket sends nothing. The operating system selects the route and the local address.
         let socket = UdpSocket::bind((any, 0)).ok()?;
         socket.connect(address).ok()?;
         Some(socket.local_addr().ok()?.ip())
