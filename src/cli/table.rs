@@ -1,7 +1,7 @@
 //! Output of tables in the formats for people and programs.
 
 use super::{error::CliError, output, style};
-use crate::export::{csv_line, md_table};
+use crate::export::{csv_line, markdown_text, md_table};
 use clap::ValueEnum;
 use serde::Serialize;
 
@@ -164,7 +164,8 @@ fn csv<R: Row>(rows: &[R]) -> String {
 }
 
 fn markdown<R: Row>(rows: &[R]) -> String {
-    md_table(R::COLUMNS, rows.iter().map(|row| harmless(&row.cells())))
+    let cells = |row: &R| harmless(&row.cells()).iter().map(|cell| markdown_text(cell)).collect();
+    md_table(R::COLUMNS, rows.iter().map(cells))
 }
 
 /// Escapes characters that a terminal interprets. Text, CSV and Markdown use the same cells.
@@ -228,6 +229,13 @@ mod tests {
         for text in [csv(&pair()), markdown(&pair()), aligned(&pair())] {
             assert!(text.contains("\\u{1b}[2J\\u{9b}\\u{202e}"), "{text:?}");
         }
+    }
+
+    #[test]
+    fn texts_are_no_markup_and_no_formulas() {
+        let pair = [Pair("<b>", "=1+1"), Pair("-5", "[a](b)")];
+        assert_eq!(markdown(&pair), "| name | text |\n| --- | --- |\n| &lt;b> | =1+1 |\n| -5 | [a\\](b) |\n");
+        assert_eq!(csv(&pair), "name,text\n<b>,'=1+1\n-5,[a](b)\n");
     }
 
     #[test]

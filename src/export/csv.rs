@@ -3,6 +3,7 @@
 use super::rows;
 use super::scope::Scope;
 use crate::layout::{AreaStructure, Provenance, Register, format_value};
+use std::borrow::Cow;
 
 const HEAD: [&str; 15] = [
     "name",
@@ -54,17 +55,45 @@ fn provenance(placed: &AreaStructure, register: &Register) -> String {
     Provenance::summary(&[name, offset, ty, owner, reset, ("variable", placed.variable_from)])
 }
 
-/// Joins cells to a line, with quotes where a cell needs them.
+/// Joins cells to a line, with quotes where a cell needs them. A spreadsheet shows each text as it is, and does not
+/// evaluate it as a formula (D-798).
 pub fn line<S: AsRef<str>>(cells: &[S]) -> String {
     cells.iter().map(|text| cell(text.as_ref())).collect::<Vec<_>>().join(",") + "\n"
 }
 
 fn cell(text: &str) -> String {
+    let text = without_formulas(text);
     if text.contains(['"', ',', '\n', '\r']) {
         format!("\"{}\"", text.replace('"', "\"\""))
     } else {
-        text.to_owned()
+        text.into_owned()
     }
+}
+
+/// Puts an apostrophe before each text that a spreadsheet evaluates as a formula. Spreadsheets of some countries separate
+/// cells by semicolons, so the text after a semicolon, tab or line end is a text, too. Numbers stay numbers.
+fn without_formulas(text: &str) -> Cow<'_, str> {
+    let is_separator = |sign: char| matches!(sign, ';' | '\t' | '\r' | '\n');
+    if is_number(text) || !text.split(is_separator).any(is_formula) {
+        return Cow::Borrowed(text);
+    }
+    let parts = text.split_inclusive(is_separator);
+    let safe = |part: &str| if is_formula(part) { format!("'{part}") } else { part.to_owned() };
+    Cow::Owned(parts.map(safe).collect())
+}
+
+/// True for the beginnings of formulas. Spreadsheets of some languages also accept the wide forms of the signs.
+fn is_formula(text: &str) -> bool {
+    let text = text.trim().trim_end_matches(';');
+    let is_sign = |sign: char| matches!(sign, '=' | '+' | '-' | '@' | '＝' | '＋' | '－' | '＠');
+    // A sign alone, as a mark for no value, is no formula.
+    text.starts_with(is_sign) && text.chars().nth(1).is_some() && !is_number(text)
+}
+
+/// True for numbers with or without a fraction and an exponent: `-5`, `+0.25`, `-1.5e-3`.
+fn is_number(text: &str) -> bool {
+    let is_part = |sign: char| sign.is_ascii_digit() || matches!(sign, '+' | '-' | '.' | 'e' | 'E');
+    text.chars().all(is_part) && text.parse::<f64>().is_ok()
 }
 
 #[cfg(test)]
@@ -75,6 +104,21 @@ mod tests {
     #[test]
     fn cells_are_quoted_where_they_need_it() {
         assert_eq!(line(&["a,b", "say \"x\"", "plain", ""]), "\"a,b\",\"say \"\"x\"\"\",plain,\n");
+    }
+
+    #[test]
+    fn texts_are_no_formulas_and_numbers_stay_numbers() {
+        for formula in ["=1+1", "+A1", "-A1", "@SUM(A1)", " =1", "-2+3", "--5", "＝1", "-5 rpm", "-inf", "=="]
+        {
+            assert_eq!(line(&[formula]), format!("'{formula}\n"));
+        }
+        assert_eq!(line(&["\t=1"]), "\t'=1\n");
+        assert_eq!(line(&["\r=1"]), "\"\r'=1\"\n");
+        assert_eq!(line(&["a;=1; -b;c"]), "a;'=1;' -b;c\n");
+        assert_eq!(line(&["=HYPERLINK(\"x\",A2)"]), "\"'=HYPERLINK(\"\"x\"\",A2)\"\n");
+        for plain in ["-5", "+0.25", "-1.5e-3", "-", "", "16#FF", "%MW3.0", "a-b", "a =b", "-5;-6"] {
+            assert_eq!(line(&[plain]), format!("{plain}\n"));
+        }
     }
 
     #[test]

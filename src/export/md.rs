@@ -1,11 +1,12 @@
 //! The register reference: a chapter for each area, a table for each structure, and the meanings of values.
 
+use super::markdown::{paragraph, text as escaped};
 use super::scope::Scope;
 use super::text;
 use crate::layout::object::Type;
 use crate::layout::{
-    Area, AreaStructure, BitField, DeviceLayout, Meaning, Provenance, Register, RegisterRef, ValueMeaning,
-    format_value,
+    Area, AreaStructure, BitField, DeviceLayout, Meaning, Provenance, Register, RegisterRef, Space,
+    ValueMeaning, format_value,
 };
 
 pub(crate) fn generate(scope: &Scope) -> String {
@@ -19,11 +20,11 @@ pub(crate) fn generate(scope: &Scope) -> String {
          the type prefix of its name, for example `w_` or `b_`, if it has one. *From* says which facts are not in the manual but follow from a decision. \
          [decisions.md](decisions.md) has the decisions or links to their page. A fact that *From* does not name is \
          documented on the pages given.{names}\n\n",
-        device.title,
+        escaped(device.title),
         text::command(scope, "md"),
-        text::folder(scope),
-        device.manual,
-        text::spaces(device)
+        escaped(&text::folder(scope)),
+        escaped(device.manual),
+        spaces(device)
     );
     text.push_str(&areas(scope));
     for area in &scope.areas {
@@ -42,14 +43,23 @@ pub(crate) fn generate(scope: &Scope) -> String {
     text + "\n"
 }
 
+/// Returns the addresses of the device and their places in the image.
+fn spaces(device: &DeviceLayout) -> String {
+    let describe = |space: &Space| {
+        let (first, last, doc) = (space.begin(), space.end(), escaped(space.doc));
+        format!("`{first}` to `{last}` ({doc}) from byte {} of the image on", space.offset)
+    };
+    device.spaces.iter().map(describe).collect::<Vec<_>>().join(", ")
+}
+
 fn areas(scope: &Scope) -> String {
     let rows = scope.areas.iter().map(|area| {
         vec![
             format!("`{}`", area.name),
             format!("`{}` to `{}`", area.begin(), area.numbers().end()),
             area.cpu_address(area.first),
-            area.page.to_owned(),
-            area.doc.to_owned(),
+            escaped(area.page),
+            escaped(area.doc),
         ]
     });
     format!("## Areas\n\n{}\n", table(&["Area", "Addresses", "CPU address", "Page", "What"], rows))
@@ -65,14 +75,14 @@ fn objects(device: &DeviceLayout) -> String {
         vec![
             format!("{:04X}h", object.index),
             object.sub.to_string(),
-            object.name.to_owned(),
+            escaped(object.name),
             object.ty.map_or("", Type::name).to_owned(),
             object.access.name().to_owned(),
             object.default.to_string(),
             if object.saved { "yes" } else { "" }.to_owned(),
-            object.doc.to_owned(),
-            object.page.to_owned(),
-            Provenance::summary(&facts),
+            escaped(object.doc),
+            escaped(object.page),
+            escaped(&Provenance::summary(&facts)),
         ]
     });
     let head = ["Index", "Sub", "Name", "Type", "Access", "Default", "Saved", "What", "Page", "From"];
@@ -82,7 +92,7 @@ fn objects(device: &DeviceLayout) -> String {
 fn structure(area: &'static Area, placed: &'static AreaStructure) -> String {
     let of = placed.structure;
     let phase = area.phase_facts(placed.live);
-    let valid = phase.map_or_else(String::new, |phase| format!(" Valid {}.", phase.doc));
+    let valid = phase.map_or_else(String::new, |phase| format!(" Valid {}.", escaped(phase.doc)));
     let role = placed.role.map_or_else(String::new, |role| format!(", {role}"));
     let made_up = text::made_up(placed).map(|made_up| format!(" ({made_up})")).unwrap_or_default();
     let rows = of.registers.iter().map(|register| {
@@ -94,8 +104,8 @@ fn structure(area: &'static Area, placed: &'static AreaStructure) -> String {
             register.owner.to_string(),
             format_value(register.ty, register.reset),
             what(register),
-            register.page.to_owned(),
-            register.provenance(),
+            escaped(register.page),
+            escaped(&register.provenance()),
         ]
     });
     let head = ["Register", "Address", "Type", "Owner", "Reset", "What", "Page", "From"];
@@ -103,8 +113,8 @@ fn structure(area: &'static Area, placed: &'static AreaStructure) -> String {
         "## {}: {}{role}\n\n{} (p. {}), {} bytes at `{}`; variable `{}`{made_up}.{valid}\n\n{}\n",
         area.name,
         of.name,
-        of.doc,
-        of.page,
+        paragraph(of.doc),
+        escaped(of.page),
         of.bytes,
         area.begin(),
         placed.variable,
@@ -113,7 +123,7 @@ fn structure(area: &'static Area, placed: &'static AreaStructure) -> String {
 }
 
 fn what(register: &Register) -> String {
-    let mut what = register.doc.to_owned();
+    let mut what = escaped(register.doc);
     if let Some(used) = text::used(register) {
         what += &format!("; `{used}` in use");
     }
@@ -126,14 +136,15 @@ fn what(register: &Register) -> String {
 fn meaning(meaning: &Meaning, register: &Register) -> String {
     let mut rows: Vec<_> = meaning.values.iter().map(|value| of_value(value, register)).collect();
     rows.extend(meaning.bits.iter().map(of_bits));
-    let pages = if meaning.page.is_empty() { String::new() } else { format!("Pages {}.\n\n", meaning.page) };
+    let pages =
+        if meaning.page.is_empty() { String::new() } else { format!("Pages {}.\n\n", escaped(meaning.page)) };
     format!("### {}\n\n{pages}{}\n", meaning.name, table(&["Value", "Meaning", "From"], rows.into_iter()))
 }
 
 fn of_value(known: &ValueMeaning, register: &Register) -> Vec<String> {
     let [first, last] = [known.first, known.last].map(|value| format_value(register.ty, value));
     let value = if first == last { first } else { format!("{first} to {last}") };
-    vec![value, known.text.replace("{}", "n"), known.source.to_string()]
+    vec![value, escaped(&known.text.replace("{}", "n")), escaped(&known.source.to_string())]
 }
 
 fn of_bits(field: &BitField) -> Vec<String> {
@@ -152,10 +163,10 @@ fn of_bits(field: &BitField) -> Vec<String> {
     if texts.is_empty() {
         texts.push(field.name.to_owned());
     }
-    vec![bits, texts.join("; ").replace("{}", "n"), field.source.to_string()]
+    vec![bits, escaped(&texts.join("; ").replace("{}", "n")), escaped(&field.source.to_string())]
 }
 
-/// Returns a table with a head.
+/// Returns a table with a head. The cells are Markdown; [`markdown_text`](super::markdown_text) converts texts.
 pub fn table<S: AsRef<str>>(head: &[S], rows: impl Iterator<Item = Vec<String>>) -> String {
     let rule = vec!["---"; head.len()];
     line(head) + &line(&rule) + &rows.map(|row| line(&row)).collect::<String>()

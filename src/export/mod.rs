@@ -12,6 +12,7 @@ mod dbc;
 mod eds;
 mod gsd;
 mod json;
+mod markdown;
 mod matiec;
 mod md;
 mod members;
@@ -39,6 +40,7 @@ pub use constants::{Enumeration, enumerations};
 pub use csv::line as csv_line;
 #[cfg(feature = "emulator")]
 pub use dbc::dbc;
+pub use markdown::text as markdown_text;
 pub use md::table as md_table;
 pub use scope::Scope;
 pub use st::{StCompiler, StForm};

@@ -112,11 +112,11 @@ fn areas(out: &mut String, scope: &Scope) {
         });
         let _ = writeln!(
             out,
-            "    {:?}: ({}, {}, {:?}, ({})),",
+            "    {:?}: ({}, {}, {}, ({})),",
             area.name,
             area.first,
             area.bytes,
-            area.doc,
+            quoted(area.doc),
             placed.collect::<String>().trim_end()
         );
     }
@@ -143,7 +143,7 @@ fn register(out: &mut String, register: &Register) {
     let dims = register.dims.iter().map(|dim| format!("({}, {}, {}), ", dim.count, dim.used, dim.stride));
     let _ = writeln!(
         out,
-        "        ({:?}, {:?}, {:?}, {}, ({}), {}, {:?}, 0x{:X}, {}, {}, {:?}, {:?}, {:?}),",
+        "        ({:?}, {:?}, {:?}, {}, ({}), {}, {:?}, 0x{:X}, {}, {}, {}, {}, {}),",
         register.group,
         register.name,
         code(register.ty),
@@ -154,9 +154,9 @@ fn register(out: &mut String, register: &Register) {
         register.reset,
         boolean(register.reserved),
         register.meaning.map_or("None".to_owned(), |meaning| format!("{:?}", meaning.name)),
-        register.doc,
-        register.page,
-        register.provenance()
+        quoted(register.doc),
+        quoted(register.page),
+        quoted(&register.provenance())
     );
 }
 
@@ -165,9 +165,10 @@ fn meaning(out: &mut String, meaning: &Meaning) {
     for BitField { first, last, zero, one, text, values, joined, reserved, source, .. } in meaning.bits {
         let values = self::values(values);
         let (joined, reserved) = (boolean(*joined), boolean(*reserved));
+        let [zero, one, text] = [zero, one, text].map(|text| quoted(text));
         let _ = writeln!(
             out,
-            "            ({first}, {last}, {zero:?}, {one:?}, {text:?}, ({values}), {joined}, {reserved}, {}),",
+            "            ({first}, {last}, {zero}, {one}, {text}, ({values}), {joined}, {reserved}, {}),",
             decision(source)
         );
     }
@@ -176,14 +177,30 @@ fn meaning(out: &mut String, meaning: &Meaning) {
 
 fn values(values: &[ValueMeaning]) -> String {
     let value = |known: &ValueMeaning| {
-        format!("({}, {}, {:?}, {}), ", known.first, known.last, known.text, decision(&known.source))
+        format!("({}, {}, {}, {}), ", known.first, known.last, quoted(known.text), decision(&known.source))
     };
     values.iter().map(value).collect::<String>().trim_end().to_owned()
 }
 
 /// Returns the decision from which a meaning follows, or `None`.
 fn decision(source: &Provenance) -> String {
-    source.decision().map_or("None".to_owned(), |decision| format!("{decision:?}"))
+    source.decision().map_or("None".to_owned(), quoted)
+}
+
+/// Returns a text as a string of Python. Rust's escapes of characters that are not printable are no escapes of Python.
+fn quoted(text: &str) -> String {
+    let mut quoted = String::from("\"");
+    for sign in text.chars() {
+        match sign {
+            '"' | '\\' => quoted.extend(['\\', sign]),
+            ' '..='~' => quoted.push(sign),
+            _ if sign.escape_debug().len() == 1 => quoted.push(sign),
+            _ => {
+                let _ = write!(quoted, "\\U{:08x}", u32::from(sign));
+            }
+        }
+    }
+    quoted + "\""
 }
 
 const fn boolean(value: bool) -> &'static str {
@@ -206,6 +223,11 @@ const fn code(ty: RegType) -> &'static str {
 mod tests {
     use super::*;
     use crate::devices::samples::tables::NODES as DEVICE;
+
+    #[test]
+    fn texts_are_strings_of_python() {
+        assert_eq!(quoted("a '\u{e4}' \"\\\n\u{2028}"), "\"a '\u{e4}' \\\"\\\\\\U0000000a\\U00002028\"");
+    }
 
     #[test]
     fn every_register_is_in_the_tables() {

@@ -20,9 +20,38 @@ fn identifier(name: &str) -> String {
     if KEYWORDS.split_whitespace().any(|word| word == name) { format!("\\{name}") } else { name.to_owned() }
 }
 
+/// Returns a text as a string of SystemRDL.
+fn quoted(text: &str) -> String {
+    let escaped = without_code(text).replace('\\', "\\\\").replace('"', "\\\"");
+    format!("\"{escaped}\"")
+}
+
+/// Changes the parts of a text that a compiler executes, or that a viewer of descriptions treats as markup (D-798):
+///
+/// - `<%` begins Perl, a backquote begins a macro, also in comments and strings (SystemRDL 2.0, section 16). Neither of them has an
+///   escape. So a blank follows `<`, and an apostrophe replaces the backquote.
+/// - Descriptions may contain tags in brackets (annex F). `[lb]` is the tag of the bracket. `PeakRDL` also accepts HTML and the
+///   links of Markdown.
+fn without_code(text: &str) -> String {
+    let mut out = String::new();
+    let mut signs = text.chars().peekable();
+    while let Some(sign) = signs.next() {
+        let next = signs.peek().copied().unwrap_or(' ');
+        match sign {
+            '<' if next.is_ascii_alphabetic() || matches!(next, '%' | '/' | '!' | '?') => out.push_str("< "),
+            '[' if next.is_ascii_alphabetic() || matches!(next, '/' | '*') => out.push_str("[lb]"),
+            ']' if matches!(next, '(' | ':') => out.push_str("] "),
+            '`' => out.push('\''),
+            _ if sign.is_control() || matches!(sign, '\u{2028}' | '\u{2029}') => out.push(' '),
+            _ => out.push(sign),
+        }
+    }
+    out
+}
+
 pub(crate) fn generate(scope: &Scope) -> String {
     let mut out: String =
-        text::banner(scope, "systemrdl").iter().map(|line| format!("// {line}\n")).collect();
+        text::banner(scope, "systemrdl").iter().map(|line| format!("// {}\n", without_code(line))).collect();
     for (meaning, register) in scope.meanings() {
         enumerations(&mut out, meaning, 8 * register.ty.width());
     }
@@ -30,7 +59,8 @@ pub(crate) fn generate(scope: &Scope) -> String {
         self::group(&mut out, &group);
     }
     for of in scope.structures() {
-        let _ = writeln!(out, "\nregfile {} {{\n    desc = {:?};", identifier(of.name), text::about(of));
+        let _ =
+            writeln!(out, "\nregfile {} {{\n    desc = {};", identifier(of.name), quoted(&text::about(of)));
         for member in members::of(of) {
             match member {
                 Member::Register(of) => register(&mut out, of, 0),
@@ -87,11 +117,10 @@ fn map(out: &mut String, scope: &Scope, phase: Option<&str>, role: Option<Role>)
         name.push_str("_map");
     }
     let name = identifier(&name);
+    let desc = quoted(&format!("Image of the {}{of}", scope.device.title));
     let _ = writeln!(
         out,
-        "\naddrmap {name} {{\n    desc = \"Image of the {}{of}\";\n    \
-         littleendian;\n    addressing = compact;",
-        scope.device.title
+        "\naddrmap {name} {{\n    desc = {desc};\n    littleendian;\n    addressing = compact;"
     );
     for (area, placed) in scope.placed() {
         let AreaStructure { structure, variable, .. } = placed;
@@ -116,15 +145,20 @@ fn map(out: &mut String, scope: &Scope, phase: Option<&str>, role: Option<Role>)
 fn plain(out: &mut String, area: &Area) {
     let Area { name, first, bytes, doc, .. } = area;
     let name = identifier(name);
-    let entries = bytes / 4;
+    let (entries, desc) = (bytes / 4, quoted(doc));
     let _ = writeln!(
         out,
-        "    external mem {{ desc = {doc:?}; mementries = {entries}; memwidth = 32; sw = rw; }} {name} @ {first};"
+        "    external mem {{ desc = {desc}; mementries = {entries}; memwidth = 32; sw = rw; }} {name} @ {first};"
     );
 }
 
 fn group(out: &mut String, group: &Group) {
-    let _ = writeln!(out, "\nregfile {} {{\n    desc = {:?};", identifier(group.type_name()), group.about());
+    let _ = writeln!(
+        out,
+        "\nregfile {} {{\n    desc = {};",
+        identifier(group.type_name()),
+        quoted(&group.about())
+    );
     for member in group.members() {
         if let Member::Register(of) = member {
             register(out, of, group.offset());
@@ -137,8 +171,8 @@ fn group(out: &mut String, group: &Group) {
 fn register(out: &mut String, of: &'static Register, start: u32) {
     let Register { name, ty, offset, meaning, reset, .. } = of;
     let bits = 8 * ty.width();
-    let desc = format!("{ty}, {}", text::remark(of));
-    let _ = writeln!(out, "    reg {{\n        desc = {desc:?};\n        regwidth = {bits};");
+    let desc = quoted(&format!("{ty}, {}", text::remark(of)));
+    let _ = writeln!(out, "    reg {{\n        desc = {desc};\n        regwidth = {bits};");
     let access = match of.owner {
         Owner::Plc => "sw = rw; hw = r;",
         Owner::Firmware => "sw = r; hw = w;",
@@ -149,11 +183,11 @@ fn register(out: &mut String, of: &'static Register, start: u32) {
             for field in meaning.bits.iter().filter(|field| !field.reserved) {
                 let BitField { first, last, .. } = field;
                 let encode = encode(&enumeration_of(meaning, Some(field)), field.values);
-                let (desc, name) = (constants::about(field), field_name(field));
+                let (desc, name) = (quoted(&constants::about(field)), field_name(field));
                 let (width, reset) = (last - first + 1, field.of(*reset));
                 let _ = writeln!(
                     out,
-                    "        field {{ desc = {desc:?}; {access}{encode} }} {name}[{last}:{first}] = {width}'h{reset:X};"
+                    "        field {{ desc = {desc}; {access}{encode} }} {name}[{last}:{first}] = {width}'h{reset:X};"
                 );
             }
         }
@@ -203,8 +237,28 @@ fn enumeration(out: &mut String, name: &str, values: &[ValueMeaning], bits: u32)
     }
     let _ = writeln!(out, "\nenum {name} {{");
     for constant in singles {
-        let (name, value, doc) = (constant.name, constant.value, constant.text);
-        let _ = writeln!(out, "    {name} = {bits}'h{value:X} {{ desc = {doc:?}; }};");
+        let (name, value, doc) = (constant.name, constant.value, quoted(&constant.text));
+        let _ = writeln!(out, "    {name} = {bits}'h{value:X} {{ desc = {doc}; }};");
     }
     out.push_str("};\n");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_contain_no_code() {
+        assert_eq!(quoted("a < b, c <= d, e[0..3]\u{2028}\u{e4}"), "\"a < b, c <= d, e[0..3] \u{e4}\"");
+        assert_eq!(quoted("\"a\"\\\n"), "\"\\\"a\\\"\\\\ \"");
+        for (text, safe) in [
+            ("<%=6*7%> <<%", "< %=6*7%> << %"),
+            ("`include `id`", "'include 'id'"),
+            ("<script> </script> <!-- <?", "< script> < /script> < !-- < ?"),
+            ("[url=x]y[/url] [*]", "[lb]url=x]y[lb]/url] [lb]*]"),
+            ("![x](y) [x][y] [x]: y", "![lb]x] (y) [lb]x][lb]y] [lb]x] : y"),
+        ] {
+            assert_eq!(without_code(text), safe);
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! Texts that several formats use.
 
 use super::scope::Scope;
-use crate::layout::{AreaStructure, DeviceLayout, Dim, Provenance, Register, Space, Structure};
+use crate::layout::{AreaStructure, DeviceLayout, Dim, Provenance, Register, Structure};
 use std::collections::BTreeSet;
 
 /// Returns the text of the comment at the head of every exported file.
@@ -73,15 +73,6 @@ pub(crate) fn command(scope: &Scope, format: &str) -> String {
 pub(crate) fn names_from(device: &DeviceLayout) -> Option<String> {
     let decisions: BTreeSet<_> = device.areas.iter().filter_map(|area| area.name_from.decision()).collect();
     (!decisions.is_empty()).then(|| decisions.into_iter().collect::<Vec<_>>().join(", "))
-}
-
-/// Returns the addresses of the device and their places in the image.
-pub(crate) fn spaces(device: &DeviceLayout) -> String {
-    let describe = |space: &Space| {
-        let (first, last) = (space.begin(), space.end());
-        format!("`{first}` to `{last}` ({}) from byte {} of the image on", space.doc, space.offset)
-    };
-    device.spaces.iter().map(describe).collect::<Vec<_>>().join(", ")
 }
 
 /// Returns the version of commram.

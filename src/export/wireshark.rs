@@ -24,6 +24,8 @@ pub fn wireshark<'a>(
     decoders: &str,
     about: &str,
 ) -> String {
+    // The name of a file may contain a line end, which ends a comment of Lua.
+    let about = about.replace(char::is_control, " ");
     let mut text =
         format!("-- {about}.\n\n{}{decoders}\nlocal buses = {{\n", include_str!("wireshark/begin.lua"));
     for (bus, number) in buses.into_iter().zip(1..) {
@@ -91,6 +93,12 @@ fn quoted(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_head_is_one_comment() {
+        let text = wireshark([], "", "a\nos.exit()\rb");
+        assert!(text.starts_with("-- a os.exit() b.\n"), "{text}");
+    }
 
     #[test]
     fn texts_are_texts_of_lua() {

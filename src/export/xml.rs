@@ -33,7 +33,9 @@ impl Xml {
 
     /// Writes an XML comment.
     pub(crate) fn comment(&mut self, text: &str) {
-        self.line(&format!("<!-- {} -->", text.replace("--", "- -")));
+        // A second replacement, because the first one finds only one pair in `---`.
+        let text = text.replace("--", "- -").replace("--", "- -");
+        self.line(&format!("<!-- {text} -->"));
     }
 
     /// Returns the text of the finished document.
@@ -53,6 +55,17 @@ fn escape(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_comment_ends_only_at_its_end() {
+        for count in 2..9 {
+            let mut xml = Xml::new();
+            xml.comment(&format!("a{}> b", "-".repeat(count)));
+            let text = xml.finish();
+            assert_eq!(text.matches("--").count(), 2, "{text}");
+            assert_eq!(text.matches("- ").count(), count, "{text}");
+        }
+    }
 
     #[test]
     fn elements_are_nested_and_text_is_escaped() {

@@ -1,6 +1,6 @@
 //! Devices of folders: registered while the program runs, with names in every command.
 
-use crate::common::{Emulator, finish, run, skipped};
+use crate::common::{Emulator, finish, python, run, skipped};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -432,6 +432,58 @@ fn a_text_of_a_folder_is_no_code_in_an_export() {
                 message.contains(&format!("{file}:")) && message.contains("comments and strings of exports");
             assert!(is_named, "{to}: {message}");
         }
+    }
+}
+
+/// Texts that other formats would take as code. The last character has no escape that is common to Rust and Python.
+const HOSTILE: [&str; 9] = [
+    "<%=6*7%> <%while(1){}%>",
+    "a `id` and an odd ` sign",
+    "=HYPERLINK(A1,A2)",
+    "+A1",
+    "-1+2",
+    "@SUM(A1)",
+    "<script>alert(1)</script> [a](javascript:alert(1)) {{#include /etc/passwd}}",
+    "---><x/><!--",
+    "a\u{2028}b",
+];
+
+/// Compilers and viewers of these formats execute parts of texts, so the exports escape them (D-798, D-799).
+#[test]
+fn a_text_of_a_folder_is_a_text_in_every_export() {
+    for hostile in HOSTILE {
+        let place = Place::new();
+        place.edit("device.toml", "Digital I/O card", hostile);
+        place.edit("device.toml", "Control and status", hostile);
+        place.edit("IO_DATA.toml", "The 16 outputs", hostile);
+        place.edit("meanings.toml", "no command", &format!("text {hostile}"));
+        let card = place.path("cards/digital-io");
+        let export = |format: &str| run(&["export", format, "--device", &card]).ok().to_owned();
+
+        let rdl = export("systemrdl");
+        assert!(!rdl.contains("<%") && !rdl.contains('`') && !rdl.contains("\\u{"), "{rdl}");
+        for table in [export("csv"), run(&["map", "--device", &card, "--format", "csv"]).ok().to_owned()] {
+            let is_formula = hostile.starts_with(['=', '+', '-', '@']);
+            let is_marked = table.contains(&format!("'{hostile}")) && !table.contains(&format!(",{hostile}"));
+            assert!(is_marked || !is_formula, "{table}");
+        }
+        let md = export("md");
+        assert!(
+            !md.contains("<s") && !md.contains("<%") && !md.contains("{{") && !md.contains("](j"),
+            "{md}"
+        );
+        let svd = export("svd");
+        assert_eq!(svd.matches("<!--").count(), svd.matches("-->").count(), "{svd}");
+        assert!(!svd.contains("<x/>") && !svd.contains("<script>"), "{svd}");
+        svd_parser::parse(&svd).unwrap();
+
+        place.write("card.rdl", &rdl);
+        place.write("card.py", &export("python"));
+        place.write("card.csv", &export("csv"));
+        let Some(mut command) = python(&["systemrdl"]) else { continue };
+        let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/check_texts.py");
+        let files = ["card.rdl", "card.py", "card.csv"].map(|name| place.path(name));
+        assert_eq!(finish(command.arg(script).args(files).arg(hostile)).ok(), "3 files\n", "{hostile}");
     }
 }
 
