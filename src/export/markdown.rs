@@ -2,7 +2,7 @@
 
 /// Converts a text so that Markdown shows its characters. Code between single backquotes stays code. The result has no HTML, no link, no
 /// emphasis, and no command of a program that expands templates in Markdown, such as mdbook, Jekyll or pandoc.
-pub fn text(text: &str) -> String {
+pub(crate) fn text(text: &str) -> String {
     let parts: Vec<_> = text.split('`').collect();
     // Parts with odd numbers are code. A backslash or brace there would need an escape, which code does not have.
     let is_code = |part: &&str| !part.is_empty() && !part.contains(['\\', '{', '\n']);

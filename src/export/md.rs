@@ -166,7 +166,7 @@ fn of_bits(field: &BitField) -> Vec<String> {
     vec![bits, escaped(&texts.join("; ").replace("{}", "n")), escaped(&field.source.to_string())]
 }
 
-/// Returns a table with a head. The cells are Markdown; [`markdown_text`](super::markdown_text) converts texts.
+/// Returns a table with a head. The cells are Markdown.
 pub fn table<S: AsRef<str>>(head: &[S], rows: impl Iterator<Item = Vec<String>>) -> String {
     let rule = vec!["---"; head.len()];
     line(head) + &line(&rule) + &rows.map(|row| line(&row)).collect::<String>()

@@ -40,7 +40,8 @@ pub use constants::{Enumeration, enumerations};
 pub use csv::line as csv_line;
 #[cfg(feature = "emulator")]
 pub use dbc::dbc;
-pub use markdown::text as markdown_text;
+#[cfg(feature = "cli")]
+pub(crate) use markdown::text as markdown_text;
 pub use md::table as md_table;
 pub use scope::Scope;
 pub use st::{StCompiler, StForm};
