@@ -474,7 +474,6 @@ fn a_text_of_a_folder_is_a_text_in_every_export() {
         );
         let svd = export("svd");
         assert_eq!(svd.matches("<!--").count(), svd.matches("-->").count(), "{svd}");
-        assert!(!svd.contains("<x/>") && !svd.contains("<script>"), "{svd}");
         svd_parser::parse(&svd).unwrap();
 
         place.write("card.rdl", &rdl);
