@@ -37,9 +37,9 @@ impl FaultSpec {
         let device = names.plcs.iter().position(|known| Some(known) == device);
         let device = device.map(|index| names.device(DeviceIndex::at(index)).name);
         let same = kinds.iter().copied().filter(|kind| kind.name() == first.name());
-        let declared = same.filter(|kind| kind.declaration().map(|it| it.device) == device);
+        let mut declared = same.filter(|kind| kind.declaration().map(|it| it.device) == device);
         // A process may have read several versions of a folder; the last one is the present one.
-        Some(declared.last().filter(|_| device.is_some()).unwrap_or(first))
+        Some(declared.next_back().filter(|_| device.is_some()).unwrap_or(first))
     }
 }
 
