@@ -44,7 +44,7 @@ fn nothing_of_a_shortened_image_gets_into_novram() {
     let start = || Emulator::start(&["--clock", "stepped", "--novram", path]);
     let attach =
         |emulator: &Emulator| Image::attach(&emulator.name, "line", AttachMode::ReadWrite, None).unwrap();
-    let flag = RETAIN as u32;
+    let flag = RETAIN;
     let mut emulator = start();
     attach(&emulator).segment().store(flag, Width::Dword, 0x1234_5678).unwrap();
     let novram = directory.path().join("line.novram");

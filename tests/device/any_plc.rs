@@ -96,7 +96,7 @@ fn take(rig: &mut Rig, act: &Act, slice_us: u64) {
             let at = if slave { rig.slave_at } else { rig.master_at };
             let segment = rig.plant.devices()[at.plc].segment();
             // An offset without a byte register is not written.
-            let _ = segment.store((at.base + offset) as u32, Width::Byte, value.into());
+            let _ = segment.store(at.base + offset as u32, Width::Byte, value.into());
         }
         Act::Job { slave, control } => enter_parameter(rig, slave, control),
         Act::Block { control, length } => enter_block(rig, control, length),

@@ -124,7 +124,7 @@ fn filters_select_frames() {
 fn frame(frame) { write(\"card.w_COUNT\", read(\"card.w_COUNT\") + 1); }";
     let card = Card::with_port(script);
     let mut bench = plant(&[("one", &card)]);
-    let mut arrivals = |bench: &mut Bench| {
+    let arrivals = |bench: &mut Bench| {
         let before = bench.peek("card.w_COUNT").unwrap();
         for (id, extended) in [(0x123, false), (0x124, false), (0x20F, false), (0x210, false), (0x123, true)]
         {

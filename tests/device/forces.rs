@@ -15,7 +15,7 @@ fn registers(rate: Rate) -> [u32; 3] {
         offset_of!(CANsync_MA_CTRL_BMSTRUCT, w_OPTION_STATUS),
         offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC1),
     ]
-    .map(|offset| (rate.kind.master.base + offset) as u32)
+    .map(|offset| rate.kind.master.base + offset as u32)
 }
 
 fn word(offset: u32, value: u32) -> Forced {
@@ -43,7 +43,7 @@ fn the_firmware_cannot_change_a_forced_register() {
 #[test]
 fn a_register_that_the_firmware_writes_in_each_poll_has_the_same_journal_in_any_slices() {
     for rate in FASTEST {
-        let offset = rate.kind.master.base + offset_of!(CANsync_MA_CTRL_BMSTRUCT, w_CANsync_STATUS);
+        let offset = rate.kind.master.base + offset_of!(CANsync_MA_CTRL_BMSTRUCT, w_CANsync_STATUS) as u32;
         let journal = |slice_us| {
             let mut rig = Rig::new(Memory::Heap, rate);
             rig.plant.force(word(offset as u32, 0x4739)).unwrap();
@@ -125,7 +125,7 @@ fn a_refused_force_gives_its_reason() {
 fn the_number_of_forced_registers_is_limited() {
     for rate in FASTEST {
         let mut rig = Rig::new(Memory::Heap, rate);
-        let first = rate.kind.master.base + offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_RD_BMARRAY);
+        let first = rate.kind.master.base + offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_RD_BMARRAY) as u32;
         let place = |number: u32| Forced { width: Width::Dword, ..word(first as u32 + 4 * number, number) };
         for number in 0..256 {
             rig.plant.force(place(number)).unwrap();

@@ -7,7 +7,7 @@ use commram::journal::{By, Changed, Keep};
 use core::mem::offset_of;
 
 fn place(rate: Rate, offset: usize) -> u32 {
-    (rate.kind.master.base + offset) as u32
+    rate.kind.master.base + offset as u32
 }
 
 /// Records the whole structure of the master.

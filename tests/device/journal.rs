@@ -42,7 +42,7 @@ fn description_of(rig: &Rig, record: &Record) -> Option<String> {
 /// Writes a register of the master as the channel does.
 fn write(rig: &mut Rig, offset: usize, write: impl FnOnce(&Rig)) {
     write(rig);
-    let offset = (rig.master_at.base + offset) as u32;
+    let offset = rig.master_at.base + offset as u32;
     let value = rig.plant.devices()[0].segment().load(offset, commram::memory::Width::Byte).unwrap();
     rig.plant.note_channel_write(DeviceIndex(0), offset, 1, value);
 }
@@ -79,7 +79,7 @@ fn a_parameter_job_with_its_answers_at_both_ends() {
                 "MASTER.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD 4B -> 02",
             ]
         );
-        let job = (rig.master_at.base + JOB) as u32;
+        let job = rig.master_at.base + JOB as u32;
         let answers = rig
             .plant
             .journal()

@@ -240,7 +240,7 @@ fn through_the_channel_every_write_is_seen() {
         let mut rig = Rig::new(Memory::Heap, rate);
         rig.expect_errors(&[&rules::OWNER]);
         rig.activate();
-        let status = (rate.kind.master.base + offset_of!(CANsync_MA_CTRL_BMSTRUCT, w_OPTION_STATUS)) as u32;
+        let status = rate.kind.master.base + offset_of!(CANsync_MA_CTRL_BMSTRUCT, w_OPTION_STATUS) as u32;
         for _ in 0..3 {
             rig.plant.note_channel_write(DeviceIndex(0), status, 2, 0x0080);
         }

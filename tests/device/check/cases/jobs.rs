@@ -238,7 +238,7 @@ fn store_by_channel(rig: &mut Rig, command: u32) {
     let register = offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_CTRLREG_PAR_CMD_SL)
         + offset_of!(CTRLREG_PAR_CMD_SL, b_STEUREG_PAR_CMD);
     let at = rig.master_at;
-    rig.plant.store(DeviceIndex::at(at.plc), (at.base + register) as u32, Width::Byte, command).unwrap();
+    rig.plant.store(DeviceIndex::at(at.plc), at.base + register as u32, Width::Byte, command).unwrap();
 }
 
 /// Enters a write job for slave 0, which the slave's application does not answer yet.
