@@ -46,7 +46,7 @@ fn a_register_that_the_firmware_writes_in_each_poll_has_the_same_journal_in_any_
         let offset = rate.kind.master.base + offset_of!(CANsync_MA_CTRL_BMSTRUCT, w_CANsync_STATUS) as u32;
         let journal = |slice_us| {
             let mut rig = Rig::new(Memory::Heap, rate);
-            rig.plant.force(word(offset as u32, 0x4739)).unwrap();
+            rig.plant.force(word(offset, 0x4739)).unwrap();
             (0..20_000 / slice_us).for_each(|_| rig.step(slice_us));
             assert_eq!(rig.master.w_CANsync_STATUS.load(), 0x4739);
             rig.records().collect::<Vec<_>>()
@@ -126,7 +126,7 @@ fn the_number_of_forced_registers_is_limited() {
     for rate in FASTEST {
         let mut rig = Rig::new(Memory::Heap, rate);
         let first = rate.kind.master.base + offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_RD_BMARRAY) as u32;
-        let place = |number: u32| Forced { width: Width::Dword, ..word(first as u32 + 4 * number, number) };
+        let place = |number: u32| Forced { width: Width::Dword, ..word(first + 4 * number, number) };
         for number in 0..256 {
             rig.plant.force(place(number)).unwrap();
         }

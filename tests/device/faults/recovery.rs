@@ -211,7 +211,8 @@ fn acknowledged(rig: &Rig) -> Vec<(u64, IsFrame)> {
     rig.records()
         .filter_map(|record| {
             let Handshake { origin, offset, request, answer, .. } = record.event.get()?;
-            let offset = (origin.plc == DeviceIndex(0)).then_some(offset)?.checked_sub(rig.master_at.base)?;
+            let offset =
+                (origin.plc == DeviceIndex(0)).then_some(offset)?.checked_sub(rig.master_at.base)? as usize;
             Some((record.time_us, frame_for(offset, request, answer)?))
         })
         .collect()
