@@ -226,9 +226,12 @@ mod tests {
     #[test]
     fn csv_and_markdown_spell_control_characters_as_the_text_format_does() {
         let pair = || [Pair("a", "\x1b[2J\u{9b}\u{202e}")];
-        for text in [csv(&pair()), markdown(&pair()), aligned(&pair())] {
+        for text in [csv(&pair()), aligned(&pair())] {
             assert!(text.contains("\\u{1b}[2J\\u{9b}\\u{202e}"), "{text:?}");
         }
+        // A brace is an entity in Markdown, because some programs give two of them a meaning.
+        let text = markdown(&pair());
+        assert!(text.contains("\\u&#123;1b}[2J\\u&#123;9b}\\u&#123;202e}"), "{text:?}");
     }
 
     #[test]

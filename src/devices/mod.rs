@@ -65,12 +65,14 @@ mod traits;
 
 #[cfg(feature = "emulator")]
 pub use canopen::node_sends;
+#[cfg(feature = "channel")]
+pub(crate) use catalogue::declared_fault_kinds;
 #[cfg(feature = "cli")]
 pub(crate) use catalogue::fault_kinds_of;
 #[cfg(feature = "emulator")]
-pub use catalogue::{bus_site, catalogue, door_fits, fault_kinds, faults_of_device};
+pub(crate) use catalogue::known_fault_kinds;
 #[cfg(feature = "emulator")]
-pub(crate) use catalogue::{declared_fault_kinds, known_fault_kinds};
+pub use catalogue::{bus_site, catalogue, door_fits, fault_kinds, faults_of_device};
 #[cfg(feature = "emulator")]
 pub use config::{
     BusKind, BusSection, CardPlace, DeviceConfig, Doubt, MasterConfig, PortConfig, Read, settings_number,

@@ -94,7 +94,7 @@ mod tests {
         assert_eq!(events.kind, FieldKind::Struct(&EventSlot::STRUCT));
         assert_eq!((field("magic").kind, field("magic").count), (FieldKind::Integer(8), None));
         assert_eq!(field("instance").kind, FieldKind::Integer(1));
-        assert_eq!(field("magic").meaning().unwrap(), "commram and a zero");
+        assert_eq!(field("magic").meaning().unwrap(), "the text commram and a zero byte");
         assert_eq!(Bell::STRUCT.fields[0].meaning().unwrap(), "number of rings, wrapping; the futex");
     }
 }

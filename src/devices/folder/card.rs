@@ -85,6 +85,7 @@ pub(super) struct Card {
     /// Pulses for the controller of an option card. The plant takes them at the moment at which they occur.
     pulses: CardPulses,
     /// The CAN port, if the device has one.
+    #[cfg_attr(not(feature = "script"), expect(dead_code, reason = "only scripts use the port"))]
     link: Option<BusLink>,
     /// Declared kinds of which a fault acts, bit n for kind n.
     faults: u16,

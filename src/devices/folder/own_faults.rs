@@ -23,6 +23,7 @@ pub(crate) struct OwnFault {
     pub(crate) text: String,
     pub(crate) fields: Vec<OwnField>,
     /// Pages of the manual.
+    #[cfg_attr(not(feature = "cli"), expect(dead_code, reason = "only commands show it"))]
     pub(crate) page: String,
     /// Line of the declaration.
     pub(super) line: usize,
@@ -188,6 +189,7 @@ struct ActiveFault {
 }
 
 /// Begin or end of a fault.
+#[cfg_attr(not(feature = "script"), expect(dead_code, reason = "only scripts are notified"))]
 pub(super) struct FaultChange {
     pub(super) kind: &'static FaultKind,
     pub(super) values: Values,

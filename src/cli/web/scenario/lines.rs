@@ -372,10 +372,7 @@ mod tests {
             line("", 2500, 3000, false),
             line("b();", 4000, 4000, false),
         ];
-        assert_eq!(
-            text(&lines),
-            "a();\nstep(\"1000us\");\nwait();\nstep(\"500us\");\nstep(\"1000us\");\nb();\n"
-        );
+        assert_eq!(text(&lines), "a();\nstep(\"1000us\");\nwait();\nstep(\"1500us\");\nb();\n");
     }
 
     #[test]
@@ -386,7 +383,7 @@ mod tests {
             line("b();", 3000, 3000, false),
         ];
         go_back(&mut lines, 1000);
-        assert_eq!(text(&lines), "a();\nstep(\"500us\");\nstep(\"500us\");\n");
+        assert_eq!(text(&lines), "a();\nstep(\"1000us\");\n");
     }
 
     #[test]

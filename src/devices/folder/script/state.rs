@@ -2,7 +2,7 @@
 
 use super::data::{Data, Update};
 use crate::snapshot_fields::{Damaged, Saved, Saving, SnapshotFields};
-use core::sync::atomic::{AtomicU64, Ordering};
+use core::sync::atomic::{AtomicUsize, Ordering};
 use rhai::Dynamic;
 use std::collections::HashMap;
 
@@ -12,12 +12,12 @@ pub(super) struct State {
     data: Data,
     /// Number of this content. No other content in this process has the same number, so a thread can keep the value of the
     /// engine for the next call ([`LiveStates`]).
-    version: u64,
+    version: usize,
 }
 
 /// Returns a number that no state has.
-fn new_version() -> u64 {
-    static NEXT: AtomicU64 = AtomicU64::new(0);
+fn new_version() -> usize {
+    static NEXT: AtomicUsize = AtomicUsize::new(0);
     NEXT.fetch_add(1, Ordering::Relaxed)
 }
 
@@ -44,7 +44,7 @@ const MOST_KEPT: usize = 64;
 
 /// The values of the engine for the states of a script, by their versions. A call with a known state makes no new value.
 #[derive(Debug, Default)]
-pub(super) struct LiveStates(HashMap<u64, Dynamic>);
+pub(super) struct LiveStates(HashMap<usize, Dynamic>);
 
 impl LiveStates {
     /// Returns the value for a call.
