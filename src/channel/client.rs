@@ -67,7 +67,8 @@ impl Default for Patience {
 pub struct Client {
     port: Port,
     service: Service<Threads>,
-    // Declared after the ports, which belong to the guest's node, so that it is dropped after them.
+    // `port` and `service` belong to the iceoryx2 node in `guest`. Rust drops fields in the order of their declaration,
+    // so `guest` is declared after them.
     guest: Guest,
     bells: Box<dyn Bells + Send>,
     patience: Patience,

@@ -91,7 +91,7 @@ mod tests {
         "[a][a]",
         "[`a]: b` c",
         "&lt;b&gt; &#60; R&D",
-        "*a* **b** _c_ __d__ ~~e~~ a_b_c _CANsync_INIT",
+        "*a* **b** _c_ __d__ ~~e~~ a_b_c _NODE_INIT",
         "a \\<b> \\` c \\",
         "`<b>",
         "``<b>``",

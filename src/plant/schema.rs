@@ -155,7 +155,7 @@ fn declared_fault() -> Value {
         "additionalProperties": { "type": ["integer", "string", "boolean"] },
         "required": ["kind"],
         "properties": {
-            "kind": { "type": "string", "not": { "enum": names } },
+            "kind": { "type": "string", "pattern": "^[a-z][a-z0-9_]*$", "not": { "enum": names } },
             "plc": { "type": "string" }, "device": { "type": "string" },
             "at_us": number, "duration_us": number, "for_us": number,
         },

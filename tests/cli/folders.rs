@@ -537,8 +537,8 @@ fn declared_faults_work_in_every_command() {
     fs::write(place.card().join("handshakes.toml"), tables + fault).unwrap();
     let check = run(&["device", "check", place.card().to_str().unwrap()]);
     let row = "A counter does not count; line 0 to 3 (default 0)";
-    assert!(check.ok().contains(row) && check.out.contains("not while a fault frozen acts"), "{}", check.out);
-    assert!(check.err.contains("6 handshakes, 1 fault"), "{}", check.err);
+    assert!(check.out.contains(row) && check.out.contains("not while a fault frozen acts"), "{}", check.out);
+    assert!(check.code == Some(0) && check.err.contains("6 handshakes, 1 fault"), "{}", check.err);
     place.write(
         "plant.toml",
         "[[plc]]\nname = 'line'\n[[device]]\nname = 'io'\nkind = './cards/digital-io'\n\

@@ -80,7 +80,11 @@ fn control_characters_reach_the_terminal_in_no_format() {
     for format in ["text", "json", "csv", "md"] {
         let outcome = run(&["test", "clear.rhai", "--format", format]);
         assert_eq!(outcome.code, Some(1), "{format}: {}", outcome.err);
-        let escape = if format == "json" { "\\u001b[2J\\u007f\\u009b" } else { "\\u{1b}[2J\\u{7f}\\u{9b}" };
+        let escape = match format {
+            "json" => "\\u001b[2J\\u007f\\u009b",
+            "md" => "\\u&#123;1b}[2J\\u&#123;7f}\\u&#123;9b}",
+            _ => "\\u{1b}[2J\\u{7f}\\u{9b}",
+        };
         assert!(outcome.out.contains(escape), "{format}: {}", outcome.out);
         assert_eq!(run(&["diff", "empty.json", "dump.json", "--format", format]).code, Some(1), "{format}");
         assert_eq!(run(&["run", "--check", "plant.toml", "--format", format]).code, Some(2), "{format}");

@@ -62,7 +62,7 @@ fn the_schema_accepts_every_plant_of_the_repository_and_refuses_invalid_ones() {
         "[[bus]]\nname = \"b\"\nkind = \"can\"\nkbit_s = 5\n",
         "[[bus]]\nname = \"b\"\ndoors = [\"slcan\"]\n",
         "[[bus]]\nname = \"b\"\n[[bus.drive]]\nname = \"d\"\nslave_number = 1\nenable = \"never\"\n",
-        "[[fault]]\nkind = \"lose_everything\"\n",
+        "[[fault]]\nkind = \"Lose everything\"\n",
         "[[fault]]\nkind = \"lose_frame\"\nslots = \"WRC1\"\n",
     ];
     assert_schema_separates(&["plant", "schema"], &plants, &broken);

@@ -161,7 +161,8 @@ impl NodeWatch {
             self.registers.copy_end_of_init();
             return;
         }
-        // A restarted node still has its cyclic registers after the initialization structure.
+        // At a restart the cyclic registers at the addresses above the initialization structure keep their values.
+        // So the baseline covers the longer one of the old and the new structure.
         let words = self.words();
         self.live = live;
         let words = words.max(self.words());

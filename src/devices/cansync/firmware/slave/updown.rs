@@ -154,7 +154,8 @@ impl UpDownServer {
         let is_over = |transfer: &mut Transfer| transfer.is_reset(regs) || transfer.belongs_to_block_1(regs);
         let Some(transfer) = self.transfer.take_if(is_over) else { return };
         transfer.clear(ctx, regs);
-        // If the application has disabled block 1 in the meantime, the firmware refuses the master's repetition.
+        // The new job is entered only if an area is enabled for it. If the application has disabled the registers of
+        // block 1 (`..._UPDOWNBLK1`), the firmware refuses the job when the master repeats it.
         if let Some(job) = transfer.successor()
             && let Ok(area_kind) = self.area_kind(regs, &job)
         {
