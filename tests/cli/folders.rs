@@ -567,7 +567,7 @@ fn declared_faults_work_in_every_command() {
     emulator.step(&["20ms"]);
     assert_eq!(emulator.peek(&["io:control.ud_CYCLES"]), "16#0000001E");
     let trace = emulator.run("trace", &["--kind", "fault"]);
-    assert!(trace.ok().contains("fault 2, frozen: cleared"), "{}", trace.out);
+    assert!(trace.out.contains("fault 2, frozen: cleared"), "{}{}", trace.out, trace.err);
 }
 
 /// A stepped instance reads a changed script before its clock advances; a wrong one leaves the old one running.
